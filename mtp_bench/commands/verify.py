@@ -37,6 +37,9 @@ class VerifyOptions:
         Path | None,
         Option(help="Submission to run again, or a folder of them by name; else the baseline of that name."),
     ] = None
+    made_here: Annotated[
+        bool, Option("--made-here", help="You made these records of baselines: do not repeat their public runs.")
+    ] = False
     hidden: Annotated[
         Path | None, Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes.")
     ] = None
@@ -50,7 +53,8 @@ class VerifyOptions:
 
     def require_together(self) -> None:
         """Raise BadParameter for an option without the one that it needs."""
-        needs = {"submission": "rerun", "hidden": "rerun", "sign": "signer", "signer": "sign", "looked_at": "sign"}
+        needs = dict.fromkeys(("submission", "hidden", "made_here"), "rerun")
+        needs |= {"sign": "signer", "signer": "sign", "looked_at": "sign"}
         for name, needed in needs.items():
             if getattr(self, name) and not getattr(self, needed):
                 raise BadParameter(f"needs --{needed}", param_hint=f"--{name.replace('_', '-')}")
@@ -92,7 +96,7 @@ def verify(
         trust.require_signer(asked.sign, asked.signer or "")
         trust.require_listed(seals.values())
     with ExitStack() as ends:  # hidden scenes are made once for all records
-        every = Round(asked.rerun, seals, asked.submission)
+        every = Round(asked.rerun, seals, asked.submission, asked.made_here)
         check = partial(_checked, asked=asked, every=every, trust=trust, options=options, ends=ends)
         results = [_check_one(path, check, alone=record == [path]) for path in paths]
     if len(results) > 1:

@@ -28,11 +28,8 @@ Level = Literal["scored", "re-scored", "re-run", "hidden"]
 LEVELS: tuple[Level, ...] = get_args(Level)  # each includes those before it
 
 
-class Statement(Section, extra="ignore"):
-    """Signed content: verification level and digests that bind it to one record.
-
-    Levels of version 0.2 repeat parts of the record, which its digest covers: other keys are ignored.
-    """
+class Statement(Section):
+    """Signed content: verification level and digests that bind it to one record."""
 
     format: Literal[1] = 1
     level: Literal["re-scored", "re-run", "hidden"]

@@ -33,20 +33,17 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
     ``level``: its signed level; ``ships``: the shipped env of an id.
     """
     why = why_entrant_unranked(record.row.budget, record.samples, record.env.observe, record.unfinished)
-    why = why or why_not_comparable(record, level, ships)
+    why = why or why_not_comparable(record, ships)
     return why or _why_not_on_hidden(ships(record.env.id), level)
 
 
-def why_not_comparable(record: Record, level: SignedLevel | None = None, ships: Ships = shipped) -> str | None:
+def why_not_comparable(record: Record, ships: Ships = shipped) -> str | None:
     """Reason why the numbers of a record cannot be compared with those of others, in a few words; None if they can."""
-    return next(_reasons(record, level, ships), None)
+    return next(_reasons(record, ships), None)
 
 
 def why_not_genuine(record: Record) -> str | None:
-    """Reason why a record that names a baseline is of another submission; None for the baseline itself and other names.
-
-    For records of earlier definitions, whose digests are not known, the signed level vouches (`why_not_comparable`).
-    """
+    """Reason why a record with the name of a baseline is of another submission; None for all others."""
     known = baseline_digest(record.submission.name, record.submission.networks)
     if known in (None, record.submission.digest) or record.earlier:
         return None
@@ -97,13 +94,11 @@ def held_back(one: Checked, truths: Sequence[Checked]) -> str | None:
     return "better than ground truth: not ranked until looked at" if better else None
 
 
-def _reasons(record: Record, level: SignedLevel | None, ships: Ships) -> Iterator[str]:
+def _reasons(record: Record, ships: Ships) -> Iterator[str]:
     env, known = record.env, ships(record.env.id)
     if record.earlier:
-        if level is None:
-            yield f"definitions {record.earlier}, without a signed level"
-    else:
-        yield from _unlike_shipped(record, known)
+        yield f"definitions {record.earlier}"
+    yield from _unlike_shipped(record, known)
     if not record.reference.frozen:
         yield "other event weights than the frozen ones"
     if record.seeds != list(SEEDS):

@@ -82,8 +82,7 @@ def standings(
     Only records of what ships, of one data and the same units are ranked against each other; on simulated envs those
     of one seal. The main ranking of an env is that of the newest seal with a record of STP, then that of the
     record with the highest level, STP's before others: never the largest group as such. A better record moves others
-    down; apart from that, a record changes no group, guard or gap but its own. Records of earlier definitions are
-    ranked among themselves, if they have a signed level; they are not compared with what ships.
+    down; apart from that, a record changes no group, guard or gap but its own.
     """
     levels = levels or {}
     groups: dict[tuple[str, str], list[Record]] = {}
@@ -122,8 +121,8 @@ def _standings_of_env(
     entrants = []
     for record in records:
         level, other = levels.get(record.digest), taken.get(record.digest)
-        reasons = (why(record, level, ships) or other for why in (why_unranked, why_not_comparable))
-        entrants.append(_Entrant(record, level, *reasons))
+        reasons = why_unranked(record, level, ships), why_not_comparable(record, ships)
+        entrants.append(_Entrant(record, level, *(reason or other for reason in reasons)))
     ranked = [each for each in entrants if each.unranked is None]
     comparable = [each for each in entrants if each.not_comparable is None]
     main = _main_conditions(ranked or comparable)  # before a round: on public scenes

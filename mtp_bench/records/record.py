@@ -56,15 +56,6 @@ _NotNegative = Annotated[float, Field(ge=0)]
 UnitSums = dict[Subset, Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)]]
 
 
-def _without_rank(rows: Any) -> Any:
-    """Rows without the key that those of definitions 2.0 have, always null."""
-    if not isinstance(rows, list):
-        return rows
-    return [
-        {k: v for k, v in row.items() if (k, v) != ("rank", None)} if isinstance(row, dict) else row for row in rows
-    ]
-
-
 def _each_subset(rows: list[Row]) -> list[Row]:
     subsets = tuple(row.subset for row in rows)
     if subsets not in (SUBSETS, KNOWN_SUBSETS):
@@ -79,7 +70,7 @@ def _equally_long(sums: UnitSums) -> UnitSums:
     return sums
 
 
-Rows = Annotated[list[Row], Field(max_length=MOST_NAMES), BeforeValidator(_without_rank), AfterValidator(_each_subset)]
+Rows = Annotated[list[Row], Field(max_length=MOST_NAMES), AfterValidator(_each_subset)]
 _Scores = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(max_length=MOST_NAMES)]  # one per seed
 _SceneSums = Annotated[UnitSums, AfterValidator(_equally_long)]
 

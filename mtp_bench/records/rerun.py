@@ -69,8 +69,7 @@ def rows_under_random_pose(plan: Plan, reference: Reference) -> Sequence[Row]:
 
     Raises RecordError if a scene was not finished: an agent could refuse to play under any but the public seeds.
     """
-    seed = secrets.randbelow(_SEEDS)
-    runs = {seed: _run_shuffled(plan, seed)}
+    runs = {seed: _run_shuffled(plan, seed) for seed in [secrets.randbelow(_SEEDS)]}
     require_answered(runs, plan.submission.name, "under a secret motion")
     return evaluate_plan(plan, runs, reference).rows
 
@@ -120,8 +119,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, ends: ExitStack) -> H
     names, options = sealed.shuffled(open_source(hidden).names), replace(plan.options, data=None, progress=progress)
     hidden_plan = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
     runs = run_again(hidden_plan, [sealed.run_seed(record.seeds[0])])
-    why = why_unsandboxed(record, isolation(runs))
-    if why:
+    if why := why_unsandboxed(record, isolation(runs)):
         raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with bubblewrap")
     require_answered(runs, plan.submission.name, "of hidden scenes")
     reference = sealed.reference(hidden, names, options)

@@ -18,7 +18,7 @@ from ..submission.loader import load_submission
 from ..submission.manifest import MANIFEST
 from ..types import Rollout
 from .attestation import LEVELS, Level, SignedLevel, Statement, read_level, write_level
-from .canonical import Difference, differences, today
+from .canonical import Difference, differences, digest_of, today
 from .consistency import checked_record
 from .eligibility import SEEDS, may_observe
 from .evaluation import evaluate, scorer_digest
@@ -28,7 +28,7 @@ from .running import Plan, Runs, hashes, isolation, latency, plan_run, rollouts_
 from .seal import Sealed
 from .shipped import FOR_BASELINES, baseline_digest
 from .storage import load_record, stored_rollouts
-from .submitting import declared_data, submission_part
+from .submitting import declared_data, plan_content, submission_part
 from .trust import Trust, trusted
 
 _RESCORED = {  # fields of a record that follow from rollouts, card and data
@@ -62,12 +62,14 @@ class Round:
     rerun: bool = False
     seals: Mapping[str, Sealed] = field(default_factory=dict)  # by env: with hidden scenes, which rank simulated envs
     submission: Path | None = None  # a submission, or a folder of submissions by their names; None: the baselines
+    made_here: bool = False  # records of baselines are this maintainer's own: their rollouts stand for another run
 
     def verify(
         self, path: Path, record: Record, options: RunOptions, env_id: str | None, ends: ExitStack
     ) -> Verification:
         """Check one record as `verify` does."""
-        return verify(path, options, env_id, self._folder(record), self.rerun, self._sealed(record), ends)
+        folder, sealed = self._folder(record), self._sealed(record)
+        return verify(path, options, env_id, folder, self.rerun, sealed, ends, self.made_here)
 
     def reached(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
         """The signed level of a record if it is as high as this check can reach, on the same seal; else None."""
@@ -99,6 +101,7 @@ def verify(
     rerun: bool = False,
     sealed: Sealed | None = None,
     ends: ExitStack | None = None,
+    made_here: bool = False,
 ) -> Verification:
     """Check a record in itself and by its stored rollouts: scored again they must give its numbers ("re-scored").
 
@@ -111,6 +114,7 @@ def verify(
             alike ("re-run"). An unsandboxed agent reaches "re-scored" at most.
         sealed: Run it on hidden scenes too ("hidden").
         ends: Deletes the hidden scenes when it is closed, shared by several checks; None: at the end of this check.
+        made_here: You made this record of a baseline: its stored rollouts stand for those of another run.
 
     One of earlier definitions is checked in itself alone. Raises RecordError if the record is missing, was changed, has
     no stored rollouts or too many seeds, or would run a stranger's code unsandboxed; DataError for missing data.
@@ -128,18 +132,11 @@ def verify(
     options = replace(options, split=None, scenes=None)
     card = options.card(env_id or record.env.id)
     now = {"id": card.id, "card_digest": card.digest, "split": card.source.split}
-    stale = tuple(differences("env", record.env.model_dump(include={*now}), now))
-    if stale:
+    if stale := tuple(differences("env", record.env.model_dump(include={*now}), now)):
         return Verification(path, record, "scored", stale)
     scenes = [scene.scene for scene in record.per_scene]
     if not again:
-        runs = stored_rollouts(path, record)
-        reference = reference_for(card, scenes, options)
-        options.progress.started(len(scenes))
-        if card.drive is not None:
-            calls = {seed: [(card, rollout) for rollout in rollouts] for seed, rollouts in runs.items()}
-            runs = {seed: parallel_map(drive_again, each, options.workers) for seed, each in calls.items()}
-        return _score_again(path, record, card, runs, reference, options)
+        return _score_stored(path, record, card, options)
     name, digest = record.submission.name, record.submission.digest
     ours = baseline_digest(name, record.submission.networks) == digest
     if not ours and options.workers.scheduler is None and sandbox_backend() == "none":
@@ -147,11 +144,19 @@ def verify(
     if len(record.seeds) > len(SEEDS):
         raise RecordError(f"{path}: has {len(record.seeds)} seeds, expected at most {len(SEEDS)} to run it again")
     plan = _plan(path, record, env_id, submission, options)
+    if made_here and not (ours and record.plan == digest_of(plan_content(plan))):
+        raise RecordError(f"{path}: not what `mtp-bench submit` makes here of a baseline: leave --made-here out")
     reference = reference_for(card, scenes, options)
-    hidden_scenes = 0 if sealed is None else sealed.seeds.count
-    options.progress.started(hidden_scenes + len(scenes) * (2 + len(record.seeds)))
+    secret = len(scenes) + (0 if sealed is None else sealed.seeds.count)
+    if made_here:
+        public = _score_stored(path, record, card, options, secret)
+    else:
+        options.progress.started(secret + len(scenes) * (1 + len(record.seeds)))
+        public = _run_again(path, record, plan, reference)
+    if not public.holds:
+        return public
     with ExitStack() as own:
-        return _run_again(path, record, plan, reference, sealed, ends or own)
+        return _run_in_secret(public, plan, reference, sealed, ends or own)
 
 
 def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = None, looked_at: bool = False) -> None:
@@ -192,8 +197,7 @@ def _score_again(
     times_differ: bool = False,
 ) -> Verification:
     """Check a record by scoring rollouts: stored ones, or those of another run, whose ``times_differ``."""
-    changed = tuple(differences("hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs)))
-    if changed:
+    if changed := tuple(differences("hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs))):
         return Verification(path, record, "scored", changed)
     name, hypotheses, observe = record.submission.name, record.submission.hypotheses, record.env.observe
     subsets = [row.subset for row in record.rows]
@@ -218,30 +222,42 @@ def _score_again(
     return Verification(path, record, "scored" if unequal else "re-scored", unequal, _notes(record, reference))
 
 
-def _run_again(
-    path: Path, record: Record, plan: Plan, reference: Reference, sealed: Sealed | None, ends: ExitStack
-) -> Verification:
-    """The check by running the submission: as in the record, under a secret motion, and on hidden scenes."""
+def _score_stored(path: Path, record: Record, card: Card, options: RunOptions, further: int = 0) -> Verification:
+    """Check a record by its stored rollouts, scored again, with drives made again; ``further`` runs follow it."""
+    runs = stored_rollouts(path, record)
+    reference = reference_for(card, [scene.scene for scene in record.per_scene], options)
+    options.progress.started(len(record.per_scene) + further)
+    if card.drive is not None:
+        calls = {seed: [(card, rollout) for rollout in rollouts] for seed, rollouts in runs.items()}
+        runs = {seed: parallel_map(drive_again, each, options.workers) for seed, each in calls.items()}
+    return _score_again(path, record, card, runs, reference, options)
+
+
+def _run_again(path: Path, record: Record, plan: Plan, reference: Reference) -> Verification:
+    """Check a record by running its submission as it was run then."""
     runs = run_again(plan, record.seeds)
     now = isolation(runs)
     if plan.options.workers.count > 1 and any(run.status == "hung" for results in runs.values() for run in results):
         raise RecordError(f"{path}: an answer came late here, so the run confirms nothing: check it with --jobs 1")
-    changed = tuple(_differences_on_rerun(record, plan, runs))
-    if changed:
+    if changed := tuple(_differences_on_rerun(record, plan, runs)):
         return Verification(path, record, "scored", changed, isolation=now)
     checked = _score_again(path, record, plan.card, rollouts_of(runs), reference, plan.options, times_differ=True)
-    checked = replace(checked, isolation=now)
-    if not checked.holds:
-        return checked
-    why = why_unsandboxed(record, now)
-    if why:
-        return replace(checked, notes=(*checked.notes, f"limited to level 're-scored': {why}"))
+    return replace(checked, isolation=now)
+
+
+def _run_in_secret(
+    public: Verification, plan: Plan, reference: Reference, sealed: Sealed | None, ends: ExitStack
+) -> Verification:
+    """The check of a record whose ``public`` runs hold, under a secret motion and on hidden scenes."""
+    record = public.record
+    if why := why_unsandboxed(record, public.isolation or record.isolation):
+        return replace(public, notes=(*public.notes, f"limited to level 're-scored': {why}"))
     moved = worse_when_moved(record, rows_under_random_pose(plan, reference))
     if moved is not None:
-        return replace(checked, level="scored", differences=(moved,))
+        return replace(public, level="scored", differences=(moved,))
     if sealed is None:
-        return replace(checked, level="re-run")
-    return replace(checked, level="hidden", hidden=run_hidden(plan, record, sealed, ends))
+        return replace(public, level="re-run")
+    return replace(public, level="hidden", hidden=run_hidden(plan, record, sealed, ends))
 
 
 def _differences_on_rerun(record: Record, plan: Plan, runs: Runs) -> Iterator[Difference]:
@@ -252,8 +268,7 @@ def _differences_on_rerun(record: Record, plan: Plan, runs: Runs) -> Iterator[Di
     yield from differences("env.observe", record.env.observe, plan.submission.compare.observe)
     yield from differences("env.keywords", record.env.keywords, plan.keywords)
     yield from differences("limits", record.limits.model_dump(), LimitsPart(**asdict(Limits())).model_dump())
-    declared = declared_data(plan.submission, record.env.id)
-    yield from differences("training_data", record.training_data, declared)
+    yield from differences("training_data", record.training_data, declared_data(plan.submission, record.env.id))
     counts = {"malformed", "crashed_scenes"}
     yield from differences("missed", *(part.model_dump(include=counts) for part in (record.missed, unanswered(runs))))
 

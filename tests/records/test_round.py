@@ -8,17 +8,19 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.gateway import Limits
-from mtp_bench.records import load_record, submit
+from mtp_bench.errors import RecordError
+from mtp_bench.gateway import Limits, SceneRun
+from mtp_bench.records import load_record, rerun, submit, verify
 from mtp_bench.records.record import LimitsPart
 from mtp_bench.records.rerun import run_again
-from mtp_bench.records.running import plan_run, rollouts_hash, rollouts_of
+from mtp_bench.records.running import Plan, plan_run, rollouts_hash, rollouts_of, run_seed
 from mtp_bench.records.verifying import Round, Verification
 from mtp_bench.running.options import RunOptions
 from mtp_bench.submission.loader import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.leaderboards import SIGNER
 from tests.support.small_scenes import CARD_ID
+from tests.support.stored_records import save_record
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +84,38 @@ def test_without_a_key_nothing_is_written(made: Path, cli: CommandLine, card: st
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     cli.ok("verify", tmp_path, "--env", card, "--data", kitti, "--jobs", 1)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_a_baseline_made_here_is_run_in_secret_alone(
+    made: Path, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def check(name: str) -> Verification:
+        path, submission = records / name / f"{CARD_ID}.json", submissions.get(name)
+        return verify(path, RunOptions(kitti), card, submission, rerun=True, made_here=True)
+
+    records, submissions = Path(shutil.copytree(made / "records", tmp_path / "r")), {"echo": made / "submissions/echo"}
+    ran = list[int]()
+
+    def noted(plan: Plan, seed: int) -> list[SceneRun]:
+        ran.append(seed)
+        return run_seed(plan, seed)
+
+    monkeypatch.setattr(rerun, "run_seed", noted)
+    checked = check("stp")
+    if checked.level == "re-scored":
+        pytest.skip("no sandbox works here")
+    assert (checked.level, checked.differences, len(ran)) == ("re-run", (), 1)
+    assert ran[0] not in checked.record.seeds
+    with pytest.raises(RecordError, match=(refused := "leave --made-here out")):
+        check("echo")
+    other = "0" * 64
+    save_record(checked.record.model_copy(update={"plan": other}), checked.path)
+    with pytest.raises(RecordError, match=refused):
+        check("stp")
+    hashes = checked.record.hashes.model_copy(update={"rollouts": other})
+    save_record(checked.record.model_copy(update={"hashes": hashes}), checked.path)
+    assert [each.what for each in check("stp").differences] == ["hashes.rollouts"]
+    assert len(ran) == 1
 
 
 def test_a_random_order_changes_no_answer(made: Path, card: str, kitti: str) -> None:
