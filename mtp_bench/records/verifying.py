@@ -223,11 +223,11 @@ def _score_again(
 
 
 def _score_stored(path: Path, record: Record, card: Card, options: RunOptions, further: int = 0) -> Verification:
-    """Check a record by its stored rollouts, scored again, with drives made again; ``further`` runs follow it."""
+    """Check a record by its stored rollouts, scored again; ``further`` secret runs of what was made here follow."""
     runs = stored_rollouts(path, record)
     reference = reference_for(card, [scene.scene for scene in record.per_scene], options)
     options.progress.started(len(record.per_scene) + further)
-    if card.drive is not None:
+    if card.drive is not None and not further:  # those of a maintainer are as they were driven
         calls = {seed: [(card, rollout) for rollout in rollouts] for seed, rollouts in runs.items()}
         runs = {seed: parallel_map(drive_again, each, options.workers) for seed, each in calls.items()}
     return _score_again(path, record, card, runs, reference, options)
