@@ -277,7 +277,7 @@ def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | N
     """The plan that runs the submission of a record again; RecordError for another submission or other scenes."""
     env_id = env_id or record.env.id
     submission = load_submission(folder or record.submission.name)
-    plan = plan_run(submission, env_id, replace(options, scenes=len(record.per_scene)))
+    plan = plan_run(submission, env_id, replace(options, scenes=len(record.per_scene), seeds=record.seeds))
     if plan.image.digest != record.submission.digest:
         networks = ", ".join(record.submission.networks)
         weights = f", and the weights {networks} with MTP_BENCH_WEIGHTS" if networks else ""

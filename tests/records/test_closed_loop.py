@@ -211,7 +211,7 @@ def test_hidden_drives(made: Path, path: str, tmp_path: Path) -> None:
     assert (checked.level, checked.differences) == ("hidden", ())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("mtp_bench.records.verifying.drive_again", None)  # own drives are not made again
-        checked = verify(made, RunOptions(seeds=(0, 1)), path, rerun=True, sealed=sealed, made_here=True)
+        checked = verify(made, RunOptions(), path, rerun=True, sealed=sealed, made_here=True)
     assert (checked.level, checked.differences) == ("hidden", ())
     assert checked.hidden is not None
     assert str(sealed.seeds.first)[:-1] not in checked.hidden.model_dump_json()
