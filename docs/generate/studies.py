@@ -1,4 +1,4 @@
-"""Put pages of the study on the site: one file each, without names of files that stay in the study's folder.
+"""Put pages of the study on the site: one file each, without names of files and folders of the machine that made it.
 
     python -m docs.generate.studies FOLDER [FOLDER...]    # folders that `mtp-bench study` wrote
 
@@ -17,6 +17,8 @@ PAGES = ROOT / "docs" / "visualization" / "studies"
 ENV = re.compile(r"<h1>[^<]*<span>(MTP-[\w-]+)</span>")
 MOMENTS = re.compile(r'<section id="gallery">.*?</section>\n*|<a href="#gallery">[^<]*</a>\n', re.DOTALL)
 FILES = re.compile(r'<span class="files">[^<]*</span>|<p class="source">tables/[^<]*</p>\n')
+COMMAND = re.compile(r"<code>mtp-bench (?:view|study) [^<]*")
+FOLDER = re.compile(r"(?<= -o )\S+|\S+(?=/runs/)")  # of the study, in a command
 
 
 def page_of(html: str) -> tuple[str, str]:
@@ -25,7 +27,7 @@ def page_of(html: str) -> tuple[str, str]:
     if found is None:
         raise SystemExit("this page names no environment in its title: expected the index.html of `mtp-bench study`")
     env = found[1]
-    page = FILES.sub("", html)
+    page = COMMAND.sub(lambda command: FOLDER.sub("study", command[0]), FILES.sub("", html))
     return env, page if load_card(env).simulated else MOMENTS.sub("", page)
 
 

@@ -113,7 +113,7 @@ def _submit_one(
         if record.driving is not None:
             what, rows, columns = "drive score, more is better", [record.driving], []
         show_table(Table("record", f"{submission.name} on {record.env.id}: {what}", "", rows, columns))
-        show(f"{target}: {_sentence(record)}. Next: `mtp-bench verify {target}`, then leaderboard/SUBMITTING.md")
+        show(f"{target}: {_sentence(record)}")
         if record.status in ("crashed", "rejected"):
             failed.append(f"{record.env.id}: {record.status}: {record.status_reason}")
     if failed:

@@ -312,14 +312,14 @@ def test_parts_are_replaced_as_a_whole_and_nothing_else_ever_is(tmp_path: Path) 
     assert (theirs / "precious.txt").exists()
 
 
-def test_records_of_definitions_2_0_stand_apart_with_their_ranks() -> None:
+def test_records_of_definitions_2_0_stand_apart_without_ranks() -> None:
     old = {"definitions": "2.0"}
     earlier = [made_up("stp", 1.0, scorer=old), made_up("good", 0.5, scorer=old)]
     signed: dict[str, Level] = {"stp": "re-run", "good": "re-run"}
     entries = board_of(made_up("stp", 0.9), *earlier, levels=signed)
     boards = [f"{entry.board}/{entry.name}" for entry in entries]
     assert boards == [f"{MAIN}/stp", f"{MAIN}@2.0/good", f"{MAIN}@2.0/stp"]
-    assert [entry.place for entry in entries[1:]] == [1, 2]
+    assert [entry.place for entry in entries[1:]] == [None, None]
     files = board_files(entries)
     assert files.page.count(">Definitions 2.0</h2>") == 1
     assert files.page.index(f'href="#{MAIN}/stp"') < files.page.index(">Definitions 2.0</h2>")
