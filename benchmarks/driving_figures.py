@@ -23,6 +23,7 @@ from benchmarks.driving_measure import (
     read_scores,
 )  # fmt: skip
 from benchmarks.driving_switches import POWER, RESAMPLES, Windows, cost_in_scenes, cost_in_windows
+from benchmarks.kendall import kendall_tau
 from mtp_bench.cards import load_card
 from mtp_bench.parallel import Workers
 from mtp_bench.running.drives import recorded_card
@@ -149,14 +150,6 @@ def _summed(table: AgentTable, error: Array, weight: Array, scenes: int) -> tupl
     sums = (np.bincount(table.scene, weights=each, minlength=scenes) for each in (error * weight, weight))
     top, bottom = (each.astype(np.float64) for each in sums)
     return top, bottom
-
-
-def kendall_tau(first: Array, second: Array) -> Array:
-    """Kendall's tau-b [B] over the agents of each column of ``first`` and ``second`` [A, B]; 0 for constant columns."""
-    i, j = np.triu_indices(len(first), 1)
-    a, b = np.sign(first[i] - first[j]), np.sign(second[i] - second[j])
-    size = np.sqrt((a != 0).sum(0) * (b != 0).sum(0))
-    return np.asarray((a * b).sum(0) / np.maximum(size, 1e-9))
 
 
 def _means(sums: Array, weight: Array, drawn: NDArray[np.intp]) -> Array:

@@ -23,7 +23,7 @@ from mtp_bench.scoring import References
 from mtp_bench.scoring.parts import PARTS
 from mtp_bench.submission.loader import load_submission
 
-ENVS = ("MTP-nuScenes-v0", "MTP-nuScenes-mini-v0", "MTP-KITTI-v0", "MTP-PETS-v0", "MTP-Intersection-v0")
+ENVS = ("MTP-nuScenes-v0", "MTP-KITTI-v0", "MTP-PETS-v0", "MTP-Intersection-v0")
 AGENTS = ("stp", "mtp", "tracking_free")
 DIGITS = 12  # after the point: parts add up to bADE within 1e-9
 

@@ -7,6 +7,7 @@ The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table --
 - ``story ENV``: ten agents of an environment, in words.
 - ``pairs ENV,ENV of A-B,A-B``: paired differences of bADE; ``*`` stands for all environments that have both agents.
 - ``costs ENV,ENV``: those of detection and tracking together, and of association alone; ``*`` as above.
+- ``agreement ENV with ENV,ENV``: Kendall's tau of the order of agents with that of other environments.
 - ``faults``: shares of bADE by part of the stack, of ``leaderboard/error_parts.json`` (``benchmarks/error_parts.py``).
 - ``driving``: drive scores and their agreement with bADE, of ``leaderboard/driving.json`` (``benchmarks/driving.py``).
 - ``paper``: relations between agents in the paper's tables, and on the leaderboard.
@@ -21,6 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from docs.generate.agreement import agreement_table
 from docs.generate.driving import FIGURES
 from docs.generate.paper import paper_table
 from mtp_bench.commands.board import read_board
@@ -87,14 +89,16 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
         return pairs_table(further[0].split(","), [pair.split("-") for pair in further[2].split(",")], entries)
     if first == "costs" and len(further) == 1:
         return costs_table(further[0].split(","), entries)
+    if first == "agreement" and further[1:2] == ["with"] and len(further) == 3:
+        return agreement_table(further[0], further[2].split(","), entries, SUBSET_TEXT)
     if name == "faults":
         return faults_table(json.loads(PARTS_FILE.read_text(encoding="utf-8")))
     if name == "driving":
         return driving_table(json.loads(FIGURES.read_text(encoding="utf-8")))
     if name == "paper":
         return paper_table(entries)
-    names = "`story ENV`, `pairs ENV,ENV of A-B,A-B`, `costs ENV,ENV`, `faults`, `driving`, `paper`"
-    raise MtpBenchError(f"{where}: table {name!r}, expected {names}")
+    names = "`story ENV`, `pairs ENV,ENV of A-B,A-B`, `costs ENV,ENV`, `agreement ENV with ENV,ENV`"
+    raise MtpBenchError(f"{where}: table {name!r}, expected {names}, `faults`, `driving`, `paper`")
 
 
 def story_table(env_id: str, entries: Sequence[Entry]) -> Table:

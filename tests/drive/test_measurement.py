@@ -9,9 +9,10 @@ import pytest
 from scipy.stats import kendalltau
 
 from benchmarks.driving_attacks import ATTACKS, AWAY
-from benchmarks.driving_figures import Measured, figures, kendall_tau
+from benchmarks.driving_figures import Measured, figures
 from benchmarks.driving_measure import TRUTH, Kept, Moments, measure_scene
 from benchmarks.driving_switches import Windows, cost_in_windows
+from benchmarks.kendall import kendall_tau
 from mtp_bench import Action, Agent, MTPEnv, Task, load_card, load_submission
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.types import Floats

@@ -1,6 +1,7 @@
 """Tables of the leaderboard in Markdown pages."""
 
 import json
+from collections.abc import Callable
 
 import pytest
 
@@ -77,6 +78,16 @@ def test_shares_of_the_error_by_part_of_the_stack_add_up() -> None:
     for row in rows:
         shares = [float(cell.removesuffix(" %").replace("−", "-")) for cell in row[4:]]
         assert sum(shares) == pytest.approx(100, abs=0.05 * len(FAULT_NAMES))
+
+
+def test_agreement_is_kendalls_tau_of_the_orders() -> None:
+    """The second environment has the order turned round; the last has too few units to rank."""
+    errors, one, other = {"stp": 1.0, "mtp": 1.3, "stp_modes": 1.7}, MAIN, "MTP-nuScenes-mini-v0"
+    worlds: dict[str, Callable[[float], float]] = {one: float, other: lambda each: 3 - each, FEW: float}
+    entries = board_of(*(made_up(n, of(e), env) for env, of in worlds.items() for n, e in errors.items()))
+    _, _, *rows = rows_of(filled(marked(f"agreement {one} with {','.join(worlds)}"), entries, "page.md"))
+    taus = {env: [cell.split(" ")[0] for cell in row] for env, *row in rows}
+    assert (taus[one][:2], taus[other][:2], taus[FEW][1]) == (["3", "1.00"], ["3", "−1.00"], "–")
 
 
 def test_relations_of_the_paper_stand_beside_those_of_records() -> None:
