@@ -107,13 +107,14 @@ def _submit_one(
             failed.append(f"{env_id}: {said_of(error)}")
             say(failed[-1])
             continue
-        what = "error at the false-forecast budgets (m, less is better)"
+        what = "bADE (m, less is better)"
         columns = [each for each in columns_of(type(record.row)) if each.key in SHOWN]
         rows: list[Any] = list(record.rows)
         if record.driving is not None:
             what, rows, columns = "drive score, more is better", [record.driving], []
         show_table(Table("record", f"{submission.name} on {record.env.id}: {what}", "", rows, columns))
-        show(f"{target}: {_sentence(record)}")
+        then = "" if record.unfinished else f"; next: `mtp-bench board --with {target}`"
+        show(f"{target}: {_sentence(record)}{then}")
         if record.status in ("crashed", "rejected"):
             failed.append(f"{record.env.id}: {record.status}: {record.status_reason}")
     if failed:
