@@ -180,9 +180,7 @@ def test_they_are_of_simulated_traffic_of_envs(file: Path, tmp_path: Path, monke
     assert (card["env"].split(", ")[0].replace("-Lanes", ""), card["on"]) == (env_id, on)
     for trained_on in card["env"].split(", "):
         assert load_card(trained_on).simulated
-    others = [other for other in card_ids() if load_card(other).weights_of == env_id]
-    assert others
-    for served in (env_id, *others):
+    for served in (env_id, *(other for other in card_ids() if load_card(other).weights_of == env_id)):
         task = MTPEnv(served).task
         assert find_weights(name, on, task) == file
         require_fit(read_weights(file, network_of(name)).sizes, task, file)
