@@ -14,7 +14,6 @@ from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.rank import why_not_on
 from mtp_bench.tables import Column, Table, Value
 from mtp_bench.viz.board.entries import Entry, by_board
-from mtp_bench.viz.board.tables import earlier_text
 
 AGENTS = (  # neither references, nor those that come last everywhere
     "stp", "mtp", "stp_min_score", "mtp_min_score", "ab3dmot", "stp_same_samples", "stp_hedged", "stp_modes",
@@ -46,7 +45,7 @@ def agreement_table(env_id: str, others: Sequence[str], entries: Sequence[Entry]
     Raises UnknownNameError for an environment without records of at least two of `AGENTS`.
     """
     known: dict[str, dict[str, Entry]] = {}
-    for listed in by_board(entries).values():  # today's definitions come first
+    for listed in by_board(entries).values():
         of = {entry.name: entry for entry in listed if entry.name in AGENTS and entry.compared}
         if len(of) > 1:
             known.setdefault(listed[0].env, of)
@@ -54,7 +53,7 @@ def agreement_table(env_id: str, others: Sequence[str], entries: Sequence[Entry]
         raise UnknownNameError("environment", min(missing), sorted(known))
     rows = [_agreement(known[env_id], known[other]) for other in others]
     columns = [
-        Column("environment", key="env", read=lambda row: row.other[0].env + earlier_text(row.other[0])),
+        Column("environment", key="env", read=lambda row: row.other[0].env),
         Column("agents", key="agents", read=lambda row: len(row.other)),
     ]
     for subset, heading in where.items():

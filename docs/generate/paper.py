@@ -9,7 +9,6 @@ from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.rows import Row
 from mtp_bench.tables import Column, Table, Value
 from mtp_bench.viz.board.entries import Entry, by_board
-from mtp_bench.viz.board.tables import earlier_text
 
 _TARGETS: dict[Subset, str] = {"paper_ids": "IDS", "paper_frag": "FRAG", "all": "all"}
 _ENVS = {"KITTI": "MTP-KITTI-noego-v0", "nuScenes": "MTP-nuScenes-v0", "WILDTRACK": "MTP-WILDTRACK-v0"}
@@ -50,13 +49,13 @@ RELATIONS = (  # Weng, Ivanovic, Pavone: MTP, 2022
 def paper_table(entries: Sequence[Entry]) -> Table:
     """Relations of the paper beside those of the records: a row for each of `RELATIONS` with records and targets."""
     known: dict[str, dict[str, Entry]] = {}
-    for listed in by_board(entries).values():  # today's definitions come first
+    for listed in by_board(entries).values():
         known.setdefault(listed[0].env, {entry.name: entry for entry in listed})
     rows = [(relation, known.get(_ENVS[relation.data], {})) for relation in RELATIONS]
     rows = [row for row in rows if {*row[0].agents, _CONTROL} <= {*row[1]}]
     columns = [
         Column("table", key="table", read=lambda row: row[0].table),
-        Column("environment", key="env", read=lambda row: row[1]["stp"].env + earlier_text(row[1]["stp"])),
+        Column("environment", key="env", read=lambda row: row[1]["stp"].env),
         Column("targets", key="targets", read=lambda row: _TARGETS[row[0].subset]),
         Column("to", key="to", read=lambda row: f"`{row[0].agents[1]}`"),
         Column("paper", key="paper", format="+.0%", read=lambda row: row[0].values[1] / row[0].values[0] - 1),

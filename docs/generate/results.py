@@ -35,7 +35,6 @@ from mtp_bench.scoring.parts import FAULT_NAMES, PARTS, by_fault
 from mtp_bench.scoring.rank import rank_text
 from mtp_bench.tables import Column, Table, Value, to_markdown
 from mtp_bench.viz.board.entries import Entry, by_board
-from mtp_bench.viz.board.tables import earlier_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "leaderboard" / "RESULTS.md", ROOT / "README.md")
@@ -139,7 +138,7 @@ def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Se
             raise UnknownNameError("agent", agent, names)
     rows = [(known[one], known[other]) for one, other in pairs for known in _by_name((one, other), envs, entries)]
     columns = [
-        Column("environment", key="env", read=lambda row: row[0].env + earlier_text(row[0])),
+        Column("environment", key="env", read=lambda row: row[0].env),
         Column("difference", key="pair", read=lambda row: f"`{row[0].name}` − `{row[1].name}`"),
     ]
     for subset, heading in SUBSET_TEXT.items():
@@ -150,7 +149,7 @@ def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Se
 def costs_table(envs: Sequence[str], entries: Sequence[Entry]) -> Table:
     """Costs of detection and tracking together, and of association alone by ranked subset: a row per environment."""
     both, alone = ("stp", "gt_tracks"), ("stp_same_samples", "perfect_association_same_samples")
-    columns = [Column("environment", key="env", read=lambda row: row["stp"].env + earlier_text(row["stp"]))]
+    columns = [Column("environment", key="env", read=lambda row: row["stp"].env)]
     columns += _difference("together, all targets", partial(_of_agents, *both, "all"))
     for subset, words in SUBSET_TEXT.items():
         columns += _difference(f"association alone, {words}", partial(_of_agents, *alone, subset))
@@ -228,7 +227,7 @@ def _of_driver(agent: str, key: str) -> Callable[[Mapping[str, Any]], Value]:
 
 
 def _by_name(agents: Sequence[str], envs: Sequence[str], entries: Sequence[Entry]) -> list[dict[str, Entry]]:
-    """Entries by name, for each of the environments that has all of the agents; earlier ones without others."""
+    """Entries by name, for each of the environments that has all of the agents."""
     rows: dict[str, dict[str, Entry]] = {}
     for listed in by_board(entries).values():
         known = {entry.name: entry for entry in reversed(listed)}

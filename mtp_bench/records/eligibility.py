@@ -45,7 +45,7 @@ def why_not_comparable(record: Record, ships: Ships = shipped) -> str | None:
 def why_not_genuine(record: Record) -> str | None:
     """Reason why a record with the name of a baseline is of another submission; None for all others."""
     known = baseline_digest(record.submission.name, record.submission.networks)
-    if known in (None, record.submission.digest) or record.earlier:
+    if known in (None, record.submission.digest):
         return None
     return f"{record.submission.name!r} is the name of a baseline, and this is another submission"
 
@@ -96,8 +96,6 @@ def held_back(one: Checked, truths: Sequence[Checked]) -> str | None:
 
 def _reasons(record: Record, ships: Ships) -> Iterator[str]:
     env, known = record.env, ships(record.env.id)
-    if record.earlier:
-        yield f"definitions {record.earlier}"
     yield from _unlike_shipped(record, known)
     if not record.reference.frozen:
         yield "other event weights than the frozen ones"

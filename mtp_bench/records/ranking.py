@@ -85,13 +85,13 @@ def standings(
     down; apart from that, a record changes no group, guard or gap but its own.
     """
     levels = levels or {}
-    groups: dict[tuple[str, str], list[Record]] = {}
+    groups: dict[str, list[Record]] = {}
     for record in records:
-        groups.setdefault((record.env.id, record.earlier), []).append(record)
+        groups.setdefault(record.env.id, []).append(record)
     standing: dict[str, Standing] = {}
     with notice.work("comparing pairs of records") as work:
         work.started(sum(len(group) ** 2 for group in groups.values()))
-        for (env_id, _), group in groups.items():
+        for env_id, group in groups.items():
             standing |= _standings_of_env(group, levels, ships, subsets)
             work.done(env_id, len(group) ** 2)
     return standing

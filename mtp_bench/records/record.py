@@ -10,7 +10,7 @@ from typing_extensions import TypeAliasType  # pydantic brings it
 from ..files import unseen
 from ..gateway.limits import Isolation
 from ..running.options import MOST_SEED
-from ..scoring.definitions import DEFINITIONS, KNOWN_SUBSETS, SUBSETS, Subset
+from ..scoring.definitions import KNOWN_SUBSETS, SUBSETS, Subset
 from ..scoring.driving import DrivingRow
 from ..scoring.rows import Count, Row
 from ..scoring.statistics import ratio
@@ -20,7 +20,6 @@ from .canonical import Date, Sha256
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
 Observed = Literal["detections", "truth", "associated"]
-EARLIER = ("2.0",)  # versions of the definitions whose records are shown apart from today's
 MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
 MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
 _LARGEST = 1 << 53  # larger whole numbers are not the same in every reader of JSON
@@ -258,12 +257,6 @@ class Record(Results):
     plan: _Digest = ""  # of all that was decided before the runs, see `parts`
     digest: _Digest = ""
     level: Annotated[None, BeforeValidator(lambda _: None)] = Field(None, exclude=True)  # left out
-
-    @property
-    def earlier(self) -> str:
-        """Earlier version of the definitions that scored it, "2.0": shown apart; empty for any other."""
-        definitions = self.scorer.definitions
-        return definitions if definitions in EARLIER and definitions != DEFINITIONS else ""
 
     @property
     def runs(self) -> int:

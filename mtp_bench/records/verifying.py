@@ -116,19 +116,14 @@ def verify(
         ends: Deletes the hidden scenes when it is closed, shared by several checks; None: at the end of this check.
         made_here: You made this record of a baseline: its stored rollouts stand for those of another run.
 
-    One of earlier definitions is checked in itself alone. Raises RecordError if the record is missing, was changed, has
-    no stored rollouts or too many seeds, or would run a stranger's code unsandboxed; DataError for missing data.
+    Raises RecordError if the record is missing, was changed, has no stored rollouts or too many seeds, or would run a
+    stranger's code unsandboxed; DataError for missing data.
     """
     path = Path(path)
     record = checked_record(path)
     if not may_observe(record):
         raise RecordError(f"{path}: {FOR_BASELINES}, not of {record.submission.name!r} with another digest")
     again = rerun or sealed is not None
-    if record.earlier:  # its digests are not comparable with today's
-        stated = f"scored by definitions {record.earlier}, today's are {DEFINITIONS}"
-        if again:
-            raise RecordError(f"{path}: {stated}, so it cannot be run again: make it again with `mtp-bench submit`")
-        return Verification(path, record, "scored", notes=(f"{stated}: its rollouts are not scored again",))
     options = replace(options, split=None, scenes=None)
     card = options.card(env_id or record.env.id)
     now = {"id": card.id, "card_digest": card.digest, "split": card.source.split}

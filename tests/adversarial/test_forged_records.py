@@ -797,7 +797,7 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a rival's level": (levels("theirs", None, {"a": 1}), f"theirs/{MAIN}.json: levels are written and removed by"),
     "an older level": (levels("newcomer", {"a": 0}, {"a": 1}), LEVEL_KEPT),
     "another card": (adds("newcomer", env={"card_digest": "00" * 8}), "with card 0000000000000000 does not ship"),
-    "a record of definitions 2.0": (adds("newcomer", **OLD), "scored by definitions 2.0: make it again"),
+    "a record of definitions 2.0": (adds("newcomer", **OLD), "scored by definitions 2.0, expected 3.0: make it"),
     "a key twice": (with_a_key_twice, "key 'division' comes twice"),
     "NaN": (with_nan, "NaN is not allowed in JSON"),
 }  # fmt: skip

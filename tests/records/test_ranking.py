@@ -88,22 +88,6 @@ def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
     assert places[2].why == "over all targets its bADE is above that of stp with its own predictor"
 
 
-def test_records_of_earlier_definitions_stand_apart() -> None:
-    """They keep their numbers and change no rank of today's, whoever signed what they are."""
-    names = ("stp", "good", "bad", "unsigned")
-    old: dict[str, Any] = {"env": {"card_digest": "ab" * 8}, "scorer": {"definitions": "2.0"}}
-    errors = (2.0, 1.0, 3.0, 0.1)
-    today = [write_record(*(e + 0.1 * (i % 3) for i in range(8)), name=n) for n, e in zip(names, errors, strict=True)]
-    earlier = [
-        write_record(*(e + 0.1 * (i % 3) for i in range(8)), name=n, **old) for n, e in zip(names, errors, strict=True)
-    ]
-    levels = {record.digest: signed_level(record) for record in earlier[:3]}
-    found = standings([*today, *earlier], levels, ships_of(*today))
-    assert [found[record.digest].places["all"].place for record in (*today, *earlier)] == [3, 2, 4, 1, *[None] * 4]
-    assert {found[record.digest].places["all"].why for record in earlier} == {"definitions 2.0"}
-    assert [record.earlier for record in (today[0], earlier[0])] == ["", "2.0"]
-
-
 def test_who_is_better_than_ground_truth_is_held_back() -> None:
     """Than with motion models and than with the better network, on a subset that ranks, until it was looked at."""
     errors = {"gt_tracks": (2.0, 2.0), "gt_tracks_modes": (1.0, 1.5), "gt_tracks_ptp": (1.4, 0.1)}

@@ -210,19 +210,6 @@ def test_a_changed_scorer_is_noted(part: str, key: str, what: str, path: Path, c
     assert note.startswith(f"changed since it was made: the {what};")
 
 
-def test_a_record_of_earlier_definitions_is_checked_in_itself(path: Path, card: str, kitti: str) -> None:
-    resign(path, lambda content: content["scorer"].update({"definitions": "2.0"}))
-    checked = verify(path, RunOptions(kitti), card)
-    assert (checked.level, checked.holds, checked.notes[0][:25]) == ("scored", True, "scored by definitions 2.0")
-    with pytest.raises(RecordError, match=r"scored by definitions 2\.0, .* so it cannot be run again"):
-        verify(path, RunOptions(kitti), card, rerun=True)
-    content = json.loads(path.read_text())
-    content["rows"][0]["error"] = 0.1
-    path.write_text(json.dumps(content))
-    with pytest.raises(RecordError, match="its content has the digest"):
-        verify(path, RunOptions(kitti), card)
-
-
 def test_a_crash_is_a_record_and_an_error(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
     """Half of a letter in its text would be a record that nobody can store; an escape code, a screen that lies."""
     body = r"raise ValueError('\ud800 \x1b[2J \u202e' + 100_000 * 'x')"

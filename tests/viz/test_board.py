@@ -13,7 +13,6 @@ import pytest
 
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.records import Record
-from mtp_bench.records.attestation import Level
 from mtp_bench.records.consistency import inconsistencies
 from mtp_bench.scoring import SUBSETS, paired_difference
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS
@@ -310,22 +309,6 @@ def test_parts_are_replaced_as_a_whole_and_nothing_else_ever_is(tmp_path: Path) 
     with pytest.raises(MtpBenchError, match="holds other files than parts of a page"):
         write_board(tmp_path / "theirs.html", board_files([]))
     assert (theirs / "precious.txt").exists()
-
-
-def test_records_of_definitions_2_0_stand_apart_without_ranks() -> None:
-    old = {"definitions": "2.0"}
-    earlier = [made_up("stp", 1.0, scorer=old), made_up("good", 0.5, scorer=old)]
-    signed: dict[str, Level] = {"stp": "re-run", "good": "re-run"}
-    entries = board_of(made_up("stp", 0.9), *earlier, levels=signed)
-    boards = [f"{entry.board}/{entry.name}" for entry in entries]
-    assert boards == [f"{MAIN}/stp", f"{MAIN}@2.0/good", f"{MAIN}@2.0/stp"]
-    assert [entry.place for entry in entries[1:]] == [None, None]
-    files = board_files(entries)
-    assert files.page.count(">Definitions 2.0</h2>") == 1
-    assert files.page.index(f'href="#{MAIN}/stp"') < files.page.index(">Definitions 2.0</h2>")
-    assert pieces_of(files).keys() == set(boards)
-    assert [row["definitions"] for row in board_json(entries)[MAIN]] == ["3.0", "2.0", "2.0"]
-    assert [str(table.title).split(":")[0] for table, _ in board_tables(entries)] == [MAIN, f"{MAIN} (definitions 2.0)"]
 
 
 HOSTILE_TEXTS = [HOSTILE, "<!--", "\u2028", '" onmouseover="window.hacked=1', "{{ 7 * 7 }}", "'><svg/onload=hacked()>"]

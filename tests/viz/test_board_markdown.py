@@ -111,11 +111,3 @@ def test_drive_scores_stand_beside_their_agreement_with_bade() -> None:
     for row, figure in zip(rows, figures.values(), strict=True):
         assert row[2].startswith(f"{figure['rows']['stp']['drive_score']:.2f} [")
         assert row[-2].startswith(f"{figure['tau']['all']['measures']['bADE']['tau']:.2f} [")
-
-
-def test_records_of_earlier_definitions_fill_a_table_that_has_no_others() -> None:
-    old = [made_up(name, error, scorer={"definitions": "2.0"}) for name, error in (("old", 0.5), ("older", 0.7))]
-    pair = marked("pairs * of older-old")
-    assert rows_of(filled(pair, board_of(*old), "page.md"))[2][0] == f"{MAIN} (definitions 2.0)"
-    new = filled(pair, board_of(*old, made_up("old"), made_up("older")), "page.md")
-    assert [row[0] for row in rows_of(new)[2:]] == [MAIN]

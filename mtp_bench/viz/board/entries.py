@@ -52,11 +52,6 @@ class Entry(Found):
         return self.record.env.id
 
     @property
-    def board(self) -> str:
-        """Id of its table: that of the environment, with the definitions where those are earlier ones."""
-        return f"{self.env}@{self.record.earlier}" if self.record.earlier else self.env
-
-    @property
     def name(self) -> str:
         """Name of the submission."""
         return self.record.submission.name
@@ -205,15 +200,15 @@ def empty_error(entries: Sequence[Entry]) -> float | None:
 
 
 def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
-    """The entries of each table, in their order."""
-    return {board: list(listed) for board, listed in groupby(entries, lambda entry: entry.board)}
+    """The entries of each environment, in their order."""
+    return {env_id: list(listed) for env_id, listed in groupby(entries, lambda entry: entry.env)}
 
 
 def _order(entry: Entry) -> tuple[object, ...]:
     rank = math.inf if entry.place is None else entry.place
     error = math.inf if entry.error is None else entry.error
     record, section = entry.record, (rank, not entry.compared, not entry.saw_truth, error)
-    return record.earlier, _env_place(entry.env), entry.part != "", *section, entry.name, record.digest
+    return _env_place(entry.env), entry.part != "", *section, entry.name, record.digest
 
 
 @cache

@@ -41,9 +41,8 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
     columns = [column for column in shown if any(column.value(entry) is not None for entry in entries)]
     scale = scale_of(entries)
     board: dict[str, Any] = {
-        "id": entries[0].board,
+        "id": env_id,
         "env": env_id,
-        "earlier": first.record.earlier,
         "name": short_name(env_id),
         "about": _about(env_id),
         "complete": first.record.env.truth_complete,
@@ -154,7 +153,7 @@ def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]
         "signer": entry.signed.signer if entry.signed else "",
         "bar": bar_of(board["scale"], entry.difference()),
         "difference": difference_text(entry),
-        "old": not record.earlier and record.scorer.definitions != DEFINITIONS,
+        "old": record.scorer.definitions != DEFINITIONS,
     }
 
 

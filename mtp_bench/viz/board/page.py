@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -53,17 +54,16 @@ class BoardFiles:
 def board_files(entries: Sequence[Entry], folder: str = "index.parts", pages: Pages | None = None) -> BoardFiles:
     """The page of ``entries`` (from `entries_of`): an overview, then a table per environment.
 
-    Environments with a map follow with an overview of their own, and so do earlier definitions.
+    Environments with a map follow with an overview of their own: they are in no order with the others.
     ``folder``: name of the parts' folder beside the page. ``pages``: addresses of others. No date, path or random id.
     """
     ids = _ids(entries)
     boards = [board_of(listed, ids) for listed in by_board(entries).values()]
-    versions = [  # environments with a map have an overview of their own: they are in no order with the others
-        (overview_of([entry for entry in entries if (entry.record.earlier, has_map(entry.env)) == (version, lanes)]),
-         [board for board in boards if (board["earlier"], board["map"]) == (version, lanes)])
-        for version, lanes in dict.fromkeys((entry.record.earlier, has_map(entry.env)) for entry in entries)
-    ]  # fmt: skip
-    known = {"parts": quote(folder), "boards": boards, "versions": versions, "ids": ids, "levels": LEVELS}
+    groups = [
+        (overview_of(list(listed)), [board for board in boards if board["map"] == lanes])
+        for lanes, listed in groupby(entries, lambda entry: has_map(entry.env))
+    ]
+    known = {"parts": quote(folder), "boards": boards, "groups": groups, "ids": ids, "levels": LEVELS}
     parts = _table_files(entries, "leaderboard")
     for env_id in sorted({entry.env for entry in entries}):
         parts |= _table_files([entry for entry in entries if entry.env == env_id], env_id)
@@ -73,9 +73,8 @@ def board_files(entries: Sequence[Entry], folder: str = "index.parts", pages: Pa
 
 @dataclass(frozen=True)
 class Overview:
-    """Agents by environments, of one version of the definitions."""
+    """Agents by environments."""
 
-    earlier: str  # that version, where it is not today's
     map: bool  # agents see lanes in all of the environments; else in none
     heads: list[tuple[str, str, bool]]  # id of the table, name, whether it is simulated
     rows: list[tuple[str, list[Entry | None]]]  # name of an agent, its entry per environment
@@ -91,19 +90,17 @@ class Overview:
 def overview_of(entries: Sequence[Entry]) -> Overview:
     """The overview of ``entries`` (`entries_of`), the best of the first env first.
 
-    They are of one version of the definitions, and all of environments with a map or all of others.
+    They are all of environments with a map, or all of others.
     """
-    boards = by_board(entries)
+    envs = by_board(entries)
     agents: dict[str, dict[str, Entry]] = {}
     for entry in entries:
-        agents.setdefault(entry.name, {}).setdefault(entry.board, entry)  # of several of one name the first
+        agents.setdefault(entry.name, {}).setdefault(entry.env, entry)  # of several of one name the first
     seen = {entry.name for entry in entries if entry.saw_truth}
-    names = sorted(agents, key=lambda name: (name in seen, [_place(agents[name].get(board)) for board in boards], name))
-    rows = [(name, [agents[name].get(board) for board in boards]) for name in names]
-    envs = {board: listed[0].env for board, listed in boards.items()}
-    heads = [(board, short_name(env), simulated(env)) for board, env in envs.items()]
-    first = next(iter(entries), None)
-    return Overview(first.record.earlier if first else "", first is not None and has_map(first.env), heads, rows)
+    names = sorted(agents, key=lambda name: (name in seen, [_place(agents[name].get(env)) for env in envs], name))
+    rows = [(name, [agents[name].get(env) for env in envs]) for name in names]
+    heads = [(env, short_name(env), simulated(env)) for env in envs]
+    return Overview(any(map(has_map, envs)), heads, rows)
 
 
 def _place(entry: Entry | None) -> tuple[float, ...]:
@@ -158,7 +155,7 @@ def _ids(entries: Sequence[Entry]) -> Ids:
     """The address of each entry in the page, "table/submission"; a further one of the same name has its digest."""
     ids, seen = dict[Entry, str](), Counter[str]()
     for entry in entries:
-        name = f"{entry.board}/{entry.name}"
+        name = f"{entry.env}/{entry.name}"
         ids[entry] = f"{name}~{entry.record.digest[:8]}" if seen[name.lower()] else name
         seen[name.lower()] += 1
     return ids

@@ -31,7 +31,7 @@ def _short_table(entries: Sequence[Entry]) -> Table:
     empty = empty_error(entries)
     empty_text = "" if empty is None else f"; {empty:.3f} if nothing is predicted"
     drives = entries[0].driving is not None
-    title = f"{entries[0].env}{earlier_text(entries[0])}: {_DRIVEN if drives else f'bADE (m){empty_text}'}"
+    title = f"{entries[0].env}: {_DRIVEN if drives else f'bADE (m){empty_text}'}"
     columns = [
         Column("agent", key="submission", read=_name),
         Column("ranks", key="rank", read=lambda entry: span_text(entry.standing.places["all"].span)),
@@ -40,12 +40,7 @@ def _short_table(entries: Sequence[Entry]) -> Table:
         Column(f"to stp\n{_SIGNIFICANT}", "m", key="difference", read=_difference),
         *(replace(COLUMN[key], heading=text, group="") for key, text in (_DRIVES if drives else _EVENTS).items()),
     ]
-    return Table(entries[0].board, title, "", entries, columns)
-
-
-def earlier_text(entry: Entry) -> str:
-    """The definitions of an entry behind a name, where they are earlier ones."""
-    return f" (definitions {entry.record.earlier})" if entry.record.earlier else ""
+    return Table(entries[0].env, title, "", entries, columns)
 
 
 def _name(entry: Entry) -> str:
