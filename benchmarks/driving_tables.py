@@ -114,8 +114,8 @@ def _switches(costs: Mapping[str, Any]) -> list[Grid]:
     heads = ["", "with", "without", "difference", "seen", "with a switch", "others", "scenes"]
     note = (
         f"Per 100 windows of {SECONDS:.0f} s that begin with a switch within {NEAR:.0f} m of the ego, and per 100 "
-        "matched ones (agent, objects near, speed, time) with no switch in the same time before: what comes later must "
-        "not choose them. Way lost in m per window. Seen: smallest difference that is "
+        f"matched ones (agent, objects near, speed, time) without a switch in the {SECONDS:.0f} s before; one may follow, so "
+        "that what comes later does not choose them. Last columns: numbers of windows and scenes. Way lost in m per window. Seen: smallest difference that is "
         f"found four times out of five. There are {costs['per drive']:.1f} such switches per drive, in "
         f"{costs['drives without']:.0%} none."
     )

@@ -13,6 +13,7 @@ from mtp_bench.viz.board.entries import Entry, by_board
 _TARGETS: dict[Subset, str] = {"paper_ids": "IDS", "paper_frag": "FRAG", "all": "all"}
 _ENVS = {"KITTI": "MTP-KITTI-noego-v0", "nuScenes": "MTP-nuScenes-v0", "WILDTRACK": "MTP-WILDTRACK-v0"}
 _CONTROL = "stp_same_samples"
+_WITH_PTP = {"stp": "stp_ptp", "gt_tracks": "gt_tracks_ptp", "mtp": "mtp_ptp"}
 
 
 @dataclass(frozen=True)
@@ -61,10 +62,13 @@ def paper_table(entries: Sequence[Entry]) -> Table:
         Column("paper", key="paper", format="+.0%", read=lambda row: row[0].values[1] / row[0].values[0] - 1),
         Column("here", key="here", format="+.0%", read=lambda row: _change(row, row[0].agents[1])),
         Column("samples alone", key="control", format="+.0%", read=lambda row: _change(row, _CONTROL)),
+        Column("here, with PTP", key="ptp", format="+.0%", read=_change_with_ptp),
         Column("bADE to `stp`", "m", key="difference", format="+.2f", read=_difference("mean")),
         Column(interval=True, key="difference_interval", format="+.2f", read=_difference("interval")),
         Column("bADE beyond the samples", "m", key="beyond", format="+.2f", read=_difference("mean", _CONTROL)),
         Column(interval=True, key="beyond_interval", format="+.2f", read=_difference("interval", _CONTROL)),
+        Column("bADE with PTP", "m", key="with_ptp", format="+.2f", read=_difference_with_ptp("mean")),
+        Column(interval=True, key="with_ptp_interval", format="+.2f", read=_difference_with_ptp("interval")),
         Column("effective objects", key="objects", format=".1f", read=_effective_objects),
     ]
     return Table("paper", "Relations of the paper", "", rows, columns)
@@ -79,8 +83,33 @@ def _change(row: tuple[Relation, dict[str, Entry]], agent: str) -> Value:
     relation, known = row
     if (agent, relation.agents) == (_CONTROL, _GIVEN):
         return None  # a control of hypotheses
-    one, other = relation.row(known, "stp").minADE, relation.row(known, agent).minADE
+    return _change_between(relation.row(known, "stp").minADE, relation.row(known, agent).minADE)
+
+
+def _change_with_ptp(row: tuple[Relation, dict[str, Entry]]) -> Value:
+    """Change of minADE between the two agents of a relation where both forecast with PTP."""
+    pair = _both_with_ptp(row)
+    return None if pair is None else _change_between(*(entry.row_of(row[0].subset).minADE for entry in pair))
+
+
+def _change_between(one: float | None, other: float | None) -> Value:
     return other / one - 1 if one and other else None
+
+
+def _both_with_ptp(row: tuple[Relation, dict[str, Entry]]) -> tuple[Entry, Entry] | None:
+    relation, known = row
+    one, other = (known.get(_WITH_PTP[agent]) for agent in relation.agents)
+    return (one, other) if one is not None and other is not None else None
+
+
+def _difference_with_ptp(name: str) -> Callable[[tuple[Relation, dict[str, Entry]]], Value]:
+    """A field of the difference of bADE between the two agents of a relation where both forecast with PTP."""
+
+    def read(row: tuple[Relation, dict[str, Entry]]) -> Value:
+        pair = _both_with_ptp(row)
+        return None if pair is None else getattr(pair[1].minus(pair[0], row[0].subset), name, None)
+
+    return read
 
 
 def _difference(name: str, less: str = "stp") -> Callable[[tuple[Relation, dict[str, Entry]]], Value]:

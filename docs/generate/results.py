@@ -126,7 +126,7 @@ def _ranked(subset: Subset, heading: str) -> list[Column]:
     return [
         Column(heading, "m", "lower", ".2f", key=subset, read=lambda entry: entry.row_of(subset).error),
         Column(interval=True, format=".2f", key=f"{subset}_interval", read=lambda e: e.row_of(subset).interval),
-        Column("rank (range)", key=f"{subset}_rank", read=rank),
+        Column("place (range)", key=f"{subset}_rank", read=rank),
     ]
 
 

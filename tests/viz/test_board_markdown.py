@@ -56,7 +56,7 @@ def test_a_name_that_cannot_be_filled_in_is_refused(name: str, entries: list[Ent
 def test_the_story_has_its_agents_in_order_with_their_ranks() -> None:
     rows = rows_of(filled(marked(f"story {MAIN}"), board_of(*(made_up(name) for name in STORY)), "page.md"))
     assert [row[0] for row in rows[2:]] == [f"`{name}`" for name in STORY]
-    assert rows[0][1:5] == ["all targets (m) ↓", "rank (range)", "identity switch (m) ↓", "rank (range)"]
+    assert rows[0][1:5] == ["all targets (m) ↓", "place (range)", "identity switch (m) ↓", "place (range)"]
 
 
 def test_costs_are_differences_of_controls_and_references() -> None:
