@@ -114,10 +114,10 @@ def _switches(costs: Mapping[str, Any]) -> list[Grid]:
     heads = ["", "with", "without", "difference", "seen", "with a switch", "others", "scenes"]
     note = (
         f"Per 100 windows of {SECONDS:.0f} s that begin with a switch within {NEAR:.0f} m of the ego, and per 100 "
-        f"matched ones (agent, objects near, speed, time) without a switch in the {SECONDS:.0f} s before; one may follow, so "
-        "that what comes later does not choose them. Last columns: numbers of windows and scenes. Way lost in m per window. Seen: smallest difference that is "
-        f"found four times out of five. There are {costs['per drive']:.1f} such switches per drive, in "
-        f"{costs['drives without']:.0%} none."
+        f"matched ones (agent, objects near, speed, time) without a switch in the {SECONDS:.0f} s before; one may "
+        "follow, so that what comes later does not choose them. Last columns: numbers of windows and scenes. Way lost "
+        "in m per window. Seen: smallest difference that is found four times out of five. There are "
+        f"{costs['per drive']:.1f} such switches per drive, in {costs['drives without']:.0%} none."
     )
     below = "Drive score less that of ground-truth tracks in the same scene, within agents: drives with a switch near "
     below += "the ego against those without, and those with more switches per second than half of the agent's drives."
