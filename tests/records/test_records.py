@@ -1,26 +1,29 @@
 """Records: no changed one is taken, and ranks follow from errors per scene alone."""
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from mtp_bench.errors import RecordError
 from mtp_bench.gateway import SceneRun
 from mtp_bench.records import checked_record, load_record, record_paths, standings, why_unranked
+from mtp_bench.records.consistency import inconsistent_sums
 from mtp_bench.records.evaluation import status_of
-from mtp_bench.records.record import MissedPart, Record
+from mtp_bench.records.record import HiddenPart, MissedPart, Record
 from mtp_bench.records.rerun import require_answered, worse_when_moved
 from mtp_bench.records.storage import content_digest
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.rows import Row
 from mtp_bench.sources.cache import scene_digest
 from tests.support.small_scenes import make_scene
-from tests.support.stored_records import save_record, scene_part, ships_of, write_record
+from tests.support.stored_records import hidden_part, make_row, save_record, scene_part, ships_of, write_record
 
 Content = dict[str, Any]
 
@@ -265,3 +268,20 @@ def test_a_manifest_tells_of_every_number_but_not_of_rounding() -> None:
         replace(scene, detections=replace(scene.detections, score=scene.detections.score + 1)),
     ):
         assert scene_digest(other) != scene_digest(scene)
+
+
+def test_ends_of_an_interval_hold_where_they_come_from_rounding() -> None:
+    """All targets but few are missed: sums as they are stored, with 12 digits, give other ends than those of the run."""
+    weight = np.random.default_rng(0).uniform(0.3, 5.0, 50)
+    error = 2.0 * weight
+    error[7] *= 0.999
+    content = hidden_part(*[1.0] * 50).model_dump()
+    (at,) = (i for i, row in enumerate(content["rows"]) if row["subset"] == "lost")
+    row = make_row("echo", "lost", [{"weight": {"lost": weight.tolist()}, "error": {"lost": error.tolist()}}])
+    content["rows"][at] = row
+    for part, values in (("weight", weight), ("error", error)):
+        content[part]["lost"] = [float(f"{value:.12g}") for value in values]
+    assert list(inconsistent_sums(HiddenPart.model_validate(content), math.inf)) == []
+    row["interval"] = [row["interval"][0], row["interval"][1] + 0.01]
+    (said,) = inconsistent_sums(HiddenPart.model_validate(content), math.inf)
+    assert said.startswith("row 'lost': interval to is 2.01")
