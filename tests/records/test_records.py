@@ -271,7 +271,7 @@ def test_a_manifest_tells_of_every_number_but_not_of_rounding() -> None:
 
 
 def test_ends_of_an_interval_hold_where_they_come_from_rounding() -> None:
-    """All targets but few are missed: sums as they are stored, with 12 digits, give other ends than those of the run."""
+    """Nearly all targets are missed: sums as they are stored, with 12 digits, give other ends than those of the run."""
     weight = np.random.default_rng(0).uniform(0.3, 5.0, 50)
     error = 2.0 * weight
     error[7] *= 0.999
