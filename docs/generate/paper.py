@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from mtp_bench.scoring.definitions import Subset
-from mtp_bench.scoring.rows import Row
 from mtp_bench.tables import Column, Table, Value
 from mtp_bench.viz.board.entries import Entry, by_board
 
@@ -26,10 +26,10 @@ class Relation:
     agents: tuple[str, str]
     values: tuple[float, float]  # m, minADE of these agents in the paper
 
-    def row(self, known: dict[str, Entry], agent: str) -> Row:
-        """Row of an agent on the targets of the relation."""
-        return known[agent].row_of(self.subset)
 
+Names = tuple[str, str]  # of two agents
+Pair = Callable[[Relation], Names | None]
+RelationRow = tuple[Relation, dict[str, Entry]]  # with the entries of its environment by name
 
 _GIVEN, _KEPT = ("stp", "gt_tracks"), ("stp", "mtp")  # k samples each
 RELATIONS = (  # Weng, Ivanovic, Pavone: MTP, 2022
@@ -60,66 +60,66 @@ def paper_table(entries: Sequence[Entry]) -> Table:
         Column("targets", key="targets", read=lambda row: _TARGETS[row[0].subset]),
         Column("to", key="to", read=lambda row: f"`{row[0].agents[1]}`"),
         Column("paper", key="paper", format="+.0%", read=lambda row: row[0].values[1] / row[0].values[0] - 1),
-        Column("here", key="here", format="+.0%", read=lambda row: _change(row, row[0].agents[1])),
-        Column("samples alone", key="control", format="+.0%", read=lambda row: _change(row, _CONTROL)),
-        Column("here, with PTP", key="ptp", format="+.0%", read=_change_with_ptp),
-        Column("bADE to `stp`", "m", key="difference", format="+.2f", read=_difference("mean")),
-        Column(interval=True, key="difference_interval", format="+.2f", read=_difference("interval")),
-        Column("bADE beyond the samples", "m", key="beyond", format="+.2f", read=_difference("mean", _CONTROL)),
-        Column(interval=True, key="beyond_interval", format="+.2f", read=_difference("interval", _CONTROL)),
-        Column("bADE with PTP", "m", key="with_ptp", format="+.2f", read=_difference_with_ptp("mean")),
-        Column(interval=True, key="with_ptp_interval", format="+.2f", read=_difference_with_ptp("interval")),
+        Column("here", key="here", format="+.0%", read=_change(_as_in_the_paper)),
+        Column("samples alone", key="control", format="+.0%", read=_change(_samples_alone)),
+        Column("here, with PTP", key="ptp", format="+.0%", read=_change(_with_ptp)),
+        *_difference("bADE to `stp`", "difference", _as_in_the_paper),
+        *_difference("bADE beyond the samples", "beyond", _beyond_the_samples),
+        *_difference("bADE with PTP", "with_ptp", _with_ptp),
         Column("effective objects", key="objects", format=".1f", read=_effective_objects),
     ]
     return Table("paper", "Relations of the paper", "", rows, columns)
 
 
-def _effective_objects(row: tuple[Relation, dict[str, Entry]]) -> Value:
-    return row[0].row(row[1], "stp").effective_objects
+def _as_in_the_paper(relation: Relation) -> Names:
+    return relation.agents
 
 
-def _change(row: tuple[Relation, dict[str, Entry]], agent: str) -> Value:
-    """Change of minADE from `stp` to another agent."""
-    relation, known = row
-    if (agent, relation.agents) == (_CONTROL, _GIVEN):
-        return None  # a control of hypotheses
-    return _change_between(relation.row(known, "stp").minADE, relation.row(known, agent).minADE)
+def _samples_alone(relation: Relation) -> Names | None:
+    return (relation.agents[0], _CONTROL) if relation.agents == _KEPT else None  # a control of hypotheses
 
 
-def _change_with_ptp(row: tuple[Relation, dict[str, Entry]]) -> Value:
-    """Change of minADE between the two agents of a relation where both forecast with PTP."""
-    pair = _both_with_ptp(row)
-    return None if pair is None else _change_between(*(entry.row_of(row[0].subset).minADE for entry in pair))
+def _beyond_the_samples(relation: Relation) -> Names | None:
+    return (_CONTROL, relation.agents[1]) if relation.agents == _KEPT else None
 
 
-def _change_between(one: float | None, other: float | None) -> Value:
-    return other / one - 1 if one and other else None
+def _with_ptp(relation: Relation) -> Names:
+    one, other = relation.agents
+    return _WITH_PTP[one], _WITH_PTP[other]
 
 
-def _both_with_ptp(row: tuple[Relation, dict[str, Entry]]) -> tuple[Entry, Entry] | None:
-    relation, known = row
-    one, other = (known.get(_WITH_PTP[agent]) for agent in relation.agents)
-    return (one, other) if one is not None and other is not None else None
+def _effective_objects(row: RelationRow) -> Value:
+    return row[1]["stp"].row_of(row[0].subset).effective_objects
 
 
-def _difference_with_ptp(name: str) -> Callable[[tuple[Relation, dict[str, Entry]]], Value]:
-    """A field of the difference of bADE between the two agents of a relation where both forecast with PTP."""
+def _change(names: Pair) -> Callable[[RelationRow], Value]:
+    """Change of minADE from the first of two agents to the second."""
 
-    def read(row: tuple[Relation, dict[str, Entry]]) -> Value:
-        pair = _both_with_ptp(row)
-        return None if pair is None else getattr(pair[1].minus(pair[0], row[0].subset), name, None)
+    def read(row: RelationRow) -> Value:
+        entries = _entries(names, row)
+        one, other = (entry.row_of(row[0].subset).minADE for entry in entries) if entries else (None, None)
+        return other / one - 1 if one and other else None
 
     return read
 
 
-def _difference(name: str, less: str = "stp") -> Callable[[tuple[Relation, dict[str, Entry]]], Value]:
-    """A field of the difference of bADE to the agent ``less``."""
+def _difference(heading: str, key: str, names: Pair) -> list[Column]:
+    """Columns of bADE of the second of two agents less that of the first, with the interval."""
 
-    def read(row: tuple[Relation, dict[str, Entry]]) -> Value:
-        relation, known = row
-        if (less, relation.agents) == (_CONTROL, _GIVEN):
+    def read(field: str, row: RelationRow) -> Value:
+        one, other = _entries(names, row) or (None, None)
+        if one is None or other is None or one.conditions != other.conditions:
             return None
-        one, other = known[relation.agents[1]], known[less]
-        return getattr(one.minus(other, relation.subset), name, None) if one.conditions == other.conditions else None
+        return getattr(other.minus(one, row[0].subset), field, None)
 
-    return read
+    return [
+        Column(heading, "m", key=key, format="+.2f", read=partial(read, "mean")),
+        Column(interval=True, key=f"{key}_interval", format="+.2f", read=partial(read, "interval")),
+    ]
+
+
+def _entries(names: Pair, row: RelationRow) -> list[Entry] | None:
+    """The entries of two agents; None if one has none, or the relation has no such pair."""
+    relation, known = row
+    found = [known[name] for name in names(relation) or () if name in known]
+    return found if len(found) == 2 else None

@@ -246,6 +246,7 @@ NOT_RANKED: dict[str, tuple[Content, str]] = {
         {"env": {"keywords": {"detector": "perfect"}}}, "other settings of the env: detector 'perfect'",
     ),
     "more samples": ({"env": {"keywords": {"samples": 200}}}, "other settings of the env: samples 200"),
+    "earlier definitions": ({"scorer": {"definitions": "2.0"}}, "scored by definitions 2.0, today's are 3.0"),
     "an earlier scorer": ({"scorer": {"source_digest": "00" * 32}}, "another scorer than today's"),
 }  # fmt: skip
 

@@ -108,3 +108,19 @@ def test_intervals_in_sentences_on_driving_stand_in_its_tables() -> None:
 def _files(leaderboard: Path) -> dict[str, bytes]:
     paths = [leaderboard / "index.html", *sorted((leaderboard / "index.parts").rglob("*"))]
     return {path.relative_to(leaderboard).as_posix(): path.read_bytes() for path in paths if path.is_file()}
+
+
+def test_counts_in_texts_are_those_of_the_records(entries: list[Entry], repository: Path) -> None:
+    listed = {entry.name: entry for entry in entries if entry.env == "MTP-nuScenes-v0"}
+    ranked = [entry for entry in listed.values() if entry.place is not None]
+    text = (repository / "README.md").read_text()
+    assert f"\nTen of {len(listed)} rows of `MTP-nuScenes-v0`: vehicles of {listed['stp'].record.env.scenes} " in text
+    assert f"; place among {len(ranked)}, " in text
+    assert f" is better still: {listed['gt_tracks_modes'].row_of('ids').error:.2f} m.\n" in text
+    figures = json.loads((repository / "leaderboard" / "driving.json").read_text())
+    taus = [
+        f"{figures[f'MTP-Drive-{road}-v0']['tau']['without references']['measures']['bADE']['tau']:.2f} at the {where}"
+        for road, where in (("Intersection", "intersection"), ("Roundabout", "roundabout"), ("Merge", "merge"))
+    ]
+    said = " ".join((repository / "leaderboard" / "RESULTS.md").read_text().split())
+    assert f" it is {taus[0]}, {taus[1]} and {taus[2]}." in said
