@@ -27,7 +27,7 @@ from .rerun import drive_again, rows_under_random_pose, run_again, run_hidden, w
 from .running import Plan, Runs, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
 from .seal import Sealed
 from .shipped import FOR_BASELINES, baseline_digest
-from .storage import load_record, stored_rollouts
+from .storage import ROLLOUTS, load_record, stored_rollouts
 from .submitting import declared_data, plan_content, submission_part
 from .trust import Trust, trusted
 
@@ -62,7 +62,7 @@ class Round:
     rerun: bool = False
     seals: Mapping[str, Sealed] = field(default_factory=dict)  # by env: with hidden scenes, which rank simulated envs
     submission: Path | None = None  # a submission, or a folder of submissions by their names; None: the baselines
-    made_here: bool = False  # records of baselines are this maintainer's own: their rollouts stand for another run
+    made_here: bool = False  # records of baselines are this maintainer's own: their public runs are not repeated
 
     def verify(
         self, path: Path, record: Record, options: RunOptions, env_id: str | None, ends: ExitStack
@@ -114,7 +114,7 @@ def verify(
             alike ("re-run"). An unsandboxed agent reaches "re-scored" at most.
         sealed: Run it on hidden scenes too ("hidden").
         ends: Deletes the hidden scenes when it is closed, shared by several checks; None: at the end of this check.
-        made_here: You made this record of a baseline: its stored rollouts stand for those of another run.
+        made_here: You made this record of a baseline: its public runs are not repeated, and scored again if stored.
 
     Raises RecordError if the record is missing, was changed, has no stored rollouts or too many seeds, or would run a
     stranger's code unsandboxed; DataError for missing data.
@@ -144,7 +144,7 @@ def verify(
     reference = reference_for(card, scenes, options)
     secret = len(scenes) + (0 if sealed is None else sealed.seeds.count)
     if made_here:
-        public = _score_stored(path, record, card, options, secret)
+        public = _made_here(path, record, card, options, reference, secret)
     else:
         options.progress.started(secret + len(scenes) * (1 + len(record.seeds)))
         public = _run_again(path, record, plan, reference)
@@ -226,6 +226,18 @@ def _score_stored(path: Path, record: Record, card: Card, options: RunOptions, f
         calls = {seed: [(card, rollout) for rollout in rollouts] for seed, rollouts in runs.items()}
         runs = {seed: parallel_map(drive_again, each, options.workers) for seed, each in calls.items()}
     return _score_again(path, record, card, runs, reference, options)
+
+
+def _made_here(
+    path: Path, record: Record, card: Card, options: RunOptions, reference: Reference, secret: int
+) -> Verification:
+    """The public part of a record that a maintainer made: scored again, or as it is where no rollouts are stored."""
+    if path.with_suffix(ROLLOUTS).is_dir():
+        return _score_stored(path, record, card, options, secret)
+    for note in _notes(record, reference):
+        raise RecordError(f"{path}: its rollouts are not stored here to be scored again; {note}")
+    options.progress.started(secret)
+    return Verification(path, record, "re-scored", notes=("not scored again: its rollouts are not stored here",))
 
 
 def _run_again(path: Path, record: Record, plan: Plan, reference: Reference) -> Verification:

@@ -14,6 +14,7 @@ from mtp_bench.records import load_record, rerun, submit, verify
 from mtp_bench.records.record import LimitsPart
 from mtp_bench.records.rerun import run_again
 from mtp_bench.records.running import Plan, plan_run, rollouts_hash, rollouts_of, run_seed
+from mtp_bench.records.storage import ROLLOUTS
 from mtp_bench.records.verifying import Round, Verification
 from mtp_bench.running.options import RunOptions
 from mtp_bench.submission.loader import load_submission
@@ -116,6 +117,14 @@ def test_a_baseline_made_here_is_run_in_secret_alone(
     save_record(checked.record.model_copy(update={"hashes": hashes}), checked.path)
     assert [each.what for each in check("stp").differences] == ["hashes.rollouts"]
     assert len(ran) == 1
+    shutil.rmtree(checked.path.with_suffix(ROLLOUTS))
+    unscored = check("stp")
+    assert (unscored.level, unscored.differences, len(ran)) == ("re-run", (), 2)
+    assert "rollouts are not stored here" in unscored.notes[0]
+    scorer = checked.record.scorer.model_copy(update={"source_digest": other})
+    save_record(checked.record.model_copy(update={"scorer": scorer}), checked.path)
+    with pytest.raises(RecordError, match="changed since it was made: the scorer"):
+        check("stp")
 
 
 def test_a_random_order_changes_no_answer(made: Path, card: str, kitti: str) -> None:
