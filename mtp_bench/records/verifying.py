@@ -116,8 +116,8 @@ def verify(
         ends: Deletes the hidden scenes when it is closed, shared by several checks; None: at the end of this check.
         made_here: You made this record of a baseline: its public runs are not repeated, and scored again if stored.
 
-    Raises RecordError if the record is missing, was changed, has no stored rollouts or too many seeds, or would run a
-    stranger's code unsandboxed; DataError for missing data.
+    Raises RecordError if the record is missing, was changed, has too many seeds or no stored rollouts to be scored
+    again, or would run a stranger's code unsandboxed; DataError for missing data.
     """
     path = Path(path)
     record = checked_record(path)
