@@ -45,7 +45,7 @@ def moving_picture(env_id: str) -> bytes:
         observation, _, over, *_ = env.step(agent.act(observation))
         if not over and frame >= first and (frame - first) % step == 0:
             drawn = Image.fromarray(env.render())  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
-            images.append(drawn.resize(SIZE, Image.Resampling.LANCZOS))
+            images.append(drawn.resize(SIZE, Image.Resampling.BILINEAR))
         frame += 1
     env.close()
     content = io.BytesIO()

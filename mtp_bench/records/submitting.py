@@ -67,7 +67,7 @@ def submit(
         return record
     with open_parts(target, content, resume) as parts:
         reference = reference_for(plan.card, plan.scenes, options)
-        options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
+        options.progress.started((len(options.seeds) + (plan.card.drive is None)) * len(plan.scenes))
         runs = {seed: running.run_seed(plan, seed, parts) for seed in options.seeds}
         evaluation = running.evaluate_plan(plan, runs, reference, with_progress=True)
         if plan.card.drive is None:  # worlds react to the agent

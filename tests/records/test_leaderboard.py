@@ -4,6 +4,8 @@ import itertools
 import json
 import re
 import shutil
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -36,9 +38,33 @@ def records(repository: Path) -> dict[Path, Record]:
 
 
 @pytest.fixture(scope="module")
-def entries() -> list[Entry]:
+def copy(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the leaderboard without what is made of its records."""
+    folder = tmp_path_factory.mktemp("copy")
+    made = shutil.ignore_patterns("index.*", "*.rollouts", "*.part")
+    shutil.copytree(repository / "leaderboard", folder / "leaderboard", ignore=made)
+    for linked in ("baselines", "docs"):  # by the page
+        (folder / linked).symlink_to(repository / linked)
+    return folder / "leaderboard"
+
+
+@pytest.fixture(scope="module")
+def read(copy: Path) -> Callable[..., tuple[list[Entry], list[str], list[str]]]:
+    """`read_board` as the command calls it for the page, done once: to rank all records is most of its time."""
+    call = copy / "records", (), None, copy / "index.html", trusted(None)
+    result = read_board(*call, NO_PROGRESS)
+
+    def again(*arguments: object) -> tuple[list[Entry], list[str], list[str]]:
+        assert (arguments[:5], arguments[6]) == (call, SUBSETS)
+        return result
+
+    return again
+
+
+@pytest.fixture(scope="module")
+def entries(copy: Path, read: Callable[..., tuple[list[Entry], list[str], list[str]]]) -> list[Entry]:
     """Of all records."""
-    return read_board(None, (), None, None, trusted(None), NO_PROGRESS)[0]
+    return read(copy / "records", (), None, copy / "index.html", trusted(None), NO_PROGRESS, SUBSETS)[0]
 
 
 def test_records_fit_their_environments(records: dict[Path, Record]) -> None:
@@ -76,15 +102,13 @@ def test_no_place_contradicts_its_number_and_no_interval_its_test(entries: list[
     assert placed > LEAST
 
 
-def test_pages_are_made_of_records(repository: Path, tmp_path: Path, cli: CommandLine, entries: list[Entry]) -> None:
+def test_pages_are_made_of_records(
+    repository: Path, copy: Path, cli: CommandLine, entries: list[Entry], read: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The board, and the tables of RESULTS.md and the README. To mend it: make pages."""
-    committed, copy = repository / "leaderboard", tmp_path / "leaderboard"
-    made = ("index.*", "*.rollouts", "*.part")
-    shutil.copytree(committed, copy, ignore=shutil.ignore_patterns(*made))
-    for linked in ("baselines", "docs"):  # by the page
-        (tmp_path / linked).symlink_to(repository / linked)
+    monkeypatch.setattr(sys.modules[read_board.__module__], "read_board", read)
     cli.ok("board", "--records", copy / "records", "-o", copy / "index.html")
-    assert _files(copy) == _files(committed)
+    assert _files(copy) == _files(repository / "leaderboard")
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         assert filled(text, entries, page.name) == text, page.name

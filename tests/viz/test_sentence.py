@@ -18,7 +18,7 @@ from mtp_bench.viz.sentence import WORDS, sentence
 from tests.support.runs import run_scenes
 
 RUNS = {  # scenes with sentences of all kinds: others say little more
-    "MTP-KITTI-v0": slice(6, 9), "MTP-nuScenes-mini-v0": slice(2), "MTP-PETS-v0": slice(4),
+    "MTP-KITTI-v0": slice(6, 9), "MTP-nuScenes-mini-v0": slice(1), "MTP-PETS-v0": slice(4),
     "MTP-Intersection-v0": slice(2),
 }  # fmt: skip
 
