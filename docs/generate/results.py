@@ -47,10 +47,10 @@ SUBSET_TEXT: dict[Subset, str] = {"all": "all targets", "ids": "identity switch"
 _TRACKLETS = "network, of a tracker's tracks"
 STORY = {  # agent -> its association and its predictor, in the order of the README
     "gt_tracks": "ground-truth tracks; constant velocity",
-    "perfect_association_same_samples": "perfect association, 20 k draws; constant velocity",
+    "perfect_association_same_samples": "perfect association, 20 × k draws; constant velocity",
     "stp": "one hypothesis; constant velocity",
-    "stp_same_samples": "one hypothesis, 20 k draws; constant velocity",
-    "mtp": "20 hypotheses, 20 k draws; constant velocity",
+    "stp_same_samples": "one hypothesis, 20 × k draws; constant velocity",
+    "mtp": "20 hypotheses, 20 × k draws; constant velocity",
     "stp_modes": "one hypothesis; network, of ground-truth tracks",
     "stp_modes_tracklets": f"one hypothesis; {_TRACKLETS}",
     "mtp_modes_tracklets": f"20 hypotheses; {_TRACKLETS}",
