@@ -148,3 +148,10 @@ def test_counts_in_texts_are_those_of_the_records(entries: list[Entry], reposito
     ]
     said = " ".join((repository / "leaderboard" / "RESULTS.md").read_text().split())
     assert f" it is {taus[0]}, {taus[1]} and {taus[2]}." in said
+    env = "MTP-Drive-Intersection-v0"
+    driven = {entry.name: entry.record.driving for entry in entries if entry.env == env}
+    studied = figures[env]["rows"]
+    apart = max(abs(each.drive_score - studied[name]["drive_score"]) for name, each in driven.items() if each)
+    page = " ".join(driving.PAGE.read_text().split())
+    assert f" records of {len(driven)} agents at the intersection," in page
+    assert f" differ from those here by at most {apart:.3f}." in page
