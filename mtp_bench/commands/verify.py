@@ -15,6 +15,7 @@ from ..files import clean_text
 from ..records import checked_record, record_paths, trusted
 from ..records.canonical import Difference
 from ..records.eligibility import LEAST_HIDDEN
+from ..records.record import HiddenPart
 from ..records.seal import open_seals
 from ..records.trust import Trust
 from ..records.verifying import Round, Verification, attest
@@ -127,9 +128,8 @@ def _checked(
     if done is not None:
         said = done.statement
         show(f"{path}: {said.level} since {said.date}, signed by {done.signer}")
-        error = None if said.hidden is None else said.hidden.row.error
-        known = {"record": str(path), "digest": record.digest, "level": said.level, "hidden_error": error}
-        return _Result(path, {**known, "holds": True})
+        known = {"record": str(path), "digest": record.digest, "holds": True, "level": said.level}
+        return _Result(path, {**known, **_on_hidden_scenes(said.hidden)})
     with working(f"verifying {record.submission.name} on {record.env.id}", options) as watched:
         checked = every.verify(path, record, watched, asked.env, ends)
     if checked.differences:
@@ -155,11 +155,19 @@ def _summary(results: Sequence[_Result]) -> Table:
     columns = (
         Column("record", key="name"),
         Column(key="level", read=lambda result: result.verdict.get("level")),
-        Column(key="hidden error", read=lambda result: result.verdict.get("hidden_error")),
+        Column(key="on hidden scenes", read=lambda result: result.verdict.get("hidden_number")),
         Column(key="minutes", format=".1f", read=lambda result: result.seconds / 60),
         Column(key="note"),
     )
     return Table("records", "records", "", results, columns)
+
+
+def _on_hidden_scenes(hidden: HiddenPart | None) -> dict[str, Any]:
+    if hidden is None:
+        return {"hidden_error": None, "hidden_number": None}
+    error, driving = hidden.row.error, hidden.driving  # in a closed loop the error is 1 minus the drive score
+    number = f"error {short(error)} m" if driving is None else f"drive score {driving.drive_score:.3f}"
+    return {"hidden_error": error, "hidden_number": number}
 
 
 def _as_json(checked: Verification) -> dict[str, Any]:
@@ -168,7 +176,7 @@ def _as_json(checked: Verification) -> dict[str, Any]:
         "digest": checked.record.digest,
         "holds": checked.holds,
         "level": checked.level,
-        "hidden_error": None if checked.hidden is None else checked.hidden.row.error,
+        **_on_hidden_scenes(checked.hidden),
         "differences": [difference._asdict() for difference in checked.differences],
         "notes": list(checked.notes),
     }
@@ -180,7 +188,6 @@ def _verdict(checked: Verification) -> str:
     sentences = [f"{subject}: holds, {checked.level}" if checked.holds else f"{subject}: does not hold"]
     if hidden is not None:
         few = "" if hidden.scenes >= LEAST_HIDDEN else f", too few to rank: ranks need {LEAST_HIDDEN}"
-        score = None if hidden.driving is None else f"drive score {hidden.driving.drive_score:.3f}"
-        number = score or f"error {short(hidden.row.error)} m"
+        number = _on_hidden_scenes(hidden)["hidden_number"]
         sentences.append(f"{number} on {counted(hidden.scenes, 'hidden scene')}{few}")
     return ". ".join([*sentences, *checked.notes])

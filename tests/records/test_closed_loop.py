@@ -12,6 +12,7 @@ import pytest
 
 from mtp_bench import MTPEnv, compare, evaluate, load_scenes, load_submission
 from mtp_bench.cards import load_card
+from mtp_bench.commands.verify import _as_json, _verdict
 from mtp_bench.env.rollouts import actions_of, assemble, digest
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.gateway import run_isolated
@@ -214,6 +215,10 @@ def test_hidden_drives(made: Path, path: str, tmp_path: Path) -> None:
         checked = verify(made, RunOptions(), path, rerun=True, sealed=sealed, made_here=True)
     assert (checked.level, checked.differences) == ("hidden", ())
     assert checked.hidden is not None
+    assert checked.hidden.driving is not None
+    score = checked.hidden.driving.drive_score
+    assert f": holds, hidden. drive score {score:.3f} on 2 hidden scenes, too few to rank" in _verdict(checked)
+    assert score == pytest.approx(1 - _as_json(checked)["hidden_error"])
     assert str(sealed.seeds.first)[:-1] not in checked.hidden.model_dump_json()
     ways = read_reference(tmp_path / "s.weights.json")
     assert (ways.digest, ways.agent, ways.totals["targets"]) == (checked.hidden.weights, "gt_tracks", 2)

@@ -155,3 +155,8 @@ def test_counts_in_texts_are_those_of_the_records(entries: list[Entry], reposito
     page = " ".join(driving.PAGE.read_text().split())
     assert f" records of {len(driven)} agents at the intersection," in page
     assert f" differ from those here by at most {apart:.3f}." in page
+    first = sorted(entry.name for entry in entries if entry.env == env and (entry.place or 9) <= 4)
+    names = ", ".join(f"`{name}`" for name in first[:-1])
+    assert f" the first four are those with learned weights: {names} and `{first[-1]}`." in page
+    (stp,) = (entry for entry in entries if (entry.env, entry.name) == (env, "stp"))
+    assert stp.standing.places["all"].span == (7, 9), "the six above it are significantly better"

@@ -121,8 +121,10 @@ def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, le
     assert kept.read(10000) is not None
     assert not kept.path(sealed.seeds.first).exists(), "a hidden scene can be read in the cache"
     assert str(sealed.seeds.first) not in path.read_text()
-    said = cli.ok(*arguments, "--sign", key, "--signer", "tester")
-    assert f"hidden since {signed.statement.date}, signed by tester" in said
+    two = cli(*arguments, tmp_path / "none.json", "--sign", key, "--signer", "tester")
+    assert f"hidden since {signed.statement.date}, signed by tester" in two.out
+    assert "no such record" in two.error
+    assert f" hidden error {hidden.row.error:.3f} m " in two.out, "the table of several records says it too"
     cli.ok("verify", path, "--env", short, "--jobs", 1)  # the times are still those of its own rollouts
     scenes_stay_until_a_round_ends(path, short, sealed, hidden)
     said = cli.ok("maintain", "seal", "--retire", secret, "-o", leaderboard / "seals")
