@@ -160,3 +160,36 @@ def test_counts_in_texts_are_those_of_the_records(entries: list[Entry], reposito
     assert f" the first four are those with learned weights: {names} and `{first[-1]}`." in page
     (stp,) = (entry for entry in entries if (entry.env, entry.name) == (env, "stp"))
     assert stp.standing.places["all"].span == (7, 9), "the six above it are significantly better"
+
+
+def test_findings_that_stand_in_no_table(entries: list[Entry], repository: Path) -> None:
+    """The others are in `test_findings.py`."""
+    said = " ".join((repository / "leaderboard" / "RESULTS.md").read_text().split())
+    by_env = {env: {entry.name: entry for entry in board} for env, board in by_board(entries).items()}
+
+    def apart(env: str, one: str, other: str) -> bool:
+        first, second = (by_env[env][name].standing.places["all"].span for name in (one, other))
+        assert first is not None
+        assert second is not None
+        return first[1] < second[0]
+
+    few = ("MTP-KITTI-v0", "MTP-KITTI-noego-v0", "MTP-KITTI-5Hz-v0", "MTP-Highway-v0", "MTP-Merge-v0")
+    objects = [by_env[env]["stp"].row_of("ids").effective_objects for env in few]
+    assert f"KITTI, Highway and Merge have only {min(objects):.0f} to {max(objects):.0f} effective objects" in said
+    left = by_env["MTP-Roundabout-v0"]["stp"].row_of("ids").effective_objects
+    assert f"nothing significant on switches ({left:.0f} effective objects)." in said
+    assert "Not shown: Highway, Merge and KITTI-5Hz, where it costs at most 0.01 m over all targets" in said
+    for env in few[2:]:
+        one, other = (
+            by_env[env][f"{name}_same_samples"].row_of("all").error for name in ("stp", "perfect_association")
+        )
+        assert one is not None
+        assert other is not None
+        assert 0 <= one - other < 0.01
+    assert "`tracking_free` is significantly better than it at both, without lanes; `mtp_modes_tracklets`" in said
+    lanes = {
+        (env, name): apart(env, name, "mtp_modes_lanes")
+        for env in ("MTP-Intersection-Lanes-v0", "MTP-Roundabout-Lanes-v0")
+        for name in ("tracking_free", "mtp_modes_tracklets")
+    }
+    assert list(lanes.values()) == [True, True, True, False]

@@ -1,0 +1,221 @@
+"""Sentences of README and RESULTS.md, against the tables that stand beside them: those are made of records."""
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+BLOCK = re.compile(r"<!-- table: (\S+)[^>]*-->\n\n(.*?)\n\n<!-- /table -->", re.DOTALL)
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
+ALL, IDS, REACQUIRED = "all targets (m)", "identity switch (m)", "reacquired (m)"
+NUSCENES = {"nuScenes", "nuScenes-CenterPoint"}
+JUNCTIONS = {"Intersection", "IntersectionRaw", "Roundabout"}
+SIMULATED = {*JUNCTIONS, "Highway", "Merge"}
+PEOPLE = {"WILDTRACK", "PETS", "ETH-UCY"}
+
+Row = Mapping[str, str]
+
+
+class Cell(NamedTuple):
+    """Number of a cell and the ends of its interval, if it has one."""
+
+    value: float
+    ends: tuple[float, float] | None
+
+    @property
+    def below(self) -> bool:
+        """Whether the whole interval is below 0."""
+        return self.ends is not None and self.ends[1] < 0
+
+    @property
+    def level(self) -> bool:
+        """Whether the interval holds 0."""
+        return self.ends is not None and self.ends[0] <= 0 <= self.ends[1]
+
+
+def cell(row: Row, key: str) -> Cell:
+    value, *ends = (float(number) for number in NUMBER.findall(row[key].replace("−", "-")))
+    return Cell(value, (ends[0], ends[1]) if ends else None)
+
+
+def env(row: Row) -> str:
+    return row["environment"].removeprefix("MTP-").removesuffix("-v0")
+
+
+def of_envs(rows: Iterable[Row], key: str) -> dict[str, Cell]:
+    return {env(row): cell(row, key) for row in rows}
+
+
+def below(rows: Iterable[Row], key: str) -> set[str]:
+    """Environments of significant gains."""
+    return {name for name, each in of_envs(rows, key).items() if each.below}
+
+
+def tables(path: Path) -> Iterator[list[dict[str, str]]]:
+    """Tables of a page in their order, cells by the headings of their columns."""
+    for _, block in BLOCK.findall(path.read_text(encoding="utf-8")):
+        heading, _, *lines = ([each.strip() for each in line.strip("|").split("|")] for line in block.splitlines())
+        yield [dict(zip(heading, line, strict=True)) for line in lines]
+
+
+@pytest.fixture(scope="module")
+def leaderboard(repository: Path) -> Path:
+    return repository / "leaderboard"
+
+
+@pytest.fixture(scope="module")
+def page(leaderboard: Path) -> str:
+    return " ".join((leaderboard / "RESULTS.md").read_text(encoding="utf-8").split())
+
+
+@pytest.fixture(scope="module")
+def results(leaderboard: Path) -> list[list[dict[str, str]]]:
+    found = list(tables(leaderboard / "RESULTS.md"))
+    assert len(found) == 9
+    return found
+
+
+def test_tracking_free(page: str, results: list[list[dict[str, str]]]) -> None:
+    rows = results[0]
+    assert "On nuScenes it is better in each column, with both detectors, and over all targets on all simulated" in page
+    assert below(rows, ALL) == NUSCENES | SIMULATED
+    assert below(rows, IDS) >= NUSCENES
+    assert below(rows, REACQUIRED) >= NUSCENES
+    everywhere = of_envs(rows, ALL)
+    assert "it is worse over all targets; on KITTI the two are level." in page
+    assert (everywhere["nuScenes-mini"].ends or (0.0,))[0] > 0
+    assert everywhere["KITTI"].level
+    assert "For people it is worse throughout, significantly on identity switches of ETH/UCY" in page
+    for key in (ALL, IDS, REACQUIRED):
+        found = {name: each for name, each in of_envs(rows, key).items() if name in PEOPLE}
+        assert all(each.value > 0 for each in found.values())
+        worse = {name for name, each in found.items() if each.ends and each.ends[0] > 0}
+        assert worse == ({"ETH-UCY"} if key == IDS else set())
+
+
+def test_training_data(page: str, results: list[list[dict[str, str]]]) -> None:
+    assert "At both, hypotheses add nothing significant to a network of a tracker's tracks; to one of" in page
+    assert len(results[1]) == 6
+    for row in results[1]:
+        tracklets = row["difference"].startswith("`mtp_modes_tracklets`")
+        assert all(cell(row, key).level if tracklets else cell(row, key).below for key in (ALL, IDS, REACQUIRED))
+
+
+def test_hypotheses(page: str, results: list[list[dict[str, str]]]) -> None:
+    rows = results[2]
+    assert (
+        "On identity switches the gain is significant on nuScenes with both detectors, on mini, on ETH/UCY and at both"
+        " Intersections, but not at the Roundabout." in page
+    )
+    assert below(rows, IDS) == NUSCENES | {"nuScenes-mini", "ETH-UCY", "Intersection", "IntersectionRaw"}
+    most = max(-each.value for each in of_envs(rows, ALL).values())
+    assert f"Over all targets it is at most {most:.2f} m, often insignificant, and none for people." in page
+    assert {name for name, each in of_envs(rows, ALL).items() if name in PEOPLE and each.value <= 0} == set()
+
+
+def test_samples(results: list[list[dict[str, str]]]) -> None:
+    """Heading 4: over all targets the samples alone gain more than hypotheses do beyond them."""
+    beyond = of_envs(results[2], ALL)
+    for name, each in of_envs(results[3], ALL).items():
+        assert each.below
+        assert each.value < 2 * beyond[name].value
+
+
+def test_association(page: str, results: list[list[dict[str, str]]]) -> None:
+    alone, rows = "association alone, ", results[4]
+    where = {*NUSCENES, "nuScenes-mini", "Intersection", "IntersectionRaw"}
+    switches, everywhere = of_envs(rows, alone + IDS), of_envs(rows, alone + ALL)
+    low, high = (end(switches[name].value for name in where) for end in (min, max))
+    least, most = (end(everywhere[name].value for name in where) for end in (min, max))
+    people = f"on ETH/UCY {switches['ETH-UCY'].value:.2f} and {everywhere['ETH-UCY'].value:.2f} m"
+    costs = f"association costs {low:.1f} to {high:.1f} m on identity switches and {least:.2f} to {most:.2f} m over all"
+    assert f"On nuScenes, mini and at both Intersections {costs} targets, {people}, and at the Roundabout" in page
+    assert switches["Roundabout"].level
+
+
+def test_faults(page: str, results: list[list[dict[str, str]]]) -> None:
+    shares = {(env(row), row["agent"]): {key: cell(row, key).value for key in list(row)[4:]} for row in results[5]}
+    assert "The detector has more than half of it on nuScenes and at the Intersection" in page
+    largest = 0
+    for (name, agent), parts in shares.items():
+        assert parts["detector"] > 50 or name not in {"nuScenes", "Intersection"}, (name, agent)
+        largest += max(parts, key=lambda part: parts[part]) == "detector"
+    assert len(shares) - largest == 1, "nearly always"
+    assert "On PETS its share is localisation and history, and confidence costs about as much, for `mtp` more." in page
+    pets = {agent: parts for (name, agent), parts in shares.items() if name == "PETS"}
+    assert [agent for agent, parts in pets.items() if parts["confidence"] > parts["detector"]] == ["`mtp`"]
+
+
+def test_driving(page: str, leaderboard: Path) -> None:
+    figures = json.loads((leaderboard / "driving.json").read_text(encoding="utf-8"))
+    assert "Hypotheses drive no better than as many samples from one. At 2 Hz perfect association does not" in page
+    control = {("mtp", "stp_same_samples"), ("perfect_association_same_samples", "stp_same_samples")}
+    for name, measured in figures.items():
+        pairs = {(pair["one"], pair["other"]): pair["interval"] for pair in measured["pairs"]}
+        assert len(control & set(pairs)) == (1 if "10Hz" in name else 2)
+        assert all(pairs[pair][0] <= 0 for pair in control & set(pairs))
+    scores = {
+        road: {name: row["drive_score"] for name, row in figures[f"MTP-Drive-{road}-v0"]["rows"].items()}
+        for road in ("Intersection", "Roundabout", "Merge")
+    }
+    assert "with a network ground-truth tracks reach 0.94 at the intersection and the roundabout." in page
+    assert [f"{scores[road]['gt_tracks_modes']:.2f}" for road in ("Intersection", "Roundabout")] == ["0.94", "0.94"]
+    assert "drive best or level with the best that sees no truth" in page
+    for found in scores.values():
+        honest = {name: score for name, score in found.items() if not name.startswith(("gt_tracks", "perfect_"))}
+        best = max(honest.values())
+        assert all(best - honest[name] < 0.01 for name in ("stp_modes_tracklets", "mtp_modes_tracklets"))
+
+
+def test_driving_page(repository: Path) -> None:
+    """Numbers without an interval: how often the ego brakes on a free way, or crashes."""
+    path = repository / "docs" / "environment" / "driving_results.md"
+    said = " ".join(path.read_text(encoding="utf-8").split())
+    figures = json.loads((repository / "leaderboard" / "driving.json").read_text(encoding="utf-8"))
+    roads = [figures[f"MTP-Drive-{road}-v0"]["rows"] for road in ("Intersection", "Roundabout", "Merge")]
+    braked = [rows["stp"]["phantom_brakes"] / rows["gt_tracks"]["phantom_brakes"] for rows in roads]
+    assert "It brakes hard on a free way eleven, two and three times as often." in said
+    assert [round(times) for times in braked] == [11, 2, 3]
+    crashes = {
+        name: [round(2 * rows[name]["collisions"]) for rows in roads] for name in ("gt_tracks", "blind", "standing")
+    }
+    assert "the ego has 0, 0 and 1 collisions at fault in the 200 scenes" in said
+    assert "without any object it has 91, 117 and 97, and with objects that stand still 4, 3 and 23." in said
+    assert crashes == {"gt_tracks": [0, 0, 1], "blind": [91, 117, 97], "standing": [4, 3, 23]}
+
+
+def test_paper(page: str, results: list[list[dict[str, str]]]) -> None:
+    def factors(key: str) -> list[float]:
+        return [1 / (1 + cell(row, key).value / 100) for row in results[8] if row["table"] == "I"]
+
+    assert "two to three times here, with PTP up to four times. The paper's factors are 9 to 25," in page
+    assert {round(factor) for factor in factors("here")} <= {2, 3}
+    assert round(max(factors("here, with PTP"))) == 4
+    assert (round(min(factors("paper"))), round(max(factors("paper")))) == (9, 25)
+    second = {row["targets"]: row for row in results[8] if (row["table"], env(row)) == ("II", "nuScenes")}
+    assert "On nuScenes both gains go significantly beyond the samples." in page
+    assert all(cell(row, "bADE beyond the samples (m)").below for row in second.values())
+    assert "by minADE a tenth and nothing, by bADE both significant." in page
+    assert [round(cell(row, "here, with PTP").value, -1) for row in second.values()] == [-10, 0]
+    assert all(cell(row, "bADE with PTP (m)").below for row in second.values())
+
+
+def test_readme(repository: Path) -> None:
+    """The first lines: what association costs where identities switch, and what hypotheses win back of it."""
+    text = " ".join((repository / "README.md").read_text(encoding="utf-8").split())
+    (rows,) = tables(repository / "README.md")
+    switch = {row["agent"].strip("`"): cell(row, "identity switch (m) ↓").value for row in rows}
+    everywhere = {row["agent"].strip("`"): cell(row, "all targets (m) ↓").value for row in rows}
+    cost = switch["stp_same_samples"] - switch["perfect_association_same_samples"]
+    won = switch["stp_same_samples"] - switch["mtp"]
+    assert "wrong association costs about a metre where identities switch; hypotheses win nearly half of it" in text
+    assert 0.8 < cost < 1.2
+    assert 0.4 < won / cost < 0.5
+    assert "gains about a metre on identity switches, and a few centimetres over all targets" in text
+    assert 0.02 < everywhere["stp_same_samples"] - everywhere["perfect_association_same_samples"] < 0.1
+    assert "also better than `gt_tracks`, which is constant velocity" in text
+    assert switch["tracking_free"] < switch["gt_tracks"]
+    assert min(everywhere, key=lambda agent: (agent == "gt_tracks", everywhere[agent])) == "tracking_free"
