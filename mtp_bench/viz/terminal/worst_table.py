@@ -11,14 +11,14 @@ from .event_table import Listed
 from .output import counted
 
 CAPTION = (
-    "A moment is a run of frames of one object whose blame is above the run's mean. Blame is the error without the "
+    "A moment is a time in which the blame of one object is above the run's mean. Blame is the error without the "
     "part below threshold, which depends on the confidence of all other forecasts. share: of all blame, by "
     "which moments are sorted. error: mean of its frames, m; fault: the part of the stack that causes most of it; "
     "causes: its parts, the largest by name, the rest as others."
 )
 CAPTION_BELOW = (
-    "A moment is a run of frames of one object whose part below threshold is above the run's mean. share: of that part "
-    "of the error of the run, by which moments are sorted. error: mean of its frames, m, and its parts."
+    "A moment is a time in which the part below threshold of one object is above the run's mean. share: of "
+    "that part of the error of the run, by which moments are sorted. error: mean of its frames, m, and its parts."
 )
 UNSPLIT = "The error of forecasts is not split, but stands under rest: {}."
 
