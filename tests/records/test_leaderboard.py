@@ -149,12 +149,13 @@ def test_counts_in_texts_are_those_of_the_records(entries: list[Entry], reposito
     said = " ".join((repository / "leaderboard" / "RESULTS.md").read_text().split())
     assert f" it is {taus[0]}, {taus[1]} and {taus[2]}." in said
     env = "MTP-Drive-Intersection-v0"
-    driven = {entry.name: entry.record.driving for entry in entries if entry.env == env}
-    studied = figures[env]["rows"]
-    apart = max(abs(each.drive_score - studied[name]["drive_score"]) for name, each in driven.items() if each)
+    driven = {(each.env, each.name): each.record.driving for each in entries if each.record.driving}
+    apart = max(abs(each.drive_score - figures[of]["rows"][name]["drive_score"]) for (of, name), each in driven.items())
+    counts = [sum(of == f"MTP-Drive-{road}-v0" for of, _ in driven) for road in ("Intersection", "Roundabout")]
     page = " ".join(driving.PAGE.read_text().split())
-    assert f" records of {len(driven)} agents at the intersection," in page
-    assert f" differ from those here by at most {apart:.3f}." in page
+    assert sum(counts) == len(driven)
+    assert f" records of {counts[0]} agents at the intersection and {counts[1]} at the roundabout," in page
+    assert f" differ by at most {apart:.3f} from those here," in page
     first = sorted(entry.name for entry in entries if entry.env == env and (entry.place or 9) <= 4)
     names = ", ".join(f"`{name}`" for name in first[:-1])
     assert f" the first four are those with learned weights: {names} and `{first[-1]}`." in page
