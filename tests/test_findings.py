@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import pytest
 
-BLOCK = re.compile(r"<!-- table: (\S+)[^>]*-->\n\n(.*?)\n\n<!-- /table -->", re.DOTALL)
+BLOCK = re.compile(r"<!-- table: [^>]*-->\n\n(.*?)\n\n<!-- /table -->", re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 ALL, IDS, REACQUIRED = "all targets (m)", "identity switch (m)", "reacquired (m)"
 NUSCENES = {"nuScenes", "nuScenes-CenterPoint"}
@@ -56,7 +56,7 @@ def below(rows: Iterable[Row], key: str) -> set[str]:
 
 def tables(path: Path) -> Iterator[list[dict[str, str]]]:
     """Tables of a page in their order, cells by the headings of their columns."""
-    for _, block in BLOCK.findall(path.read_text(encoding="utf-8")):
+    for block in BLOCK.findall(path.read_text(encoding="utf-8")):
         heading, _, *lines = ([each.strip() for each in line.strip("|").split("|")] for line in block.splitlines())
         yield [dict(zip(heading, line, strict=True)) for line in lines]
 
