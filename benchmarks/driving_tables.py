@@ -14,6 +14,11 @@ from benchmarks.driving_measure import AHEAD, NEAR
 from benchmarks.driving_switches import LOST, SECONDS
 
 CHOSEN_LATER, KEPT = ", no switch in it", ", no switch before it"
+IN_SHORT = (("stp", "gt_tracks"), ("perfect_association", "stp"), ("stp_same_samples", "stp"),
+            ("mtp", "stp_same_samples"), ("perfect_association_same_samples", "stp_same_samples"),
+            ("stp_modes_tracklets", "stp"), ("stp_modes_tracklets", "stp_modes"),
+            ("tracking_free", "mtp_modes_tracklets"))  # fmt: skip
+ROADS = ("Intersection", "Roundabout", "Merge", "Intersection-10Hz")
 _Interval = Sequence[float] | None
 
 
@@ -59,6 +64,34 @@ def grids(made: Mapping[str, Any]) -> list[Grid]:
         found.append(_driving(f"Dishonest agents, {attacked} scenes", made["attacks"], attacked, ""))
     found.append(_taus(made["tau"]))
     return [*found, *_switches(made["switches"])] if made["switches"] else found
+
+
+def in_short(figures: Mapping[str, Any]) -> Grid:
+    """Table of what the text of the page speaks of: a column per environment; ``figures``: by environment."""
+    names = [f"MTP-Drive-{road}-v0" for road in ROADS]
+    heads = ["", *ROADS]
+    rows = [[f"`{one}` − `{other}`", *(_difference(figures[name], one, other) for name in names)]
+            for one, other in IN_SHORT]  # fmt: skip
+    for group in ("all", "without references"):
+        taus = [figures[name]["tau"][group] for name in names]
+        found = [tau["measures"]["bADE"] for tau in taus]
+        rows.append(
+            [f"tau with bADE, {group}", *(_cell(tau["tau"], (tau["low"], tau["high"]), ".2f") for tau in found)]
+        )
+        rows.append(["between halves of the scenes", *(f"{tau['between halves']:.2f}" for tau in taus)])
+    return Grid("Differences of drive scores, and tau", heads, rows)
+
+
+def _difference(made: Mapping[str, Any], one: str, other: str) -> str:
+    """Cell of the paired difference of drive scores; a dash where an agent has not driven."""
+    pairs = {(pair["one"], pair["other"]): (pair["mean"], pair["interval"]) for pair in made["pairs"]}
+    for name, row in made["rows"].items():
+        if name != "stp":
+            pairs[name, "stp"] = row["difference"], row["difference_interval"]
+    if (one, other) not in pairs and (other, one) in pairs:
+        value, (low, high) = pairs[other, one]
+        return _cell(-value, (-high, -low), "+.3f")
+    return _cell(*pairs[one, other], "+.3f") if (one, other) in pairs else "–"
 
 
 def _driving(title: str, rows: Mapping[str, Any], scenes: int, note: str) -> Grid:

@@ -171,20 +171,51 @@ def test_driving(page: str, leaderboard: Path) -> None:
 
 
 def test_driving_page(repository: Path) -> None:
-    """Numbers without an interval: how often the ego brakes on a free way, or crashes."""
+    """What the page says in words, against its figures."""
     path = repository / "docs" / "environment" / "driving_results.md"
     said = " ".join(path.read_text(encoding="utf-8").split())
     figures = json.loads((repository / "leaderboard" / "driving.json").read_text(encoding="utf-8"))
-    roads = [figures[f"MTP-Drive-{road}-v0"]["rows"] for road in ("Intersection", "Roundabout", "Merge")]
-    braked = [rows["stp"]["phantom_brakes"] / rows["gt_tracks"]["phantom_brakes"] for rows in roads]
+    roads = [figures[f"MTP-Drive-{road}-v0"] for road in ("Intersection", "Roundabout", "Merge")]
+    rows = [road["rows"] for road in roads]
+    braked = [own["stp"]["phantom_brakes"] / own["gt_tracks"]["phantom_brakes"] for own in rows]
     assert "It brakes hard on a free way eleven, two and three times as often." in said
     assert [round(times) for times in braked] == [11, 2, 3]
     crashes = {
-        name: [round(2 * rows[name]["collisions"]) for rows in roads] for name in ("gt_tracks", "blind", "standing")
+        name: [round(2 * own[name]["collisions"]) for own in rows] for name in ("gt_tracks", "blind", "standing")
     }
     assert "the ego has 0, 0 and 1 collisions at fault in the 200 scenes" in said
     assert "without any object it has 91, 117 and 97, and with objects that stand still 4, 3 and 23." in said
     assert crashes == {"gt_tracks": [0, 0, 1], "blind": [91, 117, 97], "standing": [4, 3, 23]}
+    fast = figures["MTP-Drive-Intersection-10Hz-v0"]["rows"]
+    assert "with `stp` there are 6 collisions at fault in 200 drives, and with ground-truth tracks none" in said
+    assert [2 * fast[name]["collisions"] for name in ("stp", "gt_tracks")] == [6, 0]
+    for road in roads:  # halves of the scenes agree better than bADE and drive score do
+        for group in ("all", "without references"):
+            assert road["tau"][group]["measures"]["bADE"]["tau"] < road["tau"][group]["between halves"]
+        all_targets, near = (
+            road["tau"]["without references"]["measures"][key] for key in ("bADE", "bADE near the ego")
+        )
+        assert all_targets["tau"] < near["tau"]
+        assert near["low"] < all_targets["high"], "the intervals overlap"
+
+
+def test_differences_of_driving(repository: Path) -> None:
+    """Signs of the differences in the first table, intersection, roundabout and merge: 0 where the interval holds 0."""
+    page = repository / "docs" / "environment" / "driving_results.md"
+    (block,) = re.findall(r"<!-- driving: in short -->(.*?)<!-- /driving -->", page.read_text("utf-8"), re.DOTALL)
+    lines = [[part.strip() for part in line.strip("|").split("|")] for line in block.strip().splitlines()[4:]]
+    signs = {}
+    for name, *cells in lines:
+        ends = [cell({"": each}, "").ends for each in cells[:3]]
+        signs[name] = [(low > 0) - (high < 0) for low, high in filter(None, ends)]
+    assert signs["`stp` − `gt_tracks`"] == [-1, -1, -1], "driving suffers"
+    assert signs["`perfect_association` − `stp`"] == [0, 0, 0], "wins nothing significant back"
+    assert signs["`stp_same_samples` − `stp`"] == [1, 0, 0], "at the intersection"
+    assert signs["`mtp` − `stp_same_samples`"] == [0, 0, 0], "drives as well"
+    assert signs["`perfect_association_same_samples` − `stp_same_samples`"] == [0, 0, 0], "drives as well"
+    assert signs["`stp_modes_tracklets` − `stp`"] == [1, 1, 1], "counts most"
+    assert signs["`stp_modes_tracklets` − `stp_modes`"] == [1, 1, 1], "worse than it everywhere"
+    assert signs["`tracking_free` − `mtp_modes_tracklets`"] == [0, 0, -1], "where they were trained"
 
 
 def test_paper(page: str, results: list[list[dict[str, str]]]) -> None:

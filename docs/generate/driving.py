@@ -3,7 +3,8 @@
     python -m docs.generate.driving [FIGURES.json ...]
 
 Each file of figures, as `benchmarks/driving.py show --json` writes them, first takes the place of those of its
-environment. Tables of an environment stand between ``<!-- driving: ID -->`` and ``<!-- /driving -->``.
+environment. Tables of an environment stand between ``<!-- driving: ID -->`` and ``<!-- /driving -->``, a table of all
+after ``<!-- driving: in short -->``.
 """
 
 from __future__ import annotations
@@ -21,17 +22,19 @@ from mtp_bench.files import write_text
 ROOT = Path(__file__).resolve().parents[2]
 PAGE, FIGURES = ROOT / "docs" / "environment" / "driving_results.md", ROOT / "leaderboard" / "driving.json"
 NONE = "Not measured yet."
-_BLOCK = re.compile(r"^<!-- driving: (\S+) -->\n.*?^<!-- /driving -->$", flags=re.DOTALL | re.MULTILINE)
+_BLOCK = re.compile(r"^<!-- driving: ([^>]+) -->\n.*?^<!-- /driving -->$", flags=re.DOTALL | re.MULTILINE)
 
 
 def filled(text: str, figures: Mapping[str, Any]) -> str:
     """``text`` with its tables made anew; ``figures``: by environment."""
 
     def block(match: re.Match[str]) -> str:
-        made, tables = figures.get(match[1]), NONE
-        if made is not None:  # the tables are those that the measurement prints
-            grids = import_module("benchmarks.driving_tables").grids(made)
-            tables = "\n".join(grid.markdown() for grid in grids).strip()
+        # the tables are those that the measurement prints
+        printed, made, tables = import_module("benchmarks.driving_tables"), figures.get(match[1]), NONE
+        if match[1] == "in short":
+            tables = printed.in_short(figures).markdown().strip()
+        elif made is not None:
+            tables = "\n".join(grid.markdown() for grid in printed.grids(made)).strip()
         return f"<!-- driving: {match[1]} -->\n\n{tables}\n\n<!-- /driving -->"
 
     return _BLOCK.sub(block, text)
