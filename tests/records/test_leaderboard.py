@@ -28,6 +28,7 @@ from mtp_bench.viz.board.entries import Entry, by_board
 from tests.support.command_line import CommandLine
 
 LEAST = 20  # records
+ROADS = ("Intersection", "Roundabout")
 INTERVAL = re.compile(r"\[([-+]?[\d.]+), ([-+]?[\d.]+)\]")
 
 
@@ -148,19 +149,24 @@ def test_counts_in_texts_are_those_of_the_records(entries: list[Entry], reposito
     ]
     said = " ".join((repository / "leaderboard" / "RESULTS.md").read_text().split())
     assert f" it is {taus[0]}, {taus[1]} and {taus[2]}." in said
-    env = "MTP-Drive-Intersection-v0"
-    driven = {(each.env, each.name): each.record.driving for each in entries if each.record.driving}
-    apart = max(abs(each.drive_score - figures[of]["rows"][name]["drive_score"]) for (of, name), each in driven.items())
-    counts = [sum(of == f"MTP-Drive-{road}-v0" for of, _ in driven) for road in ("Intersection", "Roundabout")]
-    page = " ".join(driving.PAGE.read_text().split())
-    assert sum(counts) == len(driven)
-    assert f" records of {counts[0]} agents at the intersection and {counts[1]} at the roundabout," in page
+
+
+def test_records_of_closed_loops_as_the_page_on_driving_has_them(entries: list[Entry]) -> None:
+    figures = json.loads(driving.FIGURES.read_text())
+    page, envs = " ".join(driving.PAGE.read_text().split()), [f"MTP-Drive-{road}-v0" for road in ROADS]
+    scores = {(each.env, each.name): each.record.driving.drive_score for each in entries if each.record.driving}
+    apart = max(abs(score - figures[env]["rows"][name]["drive_score"]) for (env, name), score in scores.items())
+    assert len(scores) == 12 * len(envs)
+    assert " records of 12 agents each at the intersection and the roundabout," in page
     assert f" differ by at most {apart:.3f} from those here," in page
-    first = sorted(entry.name for entry in entries if entry.env == env and (entry.place or 9) <= 4)
+    by_env = {env: [entry for entry in entries if entry.env == env] for env in envs}
+    first = sorted(entry.name for entry in by_env[envs[0]] if (entry.place or 9) <= 4)
     names = ", ".join(f"`{name}`" for name in first[:-1])
-    assert f" the first four are those with learned weights: {names} and `{first[-1]}`." in page
-    (stp,) = (entry for entry in entries if (entry.env, entry.name) == (env, "stp"))
-    assert stp.standing.places["all"].span == (7, 9), "the six above it are significantly better"
+    assert f" the first four at both are those with learned weights: {names} and `{first[-1]}`." in page
+    for env, better in (envs[0], {*first, "stp_same_samples", "mtp"}), (envs[1], {*first}):
+        assert {entry.name for entry in by_env[env] if (entry.place or 9) <= 4} == {*first}
+        found = {entry.name: entry.standing.differences.get("all") for entry in by_env[env] if entry.place is not None}
+        assert {name for name, each in found.items() if each and each.significant and each.mean < 0} == better, env
 
 
 def test_findings_that_stand_in_no_table(entries: list[Entry], repository: Path) -> None:
