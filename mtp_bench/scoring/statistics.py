@@ -230,7 +230,7 @@ def as_sums(name: str, values: ArrayLike) -> Floats:
     return array
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=8)
 def _flips(units: int) -> tuple[Floats, int]:
     """All signs [2^U, U] and 0; of more than EXACT_UNITS units random ones and 1, the observed signs beside them."""
     if units > EXACT_UNITS:
