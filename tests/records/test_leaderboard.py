@@ -28,7 +28,7 @@ from mtp_bench.viz.board.entries import Entry, by_board
 from tests.support.command_line import CommandLine
 
 LEAST = 20  # records
-ROADS = ("Intersection", "Roundabout")
+ROADS = ("Intersection", "Roundabout", "Merge")
 INTERVAL = re.compile(r"\[([-+]?[\d.]+), ([-+]?[\d.]+)\]")
 
 
@@ -155,17 +155,26 @@ def test_records_of_closed_loops_as_the_page_on_driving_has_them(entries: list[E
     figures = json.loads(driving.FIGURES.read_text())
     page, envs = " ".join(driving.PAGE.read_text().split()), [f"MTP-Drive-{road}-v0" for road in ROADS]
     scores = {(each.env, each.name): each.record.driving.drive_score for each in entries if each.record.driving}
-    apart = max(abs(score - figures[env]["rows"][name]["drive_score"]) for (env, name), score in scores.items())
+    learned = ["affinity", "mtp_modes_tracklets", "stp_modes_tracklets", "tracking_free"]
+    gaps = {(env, name): score - figures[env]["rows"][name]["drive_score"] for (env, name), score in scores.items()}
+    trained_there = {name: gaps.pop(("MTP-Drive-Merge-v0", name)) for name in learned}
+    apart = max(map(abs, gaps.values()))
     assert len(scores) == 12 * len(envs)
-    assert " records of 12 agents each at the intersection and the roundabout," in page
+    assert " records of 12 agents at each of the three," in page
     assert f" differ by at most {apart:.3f} from those here," in page
-    by_env = {env: [entry for entry in entries if entry.env == env] for env in envs}
-    first = sorted(entry.name for entry in by_env[envs[0]] if (entry.place or 9) <= 4)
-    names = ", ".join(f"`{name}`" for name in first[:-1])
-    assert f" the first four at both are those with learned weights: {names} and `{first[-1]}`." in page
-    for env, better in (envs[0], {*first, "stp_same_samples", "mtp"}), (envs[1], {*first}):
-        assert {entry.name for entry in by_env[env] if (entry.place or 9) <= 4} == {*first}
-        found = {entry.name: entry.standing.differences.get("all") for entry in by_env[env] if entry.place is not None}
+    assert "`tracking_free` scores 0.89 instead of 0.78 there, the other three 0.01 to 0.03 more than here." in page
+    assert f"{scores['MTP-Drive-Merge-v0', 'tracking_free']:.2f}" == "0.89"
+    assert f"{scores['MTP-Drive-Merge-v0', 'tracking_free'] - trained_there.pop('tracking_free'):.2f}" == "0.78"
+    assert all(0.005 < gap < 0.035 for gap in trained_there.values())
+    names = ", ".join(f"`{name}`" for name in learned[:-1])
+    assert f" roundabout are those with learned weights: {names} and `{learned[-1]}`." in page
+    control = {"stp_same_samples", "mtp"}
+    merge = {*learned, *control}, {*learned, *control} - {"tracking_free"}
+    expected = ({*learned}, {*learned, *control}), ({*learned}, {*learned}), merge
+    for env, (first, better) in zip(envs, expected, strict=True):
+        ranked = {entry.name: entry for entry in entries if entry.env == env and entry.place is not None}
+        assert {name for name, entry in ranked.items() if (entry.place or 9) <= len(first)} == first, env
+        found = {name: entry.standing.differences.get("all") for name, entry in ranked.items()}
         assert {name for name, each in found.items() if each and each.significant and each.mean < 0} == better, env
 
 
