@@ -68,8 +68,8 @@ def grids(made: Mapping[str, Any]) -> list[Grid]:
 
 def in_short(figures: Mapping[str, Any]) -> Grid:
     """Table of what the text of the page speaks of: a column per environment; ``figures``: by environment."""
-    names = [f"MTP-Drive-{road}-v0" for road in ROADS]
-    heads = ["", *ROADS]
+    roads = [road for road in ROADS if f"MTP-Drive-{road}-v0" in figures]
+    names = [f"MTP-Drive-{road}-v0" for road in roads]
     rows = [[f"`{one}` − `{other}`", *(_difference(figures[name], one, other) for name in names)]
             for one, other in IN_SHORT]  # fmt: skip
     for group in ("all", "without references"):
@@ -79,7 +79,7 @@ def in_short(figures: Mapping[str, Any]) -> Grid:
             [f"tau with bADE, {group}", *(_cell(tau["tau"], (tau["low"], tau["high"]), ".2f") for tau in found)]
         )
         rows.append(["between halves of the scenes", *(f"{tau['between halves']:.2f}" for tau in taus)])
-    return Grid("Differences of drive scores, and tau", heads, rows)
+    return Grid("Differences of drive scores, and tau", ["", *roads], rows)
 
 
 def _difference(made: Mapping[str, Any], one: str, other: str) -> str:

@@ -174,6 +174,8 @@ def test_records_of_closed_loops_as_the_page_on_driving_has_them(entries: list[E
     for env, (first, better) in zip(envs, expected, strict=True):
         ranked = {entry.name: entry for entry in entries if entry.env == env and entry.place is not None}
         assert {name for name, entry in ranked.items() if (entry.place or 9) <= len(first)} == first, env
+        spans = {name: entry.standing.places["all"].span for name, entry in ranked.items()}
+        assert "Merge" not in env or all(span and span[0] == 1 for name, span in spans.items() if name in first)
         found = {name: entry.standing.differences.get("all") for name, entry in ranked.items()}
         assert {name for name, each in found.items() if each and each.significant and each.mean < 0} == better, env
 
