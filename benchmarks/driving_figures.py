@@ -40,7 +40,7 @@ REFERENCES = (TRUTH, "gt_tracks_modes", "gt_tracks_ptp", "blind", "standing")  #
 PAIRS = (
     ("stp_same_samples", STP), ("mtp", "stp_same_samples"), ("perfect_association_same_samples", "stp_same_samples"),
     ("stp_modes_tracklets", "stp_modes"), ("mtp_modes_tracklets", "stp_modes_tracklets"), ("tracking_free", "mtp"),
-    ("tracking_free", "mtp_modes_tracklets"), (TRUTH, "tracking_free"),
+    ("tracking_free", "stp_modes_tracklets"), ("tracking_free", "mtp_modes_tracklets"), (TRUTH, "tracking_free"),
 )  # fmt: skip
 SEEDS, ENOUGH = (0, 1, 2), 0.9
 HALVES = 200

@@ -17,7 +17,7 @@ CHOSEN_LATER, KEPT = ", no switch in it", ", no switch before it"
 IN_SHORT = (("stp", "gt_tracks"), ("perfect_association", "stp"), ("stp_same_samples", "stp"),
             ("mtp", "stp_same_samples"), ("perfect_association_same_samples", "stp_same_samples"),
             ("stp_modes_tracklets", "stp"), ("stp_modes_tracklets", "stp_modes"),
-            ("tracking_free", "mtp_modes_tracklets"))  # fmt: skip
+            ("tracking_free", "stp_modes_tracklets"), ("tracking_free", "mtp_modes_tracklets"))  # fmt: skip
 ROADS = ("Intersection", "Roundabout", "Merge", "Intersection-10Hz")
 _Interval = Sequence[float] | None
 

@@ -157,15 +157,10 @@ def test_records_of_closed_loops_as_the_page_on_driving_has_them(entries: list[E
     scores = {(each.env, each.name): each.record.driving.drive_score for each in entries if each.record.driving}
     learned = ["affinity", "mtp_modes_tracklets", "stp_modes_tracklets", "tracking_free"]
     gaps = {(env, name): score - figures[env]["rows"][name]["drive_score"] for (env, name), score in scores.items()}
-    trained_there = {name: gaps.pop(("MTP-Drive-Merge-v0", name)) for name in learned}
     apart = max(map(abs, gaps.values()))
     assert len(scores) == 12 * len(envs)
     assert " records of 12 agents at each of the three," in page
     assert f" differ by at most {apart:.3f} from those here," in page
-    assert "`tracking_free` scores 0.89 instead of 0.78 there, the other three 0.01 to 0.03 more than here." in page
-    assert f"{scores['MTP-Drive-Merge-v0', 'tracking_free']:.2f}" == "0.89"
-    assert f"{scores['MTP-Drive-Merge-v0', 'tracking_free'] - trained_there.pop('tracking_free'):.2f}" == "0.78"
-    assert all(0.005 < gap < 0.035 for gap in trained_there.values())
     names = ", ".join(f"`{name}`" for name in learned[:-1])
     assert f" roundabout are those with learned weights: {names} and `{learned[-1]}`." in page
     control = {"stp_same_samples", "mtp"}

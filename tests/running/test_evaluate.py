@@ -161,7 +161,8 @@ def unreadable(task: Task) -> EchoAgent:
 
 
 def test_whatever_an_agent_does_costs_the_others_nothing(card: str, kitti: str) -> None:
-    known: Any = {"data": kitti, "scenes": ["0006"]}  # each run of an agent that ends its process ends those beside it
+    # each run of an agent that ends its process ends those beside it
+    known: Any = {"data": kitti, "scenes": ["0006"], "full": False}
     good = mtp_bench.compare([EchoAgent(0.1)], card, **known)
     report = mtp_bench.compare([Vanishing(), EchoAgent(0.1), unreadable, vanish], card, **known, jobs=2).report
     assert numbers(report) == numbers(good.report)
