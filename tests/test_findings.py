@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -69,6 +69,19 @@ def leaderboard(repository: Path) -> Path:
 @pytest.fixture(scope="module")
 def page(leaderboard: Path) -> str:
     return " ".join((leaderboard / "RESULTS.md").read_text(encoding="utf-8").split())
+
+
+@pytest.fixture(scope="module")
+def drives(leaderboard: Path) -> dict[str, Any]:
+    """Figures of the study of driving, by environment."""
+    figures: dict[str, Any] = json.loads((leaderboard / "driving.json").read_text(encoding="utf-8"))
+    return figures
+
+
+@pytest.fixture(scope="module")
+def driving_page(repository: Path) -> str:
+    path = repository / "docs" / "environment" / "driving_results.md"
+    return " ".join(path.read_text(encoding="utf-8").split())
 
 
 @pytest.fixture(scope="module")
@@ -149,16 +162,15 @@ def test_faults(page: str, results: list[list[dict[str, str]]]) -> None:
     assert [agent for agent, parts in pets.items() if parts["confidence"] > parts["detector"]] == ["`mtp`"]
 
 
-def test_driving(page: str, leaderboard: Path) -> None:
-    figures = json.loads((leaderboard / "driving.json").read_text(encoding="utf-8"))
+def test_driving(page: str, drives: dict[str, Any]) -> None:
     assert "Hypotheses drive no better than as many samples from one. At 2 Hz perfect association does not" in page
     control = {("mtp", "stp_same_samples"), ("perfect_association_same_samples", "stp_same_samples")}
-    for name, measured in figures.items():
+    for name, measured in drives.items():
         pairs = {(pair["one"], pair["other"]): pair["interval"] for pair in measured["pairs"]}
         assert len(control & set(pairs)) == (1 if "10Hz" in name else 2)
         assert all(pairs[pair][0] <= 0 for pair in control & set(pairs))
     scores = {
-        road: {name: row["drive_score"] for name, row in figures[f"MTP-Drive-{road}-v0"]["rows"].items()}
+        road: {name: row["drive_score"] for name, row in drives[f"MTP-Drive-{road}-v0"]["rows"].items()}
         for road in ("Intersection", "Roundabout", "Merge")
     }
     assert "with a network ground-truth tracks reach 0.94 to 0.95." in page
@@ -168,30 +180,43 @@ def test_driving(page: str, leaderboard: Path) -> None:
         honest = {name: score for name, score in found.items() if not name.startswith(("gt_tracks", "perfect_"))}
         best = max(honest.values())
         assert all(best - honest[name] < 0.01 for name in ("stp_modes_tracklets", "mtp_modes_tracklets"))
+        assert (best - honest["tracking_free"] < 0.01) == (found is not scores["Merge"])
+    pairs = {(pair["one"], pair["other"]): pair for pair in drives["MTP-Drive-Merge-v0"]["pairs"]}
+    behind = pairs["tracking_free", "stp_modes_tracklets"]
+    low, high = sorted(-end for end in behind["interval"])
+    assert f"where `stp_modes_tracklets` is {-behind['mean']:.3f} [{low:.3f}, {high:.3f}] better." in page
 
 
-def test_driving_page(repository: Path) -> None:
+def test_driving_page(driving_page: str, drives: dict[str, Any]) -> None:
     """What the page says in words, against its figures."""
-    path = repository / "docs" / "environment" / "driving_results.md"
-    said = " ".join(path.read_text(encoding="utf-8").split())
-    figures = json.loads((repository / "leaderboard" / "driving.json").read_text(encoding="utf-8"))
-    roads = [figures[f"MTP-Drive-{road}-v0"] for road in ("Intersection", "Roundabout", "Merge")]
+    roads = [drives[f"MTP-Drive-{road}-v0"] for road in ("Intersection", "Roundabout", "Merge")]
     rows = [road["rows"] for road in roads]
     braked = [own["stp"]["phantom_brakes"] / own["gt_tracks"]["phantom_brakes"] for own in rows]
-    assert "It brakes hard on a free way eleven, two and three times as often." in said
+    assert "It brakes hard on a free way eleven, two and three times as often." in driving_page
     assert [round(times) for times in braked] == [11, 2, 3]
     crashes = {
         name: [round(2 * own[name]["collisions"]) for own in rows] for name in ("gt_tracks", "blind", "standing")
     }
-    assert "the ego has 0, 0 and 1 collisions at fault in the 200 scenes" in said
-    assert "without any object it has 91, 117 and 97, and with objects that stand still 4, 3 and 23." in said
+    assert "the ego has 0, 0 and 1 collisions at fault in the 200 scenes" in driving_page
+    assert "without any object it has 91, 117 and 97, and with objects that stand still 4, 3 and 23." in driving_page
     assert crashes == {"gt_tracks": [0, 0, 1], "blind": [91, 117, 97], "standing": [4, 3, 23]}
-    fast = figures["MTP-Drive-Intersection-10Hz-v0"]["rows"]
-    assert "with `stp` there are 6 collisions at fault in 200 drives, and with ground-truth tracks none" in said
+    fast = drives["MTP-Drive-Intersection-10Hz-v0"]["rows"]
+    assert "with `stp` there are 6 collisions at fault in 200 drives, and with ground-truth tracks none" in driving_page
     assert [2 * fast[name]["collisions"] for name in ("stp", "gt_tracks")] == [6, 0]
-    assert "lower than between two halves of the scenes at the intersection and the roundabout, and higher at" in said
+    assert (
+        "lower than between two halves of the scenes at the intersection and the roundabout, and higher at"
+        in driving_page
+    )
     taus = [road["tau"]["without references"] for road in roads]
     assert [each["measures"]["bADE"]["tau"] < each["between halves"] for each in taus] == [True, True, False]
+    better, tested = ("mtp_modes_tracklets", "stp_modes_tracklets", "tracking_free"), roads[2]["rows"]
+    six = (*better, "affinity", "mtp", "stp_same_samples")
+    assert "only `mtp_modes_tracklets`, `stp_modes_tracklets` and `tracking_free` are: at the merge" in driving_page
+    assert [tested[name]["p"] < 0.05 for name in six] == [True, True, True, False, False, False]
+    attacks = [row for road in roads for name, row in road["attacks"].items() if name != "stp"]
+    seen = [row["seen"]["50"] for row in attacks]
+    assert f"differences of {min(seen):.2f} to {max(seen):.2f}, no dishonest agent drives better" in driving_page
+    assert all(row["difference"] < 0 for row in attacks)
     for road in roads:
         all_targets, near = (
             road["tau"]["without references"]["measures"][key] for key in ("bADE", "bADE near the ego")
@@ -200,18 +225,16 @@ def test_driving_page(repository: Path) -> None:
         assert near["low"] < all_targets["high"], "the intervals overlap"
 
 
-def test_costs_of_a_switch(repository: Path) -> None:
+def test_costs_of_a_switch(driving_page: str, drives: dict[str, Any]) -> None:
     """Intervals that leave out 0, as the page on driving counts them."""
-    said = " ".join((repository / "docs" / "environment" / "driving_results.md").read_text(encoding="utf-8").split())
-    figures = json.loads((repository / "leaderboard" / "driving.json").read_text(encoding="utf-8"))
     costs = {
         (env, part, name.partition(",")[0]): (cost["low"], cost["high"])
-        for env, made in figures.items()
+        for env, made in drives.items()
         for part in ("windows", "ahead")
         for name, cost in made["switches"][part].items()
         if name.endswith("no switch before it")
     }
-    assert "Of forty such intervals two leave out 0" in said
+    assert "Of forty such intervals two leave out 0" in driving_page
     assert len(costs) == 40
     assert {each: low > 0 for each, (low, high) in costs.items() if not low <= 0 <= high} == {
         ("MTP-Drive-Merge-v0", "windows", "hard brake"): True,
