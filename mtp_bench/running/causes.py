@@ -11,14 +11,14 @@ from .._version import __version__
 from ..errors import MtpBenchError, SubmissionError, UnknownNameError
 from ..files import cache_root
 from ..parallel import reported
-from ..scoring import AgentScores, score_scene
+from ..scoring import DEFINITIONS, AgentScores, score_scene
 from ..scoring.parts import PARTS, SceneParts, blame, error_parts, reference_errors
 from ..scoring.table import agent_table
 from ..sources.cache import Arrays, read_arrays, write_arrays
 from ..submission.loader import load_submission
 from .compare import scores_of
 from .options import DEFAULTS, RunOptions
-from .reference import frozen_reference, make_reference
+from .reference import card_budget
 from .rollout_files import RUN_FILE
 from .run import jobs_of, run_jobs
 from .settings import Setting, references_of, setting_of
@@ -35,7 +35,7 @@ def run_parts(opened: OpenedRun, options: RunOptions = DEFAULTS, again: bool = F
     Raises DataError if the scenes cannot be read.
     """
     runs, why = _references(opened)
-    content = f"{__version__}|{why}|{(opened.folder / RUN_FILE).read_text(encoding='utf-8')}"
+    content = f"{__version__}|{DEFINITIONS}|{why}|{(opened.folder / RUN_FILE).read_text(encoding='utf-8')}"
     path = cache_root() / "causes" / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.npz"
     names = [rollout.scene for rollout in opened.run.rollouts]
     stored = None if again else read_arrays(path)
@@ -74,15 +74,12 @@ def _made(opened: OpenedRun, names: Sequence[str], runs: dict[str, Setting], opt
     split, failed = None, ""
     with reported("finding causes: scoring the run, and the two references that split its errors"):
         scores = run_scores(opened, options)
-        reference = frozen_reference(opened.card)
-        if reference is None or not reference.holds(names):
-            reference = make_reference(opened.card, names, options, seeds=[0])  # budgets need no event weights
         try:
             associated, tracks = (_scores(runs[name], opened, names, options) if runs else None for name in _SPLIT)
             split = reference_errors(associated, tracks, opened.run.info.samples)
         except SubmissionError as error:  # such as weights that are not there
             failed = f"a reference failed: {error}"
-        found = error_parts(agent_table(scores, reference), "all", split)
+        found = error_parts(agent_table(scores, None, card_budget(opened.card.id)), "all", split)
     count = [len(score) for score in scores.seeds[0]]
     part = np.stack([found.get(name, np.zeros(sum(count))) for name in PARTS], axis=1)
     distance = np.concatenate([score.distance for score in scores.seeds[0]])

@@ -1,5 +1,6 @@
 """Event weights of an env, or ways of a closed loop: the frozen file of a shipped card, or made from the scenes."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,10 +16,11 @@ from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
 from ..env.rollouts import empty_rollout
 from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, require_known
-from ..files import require_file
+from ..files import require_file, write_text
 from ..parallel import parallel_map, reported
 from ..scoring import score_scene
-from ..scoring.definitions import DEFINITIONS
+from ..scoring.bade import ONE_PER_TARGET, CardBudget
+from ..scoring.definitions import WEIGHTS_DEFINITIONS
 from ..scoring.neutral import evaluated
 from ..scoring.targets import find_targets
 from ..scoring.weights import (
@@ -31,6 +33,7 @@ from ..scoring.weights import (
     tracking_events as events_of,
 )
 from ..scoring.weights_file import read_reference, write_reference
+from ..strict import read_json
 from ..submission.loader import Submission, controls, load_submission
 from ..types import Bools, Rollout, Scene, Task, starts_of
 from .options import DEFAULTS, RunOptions
@@ -49,6 +52,8 @@ class _PlainRun(NamedTuple):
     stp_events: tuple[int, int, int]
     false_forecasts: int
     forecasts: int
+    live: int
+    truth_complete: bool
 
 
 def frozen_path(env_id: str) -> Path:
@@ -61,13 +66,41 @@ def frozen_reference(card: Card) -> Reference | None:
 
     Raises DataError if the file is broken or of other definitions.
     """
-    path = frozen_path(card.id)
+    reference = _frozen_file(card.id)
+    return reference if reference is not None and reference.card == card.digest else None
+
+
+def card_budget(env_id: str) -> CardBudget:
+    """Return the constants that set the budgets of a card; without a frozen file, one false forecast per target.
+
+    They are of the shipped card of this id, whatever is changed in it: scenes, split or detections.
+    """
+    reference = _frozen_file(env_id)
+    return ONE_PER_TARGET if reference is None else reference.budget
+
+
+def _frozen_file(env_id: str) -> Reference | None:
+    """Read the frozen event weights of the shipped card of this id; None without a file."""
+    path = frozen_path(env_id)
     if not path.is_file():
         return None
     reference = read_reference(path)
-    if reference.env != card.id:
-        raise DataError(f"{path}: env is {reference.env!r}, expected {card.id!r}")
-    return replace(reference, frozen=True) if reference.card == card.digest else None
+    if reference.env != env_id:
+        raise DataError(f"{path}: env is {reference.env!r}, expected {env_id!r}")
+    live = _live_frames().get(env_id)
+    if live is None:
+        return replace(reference, frozen=True)
+    constants = CardBudget(env_id, reference.totals["forecasts"], live, false_known=False)
+    return replace(reference, frozen=True, constants=constants)
+
+
+def _live_frames() -> dict[str, int]:
+    """Return the live frames of the scored splits whose truth holds prediction targets alone, by env.
+
+    The files of event weights lack them, and their hash does not cover them.
+    """
+    path = frozen_path("live_frames")
+    return read_json(path, DataError) if path.is_file() else {}
 
 
 def ranked_scenes(card: Card, names: Sequence[str]) -> tuple[str, ...]:
@@ -86,7 +119,9 @@ def reference_for(card: Card, scenes: Sequence[str], options: RunOptions = DEFAU
     ``card``: with all changes. ``options``: data, workers and progress. Raises DataError if the frozen file is broken.
     """
     frozen = frozen_reference(card)
-    return frozen if frozen is not None and frozen.holds(scenes) else make_reference(card, scenes, options)
+    if frozen is not None and frozen.holds(scenes):
+        return frozen
+    return replace(make_reference(card, scenes, options), constants=card_budget(card.id))
 
 
 def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, Reference]:
@@ -100,13 +135,16 @@ def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, Reference
     require_file(path)
     reference = make_reference(card, MTPEnv(card, data=options.data).scene_names, options)
     write_reference(path, reference)
+    if not reference.budget.false_known:
+        live = {**_live_frames(), env_id: reference.budget.divisor}
+        write_text(frozen_path("live_frames"), json.dumps(live, indent=1, sort_keys=True) + "\n")
     return path, replace(reference, frozen=True)
 
 
 def make_reference(
     card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS, seeds: Sequence[int] = range(RUNS)
 ) -> Reference:
-    """Event weights from runs of the card's reference baseline on ``scenes``, one per seed.
+    """Event weights from runs of the card's reference baseline on ``scenes``, one per seed; budgets are theirs, too.
 
     ``seeds``: at most 255, counts are bytes. Raises CardError unless that baseline takes the parameters ``assignment``
     and ``forecasts``.
@@ -133,7 +171,16 @@ def make_reference(
             total, run.stp, run.stp_events, run.false_forecasts, run.forecasts
         )
     parameters = perturbation.parameters(card.task.classes, seeds)
-    return Reference(card.id, card.digest, DEFINITIONS, submission.name, len(seeds), parameters, weights)
+    header = (card.id, card.digest, WEIGHTS_DEFINITIONS, submission.name, len(seeds), parameters)
+    return Reference(*header, weights, constants=_counted(card.id, plain))
+
+
+def _counted(env_id: str, runs: Sequence[_PlainRun]) -> CardBudget | None:
+    """Return the constants that plain runs set; None: false forecasts against targets, as the weights hold them."""
+    if all(run.truth_complete for run in runs):
+        return None
+    live = sum(run.live for run in runs)
+    return CardBudget(env_id, sum(run.forecasts for run in runs), max(live, 1), false_known=False)
 
 
 def _driven_reference(card: Card, scenes: Sequence[str], options: RunOptions) -> Reference:
@@ -142,7 +189,7 @@ def _driven_reference(card: Card, scenes: Sequence[str], options: RunOptions) ->
     drives = run_jobs(jobs_of(submission, card, {"data": options.data}, scenes), options, _way)
     none = np.zeros((1, len(COUNTED)), dtype=np.uint8), np.zeros((1, len(EVENTS)), dtype=bool), (0, 0, 0), 0, 0
     weights = {scene_key(card.id, name): SceneWeights(*none, way) for name, way in zip(scenes, drives, strict=True)}
-    return Reference(card.id, card.digest, DEFINITIONS, submission.name, 1, {}, weights)
+    return Reference(card.id, card.digest, WEIGHTS_DEFINITIONS, submission.name, 1, {}, weights)
 
 
 def _way(scene: Scene, rollout: Rollout, card: Card) -> float:
@@ -159,7 +206,8 @@ def _plain_run(card: Card, data: str | None, name: str, submission: Submission) 
     ids, lost, reacquired = events[~evaluated(scene).truth.neutral].sum(axis=0).tolist()
     score, flags = score_scene(scene, rollout, card), events[find_targets(scene, card).row]
     detections, counts = matched_detections(scene, card), (ids, lost, reacquired)
-    return _PlainRun(detections, flags, counts, score.false_forecasts, score.forecasts)
+    false, every = score.false_forecasts, score.forecasts
+    return _PlainRun(detections, flags, counts, false, every, score.live, scene.truth_complete)
 
 
 def _perturbed_runs(

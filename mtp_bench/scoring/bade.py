@@ -56,8 +56,50 @@ class Budgets:
     """Numbers of false forecasts that are allowed; if false ones are unknown, forecasts per live frame."""
 
     all: Floats  # bADE of "all" is the mean over these
-    subsets: float  # of the subsets: STP's own number
+    subsets: float  # of the event subsets
     false_known: bool = True
+
+
+@dataclass(frozen=True)
+class CardBudget:
+    """Constants of a card that set its budgets: counts of the reference STP on the scored split.
+
+    Budgets never depend on what an agent is given: worse detections would widen them, and lower its error.
+    """
+
+    env: str = ""  # id of the card; empty: its scored split has no frozen counts
+    forecasts: int = 1  # false ones of STP; all of them if false ones are unknown
+    divisor: int = 1  # targets; live frames if false forecasts are unknown
+    false_known: bool = True  # False: the truth of the scored split holds prediction targets alone
+
+    def fit_for(self, false_known: bool) -> "CardBudget":
+        """Return the constants for scenes whose false forecasts are known or not; without such, one per target."""
+        return self if self.false_known == false_known else CardBudget(false_known=false_known)
+
+    def budgets(self, targets: int, false_known: bool = True) -> Budgets:
+        """Return the budgets of a run with this number of targets.
+
+        ``false_known``: False where the truth of the run's scenes holds prediction targets alone.
+        """
+        own = self.fit_for(false_known)
+        if false_known:
+            limit = own.forecasts * targets / own.divisor  # multiplied first: exact on the scored split
+            return Budgets(np.arange(1, BUDGETS + 1) * min(float(targets), limit) / BUDGETS, limit)
+        per_frame = [*FORECASTS_PER_FRAME, *([own.forecasts / own.divisor] if own.env else [])]
+        return Budgets(np.array(per_frame), per_frame[-1], false_known=False)
+
+    def text(self, false_known: bool = True) -> str:
+        """Return the budget and its source in one sentence, for a report."""
+        own = self.fit_for(false_known)
+        source = f"constant of {own.env}" if own.env else "no constant for such scenes"
+        if false_known:
+            rate = own.forecasts / own.divisor
+            return f"budget {rate:.3g} false forecasts per target ({source}), at most 1 on all and turning targets"
+        rates = ", ".join(f"{rate:.3g}" for rate in own.budgets(0, false_known).all)
+        return f"budgets {rates} forecasts per live frame ({source}): false ones are not known"
+
+
+ONE_PER_TARGET = CardBudget()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,17 +108,6 @@ class BudgetErrors:
 
     error: Floats  # [b, n] m
     missed: Floats  # [b, n] m, the part from targets without a forecast
-
-
-def budgets_of(targets: int, stp: float, false_known: bool = True) -> Budgets:
-    """The budgets of a run with this number of targets.
-
-    ``stp``: the false forecasts of the reference STP in the same scenes; if false ones are unknown, its forecasts per
-    live frame; inf without a reference.
-    """
-    if false_known:
-        return Budgets(np.arange(1, BUDGETS + 1) * min(float(targets), stp) / BUDGETS, stp)
-    return Budgets(np.array([*FORECASTS_PER_FRAME, *([stp] if np.isfinite(stp) else [])]), stp, false_known=False)
 
 
 def errors_at(cuts: Sequence[Cuts], budgets: Sequence[float] | Floats, live_frames: int | None = None) -> BudgetErrors:

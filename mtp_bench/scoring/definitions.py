@@ -3,15 +3,16 @@
 import math
 from typing import Literal, get_args
 
-DEFINITIONS = "3.0"  # raised whenever a number of an unchanged rollout would change
+DEFINITIONS = "3.1"  # raised whenever a number of an unchanged rollout would change
+WEIGHTS_DEFINITIONS = "3.0"  # of event weights: raised whenever a count of events would change
 GOLDEN = "f7aa6e80dc7d55d193aeedd3ee053223e197b482f6bc6e32ec294565cc8a39e8"  # tests/scoring/test_golden_results.py
 
 MISS_RATE_GATE = 2.0  # m, a sample whose final point is farther away misses (MR, EPA)
 MOVING_SPEED = 0.5  # m/s, straight displacement over the future by its time; slower targets are "static"
 TURNING = 0.5  # rad, change of the true heading over the future; the subset "turning" has targets above
 PLANNING_SIGMA = 3.0  # m, PI-ADE weighs a target by exp(-approach^2 / (2 sigma^2))
-BUDGETS = 10  # equal steps up to min(targets, false forecasts of STP): their mean ranks "all"
-FORECASTS_PER_FRAME = (20.0, 40.0)  # budgets where false forecasts cannot be known, beside STP's own number
+BUDGETS = 10  # equal steps up to the card's number of false forecasts, at most one per target: their mean ranks "all"
+FORECASTS_PER_FRAME = (20.0, 40.0)  # budgets where false forecasts cannot be known, beside the card's number
 CURVE_BUDGETS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.25, 1.5, 2.0, 3.0, 5.0)  # per target
 SURE = 0.5  # confidence from which the fixed operating point takes a forecast as said
 FALSE_FORECAST_SHARE = 0.5  # of the miss error c, per false forecast at the fixed operating point

@@ -12,10 +12,11 @@ from pydantic import Field
 from ..strict import Section
 from ..tables import Column
 from ..types import Drive, Floats
+from .bade import ONE_PER_TARGET
 from .rows import Interval, IntervalColumn
 from .score import SceneScore
 from .statistics import bootstrap_interval, sign_flip_test
-from .table import run_budgets, run_errors
+from .table import run_errors
 
 WEIGHTS = {"progress": 5.0, "no near miss": 5.0, "comfort": 2.0}
 LEAST_WAY = 5.0  # m: where ground-truth tracks let the ego drive less, progress counts as made
@@ -83,7 +84,8 @@ def driving_rows(
 def own_bade(agent: AgentDrives) -> float | None:
     """BADE in the agent's own drives, m, mean over seeds; budgets up to a false forecast per target; or None."""
     runs = [run for run in agent.scores if any(map(len, run))]
-    errors = [run_errors(run, run_budgets(run, None).all, True, "cuts").error.mean() for run in runs]
+    budgets = [ONE_PER_TARGET.budgets(sum(map(len, run))).all for run in runs]
+    errors = [run_errors(run, each, True, "cuts").error.mean() for run, each in zip(runs, budgets, strict=True)]
     return float(np.mean(errors)) if errors else None
 
 

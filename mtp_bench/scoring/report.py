@@ -13,6 +13,7 @@ from ..cards import Card
 from ..cards.source import FilesSource
 from ..errors import MtpBenchError
 from ..tables import Table, counted, to_html, to_text
+from .bade import ONE_PER_TARGET
 from .definitions import DEFINITIONS, Subset
 from .details import details
 from .parts import ReferenceErrors, mean_costs, reference_errors
@@ -102,8 +103,8 @@ def summarise(
 ) -> Report:
     """Report of ``agents`` on the same scenes of ``card``.
 
-    ``reference``: event weights, and the false forecasts of STP that set budgets; without it events
-    have no targets.
+    ``reference``: event weights, and the constants of the card that set budgets; without it events have no targets,
+    and budgets are one false forecast per target.
     ``stp`` and ``truth`` name the agents between which gap_closed measures, ``controls`` those to which differences are
     given; all of them with equal k, and left out if absent. ``references``: by agent, the runs with its own
     predictor and presence model; None if its manifest does not state them, missing if they were not run.
@@ -166,6 +167,7 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
         "detections": "; ".join(f"{label} ({counted(n, 'scene')})" for label, n in sorted(made.items())),
         "truth": "complete" if complete else "prediction targets only: false forecasts cannot be known",
         "weights": reference.origin if reference else "none",
+        "budget": (reference.budget if reference else ONE_PER_TARGET).text(complete),
     }
 
 

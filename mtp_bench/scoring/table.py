@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import RolloutError
 from ..files import cache_root
 from ..types import Bools, Floats, Ints
-from .bade import BudgetErrors, Budgets, budgets_of, errors_at
+from .bade import ONE_PER_TARGET, BudgetErrors, Budgets, CardBudget, errors_at
 from .definitions import KNOWN_SUBSETS, SUBSETS, Subset
 from .rows import AgentSetting, Budget
 from .score import SceneScore
@@ -118,8 +118,10 @@ def stated_hypotheses(seeds: Sequence[Sequence[SceneScore]]) -> int:
     return max((score.hypotheses for run in seeds for score in run), default=0)
 
 
-def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable:
-    """Table of one agent; without ``reference`` only "all" and "turning" have weight, and STP does not limit budgets.
+def agent_table(
+    setting: AgentScores, reference: Reference | None, constants: CardBudget = ONE_PER_TARGET
+) -> AgentTable:
+    """Table of one agent; without ``reference`` only "all" and "turning" have weight, and ``constants`` set budgets.
 
     Raises RolloutError without a scene, for scenes with another number of samples, and for seeds that differ in scenes
     or targets; DataError for a scene without event weights.
@@ -139,7 +141,8 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
     recording = np.unique([score.recording for score in first], return_inverse=True)[1]
     objects = np.stack([recording[scene], _join(first, "object_id")], axis=1)  # [n, 2] distinct over recordings
     units_before = np.concatenate([[0], np.cumsum([score.units for score in first])])
-    budgets = run_budgets(first, reference)
+    complete = all(score.truth_complete for score in first)
+    budgets = (constants if reference is None else reference.budget).budgets(len(scene), complete)
     of_all, of_subsets = _bades(setting.seeds, budgets)
     columns: dict[str, Any] = {
         **{name: _join(first, name) for name in _OF_TARGETS},
@@ -160,18 +163,6 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
         weight=_weights(first, reference),
         events=_events(first, reference),
     )
-
-
-def run_budgets(run: Sequence[SceneScore], reference: Reference | None) -> Budgets:
-    """The budgets of one run over some scenes."""
-    complete = all(score.truth_complete for score in run)
-    if reference is None:
-        stp = np.inf
-    elif complete:
-        stp = float(reference.false_forecasts(score.scene for score in run))
-    else:
-        stp = sum(reference.of(score.scene).forecasts for score in run) / max(1, sum(score.live for score in run))
-    return budgets_of(sum(len(score) for score in run), stp, complete)
 
 
 def run_errors(run: Sequence[SceneScore], budgets: Sequence[float] | Floats, known: bool, which: str) -> BudgetErrors:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..errors import DataError, require_known
 from ..types import Bools, Rollout, Scene
+from .bade import ONE_PER_TARGET, CardBudget
 from .definitions import SUBSETS
 from .events import separated_truth
 from .lineage import hypotheses, lineage_events, match_hypotheses
@@ -48,7 +49,7 @@ class SceneWeights:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Event weights of an env, their origin, and the number of false forecasts that the reference agent makes."""
+    """Event weights of an env, their origin, and the constants of the card that set budgets."""
 
     env: str
     card: str  # digest
@@ -58,6 +59,7 @@ class Reference:
     parameters: dict[str, Any]  # differences of the runs, as in the file
     scenes: dict[str, SceneWeights]  # by `scene_key`
     frozen: bool = field(default=False, kw_only=True)  # read from the file of a shipped env; not part of the content
+    constants: CardBudget | None = field(default=None, kw_only=True)  # None: of these scenes; not part of the content
 
     @cached_property
     def digest(self) -> str:
@@ -82,6 +84,17 @@ class Reference:
             "events_of_stp": dict(zip(EVENTS, events.tolist(), strict=True)),
             "sum_of_weights": dict(zip(COUNTED, weights, strict=True)),
         }
+
+    @property
+    def budget(self) -> CardBudget:
+        """Constants that set budgets: stated ones, else the counts of all scenes."""
+        if self.constants is not None:
+            return self.constants
+        scenes = self.scenes.values()
+        targets = sum(scene.targets for scene in scenes)
+        if targets == 0 or any(scene.way is not None for scene in scenes):
+            return ONE_PER_TARGET
+        return CardBudget(self.env, sum(scene.false_forecasts for scene in scenes), targets)
 
     @property
     def origin(self) -> str:
@@ -119,10 +132,6 @@ class Reference:
         if subset == "paper_frag":
             return (known.stp[:, 1] | known.stp[:, 2]).astype(np.float64)
         return known.counts[:, COUNTED.index(subset)] / self.runs
-
-    def false_forecasts(self, scenes: Iterable[str]) -> int:
-        """False forecasts of the reference in the scenes of these names; raises DataError as `of`."""
-        return sum(self.of(name).false_forecasts for name in scenes)
 
 
 def scene_key(env: str, scene: str) -> str:

@@ -16,7 +16,7 @@ from pydantic import Field
 from ..errors import DataError
 from ..files import whole_file
 from ..strict import Section, read_json, validate
-from .definitions import DEFINITIONS
+from .definitions import WEIGHTS_DEFINITIONS
 from .weights import COUNTED, EVENTS, NUMBERS, TEXTS, Reference, SceneWeights, header_of
 
 MOST_BYTES = 64 << 20  # of a file
@@ -80,9 +80,9 @@ def read_reference(path: str | Path) -> Reference:
     for name, value in (("hash", reference.digest), ("totals", reference.totals)):
         if getattr(file, name) != value:
             raise DataError(f"{path}: {name} is {getattr(file, name)!r}, the content has {value!r}; {_ADVICE}")
-    if reference.definitions != DEFINITIONS:
+    if reference.definitions != WEIGHTS_DEFINITIONS:
         raise DataError(
-            f"{path}: definitions is {reference.definitions!r}, expected {DEFINITIONS!r}: "
+            f"{path}: definitions is {reference.definitions!r}, expected {WEIGHTS_DEFINITIONS!r}: "
             f"mtp-bench maintain freeze --env {reference.env}"
         )
     return reference
