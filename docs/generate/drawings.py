@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench.scoring import AgentScores, SceneScore, find_targets, live_frames, score_scene
-from mtp_bench.scoring.bade import budgets_of, errors_at
+from mtp_bench.scoring.bade import CardBudget, errors_at
 from mtp_bench.scoring.forecasts import Candidates, RecordedForecasts, match_by_confidence
 from mtp_bench.scoring.incremental_matching import final_match
 from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
@@ -147,7 +147,7 @@ def budgets() -> str:
     """The error against the number of false forecasts, and the ten budgets whose mean ranks."""
     scene, said = random_case(3, frames=14, objects=6)
     score = score_scene(scene, said, CARD)
-    allowed = budgets_of(len(score), 8.0)
+    allowed = CardBudget("MTP-Test-v0", 8, len(score)).budgets(len(score))
     grid = np.linspace(0, 10, 101)
     curve, at_budgets = (errors_at([score.cuts], values).error.mean(axis=1) for values in (grid, allowed.all))
     top = float(np.ceil(score.miss_error.mean())) + 1

@@ -18,7 +18,7 @@ from ..scoring.weights import scene_key
 from .attestation import Checked, SignedLevel
 from .evaluation import scorer_digest
 from .record import LimitsPart, Record, ScenePart
-from .shipped import FOR_BASELINES, Shipped, baseline_digest, baselines, shipped
+from .shipped import FOR_BASELINES, Shipped, baseline_digest, baselines, earlier_scorers, shipped
 
 SEEDS = (0, 1, 2)
 LEAST_HIDDEN = 50  # hidden scenes that rank
@@ -48,6 +48,21 @@ def why_not_genuine(record: Record) -> str | None:
     if known in (None, record.submission.digest):
         return None
     return f"{record.submission.name!r} is the name of a baseline, and this is another submission"
+
+
+def why_scored_otherwise(record: Record) -> str | None:
+    """Reason why the scorer of a record gives other numbers than today's; None if it gives the same."""
+    definitions = record.scorer.definitions
+    if (definitions, record.scorer.source_digest) == (DEFINITIONS, scorer_digest()) or _scored_before(record):
+        return None
+    if definitions != DEFINITIONS:
+        return f"scored by definitions {definitions}, today's are {DEFINITIONS}"
+    return "another scorer than today's"
+
+
+def _scored_before(record: Record) -> bool:
+    """Return True if an earlier scorer with today's numbers made the record."""
+    return (record.env.id, record.scorer.source_digest, record.reference.hash) in earlier_scorers()
 
 
 def may_observe(record: Record) -> bool:
@@ -97,7 +112,7 @@ def held_back(one: Checked, truths: Sequence[Checked]) -> str | None:
 def _reasons(record: Record, ships: Ships) -> Iterator[str]:
     env, known = record.env, ships(record.env.id)
     yield from _unlike_shipped(record, known)
-    if not record.reference.frozen:
+    if not record.reference.frozen and not _scored_before(record):  # some weights were frozen later
         yield "other event weights than the frozen ones"
     if record.seeds != list(SEEDS):
         yield f"seeds {', '.join(map(str, record.seeds))}, ranks need {', '.join(map(str, SEEDS))}"
@@ -127,10 +142,8 @@ def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
     baseline = baselines().get(record.submission.name)
     if baseline is not None and baseline.compare.observe != record.env.observe:
         yield f"observe is {record.env.observe!r}, the baseline of that name has {baseline.compare.observe!r}"
-    if record.scorer.definitions != DEFINITIONS:
-        yield f"scored by definitions {record.scorer.definitions}, today's are {DEFINITIONS}"
-    if record.scorer.source_digest != scorer_digest():
-        yield "another scorer than today's"
+    if why := why_scored_otherwise(record):
+        yield why
     if known is None:
         yield "its environment ships no event weights"
         return

@@ -168,9 +168,9 @@ def status_of(scenes: int, scenes_of_split: int, missed: MissedPart, runs: int) 
     return "finished", ""
 
 
-def scorer_digest() -> str:
+def scorer_digest(definitions: str = DEFINITIONS, golden: str = GOLDEN) -> str:
     """Hex sha256 of the version of the definitions and of the scorer's golden results."""
-    return hashlib.sha256(f"{DEFINITIONS}\n{GOLDEN}".encode()).hexdigest()
+    return hashlib.sha256(f"{definitions}\n{golden}".encode()).hexdigest()
 
 
 def per_scene_of(table: AgentTable, subsets: Sequence[Subset] = SUBSETS) -> list[ScenePart]:

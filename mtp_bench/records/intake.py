@@ -10,11 +10,10 @@ from pathlib import Path
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
 from ..files import file_kind
-from ..scoring.definitions import DEFINITIONS
 from ..strict import read_json
 from .canonical import today
 from .consistency import checked_record
-from .eligibility import may_observe, why_unranked
+from .eligibility import may_observe, why_scored_otherwise, why_unranked
 from .record import Record
 from .shipped import FOR_BASELINES, shipped
 from .storage import ROLLOUTS, usable_record
@@ -154,11 +153,8 @@ def _acceptable(path: Path, name: Path, trust: Trust, names: Mapping[str, str], 
     ships = shipped(env.id)
     if name.parts[1:] != (stated, f"{env.id}.json"):
         raise RecordError(f"{name}: holds {stated!r} on {env.id}, expected it at {stated}/{env.id}.json")
-    if record.scorer.definitions != DEFINITIONS:
-        raise RecordError(
-            f"{name}: scored by definitions {record.scorer.definitions}, expected {DEFINITIONS}: make it again with "
-            "`mtp-bench submit`"
-        )
+    if why := why_scored_otherwise(record):
+        raise RecordError(f"{name}: {why}: make it again with `mtp-bench submit`")
     if record.measured.made > today(1):
         raise RecordError(f"{name}: made on {record.measured.made}, expected a day up to {today()}: set the clock")
     if ships is None or ships.card != env.card_digest:

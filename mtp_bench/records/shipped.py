@@ -6,13 +6,16 @@ from functools import cache
 
 import numpy as np
 
-from .._bundle import baseline_names, card_ids
+from .._bundle import baseline_names, bundled, card_ids
 from ..cards import load_card
+from ..errors import DataError
 from ..running.reference import frozen_reference
 from ..scoring import Reference
 from ..scoring.definitions import SUBSETS, Subset
+from ..strict import Section, read_toml, validate
 from ..submission.contents import digest_of, files_of
 from ..submission.loader import Submission, load_submission
+from .evaluation import scorer_digest
 
 FOR_BASELINES = 'observe = "associated" labels detections with true objects, and records of it are of baselines alone'
 
@@ -40,6 +43,31 @@ def shipped(env_id: str) -> Shipped | None:
         return None
     most = max(card.per_class(card.task.miss_error)) if card.drive is None else 1.0
     return Shipped(card.digest, card.simulated, card.task.samples, most, frozen.digest, _sums(frozen))
+
+
+class _EarlierScorer(Section):
+    definitions: str
+    golden: str
+    weights: dict[str, str]  # env id -> hash of the event weights
+
+
+class _EarlierScorers(Section):
+    earlier: list[_EarlierScorer]
+
+
+@cache
+def earlier_scorers() -> frozenset[tuple[str, str, str]]:
+    """Read the earlier scorers whose numbers are those of today: env id, scorer digest, hash of the event weights.
+
+    Raises DataError if the file that lists them is broken.
+    """
+    path = bundled("envs") / "reference" / "earlier.toml"
+    listed = validate(_EarlierScorers, read_toml(path, DataError), str(path), DataError)
+    return frozenset(
+        (env_id, scorer_digest(each.definitions, each.golden), weights)
+        for each in listed.earlier
+        for env_id, weights in each.weights.items()
+    )
 
 
 def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str | None:

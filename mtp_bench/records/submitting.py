@@ -20,7 +20,7 @@ from ..submission.manifest import MANIFEST
 from . import running
 from .canonical import digest_of, today
 from .consistency import checked_text
-from .eligibility import SEEDS
+from .eligibility import SEEDS, why_scored_otherwise
 from .evaluation import Evaluation
 from .parts import count_parts, open_parts, require_new
 from .record import EnvPart, LimitsPart, MeasuredPart, Observed, Record, SubmissionPart
@@ -98,7 +98,14 @@ def finished_record(target: Path, content: dict[str, Any], rollouts: bool = True
     if count_parts(target) or (rollouts and not target.with_suffix(ROLLOUTS).is_dir()):
         return None
     record = usable_record(target)
-    return record if record is not None and record.plan == digest_of(content) else None
+    return record if record is not None and is_of_plan(record, content) else None
+
+
+def is_of_plan(record: Record, content: dict[str, Any]) -> bool:
+    """Return True if a record was made by the plan ``content``, by today's scorer or one with the same numbers."""
+    if why_scored_otherwise(record) is not None:
+        return False
+    return record.plan == digest_of({**content, "definitions": record.scorer.definitions})
 
 
 def declared_data(submission: Submission, env_id: str) -> list[str]:

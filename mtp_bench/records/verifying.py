@@ -12,23 +12,23 @@ from ..gateway.sandbox import sandbox_backend
 from ..parallel import parallel_map
 from ..running.options import DEFAULTS, RunOptions
 from ..running.reference import reference_for
-from ..scoring import DEFINITIONS, Reference
+from ..scoring import Reference
 from ..sources import open_source
 from ..submission.loader import load_submission
 from ..submission.manifest import MANIFEST
 from ..types import Rollout
 from .attestation import LEVELS, Level, SignedLevel, Statement, read_level, write_level
-from .canonical import Difference, differences, digest_of, today
+from .canonical import Difference, differences, today
 from .consistency import checked_record
-from .eligibility import SEEDS, may_observe
-from .evaluation import evaluate, scorer_digest
+from .eligibility import SEEDS, may_observe, why_scored_otherwise
+from .evaluation import evaluate
 from .record import HiddenPart, LimitsPart, Record
 from .rerun import drive_again, rows_under_random_pose, run_again, run_hidden, why_unsandboxed, worse_when_moved
 from .running import Plan, Runs, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
 from .seal import Sealed
 from .shipped import FOR_BASELINES, baseline_digest
 from .storage import ROLLOUTS, load_record, stored_rollouts
-from .submitting import declared_data, plan_content, submission_part
+from .submitting import declared_data, is_of_plan, plan_content, submission_part
 from .trust import Trust, trusted
 
 _RESCORED = {  # fields of a record that follow from rollouts, card and data
@@ -139,7 +139,7 @@ def verify(
     if len(record.seeds) > len(SEEDS):
         raise RecordError(f"{path}: has {len(record.seeds)} seeds, expected at most {len(SEEDS)} to run it again")
     plan = _plan(path, record, env_id, submission, options)
-    if made_here and not (ours and record.plan == digest_of(plan_content(plan))):
+    if made_here and not (ours and is_of_plan(record, plan_content(plan))):
         raise RecordError(f"{path}: not what `mtp-bench submit` makes here of a baseline: leave --made-here out")
     reference = reference_for(card, scenes, options)
     secret = len(scenes) + (0 if sealed is None else sealed.seeds.count)
@@ -212,6 +212,8 @@ def _score_again(
         "env": record.env.model_copy(update=env),
         "measured": record.measured.model_copy(update=times),
     }
+    if evaluation.reference.hash == record.reference.hash:  # these weights may have been frozen since
+        scored["reference"] = record.reference
     both = (record, record.model_copy(update=scored))
     unequal = tuple(differences("", *(each.model_dump(mode="json", include=_RESCORED) for each in both)))
     return Verification(path, record, "scored" if unequal else "re-scored", unequal, _notes(record, reference))
@@ -298,11 +300,10 @@ def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | N
 
 
 def _notes(record: Record, reference: Reference) -> tuple[str, ...]:
-    pairs = {
-        "the definitions": (record.scorer.definitions, DEFINITIONS),
-        "the scorer": (record.scorer.source_digest, scorer_digest()),
-        "the event weights": (record.reference.hash, reference.digest),
+    changes = {
+        "the scorer": why_scored_otherwise(record) is not None,
+        "the event weights": record.reference.hash != reference.digest,
     }
-    changed = [what for what, (then, now) in pairs.items() if then != now]
+    changed = [what for what, has_changed in changes.items() if has_changed]
     note = f"changed since it was made: {', '.join(changed)}; make it again with `mtp-bench submit`"
     return (note,) if changed else ()

@@ -89,14 +89,15 @@ class CardBudget:
         return Budgets(np.array(per_frame), per_frame[-1], false_known=False)
 
     def text(self, false_known: bool = True) -> str:
-        """Return the budget and its source in one sentence, for a report."""
+        """Return the budgets of a run and their source in words, for a report."""
         own = self.fit_for(false_known)
         source = f"constant of {own.env}" if own.env else "no constant for such scenes"
-        if false_known:
-            rate = own.forecasts / own.divisor
-            return f"budget {rate:.3g} false forecasts per target ({source}), at most 1 on all and turning targets"
-        rates = ", ".join(f"{rate:.3g}" for rate in own.budgets(0, false_known).all)
-        return f"budgets {rates} forecasts per live frame ({source}): false ones are not known"
+        if not false_known:
+            rates = ", ".join(f"{rate:.3g}" for rate in own.budgets(0, false_known).all)
+            return f"{rates} forecasts per live frame, as false ones are not known ({source})"
+        rate = own.forecasts / own.divisor
+        most = ", over all targets up to 1" if rate > 1 else ""
+        return f"up to {rate:.3g} false forecasts per target{most} ({source})"
 
 
 ONE_PER_TARGET = CardBudget()

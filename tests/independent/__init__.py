@@ -1,4 +1,4 @@
-"""A second scorer of the evaluation protocol, definitions 3.0: short, slow, plain, sharing no line with the product.
+"""A second scorer of the evaluation protocol, definitions 3.1: short, slow, plain, sharing no line with the product.
 
 Written from the text of the protocol alone. Which sentence is which function:
 
@@ -15,7 +15,8 @@ Written from the text of the protocol alone. Which sentence is which function:
   objects"; a false forecast is "unmatched, not neutral, in live frames".
 - budgets.cuts: "A cut tau keeps the forecasts of confidence >= tau; the rest are taken away and the kept ones matched
   anew in every frame"; shares_at: "j* the last cut before F first exceeds B. If all are kept, E(B) = E_j*; else E(B) =
-  (1 - l) E_j* + l E_(j*+1) with l = (B - F_j*) / (F_(j*+1) - F_j*)"; budgets_of: "B_j = (j / 10) min(n, F_ref)".
+  (1 - l) E_j* + l E_(j*+1) with l = (B - F_j*) / (F_(j*+1) - F_j*)"; budgets_of: "B_j = (j / 10) min(n,
+  F_ref n / n_ref)", with the constants of the card.
 - parts.absent_cause: "exactly one cause, the first that holds"; parts_at: "predictor g, localisation p - p', history
   p' - g ..., association e - p: signed, summing to e; without references, or where p or g is missing, rest = e."
 - events.own_events: "own_* are events of the best hypothesis against its parent"; "Frames in which an object is neutral

@@ -49,17 +49,20 @@ def cuts(run: Run) -> Iterator[Cut]:
         yield Cut(least, sum(false.values()), error.copy(), missed.copy())
 
 
-def budgets_of(run: Run, reference: float, subset: str) -> list[float]:
+def budgets_of(run: Run, constants: tuple[int, int], subset: str) -> list[float]:
     """Budgets of a subset, in false forecasts of the run.
 
-    ``reference``: false forecasts of the reference STP; where the truth is incomplete its forecasts per live frame,
-    and the budgets are numbers of forecasts in live frames, right or wrong. E(B) jumps where B meets a count, so a
-    budget that is whole but for rounding is made whole.
+    ``constants``: F_ref and n_ref of the card; where the truth is incomplete STP's forecasts and live frames there, and
+    the budgets are numbers of forecasts in live frames, right or wrong. E(B) jumps where B meets a count, so a budget
+    that is whole but for rounding is made whole.
     """
+    stated, of = constants
     if run.complete:
-        budgets = [j * min(len(run.targets), reference) / 10 for j in range(1, 11)] if subset == "all" else [reference]
+        own = stated * len(run.targets) / of
+        budgets = [j * min(len(run.targets), own) / 10 for j in range(1, 11)] if subset == "all" else [own]
     else:
-        budgets = [n * len(run.frames()) for n in ((20.0, 40.0, reference) if subset == "all" else (reference,))]
+        own = stated / of
+        budgets = [n * len(run.frames()) for n in ((20.0, 40.0, own) if subset == "all" else (own,))]
     return [float(round(b)) if abs(b - round(b)) < 1e-9 * max(1.0, b) else float(b) for b in budgets]
 
 

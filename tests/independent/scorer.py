@@ -58,11 +58,12 @@ class Scored:
 
 
 def score(
-    card: Card, scenes: Sequence[Scene], seeds: Sequence[Sequence[Rollout]], reference: float,
+    card: Card, scenes: Sequence[Scene], seeds: Sequence[Sequence[Rollout]], constants: tuple[int, int],
     weights: Mapping[str, Floats] | None = None, known: tuple[Scored, Scored] | None = None,
 ) -> Scored:  # fmt: skip
     """Score the rollouts of each seed; ``weights``: of each event subset per target, in the order of `find_targets`.
 
+    ``constants``: F_ref and n_ref of the card, see `budgets_of`.
     ``known``: perfect association and ground-truth tracks with the predictor of the agent, for the parts of its error.
     Reading: every number is computed per seed and averaged over the seeds that have it.
     """
@@ -76,7 +77,7 @@ def score(
     of_runs = [_of_run(run) for run in runs] if targets else []
     references = Known(*known[0].covered, known[1].covered[0]) if known else None
     for name, w in subsets.items():
-        budgets = [budgets_of(run, reference, name) for run in runs]
+        budgets = [budgets_of(run, constants, name) for run in runs]
         at = list(zip(runs, walked, budgets, strict=True))
         errors[name] = np.mean([error_at(steps, b) for _, steps, b in at], axis=0)
         parts = [parts_at(run, steps, b, references) for run, steps, b in at]

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.scoring import DEFINITIONS, SUBSETS, AgentScores, Reference, References, Report, score_scene, summarise
+from mtp_bench.scoring import SUBSETS, AgentScores, Reference, References, Report, score_scene, summarise
+from mtp_bench.scoring.bade import CardBudget
+from mtp_bench.scoring.definitions import WEIGHTS_DEFINITIONS
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.scoring.weights import SceneWeights, scene_key
@@ -109,14 +111,16 @@ def reference_of(card: Card, scenes: list[Scene], seed: int) -> Reference:
         stated = int(rng.integers(1, 20))
         weights = SceneWeights(counts, rng.random((count, 3)) < 0.2, (3, 2, 1), stated, 4 * stated)
         of_scenes[scene_key(card.id, scene.name)] = weights
-    return Reference(card.id, card.digest, DEFINITIONS, "stp", RUNS, {}, of_scenes)
+    return Reference(card.id, card.digest, WEIGHTS_DEFINITIONS, "stp", RUNS, {}, of_scenes)
 
 
 @pytest.mark.parametrize(("kind", "seed"), CASES)
 def test_both_scorers_give_the_same_numbers(kind: str, seed: int) -> None:
     card = make_card()
     scenes = [drawn(kind, seed, place) for place in range(2)]
-    reference = reference_of(card, scenes, seed)
+    stated, of = np.random.default_rng(seed).integers(1, 60, 2).tolist()
+    constants = CardBudget(card.id, stated, of, false_known=scenes[0].truth_complete)
+    reference = replace(reference_of(card, scenes, seed), constants=constants)
     draws = range(1 + seed % 2)
     runs = {
         name: [[said(kind, seed, p, d + 2 * i) for p in range(2)] for d in draws]
@@ -125,13 +129,13 @@ def test_both_scorers_give_the_same_numbers(kind: str, seed: int) -> None:
     agents = [agent_scores(name, scenes, seeds, card) for name, seeds in runs.items()]
     known = References(associated=agents[0], tracks=agents[1])
     report = summarise(agents, card, reference, references={"other": known})
-    plain = [scorer.score(card, scenes, seeds, 0.0) for seeds in runs.values()]
+    plain = [scorer.score(card, scenes, seeds, (0, 1)) for seeds in runs.values()]
     others: dict[str, scorer.Scored] = {}
     for agent, seeds in zip(agents, runs.values(), strict=True):
         table = agent_table(agent, reference)
         subsets = {name: weight for name, weight in table.weight.items() if name != "all"}
         parts = (plain[0], plain[1]) if agent.agent == "other" else None
-        own = others[agent.agent] = scorer.score(card, scenes, seeds, table.budgets.subsets, subsets, parts)
+        own = others[agent.agent] = scorer.score(card, scenes, seeds, (stated, of), subsets, parts)
         assert [(t.scene, t.t, t.row) for t in own.targets] == targets_of(scenes, card)
         for subset in SUBSETS:
             np.testing.assert_allclose(table.bade(subset).error, own.errors[subset], rtol=1e-9, atol=1e-9)

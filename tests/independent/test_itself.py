@@ -57,12 +57,12 @@ def test_three_forecasts_at_every_cut_and_budget() -> None:
         (0, [10, 10]), (0, [1, 10]), (1, [1, 10]), (1, [1, 3]),
     ]  # fmt: skip
     # Below one false forecast the line from cut 1 to cut 2 is flat at 5.5; at one everything is kept: 2.
-    means = [error_at(list(cuts(run)), [b]).mean() for b in budgets_of(run, 1, "all")]
+    means = [error_at(list(cuts(run)), [b]).mean() for b in budgets_of(run, (1, 2), "all")]
     assert means == pytest.approx([5.5] * 9 + [2.0])
     # Of two false ones and a right one at once a budget of half of one takes a quarter.
     tied = two_cars(said(1, 0, 1, 0.5), said(8, 50, 0, 0.5), said(9, 60, 0, 0.5))
     assert error_at(list(cuts(tied)), [0.5]).mean() == pytest.approx(0.75 * 10 + 0.25 * 5.5)
-    row = score(CARD, run.scenes, [run.rollouts], 1, {"ids": np.array([0.25, 0.75])}).rows
+    row = score(CARD, run.scenes, [run.rollouts], (1, 2), {"ids": np.array([0.25, 0.75])}).rows
     assert row["all"]["error"] == pytest.approx(5.15)
     assert row["all"]["missed"] == pytest.approx(4.5)  # 5 of the 5.5
     assert row["all"]["localisation"] == pytest.approx(0.65)
@@ -92,10 +92,10 @@ def test_incomplete_truth_counts_forecasts() -> None:
     scene = replace(run.scenes[0], truth_complete=False)
     run = Run(CARD, [scene], run.targets, run.rollouts)
     assert shown.fixed_error(run) == pytest.approx((1 + 3 + 3 * 5) / 2)
-    assert budgets_of(run, 42, "all") == [20, 40, 42]
+    assert budgets_of(run, (84, 2), "all") == [20, 40, 42]
     # Counts 0, 1, 42, 43 with errors 10, 5.5, 5.5, 2: 20 and 40 lie on the flat line, 42 is the third cut.
-    assert score(CARD, [scene], [run.rollouts], 42).rows["all"]["error"] == pytest.approx(5.5)
-    assert score(CARD, [scene], [run.rollouts], 43).rows["all"]["error"] == pytest.approx((5.5 + 5.5 + 2) / 3)
+    assert score(CARD, [scene], [run.rollouts], (84, 2)).rows["all"]["error"] == pytest.approx(5.5)
+    assert score(CARD, [scene], [run.rollouts], (43, 1)).rows["all"]["error"] == pytest.approx((5.5 + 5.5 + 2) / 3)
 
 
 def test_a_late_duplicate_never_takes_a_match() -> None:

@@ -87,6 +87,7 @@ def test_both_scorers_rank_alike(seed: int) -> None:
     card = make_card()
     scenes = [drawn("simulated", seed, place) for place in range(SCENES[seed % len(SCENES)])]
     reference = unlike(reference_of(card, scenes, seed), seed)
+    constants = (reference.budget.forecasts, reference.budget.divisor)
     product: dict[str, AgentScores] = {}
     others: dict[str, Scored] = {}
     for name, player in PLAYERS.items():
@@ -98,7 +99,7 @@ def test_both_scorers_rank_alike(seed: int) -> None:
             product[name] = replace(product[name], budget="free", samples=8, seeds=eight)
         table = agent_table(product[name], reference)
         weights = {subset: weight for subset, weight in table.weight.items() if subset != "all"}
-        others[name] = scorer.score(card, scenes, runs, table.budgets.subsets, weights)
+        others[name] = scorer.score(card, scenes, runs, constants, weights)
     kinematic = {"single": product["stp"], "ground_truth": product["gt"]}
     own = {role: product[name] for role, name in OWN.items()}
     ends = {"good": References(**own), "alike": References(**kinematic), "bad": None}

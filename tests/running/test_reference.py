@@ -15,9 +15,18 @@ from mtp_bench.records.running import plan_run
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.perturbation import RUNS
-from mtp_bench.running.reference import freeze, frozen_reference, make_reference, ranked_scenes, reference_for, track
+from mtp_bench.running.reference import (
+    card_budget,
+    freeze,
+    frozen_reference,
+    make_reference,
+    ranked_scenes,
+    reference_for,
+    track,
+)
 from mtp_bench.running.run import jobs_of, run_jobs, run_scene
 from mtp_bench.scoring import score_scene
+from mtp_bench.scoring.bade import ONE_PER_TARGET, CardBudget
 from mtp_bench.scoring.weights import WEIGHED, scene_key, tracking_events
 from mtp_bench.scoring.weights_file import read_reference, write_reference
 from mtp_bench.submission import load_submission
@@ -66,7 +75,7 @@ def test_the_plain_run_and_the_counts_are_those_of_the_scenes(card: str, kitti: 
         for subset in WEIGHED:
             assert made.weight(score.scene, subset).shape == (len(score),)
     assert made.totals["sum_of_weights"]["lost"] > 0
-    assert made.false_forecasts(scenes) == sum(score.false_forecasts for score in scores)
+    assert made.budget == CardBudget(made.env, sum(score.false_forecasts for score in scores), sum(map(len, scores)))
 
 
 @pytest.mark.parametrize("assignment", ["hungarian", "greedy"])
@@ -100,6 +109,30 @@ def test_a_changed_card_or_a_scene_that_is_not_there_makes_its_own(shipped: str,
     assert not part.holds(scenes)
 
 
+def test_budgets_are_constants_of_the_card(shipped: str, tmp_path: Path, kitti: str) -> None:
+    """Whatever part of the split is run, and whatever is changed in the card."""
+    _, frozen = freeze(shipped, RunOptions(kitti))
+    scenes, card = scenes_of(shipped, kitti), load_card(shipped)
+    other = load_card(write_card(tmp_path, CARD.replace("miss_error = 2.0", "miss_error = 3.0")))
+    for changed, some in ((card, scenes), (card, scenes[:1]), (other, scenes[:1])):
+        assert reference_for(changed, some, RunOptions(kitti)).budget == frozen.budget
+    assert make_reference(card, scenes[:1], RunOptions(kitti)).budget != frozen.budget  # as of hidden scenes
+
+
+def test_constants_of_the_cards_that_ship() -> None:
+    targets_alone = card_budget("MTP-nuScenes-v0")
+    assert targets_alone == CardBudget("MTP-nuScenes-v0", 166_536, 3_331, false_known=False)
+    assert targets_alone.budgets(100, false_known=False).all.tolist() == pytest.approx([20, 40, 49.9957970579])
+    assert targets_alone.budgets(100).subsets == 100.0  # own scenes with complete truth: one per target
+    assert targets_alone.text() == "up to 1 false forecasts per target (no constant for such scenes)"
+    mini = card_budget("MTP-nuScenes-mini-v0")
+    assert (mini.false_known, mini.budgets(100, false_known=False).all.tolist()) == (True, [20.0, 40.0])
+    assert mini.budgets(mini.divisor).subsets == mini.forecasts  # exactly, on the scored split
+    assert mini.budgets(mini.divisor).all[-1] == mini.divisor
+    for env_id in ("MTP-Drive-Merge-v0", "MTP-nuScenes-Lanes-v0", "MTP-Mine-v0"):  # ways, no file, another's card
+        assert card_budget(env_id) == ONE_PER_TARGET
+
+
 def test_scenes_without_frozen_weights_are_left_out(shipped: str, tmp_path: Path, kitti: str) -> None:
     """More data than there was when weights were frozen, such as the whole split of nuScenes: ranks are of the same."""
     path, whole = freeze(shipped, RunOptions(kitti))
@@ -119,7 +152,7 @@ def test_scenes_without_frozen_weights_are_left_out(shipped: str, tmp_path: Path
     assert (plan.scenes, plan.scenes_of_split) == (known, len(known))
 
 
-FROZEN = sorted((Path(__file__).parents[2] / "envs" / "reference").glob("*.json"))
+FROZEN = sorted((Path(__file__).parents[2] / "envs" / "reference").glob("MTP-*.json"))
 
 
 @pytest.mark.parametrize("path", FROZEN, ids=[path.stem for path in FROZEN])

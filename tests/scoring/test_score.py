@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 
 from mtp_bench.errors import RolloutError
 from mtp_bench.scoring import AgentScores, SceneScore, score_scene, summarise
-from mtp_bench.scoring.bade import Cuts, budgets_of, errors_at
+from mtp_bench.scoring.bade import CardBudget, Cuts, errors_at
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.types import Rollout, Scene
 from tests.support.scoring_scenes import (
@@ -26,15 +26,16 @@ from tests.support.scoring_scenes import (
 )
 
 CARD = make_card()
-STP = 4.0  # false forecasts of the reference
+STP = 4  # false forecasts of the reference
 steady = settings(derandomize=True, deadline=None, max_examples=20)
 at_every_cut = settings(steady, max_examples=8)  # each scores a scene some twenty times
 seeds = st.integers(0, 10_000)
 
 
-def at_budgets(*scores: SceneScore, stp: float = STP) -> Array:
+def at_budgets(*scores: SceneScore, stp: int = STP) -> Array:
     """The error over all targets of a run at each of the budgets of "all", and at that of the subsets."""
-    budgets = budgets_of(sum(map(len, scores)), stp)
+    targets = sum(map(len, scores))
+    budgets = CardBudget(CARD.id, stp, max(targets, 1)).budgets(targets)
     found = errors_at([score.cuts for score in scores], [*budgets.all, budgets.subsets])
     return np.asarray(found.error.mean(axis=1))
 
@@ -168,6 +169,65 @@ def test_a_late_copy_of_everything_never_helps(seed: int, copied: str) -> None:
         late = replace(late, forecast=np.zeros_like(late.forecast))
     want, got = (at_budgets(score_scene(scene, said, CARD)) for said in (rollout, joined(rollout, late)))
     assert (got >= want - 1e-9).all()
+
+
+def beyond_every_gate(rollout: Rollout, seed: int) -> Rollout:
+    """One more forecast, 500 m away from all that is there, of a random frame, class and confidence."""
+    rng = np.random.default_rng(seed)
+    one = take_objects(rollout, rng.integers(len(rollout.object_box), size=1))
+    confidence = np.float32(rng.choice([rng.integers(0, 9) / 8, rng.random()]))  # often equal to another
+    kind = rng.integers(0, 2, 1)
+    return joined(rollout, replace(sure(one, confidence), object_box=one.object_box + 500.0, object_class=kind))
+
+
+@at_every_cut
+@given(seeds)
+def test_a_forecast_outside_every_gate_helps_only_where_more_forecasts_raise_the_error(seed: int) -> None:
+    """It changes no error at any threshold, so bADE can fall only by stopping before a threshold that raises it."""
+    scene, rollout = random_case(seed)
+    want, got = (score_scene(scene, said, CARD) for said in (rollout, beyond_every_gate(rollout, seed)))
+    kept = np.unique(np.concatenate([want.cuts.confidence, got.cuts.confidence]))[::-1]
+    errors = np.stack([want.cuts.at(least)[0] for least in kept])
+    assert np.array_equal(errors, [got.cuts.at(least)[0] for least in kept])
+    more = [got.cuts.false_costs(least, np.ones(2)) - want.cuts.false_costs(least, np.ones(2)) for least in kept]
+    in_live_frame = len(got.cuts.confidence) > len(want.cuts.confidence)
+    assert more == sorted(more)  # never fewer
+    assert ({*more} <= {0.0, 1.0}, more[-1]) == (True, in_live_frame)
+    rises = (np.diff(np.vstack([want.miss_error, errors]).mean(axis=1)) > 1e-9).any()
+    assert rises or (at_budgets(got) >= at_budgets(want) - 1e-9).all()
+
+
+def test_a_false_forecast_lowers_bade_where_it_keeps_out_a_worse_matching() -> None:
+    """Object 1 at 0 m, object 2 at 3 m. With the unsure forecast more objects are matched, and the error is larger."""
+    scene = make_scene([[Thing(1, 0, 0), Thing(2, 3, 0)]] * 5)
+    right = Thing(1, 1.4, 0, forecast=[[[0.0, 0.0]] * 3], confidence=0.875)  # for object 1; within both gates
+    unsure = Thing(2, -1, 0, forecast=[[[50.0, 0.0]] * 3], confidence=0.5)  # takes object 1, the other gets object 2
+    false = Thing(3, 90, 0, forecast=[[[90.0, 0.0]] * 3], confidence=0.75)
+    want, got = (
+        score_scene(scene, make_rollout([], [[], said, [], [], []]), CARD)
+        for said in ([right, unsure], [right, unsure, false])
+    )
+    assert [want.cuts.at(least)[0].mean() for least in (0.875, 0.5)] == [5.0, 6.5]
+    quarter = CardBudget(CARD.id, 1, 4)
+    bade = [agent_table(AgentScores("a", 1, 1, "equal", ((score,),)), None, quarter).of_all for score in (want, got)]
+    assert [each.error.mean() for each in bade] == [6.5, 5.0]
+
+
+@steady
+@given(seeds, st.integers(0, 60), st.integers(1, 60))
+def test_budgets_do_not_change_with_the_input(seed: int, false: int, targets: int) -> None:
+    """Whatever is detected and forecast: they follow from the card's constants and the number of targets."""
+    constants = CardBudget(CARD.id, false, targets)
+    scene, rollout = random_case(seed)
+    cluttered = with_detections(scene, [[Thing(0, 40.0 * t, -30.0)] * 3 for t in range(scene.frames)])
+    tables = []
+    for seen, said in ((scene, rollout), (cluttered, beyond_every_gate(rollout, seed))):
+        setting = AgentScores("agent", 1, 4, "equal", ((score_scene(seen, said, CARD),),))
+        tables.append(agent_table(setting, None, constants))
+    n, limit = len(tables[0].miss_error), false * len(tables[0].miss_error) / targets
+    for table in tables:
+        assert table.budgets.subsets == limit
+        assert table.budgets.all.tolist() == pytest.approx([j / 10 * min(n, limit) for j in range(1, 11)])
 
 
 @steady

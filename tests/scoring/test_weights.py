@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.errors import DataError
-from mtp_bench.scoring import DEFINITIONS
+from mtp_bench.scoring.definitions import WEIGHTS_DEFINITIONS
 from mtp_bench.scoring.weights import WEIGHED, Reference, SceneWeights, count_runs, scene_key, tracking_events
 from mtp_bench.scoring.weights_file import read_reference, write_reference
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene
@@ -42,7 +42,7 @@ def reference_of_streams(**changes: Any) -> Reference:
     nothing = np.zeros((2, 4), dtype=np.uint8)
     second = SceneWeights(nothing, nothing[:, :3].astype(bool), (1, 0, 0), 4, 5)
     scenes = {scene_key(CARD.id, "s"): first, scene_key(CARD.id, "z"): second}
-    whole = Reference(CARD.id, CARD.digest, DEFINITIONS, "stp", len(STREAMS), {"dropped": 0.05}, scenes)
+    whole = Reference(CARD.id, CARD.digest, WEIGHTS_DEFINITIONS, "stp", len(STREAMS), {"dropped": 0.05}, scenes)
     return replace(whole, **changes)
 
 

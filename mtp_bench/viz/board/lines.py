@@ -11,8 +11,10 @@ from ..._bundle import card_ids
 from ...cards import load_card
 from ...files import clean_text
 from ...records.attestation import LEVELS
+from ...records.eligibility import why_scored_otherwise
 from ...records.ranking import STP
-from ...scoring.definitions import DEFINITIONS, SUBSETS
+from ...running.reference import card_budget
+from ...scoring.definitions import SUBSETS
 from ...scoring.main_table import NAMES
 from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
@@ -45,7 +47,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "env": env_id,
         "name": short_name(env_id),
         "about": _about(env_id),
-        "complete": first.record.env.truth_complete,
+        "budgets": card_budget(env_id).text(first.record.env.truth_complete),
         "simulated": simulated(env_id),
         "map": has_map(env_id),
         "drive": first.driving is not None,
@@ -153,7 +155,7 @@ def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]
         "signer": entry.signed.signer if entry.signed else "",
         "bar": bar_of(board["scale"], entry.difference()),
         "difference": difference_text(entry),
-        "old": record.scorer.definitions != DEFINITIONS,
+        "old": why_scored_otherwise(record) is not None,
     }
 
 

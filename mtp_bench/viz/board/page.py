@@ -14,7 +14,7 @@ from urllib.parse import quote
 from ...errors import MtpBenchError
 from ...files import require_folder, whole_folder, write_text
 from ...records.attestation import LEVELS
-from ...scoring.definitions import BUDGETS, DEFINITIONS, FORECASTS_PER_FRAME, RANKED_OBJECTS, RANKED_UNITS
+from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
 from ...tables import BLANK, Column, to_csv, to_json
 from ..pages import source_of, templates_of, text_of
 from .columns import COLUMN, PAGE, data_table
@@ -164,8 +164,7 @@ def _ids(entries: Sequence[Entry]) -> Ids:
 @cache
 def _templates() -> "Environment":
     environment = templates_of(_HERE)
-    environment.globals.update(width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE, budgets=BUDGETS)
-    environment.globals.update(per_frame=FORECASTS_PER_FRAME, definitions=DEFINITIONS)
+    environment.globals.update(width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE, definitions=DEFINITIONS)
     environment.filters["thousands"] = lambda number: f"{number:,}".replace(",", " ")
     environment.filters["number"] = lambda value, digits=3: Column(format=f".{digits}f").text(value)
     return environment

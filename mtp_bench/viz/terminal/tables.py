@@ -206,15 +206,13 @@ def parts_text(row: Row) -> str:
 
 
 def _about(report: Report) -> str:
-    known = report.condition.get("truth", "complete") == "complete"
-    budgets = "" if known else " Budgets are of all forecasts per live frame, as it is not known which are false."
     empty = next((details.nothing_predicted for details in report.details), None)
     nothing = "" if empty is None else f" c, if nothing is predicted: {short(empty)}."
     env = shipped_env(report)
     paper = " (paper): the paper's numbers." if any(paper_figures(env, row) for row in report.rows) else ""
     return (
         "minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event, as in the paper."
-        f"{paper}{budgets}{nothing} {BLANK} as a rank: shown only. Definitions {report.definitions}."
+        f"{paper}{nothing} {BLANK} as a rank: shown only. Definitions {report.definitions}."
     )
 
 
