@@ -51,7 +51,7 @@ def main_table(report: Report) -> Table:
     """
     blocks = sorted(main_settings(report).values(), key=lambda of: (of["all"].error is None, of["all"].error or 0.0))
     rows = [*map(_main_row, blocks), *(MainRow(agent, error=FAILED) for agent in report.failures)]
-        budget = report.condition.get("budget")
+    budget = report.condition.get("budget")
     note = MEANING if budget is None else f"{MEANING} Budgets: {budget}."
     return Table("main", f"{heading(report)}: m, less is better", note, rows, columns_of(MainRow))
 

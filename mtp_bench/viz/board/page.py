@@ -164,7 +164,9 @@ def _ids(entries: Sequence[Entry]) -> Ids:
 @cache
 def _templates() -> "Environment":
     environment = templates_of(_HERE)
-    environment.globals.update(width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE, definitions=DEFINITIONS)
+    environment.globals.update(
+        width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE, definitions=DEFINITIONS
+    )
     environment.filters["thousands"] = lambda number: f"{number:,}".replace(",", " ")
     environment.filters["number"] = lambda value, digits=3: Column(format=f".{digits}f").text(value)
     return environment
