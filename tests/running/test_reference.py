@@ -33,6 +33,8 @@ from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import CARD, write_card
 
+FROZEN = sorted((Path(__file__).parents[2] / "envs" / "reference").glob("MTP-*.json"))
+
 
 def scenes_of(env: str, data: str) -> tuple[str, ...]:
     return MTPEnv(env, data=data).scene_names
@@ -119,6 +121,18 @@ def test_budgets_are_constants_of_the_card(shipped: str, tmp_path: Path, kitti: 
     assert make_reference(card, scenes[:1], RunOptions(kitti)).budget != frozen.budget  # as of hidden scenes
 
 
+@pytest.mark.parametrize("env_id", [path.stem for path in FROZEN])
+def test_budgets_of_a_full_split_are_those_of_definitions_3_0(env_id: str) -> None:
+    """There they were equal steps up to the false forecasts of STP, to the last digit."""
+    known = card_budget(env_id)
+    budgets = known.budgets(known.divisor, known.false_known)
+    if known.false_known:
+        assert np.array_equal(budgets.all, np.arange(1, 11) * min(float(known.divisor), float(known.forecasts)) / 10)
+        assert budgets.subsets == known.forecasts
+    else:
+        assert budgets.all.tolist() == [20.0, 40.0, budgets.subsets] == [20.0, 40.0, known.forecasts / known.divisor]
+
+
 def test_constants_of_the_cards_that_ship() -> None:
     targets_alone = card_budget("MTP-nuScenes-v0")
     assert targets_alone == CardBudget("MTP-nuScenes-v0", 166_536, 3_331, false_known=False)
@@ -150,9 +164,6 @@ def test_scenes_without_frozen_weights_are_left_out(shipped: str, tmp_path: Path
     )
     plan = plan_run(load_submission("stp"), shipped, RunOptions(kitti))
     assert (plan.scenes, plan.scenes_of_split) == (known, len(known))
-
-
-FROZEN = sorted((Path(__file__).parents[2] / "envs" / "reference").glob("MTP-*.json"))
 
 
 @pytest.mark.parametrize("path", FROZEN, ids=[path.stem for path in FROZEN])
