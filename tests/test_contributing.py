@@ -13,19 +13,31 @@ import pytest
 
 FILE = re.compile(r"^```(?:python|toml)\n# (\S+/\S+)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 DIFF = re.compile(r"^```diff\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
+NAMED = re.compile(r"^\| (?:sampler|metric|dataset) \| `(tests/.+)` \|$", flags=re.MULTILINE)
+# Of the tests that the page names those that read what the examples add; all of them take minutes.
+QUICK = (
+    "tests/scoring/test_golden_results.py",
+    "tests/tables",
+    "tests/viz/test_verdict.py",
+    "tests/cards/test_cards.py",
+    "tests/sources/test_packages.py",
+    "tests/test_readme.py::test_the_table_of_environments_is_complete",
+    "tests/test_package.py::test_baselines_use_public_names_only",
+)
 
 
 def apply(diff: str, root: Path) -> set[str]:
-    """Insert the added lines of a diff after its context line, which must occur once; returns the changed files."""
+    """Insert the added lines of each hunk after its context line, which must occur once; returns the changed files."""
     changed = set()
     for part in diff.split("--- a/")[1:]:
         name = part.split("\n", 1)[0]
-        context, *lines = part.split("@@\n", 1)[1].rstrip("\n").split("\n")
-        assert all(line.startswith("+") for line in lines)
-        text = (root / name).read_text()
-        line = f"{context[1:]}\n"
-        assert text.count(line) == 1, f"{name} has not once the line {line!r}"
-        (root / name).write_text(text.replace(line, line + "".join(f"{line[1:]}\n" for line in lines)))
+        for hunk in part.split("@@\n")[1:]:
+            context, *lines = hunk.rstrip("\n").split("\n")
+            assert all(line.startswith("+") for line in lines)
+            text = (root / name).read_text()
+            line = f"{context[1:]}\n"
+            assert text.count(line) == 1, f"{name} has not once the line {line!r}"
+            (root / name).write_text(text.replace(line, line + "".join(f"{line[1:]}\n" for line in lines)))
         changed.add(name)
     return changed
 
@@ -34,9 +46,9 @@ def apply(diff: str, root: Path) -> set[str]:
 def followed(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, set[str], set[str]]:
     """A copy of the repository after all examples: its folder, the new files, the changed files."""
     root = tmp_path_factory.mktemp("contributing")
-    ignored = shutil.ignore_patterns("__pycache__", "records", "index.*", "seals", "weights.xz")
-    for folder in ("mtp_bench", "envs", "baselines"):
-        shutil.copytree(repository / folder, root / folder, ignore=ignored if folder != "mtp_bench" else None)
+    for folder in ("mtp_bench", "envs", "baselines", "docs", "tests"):
+        shutil.copytree(repository / folder, root / folder)
+    (root / "leaderboard").symlink_to(repository / "leaderboard")  # large, and only read
     shutil.copy(repository / "pyproject.toml", root)
     page = (repository / "CONTRIBUTING.md").read_text()
     files = dict(FILE.findall(page))
@@ -47,6 +59,16 @@ def followed(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> tupl
     changed = {name for diff in DIFF.findall(page) for name in apply(diff, root)}
     write_walks(root / "data" / "walks" / "scenes")
     return root, set(files), changed
+
+
+def python(root: Path, *arguments: str) -> str:
+    """Run Python in the copy, without real data and compiled kernels; returns what it prints."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("MTP_BENCH_", "PYTEST_"))}
+    environment |= {"MTP_BENCH_CACHE": str(root / "cache"), "PYTHONPATH": str(root), "NUMBA_DISABLE_JIT": "1"}
+    command = [sys.executable, *arguments]
+    done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 def write_walks(folder: Path) -> None:
@@ -74,7 +96,8 @@ def test_each_addition_touches_few_files(followed: tuple[Path, set[str], set[str
     sampler = {name for name in new if "strided" in name}
     dataset = {name for name in new if "walks" in name.lower()}
     assert (len(sampler), len(dataset), new - sampler - dataset) == (3, 4, set())
-    assert changed == {"mtp_bench/scoring/rows.py", "mtp_bench/scoring/report.py", "mtp_bench/cards/source.py"}
+    metric = {"mtp_bench/scoring/rows.py", "mtp_bench/scoring/report.py"}
+    assert changed == metric | {"mtp_bench/cards/source.py", "docs/environment/index.md"}
 
 
 def test_the_additions_work_together(followed: tuple[Path, set[str], set[str]]) -> None:
@@ -89,12 +112,30 @@ options = RunOptions("data")
 mtp_bench.run("mtp_strided", "MTP-Walks-v0", "run", options)
 print(json.dumps(mtp_bench.score("run", options).report.to_json()))
 """
-    environment = {**os.environ, "PYTHONPATH": str(root), "NUMBA_DISABLE_JIT": "1"}
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    rows = json.loads(done.stdout)["rows"]
+    rows = json.loads(python(root, "-c", code))["rows"]
     (row,) = [row for row in rows if (row["agent"], row["subset"]) == ("mtp_strided", "all")]
     assert row["targets"] > 0
     assert row["samples"] == 10
     assert row["moving_error"] >= 0
+
+
+@pytest.mark.parametrize("check", ["ruff check", "ruff format --check", "mypy --follow-imports=silent"])
+def test_the_additions_pass_lint(followed: tuple[Path, set[str], set[str]], check: str) -> None:
+    root, new, changed = followed
+    files = sorted(name for name in new | changed if name.endswith(".py"))
+    python(root, "-m", *check.split(), *files)
+
+
+def test_the_additions_keep_the_order_of_imports(followed: tuple[Path, set[str], set[str]]) -> None:
+    root, _, _ = followed
+    lint_imports = Path(sys.executable).with_name("lint-imports")
+    assert " 0 broken" in python(root, str(lint_imports), "--no-logo", "--no-cache")
+
+
+def test_the_additions_pass_tests_that_the_page_names(
+    followed: tuple[Path, set[str], set[str]], repository: Path
+) -> None:
+    root, _, _ = followed
+    named = " ".join(NAMED.findall((repository / "CONTRIBUTING.md").read_text())).split()
+    assert [test for test in QUICK if not test.startswith(tuple(named))] == []
+    python(root, "-m", "pytest", "-q", "--basetemp", "pytest", *QUICK)
