@@ -21,6 +21,7 @@ from mtp_bench.scoring import (
     score_scene,
     summarise,
 )
+from mtp_bench.scoring.bade import CardBudget
 from mtp_bench.scoring.definitions import GOLDEN
 from mtp_bench.scoring.rows import Bin, Clear, Details, Errors, PairedRow, Reliability, Row, Tracking
 from mtp_bench.scoring.score import SceneScore
@@ -31,6 +32,7 @@ from tests.support.scoring_scenes import make_card, random_case, take_objects
 
 AGENTS = {"stp": 4.0, "gt_tracks": 0.5, "stp_same_samples": 2.5, "mtp": 1.5}  # size of the errors of forecasts
 SCENES, RUNS = 8, 16
+LIVE = 8  # live frames of a scene
 
 # What the hash covers, by the class that holds it. A field that is not listed may come and go.
 FIELDS: dict[type, str] = {
@@ -92,14 +94,15 @@ def said(number: int, scale: float, seed: int) -> Rollout:
     return take_objects(rollout, np.delete(np.arange(len(rollout.object_box)), slice(None, None, 9 + seed)))
 
 
-def reference(card: Card) -> Reference:
+def reference(card: Card, truth_complete: bool) -> Reference:
     scenes = {}
     for number in range(SCENES):
         rng, (scene, _) = np.random.default_rng(number), case(number, truth_complete=True)
         size = len(find_targets(scene, card))
         counts = rng.integers(0, RUNS, (size, 4), dtype=np.uint8)
         scenes[scene_key(card.id, scene.name)] = SceneWeights(counts, rng.random((size, 3)) < 0.2, (3, 2, 1), 3, 30)
-    return Reference(card.id, card.digest, "2.0", "stp", RUNS, {}, scenes)
+    constants = None if truth_complete else CardBudget(card.id, 30 * SCENES, LIVE * SCENES, false_known=False)
+    return Reference(card.id, card.digest, "2.0", "stp", RUNS, {}, scenes, constants=constants)
 
 
 def results(measure: str, truth_complete: bool) -> list[Any]:
@@ -112,7 +115,7 @@ def results(measure: str, truth_complete: bool) -> list[Any]:
             for seed in range(2)
         )
         agents.append(AgentScores(name, 2, 8, "equal", runs, "truth" if name == "gt_tracks" else "detections"))
-    summary = summarise(agents, card, reference(card))
+    summary = summarise(agents, card, reference(card, truth_complete))
     rows = [row for row in summary.rows if row.subset in SUBSETS.split()]
     paired = [row for row in summary.paired if row.subset in SUBSETS.split()]
     scenes = [score for agent in agents for run in agent.seeds for score in run]
