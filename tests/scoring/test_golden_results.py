@@ -34,17 +34,18 @@ AGENTS = {"stp": 4.0, "gt_tracks": 0.5, "stp_same_samples": 2.5, "mtp": 1.5}  # 
 SCENES, RUNS = 8, 16
 LIVE = 8  # live frames of a scene
 
-# What the hash covers, by the class that holds it. A field that is not listed may come and go.
+# What the hash covers, by the class that holds it. A field that is not listed may come and go, and so may the wording
+# of reasons.
 FIELDS: dict[type, str] = {
     Row: """
-        agent association_gap_blank_because association_gap_closed association_gap_interval budget
+        agent association_gap_closed association_gap_interval budget
         cost_association cost_below_threshold cost_ground_truth cost_history cost_localisation
         cost_no_forecast cost_off_place cost_other_class cost_rest cost_undetected_new cost_undetected_seen
         coverage difference_interval difference_to_stp effective_objects effective_targets effective_units
-        energy_score error error_by_score events fixed_error gap_blank_because gap_closed
+        energy_score error error_by_score events fixed_error gap_closed
         gap_closed_same_predictor gap_interval gap_same_predictor_interval hypotheses interval localisation
         minADE minFDE missed ms_per_frame objects p place plain_error rank_range samples scenes seeds subset
-        targets unranked_because
+        targets
     """,
     PairedRow: """
         agent budget error hypotheses interval minADE minADE_interval other p samples scenes shared subset
@@ -74,7 +75,7 @@ FIELDS: dict[type, str] = {
         fixed_error own_events
     """,
 }
-SUBSETS = "all ids lost reacquired frag paper_ids paper_frag"
+SUBSETS = "all ids lost reacquired frag paper_ids paper_frag turning"
 
 
 @cache
