@@ -72,9 +72,9 @@ def test_comfort() -> None:
 
 
 def of(way: float, collision: str = "", at_fault: bool = False, near: int = 0, comfortable: bool = True) -> Drive:
-    none, place = np.zeros(1), np.zeros((1, 2, 2))
+    none, place, size = np.zeros(1), np.zeros((1, 2, 2)), np.array(SIZE)
     comfort, cause = comfortable, none.astype(np.int64)
-    return Drive(way, 20.0, way > 99, collision, at_fault, near, 1, comfort, none, none, cause, place, -1)
+    return Drive(way, 20.0, way > 99, collision, at_fault, near, 1, comfort, none, none, cause, place, -1, size, none, np.zeros((1, 4)))
 
 
 @pytest.mark.parametrize(
