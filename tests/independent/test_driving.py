@@ -1,18 +1,27 @@
 """Numbers of drives against those that another program computes from the stored files alone."""
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from mtp_bench import load_card
 from mtp_bench._bundle import bundled
+from mtp_bench.drive.planner import Decision
+from mtp_bench.drive.record import record_of, rows_from
+from mtp_bench.env.rollouts import drive_arrays
 from mtp_bench.running.reference import frozen_reference
 from mtp_bench.running.stored import open_run
 from mtp_bench.scoring.driving import scene_score
-from mtp_bench.sources.highway.driven import hit_from_behind
+from mtp_bench.sources.highway.driven import Way, hit_from_behind
 from mtp_bench.sources.highway.simulate import boxes_meet
-from mtp_bench.types import Drive
+from mtp_bench.sources.highway.store import pack
+from mtp_bench.sources.highway.world import World
+from mtp_bench.types import Drive, Lane, Truth, starts_of_sorted
 from tests.independent.driving import Numbers, from_behind, meet, numbers_of
 from tests.support.command_line import CommandLine
 
@@ -21,7 +30,7 @@ DRIVES = (
     ("blind", "MTP-Drive-Intersection-v0", 10004, 10006, {"at fault", "near miss", "goal", "comfort"}),
     ("blind", "MTP-Drive-Intersection-10Hz-v0", 10006, 10006, {"at fault"}),
     ("standing", "MTP-Drive-Merge-v0", 10004, 10004, {"hit from behind"}),
-    ("standing", "MTP-Drive-Merge-v0", 10009, 10011, {"at fault", "near miss alone", "phantom brake", "no comfort"}),
+    ("standing", "MTP-Drive-Merge-v0", 10008, 10011, {"at fault", "near miss alone", "phantom brake", "no comfort"}),
     ("stp", "MTP-Drive-Roundabout-v0", 10001, 10001, {"near miss alone"}),
 )
 
@@ -71,6 +80,59 @@ def test_every_number_of_stored_drives(
         (way,) = reference.ways([rollout.scene]).values()
         compare(numbers_of(tmp_path / "run" / f"{rollout.scene}.npz"), drive, way)
     assert shown <= seen
+
+
+def drawn_drive(seed: int, file: Path) -> Drive:
+    """Return a drive with random brakes among vehicles that move at random, and store it in ``file``."""
+    rng = np.random.default_rng(seed)
+    steps = int(rng.integers(10, 60))
+    acceleration = gaussian_filter1d(rng.normal(-0.5, rng.choice([1.0, 3.0, 12.0]), steps), rng.uniform(1.0, 5.0))
+    speed = np.maximum(rng.uniform(2.0, 14.0) + np.cumsum(np.append(0.0, acceleration[:-1])) / 10, 0.0)
+    stations = 5.0 + np.cumsum(np.append(0.0, speed)) / 10
+    s = np.arange(0.0, stations[-1] + 50.0, 0.5)
+    heading = 0.5 + np.cumsum(gaussian_filter1d(rng.normal(0.0, 0.15, len(s)), 12.0))
+    xy = np.cumsum(0.5 * np.stack([np.cos(heading), np.sin(heading)], axis=1), axis=0)
+    way = Way(s, xy, heading, np.zeros(0), np.zeros(0, dtype=int))
+    place, yaw = way.at(stations)
+    ego = np.column_stack([place, np.zeros(steps + 1), yaw])
+    rows = []
+    for number in range(8):
+        first, last = np.sort(rng.integers(0, steps + 1, 2))
+        start, course = way.at(stations[first] + rng.uniform(-10.0, 45.0))
+        angle = course + rng.choice([0.0, 0.0, np.pi / 2, np.pi]) + rng.normal(0.0, 0.2)
+        velocity = rng.choice([0.0, 4.0, 10.0]) * np.array([np.cos(angle), np.sin(angle)])
+        size = rng.choice([[4.5, 1.9, 1.5], [0.7, 0.6, 1.7], [11.0, 2.6, 3.2]])
+        start = start + rng.normal(0.0, 2.5, 2)
+        for state in range(first, last + 1):
+            box = [*(start + (state - first) / 10 * velocity), 0.8, angle, *size]
+            rows.append([state, number, 0, *box, *velocity])
+    table = np.array(sorted(rows)).reshape(-1, 12)
+    no = np.zeros(len(table), dtype=bool)
+    ids = table[:, :3].astype(int)
+    truth = Truth(starts_of_sorted(ids[:, 0], steps + 1), table[:, 3:10], table[:, 10:], ids[:, 2], ids[:, 1], ~no, no)
+    lane = Lane(xy, xy, xy)
+    world = World(np.arange(steps + 1) / 10, ego, truth, (lane,))
+    traffic: Any = SimpleNamespace(world=lambda: world, collision=None, way=way, size=(4.7, 1.9), at_goal=False)
+    drive = record_of(traffic, stations, acceleration, [Decision(0.0, 0.0, -1, stations[:1])])
+    shown = steps - 4
+    stored = pack(replace(world, truth=truth.select(ids[:, 0] < shown)))
+    stored = {**stored, "start": stored["start"][: shown + 1], "ending": rows_from(truth, shown)}
+    np.savez(file, **drive_arrays(replace(drive, world=stored)))
+    return drive
+
+
+def test_drawn_drives(tmp_path: Path) -> None:
+    file, found = tmp_path / "drive.npz", []
+    for seed in range(120):
+        drive = drawn_drive(seed, file)
+        numbers = numbers_of(file)
+        for name in ("near_misses", "phantom_brakes", "comfortable"):
+            assert getattr(numbers, name) == getattr(drive, name), f"{name}, seed {seed}"
+        found.append((drive.near_misses, drive.phantom_brakes, drive.comfortable))
+    near, brakes, comfortable = np.array(found).T
+    assert near.sum() > 20
+    assert brakes.sum() > 20
+    assert 20 < comfortable.sum() < 100
 
 
 def test_contacts_and_hits_from_behind_of_random_boxes() -> None:
