@@ -97,7 +97,7 @@ def corners(box: Array) -> Array:
     """The four corners [4, 2] of a box."""
     along = np.array([np.cos(box[3]), np.sin(box[3])]) * box[4] / 2
     across = np.array([-np.sin(box[3]), np.cos(box[3])]) * box[5] / 2
-    return box[:2] + np.array([along + across, along - across, -along - across, -along + across])
+    return np.array([box[:2] + offset for offset in (along + across, along - across, -along - across, -along + across)])
 
 
 def meet(a: Array, b: Array) -> bool:
