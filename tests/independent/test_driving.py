@@ -117,7 +117,8 @@ def drawn_drive(seed: int, file: Path) -> Drive:
     shown = steps - 4
     stored = pack(replace(world, truth=truth.select(ids[:, 0] < shown)))
     stored = {**stored, "start": stored["start"][: shown + 1], "ending": rows_from(truth, shown)}
-    np.savez(file, **drive_arrays(replace(drive, world=stored)))
+    arrays: Any = drive_arrays(replace(drive, world=stored))
+    np.savez(file, **arrays)
     return drive
 
 
