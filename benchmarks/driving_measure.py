@@ -203,7 +203,7 @@ def moments(env: MTPEnv, rollout: Rollout) -> Moments:
     phantom: Array = np.zeros(0)
     missed: Array = np.zeros(0)
     if drive.phantom_brakes:
-        alone = ~occupied(traffic.world(), traffic.way, stations, traffic.size)[:-1]
+        alone = ~occupied(traffic.world(), traffic.way, stations[:-1], traffic.size)
         phantom = _starts((drive.acceleration < HARD_BRAKING) & alone)
     if drive.near_misses:
         missed = _starts(near_misses(traffic.world(), speed, traffic.size))

@@ -165,7 +165,11 @@ class Drive:
     cause: Ints  # [F] forecast object, a row of the frame, that most keeps the ego from driving freely; -1: none does
     plan: Floats  # [F, T + 1, 2] m, places along the profile of each decision, from that of the decision on
     hit: int  # number of the road user that the ego met; -1: none
-    world: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # the recording, packed
+    size: Floats  # [2] m, length and width of the ego
+    station: Floats  # [N + 1] m along the way in each state
+    route: Floats  # [n, 4] points of the way: m along it, x, y, heading in rad without jumps
+    # the recording until the last decision, packed, and "ending", the road users after it: see `record.rows_from`
+    world: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

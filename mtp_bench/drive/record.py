@@ -7,7 +7,7 @@ import numpy as np
 from ..sources.highway.driven import STANDING, DrivenTraffic, Way
 from ..sources.highway.simulate import boxes_meet
 from ..sources.highway.world import CLASSES, RATE, World
-from ..types import HARD_BRAKING, Bools, Drive, Floats
+from ..types import HARD_BRAKING, Bools, Drive, Floats, Ints, Truth
 from .planner import Decision
 
 COLLISION_TIME = 0.95  # s: a shorter time to collision is a near miss (nuPlan)
@@ -19,13 +19,15 @@ _WINDOW = 15  # steps over which accelerations are smoothed before jerks are tak
 
 
 def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, plans: Sequence[Decision]) -> Drive:
-    """The record of a drive until now.
+    """Return the record of a drive until now, with the definitions of docs/definitions/driving.md.
 
     ``stations`` [N + 1] m of the ego at each step, ``acceleration`` [N] m/s2 between them; ``plans`` [F]: decisions.
     """
-    world, hit = traffic.world(), traffic.collision
+    world = traffic.world()
+    way = traffic.way
+    hit = traffic.collision
     speed = np.diff(stations) * RATE
-    alone = ~occupied(world, traffic.way, stations, traffic.size)[:-1]
+    alone = ~occupied(world, way, stations[:-1], traffic.size)
     return Drive(
         way=float(stations[-1] - stations[0]),
         seconds=float(world.time[-1]),
@@ -34,45 +36,63 @@ def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, pl
         at_fault=hit is not None and hit.at_fault,
         near_misses=_runs(near_misses(world, speed, traffic.size)),
         phantom_brakes=_runs((acceleration < HARD_BRAKING) & alone),
-        comfortable=is_comfortable(acceleration, speed, np.interp(stations[:-1], traffic.way.s, traffic.way.heading)),
+        comfortable=is_comfortable(acceleration, speed, np.interp(stations[:-1], way.s, way.heading)),
         acceleration=acceleration,
         risk=np.array([plan.risk for plan in plans]),
         cause=np.array([plan.cause for plan in plans]),
-        plan=traffic.way.at(np.array([plan.s for plan in plans]))[0],
+        plan=way.at(np.array([plan.s for plan in plans]))[0],
         hit=-1 if hit is None else hit.number,
+        size=np.array(traffic.size),
+        station=stations,
+        route=np.column_stack([way.s, way.xy, way.heading]),
     )
+
+
+def rows_from(truth: Truth, first: int) -> Floats:
+    """Return the rows [R, 12] from the state ``first`` on: state, number, class, box, velocity."""
+    state = truth.frame_of_rows
+    return np.column_stack([state, truth.object_id, truth.class_id, truth.box, truth.velocity])[state >= first]
 
 
 def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools:
     """Mask [N] of the steps whose time to collision is below `COLLISION_TIME`, with a road user ahead or beside."""
-    truth, steps = world.truth, len(speed)
-    frame = truth.frame_of_rows
-    rows = np.flatnonzero((frame < steps) & (np.hypot(*(truth.box[:, :2] - world.ego[frame, :2]).T) < FREE + 10))
-    frame = frame[rows]
-    yaw, moves, (x, y) = world.ego[frame, 3], speed[frame] > STANDING, (truth.box[rows, :2] - world.ego[frame, :2]).T
-    ahead = x * np.cos(yaw) + y * np.sin(yaw) > 0
+    rows, frame = _rows_around(world, len(speed))
+    box = world.truth.box[rows]
+    place = world.ego[frame, :2]
+    yaw = world.ego[frame, 3]
+    heading = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    velocity = speed[frame, None] * heading
+    ahead = ((box[:, :2] - place) * heading).sum(axis=1) > 0
+    other = box.copy()
+    ego = np.zeros_like(box)
+    ego[:, 3] = yaw
+    ego[:, 4:6] = size
     near = np.zeros(len(rows), dtype=bool)
     for seconds in _LOOKS:
-        own = np.zeros((len(rows), 7))
-        own[:, :2] = world.ego[frame, :2] + (speed[frame] * seconds)[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], 1)
-        own[:, 3], own[:, 4:6] = yaw, size
-        other = truth.box[rows].copy()
-        other[:, :2] += truth.velocity[rows] * seconds
-        near |= boxes_meet(own, other)
-    return np.bincount(frame[near & ahead & moves], minlength=steps) > 0
+        ego[:, :2] = place + seconds * velocity
+        other[:, :2] = box[:, :2] + seconds * world.truth.velocity[rows]
+        near |= boxes_meet(ego, other)
+    return np.bincount(frame[near & ahead & (speed[frame] > STANDING)], minlength=len(speed)) > 0
 
 
 def occupied(world: World, way: Way, stations: Floats, size: tuple[float, float]) -> Bools:
-    """Mask [N + 1] of the steps with a road user on the way, or right beside it, within `FREE` m of the bumper."""
-    truth = world.truth
-    frame = truth.frame_of_rows
-    rows = np.flatnonzero(np.hypot(*(truth.box[:, :2] - world.ego[frame, :2]).T) < FREE + 10)
-    frame, box = frame[rows], truth.box[rows]
-    found, reach = np.zeros(len(stations), dtype=bool), size[1] / 2 + box[:, 4:6].min(axis=1) / 2 + _BESIDE
+    """Mask [N] of the states with a road user on the way, or right beside it, within `FREE` m of the bumper."""
+    rows, frame = _rows_around(world, len(stations))
+    box = world.truth.box[rows]
+    found = np.zeros(len(stations), dtype=bool)
+    reach = size[1] / 2 + box[:, 4:6].min(axis=1) / 2 + _BESIDE
     for ahead in np.arange(size[0] / 2, size[0] / 2 + FREE, 1.0):
         place = way.at(stations + ahead)[0][frame]
         found[frame[np.hypot(*(box[:, :2] - place).T) < reach]] = True
     return found
+
+
+def _rows_around(world: World, states: int) -> tuple[Ints, Ints]:
+    """Return rows and states [R] of the road users near the ego, in the first ``states``."""
+    frame = world.truth.frame_of_rows
+    away = world.truth.box[:, :2] - world.ego[frame, :2]
+    rows = np.flatnonzero((np.hypot(*away.T) < FREE + 10) & (frame < states))
+    return rows, frame[rows]
 
 
 def is_comfortable(acceleration: Floats, speed: Floats, heading: Floats) -> bool:
@@ -85,12 +105,17 @@ def is_comfortable(acceleration: Floats, speed: Floats, heading: Floats) -> bool
 
 
 def smoothed_jerk(acceleration: Floats) -> Floats:
-    """Jerk [N] m/s3 of parabolas through `_WINDOW` accelerations [N] each (Savitzky-Golay, as in `scipy.signal`)."""
-    k, half = np.arange(_WINDOW) - _WINDOW // 2, _WINDOW // 2
-    _, slope, bend = np.linalg.pinv(np.stack([k**0, k, k**2], axis=1))
-    slopes = RATE * (slope + 2 * np.outer(k, bend))  # [_WINDOW at which, _WINDOW through which]
+    """Return the jerk [N] m/s3: slopes of parabolas through `_WINDOW` accelerations [N] each.
+
+    The filter of Savitzky and Golay, as `scipy.signal.savgol_filter` has it, whose import takes over a second.
+    """
+    half = _WINDOW // 2
+    k = np.arange(_WINDOW) - half
     windows = np.lib.stride_tricks.sliding_window_view(acceleration, _WINDOW)
-    return np.concatenate([slopes[:half] @ windows[0], windows @ slopes[half], slopes[half + 1 :] @ windows[-1]])
+    _, slope, bend = np.polynomial.polynomial.polyfit(k, windows.T, 2)
+    first = slope[0] + 2 * bend[0] * k[:half]
+    last = slope[-1] + 2 * bend[-1] * k[half + 1 :]
+    return RATE * np.concatenate([first, slope, last])
 
 
 def _runs(mask: Bools) -> int:

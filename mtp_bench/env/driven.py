@@ -7,7 +7,7 @@ import numpy as np
 from ..cards import Card
 from ..cards.card import DriveSection
 from ..drive.planner import Decision, Obstacles, Planner
-from ..drive.record import record_of
+from ..drive.record import record_of, rows_from
 from ..drive.scenes import DrivenScene, horizon
 from ..sources.base import section_of
 from ..sources.highway.driven import DrivenTraffic
@@ -108,7 +108,9 @@ class DrivenEpisode(Episode):
 
     def _finish(self) -> None:
         world = self._world_of(self.t)
-        self.scene, self.drive = self.shown.whole(world), replace(self._recorded(), world=pack(world))
+        ending = rows_from(self.traffic.world().truth, len(world.time))
+        self.scene = self.shown.whole(world)
+        self.drive = replace(self._recorded(), world={**pack(world), "ending": ending})
 
     def record(self) -> Drive | None:
         """The drive until now."""

@@ -106,6 +106,12 @@ def test_the_occlusion_level_follows_the_visible_fraction(visible: float, level:
     assert visibility_of(truth, np.zeros((1, 4)), ALL_AROUND).occlusion.tolist() == [level, 0]
 
 
+def test_a_fraction_at_a_threshold_is_not_below_it() -> None:
+    truth = _truth([[_wall(10.0, -10.0, 10.0)] * 3])
+    levels = visibility_of(truth, np.zeros((1, 4)), ALL_AROUND, visible=np.array([0.8, 0.4, 0.05])).occlusion
+    assert levels.tolist() == [0, 1, 2]
+
+
 def test_distance_and_bearing_are_relative_to_the_ego_of_the_frame() -> None:
     truth = _truth([[_box(10.0, 0.0)], [], [_box(10.0, 0.0), _box(3.0, 5.0)]])
     ego = np.array([[0.0, 0.0, 1.0, 0.0], [9.0, 9.0, 9.0, 9.0], [3.0, 0.0, 1.0, np.pi / 2]])

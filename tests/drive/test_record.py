@@ -73,8 +73,11 @@ def test_comfort() -> None:
 
 def of(way: float, collision: str = "", at_fault: bool = False, near: int = 0, comfortable: bool = True) -> Drive:
     none, place = np.zeros(1), np.zeros((1, 2, 2))
+    size, route = np.array(SIZE), np.zeros((1, 4))
     comfort, cause = comfortable, none.astype(np.int64)
-    return Drive(way, 20.0, way > 99, collision, at_fault, near, 1, comfort, none, none, cause, place, -1)
+    return Drive(
+        way, 20.0, way > 99, collision, at_fault, near, 1, comfort, none, none, cause, place, -1, size, none, route
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -82,4 +82,4 @@ def test_of_two_contacts_the_one_at_fault_counts() -> None:
     traffic._record()
     assert traffic.over
     assert traffic.collision is not None
-    assert (traffic.collision.frame, traffic.collision.at_fault) == (1, True)
+    assert (traffic.frames, traffic.collision.at_fault) == (2, True)

@@ -80,6 +80,7 @@ def test_order_scale_of_weights_and_place_do_not_matter(seed: int, yaw: float) -
 FLOOR = {
     # weights of four samples of errors 1, 2, 3, 4 m: minADE
     "just enough": ([0.0025, 0.5, 0.2, 0.2975], 1.0),
+    "exactly enough": ([1.0, 199.0, 100.0, 100.0], 1.0),
     "next to nothing": ([0.0024, 0.5, 0.2, 0.2976], 2.0),
     "absent samples raise the floor": ([0.0034, 0.0, 0.5, 0.4966], 1.0),
     "... of those that are there": ([0.0033, 0.0, 0.5, 0.4967], 3.0),

@@ -96,6 +96,7 @@ CASES: dict[str, tuple[list[tuple[int, int, float, float]], list[float], list[in
     "the surer among hopeless ones": ([(0, 0, 1.0, 0), (0, 1, 1.0, 9)], [4e-10, 1e-10], [0]),
     "the surer by the last bit": ([(0, 0, 1.0, 0), (0, 1, 1.0, 9)], [float(SMALL), float(BELOW)], [0]),
     "the larger tie at equal confidence": ([(0, 0, 1.0, 0), (0, 1, 1.0, 9)], [0.5, 0.5], [1]),
+    "the first of two that are equal in all": ([(0, 0, 1.0, 9), (0, 1, 1.0, 9)], [0.5, 0.5], [0]),
     "an infinite tie is the largest": ([(0, 0, 1.0, np.inf), (0, 1, 1.0, 9)], [0.5, 0.5], [0]),
     "more pairs before cheap ones": ([(0, 0, 0.0, 0), (1, 0, 2.0, 0), (0, 1, 2.0, 0)], [0.9, 0.1], [1, 0]),
     "nothing inside the gate": ([], [0.5], []),

@@ -135,6 +135,16 @@ def test_differences_to_the_controls() -> None:
     assert ("stp", "stp", "all") not in pairs
 
 
+def test_min_ade_is_compared_over_targets_that_both_cover() -> None:
+    seldom = [answer(1.0, name=name, seen=i < 6) for i, name in enumerate(SCENES)]
+    always = [answer(0.6, name=name) for name in SCENES]
+    report = summarise([agent("stp", seldom), agent("gt_tracks", run(0.2)), agent("always", always)], CARD, ALIKE)
+    pairs = {(p.agent, p.other, p.subset): p for p in report.paired}
+    pair = pairs["always", "stp", "all"]
+    assert pair.minADE == pytest.approx(-0.4)
+    assert (pair.shared, pair.targets) == (6, 24)
+
+
 @pytest.mark.parametrize("seen", [True, False], ids=["sees the car", "says nothing"])
 def test_one_agent_alone_is_not_ranked(seen: bool) -> None:
     report = summarise([agent("a", run(0.6, seen=seen))], CARD, ALIKE)

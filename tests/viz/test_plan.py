@@ -21,7 +21,8 @@ def driven(
     drive = Drive(
         way=1.0, seconds=0.3, goal=False, collision="car" if hit >= 0 else "", at_fault=True, near_misses=0,
         phantom_brakes=0, comfortable=True, acceleration=np.array(acceleration), risk=np.full(frames, 0.25),
-        cause=np.array(cause), plan=plan, hit=hit,
+        cause=np.array(cause), plan=plan, hit=hit, size=np.array([4.5, 1.8]), station=np.zeros(len(acceleration) + 1),
+        route=np.zeros((1, 4)),
     )  # fmt: skip
     rollout = make_rollout(line([1] * frames), line([1] * frames))
     scene = with_detections(make_scene(line([5] * frames)), line([5] * frames) if seen else [[]] * frames)

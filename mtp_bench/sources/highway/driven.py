@@ -44,11 +44,9 @@ class Way:
 class Collision:
     """The first contact of the ego."""
 
-    frame: int
     class_id: int  # index into `world.CLASSES`
     number: int  # of the road user
-    at_fault: bool  # the ego moved, and was not hit from behind (nuPlan's rule)
-    speed: float  # m/s of the ego
+    at_fault: bool  # the ego moved, and was not hit from behind (docs/definitions/driving.md)
 
 
 class _Ego(Driver):
@@ -136,7 +134,7 @@ class DrivenTraffic:
         if met and self.collision is None:
             faults = [other for other in met if is_at_fault(every[own], float(self.ego.speed), every[other])]
             kind, number = self._recording.identity((faults or met)[0])
-            self.collision = Collision(self.frames - 1, kind, number, bool(faults), float(self.ego.speed))
+            self.collision = Collision(kind, number, bool(faults))
 
 
 @lru_cache(maxsize=256)  # of 50 kB: more than the scenes of a split
