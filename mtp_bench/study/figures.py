@@ -5,10 +5,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ..running.settings import Setting
 from ..scoring.parts import PARTS
 from ..tables import Table
 from ..viz.terminal.output import counted
-from .drawing import COLORS, HATCHES, MARKERS, SERIES, Drawing, Panel, Series, Sketch, draw
+from .drawing import COLORS, HATCHES, LINES, MARKERS, SERIES, Drawing, Panel, Series, Sketch, draw
 from .rows import subset_name, texts_of
 from .runs import Findings
 
