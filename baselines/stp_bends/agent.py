@@ -1,4 +1,4 @@
-"""Control: four of ten samples bend to the left and right, whatever the object does."""
+"""Control: four of ten samples bend to the left and right, without evidence."""
 
 import numpy as np
 
