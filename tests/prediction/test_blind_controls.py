@@ -127,8 +127,8 @@ def test_four_of_ten_samples_bend_left_and_right_and_the_others_are_those_of_stp
     assert samples.shape == (2, k, task.future, 2)
     np.testing.assert_allclose(samples[:, : k - count], straight[:, : k - count], atol=1e-12)
     before, after = (steps_of(each, tracks)[:, k - count :] for each in (straight, samples))
-    lengths = [np.linalg.norm(steps, axis=-1) for steps in (before, after)]
-    np.testing.assert_allclose(*lengths, atol=1e-9, err_msg="bends keep the speed")
+    length, bent_length = (np.linalg.norm(steps, axis=-1) for steps in (before, after))
+    np.testing.assert_allclose(bent_length, length, atol=1e-9, err_msg="bends keep the speed")
     complex_before, complex_after = (steps[..., 0] + 1j * steps[..., 1] for steps in (before, after))
     angle = np.angle(complex_after / complex_before)  # rad, of each step
     middle = task.dt * (np.arange(task.future) + 0.5)  # s
@@ -151,7 +151,7 @@ def test_bends_do_not_depend_on_the_past() -> None:
         straight, samples = (steps_of(each, tracks) for each in (kinematic(tracks), bent(tracks, TASK)))
         ratio = (samples[..., 0] + 1j * samples[..., 1]) / (straight[..., 0] + 1j * straight[..., 1])
         angles.append(np.angle(ratio))
-    np.testing.assert_allclose(*angles, atol=1e-9)
+    np.testing.assert_allclose(angles[0], angles[1], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["stp_neighbours", "stp_bends"])
