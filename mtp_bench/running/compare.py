@@ -97,7 +97,7 @@ class EnvEvaluation:
         return scored
 
     def report(
-        self, scores: Sequence[AgentScores], settings: Sequence[Setting], references: Runs | None = None
+        self, scores: Sequence[Any], settings: Sequence[Setting], references: Runs | None = None
     ) -> tuple[Report, Reference]:
         """Report of the ``scores`` of ``settings``, and the event weights; ``references``: of `summarise`."""
         reference = reference_for(self.card, self.scenes, self.options)
