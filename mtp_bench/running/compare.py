@@ -25,10 +25,11 @@ from .run import AgentFailedError, Job, first_errors, jobs_of, run_jobs
 from .settings import Key, Setting, all_settings, references_of, require_list, setting_of, training_note
 
 Scores = AgentScores | AgentFailedError
+Runs = Mapping[str, References | None]  # of `summarise`, by agent
 CONTROLS: tuple[Role, ...] = (  # docs/definitions, "Controls"
-    "ground_truth", "single", "same_samples", "hedged", "associated", "associated_same_samples",
+    "ground_truth", "single", "same_samples", "neighbours", "bends", "associated", "associated_same_samples",
 )  # fmt: skip
-_IN_FULL: tuple[Role, ...] = ("associated",)  # controls that the main table leaves out
+HYPOTHESIS_CONTROLS: tuple[Role, ...] = ("same_samples", "neighbours")  # a gain of hypotheses is beyond both
 
 
 def evaluate(
@@ -95,10 +96,12 @@ class EnvEvaluation:
             scored.append(error or scores_of(setting, seeds))
         return scored
 
-    def report(self, scores: Sequence[Any], settings: Sequence[Setting], **further: Any) -> tuple[Report, Reference]:
-        """Report of the ``scores`` of ``settings``, and the event weights; ``further``: of `summarise`."""
+    def report(
+        self, scores: Sequence[Any], settings: Sequence[Setting], references: Runs | None = None
+    ) -> tuple[Report, Reference]:
+        """Report of the ``scores`` of ``settings``, and the event weights; ``references``: of `summarise`."""
         reference = reference_for(self.card, self.scenes, self.options)
-        report = summarise(scores, self.card, reference, **further)
+        report = summarise(scores, self.card, reference, references=references)
         notes: dict[str, list[str]] = {}
         for submission in {setting.submission.name: setting.submission for setting in settings}.values():
             if note := training_note(submission, self.card):
@@ -168,7 +171,8 @@ def compare(
 def _compared(evaluation: EnvEvaluation, agents: Sequence[object], full: bool) -> Comparison:
     card, role = evaluation.card, controls()
     card.require_same_scenes("in which agents do not meet the same scenes")
-    hidden = {role[each] for each in _IN_FULL} - {each for each in agents if isinstance(each, str)}
+    asked = {each for each in agents if isinstance(each, str)}
+    hidden = {role["associated"]} - asked  # from the main table
     settings = all_settings([*control_names(), *agents], card)
     if not full:
         settings = _main_settings([setting for setting in settings if setting.submission.name not in hidden])
@@ -187,8 +191,9 @@ def _compared(evaluation: EnvEvaluation, agents: Sequence[object], full: bool) -
         for label, references in stated.items()
         if label in {setting.label for setting in shown}
     }
-    ends = {"stp": role["single"], "truth": role["ground_truth"]}
-    report, reference = evaluation.report([scores[each.key] for each in shown], shown, **ends, references=own)
+    report, reference = evaluation.report([scores[each.key] for each in shown], shown, references=own)
+    if "turning" not in {row.subset for row in report.rows}:
+        hidden |= {role["bends"]} - asked
     names = dict.fromkeys(setting.submission.name for setting in shown)
     report = replace(report, shown=[name for name in names if name not in hidden], failures=failures)
     skipped: dict[str, int] = {}

@@ -24,6 +24,8 @@ from .statistics import bootstrap_interval, effective_number, paired_difference,
 from .table import AgentScores, AgentTable, agent_table, require_same_targets
 from .weights import Reference
 
+CONTROLS = ("stp", "stp_same_samples", "stp_neighbours")  # agents that differences are given to
+
 
 def rejected_line(agent: str, rejected: int) -> str:
     """Note about rejected rows of an agent's actions."""
@@ -98,15 +100,14 @@ def summarise(
     reference: Reference | None = None,
     stp: str = "stp",
     truth: str = "gt_tracks",
-    controls: Sequence[str] = ("stp", "stp_same_samples"),
     references: Mapping[str, References | None] | None = None,
 ) -> Report:
     """Report of ``agents`` on the same scenes of ``card``.
 
     ``reference``: event weights, and the constants of the card that set budgets; without it events have no targets,
     and budgets are one false forecast per target.
-    ``stp`` and ``truth`` name the agents between which gap_closed measures, ``controls`` those to which differences are
-    given; all of them with equal k, and left out if absent. ``references``: by agent, the runs with its own
+    ``stp`` and ``truth`` name the agents between which gap_closed measures. Differences are given to `CONTROLS`. All of
+    them have equal k, and are left out if absent. ``references``: by agent, the runs with its own
     predictor and presence model; None if its manifest does not state them, missing if they were not run.
     One agent alone has no rank. Raises RolloutError if agents differ in scenes or targets.
     """
@@ -123,7 +124,7 @@ def summarise(
                 beside[id(each)] = agent_table(each, reference)
     shared = Pair(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
     pairs = [pairs_of(table, shared, references or {}, beside) for table in tables]
-    others = [table for name in controls if (table := _with_equal_budget(tables, name)) is not None]
+    others = [table for name in CONTROLS if (table := _with_equal_budget(tables, name)) is not None]
     rows = []
     for table, gaps in zip(tables, pairs, strict=True):
         runs = (references or {}).get(table.setting.agent) or References()

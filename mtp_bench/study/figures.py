@@ -5,10 +5,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ..running.settings import Setting
 from ..scoring.parts import PARTS
 from ..tables import Table
 from ..viz.terminal.output import counted
-from .drawing import COLORS, HATCHES, MARKERS, SERIES, Drawing, Panel, Series, Sketch, draw
+from .drawing import COLORS, HATCHES, LINES, MARKERS, SERIES, Drawing, Panel, Series, Sketch, draw
 from .rows import subset_name, texts_of
 from .runs import Findings
 
@@ -53,7 +54,8 @@ def _cost(findings: Findings, rows: Sequence[Any]) -> Sketch:
 
 
 def _gain(findings: Findings, rows: Sequence[Any]) -> Sketch:
-    subject, control, panels = findings.subject, findings.plan.same_samples, []
+    subject, panels = findings.subject, []
+    levels = {**_rivals(findings), "green": subject.truth}
     for subset in map(subset_name, ("paper_ids", "ids", "all")):
         here = _where(rows, targets_of=subset)
         if all(row.minADE is None for row in here):
@@ -65,26 +67,21 @@ def _gain(findings: Findings, rows: Sequence[Any]) -> Sketch:
             series.append(_series_of(own, f"{subject.name}, {label}", color, "H", "minADE", intervals=()))
             style = {"linestyle": ":", "marker": MARKERS[color]}
             series.append(_paper_series(own, _pick(own, "H"), f"the paper's, {label}", color, **style))
-        for setting, color, line in ((control, "orange", "--"), (subject.truth, "green", "-")):
-            if setting is not None:
-                level = _pick(_where(here, agent=setting.label)[:1], "minADE")
-                series.append(_level(setting.label, level, color, linestyle=line))
+        series += [_level_of(here, setting, "minADE", color) for color, setting in levels.items()]
         ticks = _count_ticks(_pick(here, "H"))
         panels.append(Panel(series, "hypotheses H", f"minADE on {subset}, m", ticks, FROM_ZERO))
     return Sketch(panels, size=(9.2, 3.7), legend=2)
 
 
 def _ranked(findings: Findings, rows: Sequence[Any]) -> Sketch:
-    subject, control, panels = findings.subject, findings.plan.same_samples, []
+    subject, panels = findings.subject, []
     for subset in map(subset_name, ("all", "ids", "reacquired")):
         here = _where(rows, targets_of=subset)
         own = [r for r in _where(here, agent=subject.name, sampling="k of all") if r.to_single is not None]
         counts, differences = [1, *_pick(own, "H")], [0.0, *_pick(own, "to_single")]
         intervals = [(0.0, 0.0), *_pick(own, "to_single_interval")]
         series = [Series(subject.name, counts, differences, "vermillion", intervals=intervals)]
-        if control is not None:
-            level = _pick(_where(here, agent=control.label)[:1], "to_single")
-            series.append(_level(control.label, level, "orange", linestyle="--"))
+        series += [_level_of(here, setting, "to_single", color) for color, setting in _rivals(findings).items()]
         series.append(_level(subject.single.label, [0.0], "blue", linewidth=1.2))
         panels.append(Panel(series, "hypotheses H", f"bADE on {subset}, m,\ndifference", _count_ticks(counts)))
     return Sketch(panels, size=(9.2, 3.3))
@@ -164,6 +161,17 @@ def _paper_series(rows: Sequence[Any], x: Sequence[float], label: str, color: st
 def _level(label: str, values: Sequence[float | None], color: str, **style: Any) -> Series:
     """Straight lines across a panel at these values."""
     return Series(label, (), values, color, "level", style=style)
+
+
+def _rivals(findings: Findings) -> dict[str, Setting]:
+    """The controls that a gain of hypotheses must exceed, by the colour of their level."""
+    return dict(zip(("orange", "purple"), findings.plan.rivals, strict=True))
+
+
+def _level_of(rows: Sequence[Any], setting: Setting, column: str, color: str) -> Series:
+    """The level of a setting's value in a column of ``rows``."""
+    values = _pick(_where(rows, agent=setting.label)[:1], column)
+    return _level(setting.label, values, color, linestyle=LINES[color])
 
 
 def _named_ticks(names: Iterable[str]) -> list[tuple[float, str]]:

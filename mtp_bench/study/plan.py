@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from ..cards import Card
 from ..errors import MtpBenchError
 from ..records.canonical import digest_of
-from ..running.compare import control_names
+from ..running.compare import HYPOTHESIS_CONTROLS, control_names
 from ..running.settings import Setting, all_settings, kinematic_references, references_of, setting_of
 from ..scoring.rows import Budget
 from ..submission.loader import Submission, load_submission
@@ -40,9 +40,9 @@ class StudyPlan:
     controls: tuple[Setting, ...]
 
     @property
-    def same_samples(self) -> Setting | None:
-        """The control that draws as many samples from one hypothesis as others from many."""
-        return next((s for s in self.controls if s.submission.compare.role == "same_samples"), None)
+    def rivals(self) -> list[Setting]:
+        """The controls that a gain of hypotheses must exceed: the same samples, and the futures of neighbours."""
+        return [setting for setting in self.controls if setting.submission.compare.role in HYPOTHESIS_CONTROLS]
 
     @property
     def equal(self) -> list[Setting]:

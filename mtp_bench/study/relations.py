@@ -85,9 +85,9 @@ def _gains(findings: Findings) -> Iterator[Row]:
         yield _difference(findings, most, subject.equal[few], switches, -1, "More hypotheses win more", figures)
     if count in subject.free:
         yield _kept(findings, subject.free[count], paper("ids", ("several", "free", count), many))
-    control = findings.plan.same_samples
-    if control is not None and subject.single in findings.plan.controls:  # they share its predictor
-        title = f"{winner} more than as many samples from one hypothesis (a control that the paper does not have)"
+    rivals = findings.plan.rivals if subject.single in findings.plan.controls else []  # they share its predictor
+    for control in rivals:
+        title = f"{winner} more than {control.label} (a control that the paper does not have)"
         yield _difference(findings, most, control, switches, -1, title, "")
 
 

@@ -68,9 +68,9 @@ def subset_name(subset: str) -> str:
 
 def settings_of_rows(findings: Findings) -> Iterator[tuple[StudiedAgent, Setting]]:
     """Settings of the tables over H and k, each with the studied agent whose rows it belongs to."""
-    shown = [s for s in findings.plan.controls if s.submission.compare.role in ("same_samples", "hedged")]
+    bends = [setting for setting in findings.plan.controls if setting.submission.compare.role == "bends"]
     for subject in findings.plan.subjects:
-        equal = [subject.reference, subject.single, *shown, *subject.equal.values()]
+        equal = [subject.reference, subject.single, *findings.plan.rivals, *bends, *subject.equal.values()]
         for setting in unique([subject.truth, *equal, *subject.free.values()]):
             yield subject, setting
 

@@ -25,8 +25,8 @@ _NAME = re.compile(
 MOST_SETTINGS = 1000  # of a comparison
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 Role = Literal[
-    "ground_truth", "single", "several", "same_samples", "hedged", "associated", "associated_same_samples",
-    "standing", "blind",
+    "ground_truth", "single", "several", "same_samples", "neighbours", "bends", "hedged", "associated",
+    "associated_same_samples", "standing", "blind",
 ]  # fmt: skip
 NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and its training data
 

@@ -45,14 +45,14 @@ def test_a_comparison(mine: Path, cli: CommandLine, known: list[str], tmp_path: 
     assert table.startswith("MTP-Small-v0, 2 scenes, 1 seed: m, less is better")
     agent_lines = [line.split() for line in table.splitlines()[4:] if line.count("/") == 1 and "%" in line]
     agents = [words[0] for words in agent_lines]
-    known = ["gt_tracks", "perfect_association_same_samples", "stp", "stp_same_samples", "stp_hedged"]
-    assert sorted(agents) == sorted([*known, "mine"])
+    known = ["gt_tracks", "perfect_association_same_samples", "stp", "stp_same_samples", "stp_neighbours"]
+    assert sorted(agents) == sorted([*known, "mine"]), "without stp_bends, since no target turns"
     errors = [float(words[2]) for words in agent_lines]
     assert errors == sorted(errors)  # agents are listed by bADE
     assert "\nOver all targets " in table
     text = " ".join(further[0].split())
     assert text.startswith("- Over all targets detection and tracking together cost ")
-    assert "- mine (H = 2) against stp over all targets: " in text
+    assert "- mine (H = 2) against stp, one hypothesis with k samples: over all targets " in text
     assert "- mine (H = 2) against stp_same_samples, one hypothesis with 20 times k samples: " in text
     assert "- No agent is ranked over all targets (" in text
     assert "mtp (H" not in text

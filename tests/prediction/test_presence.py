@@ -148,7 +148,10 @@ def test_a_file_that_is_not_a_model(name: str, tmp_path: Path) -> None:
         LearnedPresence(file).reset(kitti_task())
 
 
-BASELINES = ["stp", "mtp", "ab3dmot", "stp_same_samples", "stp_hedged", "stp_min_score", "mtp_min_score"]
+BASELINES = [
+    "stp", "mtp", "ab3dmot", "stp_same_samples", "stp_neighbours", "stp_bends", "stp_hedged", "stp_min_score",
+    "mtp_min_score",
+]  # fmt: skip
 
 
 def test_the_baselines_say_what_was_trained_on_scored_scenes(tmp_path: Path) -> None:

@@ -30,8 +30,8 @@ KEYS = [
 ]  # fmt: skip
 CONTROLS = [
     ("gt_tracks", 1, 4, "equal"), ("gt_tracks draws=20", 1, 4, "equal"), ("stp", 1, 4, "equal"),
-    ("stp_same_samples", 1, 4, "equal"), ("stp_hedged", 1, 4, "equal"), ("perfect_association", 1, 4, "equal"),
-    ("perfect_association_same_samples", 1, 4, "equal"),
+    ("stp_same_samples", 1, 4, "equal"), ("stp_neighbours", 1, 4, "equal"), ("stp_bends", 1, 4, "equal"),
+    ("perfect_association", 1, 4, "equal"), ("perfect_association_same_samples", 1, 4, "equal"),
 ]  # fmt: skip
 MTP = [("mtp", h, 4, "equal") for h in (5, 10, 20)] + [("mtp", h, 4 * h, "free") for h in (5, 10, 20)]
 

@@ -78,7 +78,7 @@ def test_every_table_is_written_twice_with_units_and_a_sentence(made: Study) -> 
 def test_the_bar_of_every_agent_adds_up_to_its_error(made: Study) -> None:
     rows = rows_of(made, "parts")
     agents = {(row["agent"], row["H"]) for row in rows if row["targets_of"] == "all"}
-    assert {("gt_tracks", 1), ("stp", 1), ("stp_same_samples", 1), ("stp_hedged", 1), ("mtp", 20)} <= agents
+    assert {("gt_tracks", 1), ("stp", 1), ("stp_same_samples", 1), ("stp_neighbours", 1), ("mtp", 20)} <= agents
     split = {row["agent"] for row in rows if row["cost_association"] is not None}
     assert split >= {"stp", "stp_same_samples", "mtp"}
     for row in rows:
@@ -113,7 +113,7 @@ def test_the_page_tells_the_whole_story_and_loads_nothing(made: Study) -> None:
     assert len(captions) == len(FIGURES)
     assert "95" not in "".join(captions)
     figure = (made.folder / "figures" / "parts.svg").read_text()
-    assert "stp_hedged" not in figure, "its error is not split"
+    assert "stp_bends" not in figure, "its error is not split"
     assert "not split (rest)" in figure
     for row in rows_of(made, "errors"):
         assert (row["p"], row["minADE_interval"]) == (None, None)

@@ -31,7 +31,7 @@ def only(findings: list[Finding], level: str = "error") -> Finding:
     return found
 
 
-@pytest.mark.parametrize("name", ["mtp", "stp_hedged", "template"])
+@pytest.mark.parametrize("name", ["mtp", "stp_hedged", "stp_neighbours", "stp_bends", "template"])
 def test_good_agents_pass(name: str, tmp_path: Path) -> None:
     submission = load_submission(new_submission("mine", tmp_path) if name == "template" else name)
     findings = check_agent(SubmissionFactory(str(submission.path), submission.parameters))

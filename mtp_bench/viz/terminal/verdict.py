@@ -1,6 +1,6 @@
 """The verdict of a comparison: one sentence, and all sentences."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS, SIGNIFICANT, Subset
@@ -13,9 +13,16 @@ from ...tables import Column
 from .paper import paper_gap
 from .tables import REFERENCES, label_of
 
-_ROLES: tuple[Role, ...] = ("single", "ground_truth", "same_samples", "associated_same_samples", "several")
-STP, TRUTH, CONTROL, ASSOCIATED, SEVERAL = (controls()[role] for role in _ROLES)
+_ROLES: tuple[Role, ...] = (
+    "single", "ground_truth", "same_samples", "neighbours", "associated_same_samples", "several",
+)  # fmt: skip
+STP, TRUTH, CONTROL, NEIGHBOURS, ASSOCIATED, SEVERAL = (controls()[role] for role in _ROLES)
 CONTROL_DRAWS = 20  # times k samples
+_CONTROLS = {
+    STP: "one hypothesis with k samples",
+    CONTROL: f"one hypothesis with {CONTROL_DRAWS} times k samples",
+    NEIGHBOURS: "as many, a third of them a near neighbour's (hypotheses must gain beyond both)",
+}
 _SAME = "gap_closed_same_predictor"
 _GAPS = {  # field of a share -> the beginning of the other fields of its gap, and its name
     "gap_closed": ("gap", f"gap between {STP} and ground-truth tracks"),
@@ -29,21 +36,23 @@ WHERE = {"all": "over all targets", "ids": "on identity switches", "reacquired":
 def short_verdict(report: Report, names: Sequence[str]) -> str:
     """One sentence about the submissions ``names``; empty where nothing can be compared.
 
-    Of baselines: the cost of wrong association on identity switches, and the part that several hypotheses win back.
+    Of baselines: what perfect association and several hypotheses win beyond the controls on identity switches.
     Of others: the best agent over all targets, and its difference to the next one, or to the best of ``names``.
     """
     own = [name for name in names if name not in controls().values()]
-    cost, won = (_paired(report, name, CONTROL, "ids", None) for name in (ASSOCIATED, SEVERAL))
-    if own or SEVERAL not in names or cost is None or won is None:
+    cost = _paired(report, ASSOCIATED, CONTROL, "ids", None)
+    pairs = [_paired(report, SEVERAL, control, "ids", None) for control in (CONTROL, NEIGHBOURS)]
+    gains = [_gain(pair) for pair in pairs if pair is not None]
+    if own or SEVERAL not in names or cost is None or not gains:
         return _best(report, own or names)
-    lost = won.error or 0.0
-    size, ends = _METRES.text(abs(lost)), _turned(won.interval) if lost < 0 else won.interval
-    back = f"wins {size} m of it back" if lost < 0 else f"wins none of it back, but loses {size} m"
-    return (
-        f"On identity switches wrong association costs {_METRES.text(-(cost.error or 0.0))} m "
-        f"({_chance(_turned(cost.interval), cost.p, _METRES)}); {SEVERAL} {back} against the same samples "
-        f"({_chance(ends, won.p, _METRES)})."
-    )
+    return f"On identity switches perfect association {_gain(cost)}; {SEVERAL} {' and '.join(gains)}."
+
+
+def _gain(pair: PairedRow) -> str:
+    """The gain or loss of an agent against a control."""
+    error = pair.error or 0.0
+    verb, interval = ("wins", _turned(pair.interval)) if error < 0 else ("loses", pair.interval)
+    return f"{verb} {_METRES.text(abs(error))} m against {pair.other} ({_chance(interval, pair.p, _METRES)})"
 
 
 def _best(report: Report, names: Sequence[str]) -> str:
@@ -73,8 +82,7 @@ def verdict(report: Report, names: Sequence[str]) -> list[str]:
     blocks = main_settings(report)
     sentences = [_costs(report)]
     for rows in (blocks[name] for name in names if name in blocks and name not in (STP, TRUTH, ASSOCIATED)):
-        other = blocks[STP]["all"].error if STP in blocks else None
-        sentences += [_against_stp(rows["all"], other), _against_control(report, rows["all"]), _gap(report, rows)]
+        sentences += [*_against_controls(report, rows["all"]), _gap(report, rows)]
     sentences.append(_unranked(report))
     return [sentence for sentence in sentences if sentence]
 
@@ -85,13 +93,15 @@ def _costs(report: Report) -> str | None:
     for subset in ("all", "ids"):
         both, own = _paired(report, TRUTH, STP, subset), _paired(report, ASSOCIATED, CONTROL, subset)
         if both is not None:
-            of_what = "" if known else "perfect association of the same detections: "
-            association = f", of which association {_cost(own, of_what)}" if own else ""
+            association = f", of which association {_cost(own)}" if own else ""
             where = WHERE[subset].capitalize()
             sentences.append(f"{where} detection and tracking together cost {_cost(both)}{association}")
             known |= own is not None
     if known:
-        sentences.append("The cost of association is a lower bound: duplicate detections still make switches")
+        sentences.append(
+            "The cost of association is that to perfect association of the same detections. It is a lower bound: "
+            "duplicate detections still make switches"
+        )
     return ". ".join(sentences) + "." if sentences else None
 
 
@@ -103,9 +113,9 @@ def _paired(report: Report, agent: str, other: str, subset: str, hypotheses: int
     return max(rows, key=lambda row: row.hypotheses, default=None)
 
 
-def _cost(pair: PairedRow, of_what: str = "") -> str:
-    """The error of the control less that of the agent; ``of_what`` is said before the interval."""
-    return f"{_SIGNED.text(-(pair.error or 0.0))} m ({of_what}{_chance(_turned(pair.interval), pair.p)})"
+def _cost(pair: PairedRow) -> str:
+    """The error of the control less that of the agent."""
+    return f"{_SIGNED.text(-(pair.error or 0.0))} m ({_chance(_turned(pair.interval), pair.p)})"
 
 
 def _turned(interval: Interval | None) -> Interval | None:
@@ -113,25 +123,13 @@ def _turned(interval: Interval | None) -> Interval | None:
     return None if interval is None else (-interval[1], -interval[0])
 
 
-def _against_stp(row: Row, other: float | None) -> str | None:
-    if row.difference_to_stp is None or other is None:
-        return None
-    difference = _difference(row.difference_to_stp, row.difference_interval, row.p)
-    errors = f"{_METRES.text(row.error)} m instead of {_METRES.text(other)} m"
-    return f"{label_of(row)} against {STP} {WHERE['all']}: {errors} ({difference})."
-
-
-def _against_control(report: Report, row: Row) -> str | None:
-    pairs = [_paired(report, row.agent, CONTROL, subset, row.hypotheses) for subset in ("all", "ids")]
-    parts = [f"{WHERE[pair.subset]} {_difference(pair.error, pair.interval, pair.p)}" for pair in pairs if pair]
-    if not parts:
-        return None
-    as_many = row.hypotheses == CONTROL_DRAWS
-    drawn = "as many samples from one hypothesis" if as_many else f"one hypothesis with {CONTROL_DRAWS} times k samples"
-    # with another predictor or number of samples the difference is not one of hypotheses alone
-    alike = as_many and row.gap_closed is not None and row.gap_closed == row.gap_closed_same_predictor
-    gain = f". This difference, not the one to {STP}, is the gain of hypotheses" if alike else ""
-    return f"{label_of(row)} against {CONTROL}, {drawn}: {'; '.join(parts)}{gain}."
+def _against_controls(report: Report, row: Row) -> Iterator[str]:
+    """Differences to the controls that have one hypothesis."""
+    for control, description in _CONTROLS.items():
+        pairs = [_paired(report, row.agent, control, subset, row.hypotheses) for subset in ("all", "ids")]
+        parts = [f"{WHERE[pair.subset]} {_difference(pair)}" for pair in pairs if pair]
+        if parts:
+            yield f"{label_of(row)} against {control}, {description}: {'; '.join(parts)}."
 
 
 def _gap(report: Report, of_subsets: Mapping[Subset, Row]) -> str | None:
@@ -183,8 +181,8 @@ def _unranked(report: Report) -> str | None:
     return ". ".join(parts) + "." if parts else None
 
 
-def _difference(mean: float | None, interval: Interval | None, p: float | None) -> str:
-    return f"{_SIGNED.text(mean)} m, {_chance(interval, p)}"
+def _difference(pair: PairedRow) -> str:
+    return f"{_SIGNED.text(pair.error)} m, {_chance(pair.interval, pair.p)}"
 
 
 def _chance(interval: Interval | None, p: float | None, column: Column = _SIGNED) -> str:
