@@ -78,7 +78,9 @@ def main() -> None:
     parser.add_argument("--resamples", type=int, default=1000)
     arguments = parser.parse_args()
     start = time.perf_counter()
-    print(f"| environment | subset | units | effective | `{AGENT}` | `{AGENT}` − `{CONTROL}` |\n|---|---|--:|--:|--:|--:|")
+    print(
+        f"| environment | subset | units | effective | `{AGENT}` | `{AGENT}` − `{CONTROL}` |\n|---|---|--:|--:|--:|--:|"
+    )
     for env_id in arguments.envs:
         record, control = (load_record(arguments.records / name / f"{env_id}.json") for name in (AGENT, CONTROL))
         for subset in SUBSETS:
