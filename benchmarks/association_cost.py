@@ -1,6 +1,6 @@
 """Cost of wrong association and gain of hypotheses on training scenes of nuScenes that the project has not used.
 
-    python -m benchmarks.association_cost --data ROOT --used ROOT [--scenes N] [--seeds 1]
+    python -m benchmarks.association_cost --data ROOT --used ROOT [--every 1] [--seeds 1]
 
 ``--used``: a second data root. Its training scenes are left out, since motion noise was fitted to them. The agents
 forecast constant velocity and share Megvii's detections. Their event weights are made from the scenes that are run, as
@@ -44,13 +44,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", required=True)
     parser.add_argument("--used", required=True)
-    parser.add_argument("--scenes", type=int)
+    parser.add_argument("--every", type=int, default=1, help="2 takes every second scene")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=cores())
     arguments = parser.parse_args()
     used = set(MTPEnv(ENV, data=arguments.used, split="train").scene_names)
     names = [name for name in MTPEnv(ENV, data=arguments.data, split="train").scene_names if name not in used]
-    scenes = tuple(names[: arguments.scenes])
+    scenes = tuple(names[:: arguments.every])
     card = changed_card(load_card(ENV), split="train")
     seeds = range(arguments.seeds)
     options = RunOptions(arguments.data, names=scenes, seeds=seeds, split="train", workers=Workers(arguments.jobs))

@@ -28,6 +28,7 @@ ENVS = ("MTP-nuScenes-v0", "MTP-ETH-UCY-v0", "MTP-Intersection-v0", "MTP-Highway
 AGENT, CONTROL = "mtp", "stp_same_samples"
 SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired")
 UNITS = (6, 10, 14, 20, 30, 50, 100)
+LEAST_KNOWN = 0.5  # share of the draws that have an interval, of a coverage that is shown
 
 Sums = NDArray[np.float64]
 Interval = Callable[[Sums, Sums], tuple[float, float] | None]
@@ -36,14 +37,14 @@ Interval = Callable[[Sums, Sums], tuple[float, float] | None]
 class Coverage(NamedTuple):
     """Coverage of one kind of interval at one number of units."""
 
-    covered: float  # share of the intervals that hold the true value
+    covered: float  # share of the intervals that hold the true value, NaN without any
     known: float  # share of the draws that have an interval
     effective: float  # mean effective number of units
 
     @property
     def text(self) -> str:
-        """The coverage in per cent, and the share of draws that have an interval where some have none."""
-        return f"{self.covered:.1%}" if self.known == 1 else f"{self.covered:.1%} of {self.known:.0%}"
+        """The coverage in per cent; a dash where fewer than half of the draws have an interval."""
+        return f"{100 * self.covered:.1f}" if self.known >= LEAST_KNOWN else "–"
 
 
 def coverage(error: Sums, weight: Sums, units: int, interval: Interval, resamples: int) -> Coverage:
@@ -63,7 +64,8 @@ def coverage(error: Sums, weight: Sums, units: int, interval: Interval, resample
         ends = interval(error[drawn], weight[drawn])
         if ends is not None:
             covered.append(ends[0] <= true <= ends[1])
-    return Coverage(float(np.mean(covered)), len(covered) / resamples, float(np.mean(effective)))
+    share = float(np.mean(covered)) if covered else float("nan")
+    return Coverage(share, len(covered) / resamples, float(np.mean(effective)))
 
 
 def interval_of_difference(difference: Sums, weight: Sums) -> tuple[float, float] | None:
@@ -78,20 +80,23 @@ def main() -> None:
     parser.add_argument("--resamples", type=int, default=1000)
     arguments = parser.parse_args()
     start = time.perf_counter()
-    print(
-        f"| environment | subset | units | effective | `{AGENT}` | `{AGENT}` − `{CONTROL}` |\n|---|---|--:|--:|--:|--:|"
-    )
+    print(f"| environment | subset | 95 % interval of | {' | '.join(f'{units} units' for units in UNITS)} |")
+    print(f"|---|---|---|{'--:|' * len(UNITS)}")
     for env_id in arguments.envs:
         record, control = (load_record(arguments.records / name / f"{env_id}.json") for name in (AGENT, CONTROL))
         for subset in SUBSETS:
             weight = np.array(record.unit_weight(subset))
             error = np.array(record.unit_error(subset))
             difference = error - np.array(control.unit_error(subset))
+            error_cells = []
+            difference_cells = []
             for units in UNITS:
                 of_error = coverage(error, weight, units, bootstrap_interval, arguments.resamples)
+                error_cells.append(f"{of_error.text} ({of_error.effective:.1f})")
                 paired = coverage(difference, weight, units, interval_of_difference, arguments.resamples)
-                numbers = f"{units} | {of_error.effective:.1f} | {of_error.text} | {paired.text}"
-                print(f"| {env_id} | {subset} | {numbers} |", flush=True)
+                difference_cells.append(paired.text)
+            print(f"| {env_id} | {subset} | `{AGENT}` | {' | '.join(error_cells)} |")
+            print(f"| | | `{AGENT}` − `{CONTROL}` | {' | '.join(difference_cells)} |", flush=True)
     print(f"{time.perf_counter() - start:.0f} s")
 
 
