@@ -317,3 +317,26 @@ def test_what_identity_switches_weigh(repository: Path, page: str) -> None:
     definitions = (repository / "docs" / "definitions" / "index.md").read_text(encoding="utf-8")
     assert f"nuScenes mini {share} of the weight comes from the third of its runs" in columns
     assert f"most of the weight of `ids`: {share} on nuScenes mini" in definitions
+
+
+def test_low_coverage_is_listed(repository: Path) -> None:
+    """The second table of coverage lists what the first has below 93 % at six effective units or more."""
+    text = (repository / "docs" / "definitions" / "checks.md").read_text(encoding="utf-8")
+    section = text.partition("## Ranks and intervals under resampling")[2].partition("\n## ")[0]
+    lines = [[part.strip() for part in line.strip("|").split("|")] for line in section.splitlines() if line[:1] == "|"]
+    heading, _, *measured = [line for line in lines if len(line) == 10]
+    units = [number.removesuffix(" units") for number in heading[3:]]
+    expected: dict[tuple[str, str], list[str]] = {}
+    for of_error, of_difference in zip(measured[::2], measured[1::2], strict=True):
+        effective = [float(NUMBER.findall(part)[-1]) for part in of_error[3:]]
+        low = []
+        for shares in (of_error[3:], of_difference[3:]):
+            known = [float(share.split(" ")[0]) if share[0] != "–" else 100 for share in shares]
+            below_promise = [
+                count for count, share, size in zip(units, known, effective, strict=True) if share < 93 and size >= 6
+            ]
+            low.append(", ".join(below_promise) or "–")
+        if low != ["–", "–"]:
+            expected[of_error[0], of_error[1]] = low
+    _, _, *listed = [line for line in lines if len(line) == 4]
+    assert {(name, subset): low for name, subset, *low in listed} == expected
