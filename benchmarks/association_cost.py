@@ -35,9 +35,9 @@ def print_report(report: Report) -> None:
             print(f"{row.agent:33} {row.subset:10} {row.error:.3f}, {row.effective_objects:.0f} effective objects")
     for one, other in PAIRS:
         for subset in SUBSETS:
-            row = next(row for row in report.paired if (row.agent, row.other, row.subset) == (one, other, subset))
-            low, high = row.interval or (float("nan"), float("nan"))
-            print(f"{one} - {other}, {subset}: {row.error:+.3f} [{low:+.3f}, {high:+.3f}], p {row.p:.3f}")
+            pair = next(each for each in report.paired if (each.agent, each.other, each.subset) == (one, other, subset))
+            low, high = pair.interval or (float("nan"), float("nan"))
+            print(f"{one} - {other}, {subset}: {pair.error:+.3f} [{low:+.3f}, {high:+.3f}], p {pair.p:.3f}")
 
 
 def main() -> None:

@@ -71,7 +71,7 @@ def gain_text(agents: Sequence[AgentScores], card: Card, reference: Reference, s
 
 def print_shares(counts: Mapping[str, np.ndarray], gains: Mapping[tuple[str, Subset], str]) -> None:
     """Print a line per subset and threshold; ``counts``: runs [n, 4] with each event, by threshold."""
-    total = sum(counts.values())
+    total = np.sum(list(counts.values()), axis=0)
     for subset in SUBSETS:
         event = COUNTED.index(subset)
         runs = total[:, event]
@@ -101,7 +101,7 @@ def measure(env_id: str, options: RunOptions) -> None:
     print(f"{env_id}: {len(scenes)} of {len(names)} scenes, {len(options.seeds)} seeds")
     frozen = frozen_reference(card)
     if frozen is not None and scenes == tuple(names):
-        equal = np.array_equal(sum(counts.values()), counts_of(frozen, scenes))
+        equal = np.array_equal(np.sum(list(counts.values()), axis=0), counts_of(frozen, scenes))
         print(f"  sums over the groups equal the frozen weights: {equal}")
     print_shares(counts, gains)
 
