@@ -54,8 +54,8 @@ def coverage(error: Sums, weight: Sums, units: int, interval: Interval, resample
     """
     rng = np.random.default_rng(units)
     true = error.sum() / weight.sum()
-    covered = []
-    effective = []
+    covered: list[bool] = []
+    effective: list[float] = []
     while len(effective) < resamples:
         drawn = rng.integers(len(weight), size=units)
         if not weight[drawn].any():
