@@ -287,8 +287,10 @@ def test_readme(repository: Path) -> None:
     energy = {row["agent"].strip("`"): cell(row, "energy score (m) ↓").value for row in rows}
     cost = switch["stp_same_samples"] - switch["perfect_association_same_samples"]
     won = switch["stp_same_samples"] - switch["mtp"]
-    assert f"wrong association costs {cost:.2f} m where identities switch." in text
-    assert f"Hypotheses win {won:.2f} m of it back, with as many samples." in text
+    weights = " ".join((repository / "envs" / "reference" / "README.md").read_text(encoding="utf-8").split())
+    (unused,) = re.findall(r"\(which was trained on them\): (\S+) m \[.*?There hypotheses win (\S+) m \[", weights)
+    assert f"wrong association costs {cost:.2f} to {unused[0]} m where identities switch." in text
+    assert f"Hypotheses win {won:.2f} to {unused[1]} m of it back, with as many samples." in text
     assert "also better than `gt_tracks`, which is constant velocity" in text
     assert switch["tracking_free"] < switch["gt_tracks"]
     assert min(everywhere, key=lambda agent: (agent == "gt_tracks", everywhere[agent])) == "tracking_free"
@@ -314,6 +316,10 @@ def test_what_identity_switches_weigh(repository: Path, page: str) -> None:
     for text in (page, readme):
         assert f"On mini [{share} of the weight](" in text
         assert "reference trackers without a score threshold, and only there is the gain significant." in text
+    (unused,) = re.findall(r"\(which was trained on them\): (\S+ m) (\[\S+ \S+\])\.", " ".join(weights.split()))
+    assert f"([{unused[0]}](envs/reference/README.md#what-identity-switches-weigh) on unused training scenes)" in readme
+    cost_text = " ".join(unused)
+    assert f"that nothing was fitted to, with Megvii's detections too, it was {cost_text} on identity switches." in page
     columns = (repository / "mtp_bench" / "viz" / "board" / "columns.toml").read_text(encoding="utf-8")
     definitions = (repository / "docs" / "definitions" / "index.md").read_text(encoding="utf-8")
     assert f"nuScenes mini {share} of the weight comes from the third of its runs" in columns
