@@ -1,98 +1,102 @@
-"""Checks of the statistics: null test of ranks, coverage of the interval of the mean.
+"""Coverage of the 95 % intervals of an error and of a difference, by the number of units.
 
-    python benchmarks/ranking.py --env MTP-Intersection-v0 [--agent stp] [--seeds 12] [--scenes N] [--data ROOT]
+    python benchmarks/ranking.py [--records leaderboard/records] [--envs MTP-nuScenes-v0 ...] [--resamples 1000]
 
-Null test: in each resample the units are drawn at random, and for each unit two different runs of the same agent in
-random order. Both are the same agent, so ranking them apart is an error; 5 % of it is promised. Coverage: all units are
-taken for the whole world, whose mean is known; an interval of resampled units must hold it 95 % of the time.
+The units of a stored record are taken for the whole world, whose error is known. Units are drawn from them with
+replacement, and the interval of those that were drawn must hold the known error 95 % of the time. The same is asked of
+the difference of two agents. Its interval inverts the sign-flip test, so the remaining share is that of the tests that
+reject the true difference. Draws that have no interval, such as a difference in fewer than six units with weight, are
+left out.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mtp_bench.parallel import Workers, cores
-from mtp_bench.running.options import RunOptions
-from mtp_bench.running.reference import reference_for
-from mtp_bench.running.run import jobs_of, run_jobs
-from mtp_bench.scoring import AgentScores, bootstrap_interval, effective_number, score_scene, sign_flip_test
-from mtp_bench.scoring.definitions import SIGNIFICANT
-from mtp_bench.scoring.table import agent_table
-from mtp_bench.submission.loader import load_submission
+from mtp_bench.records import load_record
+from mtp_bench.scoring.definitions import Subset
+from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, sign_flip_test
 
-RESAMPLES = 2000
-UNITS = (6, 10, 15, 50)
-SUBSETS = ("all", "ids", "reacquired")
+ENVS = ("MTP-nuScenes-v0", "MTP-ETH-UCY-v0", "MTP-Intersection-v0", "MTP-Highway-v0")
+AGENT, CONTROL = "mtp", "stp_same_samples"
+SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired")
+UNITS = (6, 10, 14, 20, 30, 50, 100)
+LEAST_KNOWN = 0.5  # share of the draws that have an interval, of a coverage that is shown
 
-
-def unit_sums(env_id: str, agent: str, options: RunOptions) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Per subset the errors [seeds, U] and the weight [U] of all units."""
-    card, submission = options.card(env_id), load_submission(agent)
-    from mtp_bench.env.environment import MTPEnv
-
-    scenes = MTPEnv(env_id, **options.env_keywords).scene_names[: options.scenes]
-    jobs = [job for seed in options.seeds for job in jobs_of(submission, env_id, options.env_keywords, scenes, seed)]
-    scores = run_jobs(jobs, options, score_scene)
-    reference = reference_for(card, scenes, options)
-    tables = [
-        agent_table(AgentScores(agent, 0, card.task.samples, "equal", (tuple(scores[i : i + len(scenes)]),)), reference)
-        for i in range(0, len(scores), len(scenes))
-    ]
-    return {
-        subset: (np.array([t.errors(subset) for t in tables]), tables[0].unit_weight(tables[0].weight[subset]))
-        for subset in SUBSETS
-    }
+Sums = NDArray[np.float64]
+Interval = Callable[[Sums, Sums], tuple[float, float] | None]
 
 
-def apart(errors: np.ndarray, units: int, rng: np.random.Generator) -> float:
-    """Share of resamples in which two runs of one agent are ranked apart."""
-    count = 0
-    for _ in range(RESAMPLES):
-        unit = rng.integers(errors.shape[1], size=units)
-        first = rng.integers(len(errors), size=units)
-        second = (first + rng.integers(1, len(errors), size=units)) % len(errors)
-        count += sign_flip_test(errors[first, unit] - errors[second, unit]).p < SIGNIFICANT
-    return count / RESAMPLES
+class Coverage(NamedTuple):
+    """Coverage of one kind of interval at one number of units."""
+
+    covered: float  # share of the intervals that hold the true value, NaN without any
+    known: float  # share of the draws that have an interval
+    effective: float  # mean effective number of units
+
+    @property
+    def text(self) -> str:
+        """The coverage in per cent; a dash where fewer than half of the draws have an interval."""
+        return f"{100 * self.covered:.1f}" if self.known >= LEAST_KNOWN else "–"
 
 
-def covered(errors: np.ndarray, weight: np.ndarray, units: int, rng: np.random.Generator) -> tuple[float, float]:
-    """Share of resamples whose interval holds the mean of all units, and their mean effective number of units."""
-    mean = errors.mean(axis=0)
-    true, held, effective = mean.sum() / weight.sum(), 0, []
-    for _ in range(RESAMPLES):
-        unit = rng.integers(len(weight), size=units)
-        interval = bootstrap_interval(mean[unit], weight[unit])
-        held += interval is not None and interval[0] <= true <= interval[1]
-        effective.append(effective_number(weight[unit]))
-    return held / RESAMPLES, float(np.mean(effective))
+def coverage(error: Sums, weight: Sums, units: int, interval: Interval, resamples: int) -> Coverage:
+    """Draw ``units`` of the units with replacement, many times, and count the intervals that hold the true value.
+
+    ``error``, ``weight`` [U]: sums over the targets of each unit, of an error or of a difference.
+    """
+    rng = np.random.default_rng(units)
+    true = error.sum() / weight.sum()
+    covered: list[bool] = []
+    effective: list[float] = []
+    while len(effective) < resamples:
+        drawn = rng.integers(len(weight), size=units)
+        if not weight[drawn].any():
+            continue
+        effective.append(effective_number(weight[drawn]))
+        ends = interval(error[drawn], weight[drawn])
+        if ends is not None:
+            covered.append(ends[0] <= true <= ends[1])
+    share = float(np.mean(covered)) if covered else float("nan")
+    return Coverage(share, len(covered) / resamples, float(np.mean(effective)))
+
+
+def interval_of_difference(difference: Sums, weight: Sums) -> tuple[float, float] | None:
+    """Return the interval of a difference, which inverts the sign-flip test."""
+    return sign_flip_test(difference, weight).interval
 
 
 def main() -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--env", required=True)
-    parser.add_argument("--agent", default="stp")
-    parser.add_argument("--seeds", type=int, default=12)
-    parser.add_argument("--scenes", type=int)
-    parser.add_argument("--data")
-    given = parser.parse_args()
+    parser.add_argument("--records", type=Path, default=Path("leaderboard/records"))
+    parser.add_argument("--envs", nargs="+", default=ENVS)
+    parser.add_argument("--resamples", type=int, default=1000)
+    arguments = parser.parse_args()
     start = time.perf_counter()
-    options = RunOptions(given.data, given.scenes, range(given.seeds), workers=Workers(cores()))
-    table = Table(title=f"{given.env}, {given.agent}, {given.seeds} seeds, {RESAMPLES} resamples")
-    for column in ("subset", "units", "effective", "ranked apart %", "interval covers %"):
-        table.add_column(column, justify="right")
-    for subset, (errors, weight) in unit_sums(given.env, given.agent, options).items():
-        for units in UNITS:
-            rng = np.random.default_rng(units)
-            share, effective = covered(errors, weight, units, rng)
-            numbers = (100 * apart(errors, units, rng), 100 * share)
-            table.add_row(subset, str(units), f"{effective:.1f}", *(f"{number:.1f}" for number in numbers))
-    Console().print(table)
+    print(f"| environment | subset | 95 % interval of | {' | '.join(f'{units} units' for units in UNITS)} |")
+    print(f"|---|---|---|{'--:|' * len(UNITS)}")
+    for env_id in arguments.envs:
+        record, control = (load_record(arguments.records / name / f"{env_id}.json") for name in (AGENT, CONTROL))
+        for subset in SUBSETS:
+            weight = np.array(record.unit_weight(subset))
+            error = np.array(record.unit_error(subset))
+            difference = error - np.array(control.unit_error(subset))
+            error_cells = []
+            difference_cells = []
+            for units in UNITS:
+                of_error = coverage(error, weight, units, bootstrap_interval, arguments.resamples)
+                error_cells.append(f"{of_error.text} ({of_error.effective:.1f})")
+                paired = coverage(difference, weight, units, interval_of_difference, arguments.resamples)
+                difference_cells.append(paired.text)
+            print(f"| {env_id} | {subset} | `{AGENT}` | {' | '.join(error_cells)} |")
+            print(f"| | | `{AGENT}` − `{CONTROL}` | {' | '.join(difference_cells)} |", flush=True)
     print(f"{time.perf_counter() - start:.0f} s")
 
 

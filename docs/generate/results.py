@@ -4,7 +4,7 @@
 
 The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are:
 
-- ``story ENV``: ten agents of an environment, in words.
+- ``story ENV with ENV``: ten agents of an environment, in words, and their Brier score on another one.
 - ``pairs ENV,ENV of A-B,A-B``: paired differences of bADE; ``*`` stands for all environments that have both agents.
 - ``costs ENV,ENV``: those of detection and tracking together, and of association alone; ``*`` as above.
 - ``agreement ENV with ENV,ENV``: Kendall's tau of the order of agents with that of other environments.
@@ -35,6 +35,7 @@ from mtp_bench.scoring.parts import FAULT_NAMES, PARTS, by_fault
 from mtp_bench.scoring.rank import rank_text
 from mtp_bench.tables import Column, Table, Value, to_markdown
 from mtp_bench.viz.board.entries import Entry, by_board
+from mtp_bench.viz.board.lines import short_name
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "leaderboard" / "RESULTS.md", ROOT / "README.md")
@@ -82,8 +83,8 @@ def filled(text: str, entries: Sequence[Entry], where: str) -> str:
 
 def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
     first, *further = name.split()
-    if first == "story" and len(further) == 1:
-        return story_table(further[0], entries)
+    if first == "story" and further[1:2] == ["with"] and len(further) == 3:
+        return story_table(further[0], further[2], entries)
     if first == "pairs" and further[1:2] == ["of"] and len(further) == 3:
         return pairs_table(further[0].split(","), [pair.split("-") for pair in further[2].split(",")], entries)
     if first == "costs" and len(further) == 1:
@@ -96,38 +97,56 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
         return driving_table(json.loads(FIGURES.read_text(encoding="utf-8")))
     if name == "paper":
         return paper_table(entries)
-    names = "`story ENV`, `pairs ENV,ENV of A-B,A-B`, `costs ENV,ENV`, `agreement ENV with ENV,ENV`"
+    names = "`story ENV with ENV`, `pairs ENV,ENV of A-B,A-B`, `costs ENV,ENV`, `agreement ENV with ENV,ENV`"
     raise MtpBenchError(f"{where}: table {name!r}, expected {names}, `faults`, `driving`, `paper`")
 
 
-def story_table(env_id: str, entries: Sequence[Entry]) -> Table:
-    """A row for each agent of `STORY`: association and predictor in words, bADE and ranks on all targets and ids."""
-    listed = next((each for each in by_board(entries).values() if each[0].env == env_id), [])
-    known = {entry.name: entry for entry in listed}
-    for name in STORY:
-        if name not in known:
-            raise UnknownNameError(f"agent of {env_id}", name, sorted(known))
+def story_table(env_id: str, complete_env: str, entries: Sequence[Entry]) -> Table:
+    """A row for each agent of `STORY`: bADE on all targets and ids, ranks, energy score, Brier score, parts in words.
+
+    ``complete_env``: an environment whose truth is complete, for the Brier score, which needs false forecasts.
+    """
+    known = _of_env(env_id, entries)
+    complete = _of_env(complete_env, entries)
     columns = [
         Column("agent", key="agent", read=lambda entry: f"`{entry.name}`"),
-        *_ranked("all", "all targets"),
-        *_ranked("ids", "identity switch"),
+        *_error("all", "all targets"),
+        Column("place (range)", key="all_rank", read=_rank),
+        *_error("ids", "identity switch"),
+        Column("energy score", "m", "lower", ".2f", key="energy_score", read=lambda entry: entry.row.energy_score),
+        Column(
+            f"Brier score, {short_name(complete_env).removeprefix('nuScenes ')}",
+            better="lower",
+            format=".3f",
+            key="brier",
+            read=lambda entry: complete[entry.name].diagnostics.brier,
+        ),
         Column("association; predictor", key="parts", read=lambda entry: STORY[entry.name]),
     ]
     return Table("story", env_id, "", [known[name] for name in STORY], columns)
 
 
-def _ranked(subset: Subset, heading: str) -> list[Column]:
-    """Columns of bADE on a subset: value, interval and rank."""
+def _of_env(env_id: str, entries: Sequence[Entry]) -> dict[str, Entry]:
+    """Entries of an environment by name; raises UnknownNameError unless all agents of `STORY` are there."""
+    listed = next((each for each in by_board(entries).values() if each[0].env == env_id), [])
+    known = {entry.name: entry for entry in listed}
+    for name in STORY:
+        if name not in known:
+            raise UnknownNameError(f"agent of {env_id}", name, sorted(known))
+    return known
 
-    def rank(entry: Entry) -> Value:
-        place = entry.standing.places[subset]
-        return rank_text(place.place, place.span)
 
+def _error(subset: Subset, heading: str) -> list[Column]:
+    """Columns of bADE on a subset: value and interval."""
     return [
         Column(heading, "m", "lower", ".2f", key=subset, read=lambda entry: entry.row_of(subset).error),
         Column(interval=True, format=".2f", key=f"{subset}_interval", read=lambda e: e.row_of(subset).interval),
-        Column("place (range)", key=f"{subset}_rank", read=rank),
     ]
+
+
+def _rank(entry: Entry) -> Value:
+    place = entry.standing.places["all"]
+    return rank_text(place.place, place.span)
 
 
 def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Sequence[Entry]) -> Table:

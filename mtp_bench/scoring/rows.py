@@ -15,6 +15,7 @@ from .definitions import Subset
 Count = Annotated[int, Field(ge=0)]
 Interval = Annotated[tuple[float, float], Field(strict=False)]  # 95 %; JSON has a list of two
 Point = Annotated[tuple[float, float], Field(strict=False)]
+Probability = Annotated[float, Field(ge=0, le=1)]
 Budget = Literal["equal", "free"]
 
 
@@ -183,8 +184,8 @@ class Tracking(Section):
 class Reliability(Section):
     """Forecasts of one range of confidence, and how many of them were of a true object."""
 
-    confidence: float = told("Mean confidence.")
-    matched: float = told("Share that is of a true object.")
+    confidence: Probability = told("Mean confidence.")
+    matched: Probability = told("Share that is of a true object.")
     forecasts: Count = told("Number of forecasts.")
 
 

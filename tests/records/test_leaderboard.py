@@ -21,7 +21,8 @@ from mtp_bench.records.eligibility import why_not_comparable
 from mtp_bench.records.shipped import baseline_digest
 from mtp_bench.records.storage import read_as
 from mtp_bench.scoring import SUBSETS
-from mtp_bench.scoring.definitions import SIGNIFICANT
+from mtp_bench.scoring.definitions import SIGNIFICANT, Subset
+from mtp_bench.scoring.statistics import PairedDifference
 from mtp_bench.viz.board.entries import Entry, by_board
 from tests.support.command_line import CommandLine
 
@@ -145,6 +146,29 @@ def test_counts_in_texts_are_those_of_the_records(entries: list[Entry], reposito
     ]
     said = " ".join((repository / "leaderboard" / "RESULTS.md").read_text().split())
     assert f" it is {taus[0]}, {taus[1]} and {taus[2]}." in said
+
+
+def test_costs_and_gains_in_the_readme_are_differences_of_records(entries: list[Entry], repository: Path) -> None:
+    listed = {entry.name: entry for entry in entries if entry.env == "MTP-nuScenes-v0"}
+    text = " ".join((repository / "README.md").read_text().split())
+    weights = " ".join((repository / "envs" / "reference" / "README.md").read_text().split())
+
+    def gain(one: str, other: str, subset: Subset) -> PairedDifference:
+        difference = listed[one].minus(listed[other], subset)
+        assert difference is not None
+        return difference
+
+    cost = gain("stp_same_samples", "perfect_association_same_samples", "ids")
+    assert cost.interval is not None
+    cost_text = "{:.2f} m [{:.2f}, {:.2f}]".format(cost.mean, *cost.interval)
+    everywhere = gain("stp_same_samples", "perfect_association_same_samples", "all")
+    assert f"gains {cost_text} on identity switches" in text
+    assert f", and {everywhere.mean:.2f} m over all targets, where missed" in text
+    assert f"With Megvii's detections it is {cost_text} on the validation scenes" in weights
+    won = gain("stp_same_samples", "mtp", "ids")
+    assert won.interval is not None
+    assert "`mtp` gains {:.2f} m [{:.2f}, {:.2f}] on `stp_same_samples`".format(won.mean, *won.interval) in text
+    assert not gain("stp_same_samples", "mtp", "all").significant, "over all targets nothing significant"
 
 
 def test_records_of_closed_loops_as_the_page_on_driving_has_them(entries: list[Entry]) -> None:

@@ -275,6 +275,31 @@ def test_a_curve_is_drawn_and_nonsense_is_not() -> None:
     assert "polyline" not in pieces_of(files)[f"{MAIN}/odd_0"]
 
 
+def test_energy_score_and_calibration_stand_beside_the_error() -> None:
+    """Stated too high by 0.1 in 30 of 40 forecasts; what is no probability is left out."""
+    ranges = [
+        {"confidence": 0.2, "matched": 0.1, "forecasts": 30},
+        {"confidence": 0.9, "matched": 0.9, "forecasts": 10},
+    ]
+    calibrated = made_up("calibrated", 0.5, details={"brier": 0.0625, "reliability": ranges})
+    huge = [{"confidence": 1e308, "matched": 0.0, "forecasts": 1}]
+    nonsense: list[Any] = [
+        {"brier": "x"}, {"brier": [0.1]}, {"brier": 1e308}, {"brier": 0.1, "reliability": huge}, {"reliability": None},
+    ]  # fmt: skip
+    odd = [made_up(f"odd_{i}", 1.0, details=details) for i, details in enumerate(nonsense)]
+    files = board_files(board_of(calibrated, *odd))
+    lines = {entry["id"].partition("/")[2]: entry for entry in Page(files.page).entries}
+    assert (lines["calibrated"]["energy_score"], lines["calibrated"]["brier"]) == ("0.50", "0.062")
+    assert {lines[f"odd_{i}"]["brier"] for i in range(len(odd))} == {"–"}
+    rows = {row["submission"]: row for row in json.loads(files.parts[f"{MAIN}.json"])["rows"]}
+    assert rows["calibrated"]["overconfidence"] == pytest.approx(0.075)
+    assert rows["calibrated"]["energy_score"] == pytest.approx(0.5)
+    assert {rows[f"odd_{i}"]["overconfidence"] for i in range(len(odd))} == {None}
+    pieces = pieces_of(files)
+    assert "Brier score 0.062; stated less true +0.075</dd>" in pieces[f"{MAIN}/calibrated"]
+    assert "Brier score" not in pieces[f"{MAIN}/odd_0"]
+
+
 def test_every_table_is_a_csv_and_a_json_file(files: BoardFiles, entries: list[Entry], html: str) -> None:
     rows = list(csv.DictReader(io.StringIO(files.parts[f"{MAIN}.csv"])))
     assert [row["submission"] for row in rows] == [entry.name for entry in entries[3:]]

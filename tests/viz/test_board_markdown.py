@@ -53,10 +53,19 @@ def test_a_name_that_cannot_be_filled_in_is_refused(name: str, entries: list[Ent
         filled(marked(name), entries, "page.md")
 
 
-def test_the_story_has_its_agents_in_order_with_their_ranks() -> None:
-    rows = rows_of(filled(marked(f"story {MAIN}"), board_of(*(made_up(name) for name in STORY)), "page.md"))
+def test_the_story_has_its_agents_in_order_with_ranks_energy_and_brier_scores() -> None:
+    """The Brier score is that of another environment, whose truth is complete."""
+    records = [made_up(name) for name in STORY]
+    records += [made_up(name, env_id=FEW, details={"brier": 0.05}) for name in STORY]
+    rows = rows_of(filled(marked(f"story {MAIN} with {FEW}"), board_of(*records), "page.md"))
     assert [row[0] for row in rows[2:]] == [f"`{name}`" for name in STORY]
-    assert rows[0][1:5] == ["all targets (m) ↓", "place (range)", "identity switch (m) ↓", "place (range)"]
+    assert rows[0][1:6] == [
+        "all targets (m) ↓", "place (range)", "identity switch (m) ↓", "energy score (m) ↓", "Brier score, WILDTRACK ↓",
+    ]  # fmt: skip
+    assert {row[4] for row in rows[2:]} == {"1.00"}
+    assert {row[5] for row in rows[2:]} == {"0.050"}
+    with pytest.raises(MtpBenchError, match=f"agent of {FEW}"):
+        filled(marked(f"story {MAIN} with {FEW}"), board_of(*records[: len(STORY)]), "page.md")
 
 
 def test_costs_are_differences_of_controls_and_references() -> None:

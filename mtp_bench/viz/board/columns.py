@@ -26,18 +26,20 @@ def _of_row(column: Column, subset: Subset = "all", **changes: Any) -> Column:
 
 
 def _of_driving(column: Column) -> Column:
-    key = f"drive_{column.key.removeprefix('drive_')}"
-    return replace(column, key=key, optional=True, read=lambda entry: column.value(entry.driving))
+    return replace(
+        column,
+        key=f"drive_{column.key.removeprefix('drive_')}",
+        optional=True,
+        read=lambda entry: column.value(entry.driving),
+    )
 
 
 def _of(key: str, read: Callable[[Entry], Value]) -> Column:
     return Column(key=key, read=read, **_DECLARED.get(key, {}))
 
 
-def _event(subset: Subset, what: str) -> Column:
-    title = f"Error over targets that {what}, weighted by how often that happens to the reference tracker, metres."
-    heading, group = NAMES[subset], "bADE (m) by event"
-    return _of_row(_ROW["error"], subset, key=subset, heading=heading, format=".2f", group=group, help=title)
+def _event(subset: Subset) -> Column:
+    return _of_row(_ROW["error"], subset, key=subset, heading=NAMES[subset], **_DECLARED[subset])
 
 
 def _paper(subset: Subset, where: str) -> list[Column]:
@@ -61,8 +63,8 @@ _NUMBERS: Sequence[Column] = (
     _of("difference", _of_difference("mean")),
     Column(key="difference_interval", interval=True, read=_of_difference("interval")),
     _of("public", lambda e: e.public_error),
-    _event("ids", "change identity"),
-    _event("reacquired", "are lost and found again"),
+    _event("ids"),
+    _event("reacquired"),
     _of("turning", lambda e: next((r.error for r in e.sums.rows if r.subset == "turning"), None)),
     *_paper("all", "all targets"),
     *_paper("paper_ids", "targets with an identity switch of stp, the paper's subset,"),
@@ -70,6 +72,8 @@ _NUMBERS: Sequence[Column] = (
     _of("same_gap", lambda e: e.same_predictor_gap("all")),
     _of("association_gap", lambda e: e.standing.association_gaps.get("all")),
     _of_row(_ROW["coverage"], **_DECLARED["coverage"]),
+    _of("brier", lambda e: e.diagnostics.brier),
+    _of("overconfidence", lambda e: e.diagnostics.overconfidence),
     _of("ms", lambda e: e.record.measured.ms_per_frame),
     _of("weights", lambda e: e.weights),
     _of("gap", lambda e: e.standing.gaps.get("all")),
@@ -80,7 +84,10 @@ _NUMBERS: Sequence[Column] = (
     _of("memory", lambda e: e.record.measured.peak_memory_mib),
     *map(_of_driving, columns_of(DrivingRow)[1:]),
 )
-COLUMN = {column.key: column for column in _NUMBERS}
+# the table of all data has the energy score among the further numbers of rows
+COLUMN = {column.key: column for column in _NUMBERS} | {
+    "energy_score": _of_row(_ROW["energy_score"], **_DECLARED["energy_score"])
+}
 _FIRST = (
     _of("definitions", lambda e: e.record.scorer.definitions),
     _of("place", lambda e: e.place),

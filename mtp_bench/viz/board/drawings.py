@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
-
 from ...scoring.rows import Point
 from ...scoring.statistics import PairedDifference
 from .entries import Entry
@@ -20,9 +18,7 @@ MOST_TICKS = 5
 FARTHEST = 3.0
 MARGIN = 0.04  # of a scale beyond its values, on each side
 MOST_SCENES = 40  # of an entry
-_POINTS = TypeAdapter(list[Point])
 _MOST_POINTS = 50
-_LARGEST = 1e9  # of a number in a drawing: a record may hold any here
 _TICKS = {True: (0.0, 0.2, 0.5, 1.0, 2.0, 5.0), False: (1.0, 5.0, 10.0, 20.0, 40.0, 80.0)}
 _AXIS = {True: "false forecasts allowed per target", False: "forecasts allowed per frame"}
 
@@ -148,12 +144,7 @@ class CurveChart:
 
 def curve_of(entry: Entry) -> list[Point]:
     """Numbers of false forecasts and errors in the record; empty where it has no such curve."""
-    try:
-        curve = _POINTS.validate_python(entry.record.details.get("curve", []))
-    except ValidationError:
-        return []
-    sound = all(0 <= number <= _LARGEST for point in curve for number in point)
-    return sorted(curve)[:_MOST_POINTS] if sound else []
+    return sorted(entry.diagnostics.curve)[:_MOST_POINTS]
 
 
 def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:

@@ -4,8 +4,11 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from itertools import groupby
+from typing import Annotated
+
+from pydantic import BaseModel, Field, ValidationError
 
 from ..._bundle import baseline_names, card_ids
 from ...cards import load_card
@@ -16,11 +19,12 @@ from ...records.eligibility import why_not_genuine
 from ...records.ranking import Standing, standings
 from ...records.record import DrivingPart
 from ...scoring.definitions import SIGNIFICANT, SUBSETS, Subset
-from ...scoring.rows import Row
-from ...scoring.statistics import PairedDifference
+from ...scoring.rows import Probability, Reliability, Row
+from ...scoring.statistics import PairedDifference, ratio
 from ...submission.loader import ON_SCORED
 
 _NETWORK = re.compile(r"(\w+-(?:truth|tracklets))-(MTP-[\w-]+)\.safetensors")  # as `networks.file_name` writes it
+_NotNegative = Annotated[float, Field(ge=0, le=1e9)]
 _LAST = 1000  # behind all envs whose card states a place
 LEVEL_TEXT: dict[Level, str] = {
     "scored": "checked by its authors alone",
@@ -28,6 +32,20 @@ LEVEL_TEXT: dict[Level, str] = {
     "re-run": "run again from the submission",
     "hidden": "run again, and on scenes that were not public",
 }
+
+
+class Diagnostics(BaseModel):
+    """Diagnostics that the page shows, of the details of a record, in which anything may stand."""
+
+    brier: Probability | None = None
+    reliability: list[Reliability] = []
+    curve: list[tuple[_NotNegative, _NotNegative]] = []
+
+    @property
+    def overconfidence(self) -> float | None:
+        """Mean stated confidence less the share of true forecasts; None without forecasts."""
+        excess = sum(each.forecasts * (each.confidence - each.matched) for each in self.reliability)
+        return ratio(excess, sum(each.forecasts for each in self.reliability))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +174,14 @@ class Entry(Found):
     def public_error(self) -> float | None:
         """The error on the public scenes, metres, where hidden ones rank."""
         return self.record.row.error if self.on_hidden and self.driving is None else None
+
+    @cached_property
+    def diagnostics(self) -> Diagnostics:
+        """Diagnostics of its record, on the public scenes; without any where the record's are malformed."""
+        try:
+            return Diagnostics.model_validate(self.record.details)
+        except ValidationError:
+            return Diagnostics()
 
     def difference(self, subset: Subset = "all") -> PairedDifference | None:
         """Its error minus that of STP beside it, metres; None for STP, without a record of STP and in closed loops."""

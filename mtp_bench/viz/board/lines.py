@@ -98,7 +98,7 @@ def subset_table(entry: Entry) -> Table:
 
     columns = [
         replace(row["subset"], read=lambda row: NAMES[row.subset]),
-        Column("rank", key="rank", read=lambda row: places[row.subset].rank if row.subset in places else None),
+        Column(key="rank", read=lambda row: places[row.subset].rank if row.subset in places else None),
         row["error"],
         row["interval"],
         replace(
