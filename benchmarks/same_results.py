@@ -268,10 +268,14 @@ def report(before: dict[str, Part], after: dict[str, Part], known: dict[str, Cas
         faults += [f"{name}: {each}" for each in found if each not in expected]
         if expected:
             print(f"by design, {name}: {summary(expected)}")
-    arrays = sum(len(fields) for part in after.values() for fields in part.get("rollouts", {}).values())
-    numbers = sum(len(row) for part in after.values() for row in part["rows"].values())
-    compared = f"{arrays} arrays of rollouts, {numbers} entries of rows"
-    print("\n".join([*faults, f"{len(faults)} differences that are not by design; compared: {compared}"]))
+    sizes = {section: 0 for section in ("rollouts", "rows", "details")}
+    for part in after.values():
+        for section in sizes.keys() & part.keys():
+            sizes[section] += sum(len(fields) for fields in part[section].values())
+    compared = f"{sizes['rollouts']} arrays of rollouts, {sizes['rows']} entries of rows, {sizes['details']} of details"
+    for fault in faults:
+        print(fault)
+    print(f"differences not by design: {len(faults)}; compared: {compared}")
     return bool(faults)
 
 
