@@ -43,6 +43,7 @@ TIMES = ("ms_per_frame",)  # fields of a row
 ROW_KEYS = ("agent", "hypotheses", "samples", "budget", "subset")
 ON_BUDGET = (
     "error", "interval", "localisation", "missed", "error_by_score", "p", "place", "rank_range", "unranked_because",
+    "bins", "own",
 )  # fmt: skip
 ON_BUDGET_PREFIXES = ("cost_", "difference_", "gap_", "association_gap_")
 ON_OTHER_AGENTS = ("place", "rank_range")
@@ -234,10 +235,10 @@ def by_design(difference: Difference, case: Case | None, before: Part, after: Pa
     section, name, field = difference[:3]
     if section == "table" or difference.before == MISSING:
         return True
-    if section != "rows" or case is None:
+    if section == "rollouts" or case is None:
         return False
     if difference.after == MISSING:
-        return name not in after["rows"] and name.split(" ")[0] not in case.agents
+        return name not in after[section] and name.split(" ")[0] not in case.agents
     if field in ON_OTHER_AGENTS and before["rows"].keys() != after["rows"].keys():
         return True
     depends = field in ON_BUDGET or field.startswith(ON_BUDGET_PREFIXES)
@@ -268,7 +269,7 @@ def report(before: dict[str, Part], after: dict[str, Part], known: dict[str, Cas
         faults += [f"{name}: {each}" for each in found if each not in expected]
         if expected:
             print(f"by design, {name}: {summary(expected)}")
-    sizes = {section: 0 for section in ("rollouts", "rows", "details")}
+    sizes = dict.fromkeys(("rollouts", "rows", "details"), 0)
     for part in after.values():
         for section in sizes.keys() & part.keys():
             sizes[section] += sum(len(fields) for fields in part[section].values())
