@@ -11,10 +11,11 @@ test, and its p. A flood loses where the difference is above 0.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import sys
 from pathlib import Path
 
 from benchmarks.attacks import FLOODS
+from mtp_bench.cards import Card
 from mtp_bench.parallel import Workers, cores, parallel_map
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.reference import reference_for
@@ -22,27 +23,27 @@ from mtp_bench.running.stored import open_run
 from mtp_bench.scoring import AgentScores, SceneScore, score_scene, summarise
 from mtp_bench.scoring.report import paired_row
 from mtp_bench.scoring.table import AgentTable
+from mtp_bench.sources import open_source
+from mtp_bench.types import Rollout
 
 HONEST = "stp"
 
 
-def scene_scores(folder: Path, data: str | None, scene: str) -> dict[str, SceneScore]:
-    """Return the scores of a stored run on a scene by label, as it was stored and flooded."""
-    opened = open_run(folder, data)
-    recorded = opened.recorded(scene)
-    rollout = opened.first(scene)
-    scores = {HONEST: score_scene(recorded, rollout, opened.card)}
+def scene_scores(card: Card, data: str | None, rollout: Rollout) -> dict[str, SceneScore]:
+    """Return the scores of a stored rollout by label, as it was stored and flooded."""
+    scene = open_source(card, data).load(rollout.scene)
+    scores = {HONEST: score_scene(scene, rollout, card)}
     for label, change in FLOODS.items():
-        scores[label] = score_scene(recorded, change(recorded, rollout, opened.card), opened.card)
+        scores[label] = score_scene(scene, change(scene, rollout, card), card)
     return scores
 
 
-def table_rows(folder: Path, options: RunOptions, done: Callable[[int], None]) -> list[str]:
+def table_rows(folder: Path, options: RunOptions) -> list[str]:
     """Return the rows of the table for one stored run."""
     opened = open_run(folder, options.data)
-    scenes = [rollout.scene for rollout in opened.rollouts()]
-    calls = [(folder, options.data, scene) for scene in scenes]
-    scored = parallel_map(scene_scores, calls, options.workers, done)
+    scenes = [rollout.scene for rollout in opened.run.rollouts]
+    calls = [(opened.card, opened.data, rollout) for rollout in opened.run.rollouts]
+    scored = parallel_map(scene_scores, calls, options.workers, lambda place: print(scenes[place], file=sys.stderr))
     agents = []
     for label in scored[0]:
         seeds = (tuple(scores[label] for scores in scored),)
@@ -75,7 +76,7 @@ def main() -> None:
     options = RunOptions(given.data, workers=Workers(given.jobs))
     print("| environment | units | forecasts | bADE, m | less STP | 95 % | p |\n|---|--:|---|--:|--:|--:|--:|")
     for folder in given.runs:
-        print(*table_rows(folder, options, lambda scene: None), sep="\n", flush=True)
+        print(*table_rows(folder, options), sep="\n", flush=True)
 
 
 if __name__ == "__main__":
