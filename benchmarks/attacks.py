@@ -42,8 +42,11 @@ def silence_where_nobody_looks(scene: Scene, rollout: Rollout, card: Card) -> Ro
     return choose(rollout, row, frames_of(rollout)[row])
 
 
-def repeated(frames: int, confidence: float) -> Change:
-    """Every forecast is said again in the next ``frames`` frames."""
+def repeated(frames: int, confidence: Callable[[NDArray[Any]], NDArray[Any]]) -> Change:
+    """State every forecast again in the next ``frames`` frames.
+
+    ``confidence``: of the repeats from that of the forecast.
+    """
 
     def change(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
         frame = frames_of(rollout)
@@ -52,7 +55,7 @@ def repeated(frames: int, confidence: float) -> Change:
         rows = np.concatenate([row, *late])
         at = np.concatenate([frame, *(frame[r] + i for i, r in enumerate(late, start=1))])
         sure = rollout.object_confidence[rows].copy()
-        sure[len(row) :] = confidence
+        sure[len(row) :] = confidence(sure[len(row) :])
         return choose(rollout, rows, at, object_confidence=sure)
 
     return change
@@ -209,13 +212,18 @@ def sure(rollout: Rollout) -> NDArray[np.float64]:
 BESIDE = 0.05  # m, sigma of the place of a twin: now it is the nearer one, now the other
 CROSS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 RNG_SEED = 7
+FLOODS: dict[str, Change] = {
+    "repeats 3 frames, as sure": repeated(3, lambda c: c),
+    "repeats 3 frames, half as sure": repeated(3, lambda c: 0.5 * c),
+    "repeats 3 frames, 10 % as sure": repeated(3, lambda c: 0.1 * c),
+}
 CHANGES: dict[str, Change] = {
     "silence": silence,
     "silence where nobody looks": silence_where_nobody_looks,
-    "repeats 1 frame, confidence 1": repeated(1, 1.0),
-    "repeats 1 frame, confidence 0": repeated(1, 0.0),
-    "repeats 3 frames, confidence 1": repeated(3, 1.0),
-    "repeats 3 frames, confidence 0": repeated(3, 0.0),
+    "repeats 1 frame, confidence 1": repeated(1, np.ones_like),
+    "repeats 1 frame, confidence 0": repeated(1, np.zeros_like),
+    "repeats 3 frames, confidence 1": repeated(3, np.ones_like),
+    "repeats 3 frames, confidence 0": repeated(3, np.zeros_like),
     "every class": every_class(1.0),
     "every class, others half as sure": every_class(0.5),
     "samples x1.5": widened(1.5),
@@ -234,4 +242,5 @@ CHANGES: dict[str, Change] = {
     "confidence 1": confidences(lambda s, r: np.ones(len(r.object_box))),
     "surer in a crowd": confidences(lambda s, r: 0.5 * sure(r) + 0.5 * crowded(s, r)),
     "surer of what moves": confidences(lambda s, r: 0.5 * sure(r) + 0.5 * moving(s, r)),
+    **FLOODS,
 }
