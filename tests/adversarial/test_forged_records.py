@@ -81,6 +81,7 @@ def echo(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> tup
     return folder, root / "records" / f"{CARD_ID}.json"
 
 
+@pytest.mark.needs("sandbox")
 def test_relabelled_answers_are_found(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
     """Stored answers of an agent that saw the truth, relabelled, with a record and a run file that fit them."""
     folder, genuine = echo
@@ -110,6 +111,7 @@ def test_relabelled_answers_are_found(echo: tuple[Path, Path], card: str, kitti:
     assert "hashes.rollouts" in [difference.what for difference in checked.differences]
 
 
+@pytest.mark.needs("sandbox")
 def test_seals_are_verified_by_another_run(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
     folder, genuine = echo
     zeroed: Change = lambda content: content["hashes"].update(seals="00" * 32)  # noqa: E731
@@ -168,6 +170,7 @@ def test_one_broken_record_stops_no_board(honest: tuple[Path, Record], cli: Comm
 
 
 # --- H6: a level where nothing was held
+@pytest.mark.needs("sandbox")
 def test_what_nothing_held_is_re_scored_at_most(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
     folder, genuine = echo
     loose: Change = lambda content: content["isolation"].update(mechanism="none")  # noqa: E731

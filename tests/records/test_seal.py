@@ -191,6 +191,7 @@ def test_a_folder_of_seals_is_opened_by_env(leaderboard: Path, tmp_path: Path) -
     assert found[ENV].commitment == open_seal(tmp_path / f"{ENV}.json").commitment
 
 
+@pytest.mark.needs("sandbox")
 def test_a_seal_of_another_card_is_refused(short: str, cli: CommandLine, tmp_path: Path) -> None:
     seal(ENV, 2, tmp_path / "s.json")
     submit("stp", short, RunOptions(scenes=1), tmp_path)
