@@ -93,10 +93,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     """Write one line per reason for which tests did not run."""
     skipped = terminalreporter.stats.get("skipped", [])
     for reason, count in Counter(skip_reason(report) for report in skipped).most_common():
-        terminalreporter.write_line(f"skipped {count} tests: {reason}", yellow=True)
-    count = config.stash.get(_deselected, 0)
-    if count:
-        said = f"{count} tests need real data and did not run: set {VARIABLE} to its folder"
+        tests = "test" if count == 1 else "tests"
+        terminalreporter.write_line(f"skipped {count} {tests}: {reason}", yellow=True)
+    deselected = config.stash.get(_deselected, 0)
+    if deselected:
+        said = f"{deselected} tests need real data and did not run: set {VARIABLE} to its folder"
         terminalreporter.write_line(said, yellow=True)
     listed_in = config.getoption("--list-skipped")
     if listed_in is not None:
