@@ -30,6 +30,7 @@ from mtp_bench.submission.manifest import read_manifest
 from tests.support.board_records import MAIN, made_up
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.leaderboards import SIGNER, listed, make_key
+from tests.support.programs import require_program
 from tests.support.small_scenes import CARD_ID
 from tests.support.stored_records import hex_of, hidden_part, save_record, ships_of, signed_level, write_record
 
@@ -666,6 +667,7 @@ def test_intake_looks_at_every_owner_once(proposal: Path, leaderboard: Path, mon
     assert 1000 < len(seen) < 1200, "once for every owner"
 
 
+@pytest.mark.needs("bash")
 @pytest.mark.parametrize(("changed", "status"), [
     (b"leaderboard/records/a/b.json\nleaderboard/owners.toml", 0), (b"leaderboard/records/\xff/b.json", 0),
     (b"leaderboard/records/\xff/b.json\nmtp_bench/errors.py", 1), (b"leaderboard/records/a\n\xff.py", 1),
@@ -738,6 +740,7 @@ def levels(name: str, ours: object = None, theirs: object = None) -> Proposal:
 
 def with_a_submodule(proposal: Path, _: Path) -> None:
     """In git's commit alone, without a folder on disk."""
+    require_program("git")
     entry = f"160000,{'1' * 40},{proposal.name}/records/evil"
     commit = ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "-m", "a"]
     for words in (["init", "-q"], ["add", "."], ["update-index", "--add", "--cacheinfo", entry], commit):

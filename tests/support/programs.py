@@ -34,6 +34,7 @@ def has_vulkan() -> bool:
 
 
 PROGRAMS = {
+    "bash": Program(lambda: shutil.which("bash") is not None, "apt-get install bash"),
     "browser": Program(
         lambda: CHROMIUM is not None and CHROMEDRIVER is not None, "apt-get install chromium chromium-driver"
     ),
