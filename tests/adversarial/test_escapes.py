@@ -20,6 +20,7 @@ from mtp_bench.gateway import SceneRun, run, run_isolated
 from mtp_bench.gateway.processes import Group
 from mtp_bench.gateway.sandbox import sandbox_backend, system_call_filter
 from tests.support.hostile import HONEST, QUICK, SCENE, Court, submission
+from tests.support.programs import require_program
 from tests.support.runs import PATIENT, move_home
 
 pytestmark = pytest.mark.usefixtures("light_fork_servers")
@@ -32,8 +33,7 @@ def court(card: str, kitti: str, tmp_path: Path, hostile: Path) -> Court:
 
 @pytest.fixture
 def sandboxed() -> None:
-    if sandbox_backend() == "none":
-        pytest.skip("no sandbox works on this system")
+    require_program("sandbox")
 
 
 @pytest.fixture

@@ -30,6 +30,7 @@ from mtp_bench.submission.manifest import read_manifest
 from tests.support.board_records import MAIN, made_up
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.leaderboards import SIGNER, listed, make_key
+from tests.support.programs import require_program
 from tests.support.small_scenes import CARD_ID
 from tests.support.stored_records import hex_of, hidden_part, save_record, ships_of, signed_level, write_record
 
@@ -81,6 +82,7 @@ def echo(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> tup
     return folder, root / "records" / f"{CARD_ID}.json"
 
 
+@pytest.mark.needs("sandbox")
 def test_relabelled_answers_are_found(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
     """Stored answers of an agent that saw the truth, relabelled, with a record and a run file that fit them."""
     folder, genuine = echo
@@ -110,6 +112,7 @@ def test_relabelled_answers_are_found(echo: tuple[Path, Path], card: str, kitti:
     assert "hashes.rollouts" in [difference.what for difference in checked.differences]
 
 
+@pytest.mark.needs("sandbox")
 def test_seals_are_verified_by_another_run(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
     folder, genuine = echo
     zeroed: Change = lambda content: content["hashes"].update(seals="00" * 32)  # noqa: E731
@@ -168,6 +171,7 @@ def test_one_broken_record_stops_no_board(honest: tuple[Path, Record], cli: Comm
 
 
 # --- H6: a level where nothing was held
+@pytest.mark.needs("sandbox")
 def test_what_nothing_held_is_re_scored_at_most(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
     folder, genuine = echo
     loose: Change = lambda content: content["isolation"].update(mechanism="none")  # noqa: E731
@@ -663,6 +667,7 @@ def test_intake_looks_at_every_owner_once(proposal: Path, leaderboard: Path, mon
     assert 1000 < len(seen) < 1200, "once for every owner"
 
 
+@pytest.mark.needs("bash")
 @pytest.mark.parametrize(("changed", "status"), [
     (b"leaderboard/records/a/b.json\nleaderboard/owners.toml", 0), (b"leaderboard/records/\xff/b.json", 0),
     (b"leaderboard/records/\xff/b.json\nmtp_bench/errors.py", 1), (b"leaderboard/records/a\n\xff.py", 1),
@@ -735,6 +740,7 @@ def levels(name: str, ours: object = None, theirs: object = None) -> Proposal:
 
 def with_a_submodule(proposal: Path, _: Path) -> None:
     """In git's commit alone, without a folder on disk."""
+    require_program("git")
     entry = f"160000,{'1' * 40},{proposal.name}/records/evil"
     commit = ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "-m", "a"]
     for words in (["init", "-q"], ["add", "."], ["update-index", "--add", "--cacheinfo", entry], commit):

@@ -9,7 +9,6 @@ import pytest
 from mtp_bench.cards import load_card
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run, run_isolated
-from mtp_bench.gateway.sandbox import sandbox_backend
 from mtp_bench.records import open_seal, seal
 from mtp_bench.records.seal import Sealed
 from mtp_bench.scoring import mean_plain_error, score_scene
@@ -139,9 +138,8 @@ def hall(tmp_path: Path, short: str, monkeypatch: pytest.MonkeyPatch) -> Hall:
     return Hall(tmp_path, short, monkeypatch)
 
 
+@pytest.mark.needs("sandbox")
 def test_a_seal_that_lies_about_is_of_no_use(hall: Hall) -> None:
-    if sandbox_backend() == "none":
-        pytest.skip("no sandbox works here")
     honest, error = hall.run(hall.honest)
     oracle, same = hall.run(hall.oracle)
     assert (oracle.status, oracle.reason) == ("finished", "")

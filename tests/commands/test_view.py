@@ -18,7 +18,7 @@ from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
 from mtp_bench.viz.framing import SECONDS
 from tests.support.command_line import CommandLine, plain_environment, write_submission
-from tests.support.headless_viewer import require_driver, until, windows_without_a_screen
+from tests.support.headless_viewer import until, windows_without_a_screen
 from tests.support.recordings import read
 
 
@@ -58,8 +58,8 @@ def test_each_run_shows_its_input(cli: CommandLine, card: str, kitti: str, known
     np.testing.assert_array_equal(together.scene.detections.box, alone.scene.detections.box)
 
 
+@pytest.mark.needs("Vulkan driver")
 def test_a_window_plays(cli: CommandLine, folder: Path, known: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    require_driver()
     with windows_without_a_screen(monkeypatch) as address:
         cli.ok("view", folder, *known, "--at", "lost-0")
         viewer = ViewerClient.connect(address)

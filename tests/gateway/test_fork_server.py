@@ -17,12 +17,11 @@ from mtp_bench.gateway.fork_server import ForkServer, ForkServerError, discard
 from mtp_bench.gateway.layout import TEMPORARY, Layout, _with_tmp, image_of, layout_for, library
 from mtp_bench.gateway.process import AgentProcess
 from mtp_bench.gateway.processes import children
-from mtp_bench.gateway.sandbox import sandbox_backend
 from mtp_bench.submission import load_submission
 from tests.support.hostile import HONEST, QUICK, Court, submission
 
 pytestmark = [
-    pytest.mark.skipif(sandbox_backend() == "none", reason="no sandbox works on this system"),
+    pytest.mark.needs("sandbox"),
     pytest.mark.usefixtures("light_fork_servers"),
 ]
 

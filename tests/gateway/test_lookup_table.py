@@ -76,6 +76,7 @@ def poses(court: Court, seeds: int) -> dict[str, object]:
     return table
 
 
+@pytest.mark.needs("sandbox")
 def test_a_table_made_for_the_public_motions_does_not_survive_a_secret_one(court: Court) -> None:
     folder = submission(court.folder / "hostile", CHEAT)
     np.savez(folder / "table.npz", **poses(court, 2))  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]

@@ -36,6 +36,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Pat
     return root
 
 
+@pytest.mark.needs("sandbox")
 def test_a_round_goes_through_all_records_and_goes_on_when_started_again(
     made: Path, cli: CommandLine, card: str, kitti: str, tmp_path: Path, leaderboard: Path, key: Path
 ) -> None:
@@ -87,6 +88,7 @@ def test_without_a_key_nothing_is_written(made: Path, cli: CommandLine, card: st
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.needs("sandbox")
 def test_a_baseline_made_here_is_run_in_secret_alone(
     made: Path, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -103,8 +105,6 @@ def test_a_baseline_made_here_is_run_in_secret_alone(
 
     monkeypatch.setattr(rerun, "run_seed", noted)
     checked = check("stp")
-    if checked.level == "re-scored":
-        pytest.skip("no sandbox works here")
     assert (checked.level, checked.differences, len(ran)) == ("re-run", (), 1)
     assert ran[0] not in checked.record.seeds
     with pytest.raises(RecordError, match=(refused := "leave --made-here out")):

@@ -87,6 +87,7 @@ def test_hidden_scenes_are_others(short: str, tmp_path: Path) -> None:
     assert not set(hidden.scene_names) & set(MTPEnv(card).scene_names)
 
 
+@pytest.mark.needs("sandbox")
 def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, leaderboard: Path, key: Path) -> None:
     """From the seal to a signed level; the signer's key and the commitment are in the leaderboard."""
     secret = tmp_path / "s.json"
@@ -95,8 +96,6 @@ def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, le
     assert f"for trials alone: {SCENES} scenes are too few to rank, ranks need 50" in said
     shutil.copy(tmp_path / "s.commitment.json", leaderboard / "seals")
     made = submit("stp", short, RunOptions(seeds=(0,)), tmp_path / "stp")
-    if made.isolation.mechanism == "none":
-        pytest.skip("this system cannot hide files and network from an agent")
     path = tmp_path / "stp" / f"{ENV}.json"
     before = read_json(path)
     arguments = ("verify", path, "--env", short, "--rerun", "--hidden", secret, "--jobs", 1, "--base", leaderboard)
@@ -192,6 +191,7 @@ def test_a_folder_of_seals_is_opened_by_env(leaderboard: Path, tmp_path: Path) -
     assert found[ENV].commitment == open_seal(tmp_path / f"{ENV}.json").commitment
 
 
+@pytest.mark.needs("sandbox")
 def test_a_seal_of_another_card_is_refused(short: str, cli: CommandLine, tmp_path: Path) -> None:
     seal(ENV, 2, tmp_path / "s.json")
     submit("stp", short, RunOptions(scenes=1), tmp_path)

@@ -98,12 +98,14 @@ def with_hypotheses(content: Content, count: int) -> None:
         part["hypotheses"] = count
 
 
+@pytest.mark.needs("sandbox")
 def test_a_run_again_finds_what_differs(path: Path, submission: Path, card: str, kitti: str) -> None:
     resign(path, lambda content: [change(content) for change, _ in RERUN.values()])
     checked = verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
     assert sorted(difference.what for difference in checked.differences) == sorted(what for _, what in RERUN.values())
 
 
+@pytest.mark.needs("sandbox")
 def test_the_commit_of_a_submission(submission: Path, card: str, kitti: str, tmp_path: Path, cli: CommandLine) -> None:
     """In the folder it would change the digest of what it names."""
     words = ["submit", submission, "--env", card, "--data", kitti, "--scenes", 1, "--seeds", 1, "-o", tmp_path]
@@ -125,6 +127,7 @@ def test_hypotheses_are_those_that_the_manifest_declares(card: str, kitti: str, 
         verify(path, RunOptions(kitti), card)
 
 
+@pytest.mark.needs("sandbox")
 def test_secret_crashes(path: Path, submission: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def dies_where_the_seed_is_secret(plan: Plan, seed: int) -> list[SceneRun]:
         first, *others = shuffled(plan, seed)
@@ -136,6 +139,7 @@ def test_secret_crashes(path: Path, submission: Path, card: str, kitti: str, mon
         verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
 
 
+@pytest.mark.needs("sandbox")
 def test_another_submission_is_not_run_in_its_place(path: Path, card: str, kitti: str) -> None:
     with pytest.raises(RecordError, match="name the right folder with --submission"):
         verify(path, RunOptions(kitti), card, submission="stp", rerun=True)
@@ -293,6 +297,7 @@ def test_a_ranked_record_is_not_lost(seeds: Sequence[int], kept: bool, submissio
         require_target(*asked, resume=False, replace=False)
 
 
+@pytest.mark.needs("sandbox")
 def test_turning_targets_are_in_new_records_and_older_ones_hold_without_them(
     path: Path, submission: Path, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -93,6 +93,7 @@ def test_says_why(cli: CommandLine, tmp_path: Path, card: str, kitti: str, monke
     assert not out.exists()
 
 
+@pytest.mark.needs("sandbox")
 def test_what_does_not_ship_runs_in_the_sandbox_alone(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
     """Were it built in this process, it could write here."""
     ran = tmp_path / "ran"

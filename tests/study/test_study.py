@@ -33,7 +33,7 @@ from mtp_bench.study.rows import make_tables
 from mtp_bench.study.runs import Bench, EventCounts, count_events, library_files, open_bench
 from mtp_bench.submission import load_submission
 from mtp_bench.tables import to_json
-from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
+from tests.support.browser import chromium
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene
 from tests.test_readme import blocks
@@ -216,7 +216,7 @@ def test_settings_of_an_agent(name: str) -> None:
 
 
 # ---- the page in a browser, stored tracks, events
-@pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
+@pytest.mark.needs("browser")
 def test_in_a_browser_no_request_is_made_and_nothing_is_cut_off(made: Study, tmp_path: Path) -> None:
     with chromium(tmp_path) as browser:
         grounds = set()

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import shutil
 import subprocess
 import time
 import urllib.error
@@ -13,10 +12,7 @@ from typing import Any
 
 from mtp_bench.viz.rerun.viewer import free_port
 from tests.support.headless_viewer import until
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
-MISSING = "no browser: install chromium and chromium-driver"
+from tests.support.programs import CHROMEDRIVER, CHROMIUM
 
 SWITCHES = (
     "headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage", "disable-quic", "no-first-run",
@@ -96,7 +92,7 @@ class Browser:
 def chromium(folder: Path) -> Iterator[Browser]:
     """A browser whose profile is in the empty ``folder``; it ends with the context."""
     port, quiet = free_port(), subprocess.DEVNULL
-    command = [str(DRIVER), f"--port={port}", f"--log-path={folder / 'driver.log'}"]
+    command = [str(CHROMEDRIVER), f"--port={port}", f"--log-path={folder / 'driver.log'}"]
     server = f"http://127.0.0.1:{port}"
     options = {"binary": CHROMIUM, "args": [*FLAGS, f"--user-data-dir={folder / 'profile'}"]}
     logs = {"browser": "ALL", "performance": "ALL"}

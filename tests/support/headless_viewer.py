@@ -1,12 +1,9 @@
 """Rerun's viewer without a screen, which draws in software."""
 
-import ctypes.util
-import os
 import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
@@ -16,16 +13,7 @@ from mtp_bench.viz.rerun.viewer import LOCAL, free_port
 
 T = TypeVar("T")
 
-DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
 WAIT = 40.0  # s
-
-
-def require_driver() -> None:
-    """Skip the test without a Vulkan driver, and name what to install."""
-    named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
-    driver = named or any(list(Path(folder).glob("*.json")) for folder in DRIVERS)
-    if not driver or ctypes.util.find_library("vulkan") is None:
-        pytest.skip("no Vulkan driver: apt-get install libvulkan1 mesa-vulkan-drivers")
 
 
 @contextmanager

@@ -9,9 +9,9 @@ import pytest
 from mtp_bench.viz.board.entries import Entry
 from mtp_bench.viz.board.page import board_files, parts_folder, write_board
 from tests.support.board_records import FEW, HOSTILE, LEVELS_OF, MAIN, board_of, made_up, made_up_board
-from tests.support.browser import CHROMIUM, DRIVER, ENTER, MISSING, Browser, chromium
+from tests.support.browser import ENTER, Browser, chromium
 
-pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
+pytestmark = pytest.mark.needs("browser")
 
 FIRST = f'section[data-env="{MAIN}"]'
 NAMES = """return [...document.querySelectorAll(`section[data-env="${arguments[0]}"] tbody.entry`)]
