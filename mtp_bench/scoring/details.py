@@ -1,5 +1,6 @@
 """Diagnostics of one agent: calibration, curves, bins, tracking, own events."""
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..cards import Card
 from ..errors import ShapeError
 from ..types import Bools, Floats
-from .definitions import CURVE_BUDGETS, DISTANCE_BINS, EPA_ALPHA, FORECAST_AP_GATES, PLANNING_SIGMA
+from .definitions import CURVE_BUDGETS, DISTANCE_BINS, EPA_ALPHA, FORECAST_AP_GATES, PLANNING_SIGMA, SURE
 from .rows import Bin, Clear, Details, Errors, Reliability, Tracking
 from .score import KINDS, Outcome
 from .statistics import ratio
@@ -22,6 +23,8 @@ _IDENTITY = ("shared", "hits", "association")
 _RECALLS = 101  # points of the precision-recall curve
 _LEAST = 0.1  # recall and precision below do not count, as in nuScenes detection
 _RANGES = 10  # of confidence
+MOST_OFF = 0.05  # share of forecasts by which confidences may be off
+_BEYOND_CHANCE = 2.58  # standard deviations, p = .01
 
 
 def details(table: AgentTable, card: Card) -> Details:
@@ -89,6 +92,43 @@ def _calibration(table: AgentTable) -> tuple[float | None, list[Reliability]]:
         if here.any()
     ]
     return float(((sure - there) ** 2).mean()), curve
+
+
+@dataclass(frozen=True)
+class Misstated:
+    """Confidences on one side of `SURE` that come true less or more often than they state."""
+
+    sure: bool  # from SURE on
+    stated: float  # their mean
+    matched: float  # share of their forecasts that are of a true object
+    off: float  # number of forecasts by which the expected and the true number of matches differ, of all forecasts
+
+
+def misstated(table: AgentTable) -> Misstated | None:
+    """Return the confidences of the first seed that do not come true; None if they do, or it is not known.
+
+    They are off by more than `MOST_OFF` of all forecasts, and by more than chance (p < .01). Forecasts of one frame
+    count as independent, and those of later frames of a unit as repetitions: the variance of the number of matches is
+    that of independent forecasts times the live frames of a unit. Of both sides the one that is farther off.
+    """
+    run = table.setting.seeds[0]
+    total = sum(int((score.outcome != Outcome.NEUTRAL).sum()) for score in run)
+    if not table.complete or not total:
+        return None
+    found = []
+    for sure in (True, False):
+        forecasts, stated, matched, variance = 0, 0.0, 0.0, 0.0
+        for score in run:
+            side = (score.outcome != Outcome.NEUTRAL) & ((score.cuts.confidence >= SURE) == sure)
+            confidence = score.cuts.confidence[side].astype(np.float64)
+            forecasts += len(confidence)
+            stated += float(confidence.sum())
+            matched += float((score.outcome[side] > Outcome.NEUTRAL).sum())
+            variance += float((confidence * (1 - confidence)).sum()) * score.live / max(score.units, 1)
+        difference = abs(stated - matched)
+        if difference > max(MOST_OFF * total, _BEYOND_CHANCE * np.sqrt(variance)):
+            found.append(Misstated(sure, stated / forecasts, matched / forecasts, difference / total))
+    return max(found, key=lambda each: each.off, default=None)
 
 
 def _accuracy(table: AgentTable, mask: Bools, false_forecasts: int) -> float | None:

@@ -8,6 +8,7 @@ from .._bundle import card_ids
 from ..cards import load_card
 from ..tables import Column, Table, columns_of, counted
 from .definitions import Subset
+from .details import misstated
 from .rank import span_text
 from .report import Report
 from .rows import Budget, Row
@@ -72,6 +73,23 @@ def place_of(report: Report) -> str:
 def shipped_env(report: Report) -> str:
     """The env whose numbers are comparable with those of ``report``; empty where its card is not the shipped one."""
     return unchanged(report.env, report.condition.get("card"))
+
+
+def misstated_lines(report: Report) -> Iterator[str]:
+    """Notes about confidences that do not come true on other detections than the card's own."""
+    if shipped_env(report) and "folder" not in report.condition:
+        return
+    agents = ((table.setting, misstated(table)) for table in report.tables)
+    found = {setting.agent: each for setting, each in agents if each is not None and setting.observe != "truth"}
+    if found:
+        first, worst = max(found.items(), key=lambda item: item[1].off)
+        side = "of .5 and more" if worst.sure else "below .5"
+        yield (
+            f"! {first}: confidences {side} are {worst.stated:.2f} on average, and {worst.matched:.2f} of these "
+            f"forecasts are of a true object; off in the same way: {', '.join(sorted(found.keys() - {first})) or 'no other'}. "
+            "Their presence model was not fitted to these detections: fit one with `mtp-bench train presence` and take "
+            "it with --presence FILE, or take the detector's scores as they are with --presence scores"
+        )
 
 
 def unchanged(env_id: str, digest: str | None) -> str:

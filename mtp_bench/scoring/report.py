@@ -54,8 +54,11 @@ class Report:
         )
 
     def __str__(self) -> str:
+        from .main_table import misstated_lines
+
         rejected = {each.agent: sum(each.invalid.values()) for each in self.details}
-        warnings = (rejected_line(agent, number) for agent, number in rejected.items() if number)
+        warnings = [rejected_line(agent, number) for agent, number in rejected.items() if number]
+        warnings += misstated_lines(self)
         return "\n".join([to_text(self._main_table()).rstrip(), *warnings, *map(" ".join, self.failures.items())])
 
     def _repr_html_(self) -> str:

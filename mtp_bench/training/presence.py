@@ -28,7 +28,7 @@ RIDGE = 0.1  # inverse weight of the squares of all coefficients
 FOLDS = 5  # of scenes
 DIGITS = 6  # of stored numbers: the same on every machine
 KNOT_BINS = 100  # of held-out rows, of equal size, for the isotonic regression
-OWN = PresenceRecipe((), ("mean_score", "log_hits", "coasting"), products=False)  # a log may be short
+OWN = PresenceRecipe((), ("mean_score", "log_hits", "coasting"), products=False, calibrated=False)  # logs are short
 
 
 def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floats]:
@@ -98,8 +98,8 @@ def folds(rows: PresenceRows) -> list[Bools]:
     count = min(FOLDS, len(names))
     if count < 2:
         raise MtpBenchError(
-            f"got {names[0]!r} alone, expected several scenes, or one longer than {BLOCK_SECONDS:g} s: presence is "
-            "calibrated on rows that are held out"
+            f"got {names[0]!r} alone, expected several scenes, or one longer than {BLOCK_SECONDS:g} s: the quality of "
+            "presence is that on rows that are held out"
         )
     fold = np.random.default_rng(0).permutation(len(names)) % count
     return [fold[place] == number for number in range(count)]

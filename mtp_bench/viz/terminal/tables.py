@@ -9,7 +9,7 @@ from typing import Any
 
 from ...scoring import Report
 from ...scoring.definitions import KNOWN_SUBSETS, RANKED_SUBSETS, Subset
-from ...scoring.main_table import NAMES, blocks_of, heading, main_settings, shipped_env
+from ...scoring.main_table import NAMES, blocks_of, heading, main_settings, misstated_lines, shipped_env
 from ...scoring.parts import PARTS
 from ...scoring.rank import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH
 from ...scoring.report import rejected_line
@@ -236,3 +236,4 @@ def warnings(report: Report) -> Iterator[str]:
     for each in report.details:
         if rejected := sum(each.invalid.values()):
             yield rejected_line(each.agent, rejected)
+    yield from misstated_lines(report)
