@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationInfo, field_validator
@@ -11,7 +10,6 @@ from ..detector import Profile, Variant, load_profile
 from ..detector.profile_file import with_variant
 from ..errors import CardError, MtpBenchError, nearest
 from ..strict import Section, rule
-from ..types import SCORES
 from .source import SourceSection
 
 PerClass = dict[str, Annotated[float, Field(gt=0, le=1e4)]]  # a single number in the TOML stands for every class
@@ -112,10 +110,6 @@ _SHIPPED = rule(  # a path would be relative to which folder?
     lambda profile: not profile.endswith(".toml"),
     "expected the name of a shipped profile; a file's content belongs into [detector.noise]",
 )
-_PRESENCE = rule(
-    lambda value: value == SCORES or Path(value).is_absolute(),
-    f"expected {SCORES!r}, or the absolute path of a file of `mtp-bench train presence`",
-)
 _CORNERS = rule(lambda a: a[0] < a[2] and a[1] < a[3], "expected least x and y, then largest x and y")
 
 
@@ -162,7 +156,7 @@ class Card(Section):
     weights_of: str | None = None  # id of the env whose network weights serve here too
     board: int | None = None  # place among the envs of the leaderboard; those without one come last
     tracker: dict[str, TrackerSection] = Field(default_factory=dict)  # by class; empty: those of the detector
-    presence: Annotated[str, _PRESENCE] | None = None  # by which baselines state confidences; None: the detector's
+    presence: str | None = None  # file of a presence model for baselines, or "scores"; None: the detector's model
     lanes: Annotated[LaneSection | None, _SWITCH] = None  # observations show the road; ``true``: in the default sizes
     drive: Annotated[DriveSection | None, _SWITCH] = None  # closed loop
     source: SerializeAsAny[SourceSection]

@@ -23,7 +23,6 @@ from .options import (
     JsonOption,
     TextOption,
     WorkerChoice,
-    one_of,
 )
 from .output import prepare, print_or_write, some_of, working, write_json
 
@@ -68,9 +67,8 @@ def presence(
 ) -> None:
     """Fit the presence model of a detector that ships, on its training scenes."""
     from ..training.presence import fit_detector
-    from ..training.presence_rows import PresenceRecipe, fitted_detectors
+    from ..training.presence_rows import PresenceRecipe
 
-    one_of(detector, fitted_detectors(), "DETECTOR")
     options = RunOptions(root)
     for part in PresenceRecipe.of(detector).scenes:
         prepare(part.env, part.options(options))

@@ -76,20 +76,18 @@ def shipped_env(report: Report) -> str:
 
 
 def misstated_lines(report: Report) -> Iterator[str]:
-    """Notes about confidences that do not come true on other detections than the card's own."""
+    """The note about confidences that do not come true on other detections than the card's own, of the first agent."""
     if shipped_env(report) and "folder" not in report.condition:
         return
-    agents = ((table.setting, misstated(table)) for table in report.tables)
-    found = {setting.agent: each for setting, each in agents if each is not None and setting.observe != "truth"}
-    if found:
-        first, worst = max(found.items(), key=lambda item: item[1].off)
-        side = "of .5 and more" if worst.sure else "below .5"
-        yield (
-            f"! {first}: confidences {side} are {worst.stated:.2f} on average, and {worst.matched:.2f} of these "
-            f"forecasts are of a true object; off in the same way: {', '.join(sorted(found.keys() - {first})) or 'no other'}. "
-            "Their presence model was not fitted to these detections: fit one with `mtp-bench train presence` and take "
-            "it with --presence FILE, or take the detector's scores as they are with --presence scores"
-        )
+    for table in report.tables:
+        means = None if table.setting.observe == "truth" else misstated(table)
+        if means is not None:
+            yield (
+                "! {}: the mean confidence is {:.2f}, and {:.2f} of the forecasts are of a true object: presence was not "
+                "fitted to such detections. `mtp-bench train presence` fits a model, --presence FILE takes it, and "
+                "--presence scores takes scores as they are".format(table.setting.agent, *means)
+            )
+            return  # others have the same presence model
 
 
 def unchanged(env_id: str, digest: str | None) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import MtpBenchError
 from ..prediction.presence import FEATURES, PresenceModel, logistic
 from ..running.options import DEFAULTS, RunOptions
+from ..scoring.details import calibration
 from ..types import Bools, Floats, select
 from .presence_rows import (
     BLOCK_SECONDS,
@@ -132,13 +133,8 @@ def quality(probability: Floats, present: Bools) -> dict[str, Any]:
     """
     from sklearn.metrics import roc_auc_score
 
-    place = np.minimum((probability * 10).astype(int), 9)
-    table = [
-        [round(float(probability[part].mean()), 3), round(float(present[part].mean()), 3), int(part.sum())]
-        for part in (place == b for b in range(10))
-        if part.any()
-    ]
-    brier = float(np.mean((probability - present) ** 2))
+    brier, curve = calibration(probability, present)
+    table = [[round(bin.confidence, 3), round(bin.matched, 3), bin.forecasts] for bin in curve]
     auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else 0.5
     return {"rows": len(present), "brier": round(brier, 4), "auc": round(auc, 4), "reliability": table}
 
