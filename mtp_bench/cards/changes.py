@@ -177,12 +177,10 @@ def with_presence(card: Card, presence: str) -> Card:
     ``presence``: the file of a model that ``mtp-bench train presence`` wrote, or "scores": an object's confidence is
     the score of its last detection. Raises DataError if there is no such file.
     """
-    if presence == SCORES:
-        return card.model_copy(update={"presence": SCORES})
     path = Path(presence).expanduser().absolute()
-    if not path.is_file():
+    if presence != SCORES and not path.is_file():
         raise DataError(f"no file {path}, expected one of `mtp-bench train presence`, or the word {SCORES!r}")
-    return card.model_copy(update={"presence": str(path)})
+    return card.model_copy(update={"presence": SCORES if presence == SCORES else str(path)})
 
 
 def instead_of_stored(card: Card) -> str:

@@ -67,12 +67,8 @@ def presence(
 ) -> None:
     """Fit the presence model of a detector that ships, on its training scenes."""
     from ..training.presence import fit_detector
-    from ..training.presence_rows import PresenceRecipe
 
-    options = RunOptions(root)
-    for part in PresenceRecipe.of(detector).scenes:
-        prepare(part.env, part.options(options))
-    with working("reading scenes, then fitting to them", options) as watched:
+    with working("reading scenes, then fitting to them", RunOptions(root)) as watched:
         text = fit_detector(detector, watched)
     print_or_write(output, text)
 

@@ -1,7 +1,8 @@
 """Probability that the object of a track is really there, learned on training splits and evaluated in plain NumPy.
 
 A logistic regression over the history of a track, with coefficients per class, and a calibration of its probabilities;
-one small file per detector in ``presence_models/``, made by ``mtp-bench train presence``.
+one small file per detector in ``presence_models/``, made by ``mtp-bench maintain presence``; ``mtp-bench train
+presence`` makes one for detections of one's own.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -161,21 +162,16 @@ class LearnedPresence:
         class_id, classes = tracks.class_id, self._task.classes
         history = history_of(tracks, observation, self._task.dt)
         if self._by_score:
-            return _as_probability(history.last_score)
+            outside = history.last_score[(history.last_score < 0) | (history.last_score > 1)]
+            if len(outside):
+                raise SubmissionError(
+                    f"a detection has the score {outside[0]:g}, expected [0, 1], as presence takes scores as they are; "
+                    "`mtp-bench train presence` fits a model to other scores"
+                )
+            return np.asarray(history.last_score, dtype=np.float64)
         last = map_scores(history.last_score, self._scores, class_id, classes)
         mean = map_scores(history.mean_score, self._scores, class_id, classes)
         return self._model.probability(replace(history, last_score=last, mean_score=mean), class_id, classes)
-
-
-def _as_probability(score: Floats) -> Floats:
-    """Return scores [N] that are probabilities; raises SubmissionError for one outside [0, 1]."""
-    outside = score[(score < 0) | (score > 1)]
-    if len(outside):
-        raise SubmissionError(
-            f"a detection has the score {outside[0]:g}, expected [0, 1], as presence takes scores as they are; "
-            "`mtp-bench train presence` fits a model to other scores"
-        )
-    return np.asarray(score, dtype=np.float64)
 
 
 def _increasing(rows: list[list[float]]) -> list[list[float]]:

@@ -83,8 +83,8 @@ def misstated_lines(report: Report) -> Iterator[str]:
         means = None if table.setting.observe == "truth" else misstated(table)
         if means is not None:
             yield (
-                "! {}: the mean confidence is {:.2f}, and {:.2f} of the forecasts are of a true object: presence was not "
-                "fitted to such detections. `mtp-bench train presence` fits a model, --presence FILE takes it, and "
+                "! {}: the mean confidence is {:.2f}, and {:.2f} of the forecasts are of a true object: presence was "
+                "not fitted to such detections. `mtp-bench train presence` fits a model, --presence FILE takes it, and "
                 "--presence scores takes scores as they are".format(table.setting.agent, *means)
             )
             return  # others have the same presence model

@@ -17,10 +17,10 @@ from ..types import Bools, Floats, select
 from .presence_rows import (
     BLOCK_SECONDS,
     FEW_SCENES,
+    MOST_ROWS,
     PresenceRecipe,
     PresenceRows,
     split_rows,
-    thinned,
     training_rows,
 )
 from .split import Split
@@ -99,8 +99,8 @@ def folds(rows: PresenceRows) -> list[Bools]:
     count = min(FOLDS, len(names))
     if count < 2:
         raise MtpBenchError(
-            f"got {names[0]!r} alone, expected several scenes, or one longer than {BLOCK_SECONDS:g} s: the quality of "
-            "presence is that on rows that are held out"
+            f"got 1 scene of at most {BLOCK_SECONDS:g} s, expected several, or a longer one: the quality of presence "
+            "is that on rows that are held out"
         )
     fold = np.random.default_rng(0).permutation(len(names)) % count
     return [fold[place] == number for number in range(count)]
@@ -165,7 +165,8 @@ def _fitted(
     detector: str, recipe: PresenceRecipe, rows: PresenceRows, origin: list[dict[str, Any]]
 ) -> tuple[str, dict[str, Any]]:
     """The text of a presence file, and the qualities of the score and of the held-out probabilities."""
-    rows = thinned(rows)
+    n = len(rows.present)
+    rows = select(rows, np.arange(0, n, -(-n // MOST_ROWS)))
     model, held_out = fit(rows, recipe)
     qualities = {"score": quality(score_probability(rows), rows.present), "presence": quality(held_out, rows.present)}
     return model_text(detector, recipe, model, origin, qualities), qualities

@@ -18,7 +18,7 @@ from ..tracking.parameters import detector_names, read_detector
 from ..types import Bools, Scene, Task, joined, select
 from .split import SceneChoice, Split, observations
 
-MOST_ROWS = 40_000  # neighbouring frames are nearly the same: every second or third is enough
+MOST_ROWS = 40_000  # that a fit takes, every n-th: neighbouring frames are nearly the same
 FEW_SCENES = 4  # fewer are cut into blocks, so that some rows can be held out
 BLOCK_SECONDS = 10.0
 
@@ -111,9 +111,3 @@ def split_rows(split: Split, in_blocks: bool = False) -> tuple[PresenceRows, dic
     rows = collect(split.scenes(), card, MTPEnv(card, data=split.options.data).task, in_blocks)
     source = {"env": card.id, "split": card.source.split, "detector": card.detector_name}
     return rows, {**source, "scenes": list(split.names)}
-
-
-def thinned(rows: PresenceRows) -> PresenceRows:
-    """Every n-th row, so that at most MOST_ROWS are left."""
-    n = len(rows.present)
-    return select(rows, np.arange(0, n, -(-n // MOST_ROWS)))
