@@ -77,7 +77,9 @@ def shipped_env(report: Report) -> str:
 
 def misstated_lines(report: Report) -> Iterator[str]:
     """The note about confidences that do not come true on other detections than the card's own, of the first agent."""
-    if shipped_env(report) and "folder" not in report.condition:
+    detector = report.condition.get("detector")
+    own = load_card(report.env).detector_name if report.env in card_ids() else detector
+    if own == detector and "folder" not in report.condition:
         return
     for table in report.tables:
         means = None if table.setting.observe == "truth" else misstated(table)
