@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import mtp_bench
 from mtp_bench.running.stored import open_run
 from mtp_bench.scoring.parts import BELOW, PARTS
-from mtp_bench.viz.drawing.report import picture
+from mtp_bench.viz.drawing import report
 from mtp_bench.viz.evidence import left_out, verdict
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.played import PlayedRun
@@ -74,14 +75,11 @@ def test_budgets_that_keep_no_forecast(run: Replay) -> None:
 
 def test_a_picture_states_it(run: Replay, monkeypatch: pytest.MonkeyPatch) -> None:
     focus, drawn = next(focuses(run)), list[str]()
-    from mtp_bench.viz.drawing import report
 
-    monkeypatch.setattr(
-        report,
-        "column",
-        lambda size, heading, marks, remarks, parts: (
-            drawn.extend(text for text, *_ in remarks) or report.Image.new("RGB", size)
-        ),
-    )
-    picture(focus, focus.at.frame, (1200, 544))
+    def noted(size: tuple[int, int], heading: Any, marks: Any, remarks: Any, parts: Any) -> Image.Image:
+        drawn.extend(text for text, *_ in remarks)
+        return Image.new("RGB", size)
+
+    monkeypatch.setattr(report, "column", noted)
+    report.picture(focus, focus.at.frame, (1200, 544))
     assert f"Below threshold: a forecast {left_out(focus, focus.at.frame)}." in drawn
