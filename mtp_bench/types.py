@@ -67,6 +67,7 @@ class Ragged:
         return replace(self, start=starts_of(kept.astype(np.int64))[self.start], **columns)
 
 
+SCORES = "scores"  # a `Task.presence`: the score of an object's last detection is its confidence
 ABSENT_BELOW = -1e30  # log-weights below, such as -inf, mean an absent sample or hypothesis
 ID_LIMIT = 2**31 - 1  # largest number of an object or a track
 LONGEST_SHORT_NAME = 16  # characters
@@ -273,6 +274,7 @@ class Task:
     motion_noise: str = ""  # e.g. "KITTI": where objects move like here; agents choose their motion model by it
     weights_of: str = ""  # the env whose network weights serve here too; empty: none
     tracker: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by class; empty: those of the detector
+    presence: str = ""  # SCORES, or the file of a presence model; empty: agents choose it by the detector
 
     def after_hole(self, observation: Observation) -> bool:
         """True if the frame follows a hole in time: no track history should cross it (docs/definitions, "Targets")."""

@@ -2,6 +2,7 @@
 
 from .card import Card as Card, DetectorSection as DetectorSection, TaskSection as TaskSection
 from .changes import (
+    CHANGES as CHANGES,
     changed_card as changed_card,
     instead_of_stored as instead_of_stored,
     load_card as load_card,
@@ -9,6 +10,7 @@ from .changes import (
     with_detections as with_detections,
     with_detector as with_detector,
     with_files as with_files,
+    with_presence as with_presence,
     with_scenes as with_scenes,
     with_split as with_split,
 )

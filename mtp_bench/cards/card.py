@@ -156,6 +156,7 @@ class Card(Section):
     weights_of: str | None = None  # id of the env whose network weights serve here too
     board: int | None = None  # place among the envs of the leaderboard; those without one come last
     tracker: dict[str, TrackerSection] = Field(default_factory=dict)  # by class; empty: those of the detector
+    presence: str | None = None  # file of a presence model for baselines, or "scores"; None: the detector's model
     lanes: Annotated[LaneSection | None, _SWITCH] = None  # observations show the road; ``true``: in the default sizes
     drive: Annotated[DriveSection | None, _SWITCH] = None  # closed loop
     source: SerializeAsAny[SourceSection]

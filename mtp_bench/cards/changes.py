@@ -11,11 +11,12 @@ from ..detector import load_profile, profile_names
 from ..detector.profile_file import profile_for
 from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, require_known
 from ..strict import read_toml, validate
-from ..types import Scene
+from ..types import SCORES, Scene
 from .card import Card, DetectorSection, check_consistency, check_detector
 from .own import TEXTS, folder_digest, known_digest, own_digest, plain_name, resolve_folder, scenes_digest, split_folder
 from .source import STORED_DETECTOR, FilesSource, read_source
 
+CHANGES = ("split", "detector", "detection_file", "files", "presence")  # arguments of `changed_card`
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 
 
@@ -55,9 +56,16 @@ def changed_card(
     detector: str | None = None,
     detection_file: str | None = None,
     files: str | None = None,
+    presence: str | None = None,
 ) -> Card:
     """``card`` with all changes that are given. Own scenes (``files``) come first: split and detector are of them."""
-    changes = ((with_files, files), (with_split, split), (with_detector, detector), (with_detections, detection_file))
+    changes = (
+        (with_files, files),
+        (with_split, split),
+        (with_detector, detector),
+        (with_detections, detection_file),
+        (with_presence, presence),
+    )
     for change, value in changes:
         card = card if value is None else change(card, value)
     return card
@@ -161,6 +169,18 @@ def with_scenes(card: Card, scenes: Sequence[Scene]) -> Card:
             raise CardError(f"two scenes are called {scene.name!r}, expected a name of its own for each")
         names.add(scene.name)
     return _with_own(card, scenes=tuple(scenes), sha256=scenes_digest(scenes))
+
+
+def with_presence(card: Card, presence: str) -> Card:
+    """Return the card under which baselines state their confidences by another presence model.
+
+    ``presence``: the file of a model that ``mtp-bench train presence`` wrote, or "scores": an object's confidence is
+    the score of its last detection. Raises DataError if there is no such file.
+    """
+    path = Path(presence).expanduser().absolute()
+    if presence != SCORES and not path.is_file():
+        raise DataError(f"no file {path}, expected one of `mtp-bench train presence`, or the word {SCORES!r}")
+    return card.model_copy(update={"presence": SCORES if presence == SCORES else str(path)})
 
 
 def instead_of_stored(card: Card) -> str:

@@ -11,10 +11,20 @@ from ..errors import RecordError
 from ..records.eligibility import LEAST_HIDDEN
 from ..records.intake import take_in
 from ..records.seal import COMMITMENT, SEALS, beside
+from ..running.options import RunOptions
 from ..running.reference import freeze as write
 from ..viz.terminal.output import counted, show
-from .options import BaseOption, DataOption, EnvOption, EnvScenes, JobsOption, JsonOption, WorkerChoice
-from .output import prepare, some_of, write_json
+from .options import (
+    BaseOption,
+    DataOption,
+    EnvOption,
+    EnvScenes,
+    JobsOption,
+    JsonOption,
+    TextOption,
+    WorkerChoice,
+)
+from .output import prepare, print_or_write, some_of, working, write_json
 
 maintain = Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Commands of the maintainers.")
 
@@ -47,6 +57,20 @@ def seal(
     if scenes < LEAST_HIDDEN:
         show(f"for trials alone: {counted(scenes, 'scene')} are too few to rank, ranks need {LEAST_HIDDEN}")
     show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {shlex.quote(str(output))}` runs them")
+
+
+@maintain.command()
+def presence(
+    detector: Annotated[str, Argument(help="A detector with a file in mtp_bench/tracking/detectors.")],
+    root: DataOption = None,
+    output: TextOption = None,
+) -> None:
+    """Fit the presence model of a detector that ships, on its training scenes."""
+    from ..training.presence import fit_detector
+
+    with working("reading scenes, then fitting to them", RunOptions(root)) as watched:
+        text = fit_detector(detector, watched)
+    print_or_write(output, text)
 
 
 @maintain.command()

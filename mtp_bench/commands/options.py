@@ -188,6 +188,13 @@ class AgentScenes(EnvScenes):
 
     env: Annotated[str, Option("--env", help="Environment id, or a stored run: its scenes.", autocompletion=env_ids)]
     tracks: TracksOption = None
+    presence: Annotated[
+        str | None,
+        Option(
+            help="How baselines state confidences: a file of `mtp-bench train presence`, or scores, which takes those "
+            "of detections as they are."
+        ),
+    ] = None
 
     @cached_property
     def card(self) -> str | Card:
@@ -199,8 +206,9 @@ class AgentScenes(EnvScenes):
         return open_run(folder, self.data).card if is_run else self.env
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
-        """These scenes under ``seeds`` as options of a run, with the stored tracks."""
-        return replace(super().options(workers, seeds), track_file=absolute(self.tracks))
+        """These scenes under ``seeds`` as options of a run, with the stored tracks and the presence model."""
+        options = super().options(workers, seeds)
+        return replace(options, track_file=absolute(self.tracks), presence=self.presence)
 
 
 def opened(command: Callable[..., None]) -> Callable[..., None]:

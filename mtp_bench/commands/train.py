@@ -11,7 +11,7 @@ from .. import notice
 from ..errors import MtpBenchError
 from ..parallel import reported
 from ..running.options import Fold, RunOptions
-from .options import DataOption, EnvScenes, JobsOption, TextOption, WorkerChoice, choice, file_option, one_of, opened
+from .options import EnvScenes, JobsOption, TextOption, WorkerChoice, choice, file_option, one_of, opened
 from .output import prepare, print_or_write, say, working
 
 if TYPE_CHECKING:
@@ -149,22 +149,24 @@ def _require_place(output: Path | None, options: RunOptions) -> None:
         )
 
 
-def presence(
-    detector: Annotated[str, Argument(help="A detector with a file in mtp_bench/tracking/detectors.")],
-    data: DataOption = None,
-    output: TextOption = None,
-) -> None:
-    """Fit the probability that a track's object is there, on the training scenes of a detector."""
-    from ..training.presence import fit_detector
-    from ..training.presence_rows import PresenceRecipe, fitted_detectors
+def presence(on: EnvScenes, output: TextOption = None) -> None:
+    """Fit the probability that a track's object is there to detections of your own: scenes of --files, or a split.
 
-    one_of(detector, fitted_detectors(), "DETECTOR")
-    options = RunOptions(data)
-    for part in PresenceRecipe.of(detector).scenes:
-        prepare(part.env, part.options(options))
+    Without ``--files`` and ``--split`` these are the training scenes; those of ``--fold`` are left out. Agents take the
+    file as ``--presence``.
+    """
+    from ..training.presence import fit_split
+    from ..training.split import open_split
+
+    options = on.options()
+    options = options if on.files is not None else options.on_split("train")
+    prepare(on.env, options)
     with working("reading scenes, then fitting to them", options) as watched:
-        text = fit_detector(detector, watched)
+        text, quality = fit_split(open_split(on.env, replace(watched, fold=None), watched.fold))
     print_or_write(output, text)
+    if output is not None:
+        brier = ", ".join(f"{row['brier']:.3f} of {name}" for name, row in quality.items())
+        print(f"{output}: {quality['presence']['rows']} boxes of tracks; Brier score on those held out: {brier}")
 
 
 train = Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Fit predictors and more.")

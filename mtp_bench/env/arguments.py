@@ -34,6 +34,7 @@ class EnvKeywords(TypedDict, total=False):
     detection_file: str | None  # stored detections of one's own (`cards.with_detections`)
     track_file: str | None  # file or folder of stored tracks (`sources.stored_tracks`), for ``observe="tracks"``
     files: str | None  # a folder of scenes of one's own (`cards.with_files`)
+    presence: str | None  # the presence model of baselines: its file, or "scores" (`cards.with_presence`)
     target_frames: bool  # episodes are the frames from the first to the last that can hold a target, for training
     fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
     render_mode: str | None  # one of RENDERERS
@@ -53,7 +54,7 @@ def checked(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
     for name in (*flags, "strict"):
         if not isinstance(values[name], bool):
             raise MtpBenchError(f"{name} is {values[name]!r}, expected true or false")
-    for name in ("split", "detector", "detection_file", "track_file", "files"):
+    for name in ("split", "detector", "detection_file", "track_file", "files", "presence"):
         if not isinstance(values[name], str | None):
             raise MtpBenchError(f"{name} is {values[name]!r}, expected a text")
     require_known("value of observe", values["observe"], OBSERVE)

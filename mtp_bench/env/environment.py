@@ -14,7 +14,7 @@ from gymnasium import logger
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from ..cards import Card, changed_card, load_card, with_scenes
+from ..cards import CHANGES, Card, changed_card, load_card, with_scenes
 from ..errors import DataError, MtpBenchError, RolloutError
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.frame import FrameScorer
@@ -51,7 +51,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         card = card if isinstance(card, Card) else load_card(card)
         own = own_scenes(given)
         card = card if own is None else with_scenes(card, own)
-        self.card = changed_card(card, given["split"], given["detector"], given["detection_file"], given["files"])
+        self.card = changed_card(card, **{name: given[name] for name in CHANGES})
         sizes = {"samples": self.card.task.samples, **self.card.size.model_dump()}
         sizes = {name: size(name, given[name], default) for name, default in sizes.items()}
         self.task = _task(self.card, given["observe"], sizes)
@@ -218,6 +218,7 @@ def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
         observe=observe,
         motion_noise=card.motion_noise or "",
         weights_of=card.weights_of or "",
+        presence=card.presence or "",
         tracker={name: section.model_dump() for name, section in card.tracker.items()},
         ego_motion=card.source.traits.common_frame,
         velocity=card.velocity,

@@ -1,7 +1,8 @@
 """Probability that the object of a track is really there, learned on training splits and evaluated in plain NumPy.
 
 A logistic regression over the history of a track, with coefficients per class, and a calibration of its probabilities;
-one small file per detector in ``presence_models/``, made by ``mtp-bench train presence``.
+one small file per detector in ``presence_models/``, made by ``mtp-bench maintain presence``; ``mtp-bench train
+presence`` makes one for detections of one's own.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +19,7 @@ from ..errors import SubmissionError, nearest
 from ..strict import Section, read_json, validate
 from ..tracking.parameters import family_of
 from ..tracks import Tracks
-from ..types import Floats, Ints, Observation, Task
+from ..types import SCORES, Floats, Ints, Observation, Task
 
 MODELS = Path(__file__).with_name("presence_models")
 # Per class, scores [2, n] of a detector and those of another one that finds as many boxes above them, both increasing.
@@ -138,10 +139,12 @@ def logistic(logit: Floats) -> Floats:
 class LearnedPresence:
     """Presence of the tracks of the task's detector.
 
-    ``model``: file that ``mtp-bench train presence`` wrote. By default the one that ships for the detector or the
-    detector it is a variant of; a detector without one takes ``default.json``, which uses hits, misses and age alone.
+    ``model``: file that ``mtp-bench train presence`` wrote. By default that of the task (``--presence``), else the one
+    that ships for the detector or the detector it is a variant of; a detector without one takes ``default.json``, which
+    uses hits, misses and age alone. A task with ``presence="scores"`` takes the score of each track's last detection.
 
-    Raises SubmissionError at ``reset`` if there is no such file or it is not a presence model.
+    Raises SubmissionError at ``reset`` if there is no such file or it is not a presence model, and at a score outside
+    [0, 1] that is to be a probability.
     """
 
     def __init__(self, model: str | Path | None = None) -> None:
@@ -150,12 +153,22 @@ class LearnedPresence:
     def reset(self, task: Task) -> None:
         """Begin a new scene."""
         self._task = task
-        self._model, self._scores = read_model(self._file or file_of(task.detector))
+        self._by_score = self._file is None and task.presence == SCORES
+        if not self._by_score:
+            self._model, self._scores = read_model(self._file or Path(task.presence or file_of(task.detector)))
 
     def probability(self, tracks: Tracks, observation: Observation) -> Floats:
         """Probability [N] that each track's object is there."""
         class_id, classes = tracks.class_id, self._task.classes
         history = history_of(tracks, observation, self._task.dt)
+        if self._by_score:
+            outside = history.last_score[(history.last_score < 0) | (history.last_score > 1)]
+            if len(outside):
+                raise SubmissionError(
+                    f"a detection has the score {outside[0]:g}, expected [0, 1], as presence takes scores as they are; "
+                    "`mtp-bench train presence` fits a model to other scores"
+                )
+            return np.asarray(history.last_score, dtype=np.float64)
         last = map_scores(history.last_score, self._scores, class_id, classes)
         mean = map_scores(history.mean_score, self._scores, class_id, classes)
         return self._model.probability(replace(history, last_score=last, mean_score=mean), class_id, classes)

@@ -8,7 +8,7 @@ from typing import Any, SupportsIndex, TypedDict
 
 import numpy as np
 
-from ..cards import Card, changed_card, load_card, with_scenes
+from ..cards import CHANGES, Card, changed_card, load_card, with_scenes
 from ..errors import MtpBenchError, require_known
 from ..parallel import NO_PROGRESS, SERIAL, Progress, Workers, cores
 from ..scoring.scenes import SceneResult
@@ -16,7 +16,6 @@ from ..submission.loader import Submission
 from ..types import Scene
 
 MOST_SEED = 2**31 - 1
-CHANGES = ("split", "detector", "detection_file", "files")  # of the card, as `changed_card` takes them
 Fold = tuple[int, int]  # the number of a fold, from 1 on, and the number of folds
 
 
@@ -62,6 +61,7 @@ class RunKeywords(TypedDict, total=False):
     detection_file: str | os.PathLike[str] | None  # stored detections in place of the card's
     track_file: str | os.PathLike[str] | None  # stored tracks, for submissions that observe them
     files: str | os.PathLike[str] | None  # folder of scenes in place of the card's
+    presence: str | os.PathLike[str] | None  # presence model of baselines: its file, or "scores"
     fold: Fold | None  # only the scenes of a fold of the split, such as (1, 4)
 
 
@@ -83,6 +83,7 @@ class RunOptions:
     workers: Workers = SERIAL  # processes of this machine, or a Dask cluster
     progress: Progress = NO_PROGRESS  # callbacks for the number of tasks, and for each that is done
     files: str | None = None  # folder of scenes in place of the card's
+    presence: str | None = None  # presence model of baselines: its file, or "scores"
     names: tuple[str, ...] | None = None  # of the scenes to run; None: the first ``scenes``
     on_scene: Callable[[SceneResult], object] | None = None  # called in this process after every finished scene
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from .._bundle import card_ids
-from ..cards import Card, changed_card, load_card, parse_card
+from ..cards import CHANGES, Card, changed_card, load_card, parse_card
 from ..env.environment import MTPEnv
 from ..env.observation import shown_boxes
 from ..errors import RolloutError, UnknownNameError, require_known
@@ -20,7 +20,7 @@ from ..sources import SceneSource, open_source, with_map, with_tracks
 from ..submission.loader import submission_of
 from ..types import Rollout, Scene
 from .drives import recorded_card
-from .options import CHANGES, DEFAULTS, RunKeywords, RunOptions, asked
+from .options import DEFAULTS, RunKeywords, RunOptions, asked
 from .reading import total_skipped
 from .reference import reference_for
 from .rollout_files import Run, RunInfo, load_run, require_run_folder, save_run
@@ -218,7 +218,7 @@ def _card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
             raise RolloutError(f"{folder}: made for {info.env_id!r}, {advice}")
         card = env if isinstance(env, Card) else load_card(env or info.env_id)
         if card.digest != info.card_digest:
-            card = changed_card(card, *(_text(folder, info, key) for key in CHANGES))
+            card = changed_card(card, **{key: _text(folder, info, key) for key in CHANGES})
     if card.digest != info.card_digest:
         made = f"made for {info.env_id} with card digest {info.card_digest}"
         raise RolloutError(f"{folder}: {made}, {card.id} now has {card.digest}; run the agent again")

@@ -1,5 +1,6 @@
 """Diagnostics of one agent: calibration, curves, bins, tracking, own events."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -11,7 +12,7 @@ from ..errors import ShapeError
 from ..types import Bools, Floats
 from .definitions import CURVE_BUDGETS, DISTANCE_BINS, EPA_ALPHA, FORECAST_AP_GATES, PLANNING_SIGMA
 from .rows import Bin, Clear, Details, Errors, Reliability, Tracking
-from .score import KINDS, Outcome
+from .score import KINDS, Outcome, SceneScore
 from .statistics import ratio
 from .stream import StreamCounts, hota, idf1
 from .table import AgentTable, run_errors
@@ -22,6 +23,8 @@ _IDENTITY = ("shared", "hits", "association")
 _RECALLS = 101  # points of the precision-recall curve
 _LEAST = 0.1  # recall and precision below do not count, as in nuScenes detection
 _RANGES = 10  # of confidence
+MOST_OFF = 0.05  # by which the mean confidence may be off
+_BEYOND_CHANCE = 2.58  # standard deviations, p = .01
 
 
 def details(table: AgentTable, card: Card) -> Details:
@@ -32,7 +35,8 @@ def details(table: AgentTable, card: Card) -> Details:
     nearness = np.exp(-(table.approach**2) / (2.0 * PLANNING_SIGMA**2))  # of a target to the ego
     invalid = np.sum([score.invalid for score in table.scores], axis=0).tolist()
     everything = np.ones(count, dtype=bool)
-    brier, reliability = _calibration(table)
+    stated = _stated(table, table.scores)
+    brier, reliability = (None, []) if stated is None else calibration(*stated)
     false = sum(score.false_forecasts for score in table.scores)
     return Details(
         **setting.key,
@@ -71,24 +75,47 @@ def _curve(table: AgentTable) -> list[tuple[float, float]]:
     return list(zip(at.tolist(), np.mean(runs, axis=0).tolist(), strict=True))
 
 
-def _calibration(table: AgentTable) -> tuple[float | None, list[Reliability]]:
-    """Brier score of the confidences against "of a true object", and the reliability curve; over all seeds."""
-    if not table.complete:
-        return None, []
-    outcome = np.concatenate([score.outcome for score in table.scores])
+def _stated(table: AgentTable, scores: Sequence[SceneScore]) -> tuple[Floats, Bools] | None:
+    """Confidences [n] of forecasts that are not neutral, and whether each is of a true object; None if unknown."""
+    outcome = np.concatenate([score.outcome for score in scores])
     counted = outcome != Outcome.NEUTRAL
-    sure = np.concatenate([score.cuts.confidence for score in table.scores])[counted].astype(float)
-    there = outcome[counted] > Outcome.NEUTRAL
-    if not len(sure):
-        return None, []
-    place = np.minimum((sure * _RANGES).astype(int), _RANGES - 1)
+    if not table.complete or not counted.any():
+        return None
+    confidence = np.concatenate([score.cuts.confidence for score in scores])[counted].astype(float)
+    return confidence, outcome[counted] > Outcome.NEUTRAL
+
+
+def calibration(confidence: Floats, there: Bools) -> tuple[float, list[Reliability]]:
+    """Brier score of n confidences against ``there`` [n], of a true object, and the reliability curve."""
+    place = np.minimum((confidence * _RANGES).astype(int), _RANGES - 1)
     ranges = [place == i for i in range(_RANGES)]
     curve = [
-        Reliability(confidence=float(sure[here].mean()), matched=float(there[here].mean()), forecasts=int(here.sum()))
+        Reliability(
+            confidence=float(confidence[here].mean()), matched=float(there[here].mean()), forecasts=int(here.sum())
+        )
         for here in ranges
         if here.any()
     ]
-    return float(((sure - there) ** 2).mean()), curve
+    return float(((confidence - there) ** 2).mean()), curve
+
+
+def misstated(table: AgentTable) -> tuple[float, float] | None:
+    """Return the mean confidence and the share that is of a true object, of the first seed, if they do not agree.
+
+    They differ by more than `MOST_OFF`, and by more than chance (p < .01). Forecasts of one frame count as independent,
+    and those of the next frames as repetitions for a quarter of a unit, 5 s: the variance of the number of matches is
+    that of independent forecasts times these frames. On nuScenes mini a false forecast of STP lasts 2.4 s (mean
+    weighted by length). None if they agree, and if false forecasts are not known.
+    """
+    run = table.setting.seeds[0]
+    stated = _stated(table, run)
+    if stated is None:
+        return None
+    confidence, there = stated
+    frames = sum(score.live for score in run) / max(4 * sum(score.units for score in run), 1)
+    chance = np.sqrt((confidence * (1 - confidence)).sum() * max(1.0, frames)) / len(there)
+    mean, matched = float(confidence.mean()), float(there.mean())
+    return (mean, matched) if abs(mean - matched) > max(MOST_OFF, _BEYOND_CHANCE * chance) else None
 
 
 def _accuracy(table: AgentTable, mask: Bools, false_forecasts: int) -> float | None:

@@ -8,6 +8,7 @@ from .._bundle import card_ids
 from ..cards import load_card
 from ..tables import Column, Table, columns_of, counted
 from .definitions import Subset
+from .details import misstated
 from .rank import span_text
 from .report import Report
 from .rows import Budget, Row
@@ -74,6 +75,23 @@ def place_of(report: Report) -> str:
 def shipped_env(report: Report) -> str:
     """The env whose numbers are comparable with those of ``report``; empty where its card is not the shipped one."""
     return unchanged(report.env, report.condition.get("card"))
+
+
+def misstated_lines(report: Report) -> Iterator[str]:
+    """The note about confidences that do not come true on other detections than the card's own, of the first agent."""
+    detector = report.condition.get("detector")
+    own = load_card(report.env).detector_name if report.env in card_ids() else detector
+    if own == detector and "folder" not in report.condition:
+        return
+    for table in report.tables:
+        means = None if table.setting.observe == "truth" else misstated(table)
+        if means is not None:
+            yield (
+                "! {}: the mean confidence is {:.2f}, and {:.2f} of the forecasts are of a true object: presence was "
+                "not fitted to such detections. `mtp-bench train presence` fits a model, --presence FILE takes it, and "
+                "--presence scores takes scores as they are".format(table.setting.agent, *means)
+            )
+            return  # others have the same presence model
 
 
 def unchanged(env_id: str, digest: str | None) -> str:

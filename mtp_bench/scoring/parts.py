@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..types import Floats, Ints
+from .bade import at_budgets
 from .statistics import ratio
 from .table import AgentScores, AgentTable, over_seeds
 from .targets import AbsentCause
@@ -50,6 +51,7 @@ class SceneParts(NamedTuple):
     usual: float  # m, mean of `blame` over the targets of all scenes
     distance: Floats  # [n] m, of the targets to the ego: shows whether the truth is that of the run
     unsplit: str = ""  # reason why the error of forecasts is its rest; empty: it is split
+    thresholds: Floats | None = None  # [b] of the run, see `thresholds_of`; None: not known
 
 
 def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
@@ -141,6 +143,20 @@ def error_parts(table: AgentTable, subset: str, references: ReferenceErrors | No
         rest = np.where(known, 0.0, rest)
     causes = {cause.name.lower(): np.where(table.absent_cause == cause, absent, 0.0) for cause in AbsentCause}
     return {**parts, "rest": rest, "below_threshold": ranked.below_threshold, **causes}
+
+
+def thresholds_of(table: AgentTable) -> Floats:
+    """Return the least confidence [b] that each budget of all targets keeps; inf: it keeps no forecast.
+
+    Of the first seed. A budget keeps a part of the forecasts between two cuts, so its threshold lies between them.
+    """
+    run, budgets = table.setting.seeds[0], table.budgets
+    live = None if budgets.false_known else sum(score.live for score in run)
+
+    def threshold(scene: int, least: float) -> Floats:
+        return np.full((1, int(scene == 0)), least)  # one number for all scenes
+
+    return at_budgets([score.cuts for score in run], budgets.all, threshold, live)[:, 0, 0]
 
 
 def mean_costs(table: AgentTable, subset: str, references: ReferenceErrors | None) -> dict[str, Any]:

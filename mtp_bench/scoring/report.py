@@ -1,7 +1,7 @@
 """The report of a comparison: rows per agent, setting and subset, paired differences and details."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
@@ -57,9 +57,17 @@ class Report:
         )
 
     def __str__(self) -> str:
-        rejected = {each.agent: sum(each.invalid.values()) for each in self.details}
-        warnings = (rejected_line(agent, number) for agent, number in rejected.items() if number)
-        return "\n".join([to_text(self._main_table()).rstrip(), *warnings, *map(" ".join, self.failures.items())])
+        warnings = [*self.notes(), *map(" ".join, self.failures.items())]
+        return "\n".join([to_text(self._main_table()).rstrip(), *warnings])
+
+    def notes(self) -> Iterator[str]:
+        """Lines about the agents that no reader may miss: rejected rows, and confidences that do not come true."""
+        from .main_table import misstated_lines
+
+        for each in self.details:
+            if rejected := sum(each.invalid.values()):
+                yield rejected_line(each.agent, rejected)
+        yield from misstated_lines(self)
 
     def _repr_html_(self) -> str:
         lines = (f"<p>{escape(' '.join(failure))}</p>" for failure in self.failures.items())

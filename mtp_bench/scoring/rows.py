@@ -68,7 +68,7 @@ class Row(AgentSetting):
     cost_history: Annotated[Cost, Column("history", help="Part of bADE: past positions are measured.")] = None
     cost_association: Annotated[Cost, Column("association", help="Part of bADE: beyond perfect association.")] = None
     cost_rest: Annotated[Cost, Column("rest", help="Part of bADE: forecasts that no reference splits.")] = None
-    cost_below_threshold: Annotated[Cost, Column("below threshold", help="Part of bADE: unsure forecasts.")] = None
+    cost_below_threshold: Annotated[Cost, Column("below threshold", help="Part of bADE: left out by budgets.")] = None
     cost_no_forecast: Annotated[Cost, Column("no forecast", help="Part of bADE: only detected.")] = None
     cost_other_class: Annotated[Cost, Column("other class", help="Part of bADE: detected as another class.")] = None
     cost_off_place: Annotated[Cost, Column("off place", help="Part of bADE: detected within two gates.")] = None

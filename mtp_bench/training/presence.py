@@ -12,13 +12,24 @@ import numpy as np
 from ..errors import MtpBenchError
 from ..prediction.presence import FEATURES, PresenceModel, logistic
 from ..running.options import DEFAULTS, RunOptions
+from ..scoring.details import calibration
 from ..types import Bools, Floats, select
-from .presence_rows import PresenceRecipe, PresenceRows, thinned, training_rows
+from .presence_rows import (
+    BLOCK_SECONDS,
+    FEW_SCENES,
+    MOST_ROWS,
+    PresenceRecipe,
+    PresenceRows,
+    split_rows,
+    training_rows,
+)
+from .split import Split
 
 RIDGE = 0.1  # inverse weight of the squares of all coefficients
 FOLDS = 5  # of scenes
 DIGITS = 6  # of stored numbers: the same on every machine
 KNOT_BINS = 100  # of held-out rows, of equal size, for the isotonic regression
+OWN = PresenceRecipe((), ("mean_score", "log_hits", "coasting"), products=False, calibrated=False)  # logs are short
 
 
 def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floats]:
@@ -87,7 +98,10 @@ def folds(rows: PresenceRows) -> list[Bools]:
     names, place = np.unique(rows.scene, return_inverse=True)
     count = min(FOLDS, len(names))
     if count < 2:
-        raise MtpBenchError("got 1 scene, expected at least 2: presence is calibrated on held-out scenes")
+        raise MtpBenchError(
+            f"got 1 scene of at most {BLOCK_SECONDS:g} s, expected several, or a longer one: the quality of presence "
+            "is that on rows that are held out"
+        )
     fold = np.random.default_rng(0).permutation(len(names)) % count
     return [fold[place] == number for number in range(count)]
 
@@ -119,13 +133,8 @@ def quality(probability: Floats, present: Bools) -> dict[str, Any]:
     """
     from sklearn.metrics import roc_auc_score
 
-    place = np.minimum((probability * 10).astype(int), 9)
-    table = [
-        [round(float(probability[part].mean()), 3), round(float(present[part].mean()), 3), int(part.sum())]
-        for part in (place == b for b in range(10))
-        if part.any()
-    ]
-    brier = float(np.mean((probability - present) ** 2))
+    brier, curve = calibration(probability, present)
+    table = [[round(bin.confidence, 3), round(bin.matched, 3), bin.forecasts] for bin in curve]
     auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else 0.5
     return {"rows": len(present), "brier": round(brier, 4), "auc": round(auc, 4), "reliability": table}
 
@@ -139,11 +148,28 @@ def score_probability(rows: PresenceRows) -> Floats:
 def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
     """The presence file of a detector with a recipe, as `mtp_bench.prediction.LearnedPresence` reads it."""
     recipe = PresenceRecipe.of(detector)
-    rows, origin = training_rows(recipe, options)
-    rows = thinned(rows)
+    return _fitted(detector, recipe, *training_rows(recipe, options))[0]
+
+
+def fit_split(split: Split) -> tuple[str, dict[str, Any]]:
+    """Return the presence file of the detections of a split, and its quality on rows outside of the fit.
+
+    Rows are held out by scene; of fewer than `FEW_SCENES` scenes by blocks of `BLOCK_SECONDS`. The file has the model
+    of all rows. Raises MtpBenchError if there is nothing to fit or to hold out.
+    """
+    rows, origin = split_rows(split, in_blocks=len(split.names) < FEW_SCENES)
+    return _fitted(split.card.detector_name, OWN, rows, [origin])
+
+
+def _fitted(
+    detector: str, recipe: PresenceRecipe, rows: PresenceRows, origin: list[dict[str, Any]]
+) -> tuple[str, dict[str, Any]]:
+    """The text of a presence file, and the qualities of the score and of the held-out probabilities."""
+    n = len(rows.present)
+    rows = select(rows, np.arange(0, n, -(-n // MOST_ROWS)))
     model, held_out = fit(rows, recipe)
     qualities = {"score": quality(score_probability(rows), rows.present), "presence": quality(held_out, rows.present)}
-    return model_text(detector, recipe, model, origin, qualities)
+    return model_text(detector, recipe, model, origin, qualities), qualities
 
 
 def model_text(

@@ -16,9 +16,11 @@ from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..tracking.parameters import detector_names, read_detector
 from ..types import Bools, Scene, Task, joined, select
-from .split import SceneChoice, observations
+from .split import SceneChoice, Split, observations
 
-MOST_ROWS = 40_000  # neighbouring frames are nearly the same: every second or third is enough
+MOST_ROWS = 40_000  # that a fit takes, every n-th: neighbouring frames are nearly the same
+FEW_SCENES = 4  # fewer are cut into blocks, so that some rows can be held out
+BLOCK_SECONDS = 10.0
 
 
 @dataclass(frozen=True)
@@ -52,19 +54,27 @@ class PresenceRows(TrackHistory):
 
     class_name: Any  # [n] str
     present: Bools  # [n]
-    scene: Any  # [n] str: rows of one scene are never on both sides of a split
+    scene: Any  # [n] str: rows of one scene, or block of a scene, are never on both sides of a split
 
 
-def collect(scenes: Iterable[Scene], card: Card, task: Task) -> PresenceRows:
-    """Rows of the single-hypothesis tracker; tracks on neutral objects and in neutral places are left out."""
-    parts = [_scene_rows(scene, card, task) for scene in scenes]
+def collect(scenes: Iterable[Scene], card: Card, task: Task, in_blocks: bool = False) -> PresenceRows:
+    """Rows of the single-hypothesis tracker; tracks on neutral objects and in neutral places are left out.
+
+    ``in_blocks``: rows of a scene are held out by blocks of `BLOCK_SECONDS`, not all together. Raises MtpBenchError
+    without a track, and for a scene whose truth is not complete: which tracks are there is not known.
+    """
+    parts = [_scene_rows(scene, card, task, in_blocks) for scene in scenes]
     if not any(len(part.present) for part in parts):
         raise MtpBenchError(f"{card.id}: no track in any training scene, so there is nothing to fit")
     return joined(parts)
 
 
-def _scene_rows(scene: Scene, card: Card, task: Task) -> PresenceRows:
+def _scene_rows(scene: Scene, card: Card, task: Task, in_blocks: bool) -> PresenceRows:
     """All tracks of a scene, matched one to one with true objects by the rule for forecasts."""
+    if not scene.truth_complete:
+        raise MtpBenchError(
+            f"scene {scene.name!r} of {card.id} has the truth of prediction targets alone, expected that of all objects"
+        )
     tracker = HypothesisTracker()
     tracker.reset(task)
     by_frame = [tracker.step(observation) for observation in observations(scene)]
@@ -78,8 +88,10 @@ def _scene_rows(scene: Scene, card: Card, task: Task) -> PresenceRows:
     row = matching.object_of_truth[~shown.truth.neutral]
     present = np.zeros(len(frame), dtype=bool)
     present[row[row >= 0]] = True
-    names, scene_name = np.array(task.classes)[class_id], np.full(len(present), scene.name)
-    rows = PresenceRows(**vars(history), class_name=names, present=present, scene=scene_name)
+    block = (scene.time - scene.time[0]) // BLOCK_SECONDS if in_blocks else np.zeros(scene.frames)
+    block_names = np.array([f"{scene.name} {number:g}" for number in block])
+    names = np.array(task.classes)[class_id]
+    rows = PresenceRows(**vars(history), class_name=names, present=present, scene=block_names[frame])
     return select(rows, present | false)
 
 
@@ -87,14 +99,15 @@ def training_rows(recipe: PresenceRecipe, options: RunOptions = DEFAULTS) -> tup
     """The rows of a recipe, and the scenes they are from."""
     parts, origin = [], []
     for choice in recipe.scenes:
-        split = choice.open(options)
-        parts.append(collect(split.scenes(), split.card, MTPEnv(split.card, data=options.data).task))
-        source = {"env": choice.env, "split": choice.split, "detector": split.card.detector_name}
-        origin.append({**source, "scenes": list(split.names)})
+        rows, source = split_rows(choice.open(options))
+        parts.append(rows)
+        origin.append(source)
     return joined(parts), origin
 
 
-def thinned(rows: PresenceRows) -> PresenceRows:
-    """Every n-th row, so that at most MOST_ROWS are left."""
-    n = len(rows.present)
-    return select(rows, np.arange(0, n, -(-n // MOST_ROWS)))
+def split_rows(split: Split, in_blocks: bool = False) -> tuple[PresenceRows, dict[str, Any]]:
+    """Return the rows of a split, and the scenes they are from; ``in_blocks`` as in `collect`."""
+    card = split.card
+    rows = collect(split.scenes(), card, MTPEnv(card, data=split.options.data).task, in_blocks)
+    source = {"env": card.id, "split": card.source.split, "detector": card.detector_name}
+    return rows, {**source, "scenes": list(split.names)}

@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..geometry import wrap_angle
+from ..scoring.definitions import SURE
 from ..scoring.events import pieces
 from ..scoring.matching import match
 from ..scoring.pairs import Pairs
@@ -151,9 +152,30 @@ def says(focus: Focus, row: int) -> str:
     return f"{classes[table.class_id[row]].replace('_', ' ')} {share(table.score[row])}"
 
 
-def share(value: float) -> str:
-    """A number below 1 in two digits, such as ".85"."""
-    return f"{value:.2f}".replace("0.", ".", int(abs(value) < 1))
+def share(value: float, digits: int = 2) -> str:
+    """A number of at most 1 without its zero, such as ".85"."""
+    return f"{value:.{digits}f}".replace("0.", ".", int(abs(value) < 1))
+
+
+def left_out(focus: Focus, t: int) -> str:
+    """Return why budgets leave out the forecast of the object at frame ``t``: its confidence, and what decides.
+
+    A forecast that is surer than not is left out because others fill the budgets, others because they are not sure.
+    """
+    confidence = float(focus.replay.worth[focus.rows[t], 1])
+    text = f"of confidence {share(confidence, 3)} is left out at"
+    if focus.replay.thresholds is None:
+        return f"{text} some budgets"
+    above = focus.replay.thresholds[focus.replay.thresholds > confidence]
+    least = float(above.min(initial=np.inf))
+    if np.isinf(least):
+        why = "they keep none as sure"
+    elif confidence < SURE:
+        why = f"they keep {share(least, 3)} and more"
+    else:
+        others = "false forecasts" if focus.replay.scene.truth_complete else "other forecasts"
+        why = f"{others} fill them down to {share(least, 3)}"
+    return f"{text} {len(above)} of {len(focus.replay.thresholds)} budgets, as {why}"
 
 
 def away(focus: Focus, place: Floats) -> float:
@@ -223,15 +245,25 @@ def went(focus: Focus, forecast: ObjectForecast) -> str:
     return f"{next(text for applies, text in cases if applies)} and ends {off:.1f} m off"
 
 
+def _fault(focus: Focus) -> str:
+    """Return the part of the stack at fault for the error of an object, and its cause."""
+    at = focus.at
+    if at.parts is None:
+        return "not a target"
+    if at.parts and borrowed(focus.replay)[at.row]:
+        return "detector: only other objects are detected there"
+    fault = fault_of(at.parts) or "no error"
+    sure = at.confidence is not None and at.confidence >= SURE
+    return "budgets: filled by other forecasts" if sure and fault.startswith("confidence") else fault
+
+
 def verdict(focus: Focus) -> str:
     """The part of the stack at fault and its cause: "detector: other class"."""
     at, t = focus.at, focus.at.frame
     if at.kind == "collision":
         return collision_cause(focus).partition(":")[0]
     if at.object_id >= 0:
-        if at.parts and borrowed(focus.replay)[at.row]:
-            return "detector: only other objects are detected there"
-        return fault_of(at.parts) or "no error" if at.parts is not None else "not a target"
+        return _fault(focus)
     if at.kind == MOMENT:
         return "no false forecast"
     if confusing(focus, t, true=True) >= 0:

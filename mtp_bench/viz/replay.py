@@ -48,6 +48,7 @@ class Replay:
     part: Floats  # [R, len(PARTS)] m, of the error of each true box; NaN: not a target
     usual: float = 0.0  # m, mean blame of a target of the run
     unsplit: str = ""  # reason why the error of forecasts is "rest"; empty: it is split
+    thresholds: Floats | None = None  # [b] least confidence that each budget of the run keeps; None: not known
     incidents: tuple[Incident, ...] = ()  # in the order of frames
     agent: str = ""  # name
     images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
@@ -184,6 +185,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "", parts: S
         part=parts.part,
         usual=parts.usual,
         unsplit=parts.unsplit,
+        thresholds=parts.thresholds,
     )
     return replace(run, incidents=named([*_identity_incidents(run), *_runs(run), *_collisions(run)]))
 

@@ -227,9 +227,10 @@ def _error(focus: Focus) -> str:
     if at.minADE is None:
         far = evidence.metres(focus, evidence.away(focus, forecast.start))
         return f"the forecast of its track begins {far} away and does not count, {cost}"
-    samples, below = len(forecast.path), at.parts.get(BELOW, 0.0) > at.blame
+    if at.parts.get(BELOW, 0.0) > at.blame:
+        return f"its forecast {evidence.left_out(focus, at.frame)}, {cost}"
+    samples = len(forecast.path)
     which = f"the nearest of {samples} samples" if samples > 1 else "its forecast"
-    which += f" (confidence {evidence.share(at.confidence)})" if below and at.confidence is not None else ""
     return f"{which} {evidence.went(focus, forecast)}, {cost}"
 
 

@@ -7,7 +7,7 @@ import pytest
 from mtp_bench.cards import changed_card, load_card, parse_card, with_detections, with_detector, with_files, with_scenes
 from mtp_bench.detector import load_profile
 from mtp_bench.detector.profile_file import profile_text
-from mtp_bench.errors import CardError
+from mtp_bench.errors import CardError, DataError
 from mtp_bench.sources.nuscenes import NuScenesSource
 from mtp_bench.sources.wildtrack import WildtrackSource
 from tests.cards.test_cards import put, simulated_content
@@ -35,6 +35,17 @@ def test_a_file_of_detections_counts_by_its_content_not_by_its_place(tmp_path: P
     here.write_text("{}  ")
     assert with_detections(card, here).digest != mine.digest
     assert str(tmp_path) not in str(mine.model_dump(mode="json"))
+
+
+def test_another_presence_model_makes_another_card(tmp_path: Path) -> None:
+    card, file = load_card("MTP-nuScenes-mini-v0"), tmp_path / "mine.json"
+    file.write_text("{}")
+    changed = [changed_card(card, presence=each) for each in ("scores", str(file))]
+    assert [each.presence for each in changed] == ["scores", str(file)]
+    assert len({card.digest, *(each.digest for each in changed)}) == 3, "never compared with the shipped card"
+    assert parse_card(changed[1].stored()).digest == changed[1].digest
+    with pytest.raises(DataError, match=r"no file .*gone.json, expected one of `mtp-bench train presence`, or"):
+        changed_card(card, presence=str(tmp_path / "gone.json"))
 
 
 def test_another_detector_takes_the_place_of_wildtracks_stored_detections_too() -> None:

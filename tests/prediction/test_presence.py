@@ -53,6 +53,34 @@ def test_the_history_of_a_track() -> None:
     )  # fmt: skip
 
 
+def tracks_of(score: float) -> Tracks:
+    *_, tracks = run(HypothesisTracker(1, at_once()), [frame((0.0, 4.0, CYCLIST)), frame((0.5, 4.0, CYCLIST))])
+    return replace(tracks, score=np.array([0.25]), last_score=np.array([score]))
+
+
+def test_scores_are_taken_as_they_are() -> None:
+    model = LearnedPresence()
+    model.reset(kitti_task(presence="scores"))
+    assert model.probability(tracks_of(0.75), {}).tolist() == [0.75]
+    for outside in (3.2, -0.1):
+        with pytest.raises(SubmissionError, match=rf"has the score {outside}, expected \[0, 1\]"):
+            model.probability(tracks_of(outside), {})
+
+
+def test_a_model_of_the_task_comes_before_that_of_its_detector() -> None:
+    other = str(MODELS / "acf.json")
+    said = []
+    for model, task in (
+        (LearnedPresence(), kitti_task(presence=other)),
+        (LearnedPresence(other), kitti_task()),
+        (LearnedPresence(other), kitti_task(presence="scores")),
+        (LearnedPresence(), kitti_task()),
+    ):
+        model.reset(task)
+        said.append(model.probability(tracks_of(0.75), {})[0])
+    assert said[0] == said[1] == said[2] != said[3]
+
+
 def test_a_track_that_nobody_saw_in_its_whole_past_was_not_seen_just_now() -> None:
     """An online tracker may name a track for longer than the frames that are kept."""
     *_, tracks = run(HypothesisTracker(1, at_once()), [frame((0.0, 4.0, CYCLIST))])

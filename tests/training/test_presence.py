@@ -83,7 +83,7 @@ def test_scenes_are_never_on_both_sides() -> None:
     assert np.sum(folds, axis=0).tolist() == [1] * len(rows.present)
     for away in folds:
         assert not set(rows.scene[away]) & set(rows.scene[~away])
-    with pytest.raises(MtpBenchError, match="got 1 scene, expected at least 2"):
+    with pytest.raises(MtpBenchError, match="got 1 scene of at most 10 s, expected several"):
         presence.folds(replace(rows, scene=np.full(len(rows.scene), "s")))
 
 
@@ -118,6 +118,23 @@ def test_labels_are_those_of_the_rule_for_forecasts() -> None:
     assert Counter(told) == {(10, True): frames_told, (10, False): frames_told, (30, False): frames_told}
 
 
+def test_rows_of_few_scenes_are_held_out_by_blocks_of_ten_seconds() -> None:
+    """21 s at 2 frames per second: two blocks of 20 frames and one of 3."""
+    card, frames = make_card(), 43
+    truth = [[at(1, (10.0, 0.0))] for _ in range(frames)]
+    scene = with_detections(make_scene(truth), truth)
+    scene = replace(scene, time=np.arange(frames) / 2)
+    task = kitti_task(classes=card.task.classes, dt=0.5)
+    whole, blocks = (collect([scene], card, task, in_blocks) for in_blocks in (False, True))
+    assert len(set(whole.scene)) == 1
+    with pytest.raises(MtpBenchError, match="expected several, or a longer one"):
+        presence.folds(whole)
+    count = {name.rpartition(" ")[2]: number for name, number in Counter(blocks.scene.tolist()).items()}
+    assert count == {"0": len(whole.scene) - 23, "1": 20, "2": 3}
+    with pytest.raises(MtpBenchError, match="the truth of prediction targets alone"):
+        collect([replace(scene, truth_complete=False)], card, task)
+
+
 def test_the_quality_of_probabilities() -> None:
     got = quality(np.array([0.05, 0.05, 0.95, 1.0]), np.array([False, True, True, True]))
     assert (got["rows"], got["auc"], got["reliability"]) == (4, round(2.5 / 3, 4), [[0.05, 0.5, 2], [0.975, 1.0, 2]])
@@ -127,7 +144,7 @@ def test_the_quality_of_probabilities() -> None:
 @pytest.mark.data
 @pytest.mark.parametrize("detector", ["acf", "megvii", "wildtrack_mvdet"])
 def test_the_command_gives_the_file_that_ships(cli: CommandLine, data_root: Path, detector: str) -> None:
-    made = cli.ok("train", "presence", detector, "--data", data_root)
+    made = cli.ok("maintain", "presence", detector, "--data", data_root)
     _same(json.loads(made), json.loads((MODELS / f"{detector}.json").read_text()))
 
 

@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, PngImagePlugin
 from ..._version import __version__
 from ...files import whole_file
 from ...scoring.parts import BELOW, LEAST_SHOWN, named_parts, parts_text
-from ..evidence import verdict
+from ..evidence import left_out, verdict
 from ..focus import Focus
 from ..framing import ROLES, close_window, frame_of, window_of
 from ..palette import BLACK, Color
@@ -25,7 +25,6 @@ ROW = 256  # pixels of the height for the small pictures, with their captions
 LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
 MOST = 3  # parts of the whole moment
 REMARK = "From above; {}. Bold: the sample nearest to the truth, else the heaviest; thin: others."
-UNSURE = "Below threshold: at some budgets of false forecasts it is too unsure to count."
 
 
 def report(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
@@ -85,7 +84,8 @@ def picture(
     parts = {name: value for name, value in _parts(focus, t, t).items() if abs(value) >= LEAST_SHOWN}
     heading = [(text, SMALL, BLACK) for text in _errors(focus, t)]
     above = REMARK.format("north is up" if focus.at.object_id < 0 else "the object will be to the right")
-    remarks = [(text, SMALL - 1, GRAY) for text in (above, *([UNSURE] if BELOW in parts else []))]
+    below = f"Below threshold: a forecast {left_out(focus, t)}." if BELOW in parts else ""
+    remarks = [(text, SMALL - 1, GRAY) for text in (above, below) if text]
     whole.paste(column((COLUMN, high), heading, marks, remarks, parts), (wide, top))
     ink = ImageDraw.Draw(whole)
     of_event = focus.at.frame <= t <= (focus.at.until if focus.at.object_id < 0 else focus.at.frame)

@@ -12,7 +12,6 @@ from ...scoring.definitions import KNOWN_SUBSETS, RANKED_SUBSETS, Subset
 from ...scoring.main_table import NAMES, blocks_of, heading, main_settings, shipped_env
 from ...scoring.parts import PARTS
 from ...scoring.rank import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH
-from ...scoring.report import rejected_line
 from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
 from ...scoring.weights import EVENTS
 from ...tables import BLANK, Column, Table, Value, columns_of, short
@@ -231,6 +230,4 @@ def warnings(report: Report) -> Iterator[str]:
         yield f"{agent}: never ranked, {NOT_CAUSAL}"
     if dropped := max((each.dropped_detections for each in details), default=0):
         yield f"! {counted(dropped, 'detection')} not shown to agents: beyond the range or the number of the task"
-    for each in report.details:
-        if rejected := sum(each.invalid.values()):
-            yield rejected_line(each.agent, rejected)
+    yield from report.notes()

@@ -1,0 +1,57 @@
+"""A presence model of own detections: confidences that do not come true are named, and a fit mends them."""
+
+from pathlib import Path
+
+import pytest
+
+import mtp_bench
+from mtp_bench.running.stored import open_run
+
+from ..support.command_line import CommandLine, read_json
+from ..support.planted_faults import write_log
+
+ENV = ("--env", "MTP-nuScenes-mini-v0")
+pytestmark = pytest.mark.usefixtures("few_event_runs")
+
+
+def with_ghosts(folder: Path) -> Path:
+    """Add three cars that are not there, with half the scores of the others."""
+    table = write_log(folder) / "log" / "detections.csv"
+    lines = table.read_text().splitlines()
+    ghosts = [
+        f"{frame},car,{20 + 15 * number},-{30 + 9 * number},0,4.5,1.8,1.6,0.4"
+        for frame in range(41)
+        for number in range(3)
+    ]
+    table.write_text("\n".join([*lines, *ghosts]) + "\n")
+    return folder
+
+
+def shown(text: str) -> str:
+    return " ".join(text.split())
+
+
+def test_a_fitted_model_mends_confidences_that_do_not_come_true(cli: CommandLine, tmp_path: Path) -> None:
+    logs, model = with_ghosts(tmp_path / "logs"), tmp_path / "mine.json"
+    printed = cli.ok("train", "presence", *ENV, "--files", logs, "-o", model)
+    assert "boxes of tracks; Brier score on those held out" in printed
+    assert {each["scenes"][0] for each in read_json(model)["fitted_on"]} == {"log"}
+    note, runs = "the mean confidence is", {}
+    for name, option in {"shipped": (), "fitted": ("--presence", model), "scores": ("--presence", "scores")}.items():
+        runs[name] = tmp_path / name
+        cli.ok("run", "stp", *ENV, "--files", logs, *option, "-o", runs[name])
+        assert (note in shown(cli.ok("score", runs[name]))) == (name == "shipped"), name
+    report = mtp_bench.score(runs["shipped"]).report
+    assert note in str(report)
+    assert "--presence scores takes scores as they are" in str(report)
+    errors = {name: mtp_bench.score(run).report.details[0].brier or 0.0 for name, run in runs.items()}
+    assert 0.0 < errors["fitted"] < errors["scores"] < errors["shipped"]
+    stated = {name: open_run(run).run.info.keywords.get("presence") for name, run in runs.items()}
+    assert stated == {"shipped": None, "fitted": str(model), "scores": "scores"}
+
+
+def test_a_model_that_is_not_there(cli: CommandLine, tmp_path: Path) -> None:
+    logs = write_log(tmp_path / "logs")
+    failed = cli("run", "stp", *ENV, "--files", logs, "--presence", tmp_path / "gone.json", "-o", tmp_path / "run")
+    assert failed.status == 1
+    assert "gone.json, expected one of `mtp-bench train presence`, or the word 'scores'" in shown(failed.err)
