@@ -12,7 +12,7 @@ from ..errors import MtpBenchError, SubmissionError, UnknownNameError
 from ..files import cache_root
 from ..parallel import reported
 from ..scoring import DEFINITIONS, AgentScores, score_scene
-from ..scoring.parts import PARTS, SceneParts, blame, error_parts, reference_errors
+from ..scoring.parts import PARTS, SceneParts, blame, error_parts, reference_errors, thresholds_of
 from ..scoring.table import agent_table
 from ..sources.cache import Arrays, read_arrays, write_arrays
 from ..submission.loader import load_submission
@@ -49,7 +49,7 @@ def run_parts(opened: OpenedRun, options: RunOptions = DEFAULTS, again: bool = F
     part, ends = stored["part"], np.cumsum(stored["count"])[:-1]
     usual = float(blame(part).mean()) if len(part) else 0.0
     rows = zip(names, np.split(part, ends), np.split(stored["distance"], ends), strict=True)
-    return {name: SceneParts(own, usual, distance, why) for name, own, distance in rows}
+    return {name: SceneParts(own, usual, distance, why, stored["thresholds"]) for name, own, distance in rows}
 
 
 def _references(opened: OpenedRun) -> tuple[dict[str, Setting], str]:
@@ -79,11 +79,13 @@ def _made(opened: OpenedRun, names: Sequence[str], runs: dict[str, Setting], opt
             split = reference_errors(associated, tracks, opened.run.info.samples)
         except SubmissionError as error:  # such as weights that are not there
             failed = f"a reference failed: {error}"
-        found = error_parts(agent_table(scores, None, card_budget(opened.card.id)), "all", split)
+        table = agent_table(scores, None, card_budget(opened.card.id))
+        found = error_parts(table, "all", split)
     count = [len(score) for score in scores.seeds[0]]
     part = np.stack([found.get(name, np.zeros(sum(count))) for name in PARTS], axis=1)
     distance = np.concatenate([score.distance for score in scores.seeds[0]])
-    return {"part": part, "count": np.array(count), "distance": distance}, failed
+    arrays = {"part": part, "count": np.array(count), "distance": distance, "thresholds": thresholds_of(table)}
+    return arrays, failed
 
 
 def _scores(setting: Setting, opened: OpenedRun, names: Sequence[str], options: RunOptions) -> AgentScores:

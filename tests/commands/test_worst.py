@@ -1,6 +1,7 @@
 """The worst moments of a run: found, blamed, named in every way, and adding up to bADE."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from mtp_bench.errors import MtpBenchError, RolloutError, UnknownNameError
 from mtp_bench.files import cache_root
 from mtp_bench.running.causes import run_parts
 from mtp_bench.running.stored import open_run
-from mtp_bench.scoring.parts import named_parts, parts_text, plain_parts
+from mtp_bench.scoring.parts import BELOW, PARTS, named_parts, parts_text, plain_parts
 from mtp_bench.viz.moments import borrowed, found, moments
 from mtp_bench.viz.played import PlayedRun
 from mtp_bench.viz.replay import Replay, replay
@@ -67,6 +68,22 @@ def test_every_fault_is_a_moment_with_its_cause(played: Replay) -> None:
         assert moment.at.first <= moment.at.frame <= moment.at.until
         assert moment.at.blame > played.usual
     assert not {moment.at.name.split("@")[0] for moment in worst[:3]} & {"parked"}
+
+
+def test_a_forecast_is_below_threshold_where_its_confidence_is(played: Replay) -> None:
+    assert played.thresholds is not None
+    targets = np.isfinite(played.worth[:, 0]) & np.isfinite(played.part[:, 0])
+    below = played.part[targets, list(PARTS.values()).index(BELOW)]
+    assert ((below > 1e-9) == (played.worth[targets, 1] < played.thresholds.max())).all()
+    assert (np.diff(played.thresholds) <= 0).all(), "larger budgets keep less sure forecasts"
+
+
+def test_the_summary_of_a_run_names_the_parts_that_were_planted(cli: CommandLine, run: Path, tmp_path: Path) -> None:
+    printed = " ".join(cli.ok("worst", run, "--json", tmp_path / "a.json").split())
+    content = read_json(tmp_path / "a.json")
+    assert set(list(content["faults"])[:2]) == {"detector", "predictor"}
+    assert content["faults"]["confidence"] < 0.05 * content["error"]
+    assert re.search(r"All targets of 1 scene: \S+ m: (detector|predictor) \d+%, (detector|predictor) \d+%", printed)
 
 
 def test_moments_have_many_names(played: Replay) -> None:
