@@ -97,7 +97,8 @@ class CardBudget:
             return f"{rates} forecasts per live frame, as false ones are not known ({source})"
         rate = own.forecasts / own.divisor
         most = ", over all targets up to 1" if rate > 1 else ""
-        return f"up to {rate:.3g} false forecasts per target{most} ({source})"
+        noun = "false forecast" if rate == 1 else "false forecasts"
+        return f"up to {rate:.3g} {noun} per target{most} ({source})"
 
 
 ONE_PER_TARGET = CardBudget()
