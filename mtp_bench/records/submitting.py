@@ -102,10 +102,9 @@ def finished_record(target: Path, content: dict[str, Any], rollouts: bool = True
 
 
 def is_of_plan(record: Record, content: dict[str, Any]) -> bool:
-    """Return True if a record was made by the plan ``content``, by today's scorer or one with the same numbers."""
-    if why_scored_otherwise(record) is not None:
-        return False
-    return record.plan == digest_of({**content, "definitions": record.scorer.definitions})
+    """Return True if a record was made by the plan ``content``, under today's definitions or earlier equal ones."""
+    earlier = {} if why_scored_otherwise(record) else {"definitions": record.scorer.definitions}
+    return record.plan == digest_of(content | earlier)
 
 
 def declared_data(submission: Submission, env_id: str) -> list[str]:

@@ -250,7 +250,7 @@ NOT_RANKED: dict[str, tuple[Content, str]] = {
         {"env": {"keywords": {"detector": "perfect"}}}, "other settings of the env: detector 'perfect'",
     ),
     "more samples": ({"env": {"keywords": {"samples": 200}}}, "other settings of the env: samples 200"),
-    "earlier definitions": ({"scorer": {"definitions": "2.0"}}, "scored by definitions 2.0, today's are 3.0"),
+    "earlier definitions": ({"scorer": {"definitions": "2.0"}}, "scored by definitions 2.0, today's are 3.1"),
     "an earlier scorer": ({"scorer": {"source_digest": "00" * 32}}, "another scorer than today's"),
 }  # fmt: skip
 
@@ -804,7 +804,7 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a rival's level": (levels("theirs", None, {"a": 1}), f"theirs/{MAIN}.json: levels are written and removed by"),
     "an older level": (levels("newcomer", {"a": 0}, {"a": 1}), LEVEL_KEPT),
     "another card": (adds("newcomer", env={"card_digest": "00" * 8}), "with card 0000000000000000 does not ship"),
-    "a record of definitions 2.0": (adds("newcomer", **OLD), "scored by definitions 2.0, expected 3.0: make it"),
+    "a record of definitions 2.0": (adds("newcomer", **OLD), "scored by definitions 2.0, today's are 3.1: make it"),
     "a key twice": (with_a_key_twice, "key 'division' comes twice"),
     "NaN": (with_nan, "NaN is not allowed in JSON"),
 }  # fmt: skip

@@ -1,5 +1,7 @@
 """What cheating earns (`benchmarks/gaming.py`), on the first scenes of the Intersection: nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from mtp_bench.env.environment import MTPEnv
 from mtp_bench.running.reference import reference_for
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.scoring import AgentScores, Report, score_scene, summarise
+from mtp_bench.scoring.bade import CardBudget
 from mtp_bench.scoring.rows import Row
 from mtp_bench.submission.loader import load_submission
 
@@ -29,7 +32,12 @@ def report() -> Report:
         for label, one in said.items():
             scores.setdefault(label, []).append(score_scene(env.scene, one, env.card))
     agents = [AgentScores(label, 1, env.task.k, "equal", (tuple(rows),)) for label, rows in scores.items()]  # type: ignore[arg-type]
-    return summarise(agents, env.card, reference_for(env.card, env.scene_names[:SCENES]))
+    reference = reference_for(env.card, env.scene_names[:SCENES])
+    of_scenes = [reference.of(name) for name in env.scene_names[:SCENES]]
+    # as on a whole split, whose constants are STP's own numbers there
+    false, targets = (sum(getattr(each, name) for each in of_scenes) for name in ("false_forecasts", "targets"))
+    constants = CardBudget(env.card.id, false, targets)
+    return summarise(agents, env.card, replace(reference, constants=constants))
 
 
 def row(report: Report, agent: str, subset: str = "all") -> Row:

@@ -55,7 +55,7 @@ def test_scenes_without_objects(cli: CommandLine, tmp_path: Path, kitti: Path, c
         "minADE", "minFDE", "error", "plain_error", "energy_score", "coverage", "gap_closed", "interval", "place",
     ]  # fmt: skip
     rows = read_json(tmp_path / "a.json")["rows"]
-    assert len(rows) == 13 * 7
+    assert len(rows) == 14 * 7
     for row in rows:
         assert {row[key] for key in ("targets", "objects", "scenes")} == {0}
         assert [row[key] for key in undefined] == [None] * len(undefined)

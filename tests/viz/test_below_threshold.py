@@ -33,11 +33,13 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Replay:
     covered = np.isfinite(played.worth[:, 0])
     part[covered] = 0.0
     part[covered, list(PARTS.values()).index(BELOW)] = 9.0
-    return replace(played, part=part, thresholds=np.append(np.linspace(1.0, 0.9999999, 9), 0.0))
+    thresholds = np.append(np.linspace(1.0, 0.9999999, 9), 0.0)
+    return replace(played, part=part, thresholds=thresholds)
 
 
 def focuses(run: Replay) -> Iterator[Focus]:
-    for row in np.flatnonzero(np.isfinite(run.worth[:, 0]) & np.isfinite(run.part[:, 0])):
+    events = [event.row for event in run.events]  # whose sentences begin with the event
+    for row in np.setdiff1d(np.flatnonzero(np.isfinite(run.worth[:, 0]) & np.isfinite(run.part[:, 0])), events):
         yield Focus(run, run.moment(int(row)))
 
 
