@@ -114,7 +114,7 @@ def pieces_of(time: Floats, period: float) -> Ints:
 
     ``time`` [F] s; ``period``: nominal time between two frames, s.
     """
-    return np.cumsum(np.diff(time, prepend=time[:1]) > LONGEST_STEP * period + _ROUNDING)
+    return np.cumsum(np.diff(time, prepend=time[:1]) > LONGEST_STEP * period + _ROUNDING, dtype=int)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

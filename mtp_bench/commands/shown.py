@@ -52,8 +52,8 @@ class Shown:
         if self.columns is None and self.subsets is None:
             return main_table(report)
         columns = (self.columns or "error,interval,minADE,minFDE").split(",")
-        subsets = [subset for subset in KNOWN_SUBSETS if subset in (self.subsets or "all,ids").split(",")]
-        return chosen_table(report, columns, subsets, self.full)
+        chosen = (self.subsets or "all,ids").split(",")
+        return chosen_table(report, columns, [subset for subset in KNOWN_SUBSETS if subset in chosen], self.full)
 
     def data(self, report: Report) -> Table:
         """The table of files for programs: every number, or those that are chosen."""

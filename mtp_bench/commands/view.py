@@ -1,5 +1,8 @@
 """``mtp-bench view``: runs of one scene as a recording, in a file, a window or a browser."""
 
+# rerun is slow to load: its functions are imported, and called, without --png alone
+# pyright: reportPossiblyUnboundVariable=false
+
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace

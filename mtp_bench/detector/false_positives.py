@@ -79,7 +79,7 @@ def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers
         uniform[outside, 1] = redrawn[outside, 1]
         if attempt >= _TRIES:
             uniform[outside, 0] = redrawn[outside, 0]
-    return np.asarray(place)
+    return np.asarray(place)  # pyright: ignore[reportPossiblyUnboundVariable]  # the loop runs at least once
 
 
 def ground_height(place: Floats, frame: Ints, scene: SensedScene) -> Floats:

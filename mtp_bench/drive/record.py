@@ -50,8 +50,8 @@ def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, pl
 
 def rows_from(truth: Truth, first: int) -> Floats:
     """Return the rows [R, 12] from the state ``first`` on: state, number, class, box, velocity."""
-    state = truth.frame_of_rows
-    return np.column_stack([state, truth.object_id, truth.class_id, truth.box, truth.velocity])[state >= first]
+    columns = [truth.frame_of_rows, truth.object_id, truth.class_id, truth.box, truth.velocity]
+    return np.column_stack(columns).astype(float)[truth.frame_of_rows >= first]
 
 
 def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools:

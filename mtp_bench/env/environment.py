@@ -164,9 +164,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             scene, feed = episode.recording()
             live = live_episode(self.card, scene, episode.frame, feed, episode.actions, self._evaluation)
             self._live = replace(live, drive=None if self._evaluation else episode.record())
-        if self._renderer is None:
-            self._renderer = resolve_name(RENDERERS[self.render_mode])()
-        return self._renderer.render(self._live)
+        renderer = self._renderer or resolve_name(RENDERERS[self.render_mode])()
+        self._renderer = renderer
+        return renderer.render(self._live)
 
     def _render_each(self) -> None:
         """Render every frame in mode "rerun", as Gymnasium's "human" does."""

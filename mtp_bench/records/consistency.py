@@ -9,7 +9,7 @@ from .._bundle import card_ids
 from ..cards import load_card
 from ..errors import RecordError
 from ..files import read_bounded
-from ..scoring.definitions import SUBSETS
+from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.driving import WEIGHTS, fault_interval, score_interval
 from ..scoring.parts import PARTS
 from ..scoring.rows import Row
@@ -90,7 +90,7 @@ def inconsistencies(record: Record) -> Iterator[str]:
 
 def inconsistent_sums(sums: Record | HiddenPart, most: float) -> Iterator[str]:
     """Sentences on rows that do not follow from the sums of their units, and on sums beyond ``most`` metres."""
-    subsets = {*SUBSETS, *(row.subset for row in sums.rows)}
+    subsets: set[Subset] = {*SUBSETS, *(row.subset for row in sums.rows)}
     units = {len(of_units(subset)) for subset in subsets for of_units in (sums.unit_weight, sums.unit_error)}
     if len(units) != 1 or units == {0}:
         yield "the sums of units are not one per subset and unit"

@@ -99,7 +99,9 @@ def held_back(one: Checked, truths: Sequence[Checked]) -> str | None:
     if one.on_hidden or looked_at or not truths:
         return None
     objects = {subset: one.sums.row_of(subset).effective_objects for subset in SUBSETS}
-    ranked = (each for each in SUBSETS if why_not_on(each, objects[each], one.sums.unit_weight(each)) is None)
+    ranked: Iterator[Subset] = (
+        each for each in SUBSETS if why_not_on(each, objects[each], one.sums.unit_weight(each)) is None
+    )
 
     def is_better(truth: Checked, subset: Subset) -> bool:
         difference = one.minus(truth, subset)

@@ -231,8 +231,7 @@ def _differences(entrant: _Entrant, stp: _Entrant | None, subsets: Sequence[Subs
         return {}
     if entrant.record.status != "finished":
         return {}
-    by_subset = {subset: entrant.minus(stp, subset) for subset in subsets}
-    return {subset: difference for subset, difference in by_subset.items() if difference is not None}
+    return {subset: difference for subset in subsets if (difference := entrant.minus(stp, subset)) is not None}
 
 
 def _truths(best: _Best) -> list[_Entrant]:

@@ -23,7 +23,7 @@ from ..errors import RecordError
 from ..gateway import Isolation, SceneRun
 from ..parallel import Progress
 from ..scoring import Reference
-from ..scoring.definitions import SUBSETS
+from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.rank import why_not_on
 from ..scoring.rows import Row
 from ..scoring.score import check_rollout
@@ -124,7 +124,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, ends: ExitStack) -> H
     require_answered(runs, plan.submission.name, "of hidden scenes")
     reference = sealed.reference(hidden, names, options)
     evaluation = evaluate_plan(hidden_plan, runs, reference)
-    subsets = [row.subset for row in evaluation.rows]
+    subsets: list[Subset] = [row.subset for row in evaluation.rows]
     return HiddenPart(
         commitment=sealed.commitment,
         weights=reference.digest,

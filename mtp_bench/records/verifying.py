@@ -195,8 +195,9 @@ def _score_again(
     if changed := tuple(differences("hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs))):
         return Verification(path, record, "scored", changed)
     name, hypotheses, observe = record.submission.name, record.submission.hypotheses, record.env.observe
-    subsets = [row.subset for row in record.rows]
-    evaluation = evaluate(name, card, options, runs, reference, hypotheses, observe, subsets)
+    evaluation = evaluate(
+        name, card, options, runs, reference, hypotheses, observe, [row.subset for row in record.rows]
+    )
     every = [rollout for rollouts in runs.values() for rollout in rollouts]
     scenes_of_split = len(open_source(card, options.data).names)
     env = {

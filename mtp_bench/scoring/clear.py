@@ -121,7 +121,7 @@ def _ids(frame: Frame, place: int, name: str) -> list[int | str]:
     """Ids [M] of a frame."""
     given: Any = frame[place]
     try:
-        ids = list(given.tolist() if isinstance(given, np.ndarray) else given)
+        ids: list[Any] = list(given.tolist() if isinstance(given, np.ndarray) else given)
     except TypeError:
         ids = [given]
     plain = {int, str}.issuperset(map(type, ids))

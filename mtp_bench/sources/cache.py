@@ -61,9 +61,11 @@ def scene_digest(scene: Scene) -> str:
     for part in (scene.truth, scene.detections):
         arrays |= {f"{type(part).__name__}.{name}": value for name, value in vars(part).items()}
     for name, array in arrays.items():
-        if is_float := array.dtype.kind == "f":
+        if array.dtype.kind == "f":
             values = np.round(array.astype("<f8"), DECIMALS) + 0.0  # -0.0 becomes 0.0
             values[np.isnan(values)] = np.nan  # one kind of NaN
+        else:
+            values = array.astype("<i8")
         sha.update(f"|{name}{list(array.shape)}".encode())
-        sha.update(np.ascontiguousarray(values if is_float else array.astype("<i8")).tobytes())
+        sha.update(np.ascontiguousarray(values).tobytes())
     return sha.hexdigest()

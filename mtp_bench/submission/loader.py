@@ -172,7 +172,7 @@ class ObjectSubmission(Submission):
         own: dict[str, Any] = {"name": name or _name_of(given), "authors": (), "agent": _name_of(given), "path": Path()}
         return cls.model_construct(**own, given=given, copied=copied, obstacle=obstacle)
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Empty: there are no files."""
         return ""

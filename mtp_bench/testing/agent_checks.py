@@ -132,7 +132,7 @@ def _extremes(suite: Suite) -> Findings:
 
 def _unmoved(suite: Suite) -> Findings:
     """Compare the score with that on turned and shifted coordinates: a lookup table fails."""
-    env = MTPEnv(suite.env_id, **{**suite.keywords, "rigid_motion": True})
+    env = MTPEnv(suite.env_id, **dict(suite.keywords, rigid_motion=True))
     scores = []
     for scene in suite.scenes:
         play(suite.agent(env), env, scene, suite.seed, turn=1)

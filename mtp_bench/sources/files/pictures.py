@@ -42,7 +42,7 @@ def _following(table: RowTable, rows: Ints, number: Mapping[str, int]) -> tuple[
     """Numbers of the lanes that any row of a lane names, each once."""
     found: dict[int, None] = {}
     for row in rows.tolist():
-        for word in table.words["following"][row].split():
+        for word in table.words["following"].item(row).split():
             if word not in number:
                 raise DataError(f"{table.where(row, 'following')}: {word!r}, expected a lane of this table")
             found[number[word]] = None

@@ -169,7 +169,7 @@ def open_detections(paths: Sequence[Path], tables: TableStore, names: Sequence[s
     if len(wrong):
         holders = sorted(str(store.path) for store in stores if store.covered[wrong[0]])
         scene = tables.scenes[int(np.searchsorted(tables.start, wrong[0], side="right")) - 1]
-        sample = f"sample {tables.tokens[wrong[0]].decode()!r} of {scene}"
+        sample = f"sample {tables.tokens.item(wrong[0]).decode()!r} of {scene}"
         if holders:
             raise DataError(f"{' and '.join(holders)} both have {sample}; name one of them with --detections")
         covered = sum(bool(files[tables.samples(name)].all()) for name in names)

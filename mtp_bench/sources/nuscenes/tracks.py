@@ -29,8 +29,8 @@ def scene_tracks(boxes: SubmittedBoxes, tables: TableStore, path: Path, scene: S
     if len(lost):
         fewer = f"; {FEWER}" if len(lost) == scene.frames else ""  # the file has no sample of this scene
         raise DataError(
-            f"{path}: no entry for sample {tables.tokens[lost[0]].decode()!r} of {scene.name}, expected one for each "
-            f"of its {scene.frames} samples, empty where nothing is tracked{fewer}"
+            f"{path}: no entry for sample {tables.tokens.item(lost[0]).decode()!r} of {scene.name}, expected one for "
+            f"each of its {scene.frames} samples, empty where nothing is tracked{fewer}"
         )
     row = np.arange(*np.searchsorted(boxes.sample, [samples.start, samples.stop]))
     class_id = class_ids(CLASSES, classes)[boxes.class_id[row]]
@@ -38,7 +38,7 @@ def scene_tracks(boxes: SubmittedBoxes, tables: TableStore, path: Path, scene: S
     frame, identity = boxes.sample[row] - samples.start, boxes.identity[row]
 
     def what(index: int) -> str:
-        token, name = tables.tokens[boxes.sample[row[index]]].decode(), str(identity[index])
+        token, name = tables.tokens.item(boxes.sample[row[index]]).decode(), str(identity[index])
         return f"{path}, sample {token!r}: a second box of tracking_id {name!r}, expected one"
 
     refuse(repeated(frame, identity, class_id), what)

@@ -41,7 +41,7 @@ def draw_focus(
     canvas, shown = Canvas.blank(*size, window), frame_of(focus, t)
     shown = replace(shown, named=shown.tracks) if near else shown
     box = shown.object_box[0, 4:6] if len(shown.object_box) else np.ones(2)
-    radius = float(np.clip(0.6 * np.hypot(*box) * canvas.scale, 15.0, 110.0))
+    radius = float(np.clip(0.6 * np.hypot(box[0], box[1]) * canvas.scale, 15.0, 110.0))
     close_up = CloseUp(focus, shown, canvas, near, [] if near else focus.forecasts(t), focus.place(t), radius)
     close_up.draw()
     image = canvas.finished()

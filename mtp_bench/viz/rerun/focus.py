@@ -103,7 +103,7 @@ def _signs(focus: Focus, frame: FocusFrame) -> Things:
         took = detections.box[track.detection : track.detection + 1, :2] if track.detection >= 0 else ()
         signs += [("detection", np.stack([track.box[:2], xy])) for xy in took]
     if distance(focus, frame.frame) is not None:
-        signs.append(("ego", np.stack([place, focus.replay.scene.ego[frame.frame, :2]])))
+        signs += [("ego", np.stack([place, focus.replay.scene.ego[frame.frame, :2]]))]
     return signs
 
 

@@ -93,8 +93,8 @@ def chosen_table(
     naming = {"agent", "hypotheses", *keys} & AgentSetting.model_fields.keys()
     first = [column for column in once if column.key in naming]
     last = [column for key in keys for column in once if column.key == key and key not in naming]
-    pairs = [(name, of_row[key]) for name in subsets for key in keys if key in of_row and key not in naming]
-    columns = [replace(_on(column, name, column.title), group=names[name]) for name, column in pairs]
+    subset_columns = [of_row[key] for key in keys if key in of_row and key not in naming]
+    columns = [replace(_on(each, name, each.title), group=names[name]) for name in subsets for each in subset_columns]
     return Table("chosen", title or heading(report), "", lines, [*first, *columns, *last])
 
 
