@@ -56,7 +56,7 @@ def quality_features(visibility: Visibility) -> Floats:
 
 def score_by_rank(rank: Floats, quantiles: tuple[float, ...]) -> Floats:
     """Scores with ranks in 0..1, from their quantiles at `RANKS`."""
-    return np.asarray(np.interp(rank, RANKS, quantiles))
+    return np.interp(rank, RANKS, quantiles)
 
 
 def best_ranks(quality: Floats, tail: float, chance: float) -> tuple[Ints, Floats]:

@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 
 from ..cards.card import PlannerSection
 from ..sources.highway.driven import Way
-from ..types import Bools, Floats, Ints
+from ..types import NO_ROWS, Bools, Floats, Ints
 
 FIRST = np.array([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5])  # m/s2, in the first second
 THEN = np.array([-4.0, -2.0, 0.0, 1.5])  # m/s2, later
@@ -169,7 +169,7 @@ class Planner:
     def _shares(self, stations: Floats, speeds: Floats, met: _Contacts, seen: Obstacles) -> tuple[Floats, Ints]:
         """Shares [C, n] in [0, 1] of n objects in the risks of profiles [C, T + 1], and the rows [n] of the objects."""
         if not len(met.step):
-            return np.zeros((len(stations), 0)), np.zeros(0, dtype=np.int64)
+            return np.zeros((len(stations), 0)), NO_ROWS
         times = seen.dt * np.arange(1, stations.shape[1])
         here, before = stations[:, 1:], stations[:, :-1]
         nose = here + self._weigh.headway * speeds[:, 1:] * np.minimum(times / _OPENING, 1.0)

@@ -12,9 +12,10 @@ from typing import Self
 from ..errors import DataError, MissingDataError
 
 VARIABLE = "MTP_BENCH_DATA"
+DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
 
 
-def data_root(data: str | Path | None) -> tuple[Path, str]:
+def data_root(data: DataRoot) -> tuple[Path, str]:
     """The data root and, for messages, where its name comes from.
 
     It is the given one, else that of MTP_BENCH_DATA, else the user data folder.
@@ -47,12 +48,12 @@ class Dataset:
         content = tomllib.loads(Path(module).with_name("dataset.toml").read_text(encoding="utf-8"))
         return cls(**{**content, "folders": tuple(content["folders"])})
 
-    def searched(self, data: str | Path | None) -> tuple[Path, ...]:
+    def searched(self, data: DataRoot) -> tuple[Path, ...]:
         """Folders in which the dataset may lie, best first."""
         root, _ = data_root(data)
         return (*(root / folder for folder in self.folders), root)
 
-    def find(self, data: str | Path | None, holds: str) -> Path:
+    def find(self, data: DataRoot, holds: str) -> Path:
         """The folder that holds the file or folder ``holds``, or a pattern; DataError names what was searched."""
         folders = self.searched(data)
         for folder in folders:
@@ -63,7 +64,7 @@ class Dataset:
             f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
         )
 
-    def status(self, data: str | Path | None, holds: str) -> "DataStatus":
+    def status(self, data: DataRoot, holds: str) -> "DataStatus":
         """Status of the folder that has ``holds``, still to be completed; without it the root is unknown."""
         try:
             root = self.find(data, holds)

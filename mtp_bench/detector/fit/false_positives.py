@@ -42,7 +42,7 @@ def fit_false_positives(
     noise = profile.classes[name]
     of_class = np.array([profile.noise_name(other) == name for other in classes])
     boxes = sum(int((covered(s.truth, s.ego, sensor) & of_class[s.truth.class_id]).sum()) for s in scenes)
-    near_rows = np.asarray(real.beside < NEAR)
+    near_rows = real.beside < NEAR
     near = _count_near(real, near_rows, boxes, profile.dt)
     free = _count_free(real, ~near_rows, sum(scene.frames for scene in scenes), profile.dt)
     if len(real.score) >= _FEW and near is not None and free is not None:

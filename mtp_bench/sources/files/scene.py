@@ -11,7 +11,7 @@ import numpy as np
 from ...cards import Card, FilesSource, instead_of_stored
 from ...errors import DataError, closest
 from ...similar import class_hint
-from ...types import ID_LIMIT, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
+from ...types import ID_LIMIT, NO_ROWS, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import CameraImage, class_ids, names_by_number, no_detections, section_of
 from ..motion import backward_velocity
 from ..text import RowTable
@@ -158,7 +158,7 @@ def _usable_rows(
         parts = f"{name} of class {other!r}, which the task does not have", class_hint(other, classes)
         skipped[": ".join(filter(None, parts))] = number
     row = np.flatnonzero(used)
-    return np.asarray(row[np.argsort(frame[row], kind="stable")])
+    return row[np.argsort(frame[row], kind="stable")]
 
 
 def boxes_of(table: RowTable) -> Floats:
@@ -190,7 +190,7 @@ def ids_of(table: RowTable) -> Ints:
     """
     words = table.words["id"]
     try:
-        number = words.astype(np.int64) if len(words) else np.zeros(0, dtype=np.int64)
+        number = words.astype(np.int64) if len(words) else NO_ROWS
         fits = not ((number < 0) | (number > ID_LIMIT)).any()
         if fits and np.array_equal(number.astype(np.str_), words):  # otherwise 1 and 01 would be one object
             return number

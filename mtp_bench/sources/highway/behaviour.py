@@ -118,7 +118,7 @@ class DriverBehaviour:
 
 def _stopping(closing: Floats, room: Floats) -> Floats:
     """Braking ``[N]``, m/s2, that ends ``closing`` speeds within ``room`` m."""
-    return np.asarray(np.maximum(closing, 0.0) ** 2 / (2.0 * np.maximum(room, 0.1)))
+    return np.maximum(closing, 0.0) ** 2 / (2.0 * np.maximum(room, 0.1))
 
 
 class PedestrianBehaviour:

@@ -115,7 +115,7 @@ def slow_at_kerb(place: Floats, velocity: Floats, pavement: Pavement, on_sidewal
     outwards, room = _to_kerb(place, pavement)
     towards = _dot(velocity, outwards)
     excess = np.maximum(towards - np.sqrt(2.0 * _EASY_AT_KERB * np.maximum(room, 0.0)), 0.0) * on_sidewalk
-    return np.asarray(velocity - excess * outwards)
+    return velocity - excess * outwards
 
 
 def keep_off_road(place: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from ...cards import Card
 from ...errors import DataError
 from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
-from ..base import no_detections, require_classes, require_rate, section_of
+from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
 from ..motion import central_velocity
 from .files import DetectionRows, LabelRows, read_detections, read_labels, read_sequence_map
 from .layout import DATASET, LABELS, RENAME, SEQUENCE_MAP, TYPES, KittiSource, require_detector, split_names
@@ -28,7 +28,7 @@ class KittiTracking:
     Time is frame index x 0.1036 s.
     """
 
-    def __init__(self, card: Card, data: str | Path | None = None) -> None:
+    def __init__(self, card: Card, data: DataRoot = None) -> None:
         self.card = card
         self.section = section_of(card, KittiSource)
         self.root = DATASET.find(data, LABELS)
