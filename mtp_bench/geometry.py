@@ -20,7 +20,7 @@ _TINY = 1e-300
 
 def wrap_angle(angle: ArrayLike) -> Floats:
     """``angle`` in radians, brought into [-pi, pi)."""
-    turned: Floats = np.remainder(np.asarray(angle, dtype=np.float64) + np.pi, 2 * np.pi)
+    turned = np.remainder(np.asarray(angle, dtype=np.float64) + np.pi, 2 * np.pi)
     return turned - np.pi
 
 

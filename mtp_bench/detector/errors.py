@@ -37,7 +37,7 @@ class BoxErrors:
     velocity: Floats  # [R, 2] m/s, along and across the line of sight; NaN where not measured
 
 
-def draw_errors(grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: Ints | None = None) -> BoxErrors:
+def draw_errors(grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: Ints | None) -> BoxErrors:
     """Draw the errors of all rows of a grid, or of some ``rows``; ``neighbours``, if any, share the lasting ones."""
     if rows is not None and grid.memory is None and neighbours is None:
         grid, rows = grid.select(rows), None

@@ -181,12 +181,12 @@ class GivenIdentities:
     """
 
     def __init__(self) -> None:
-        self._track = NO_ROWS  # [N] object of each leaf
+        self._track: Ints = NO_ROWS  # [N] object of each leaf
         self._detection = NO_ROWS  # [D] object of each detection of this frame
 
     def observe(self, detection_id: Ints) -> None:
         """Take the objects [D] of the detections of the next frame; none of them occurs twice."""
-        self._detection = np.asarray(detection_id, dtype=np.int64)
+        self._detection = detection_id
 
     def free_pairs(self, indptr: Ints, column: Ints, gain: Floats) -> tuple[Ints, Ints, Floats]:
         """The pairs of tracks and detections that are both without an object; arguments as of `sparse_gains`."""

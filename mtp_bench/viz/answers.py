@@ -28,8 +28,7 @@ class Answers:
     def shown(self) -> Bools:
         """Mask [N] of the tracks in the best hypothesis of their frame."""
         frame = self.rollout.tracks.frame_of_rows
-        chosen: Bools = self.hypotheses.member[np.arange(len(frame)), self.hypotheses.best[frame]]
-        return chosen
+        return self.hypotheses.member[np.arange(len(frame)), self.hypotheses.best[frame]]
 
     @cached_property
     def object_track(self) -> Ints:

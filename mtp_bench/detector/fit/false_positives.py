@@ -15,7 +15,7 @@ from ..near import BESIDE, classes_of_same_noise, near_false_positives
 from ..profile import EVEN_RANKS, RANKS, SLOTS, ClassNoise, FreeFalsePositives, NearFalsePositives, Profile
 from ..quality import Qualities, draw_qualities
 from ..visibility import Sensor, covered, visibility_of
-from .quality import from_log_odds, nearest_parameters
+from .quality import from_log_odds, memory_of, nearest_parameters
 from .samples import FalsePositiveSamples, nearest_true_boxes
 
 NEAR = 3.0  # m: a false positive this near to a true box of its classes belongs to it
@@ -97,9 +97,7 @@ def _quantiles(value: Floats, share: Sequence[float] | Floats = EVEN_RANKS) -> t
 
 def _memory(lasting: float, constant: float, dt: float) -> dict[str, float]:
     """Shares of the variance from the log-odds of the lasting share, and of the constant share of that."""
-    last, stay = from_log_odds(lasting), from_log_odds(constant)
-    bias, ar = round(last * stay, 4), round(last * (1 - stay), 4)
-    return {"bias": bias, "ar": ar, "phi": round(float(np.exp(-dt / _FADES)), 4), "white": round(1.0 - bias - ar, 4)}
+    return memory_of(from_log_odds(lasting), from_log_odds(constant), float(np.exp(-dt / _FADES)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,11 +82,16 @@ def _rounded(values: Floats) -> tuple[float, ...]:
 def _with_memory(quality: Quality, unknown: Floats) -> Quality:
     """The quality with the memory given by log-odds ``unknown`` ``[7]``."""
     lasting, constant, phi, shared, *lapse = (from_log_odds(float(value)) for value in unknown)
-    bias, ar = round(lasting * constant, 4), round(lasting * (1 - constant), 4)
     names = ("bias", "phi", "shared")
     lapses = quality.lapses.model_copy(update=dict(zip(names, _rounded(np.array(lapse)), strict=True)))
-    update = {"bias": bias, "ar": ar, "phi": round(phi, 4), "white": round(1.0 - bias - ar, 4)}
-    return quality.model_copy(update={**update, "shared": round(shared, 4), "lapses": lapses})
+    update = {**memory_of(lasting, constant, phi), "shared": round(shared, 4), "lapses": lapses}
+    return quality.model_copy(update=update)
+
+
+def memory_of(lasting: float, constant: float, phi: float) -> dict[str, float]:
+    """Fields of `Shares` from the lasting share of the variance, and the constant share of that."""
+    bias, ar = round(lasting * constant, 4), round(lasting * (1 - constant), 4)
+    return {"bias": bias, "ar": ar, "phi": round(phi, 4), "white": round(1.0 - bias - ar, 4)}
 
 
 class _QualitySimulation:

@@ -13,7 +13,7 @@ from ...errors import DataError, closest
 from ...similar import class_hint
 from ...types import ID_LIMIT, NO_ROWS, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import CameraImage, class_ids, names_by_number, no_detections, section_of
-from ..motion import backward_velocity
+from ..motion import backward_velocity, unknown_velocity
 from ..text import RowTable
 from .checks import check_boxes, check_frames, check_objects, frame_index, scene_frames
 from .columns import BOX, FORMS, PICTURES, TABLES
@@ -169,7 +169,7 @@ def boxes_of(table: RowTable) -> Floats:
 
 def velocities_of(table: RowTable) -> Floats:
     """Velocities ``[R, 2]``; NaN if the table has none."""
-    return table.matrix("vx vy") if table.has("vx") else np.full((len(table), 2), np.nan)
+    return table.matrix("vx vy") if table.has("vx") else unknown_velocity(len(table))
 
 
 def scores_of(table: RowTable) -> Floats:

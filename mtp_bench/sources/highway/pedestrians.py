@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...geometry import wrap_angle
 from ...types import Bools, Floats
 from . import walking
 from .behaviour import PedestrianBehaviour
@@ -247,6 +248,6 @@ def _turned_headings(heading: Floats, velocity: Floats, to_goal: Floats, waiting
     """Headings ``[M]`` after a step: people look where they walk, and at the road while they wait."""
     walks = np.hypot(*velocity) > 0.3
     x, y = np.where(walks, velocity, to_goal)
-    turn = (np.arctan2(y, x) - heading + np.pi) % (2 * np.pi) - np.pi
-    turned = (heading + np.where(walks, 0.35, 0.1) * turn + np.pi) % (2 * np.pi) - np.pi
+    turn = wrap_angle(np.arctan2(y, x) - heading)
+    turned = wrap_angle(heading + np.where(walks, 0.35, 0.1) * turn)
     return np.where(walks | ~waiting, turned.round(6) + 0.0, heading)

@@ -44,8 +44,7 @@ TOP_HYPOTHESES = 4
 def track_colors(track_id: Ints) -> Colors:
     """Colour [N, 3] of each track id [N]: the same in every frame and run; grey for -1."""
     table = np.array([*TRACKS, UNKNOWN], dtype=np.uint8)
-    ids = np.asarray(track_id)
-    return table[np.where(ids < 0, len(TRACKS), ids % len(TRACKS))]
+    return table[np.where(track_id < 0, len(TRACKS), track_id % len(TRACKS))]
 
 
 def packed(colors: Colors | Color) -> NDArray[np.uint32]:
@@ -96,7 +95,7 @@ class ShownAgent:
         return drawable(f"{self.name}: {text}" if self.name else text)
 
 
-def shown_agents(replays: Sequence[Replay], level: str, at: Incident | None = None) -> list[ShownAgent]:
+def shown_agents(replays: Sequence[Replay], level: str, at: Incident | None) -> list[ShownAgent]:
     """The runs of one scene, each with a name of its own; ``at``: an event of the first one, at which all look.
 
     The entities of the first run have no prefix, those of the others "agents/NAME/".
