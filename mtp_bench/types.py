@@ -65,7 +65,7 @@ class Ragged:
     def select(self, kept: Bools) -> Self:
         """The table of the rows in the mask ``kept`` [R]; every column but ``start`` must have a value per row."""
         columns = {column.name: getattr(self, column.name)[kept] for column in fields(self) if column.name != "start"}
-        return replace(self, start=starts_of(kept.astype(np.int64))[self.start], **columns)
+        return replace(self, start=starts_of(kept)[self.start], **columns)
 
 
 ABSENT_BELOW = -1e30  # log-weights below, such as -inf, mean an absent sample or hypothesis
@@ -84,7 +84,7 @@ def to_metres(centimetres: Ints) -> Floats:
     return centimetres / CENTIMETRES
 
 
-def starts_of(count: Sequence[int] | Ints) -> Ints:
+def starts_of(count: Sequence[int] | Ints | Bools) -> Ints:
     """First row of each frame [F + 1], from the number of rows per frame ``count`` [F]."""
     return np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
 

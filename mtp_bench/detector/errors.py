@@ -74,7 +74,7 @@ def detected_boxes(
     s0, s1, gain = errors.scale[..., 0], errors.scale[..., 1], errors.scale[..., 2]
     scale = (s0 + s1 * distance[:, None] / 10) * np.exp(-gain * quality[:, None])
     offset = np.clip(scale * errors.tail[:, None] * errors.latent, -FARTHEST, FARTHEST)
-    found, size = np.array(box, dtype=np.float64), box[:, 4:]
+    found, size = box.copy(), box[:, 4:]
     offset, turned = rotate(np.array([offset, errors.velocity]), direction)
     found[:, :2] += offset
     found[:, 2] += errors.z

@@ -112,7 +112,7 @@ def _scores(slots: Grid, rank: Floats, duplicate: Bools) -> Floats:
 
 def _boxes(slots: Grid, true: Floats, offset: Floats, angle: Floats, draws: Draws) -> Floats:
     """Boxes ``[R, 7]`` at the distances ``offset`` from ``true`` boxes, on the same ground; they turn with them."""
-    box = np.array(true, dtype=np.float64)
+    box = true.copy()
     box[:, :2] += rotate(offset[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), true[:, 3])
     normal = slots.constant(draws, "side", lambda keys: draws.normal(NoiseKind.SIZE, Component.OTHER, of_axes(keys)).T)
     box[:, 4:] = spread_sizes(box[:, 4:], normal.T[slots.column])

@@ -22,8 +22,8 @@ DOTS = 150  # per inch, of PNG files
 TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
 COLORS: dict[str, str] = TEXTS["colors"]
 SERIES: tuple[str, ...] = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
-MARKERS: dict[str, str] = dict(zip(SERIES, "osDv^P*", strict=True))
-LINES: dict[str, str] = dict(zip(SERIES, ("-", "-", "--", "-", ":", "-.", "--"), strict=True))
+MARKERS = dict(zip(SERIES, "osDv^P*", strict=True))
+LINES = dict(zip(SERIES, ("-", "-", "--", "-", ":", "-.", "--"), strict=True))
 HATCHES = ("", "////", "..", "\\\\\\\\", "xxxx", "", "||||")
 _STYLE = Path(__file__).with_name("figure.mplstyle")
 

@@ -60,7 +60,7 @@ class Histories:
         past, taken = self._window(histories)
         return Tracks.of_one_hypothesis(
             np.array([report.id for report in reports], dtype=np.int64),
-            np.array([report.box for report in reports], dtype=np.float64).reshape(-1, 7),
+            np.array([report.box for report in reports]).reshape(-1, 7),
             np.array([report.class_id for report in reports], dtype=np.int64),
             score=np.array([one.scores / one.hits if one.hits else one.last_score for one in histories]),
             detection=np.array([report.detection for report in reports], dtype=np.int64),

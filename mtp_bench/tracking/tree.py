@@ -38,7 +38,7 @@ class HypothesisTree:
         self.age = NO_ROWS  # [N] frames since the first detection, this one included
         self.detection = NO_ROWS  # taken in the last frame, -1: none
         self.before = NO_ROWS  # [N] the leaf of the frame before, -1 at birth
-        self.member = np.ones((1, 0), dtype=np.bool_)  # [H, N]
+        self.member = np.ones((1, 0), dtype=bool)  # [H, N]
         self._name: Ints = np.zeros(1, dtype=np.int64)  # [H] equal for hypotheses that hold the same leaves
         self.next_id = next_id
         self._last, self._filled = -1, 0  # place of the last layer in the rings, and layers in them

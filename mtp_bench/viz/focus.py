@@ -117,7 +117,7 @@ class Focus:
 
     def path(self, first: int, last: int) -> Floats:
         """Places [n, 2] of the object from frame ``first`` on until a gap or ``last``, forwards or backwards."""
-        return self.replay.scene.truth.box[self.until_gap(self.rows, first, last), :2].astype(np.float64)
+        return self.replay.scene.truth.box[self.until_gap(self.rows, first, last), :2]
 
     def future(self, t: int) -> Floats:
         """Places [n, 2] of the object within the horizon, now first."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..agent import Predictor, Presence
 from ..env.environment import MTPEnv
-from ..errors import ActionError, MtpBenchError, describe_problem
+from ..errors import ActionError, MtpBenchError
 from ..types import Action, Ints, Observation
 from .associator import CONTINUE, MOST_TRACKS, Associator, Numbers, nearest
 
@@ -71,10 +71,10 @@ class AssociationOnly(gymnasium.Wrapper[Numbers, Ints, Observation, Action], Rec
             kinds = (int, float, np.integer, np.floating) if name == "near" else (int, np.integer)
             if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < np.inf:
                 expected = f"a {'finite' if name == 'near' else 'whole'} number above 0"
-                raise MtpBenchError(describe_problem(f"{name} is {value!r}", expected, "AssociationOnly"))
+                raise MtpBenchError(f"{name} is {value!r}, expected {expected} (AssociationOnly)")
         if choices > MOST_TRACKS:
             most = f"at most {MOST_TRACKS}, the number of tracks at a time"
-            raise MtpBenchError(describe_problem(f"choices is {choices}", most, "AssociationOnly"))
+            raise MtpBenchError(f"choices is {choices}, expected {most} (AssociationOnly)")
         RecordConstructorArgs.__init__(self, predictor=predictor, presence=presence, relative=relative, **given)
         untyped: Any = env  # Gymnasium types the inner env like the outer one
         gymnasium.Wrapper.__init__(self, untyped)
@@ -140,7 +140,7 @@ class AssociationOnly(gymnasium.Wrapper[Numbers, Ints, Observation, Action], Rec
         if not self.action_space.contains(choice):
             shown = action.tolist() if isinstance(action, np.ndarray) else action
             expected = f"{self.shape[0]} whole numbers from 0 to {self.options - 1}"
-            raise ActionError(describe_problem(f"the choices are {reprlib.repr(shown)}", expected))
+            raise ActionError(f"the choices are {reprlib.repr(shown)}, expected {expected}")
         return choice
 
 
@@ -149,12 +149,12 @@ def _inner_of(env: gymnasium.Env[Any, Any]) -> MTPEnv:
     inner = env.unwrapped
     if not isinstance(inner, MTPEnv):
         expected = 'one of mtp_bench, such as gym.make("MTP-Roundabout-v0")'
-        raise MtpBenchError(describe_problem(f"the env is a {type(inner).__name__}", expected, "AssociationOnly"))
+        raise MtpBenchError(f"the env is a {type(inner).__name__}, expected {expected} (AssociationOnly)")
     for name in ("observation_space", "action_space"):
         space = getattr(env, name)
         if not isinstance(space, gymnasium.spaces.Dict):
             got, expected = f"the {name} of the env is a {type(space).__name__}", "the Dict that it has unwrapped"
-            raise MtpBenchError(describe_problem(got, expected, "AssociationOnly"))
+            raise MtpBenchError(f"{got}, expected {expected} (AssociationOnly)")
     return inner
 
 
@@ -194,7 +194,7 @@ class PerDetection(gymnasium.Wrapper[Numbers, np.int64, Numbers, Ints], RecordCo
         """Choose for the detection that was shown; ActionError unless ``action`` is a choice."""
         if not self.action_space.contains(action):
             expected = f"a whole number from 0 to {self._env.options - 1}"
-            raise ActionError(describe_problem(f"the choice is {action!r}", expected))
+            raise ActionError(f"the choice is {action!r}, expected {expected}")
         before, here = self._choice.copy(), self._place
         self._choice[here] = action
         if here + 1 < self._table[:, 0].sum():

@@ -196,4 +196,4 @@ def ids_of(table: RowTable) -> Ints:
             return number
     except (ValueError, OverflowError):
         pass
-    return np.unique(words, return_inverse=True)[1].astype(np.int64)
+    return np.unique(words, return_inverse=True)[1]

@@ -25,9 +25,9 @@ class LaneGeometry:
 
     def __init__(self, network: Any) -> None:
         lanes: dict[LaneIndex, Any] = network.lanes_dict()
-        self.index: tuple[LaneIndex, ...] = tuple(lanes)
-        self.lanes: tuple[Any, ...] = tuple(lanes.values())
-        self.number: dict[LaneIndex, int] = {index: k for k, index in enumerate(self.index)}
+        self.index = tuple(lanes)
+        self.lanes = tuple(lanes.values())
+        self.number = {index: k for k, index in enumerate(self.index)}
         self.length = np.array([float(lane.length) for lane in self.lanes])
         self.limit = np.array([float(lane.speed_limit) for lane in self.lanes])
         self._arc = np.array([isinstance(lane, CircularLane) for lane in self.lanes])

@@ -94,7 +94,7 @@ class Crowd:
         self._number, self._group, crossing = np.array(rows, dtype=np.int64).reshape(-1, 3).T
         self._start, self._turn = self._origin[crossing].T, self._axes[crossing].transpose(1, 2, 0).copy()
         self._pace, self._heading = np.array([(p.pace, p.heading) for p in people]).reshape(-1, 2).T
-        self._friends = (self._group[:, None] == self._group) & ~np.eye(len(people), dtype=np.bool_)
+        self._friends = (self._group[:, None] == self._group) & ~np.eye(len(people), dtype=bool)
         self._size = np.array([(p.size[2] / 2, 0.0, *p.size) for p in people]).reshape(-1, 5)  # z yaw l w h
         states = np.array([(*p.place, *p.velocity) for p in people], dtype=np.float64).reshape(-1, 2, 2)
         self._own = states.transpose(1, 2, 0).copy()  # [place, velocity; along, across; M]

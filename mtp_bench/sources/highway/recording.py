@@ -122,6 +122,6 @@ def _truth(rows: Floats, frames: int, renumbered: bool = True) -> Truth:
     start, class_id = starts_of_sorted(rows[:, 11].astype(np.int64), frames), rows[:, 9].astype(np.int64)
     object_id = rows[:, 10].astype(np.int64)
     if renumbered:
-        object_id = np.unique(object_id, return_inverse=True)[1].reshape(-1).astype(np.int64)
+        object_id = np.unique(object_id, return_inverse=True)[1]
     neutral = np.zeros(len(rows), dtype=np.bool_)
     return Truth(start, rows[:, :7].copy(), rows[:, 7:9].copy(), class_id, object_id, ~neutral, neutral)

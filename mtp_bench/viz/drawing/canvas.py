@@ -18,10 +18,10 @@ from ...types import Bools, Floats
 from ..framing import Window
 from ..palette import BLACK, EVENT, Color
 
-PAPER: Color = (247, 247, 247)  # beside a picture
-WHITE: Color = (255, 255, 255)
-GRAY: Color = (90, 90, 90)
-EDGE: Color = (200, 200, 200)
+PAPER = (247, 247, 247)  # beside a picture
+WHITE = (255, 255, 255)
+GRAY = (90, 90, 90)
+EDGE = (200, 200, 200)
 FINER = 2  # everything but text is drawn this much larger and then made smaller
 DASH = 4.0  # pixels
 FAR = 20.0  # pixels that a heading may stand out of the picture

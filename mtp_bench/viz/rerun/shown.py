@@ -21,15 +21,15 @@ Colors = NDArray[np.uint8]  # [..., 3] red green blue
 
 # What is right or wrong has a colour of its own, which no track takes.
 TRUTH = GREEN
-NEUTRAL: Color = (0, 79, 58)
+NEUTRAL = (0, 79, 58)
 DETECTION = YELLOW
-EGO: Color = (255, 255, 255)
-CENTER: Color = (44, 44, 52)
-BORDER: Color = (92, 92, 104)
-UNTRACKED: Color = (84, 84, 84)
-UNKNOWN: Color = (150, 150, 150)
-SWITCH: Color = (235, 70, 180)
-SKY: Color = (50, 145, 215)
+EGO = (255, 255, 255)
+CENTER = (44, 44, 52)
+BORDER = (92, 92, 104)
+UNTRACKED = (84, 84, 84)
+UNKNOWN = (150, 150, 150)
+SWITCH = (235, 70, 180)
+SKY = (50, 145, 215)
 TRACKS: tuple[Color, ...] = (  # a prime number of them: the ids of a switch seldom share one
     ORANGE, SKY, PURPLE, BLUE, (140, 150, 70), (166, 112, 0), (150, 130, 240),
 )  # fmt: skip
