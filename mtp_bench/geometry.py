@@ -39,6 +39,11 @@ def rotate(vector: Floats, yaw: Floats | float) -> Floats:
     return turned
 
 
+def unit_vectors(heading: Floats | float) -> Floats:
+    """Unit vectors ``[..., 2]`` along headings ``[...]``, rad."""
+    return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+
+
 def transform_boxes(box: Floats, yaw: Floats | float, translation: ArrayLike) -> Floats:
     """Boxes ``[..., 7]`` after a rigid motion: a turn by ``yaw`` about the z axis, then ``translation`` (x, y, z).
 

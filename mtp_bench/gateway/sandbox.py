@@ -10,13 +10,13 @@ import os
 import shutil
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from ..errors import SubmissionError
+from ..files import toml_beside
 from .layout import DEVICES, TEMPORARY, Layout, bare_layout, environment, python
 from .limits import SandboxBackend
 
@@ -27,7 +27,7 @@ _NAMESPACES = (
     "--unshare-user --unshare-pid --unshare-net --unshare-ipc --unshare-uts --unshare-cgroup-try "
     f"--uid {_UID} --gid {_UID} --hostname agent --die-with-parent --new-session --as-pid-1 --cap-drop ALL"
 )
-_CALLS = tomllib.loads(Path(__file__).with_name("system_calls.toml").read_text(encoding="utf-8"))
+_CALLS = toml_beside(__file__, "system_calls.toml")
 FORBIDDEN: dict[str, str] = _CALLS["forbidden"]
 PRETENDED: str = _CALLS["pretended"]
 _NUMBERS: dict[str, int] = _CALLS["numbers"]

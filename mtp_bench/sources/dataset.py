@@ -1,7 +1,6 @@
 """Facts about a dataset, its folder on this machine, and the status of its files."""
 
 import os
-import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Self
 
 from ..errors import DataError, MissingDataError
+from ..files import toml_beside
 
 VARIABLE = "MTP_BENCH_DATA"
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
@@ -45,7 +45,7 @@ class Dataset:
     @classmethod
     def of(cls, module: str) -> Self:
         """The facts in ``dataset.toml`` beside the file ``module``."""
-        content = tomllib.loads(Path(module).with_name("dataset.toml").read_text(encoding="utf-8"))
+        content = toml_beside(module, "dataset.toml")
         return cls(**{**content, "folders": tuple(content["folders"])})
 
     def searched(self, data: DataRoot) -> tuple[Path, ...]:

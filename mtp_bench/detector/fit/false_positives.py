@@ -15,7 +15,7 @@ from ..near import BESIDE, classes_of_same_noise, near_false_positives
 from ..profile import EVEN_RANKS, RANKS, SLOTS, ClassNoise, FreeFalsePositives, NearFalsePositives, Profile
 from ..quality import Qualities, draw_qualities
 from ..visibility import Sensor, covered, visibility_of
-from .quality import from_log_odds, memory_of, nearest_parameters
+from .quality import from_log_odds, memory_of, nearest_parameters, rounded
 from .samples import FalsePositiveSamples, nearest_true_boxes
 
 NEAR = 3.0  # m: a false positive this near to a true box of its classes belongs to it
@@ -92,7 +92,7 @@ def _count_free(real: FalsePositiveSamples, free: Bools, frames: int, dt: float)
 
 
 def _quantiles(value: Floats, share: Sequence[float] | Floats = EVEN_RANKS) -> tuple[float, ...]:
-    return tuple(round(float(quantile), 4) for quantile in np.quantile(value, share))
+    return rounded(np.quantile(value, share))
 
 
 def _memory(lasting: float, constant: float, dt: float) -> dict[str, float]:

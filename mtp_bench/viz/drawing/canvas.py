@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from ...geometry import bev_corners, rotate
+from ...geometry import bev_corners, rotate, unit_vectors
 from ...types import Bools, Floats
 from ..framing import Window
 from ..palette import BLACK, EVENT, Color
@@ -100,7 +100,7 @@ class Canvas:
                 self.stroke(corners[[0, 2]], mark.color, mark.width)
                 self.stroke(corners[[1, 3]], mark.color, mark.width)
             if mark.heading:
-                ahead = np.array([np.cos(row[3]), np.sin(row[3])]) * (row[4] / 2 + max(0.4, 0.25 * row[4]))
+                ahead = unit_vectors(row[3]) * (row[4] / 2 + max(0.4, 0.25 * row[4]))
                 front = corners[[0, 3]].mean(axis=0)
                 self.stroke(np.stack([front, self.pixels(row[:2] + ahead)]), mark.color, mark.width)
 
@@ -131,7 +131,7 @@ class Canvas:
     def circle(self, pixel: Floats, radius: float, color: Color) -> None:
         """Draw a dashed circle around a pixel; ``radius`` in pixels."""
         angle = np.linspace(0.0, 2 * np.pi, 61)
-        self.stroke(pixel + radius * np.column_stack([np.cos(angle), np.sin(angle)]), color, 1.5, dashed=True)
+        self.stroke(pixel + radius * unit_vectors(angle), color, 1.5, dashed=True)
 
     def finished(self) -> Image.Image:
         """The picture reduced from FINER times its size; texts are drawn onto the result."""
