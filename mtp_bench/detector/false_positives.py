@@ -80,7 +80,7 @@ def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers
         uniform[outside, 1] = redrawn[outside, 1]
         if attempt >= _TRIES:
             uniform[outside, 0] = redrawn[outside, 0]
-    return np.asarray(place)
+    return place
 
 
 def ground_height(place: Floats, frame: Ints, scene: SensedScene) -> Floats:

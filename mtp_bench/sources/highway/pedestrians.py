@@ -67,10 +67,9 @@ class Crowd:
         self.people: list[Person] = []
         self._made = self._groups = 0
         self._xy: tuple[Floats, Floats] | None = None  # until somebody moves or comes
-        self._origin = np.array([c.origin for c in self._crossings], dtype=np.float64).reshape(-1, 2)
-        self._axes = np.array(
-            [(c.direction, (-c.direction[1], c.direction[0])) for c in self._crossings], dtype=np.float64
-        ).reshape(-1, 2, 2)  # rows: along, across
+        self._origin = np.array([c.origin for c in self._crossings]).reshape(-1, 2)
+        axes = [(c.direction, (-c.direction[1], c.direction[0])) for c in self._crossings]  # rows: along, across
+        self._axes = np.array(axes).reshape(-1, 2, 2)
         self._read()
         for _ in range(20 * most):
             if len(self.people) < most:
