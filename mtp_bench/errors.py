@@ -66,7 +66,7 @@ def require_known(kind: str, got: object, known: Collection[str], hint: str = ""
         raise UnknownNameError(kind, str(got), known, hint)
 
 
-def describe_problem(got: str, expected: str = "", where: str = "", advice: str = "") -> str:
+def describe_problem(got: str, expected: str, where: str, advice: str) -> str:
     """The text "<got>, expected <expected> (<where>); <advice>"; empty parts are left out."""
     wanted = f", expected {expected}" if expected else ""
     place = f" ({where})" if where else ""

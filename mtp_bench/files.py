@@ -9,10 +9,11 @@ import secrets
 import shutil
 import stat
 import tempfile
+import tomllib
 import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 from urllib.parse import quote
 
 from . import notice
@@ -173,6 +174,11 @@ def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str 
         return content.decode("utf-8")
     except UnicodeDecodeError as cause:
         raise error(f"{path}: not valid UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8") from None
+
+
+def toml_beside(module: str, name: str) -> dict[str, Any]:
+    """Read a TOML file that ships beside the file ``module``."""
+    return tomllib.loads(Path(module).with_name(name).read_text(encoding="utf-8"))
 
 
 def open_regular(path: Path, links: bool = True) -> BinaryIO:

@@ -20,7 +20,7 @@ _TINY = 1e-300
 
 def wrap_angle(angle: ArrayLike) -> Floats:
     """``angle`` in radians, brought into [-pi, pi)."""
-    turned: Floats = np.remainder(np.asarray(angle, dtype=np.float64) + np.pi, 2 * np.pi)
+    turned = np.remainder(np.asarray(angle, dtype=np.float64) + np.pi, 2 * np.pi)
     return turned - np.pi
 
 
@@ -37,6 +37,11 @@ def rotate(vector: Floats, yaw: Floats | float) -> Floats:
     turned[..., 0] = c * vector[..., 0] - s * vector[..., 1]
     turned[..., 1] = s * vector[..., 0] + c * vector[..., 1]
     return turned
+
+
+def unit_vectors(heading: Floats | float) -> Floats:
+    """Unit vectors ``[..., 2]`` along headings ``[...]``, rad."""
+    return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
 
 
 def transform_boxes(box: Floats, yaw: Floats | float, translation: ArrayLike) -> Floats:

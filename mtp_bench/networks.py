@@ -40,7 +40,7 @@ class NetworkState:
         return f"mtp-bench train predictor {name} --env {self.env_id} --on {on}"
 
 
-def states_of(networks: Iterable[str], env_id: str, weights_of: str | None = None) -> list[NetworkState]:
+def states_of(networks: Iterable[str], env_id: str, weights_of: str | None) -> list[NetworkState]:
     """The states of ``networks``, such as modes-truth, on an env; ``weights_of``: the env whose weights it shares."""
     networks, envs = tuple(networks), [env for env in (env_id, weights_of) if env]
     return [

@@ -95,7 +95,7 @@ def parallel_map(
 
 
 def unordered_map(
-    function: Callable[..., Any], calls: Calls, workers: Workers = SERIAL, own_process: bool = False
+    function: Callable[..., Any], calls: Calls, workers: Workers, own_process: bool = False
 ) -> Iterator[tuple[int, Any]]:
     """Index and result of every call of `parallel_map`, in the order of completion.
 

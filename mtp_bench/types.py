@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.floating[Any]]
 Ints = NDArray[np.integer[Any]]
 Bools = NDArray[np.bool_]
+NO_ROWS: Ints = np.zeros(0, dtype=np.int64)  # row numbers where there is no row
 Observation = dict[str, NDArray[Any]]  # arrays of a frame, by the names of the observation space
 Action = dict[str, NDArray[Any]]  # by the names of the action space
 RecordT = TypeVar("RecordT", bound=Any)
@@ -64,7 +65,7 @@ class Ragged:
     def select(self, kept: Bools) -> Self:
         """The table of the rows in the mask ``kept`` [R]; every column but ``start`` must have a value per row."""
         columns = {column.name: getattr(self, column.name)[kept] for column in fields(self) if column.name != "start"}
-        return replace(self, start=starts_of(kept.astype(np.int64))[self.start], **columns)
+        return replace(self, start=starts_of(kept)[self.start], **columns)
 
 
 SCORES = "scores"  # a `Task.presence`: the score of an object's last detection is its confidence
@@ -81,12 +82,12 @@ def to_centimetres(metres: Floats) -> Ints:
 
 def to_metres(centimetres: Ints) -> Floats:
     """Recorded forecasts in metres."""
-    return np.asarray(centimetres / CENTIMETRES)
+    return centimetres / CENTIMETRES
 
 
-def starts_of(count: Sequence[int] | Ints) -> Ints:
+def starts_of(count: Sequence[int] | Ints | Bools) -> Ints:
     """First row of each frame [F + 1], from the number of rows per frame ``count`` [F]."""
-    return np.asarray(np.concatenate([[0], np.cumsum(count)]).astype(np.int64))
+    return np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
 
 
 def select(record: RecordT, rows: Ints | Bools) -> RecordT:

@@ -123,7 +123,7 @@ def _within_limit(offset: Floats) -> Floats:
         return offset
     length = np.linalg.norm(offset, axis=-1, keepdims=True)
     shortened = offset * (0.999 * FORECAST_LIMIT / np.maximum(length, 1))
-    return np.asarray(np.where(length > FORECAST_LIMIT, shortened, offset))
+    return np.where(length > FORECAST_LIMIT, shortened, offset)
 
 
 class Pools(NamedTuple):

@@ -157,7 +157,7 @@ def decayed(correlation: Floats, steps: float) -> Floats:
     """
     whole = np.isfinite(steps) and abs(steps - round(steps)) < _WHOLE
     sign = np.sign(correlation) ** round(steps) if whole else np.sign(correlation)
-    return np.asarray(sign * np.abs(correlation) ** steps)
+    return sign * np.abs(correlation) ** steps
 
 
 def exponential(latent: Floats) -> Floats:

@@ -37,7 +37,7 @@ class BoxErrors:
     velocity: Floats  # [R, 2] m/s, along and across the line of sight; NaN where not measured
 
 
-def draw_errors(grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: Ints | None = None) -> BoxErrors:
+def draw_errors(grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: Ints | None) -> BoxErrors:
     """Draw the errors of all rows of a grid, or of some ``rows``; ``neighbours``, if any, share the lasting ones."""
     if rows is not None and grid.memory is None and neighbours is None:
         grid, rows = grid.select(rows), None
@@ -74,7 +74,7 @@ def detected_boxes(
     s0, s1, gain = errors.scale[..., 0], errors.scale[..., 1], errors.scale[..., 2]
     scale = (s0 + s1 * distance[:, None] / 10) * np.exp(-gain * quality[:, None])
     offset = np.clip(scale * errors.tail[:, None] * errors.latent, -FARTHEST, FARTHEST)
-    found, size = np.array(box, dtype=np.float64), box[:, 4:]
+    found, size = box.copy(), box[:, 4:]
     offset, turned = rotate(np.array([offset, errors.velocity]), direction)
     found[:, :2] += offset
     found[:, 2] += errors.z

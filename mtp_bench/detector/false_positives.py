@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..geometry import unit_vectors
 from ..types import Detections, Floats, Ints, Truth, joined, select, starts_of
 from .errors import BoxErrors, detected_boxes
 from .grid import Memory
@@ -71,7 +72,7 @@ def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers
     for attempt in range(2 * _TRIES + 1):
         distance = np.interp(uniform[:, 0], EVEN_RANKS, quantiles)
         direction = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
-        place = ego[:, :2] + distance[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
+        place = ego[:, :2] + distance[:, None] * unit_vectors(direction)
         outside = ((place < low) | (place > high)).any(axis=1)
         if not outside.any():
             break
@@ -79,7 +80,7 @@ def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers
         uniform[outside, 1] = redrawn[outside, 1]
         if attempt >= _TRIES:
             uniform[outside, 0] = redrawn[outside, 0]
-    return np.asarray(place)  # pyright: ignore[reportPossiblyUnboundVariable]  # the loop runs at least once
+    return place  # pyright: ignore[reportPossiblyUnboundVariable]  # the loop runs at least once
 
 
 def ground_height(place: Floats, frame: Ints, scene: SensedScene) -> Floats:

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.special import ndtri
 
-from ..types import Floats, Ints, Truth
+from ..types import NO_ROWS, Floats, Ints, Truth
 from .draws import Component, Draws, Keys, NoiseKind, decayed, extended_key, keys_of, parts
 from .profile import ClassNoise, SharedMemory
 
@@ -34,7 +34,7 @@ class Neighbours:
         ``object_id`` ``[R]`` decides the order of the pairs of a row.
         """
         if not len(place):
-            return cls(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+            return cls(NO_ROWS, NO_ROWS, np.zeros(0))
         from scipy.spatial import KDTree
 
         separated = np.column_stack([place, 2.0 * length * moment])

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..geometry import rotate
+from ..geometry import rotate, unit_vectors
 from ..types import Bools, Floats, Ints, Truth
 from .draws import Component, Draws, NoiseKind, NoiseSubject, exponential, parts, skewed
 from .errors import BoxErrors, draw_errors, of_axes
@@ -112,8 +112,8 @@ def _scores(slots: Grid, rank: Floats, duplicate: Bools) -> Floats:
 
 def _boxes(slots: Grid, true: Floats, offset: Floats, angle: Floats, draws: Draws) -> Floats:
     """Boxes ``[R, 7]`` at the distances ``offset`` from ``true`` boxes, on the same ground; they turn with them."""
-    box = np.array(true, dtype=np.float64)
-    box[:, :2] += rotate(offset[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), true[:, 3])
+    box = true.copy()
+    box[:, :2] += rotate(offset[:, None] * unit_vectors(angle), true[:, 3])
     normal = slots.constant(draws, "side", lambda keys: draws.normal(NoiseKind.SIZE, Component.OTHER, of_axes(keys)).T)
     box[:, 4:] = spread_sizes(box[:, 4:], normal.T[slots.column])
     box[:, 2] += (box[:, 6] - true[:, 6]) / 2

@@ -51,12 +51,12 @@ def quality_features(visibility: Visibility) -> Floats:
     distance = visibility.distance / 10
     levels = [visibility.occlusion == level for level in (PARTLY, LARGELY, HIDDEN)]
     columns = [np.ones(len(distance)), distance, distance**2, *levels, visibility.truncated]
-    return np.stack(columns, axis=-1).astype(np.float64)
+    return np.stack(columns, axis=-1)
 
 
 def score_by_rank(rank: Floats, quantiles: tuple[float, ...]) -> Floats:
     """Scores with ranks in 0..1, from their quantiles at `RANKS`."""
-    return np.asarray(np.interp(rank, RANKS, quantiles))
+    return np.interp(rank, RANKS, quantiles)
 
 
 def best_ranks(quality: Floats, tail: float, chance: float) -> tuple[Ints, Floats]:

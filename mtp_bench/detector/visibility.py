@@ -54,7 +54,7 @@ def visibility_of(truth: Truth, ego: Floats, sensor: Sensor, visible: Floats | N
     truncated = np.any(np.abs(corner_bearing) > sensor.field_of_view / 2, axis=-1)
     visible = visible_fractions(truth, ego) if visible is None else visible
     occlusion = np.sum(visible[:, None] < np.array(VISIBLE), axis=-1)
-    return Visibility(distance, bearing, np.asarray(occlusion), np.asarray(truncated))
+    return Visibility(distance, bearing, occlusion, np.asarray(truncated))
 
 
 def polar(place: Floats, pose: Floats) -> tuple[Floats, Floats]:

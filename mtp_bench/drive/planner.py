@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 
 from ..cards.card import PlannerSection
 from ..sources.highway.driven import Way
-from ..types import Bools, Floats, Ints
+from ..types import NO_ROWS, Bools, Floats, Ints
 
 FIRST = np.array([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5])  # m/s2, in the first second
 THEN = np.array([-4.0, -2.0, 0.0, 1.5])  # m/s2, later
@@ -88,7 +88,7 @@ def _evened(seen: Obstacles) -> Obstacles:
 def _grid(way: Way) -> tuple[Floats, Ints]:
     """Lower corner [2] and stations of the cells around a way, -1 where it is far."""
     low = way.xy.min(axis=0) - _ASIDE - _CELL
-    near = np.zeros(np.ceil((way.xy.max(axis=0) + _ASIDE - low) / _CELL).astype(np.int64) + 1, dtype=np.bool_)
+    near = np.zeros(np.ceil((way.xy.max(axis=0) + _ASIDE - low) / _CELL).astype(np.int64) + 1, dtype=bool)
     wide = round(_ASIDE / _CELL)
     for x, y in ((way.xy[::2] - low) / _CELL).astype(np.int64).tolist():
         near[max(x - wide, 0) : x + wide + 1, max(y - wide, 0) : y + wide + 1] = True
@@ -159,7 +159,7 @@ class Planner:
 
     def _near(self, seen: Obstacles) -> Ints:
         """Rows of the objects whose forecasts reach the rectangle around the way, as few at a junction do."""
-        near, far = np.ones(len(seen.box), dtype=np.bool_), _ASIDE + 2 * _CELL
+        near, far = np.ones(len(seen.box), dtype=bool), _ASIDE + 2 * _CELL
         for axis in range(2 if seen.dt > _DENSE else 0):  # `_evened` thins out denser forecasts, which is enough
             now, places, way = seen.box[:, axis], seen.path[..., axis], self._way.xy[:, axis]
             near &= np.fmax(np.fmax.reduce(places, axis=(1, 2)), now) > way.min() - far  # missing samples may be NaN
@@ -169,7 +169,7 @@ class Planner:
     def _shares(self, stations: Floats, speeds: Floats, met: _Contacts, seen: Obstacles) -> tuple[Floats, Ints]:
         """Shares [C, n] in [0, 1] of n objects in the risks of profiles [C, T + 1], and the rows [n] of the objects."""
         if not len(met.step):
-            return np.zeros((len(stations), 0)), np.zeros(0, dtype=np.int64)
+            return np.zeros((len(stations), 0)), NO_ROWS
         times = seen.dt * np.arange(1, stations.shape[1])
         here, before = stations[:, 1:], stations[:, :-1]
         nose = here + self._weigh.headway * speeds[:, 1:] * np.minimum(times / _OPENING, 1.0)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..geometry import unit_vectors
 from ..sources.highway.driven import STANDING, DrivenTraffic, Way
 from ..sources.highway.simulate import boxes_meet
 from ..sources.highway.world import CLASSES, RATE, World
@@ -60,7 +61,7 @@ def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools
     box = world.truth.box[rows]
     place = world.ego[frame, :2]
     yaw = world.ego[frame, 3]
-    heading = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    heading = unit_vectors(yaw)
     velocity = speed[frame, None] * heading
     ahead = ((box[:, :2] - place) * heading).sum(axis=1) > 0
     other = box.copy()

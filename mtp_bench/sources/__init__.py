@@ -9,7 +9,7 @@ from .. import notice
 from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, require_known
 from ..types import Scene
-from .base import CameraImage as CameraImage, ChangedScenes, SceneSource as SceneSource, SourcePackage, usable
+from .base import CameraImage as CameraImage, ChangedScenes, DataRoot, SceneSource as SceneSource, SourcePackage, usable
 from .dataset import DataStatus as DataStatus
 from .simulated import detected as detected
 from .stored_tracks import find_tracks
@@ -29,7 +29,7 @@ class _Drives:
         raise DataError(f"{self.env_id} has no scene {name!r} before an agent drives in it: run one, and open its run")
 
 
-def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
+def open_source(card: Card, data: DataRoot = None) -> SceneSource:
     """Find the scenes that ``card`` names, without reading them.
 
     ``data`` is the data root; None stands for the environment variable MTP_BENCH_DATA, else the user data folder.
@@ -43,7 +43,7 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     return ChangedScenes(found, lambda scene: with_lanes(detected(usable(scene), card)))
 
 
-def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: str | Path) -> SceneSource:
+def with_tracks(source: SceneSource, card: Card, data: DataRoot, path: str | Path) -> SceneSource:
     """The scenes of ``source`` with the stored tracks of another program, in a form of `sources.stored_tracks`.
 
     ``card`` and ``data``: those that ``source`` was opened with. Raises DataError if ``path`` holds no tracks for it.
@@ -53,9 +53,7 @@ def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: 
     return ChangedScenes(source, lambda scene: usable(read(scene)))
 
 
-def load_scenes(
-    card: str | Card, data: str | Path | None = None, names: Iterable[str] | None = None
-) -> Iterator[Scene]:
+def load_scenes(card: str | Card, data: DataRoot = None, names: Iterable[str] | None = None) -> Iterator[Scene]:
     """Read the scenes of an env, ground truth included, one after the other as they are asked for.
 
     ``card``: an env id, the path of a card, or a card (`with_split` chooses another split). ``data``: the data root,
@@ -70,7 +68,7 @@ def load_scenes(
     return (source.load(name) for name in chosen)
 
 
-def with_map(scene: Scene, card: Card, data: str | Path | None = None, note: Note = lambda text: None) -> Scene:
+def with_map(scene: Scene, card: Card, data: DataRoot = None, note: Note = lambda text: None) -> Scene:
     """``scene`` with the road for pictures of it: that of the map expansion of nuScenes, if it is there.
 
     Runs, scores and trainings read no map, so `SceneSource.load` leaves it out. A broken one is a message to ``note``.
@@ -83,7 +81,7 @@ def with_map(scene: Scene, card: Card, data: str | Path | None = None, note: Not
 
 
 def camera_images(
-    scene: Scene, card: Card, data: str | Path | None = None, note: Note = lambda text: None
+    scene: Scene, card: Card, data: DataRoot = None, note: Note = lambda text: None
 ) -> tuple[CameraImage, ...]:
     """The images of the cameras of a recording whose files are there, in the order of frames.
 
@@ -96,7 +94,7 @@ def camera_images(
         return ()
 
 
-def describe(card: Card, data: str | Path | None = None) -> DataStatus:
+def describe(card: Card, data: DataRoot = None) -> DataStatus:
     """Folder of the data that ``card`` needs, and what stops its source from being opened; no scene is read."""
     status = package_of(card).locate(card, data)
     if status.root is not None:
@@ -105,7 +103,7 @@ def describe(card: Card, data: str | Path | None = None) -> DataStatus:
     return status
 
 
-def prepare(card: Card, data: str | Path | None = None, scenes: int | None = None, workers: int = 1) -> None:
+def prepare(card: Card, data: DataRoot = None, scenes: int | None = None, workers: int = 1) -> None:
     """Do now the work that is done once per machine: simulate scenes, or make the compact copy of nuScenes tables.
 
     ``scenes``: number of simulated scenes to make, None for all; those in the cache are not made again. ``workers``:
@@ -120,7 +118,7 @@ def prepare(card: Card, data: str | Path | None = None, scenes: int | None = Non
             work.done(name)
 
 
-def _with_lanes(scene: Scene, card: Card, data: str | Path | None) -> Scene:
+def _with_lanes(scene: Scene, card: Card, data: DataRoot) -> Scene:
     """The scene with its road map; raises DataError if it has none."""
     lanes = tuple(package_of(card).lanes(card, data, scene))
     if not lanes:

@@ -13,11 +13,10 @@ from ..cards import Card, SourceSection
 from ..cards.own import TEXTS, folder_digest, known_digest
 from ..cards.source import DetectionsSection
 from ..errors import CardError, DataError, MissingDataError, nearest, require_known
-from ..types import Detections, Floats, Ints, Lane, Scene, Truth
-from .dataset import Dataset, DataStatus
+from ..types import NO_ROWS, Detections, Floats, Ints, Lane, Scene, Truth
+from .dataset import DataRoot as DataRoot, Dataset, DataStatus
 from .text import SMALLEST, refuse_shared_place
 
-DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
 HALF_LANE = 1.75  # m
 SectionT = TypeVar("SectionT", bound=SourceSection)
 
@@ -158,8 +157,8 @@ def lane_around(center: Floats, junction: bool) -> Lane:
 
 def no_detections(frames: int) -> Detections:
     """Detections of a scene of ``frames`` frames without any."""
-    start, no_ids = np.zeros(frames + 1, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    return Detections(start, np.zeros((0, 7)), np.zeros((0, 2)), no_ids, np.zeros(0))
+    start = np.zeros(frames + 1, dtype=np.int64)
+    return Detections(start, np.zeros((0, 7)), np.zeros((0, 2)), NO_ROWS, np.zeros(0))
 
 
 def usable(scene: Scene) -> Scene:

@@ -1,7 +1,6 @@
 """Facts about a dataset, its folder on this machine, and the status of its files."""
 
 import os
-import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -10,11 +9,13 @@ from pathlib import Path
 from typing import Self
 
 from ..errors import DataError, MissingDataError
+from ..files import toml_beside
 
 VARIABLE = "MTP_BENCH_DATA"
+DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
 
 
-def data_root(data: str | Path | None) -> tuple[Path, str]:
+def data_root(data: DataRoot) -> tuple[Path, str]:
     """The data root and, for messages, where its name comes from.
 
     It is the given one, else that of MTP_BENCH_DATA, else the user data folder.
@@ -44,15 +45,15 @@ class Dataset:
     @classmethod
     def of(cls, module: str) -> Self:
         """The facts in ``dataset.toml`` beside the file ``module``."""
-        content = tomllib.loads(Path(module).with_name("dataset.toml").read_text(encoding="utf-8"))
+        content = toml_beside(module, "dataset.toml")
         return cls(**{**content, "folders": tuple(content["folders"])})
 
-    def searched(self, data: str | Path | None) -> tuple[Path, ...]:
+    def searched(self, data: DataRoot) -> tuple[Path, ...]:
         """Folders in which the dataset may lie, best first."""
         root, _ = data_root(data)
         return (*(root / folder for folder in self.folders), root)
 
-    def find(self, data: str | Path | None, holds: str) -> Path:
+    def find(self, data: DataRoot, holds: str) -> Path:
         """The folder that holds the file or folder ``holds``, or a pattern; DataError names what was searched."""
         folders = self.searched(data)
         for folder in folders:
@@ -63,7 +64,7 @@ class Dataset:
             f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
         )
 
-    def status(self, data: str | Path | None, holds: str) -> "DataStatus":
+    def status(self, data: DataRoot, holds: str) -> "DataStatus":
         """Status of the folder that has ``holds``, still to be completed; without it the root is unknown."""
         try:
             root = self.find(data, holds)

@@ -9,6 +9,11 @@ from ..types import Bools, Detections, Floats, Ints, Truth, pieces_of, starts_of
 PERSON = 0.6, 0.6, 1.75  # m, length, width, height: nominal, the same for every person
 
 
+def unknown_velocity(rows: int) -> Floats:
+    """Velocities ``[R, 2]`` of boxes whose velocity is not measured: NaN."""
+    return np.full((rows, 2), np.nan)
+
+
 def backward_velocity(frame: Ints, object_id: Ints, position: Floats, time: Floats, period: float) -> Floats:
     """Velocities ``[R, 2]`` m/s since the object's position in the frame before; NaN if it was absent, or after a hole.
 
@@ -69,9 +74,9 @@ def people_truth(
 
 def people_detections(frame: Ints, place: Floats, score: Floats, frames: int) -> Detections:
     """Detections of people without velocities: ``frame`` ``[R]`` sorted, ``place`` ``[R, 2]`` m, ``score`` ``[R]``."""
-    unknown = np.full((len(frame), 2), np.nan)
     class_id = np.zeros(len(frame), dtype=np.int64)
-    return Detections(starts_of_sorted(frame, frames), person_boxes(place), unknown, class_id, score)
+    velocity = unknown_velocity(len(frame))
+    return Detections(starts_of_sorted(frame, frames), person_boxes(place), velocity, class_id, score)
 
 
 def extent(box: Floats) -> tuple[float, float, float, float] | None:

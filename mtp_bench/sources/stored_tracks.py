@@ -55,7 +55,7 @@ def with_stored(
     """
     order = np.argsort(frame, kind="stable")
     _, name = np.unique(identity, return_inverse=True)
-    _, number = np.unique(np.stack([name.reshape(-1), class_id]), axis=1, return_inverse=True)
+    _, number = np.unique(np.stack([name, class_id]), axis=1, return_inverse=True)
     number = number.reshape(-1)
     start = starts_of_sorted(frame[order], scene.frames)
     tracks = StoredTracks(start, box[order], velocity[order], class_id[order], score[order], number[order])

@@ -5,7 +5,6 @@ A panel holds lines, bars, dots with intervals, and levels.
 
 import io
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -14,16 +13,17 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..files import toml_beside
 from ..scoring.rows import Interval
 from ..types import Floats
 
 WIDTH, HEIGHT = 5.6, 3.3  # inches
 DOTS = 150  # per inch, of PNG files
-TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
+TEXTS = toml_beside(__file__, "texts.toml")
 COLORS: dict[str, str] = TEXTS["colors"]
 SERIES: tuple[str, ...] = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
-MARKERS: dict[str, str] = dict(zip(SERIES, "osDv^P*", strict=True))
-LINES: dict[str, str] = dict(zip(SERIES, ("-", "-", "--", "-", ":", "-.", "--"), strict=True))
+MARKERS = dict(zip(SERIES, "osDv^P*", strict=True))
+LINES = dict(zip(SERIES, ("-", "-", "--", "-", ":", "-.", "--"), strict=True))
 HATCHES = ("", "////", "..", "\\\\\\\\", "xxxx", "", "||||")
 _STYLE = Path(__file__).with_name("figure.mplstyle")
 

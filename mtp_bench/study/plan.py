@@ -72,9 +72,7 @@ def unique(settings: Iterable[Setting]) -> list[Setting]:
     return list(first.values())
 
 
-def make_plan(
-    names: Sequence[str], card: Card, hypotheses: Sequence[int] = HYPOTHESES, free: Sequence[int] = HYPOTHESES[1:]
-) -> StudyPlan:
+def make_plan(names: Sequence[str], card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> StudyPlan:
     """The plan for submissions on a card.
 
     ``hypotheses``: numbers of hypotheses to run an agent with, if it has such a parameter; ``free``: those of them to

@@ -59,7 +59,7 @@ class Submission(Manifest):
         parameters = {**self.parameters, **overrides}
         _check_parameters(self.name, function, parameters)
         agent: Agent = function(task, **parameters)
-        missing = [name for name in ("reset", "act") if not callable(getattr(agent, name, None))]
+        missing = missing_methods(agent)
         if missing:
             raise SubmissionError(
                 f"{self.name}: {self.agent} returned {type(agent).__name__!r} without {' and '.join(missing)}, "
@@ -211,8 +211,13 @@ def submission_of(agent: object) -> Submission:
     return ObjectSubmission.of(agent)
 
 
+def missing_methods(agent: object) -> list[str]:
+    """Names of the methods of an agent that an object lacks."""
+    return [name for name in ("reset", "act") if not callable(getattr(agent, name, None))]
+
+
 def _is_agent(given: object) -> bool:
-    return not isinstance(given, type) and all(callable(getattr(given, name, None)) for name in ("reset", "act"))
+    return not isinstance(given, type) and not missing_methods(given)
 
 
 def _without_task(kind: type) -> Callable[..., Any]:

@@ -11,6 +11,7 @@ from ..env.observation import Feed
 from ..errors import MtpBenchError, require_known
 from ..running.run import MakeAgent, agent_task
 from ..scoring import mean_plain_error, score_scene
+from ..submission.loader import missing_methods
 from ..types import Observation, Task, starts_of
 from .playing import AgentError, Finding, Suite, first_difference, play, play_made_up
 
@@ -63,7 +64,7 @@ def check_agent(
 
 def _builds(suite: Suite) -> Findings:
     agent: object = suite.agent()
-    missing = [name for name in ("reset", "act") if not callable(getattr(agent, name, None))]
+    missing = missing_methods(agent)
     if missing:
         got = f"{type(agent).__name__} without {' and '.join(missing)}"
         expected = "reset(task) and act(observation)"

@@ -10,7 +10,7 @@ import numpy as np
 from ..agent import Observation
 from ..errors import SubmissionError
 from ..tracks import UNBORN, Tracks
-from ..types import Bools, Floats, Ints, Task
+from ..types import NO_ROWS, Bools, Floats, Ints, Task
 
 
 class TrackReport(NamedTuple):
@@ -60,7 +60,7 @@ class Histories:
         past, taken = self._window(histories)
         return Tracks.of_one_hypothesis(
             np.array([report.id for report in reports], dtype=np.int64),
-            np.array([report.box for report in reports], dtype=np.float64).reshape(-1, 7),
+            np.array([report.box for report in reports]).reshape(-1, 7),
             np.array([report.class_id for report in reports], dtype=np.int64),
             score=np.array([one.scores / one.hits if one.hits else one.last_score for one in histories]),
             detection=np.array([report.detection for report in reports], dtype=np.int64),
@@ -126,10 +126,10 @@ class GivenTracker:
         """The stored tracks of this frame with their pasts, which a hole in time ends."""
         if self._task.after_hole(observation):
             self._histories = Histories(self._task.past)
-        rows = np.flatnonzero(np.asarray(observation["detection_valid"]))
-        ids, class_id = (np.asarray(observation[f"detection_{name}"]).tolist() for name in ("id", "class"))
-        box = np.asarray(observation["detection_box"], dtype=np.float64)
-        score = np.asarray(observation["detection_score"], dtype=np.float64)
+        rows = np.flatnonzero(observation["detection_valid"])
+        ids, class_id = (observation[f"detection_{name}"].tolist() for name in ("id", "class"))
+        box = observation["detection_box"].astype(np.float64)
+        score = observation["detection_score"].astype(np.float64)
         reports = [TrackReport(ids[i], box[i], class_id[i], float(score[i]), i, box[i]) for i in rows.tolist()]
         return self._histories.after(reports, score)
 
@@ -148,9 +148,9 @@ class TruthTracker:
         """The true objects of this frame with their true pasts, which a hole in time ends."""
         if self._task.after_hole(observation):
             self._frames.clear()
-        valid = np.asarray(observation["detection_valid"]).astype(bool)
-        box = np.asarray(observation["detection_box"], dtype=np.float64)[valid]
-        ids = np.asarray(observation["detection_id"], dtype=np.int64)[valid]
+        valid = observation["detection_valid"].astype(bool)
+        box = observation["detection_box"].astype(np.float64)[valid]
+        ids = observation["detection_id"].astype(np.int64)[valid]
         self._frames.append((ids, box))
         length = self._frames.maxlen or 1
         past = np.zeros((len(ids), length, 7))
@@ -163,8 +163,8 @@ class TruthTracker:
         return Tracks.of_one_hypothesis(
             ids,
             box,
-            np.asarray(observation["detection_class"], dtype=np.int64)[valid],
-            score=np.asarray(observation["detection_score"], dtype=np.float64)[valid],
+            observation["detection_class"].astype(np.int64)[valid],
+            score=observation["detection_score"].astype(np.float64)[valid],
             detection=np.arange(len(ids)),
             past=past,
             past_valid=taken >= 0,
@@ -181,12 +181,12 @@ class GivenIdentities:
     """
 
     def __init__(self) -> None:
-        self._track: Ints = np.zeros(0, dtype=np.int64)  # [N] object of each leaf
-        self._detection: Ints = np.zeros(0, dtype=np.int64)  # [D] object of each detection of this frame
+        self._track: Ints = NO_ROWS  # [N] object of each leaf
+        self._detection = NO_ROWS  # [D] object of each detection of this frame
 
     def observe(self, detection_id: Ints) -> None:
         """Take the objects [D] of the detections of the next frame; none of them occurs twice."""
-        self._detection = np.asarray(detection_id, dtype=np.int64)
+        self._detection = detection_id
 
     def free_pairs(self, indptr: Ints, column: Ints, gain: Floats) -> tuple[Ints, Ints, Floats]:
         """The pairs of tracks and detections that are both without an object; arguments as of `sparse_gains`."""

@@ -47,7 +47,7 @@ class BirdsEye:
 
     def centres(self, rectangle: Floats) -> Floats:
         """Centres [N, 2] x y, metres, of rectangles [N, 4] in pixels: those of the boxes inside."""
-        return np.asarray((rectangle[..., :2] + rectangle[..., 2:]) / (2 * self.scale))
+        return (rectangle[..., :2] + rectangle[..., 2:]) / (2 * self.scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ class OnlineTracker:
         if self._task.after_hole(observation):
             self._piece += 1
             self._begin()
-        rows = np.flatnonzero(np.asarray(observation["detection_valid"]))
+        rows = np.flatnonzero(observation["detection_valid"])
         seen = self._seen(observation, rows)
         reports: list[TrackReport] = []
         for group, update in zip(self._groups, self._updates, strict=True):
@@ -147,13 +147,13 @@ class OnlineTracker:
         return self._histories.after(reports, observation["detection_score"])
 
     def _seen(self, observation: Observation, rows: Ints) -> OnlineDetections:
-        box = np.asarray(observation["detection_box"], dtype=np.float64)[rows]
+        box = observation["detection_box"][rows].astype(np.float64)
         return OnlineDetections(
             box=box,
             rectangle=self._view.rectangles(box),
-            class_id=np.asarray(observation["detection_class"], dtype=np.int64)[rows],
-            score=np.asarray(observation["detection_score"], dtype=np.float64)[rows],
-            velocity=np.asarray(observation["detection_velocity"], dtype=np.float64)[rows],
+            class_id=observation["detection_class"][rows].astype(np.int64),
+            score=observation["detection_score"][rows].astype(np.float64),
+            velocity=observation["detection_velocity"][rows].astype(np.float64),
             time=float(observation["time"]),
             dt=float(observation["dt"]),
         )

@@ -159,20 +159,20 @@ def _per_class(least: float | Mapping[str, float] | None, task: Task) -> Floats:
 
 def _rows(observation: Observation, least: Floats) -> Ints:
     """The rows of the detections that count, of ``least`` score by class [C]."""
-    rows = np.flatnonzero(np.asarray(observation["detection_valid"]))
+    rows = np.flatnonzero(observation["detection_valid"])
     score, class_id = observation["detection_score"][rows], observation["detection_class"][rows]
     return rows[score >= least[class_id]]
 
 
 def _seen(observation: Observation, rows: Ints, measured: bool) -> Seen:
-    velocity = np.asarray(observation["detection_velocity"], dtype=np.float64)[rows] if measured else np.zeros((0, 2))
-    box, score = (np.asarray(observation[f"detection_{name}"], dtype=np.float64)[rows] for name in ("box", "score"))
-    return Seen(box, np.asarray(observation["detection_class"], dtype=np.int64)[rows], score, velocity, rows)
+    velocity = observation["detection_velocity"][rows].astype(np.float64) if measured else np.zeros((0, 2))
+    box, score = (observation[f"detection_{name}"][rows].astype(np.float64) for name in ("box", "score"))
+    return Seen(box, observation["detection_class"][rows].astype(np.int64), score, velocity, rows)
 
 
 def _greedy_where_asked(cost: Floats, class_id: Ints, parameters: tuple[ClassParameters, ...]) -> Ints:
     """Column of each row, -1 for none: cheapest pair first for greedy classes (AB3DMOT), else least total cost."""
-    column = np.full(len(cost), -1, dtype=np.int64)
+    column = np.full(len(cost), -1)
     for c, rule in enumerate(parameters):
         rows = np.flatnonzero(class_id == c)
         if rule.assignment == "hungarian":

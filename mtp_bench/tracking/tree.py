@@ -8,7 +8,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from ..types import Floats, Ints
+from ..types import NO_ROWS, Floats, Ints
 from .kernels.motion_kernels import STATE, predict, update_pairs
 from .kernels.tree_kernels import AGE, CLASS, HITS, ID, descend, distinct_rows, grow, histories
 
@@ -35,10 +35,10 @@ class HypothesisTree:
         self._hold(np.zeros((0, STATE)), np.zeros((4, 0), dtype=np.int64))
         self.score = np.zeros(0)  # [N] sum of the scores of the detections taken
         self.last_score = np.zeros(0)  # [N] of the last detection taken
-        self.age: Ints = np.zeros(0, dtype=np.int64)  # [N] frames since the first detection, this one included
-        self.detection: Ints = np.zeros(0, dtype=np.int64)  # taken in the last frame, -1: none
-        self.before: Ints = np.zeros(0, dtype=np.int64)  # [N] the leaf of the frame before, -1 at birth
-        self.member = np.ones((1, 0), dtype=np.bool_)  # [H, N]
+        self.age = NO_ROWS  # [N] frames since the first detection, this one included
+        self.detection = NO_ROWS  # taken in the last frame, -1: none
+        self.before = NO_ROWS  # [N] the leaf of the frame before, -1 at birth
+        self.member = np.ones((1, 0), dtype=bool)  # [H, N]
         self._name: Ints = np.zeros(1, dtype=np.int64)  # [H] equal for hypotheses that hold the same leaves
         self.next_id = next_id
         self._last, self._filled = -1, 0  # place of the last layer in the rings, and layers in them
@@ -92,7 +92,7 @@ class HypothesisTree:
 
     def covariance(self, leaf: Ints) -> Floats:
         """Covariances [n, 2, 2] of position (m) and velocity (m/frame) of the leaves [n], per axis."""
-        return np.asarray(self.state[leaf, 10:14].reshape(-1, 2, 2))
+        return self.state[leaf, 10:14].reshape(-1, 2, 2)
 
     def history(self, leaf: Ints) -> tuple[Floats, Ints]:
         """Boxes [n, P, 7] of the last P frames along the branches that end in ``leaf`` [n], and the rows taken.

@@ -28,8 +28,7 @@ class Answers:
     def shown(self) -> Bools:
         """Mask [N] of the tracks in the best hypothesis of their frame."""
         frame = self.rollout.tracks.frame_of_rows
-        chosen: Bools = self.hypotheses.member[np.arange(len(frame)), self.hypotheses.best[frame]]
-        return chosen
+        return self.hypotheses.member[np.arange(len(frame)), self.hypotheses.best[frame]]
 
     @cached_property
     def object_track(self) -> Ints:
@@ -53,7 +52,7 @@ class Answers:
     def earlier(self) -> Ints:
         """Row [N, H] of each track in the frame before, along the lineage of each hypothesis; -1 for a new track."""
         rollout, member = self.rollout, self.hypotheses.member
-        earlier = np.full(member.shape, -1, dtype=np.int64)
+        earlier = np.full(member.shape, -1)
         for t in range(1, rollout.frames):
             now, past = rollout.tracks.rows(t), rollout.tracks.rows(t - 1)
             i, j = np.nonzero(rollout.track_id[now][:, None] == rollout.track_id[past])

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..scoring.displacement import floored
 from ..scoring.events import pieces
@@ -103,22 +102,22 @@ class Focus:
 
     def _by_frame(self, own: Bools, frame: Ints) -> Ints:
         """Row [F] in each frame of those in the mask ``own``, -1 without one."""
-        rows = np.full(self.replay.frames, -1, dtype=np.int64)
+        rows = np.full(self.replay.frames, -1)
         rows[frame[own]] = np.flatnonzero(own)
         return rows
 
-    def place(self, t: int) -> NDArray[np.float64]:
+    def place(self, t: int) -> Floats:
         """Place [2] of the object at frame ``t``; in frames without it, its nearest known place in time."""
         known = np.flatnonzero(self.rows >= 0)
         if len(known):
             nearest = known[np.argmin(np.abs(known - t))]
-            return np.asarray(self.replay.scene.truth.box[self.rows[nearest], :2], dtype=np.float64)
+            return self.replay.scene.truth.box[self.rows[nearest], :2]
         row = self.track_rows(self.at.new_id)[t]
         return np.array(self.at.position[:2]) if row < 0 else self.replay.rollout.track_box[row, :2].astype(np.float64)
 
     def path(self, first: int, last: int) -> Floats:
         """Places [n, 2] of the object from frame ``first`` on until a gap or ``last``, forwards or backwards."""
-        return self.replay.scene.truth.box[self.until_gap(self.rows, first, last), :2].astype(np.float64)
+        return self.replay.scene.truth.box[self.until_gap(self.rows, first, last), :2]
 
     def future(self, t: int) -> Floats:
         """Places [n, 2] of the object within the horizon, now first."""
@@ -133,7 +132,7 @@ class Focus:
     def shown(self) -> Bools:
         """Tracks [N] that this hypothesis holds."""
         frame = self.replay.rollout.tracks.frame_of_rows
-        return np.asarray(self.replay.answers.hypotheses.member[np.arange(len(frame)), self.hypothesis[frame]])
+        return self.replay.answers.hypotheses.member[np.arange(len(frame)), self.hypothesis[frame]]
 
     def track_rows(self, track_id: int) -> Ints:
         """Row [F] of a track in each frame, -1 where it is not output."""
@@ -152,7 +151,7 @@ class Focus:
     @cached_property
     def truth_of_track(self) -> Ints:
         """True box [N + 1] that each track is matched to, -1 without one; -1 for row -1."""
-        rows = np.full(len(self.replay.rollout.track_id) + 1, -1, dtype=np.int64)
+        rows = np.full(len(self.replay.rollout.track_id) + 1, -1)
         matched = np.flatnonzero(self.track_of_truth >= 0)
         rows[self.track_of_truth[matched]] = matched
         return rows

@@ -230,7 +230,7 @@ def _things(focus: Focus) -> Floats:
     return np.concatenate([focus.future(at), *paths, places])
 
 
-def close_window(focus: Focus, t: int, beside: Sequence[Focus] = ()) -> Window:
+def close_window(focus: Focus, t: int, beside: Sequence[Focus]) -> Window:
     """Window of a small picture of frame ``t``: the object and its tracks from near, all at one scale."""
     shown = beside or (focus,)
     reach = max(1.2 + 0.8 * length_of(each) for each in shown)

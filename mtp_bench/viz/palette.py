@@ -2,14 +2,14 @@
 
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 
-BLACK: Color = (0, 0, 0)
-ORANGE: Color = (230, 159, 0)
-SKY: Color = (86, 180, 233)
-GREEN: Color = (0, 158, 115)
-YELLOW: Color = (240, 228, 66)
-BLUE: Color = (0, 114, 178)
-VERMILLION: Color = (213, 94, 0)
-PURPLE: Color = (204, 121, 167)
+BLACK = (0, 0, 0)
+ORANGE = (230, 159, 0)
+SKY = (86, 180, 233)
+GREEN = (0, 158, 115)
+YELLOW = (240, 228, 66)
+BLUE = (0, 114, 178)
+VERMILLION = (213, 94, 0)
+PURPLE = (204, 121, 167)
 
 TRUTH = GREEN
 DETECTION = ORANGE
@@ -22,4 +22,4 @@ EGO = BLACK
 
 # an event alone: its own parts are bright, all others dim
 BEFORE, NOW = BLUE, VERMILLION  # the track and the forecast before the event, and from it on
-DIM: Color = (190, 190, 190)
+DIM = (190, 190, 190)

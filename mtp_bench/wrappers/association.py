@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 from ..agent import Predictor, Presence
 from ..env.environment import MTPEnv
-from ..errors import ActionError, MtpBenchError, describe_problem
+from ..errors import ActionError, MtpBenchError
 from ..types import Action, Ints, Observation
-from .associator import CONTINUE, MOST_TRACKS, Associator, nearest
-
-Row = NDArray[np.float32]  # of a table
+from .associator import CONTINUE, MOST_TRACKS, Associator, Numbers, nearest
 
 
 @final
-class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, Action], RecordConstructorArgs):
+class AssociationOnly(gymnasium.Wrapper[Numbers, Ints, Observation, Action], RecordConstructorArgs):
     """The agent only associates: the tracks are kept and forecast for it.
 
     The action is a MultiDiscrete: for each of the M detections of the frame with the highest scores, in that order, 0
@@ -73,10 +71,10 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
             kinds = (int, float, np.integer, np.floating) if name == "near" else (int, np.integer)
             if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < np.inf:
                 expected = f"a {'finite' if name == 'near' else 'whole'} number above 0"
-                raise MtpBenchError(describe_problem(f"{name} is {value!r}", expected, "AssociationOnly"))
+                raise MtpBenchError(f"{name} is {value!r}, expected {expected} (AssociationOnly)")
         if choices > MOST_TRACKS:
             most = f"at most {MOST_TRACKS}, the number of tracks at a time"
-            raise MtpBenchError(describe_problem(f"choices is {choices}", most, "AssociationOnly"))
+            raise MtpBenchError(f"choices is {choices}, expected {most} (AssociationOnly)")
         RecordConstructorArgs.__init__(self, predictor=predictor, presence=presence, relative=relative, **given)
         untyped: Any = env  # Gymnasium types the inner env like the outer one
         gymnasium.Wrapper.__init__(self, untyped)
@@ -93,7 +91,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    ) -> tuple[Numbers, dict[str, Any]]:
         """The first frame, without tracks unless the env has ``target_frames``."""
         seen, info = self._env.reset(seed=seed, options=options)
         self._started = True
@@ -104,7 +102,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
                 player.act(player.nearest)
         return self._shown(seen), {**info, "absolute_reward": 0.0}
 
-    def step(self, action: Ints) -> tuple[NDArray[np.float32], SupportsFloat, bool, bool, dict[str, Any]]:
+    def step(self, action: Ints) -> tuple[Numbers, SupportsFloat, bool, bool, dict[str, Any]]:
         """Associate the detections that were shown, forecast the tracks, and show the next frame.
 
         Raises ActionError unless ``action`` is an array of choices, and ResetNeeded before the first `reset`.
@@ -121,15 +119,15 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         """The env's own reward of these choices [M] for the frame that is shown, which are not taken."""
         return self._inner.reward_of(self._own.preview(choice))
 
-    def table(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+    def table(self, observation: Numbers) -> Numbers:
         """The observation as one row per detection [M, 4 + C + 4 choices]."""
         return observation.reshape(self.shape)
 
-    def nearest(self, observation: NDArray[np.float32]) -> Ints:
+    def nearest(self, observation: Numbers) -> Ints:
         """The obvious choices [M]: the nearest track if there is one, else a new one."""
         return nearest(observation.reshape(-1, self.shape[1]), self._inner.task)
 
-    def _shown(self, seen: Observation) -> NDArray[np.float32]:
+    def _shown(self, seen: Observation) -> Numbers:
         tables = [player.look(seen) for player in self._players]
         return tables[0].ravel()
 
@@ -142,7 +140,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         if not self.action_space.contains(choice):
             shown = action.tolist() if isinstance(action, np.ndarray) else action
             expected = f"{self.shape[0]} whole numbers from 0 to {self.options - 1}"
-            raise ActionError(describe_problem(f"the choices are {reprlib.repr(shown)}", expected))
+            raise ActionError(f"the choices are {reprlib.repr(shown)}, expected {expected}")
         return choice
 
 
@@ -151,17 +149,17 @@ def _inner_of(env: gymnasium.Env[Any, Any]) -> MTPEnv:
     inner = env.unwrapped
     if not isinstance(inner, MTPEnv):
         expected = 'one of mtp_bench, such as gym.make("MTP-Roundabout-v0")'
-        raise MtpBenchError(describe_problem(f"the env is a {type(inner).__name__}", expected, "AssociationOnly"))
+        raise MtpBenchError(f"the env is a {type(inner).__name__}, expected {expected} (AssociationOnly)")
     for name in ("observation_space", "action_space"):
         space = getattr(env, name)
         if not isinstance(space, gymnasium.spaces.Dict):
             got, expected = f"the {name} of the env is a {type(space).__name__}", "the Dict that it has unwrapped"
-            raise MtpBenchError(describe_problem(got, expected, "AssociationOnly"))
+            raise MtpBenchError(f"{got}, expected {expected} (AssociationOnly)")
     return inner
 
 
 @final
-class PerDetection(gymnasium.Wrapper[Row, np.int64, Row, Ints], RecordConstructorArgs):
+class PerDetection(gymnasium.Wrapper[Numbers, np.int64, Numbers, Ints], RecordConstructorArgs):
     """One detection of `AssociationOnly` per step, so that one network decides for each detection alike.
 
     The observation is the detection's row of `AssociationOnly.table`, the action its choice. Detections come by falling
@@ -185,16 +183,18 @@ class PerDetection(gymnasium.Wrapper[Row, np.int64, Row, Ints], RecordConstructo
         self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, env.shape[1:], np.float32)
         self.action_space = gymnasium.spaces.Discrete(env.options)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Row, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Numbers, dict[str, Any]]:
         """The first detection of the first frame."""
         observation, info = self._env.reset(seed=seed, options=options)
         return self._begin(observation), {**info, "detection": 0}
 
-    def step(self, action: np.int64) -> tuple[Row, SupportsFloat, bool, bool, dict[str, Any]]:
+    def step(self, action: np.int64) -> tuple[Numbers, SupportsFloat, bool, bool, dict[str, Any]]:
         """Choose for the detection that was shown; ActionError unless ``action`` is a choice."""
         if not self.action_space.contains(action):
             expected = f"a whole number from 0 to {self._env.options - 1}"
-            raise ActionError(describe_problem(f"the choice is {action!r}", expected))
+            raise ActionError(f"the choice is {action!r}, expected {expected}")
         before, here = self._choice.copy(), self._place
         self._choice[here] = action
         if here + 1 < self._table[:, 0].sum():
@@ -206,7 +206,7 @@ class PerDetection(gymnasium.Wrapper[Row, np.int64, Row, Ints], RecordConstructo
         reward = float(reward) - self._earned
         return self._begin(observation), reward, terminated, truncated, {**info, "detection": 0}
 
-    def nearest(self, observation: Row) -> np.int64:
+    def nearest(self, observation: Numbers) -> np.int64:
         """The obvious choice: the nearest track if there is one, else a new one."""
         return np.int64(self._env.nearest(observation)[0])
 
@@ -217,7 +217,7 @@ class PerDetection(gymnasium.Wrapper[Row, np.int64, Row, Ints], RecordConstructo
             self._worths[key] = self._env.reward_of(choice)
         return self._worths[key]
 
-    def _begin(self, observation: Row) -> Row:
+    def _begin(self, observation: Numbers) -> Numbers:
         self._table, self._choice = self._env.table(observation), self._env.nearest(observation)
         self._place, self._earned, self._worths = 0, 0.0, dict[bytes, float]()
         return np.asarray(self._table[0])

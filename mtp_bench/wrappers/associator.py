@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from ..agent import Pipeline, Predictor, Presence
 from ..geometry import rotate
 from ..tracks import UNBORN, Tracks
-from ..types import Action, Floats, Ints, Observation, Task
+from ..types import NO_ROWS, Action, Floats, Ints, Observation, Task
 
+Numbers = NDArray[np.float32]  # from -1 to 1: an observation, the table of a frame, or a row of it
 FREE = -1  # identity of a slot without a track; as a slot: a new track
 IGNORE = 0  # the choice that leaves a detection out
 NEW = 1  # the choice that begins a track
@@ -20,7 +21,7 @@ _REACH = 100.0  # m; unit of observed positions
 OWN, _OF_TRACK = 4, 4  # columns of a detection beside its class, and of each track near it
 
 
-def nearest(table: NDArray[np.float32], task: Task) -> Ints:
+def nearest(table: Numbers, task: Task) -> Ints:
     """The obvious choices [M] of a table: the nearest track if there is one, else a new one."""
     return np.where(table[:, OWN + len(task.classes)] > 0, CONTINUE, NEW)
 
@@ -42,7 +43,7 @@ class Associator:
         """Begin a scene."""
         self._agent.reset(self._task)
 
-    def look(self, observation: Observation) -> NDArray[np.float32]:
+    def look(self, observation: Observation) -> Numbers:
         """The table of a frame, and the tracks that its detections may continue."""
         self._seen, slots = observation, self._slots
         if self._task.after_hole(observation):
@@ -120,7 +121,7 @@ class Slots:
         self.hits = np.zeros(n, dtype=np.int64)  # [N] detections
         self._score, self._last_score = np.zeros(n), np.zeros(n)  # [N] sum, and that of the last one
         self._past, self._taken = np.zeros((n, past, 7)), np.full((n, past), UNBORN)  # the last row is the last frame
-        self.choose(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+        self.choose(NO_ROWS, NO_ROWS)
 
     @property
     def expected(self) -> Floats:

@@ -136,7 +136,7 @@ LARGE = [
 
 
 def render(content: Table, width: int = TEXT_WIDTH) -> str:
-    console = Console(file=io.StringIO(), width=width)
+    console = Console(file=io.StringIO(), width=width, markup=False, highlight=False)
     show_table(content, console)
     stream: Any = console.file
     return str(stream.getvalue())

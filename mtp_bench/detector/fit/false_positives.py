@@ -15,7 +15,7 @@ from ..near import BESIDE, classes_of_same_noise, near_false_positives
 from ..profile import EVEN_RANKS, RANKS, SLOTS, ClassNoise, FreeFalsePositives, NearFalsePositives, Profile
 from ..quality import Qualities, draw_qualities
 from ..visibility import Sensor, covered, visibility_of
-from .quality import from_log_odds, nearest_parameters
+from .quality import from_log_odds, memory_of, nearest_parameters, rounded
 from .samples import FalsePositiveSamples, nearest_true_boxes
 
 NEAR = 3.0  # m: a false positive this near to a true box of its classes belongs to it
@@ -42,7 +42,7 @@ def fit_false_positives(
     noise = profile.classes[name]
     of_class = np.array([profile.noise_name(other) == name for other in classes])
     boxes = sum(int((covered(s.truth, s.ego, sensor) & of_class[s.truth.class_id]).sum()) for s in scenes)
-    near_rows = np.asarray(real.beside < NEAR)
+    near_rows = real.beside < NEAR
     near = _count_near(real, near_rows, boxes, profile.dt)
     free = _count_free(real, ~near_rows, sum(scene.frames for scene in scenes), profile.dt)
     if len(real.score) >= _FEW and near is not None and free is not None:
@@ -92,14 +92,12 @@ def _count_free(real: FalsePositiveSamples, free: Bools, frames: int, dt: float)
 
 
 def _quantiles(value: Floats, share: Sequence[float] | Floats = EVEN_RANKS) -> tuple[float, ...]:
-    return tuple(round(float(quantile), 4) for quantile in np.quantile(value, share))
+    return rounded(np.quantile(value, share))
 
 
 def _memory(lasting: float, constant: float, dt: float) -> dict[str, float]:
     """Shares of the variance from the log-odds of the lasting share, and of the constant share of that."""
-    last, stay = from_log_odds(lasting), from_log_odds(constant)
-    bias, ar = round(last * stay, 4), round(last * (1 - stay), 4)
-    return {"bias": bias, "ar": ar, "phi": round(float(np.exp(-dt / _FADES)), 4), "white": round(1.0 - bias - ar, 4)}
+    return memory_of(from_log_odds(lasting), from_log_odds(constant), float(np.exp(-dt / _FADES)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from ...geometry import wrap_angle
 from ...types import Bools, Floats
 from ..grid import Neighbours
 from ..profile import ClassNoise, HeadingNoise, PositionNoise, SizeNoise
-from .quality import NEIGHBOUR_LENGTH, fit_quality, random_part
+from .quality import NEIGHBOUR_LENGTH, fit_quality, memory_of, random_part
 from .samples import HEADING, HEIGHT, RADIAL, SIZE, TANGENTIAL, ObjectSamples
 
 Axis = tuple[float, float, float]  # s0, s1, gain
@@ -139,8 +139,7 @@ def _position_memory(objects: ObjectSamples, latent: Floats) -> dict[str, float]
         return np.asarray(np.array(weight) * (last * (stay + (1 - stay) * phi ** np.array(lags)) - correlation))
 
     last, stay, phi = least_squares(loss, (0.7, 0.5, 0.7), bounds=(0.0, (1.0, 1.0, 0.98))).x.tolist()
-    bias, ar = round(last * stay, 4), round(last * (1 - stay), 4)
-    return {"bias": bias, "ar": ar, "phi": round(phi, 4), "white": round(1.0 - bias - ar, 4)}
+    return memory_of(last, stay, phi)
 
 
 def _attenuation(nu: float) -> float:

@@ -68,25 +68,31 @@ def _margins(objects: ObjectSamples, floor: float, lapses: float) -> Quality:
     level[objects.hit] = np.maximum(np.searchsorted(cut, score, side="right"), 1)
     weight, latent = fit_ordered_levels(objects.feature, level, len(cut) + 1, lapses)
     return Quality(
-        bias=0.5, ar=0.3, phi=0.7, white=0.2, location=_rounded(weight),
+        bias=0.5, ar=0.3, phi=0.7, white=0.2, location=rounded(weight),
         lapses=Lapses(share=lapses, bias=0.5, phi=0.7, shared=0.5),
-        latent=_rounded(np.append(latent, latent[-1] + _BEST)), score=_rounded(np.append(cut, score.max())),
+        latent=rounded(np.append(latent, latent[-1] + _BEST)), score=rounded(np.append(cut, score.max())),
         floor=floor,
     )  # fmt: skip
 
 
-def _rounded(values: Floats) -> tuple[float, ...]:
+def rounded(values: Floats) -> tuple[float, ...]:
+    """Round numbers to the four digits that a profile has."""
     return tuple(round(float(value), 4) for value in values)
 
 
 def _with_memory(quality: Quality, unknown: Floats) -> Quality:
     """The quality with the memory given by log-odds ``unknown`` ``[7]``."""
     lasting, constant, phi, shared, *lapse = (from_log_odds(float(value)) for value in unknown)
-    bias, ar = round(lasting * constant, 4), round(lasting * (1 - constant), 4)
     names = ("bias", "phi", "shared")
-    lapses = quality.lapses.model_copy(update=dict(zip(names, _rounded(np.array(lapse)), strict=True)))
-    update = {"bias": bias, "ar": ar, "phi": round(phi, 4), "white": round(1.0 - bias - ar, 4)}
-    return quality.model_copy(update={**update, "shared": round(shared, 4), "lapses": lapses})
+    lapses = quality.lapses.model_copy(update=dict(zip(names, rounded(np.array(lapse)), strict=True)))
+    update = {**memory_of(lasting, constant, phi), "shared": round(shared, 4), "lapses": lapses}
+    return quality.model_copy(update=update)
+
+
+def memory_of(lasting: float, constant: float, phi: float) -> dict[str, float]:
+    """Fields of `Shares` from the lasting share of the variance, and the constant share of that."""
+    bias, ar = round(lasting * constant, 4), round(lasting * (1 - constant), 4)
+    return {"bias": bias, "ar": ar, "phi": round(phi, 4), "white": round(1.0 - bias - ar, 4)}
 
 
 class _QualitySimulation:

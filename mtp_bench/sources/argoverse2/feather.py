@@ -136,4 +136,4 @@ def turned(rotation: Floats, vector: Floats) -> Floats:
     """Vectors [R, 3] turned by unit quaternions [R, 4]."""
     axis = rotation[:, 1:]
     half = np.cross(axis, vector)
-    return np.asarray(vector + 2 * (rotation[:, :1] * half + np.cross(axis, half)))
+    return vector + 2 * (rotation[:, :1] * half + np.cross(axis, half))

@@ -1,6 +1,5 @@
 """Argoverse 2 in a card and in a folder: the section ``[source]``, official categories, logs and detection files."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -11,6 +10,7 @@ from pydantic import Field
 from ...cards import Card
 from ...cards.source import STORED_DETECTOR, DetectionsSection, Traits
 from ...errors import DataError
+from ...files import toml_beside
 from ..base import DataRoot, own_detections, section_of
 from ..dataset import Dataset
 
@@ -18,8 +18,8 @@ LOGS = "sensor/*"  # folders of the splits
 DETECTIONS = "detections/*.feather"
 DATASET = Dataset.of(__file__)
 NEUTRAL = "neutral "  # before the class that a detector reports
-_TABLE = Path(__file__).with_name("categories.toml").read_text(encoding="utf-8")
-CATEGORIES: Mapping[str, str] = MappingProxyType(tomllib.loads(_TABLE))  # official -> class, neutral or skipped
+# official -> class, neutral or skipped
+CATEGORIES: Mapping[str, str] = MappingProxyType(toml_beside(__file__, "categories.toml"))
 CLASSES = tuple(dict.fromkeys(word for word in CATEGORIES.values() if word != "skipped" and NEUTRAL not in word))
 
 

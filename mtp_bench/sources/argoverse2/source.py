@@ -9,7 +9,7 @@ from ...cards import Card
 from ...errors import DataError
 from ...types import Detections, Scene, Truth, starts_of_sorted
 from ..base import DataRoot, names_by_number, no_detections, require_classes, require_rate, section_of
-from ..motion import looking_back
+from ..motion import looking_back, unknown_velocity
 from ..stored_tracks import FEWER
 from ..text import SMALLEST, repeated
 from .feather import ANNOTATIONS, RATE, Sweeps
@@ -78,7 +78,7 @@ def scene_truth(sweeps: Sweeps, card: Card) -> tuple[Truth, dict[int, str]]:
     neutral = ~near | (table["num_interior_pts"] == 0) | np.isin(table.words["category"], like)
     row = np.argsort(frame, kind="stable")
     row = row[(frame >= first[number])[row]]
-    start, unknown = starts_of_sorted(frame[row], len(sweeps.time)), np.full((len(row), 2), np.nan)
+    start, velocity = starts_of_sorted(frame[row], len(sweeps.time)), unknown_velocity(len(row))
     eligible = np.ones(len(row), dtype=bool)
-    truth = Truth(start, box[row], unknown, class_id[row], number[row], eligible, neutral[row])
+    truth = Truth(start, box[row], velocity, class_id[row], number[row], eligible, neutral[row])
     return looking_back(truth, sweeps.time, sweeps.stride / RATE), names_by_number(number[row], name[row])

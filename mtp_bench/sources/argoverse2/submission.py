@@ -10,6 +10,7 @@ from ...cards import Card
 from ...errors import DataError, nearest
 from ...types import Bools, Detections, Floats, Ints, Scene, starts_of_sorted
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids, section_of
+from ..motion import unknown_velocity
 from ..stored_tracks import FEWER, with_stored
 from ..text import RowTable, repeated
 from .feather import BOX, PLACE, ROTATION, SIZE, TIME, Sweeps, read_feather
@@ -24,8 +25,8 @@ def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
     table, frame, class_id, box, near = read_boxes(path, sweeps, card, "score", log=sweeps.folder.name)
     row = np.argsort(frame, kind="stable")
     row = row[near[row]]
-    start, unknown = starts_of_sorted(frame[row], len(sweeps.time)), np.full((len(row), 2), np.nan)
-    return Detections(start, box[row], unknown, class_id[row], table["score"][row])
+    start = starts_of_sorted(frame[row], len(sweeps.time))
+    return Detections(start, box[row], unknown_velocity(len(row)), class_id[row], table["score"][row])
 
 
 def read_tracks(path: Path, sweeps: Sweeps, card: Card, scene: Scene) -> Scene:
@@ -33,10 +34,10 @@ def read_tracks(path: Path, sweeps: Sweeps, card: Card, scene: Scene) -> Scene:
     table, frame, class_id, box, near = read_boxes(path, sweeps, card, "score", "track_id", scene.name)
     if not near.any():
         raise DataError(f"{path} has no tracks of log {scene.name}, expected those of each log that is run; {FEWER}")
-    identity, unknown = table.words["track_id"], np.full((int(near.sum()), 2), np.nan)
+    identity, velocity = table.words["track_id"], unknown_velocity(int(near.sum()))
     twice = repeated(frame, identity, class_id)
     table.refuse(twice, "a second box of this track in its sweep, expected one", "track_id")
-    return with_stored(scene, frame[near], identity[near], class_id[near], box[near], table["score"][near], unknown)
+    return with_stored(scene, frame[near], identity[near], class_id[near], box[near], table["score"][near], velocity)
 
 
 def read_boxes(
@@ -62,7 +63,7 @@ def read_boxes(
     table, frame = table.select(used), frame[used]
     box = sweeps.boxes(table, frame)
     away = np.linalg.norm(box[:, :2] - sweeps.ego[frame, :2], axis=1)
-    return table, frame, class_id[used], box, np.asarray(away <= section_of(card, Argoverse2Source).reach)
+    return table, frame, class_id[used], box, away <= section_of(card, Argoverse2Source).reach
 
 
 def tracking_submission(

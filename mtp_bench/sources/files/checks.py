@@ -6,7 +6,7 @@ import numpy as np
 
 from ...cards import Card
 from ...errors import DataError
-from ...types import Bools, Floats, Ints
+from ...types import Floats, Ints
 from ..text import LIMIT, RADIANS, SMALLEST, TURN, RowTable, refuse, refuse_shared_place, repeated
 from .columns import BORDERS
 
@@ -114,6 +114,6 @@ def check_objects(table: RowTable, frame: Ints, number: Ints, classes: Sequence[
     name = table.words.get("id", number)
     refuse_shared_place(frame[used], table.matrix("x y")[used], name[used], lambda row: table.where(used[row]))
     order = used[np.lexsort((frame[used], number[used]))]
-    changed: Bools = np.zeros(len(kind), dtype=bool)
+    changed = np.zeros(len(kind), dtype=bool)
     changed[order[1:]] = (np.diff(number[order]) == 0) & (kind[order[1:]] != kind[order[:-1]])
     table.refuse(changed, lambda row: f"{str(kind[row])!r}, but this object has another class before", "class")

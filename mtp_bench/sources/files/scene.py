@@ -11,9 +11,9 @@ import numpy as np
 from ...cards import Card, FilesSource, instead_of_stored
 from ...errors import DataError, closest
 from ...similar import class_hint
-from ...types import ID_LIMIT, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
+from ...types import ID_LIMIT, NO_ROWS, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import CameraImage, class_ids, names_by_number, no_detections, section_of
-from ..motion import backward_velocity
+from ..motion import backward_velocity, unknown_velocity
 from ..text import RowTable
 from .checks import check_boxes, check_frames, check_objects, frame_index, scene_frames
 from .columns import BOX, FORMS, PICTURES, TABLES
@@ -158,7 +158,7 @@ def _usable_rows(
         parts = f"{name} of class {other!r}, which the task does not have", class_hint(other, classes)
         skipped[": ".join(filter(None, parts))] = number
     row = np.flatnonzero(used)
-    return np.asarray(row[np.argsort(frame[row], kind="stable")])
+    return row[np.argsort(frame[row], kind="stable")]
 
 
 def boxes_of(table: RowTable) -> Floats:
@@ -169,7 +169,7 @@ def boxes_of(table: RowTable) -> Floats:
 
 def velocities_of(table: RowTable) -> Floats:
     """Velocities ``[R, 2]``; NaN if the table has none."""
-    return table.matrix("vx vy") if table.has("vx") else np.full((len(table), 2), np.nan)
+    return table.matrix("vx vy") if table.has("vx") else unknown_velocity(len(table))
 
 
 def scores_of(table: RowTable) -> Floats:
@@ -190,10 +190,10 @@ def ids_of(table: RowTable) -> Ints:
     """
     words = table.words["id"]
     try:
-        number = words.astype(np.int64) if len(words) else np.zeros(0, dtype=np.int64)
+        number = words.astype(np.int64) if len(words) else NO_ROWS
         fits = not ((number < 0) | (number > ID_LIMIT)).any()
         if fits and np.array_equal(number.astype(np.str_), words):  # otherwise 1 and 01 would be one object
             return number
     except (ValueError, OverflowError):
         pass
-    return np.unique(words, return_inverse=True)[1].astype(np.int64)
+    return np.unique(words, return_inverse=True)[1]

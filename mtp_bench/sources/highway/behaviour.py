@@ -42,7 +42,7 @@ class OrnsteinUhlenbeck:
         push = [deviation * math.sqrt(1.0 - d**2) for deviation, d in zip(spread, decay, strict=True)]
         self._spread, self._decay, self._push = (np.array(values)[:, None] for values in (spread, decay, push))
         self._rng = rng
-        self._value: Floats = np.zeros((len(spread), 0))
+        self._value = np.zeros((len(spread), 0))
 
     def step(self, numbers: Ints) -> Floats:
         """Values ``[K, n]`` of the processes ``numbers`` ``[n]`` after ``dt`` seconds; others do not change."""
@@ -67,8 +67,8 @@ class _RandomPhases:
         rate, *ranges = (np.array(column) for column in zip(*kinds, strict=True))
         self._chance, self._dt, self._rng = rate[:, None] * dt, dt, rng
         self._ranges = [(low[:, None], (high - low)[:, None]) for low, high in (values.T for values in ranges)]
-        self._left: Floats = np.zeros((len(kinds), 0))
-        self._strength: Floats = np.zeros((len(kinds), 0))
+        self._left = np.zeros((len(kinds), 0))
+        self._strength = np.zeros((len(kinds), 0))
 
     def step(self, numbers: Ints) -> tuple[Bools, Floats]:
         """Masks ``[K, n]`` of ``numbers`` ``[n]`` in a phase of each kind, and the strength of their phases."""
@@ -118,7 +118,7 @@ class DriverBehaviour:
 
 def _stopping(closing: Floats, room: Floats) -> Floats:
     """Braking ``[N]``, m/s2, that ends ``closing`` speeds within ``room`` m."""
-    return np.asarray(np.maximum(closing, 0.0) ** 2 / (2.0 * np.maximum(room, 0.1)))
+    return np.maximum(closing, 0.0) ** 2 / (2.0 * np.maximum(room, 0.1))
 
 
 class PedestrianBehaviour:

@@ -100,10 +100,10 @@ def _near(a: _Path, b: _Path) -> _Path:
 def _zones(a: _Path, b: _Path) -> tuple[ConflictZone, ...]:
     a = _near(a, b)
     b = _near(b, a)
-    dx: Floats = a.xy[:, 0, None] - b.xy[:, 0]
-    dy: Floats = a.xy[:, 1, None] - b.xy[:, 1]
-    distance: Floats = np.sqrt(dx * dx + dy * dy)  # a norm along a short axis takes several times as long
-    close: Bools = distance < a.half[:, None] + b.half
+    dx = a.xy[:, 0, None] - b.xy[:, 0]
+    dy = a.xy[:, 1, None] - b.xy[:, 1]
+    distance = np.sqrt(dx * dx + dy * dy)  # a norm along a short axis takes several times as long
+    close = distance < a.half[:, None] + b.half
     return tuple(_zone(a, b, distance, close, run) for run in _runs(np.any(close, axis=1)))
 
 

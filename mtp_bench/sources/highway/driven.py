@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...errors import DataError
+from ...geometry import unit_vectors
 from ...types import Floats, Ints
 from .lanes import NO_LANE, RouteTable
 from .networks import RoadMap
@@ -232,7 +233,7 @@ def is_at_fault(ego: Floats, speed: float, other: Floats) -> bool:
 def hit_from_behind(ego: Floats, other: Floats) -> bool:
     """True if the ``other`` box ``[7]`` touches the rear of the ego, and not its front."""
     away = other[:2] - ego[:2]
-    ahead = away @ [np.cos(ego[3]), np.sin(ego[3])]
+    ahead = away @ unit_vectors(ego[3])
     turn = other[3] - ego[3]
     reach = (abs(np.cos(turn)) * other[4] + abs(np.sin(turn)) * other[5]) / 2
     return bool(ahead < 0 and ahead + reach < ego[4] / 2 and np.cos(turn) > 0.5)

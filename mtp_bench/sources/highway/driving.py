@@ -33,7 +33,7 @@ class Fleet:
 
     def __init__(self, vehicles: list[Driver], people: int, geometry: LaneGeometry) -> None:
         self.vehicles, self.people, n = vehicles, people, len(vehicles)
-        self.numbers: Ints = np.array([v.number for v in vehicles], dtype=np.int64)
+        self.numbers = np.array([v.number for v in vehicles], dtype=np.int64)
         traits = np.array([v.parameters for v in vehicles], dtype=np.float64).reshape(-1, 13)
         self.length, self.width, self.wheelbase = traits[:, :3].T.copy()  # [N]
         self.style = traits[:, 3:10]  # [N, 7] pace, top speed, time gap, least gap, acceleration, braking, politeness
@@ -91,7 +91,7 @@ class RoadState(Fleet):
         self.path_start = routes.path_start[route, lane] - self.s[:, None]  # [N, K] m from the vehicle to their start
         self.progress = routes.start[route, lane] + self.s  # [N] m from the start of the route
         self.velocity = np.concatenate([direction * self.speed, people_velocity], axis=1)  # [2, N + M]
-        self.finished: Bools = routes.last[route, lane] & (self.s > length[lane] - 1.0)  # [N] at the end of the route
+        self.finished = routes.last[route, lane] & (self.s > length[lane] - 1.0)  # [N] at the end of the route
 
 
 @dataclass(frozen=True, eq=False)

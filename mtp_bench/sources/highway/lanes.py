@@ -25,27 +25,27 @@ class LaneGeometry:
 
     def __init__(self, network: Any) -> None:
         lanes: dict[LaneIndex, Any] = network.lanes_dict()
-        self.index: tuple[LaneIndex, ...] = tuple(lanes)
-        self.lanes: tuple[Any, ...] = tuple(lanes.values())
-        self.number: dict[LaneIndex, int] = {index: k for k, index in enumerate(self.index)}
-        self.length: Floats = np.array([float(lane.length) for lane in self.lanes])
-        self.limit: Floats = np.array([float(lane.speed_limit) for lane in self.lanes])
-        self._arc: Bools = np.array([isinstance(lane, CircularLane) for lane in self.lanes])
+        self.index = tuple(lanes)
+        self.lanes = tuple(lanes.values())
+        self.number = {index: k for k, index in enumerate(self.index)}
+        self.length = np.array([float(lane.length) for lane in self.lanes])
+        self.limit = np.array([float(lane.speed_limit) for lane in self.lanes])
+        self._arc = np.array([isinstance(lane, CircularLane) for lane in self.lanes])
         arcs = [lane for lane in self.lanes if isinstance(lane, CircularLane)]
-        self._center: Floats = np.array([lane.center for lane in arcs], dtype=np.float64).reshape(-1, 2)
-        self.radius: Floats = np.full(len(self), np.inf)
-        self.turn: Floats = np.zeros(len(self))  # +1 to the right, -1 to the left, 0 straight on
-        self._phase: Floats = np.zeros(len(self))
+        self._center = np.array([lane.center for lane in arcs], dtype=np.float64).reshape(-1, 2)
+        self.radius = np.full(len(self), np.inf)
+        self.turn = np.zeros(len(self))  # +1 to the right, -1 to the left, 0 straight on
+        self._phase = np.zeros(len(self))
         self.radius[self._arc] = [lane.radius for lane in arcs]
         self.turn[self._arc] = [lane.direction for lane in arcs]
-        self.curvature: Floats = self.turn / self.radius  # change of heading per metre; waves count as straight
+        self.curvature = self.turn / self.radius  # change of heading per metre; waves count as straight
         self._phase[self._arc] = [lane.start_phase for lane in arcs]
         lines = [lane for lane in self.lanes if isinstance(lane, StraightLane)]
-        self._start: Floats = np.array([lane.start for lane in lines], dtype=np.float64).reshape(-1, 2)
-        self._along: Floats = np.array([lane.direction for lane in lines], dtype=np.float64).reshape(-1, 2)
-        self._heading: Floats = np.zeros(len(self))
+        self._start = np.array([lane.start for lane in lines], dtype=np.float64).reshape(-1, 2)
+        self._along = np.array([lane.direction for lane in lines], dtype=np.float64).reshape(-1, 2)
+        self._heading = np.zeros(len(self))
         self._heading[~self._arc] = [lane.heading for lane in lines]
-        self._wave: Floats = np.zeros((len(self), 3))  # amplitude, pulsation, phase
+        self._wave = np.zeros((len(self), 3))  # amplitude, pulsation, phase
         for k, lane in enumerate(self.lanes):
             if isinstance(lane, SineLane):
                 self._wave[k] = lane.amplitude, lane.pulsation, lane.phase
@@ -109,7 +109,7 @@ def lane_map(network: dict[LaneIndex, Any], loose: float = JOINT) -> tuple[Lane,
 def _polyline(lane: Any, lateral: float) -> Floats:
     """Points ``[n, 2]`` at a distance to the right of the middle, from the lane's start to its end."""
     stations = np.linspace(0.0, float(lane.length), max(math.ceil(float(lane.length) / _STEP), 1) + 1)
-    points: Floats = np.array([lane.position(float(s), lateral) for s in stations], dtype=np.float64)
+    points = np.array([lane.position(float(s), lateral) for s in stations], dtype=np.float64)
     points[:, 1] *= -1.0
     return points + 0.0
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...geometry import wrap_angle
 from ...types import Bools, Floats
 from . import walking
 from .behaviour import PedestrianBehaviour
@@ -66,10 +67,9 @@ class Crowd:
         self.people: list[Person] = []
         self._made = self._groups = 0
         self._xy: tuple[Floats, Floats] | None = None  # until somebody moves or comes
-        self._origin = np.array([c.origin for c in self._crossings], dtype=np.float64).reshape(-1, 2)
-        self._axes = np.array(
-            [(c.direction, (-c.direction[1], c.direction[0])) for c in self._crossings], dtype=np.float64
-        ).reshape(-1, 2, 2)  # rows: along, across
+        self._origin = np.array([c.origin for c in self._crossings]).reshape(-1, 2)
+        axes = [(c.direction, (-c.direction[1], c.direction[0])) for c in self._crossings]  # rows: along, across
+        self._axes = np.array(axes).reshape(-1, 2, 2)
         self._read()
         for _ in range(20 * most):
             if len(self.people) < most:
@@ -93,7 +93,7 @@ class Crowd:
         self._number, self._group, crossing = np.array(rows, dtype=np.int64).reshape(-1, 3).T
         self._start, self._turn = self._origin[crossing].T, self._axes[crossing].transpose(1, 2, 0).copy()
         self._pace, self._heading = np.array([(p.pace, p.heading) for p in people]).reshape(-1, 2).T
-        self._friends = (self._group[:, None] == self._group) & ~np.eye(len(people), dtype=np.bool_)
+        self._friends = (self._group[:, None] == self._group) & ~np.eye(len(people), dtype=bool)
         self._size = np.array([(p.size[2] / 2, 0.0, *p.size) for p in people]).reshape(-1, 5)  # z yaw l w h
         states = np.array([(*p.place, *p.velocity) for p in people], dtype=np.float64).reshape(-1, 2, 2)
         self._own = states.transpose(1, 2, 0).copy()  # [place, velocity; along, across; M]
@@ -247,6 +247,6 @@ def _turned_headings(heading: Floats, velocity: Floats, to_goal: Floats, waiting
     """Headings ``[M]`` after a step: people look where they walk, and at the road while they wait."""
     walks = np.hypot(*velocity) > 0.3
     x, y = np.where(walks, velocity, to_goal)
-    turn = (np.arctan2(y, x) - heading + np.pi) % (2 * np.pi) - np.pi
-    turned = (heading + np.where(walks, 0.35, 0.1) * turn + np.pi) % (2 * np.pi) - np.pi
+    turn = wrap_angle(np.arctan2(y, x) - heading)
+    turned = wrap_angle(heading + np.where(walks, 0.35, 0.1) * turn)
     return np.where(walks | ~waiting, turned.round(6) + 0.0, heading)

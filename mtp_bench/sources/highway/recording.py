@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...geometry import wrap_angle
-from ...types import Floats, Ints, Lane, Truth, starts_of_sorted
+from ...types import Floats, Lane, Truth, starts_of_sorted
 from .pedestrians import Crowd
 from .vehicles import Driver
 from .world import CLASSES, RATE, World
@@ -27,7 +27,7 @@ class Recording:
     def __init__(self, parked: Floats) -> None:
         """``parked`` ``[K, 7]``: boxes of cars that never move."""
         self._rows: list[Floats] = []
-        self._parked: Floats = np.zeros((len(parked), _COLUMNS))  # of frame 0
+        self._parked = np.zeros((len(parked), _COLUMNS))  # of frame 0
         self._parked[:, :7], self._parked[:, 9] = parked, CLASSES.index("car")
         self._parked[:, 10] = _PARKED_FROM + np.arange(len(parked))
 
@@ -120,8 +120,8 @@ def course_velocity(vehicles: Sequence[Any]) -> Floats:
 
 def _truth(rows: Floats, frames: int, renumbered: bool = True) -> Truth:
     start, class_id = starts_of_sorted(rows[:, 11].astype(np.int64), frames), rows[:, 9].astype(np.int64)
-    object_id: Ints = rows[:, 10].astype(np.int64)
+    object_id = rows[:, 10].astype(np.int64)
     if renumbered:
-        object_id = np.unique(object_id, return_inverse=True)[1].reshape(-1).astype(np.int64)
+        object_id = np.unique(object_id, return_inverse=True)[1]
     neutral = np.zeros(len(rows), dtype=np.bool_)
     return Truth(start, rows[:, :7].copy(), rows[:, 7:9].copy(), class_id, object_id, ~neutral, neutral)

@@ -150,7 +150,7 @@ def overlapping(box: Floats, still: int = 0) -> Ints:
     x, y, reach = box[:, 0], box[:, 1], np.hypot(box[:, 4], box[:, 5]) / 2
     moving = slice(len(box) - still)
     dx, dy = x[moving, None] - x, y[moving, None] - y
-    pairs: Ints = np.stack(np.nonzero(dx * dx + dy * dy < (reach[moving, None] + reach) ** 2), axis=1)
+    pairs = np.stack(np.nonzero(dx * dx + dy * dy < (reach[moving, None] + reach) ** 2), axis=1)
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     if len(pairs) == 0:
         return pairs

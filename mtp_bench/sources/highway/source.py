@@ -126,7 +126,7 @@ def ever_seen(truth: Truth, visible: Floats) -> Bools:
     order = np.argsort(truth.object_id, kind="stable")  # rows are sorted by frame
     object_id, in_view = truth.object_id[order], visible[order] >= IN_VIEW
     first = np.searchsorted(object_id, object_id)
-    views = starts_of(in_view.astype(np.int64))
+    views = starts_of(in_view)
     seen = np.empty(len(order), dtype=bool)
     seen[order] = views[1:] > views[first]
     return seen

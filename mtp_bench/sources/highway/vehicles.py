@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...geometry import wrap_angle
 from ...types import Floats
 from .library import Vehicle
 from .networks import Kerb, RoadMap
@@ -98,8 +99,8 @@ def round_states(vehicles: Sequence[Driver]) -> None:
 
 def _rounded(place: Floats, heading: Floats, speed: Floats) -> tuple[list[list[float]], list[float], list[float]]:
     """Rounded places ``[2, N]``, a pair each, headings and speeds."""
-    heading = np.remainder(heading + np.pi, 2 * np.pi) - np.pi
-    angles, speeds = ([round(value, 6) + 0.0 for value in column.tolist()] for column in (heading, speed))
+    columns = wrap_angle(heading), speed
+    angles, speeds = ([round(value, 6) + 0.0 for value in column.tolist()] for column in columns)
     return (place.T.round(6) + 0.0).tolist(), angles, speeds
 
 

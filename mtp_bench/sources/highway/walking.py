@@ -115,7 +115,7 @@ def slow_at_kerb(place: Floats, velocity: Floats, pavement: Pavement, on_sidewal
     outwards, room = _to_kerb(place, pavement)
     towards = _dot(velocity, outwards)
     excess = np.maximum(towards - np.sqrt(2.0 * _EASY_AT_KERB * np.maximum(room, 0.0)), 0.0) * on_sidewalk
-    return np.asarray(velocity - excess * outwards)
+    return velocity - excess * outwards
 
 
 def keep_off_road(place: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
@@ -145,10 +145,10 @@ def social_force(pairs: Pairs, velocity: Floats, to_goal: Floats, pace: Floats, 
     facing = -_dot(ahead, unit)
     strength = _PUSH * np.exp((APART - gap) / _RANGE) * (gap < _SIGHT) * np.where(friends, _FRIEND, 1.0)
     strength *= _BLIND + (1 - _BLIND) * (1 + facing) / 2
-    push: Floats = (strength * unit).sum(axis=1)
+    push = (strength * unit).sum(axis=1)
     to_middle = -(between * friends).sum(axis=1) / np.maximum(friends.sum(axis=0), 1)  # of the group
     pull = to_middle * np.where(np.hypot(*to_middle) > _TOGETHER, _PULL, 0.0)
-    force: Floats = (wanted - velocity) / _RELAX + push + pull
+    force = (wanted - velocity) / _RELAX + push + pull
     return limit_length(force, _STRONGEST)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...cards import Card
 from ...errors import DataError
+from ...geometry import unit_vectors
 from ...types import Floats, ImageField, Ints, Scene
 from ..base import CameraImage, DataRoot, section_of
 from .files import SENSOR_FROM_CAMERA, Oxts, read_calibration, read_imu_to_camera, read_odometry, read_oxts
@@ -46,7 +47,7 @@ class Poses:
     def to_world(self, box: Floats, frame: Ints) -> Floats:
         """Boxes ``[R, 7]`` seen in ``frame [R]``, brought to the world, where they stay upright."""
         rotation = self.rotation[frame]
-        heading = np.column_stack([np.cos(box[:, 3]), np.sin(box[:, 3]), np.zeros(len(box))])
+        heading = np.column_stack([unit_vectors(box[:, 3]), np.zeros(len(box))])
         heading = np.einsum("rij,rj->ri", rotation, heading)
         place = np.einsum("rij,rj->ri", rotation, box[:, :3]) + self.position[frame]
         return np.column_stack([place, np.arctan2(heading[:, 1], heading[:, 0]), box[:, 4:]])
@@ -54,7 +55,7 @@ class Poses:
     def to_sensor(self, box: Floats, frame: Ints) -> Floats:
         """Boxes ``[R, 7]`` of the world as seen in ``frame [R]``: the inverse of `to_world`."""
         rotation = self.rotation[frame]
-        heading = np.stack([np.cos(box[:, 3]), np.sin(box[:, 3])], axis=-1)
+        heading = unit_vectors(box[:, 3])
         # its shadow is the heading there
         heading = np.linalg.solve(rotation[:, :2, :2], heading[..., None])[..., 0]
         moved = (box[:, :3] - self.position[frame])[..., None]

@@ -10,8 +10,8 @@ import numpy as np
 from ...cards import Card
 from ...errors import DataError
 from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
-from ..base import no_detections, require_classes, require_rate, section_of
-from ..motion import central_velocity
+from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
+from ..motion import central_velocity, unknown_velocity
 from .files import DetectionRows, LabelRows, read_detections, read_labels, read_sequence_map
 from .layout import DATASET, LABELS, RENAME, SEQUENCE_MAP, TYPES, KittiSource, require_detector, split_names
 from .poses import FRAME_PERIOD, Poses, image_field, read_poses
@@ -28,7 +28,7 @@ class KittiTracking:
     Time is frame index x 0.1036 s.
     """
 
-    def __init__(self, card: Card, data: str | Path | None = None) -> None:
+    def __init__(self, card: Card, data: DataRoot = None) -> None:
         self.card = card
         self.section = section_of(card, KittiSource)
         self.root = DATASET.find(data, LABELS)
@@ -122,5 +122,5 @@ def detections_of(folder: Path, name: str, classes: Sequence[str], frames: Frame
     frame, box, score, class_id = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(frame, kind="stable")
     frame = frame[order]
-    box, unknown = frames.place(box[order], frame), np.full((len(frame), 2), np.nan)
-    return Detections(frames.starts(frame), box, unknown, class_id[order], score[order]), dict(+skipped)
+    box, velocity = frames.place(box[order], frame), unknown_velocity(len(frame))
+    return Detections(frames.starts(frame), box, velocity, class_id[order], score[order]), dict(+skipped)

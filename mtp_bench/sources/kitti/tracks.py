@@ -13,6 +13,7 @@ from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Ints, Scene
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids, section_of
+from ..motion import unknown_velocity
 from ..stored_tracks import FEWER, with_stored
 from ..text import read_table
 from .files import BOX_FIELDS, LABEL, RESULT, camera_fields, require_kinds, sensor_boxes
@@ -42,8 +43,8 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     box = sensor_boxes(table.matrix(BOX_FIELDS)[used])
     box = box if poses is None else poses.to_world(box, frame[used])
     score = table.numbers.get("score", np.full(len(frame), np.nan))[used]
-    unknown = np.full((len(box), 2), np.nan)
-    return with_stored(scene, frame[used] // stride, object_id[used], class_id[used], box, score, unknown)
+    velocity = unknown_velocity(len(box))
+    return with_stored(scene, frame[used] // stride, object_id[used], class_id[used], box, score, velocity)
 
 
 def result_lines(

@@ -13,7 +13,7 @@ from ...cards import Card, instead_of_stored
 from ...cards.source import SourceSection, Traits
 from ...errors import CardError, DataError, MissingDataError
 from ...types import Floats, Ints, Scene
-from ..base import no_detections, require_classes, require_rate, section_of
+from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
 from ..motion import middle, people_detections, people_truth
 from ..text import RowTable, read_table, read_text
@@ -62,7 +62,7 @@ class Mot3d:
     frame - 1) / frame rate. Truth rows with confidence 0 are neutral. Raises CardError or DataError.
     """
 
-    def __init__(self, card: Card, data: str | Path | None = None) -> None:
+    def __init__(self, card: Card, data: DataRoot = None) -> None:
         self.card = card
         self.section = section_of(card, Mot3dSource)
         require_classes(card, DATASET.name, ("pedestrian",))

@@ -2,7 +2,6 @@
 
 import glob
 import json
-import tomllib
 from collections.abc import Collection, Mapping
 from functools import cache
 from pathlib import Path
@@ -14,6 +13,7 @@ from pydantic import Field
 from ...cards import Card, instead_of_stored
 from ...cards.source import STORED_DETECTOR, DetectionsSection, Traits
 from ...errors import MissingDataError
+from ...files import toml_beside
 from ..base import own_detections, section_of
 from ..dataset import Dataset
 
@@ -32,7 +32,7 @@ ClassName = Literal[
 ]  # fmt: skip
 CLASSES: tuple[str, ...] = get_args(ClassName)  # class_id in the cache is an index into these
 
-_CATEGORIES = tomllib.loads(Path(__file__).with_name("classes.toml").read_text(encoding="utf-8"))
+_CATEGORIES = toml_beside(__file__, "classes.toml")
 CLASS_OF: dict[str, str] = _CATEGORIES["evaluated"]
 NEUTRAL_OF: dict[str, str] = _CATEGORIES["neutral"]
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...cards import Card
 from ...errors import DataError
+from ...geometry import unit_vectors
 from ...types import Floats, Lane, Scene
 from ..base import DataRoot, lane_around, section_of
 from ..text import read_json
@@ -125,6 +126,6 @@ def _points(part: _Path) -> Floats:
         turned = heading + curvature * along
         chord = along * np.sinc(curvature * along / (2 * np.pi))
         way = (heading + turned) / 2  # of a chord of the arc
-        points.append(points[-1][-1] + chord[:, None] * np.column_stack([np.cos(way), np.sin(way)]))
+        points.append(points[-1][-1] + chord[:, None] * unit_vectors(way))
         heading = float(turned[-1])
     return np.concatenate(points)

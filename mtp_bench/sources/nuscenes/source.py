@@ -10,7 +10,7 @@ from ...errors import DataError
 from ...types import Floats, Scene, Truth
 from ..base import DataRoot, Work, class_ids, names_by_number, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
-from ..motion import looking_back
+from ..motion import looking_back, unknown_velocity
 from .layout import CLASSES, DATASET, VERSIONS, NuScenesSource, detection_paths, require_maps, scenes_by_split
 from .store import open_tables
 from .submission import open_detections, scene_detections
@@ -79,5 +79,5 @@ def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bo
         known = np.isin(arrays["object_id"], arrays["object_id"][arrays["listed"]])
         keep, neutral, eligible = keep & known, neutral & ~known, arrays["listed"]
     start, box, object_id = (arrays[name] for name in ("start", "box", "object_id"))
-    truth = Truth(start, box, np.full((len(box), 2), np.nan), class_id, object_id, eligible, neutral).select(keep)
+    truth = Truth(start, box, unknown_velocity(len(box)), class_id, object_id, eligible, neutral).select(keep)
     return looking_back(truth, time, 1 / RATE)

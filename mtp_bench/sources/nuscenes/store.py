@@ -113,8 +113,7 @@ class TableStore:
     @cached_property
     def tokens(self) -> NDArray[np.bytes_]:
         """Tokens [N] of all samples."""
-        tokens: NDArray[np.bytes_] = self.cache.read(SAMPLES)["token"]
-        return tokens
+        return self.cache.read(SAMPLES)["token"]
 
     @property
     def row_of_token(self) -> dict[str, int]:

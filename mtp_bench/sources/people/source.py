@@ -8,7 +8,7 @@ from ...cards import Card
 from ...cards.source import SourceSection, Traits
 from ...errors import DataError
 from ...types import Floats, Ints, Scene
-from ..base import no_detections, require_classes, require_rate, section_of
+from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
 from ..motion import middle, people_truth
 from ..text import read_table
@@ -61,7 +61,7 @@ class People:
     the ego state is the middle of the recording's positions in whole metres. Raises CardError or DataError.
     """
 
-    def __init__(self, card: Card, data: str | Path | None = None) -> None:
+    def __init__(self, card: Card, data: DataRoot = None) -> None:
         require_classes(card, DATASET.name, ("pedestrian",))
         require_rate(card, DATASET.name, RATE)
         files = files_of(card)

@@ -10,7 +10,7 @@ from ...cards import Card, instead_of_stored
 from ...cards.source import SourceSection, Traits
 from ...errors import DataError, MissingDataError
 from ...types import Detections, Floats, Ints, Ragged, Scene, Truth, starts_of
-from ..base import no_detections, require_classes, require_rate, section_of
+from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
 from ..motion import people_detections, people_truth
 from ..text import RowTable, read_json, read_table
@@ -61,7 +61,7 @@ class Wildtrack:
     area in all frames. Velocities are backward differences, NaN if a person was absent in the frame before.
     """
 
-    def __init__(self, card: Card, data: str | Path | None = None) -> None:
+    def __init__(self, card: Card, data: DataRoot = None) -> None:
         """Find the scenes; raises CardError for other classes or another rate, and DataError if files are missing."""
         self.card = card
         self.section = section_of(card, WildtrackSource)

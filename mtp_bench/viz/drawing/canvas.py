@@ -11,18 +11,17 @@ from itertools import product
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from ...geometry import bev_corners, rotate
-from ...types import Floats
+from ...geometry import bev_corners, rotate, unit_vectors
+from ...types import Bools, Floats
 from ..framing import Window
 from ..palette import BLACK, EVENT, Color
 
-PAPER: Color = (247, 247, 247)  # beside a picture
-WHITE: Color = (255, 255, 255)
-GRAY: Color = (90, 90, 90)
-EDGE: Color = (200, 200, 200)
+PAPER = (247, 247, 247)  # beside a picture
+WHITE = (255, 255, 255)
+GRAY = (90, 90, 90)
+EDGE = (200, 200, 200)
 FINER = 2  # everything but text is drawn this much larger and then made smaller
 DASH = 4.0  # pixels
 FAR = 20.0  # pixels that a heading may stand out of the picture
@@ -67,17 +66,17 @@ class Canvas:
         """Pixels per metre."""
         return min(self.width / self.window.wide, self.height / self.window.high)
 
-    def pixels(self, xy: Floats) -> NDArray[np.float64]:
+    def pixels(self, xy: Floats) -> Floats:
         """Pixels [..., 2], y downwards, of places [..., 2] of the world, m."""
         moved = np.asarray(xy, dtype=np.float64) - [self.window.x, self.window.y]
         turned = rotate(moved, -self.window.turn) if self.window.turn else moved
-        return np.asarray(turned * [self.scale, -self.scale] + [self.width / 2, self.height / 2], dtype=np.float64)
+        return turned * [self.scale, -self.scale] + [self.width / 2, self.height / 2]
 
-    def inside(self, xy: Floats, margin: float | Floats = 0.0) -> NDArray[np.bool_]:
+    def inside(self, xy: Floats, margin: float | Floats = 0.0) -> Bools:
         """Places [..., 2] of the world that lie in the picture or at most ``margin`` pixels around it."""
         x, y = np.moveaxis(self.pixels(xy), -1, 0)
-        within = (x >= -margin) & (x <= self.width + margin) & (y >= -margin) & (y <= self.height + margin)
-        return np.asarray(within, dtype=bool)
+        within: Bools = (x >= -margin) & (x <= self.width + margin) & (y >= -margin) & (y <= self.height + margin)
+        return within
 
     def meets(self, xy: Floats) -> bool:
         """True if the rectangle around places [n, 2] of the world meets the picture."""
@@ -101,13 +100,11 @@ class Canvas:
                 self.stroke(corners[[0, 2]], mark.color, mark.width)
                 self.stroke(corners[[1, 3]], mark.color, mark.width)
             if mark.heading:
-                ahead = np.array([np.cos(row[3]), np.sin(row[3])]) * (row[4] / 2 + max(0.4, 0.25 * row[4]))
+                ahead = unit_vectors(row[3]) * (row[4] / 2 + max(0.4, 0.25 * row[4]))
                 front = corners[[0, 3]].mean(axis=0)
                 self.stroke(np.stack([front, self.pixels(row[:2] + ahead)]), mark.color, mark.width)
 
-    def stroke(
-        self, pixels: NDArray[np.float64], color: Color, width: float, alpha: int = 255, dashed: bool = False
-    ) -> None:
+    def stroke(self, pixels: Floats, color: Color, width: float, alpha: int = 255, dashed: bool = False) -> None:
         """Draw a polyline through ``pixels`` [n, 2], ``width`` pixels wide; ``alpha`` 255 is opaque."""
         thick = max(1, round(width * FINER))
         if dashed:
@@ -116,25 +113,25 @@ class Canvas:
         else:
             self.draw.line(_points(pixels), fill=(*color, alpha), width=thick, joint="curve" if thick > 3 else None)
 
-    def dot(self, pixel: NDArray[np.float64], radius: float, color: Color, alpha: int = 255) -> None:
+    def dot(self, pixel: Floats, radius: float, color: Color, alpha: int = 255) -> None:
         """Draw a disc around a pixel; ``radius`` in pixels."""
         self.draw.ellipse(_around(pixel, radius), fill=(*color, alpha))
 
-    def ring(self, pixel: NDArray[np.float64], radius: float) -> None:
+    def ring(self, pixel: Floats, radius: float) -> None:
         """Draw the mark of an event: a bright circle with a dark edge around a pixel; ``radius`` in pixels."""
         for wider, color, width in ((1.0, BLACK, 5.0), (0.0, EVENT, 3.0)):
             self.draw.ellipse(_around(pixel, radius + wider), outline=color, width=round(width * FINER))
 
-    def cross(self, pixel: NDArray[np.float64], reach: float, color: Color) -> None:
+    def cross(self, pixel: Floats, reach: float, color: Color) -> None:
         """Draw two crossed lines on a white edge; ``reach`` pixels to each side."""
         for line_color, width in ((WHITE, 5.0), (color, 2.5)):
             for side in (1.0, -1.0):
                 self.stroke(pixel + reach * np.array([[-1.0, -side], [1.0, side]]), line_color, width)
 
-    def circle(self, pixel: NDArray[np.float64], radius: float, color: Color) -> None:
+    def circle(self, pixel: Floats, radius: float, color: Color) -> None:
         """Draw a dashed circle around a pixel; ``radius`` in pixels."""
         angle = np.linspace(0.0, 2 * np.pi, 61)
-        self.stroke(pixel + radius * np.column_stack([np.cos(angle), np.sin(angle)]), color, 1.5, dashed=True)
+        self.stroke(pixel + radius * unit_vectors(angle), color, 1.5, dashed=True)
 
     def finished(self) -> Image.Image:
         """The picture reduced from FINER times its size; texts are drawn onto the result."""
@@ -154,16 +151,16 @@ def text_size(text: str, size: int) -> tuple[float, float]:
     return right - left, size * 1.2
 
 
-def _points(pixels: NDArray[np.float64]) -> list[tuple[float, ...]]:
+def _points(pixels: Floats) -> list[tuple[float, ...]]:
     return [tuple(p) for p in (pixels * FINER).tolist()]
 
 
-def _around(pixel: NDArray[np.float64], radius: float) -> list[float]:
+def _around(pixel: Floats, radius: float) -> list[float]:
     """Bounding square (left, top, right, bottom) of a circle, in pixels of the enlarged image."""
     return [*((pixel - radius) * FINER).tolist(), *((pixel + radius) * FINER).tolist()]
 
 
-def _dashes(path: NDArray[np.float64]) -> Iterable[tuple[Any, Any]]:
+def _dashes(path: Floats) -> Iterable[tuple[Any, Any]]:
     """Ends of the dashes along a polyline [n, 2] of pixels."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     cuts = np.linspace(0.0, along[-1], 2 * max(2, round(float(along[-1]) / (2 * DASH))))

@@ -91,7 +91,7 @@ class Log:
 
     def _rows(self, start: Ints) -> tuple[slice, Ints]:
         """The rows that are logged, and their number in each frame."""
-        start = np.asarray(start)[self.frames.start - self.first : self.frames.stop + 1 - self.first]
+        start = start[self.frames.start - self.first : self.frames.stop + 1 - self.first]
         return slice(int(start[0]), int(start[-1])), np.diff(start)
 
 
@@ -151,7 +151,7 @@ def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
     after = np.arange(len(before))  # a row without a successor follows itself
     after[before[before >= 0]] = np.flatnonzero(before >= 0)
     evaluated = np.flatnonzero(~truth.neutral)
-    row: Ints = evaluated
+    row = evaluated
     point = np.empty((len(row), future + 1, 3), dtype=np.float32)
     for k in range(future + 1):
         point[:, k] = truth.box[row, :3]

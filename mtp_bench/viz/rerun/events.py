@@ -22,7 +22,7 @@ from .shown import EVENTS, ROLES, SKY, SWITCH, UNKNOWN, UNTRACKED, Colors, Shown
 EVENT_FRAMES = 10  # frames that an event stays in the picture
 EVENT_SECONDS = 1.0  # that its mark on the time line lasts at least: so its name has room
 MOST = 4  # parts or tracks in a plot: the legend has no more room
-LIMIT: Color = (130, 130, 130)
+LIMIT = (130, 130, 130)
 PART_COLORS: tuple[Color, ...] = (  # of `PARTS`, in their order
     BLUE, (0, 150, 150), PURPLE, VERMILLION, UNKNOWN, (90, 115, 160), (166, 112, 0), ORANGE, SKY, (120, 94, 240),
     (215, 60, 60),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...geometry import rotate
+from ...geometry import rotate, unit_vectors
 from ...scoring.parts import named_parts, parts_text
 from ...types import Floats, Ints, starts_of
 from ..drawing.report import small_pictures
@@ -24,8 +24,7 @@ SIDES = {"truth": (0.0, 1.0), "now": (0.0, -1.0), "before": (-1.0, 0.0)}  # from
 BOLD, THIN, EDGE = -2.5, -0.6, -1.2  # half the width of lines: negative numbers are points of the screen
 LIFT = 0.3  # m, that lines lie above the ground of dim things
 CROSS = 0.3 * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])  # m, at an expected place
-ANGLES = np.linspace(0.0, 2 * np.pi, 49)
-CIRCLE = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+CIRCLE = unit_vectors(np.linspace(0.0, 2 * np.pi, 49))
 
 MOST_DETECTIONS = 3  # whose scores are shown
 

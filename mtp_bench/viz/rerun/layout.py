@@ -11,7 +11,6 @@ from ...cards import Card
 from ...types import Floats
 from ..framing import turn_of, window_of
 from ..incident import KINDS, Incident
-from ..palette import Color
 from .entities import EVENT
 from .events import curves_of, lanes
 from .sdk import rr, rrb
@@ -22,9 +21,9 @@ BACKGROUND = (18, 18, 24)
 # place of an eye in units of the reach; direction that is up there
 ABOVE, NORTH = (0.0, 0.0, 2.2), (0.0, 1.0, 0.0)
 ASIDE, UP = (-0.9, -1.0, 0.9), (0.0, 0.0, 1.0)  # of an oblique eye
-DARK: Color = (66, 66, 76)  # true boxes that are not of the event
-DARKER: Color = (46, 46, 54)  # detections and tracks
-DARKEST: Color = (34, 34, 42)  # forecasts
+DARK = (66, 66, 76)  # true boxes that are not of the event
+DARKER = (46, 46, 54)  # detections and tracks
+DARKEST = (34, 34, 42)  # forecasts
 ASPECT, NARROW = 1.9, 1.3  # width of the view of an event in units of its height; of one of several
 NEAR = 16.0  # m, half the side of what the views show around an event
 MOST_LANES = 3  # of objects in the first tab, without an event

@@ -21,15 +21,15 @@ Colors = NDArray[np.uint8]  # [..., 3] red green blue
 
 # What is right or wrong has a colour of its own, which no track takes.
 TRUTH = GREEN
-NEUTRAL: Color = (0, 79, 58)
+NEUTRAL = (0, 79, 58)
 DETECTION = YELLOW
-EGO: Color = (255, 255, 255)
-CENTER: Color = (44, 44, 52)
-BORDER: Color = (92, 92, 104)
-UNTRACKED: Color = (84, 84, 84)
-UNKNOWN: Color = (150, 150, 150)
-SWITCH: Color = (235, 70, 180)
-SKY: Color = (50, 145, 215)
+EGO = (255, 255, 255)
+CENTER = (44, 44, 52)
+BORDER = (92, 92, 104)
+UNTRACKED = (84, 84, 84)
+UNKNOWN = (150, 150, 150)
+SWITCH = (235, 70, 180)
+SKY = (50, 145, 215)
 TRACKS: tuple[Color, ...] = (  # a prime number of them: the ids of a switch seldom share one
     ORANGE, SKY, PURPLE, BLUE, (140, 150, 70), (166, 112, 0), (150, 130, 240),
 )  # fmt: skip
@@ -44,8 +44,7 @@ TOP_HYPOTHESES = 4
 def track_colors(track_id: Ints) -> Colors:
     """Colour [N, 3] of each track id [N]: the same in every frame and run; grey for -1."""
     table = np.array([*TRACKS, UNKNOWN], dtype=np.uint8)
-    ids = np.asarray(track_id)
-    return table[np.where(ids < 0, len(TRACKS), ids % len(TRACKS))]
+    return table[np.where(track_id < 0, len(TRACKS), track_id % len(TRACKS))]
 
 
 def packed(colors: Colors | Color) -> NDArray[np.uint32]:
@@ -96,7 +95,7 @@ class ShownAgent:
         return drawable(f"{self.name}: {text}" if self.name else text)
 
 
-def shown_agents(replays: Sequence[Replay], level: str, at: Incident | None = None) -> list[ShownAgent]:
+def shown_agents(replays: Sequence[Replay], level: str, at: Incident | None) -> list[ShownAgent]:
     """The runs of one scene, each with a name of its own; ``at``: an event of the first one, at which all look.
 
     The entities of the first run have no prefix, those of the others "agents/NAME/".

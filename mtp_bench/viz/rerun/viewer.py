@@ -40,7 +40,7 @@ def require_display() -> None:
         raise MtpBenchError(f"no display for the viewer: {OTHERWISE}")
 
 
-def show_recording(replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> None:
+def show_recording(replays: Sequence[Replay], level: str, at: Incident | None) -> None:
     """Open a viewer on runs of one scene, at the frame of ``at``; it stays when this process ends.
 
     Raises MtpBenchError without a display, and if the viewer does not start.

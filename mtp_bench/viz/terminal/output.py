@@ -19,7 +19,7 @@ TEXT_WIDTH = 80  # columns of reports
 def show(text: str) -> None:
     """Print a text unchanged, without markup; a terminal wraps it."""
     console = _console()
-    console.print(text, highlight=False, markup=False, crop=False, soft_wrap=not console.is_terminal)
+    console.print(text, crop=False, soft_wrap=not console.is_terminal)
 
 
 def show_lines(texts: Iterable[str], sign: str = "") -> None:
@@ -37,20 +37,21 @@ def command_line(*words: str, **options: object) -> str:
 
 def show_command(words: str) -> None:
     """Print a command as one line that can be pasted, however long it is."""
-    _console().print(words, highlight=False, markup=False, crop=False, soft_wrap=True)
+    _console().print(words, soft_wrap=True)
 
 
 def show_table(data: Table, console: "Console | None" = None, style: Callable[[Any], str] | None = None) -> None:
     """Print a table as `table_lines` makes it for the width of the terminal; ``style``: rich's style of a row."""
     console = console or _console()
-    console.print(data.title, style="bold", markup=False, highlight=False)
+    console.print(data.title, style="bold")
     for row, line in table_lines(data, console.width):
         look = style(row) if style is not None and row is not None else ""
-        console.print(line, style=look, markup=False, highlight=False, crop=False, soft_wrap=True)
+        console.print(line, style=look, soft_wrap=True)
 
 
 def _console() -> "Console":
     from rich.console import Console
 
-    # No emoji: ":x:" in a name is a name, and commands are pasted.
-    return Console(emoji=False) if sys.stdout.isatty() else Console(emoji=False, width=PIPE_WIDTH)
+    # Texts are shown as they are: ":x:" and "[red]" in a name are no emoji and no markup, and commands are pasted.
+    width = None if sys.stdout.isatty() else PIPE_WIDTH
+    return Console(emoji=False, markup=False, highlight=False, width=width)

@@ -1,10 +1,9 @@
 """Numbers of the paper, shown beside ours."""
 
-import tomllib
 from functools import cache
-from pathlib import Path
 from typing import Any
 
+from ...files import toml_beside
 from ...scoring.definitions import Subset
 from ...scoring.rows import Row
 from ...submission.loader import controls
@@ -44,5 +43,5 @@ def figures_of(env_id: str, role: str, budget: str, hypotheses: int) -> Figures:
 
 @cache
 def _paper_of(env_id: str) -> dict[str, Any]:
-    paper = tomllib.loads(Path(__file__).with_name("paper.toml").read_text(encoding="utf-8"))
+    paper = toml_beside(__file__, "paper.toml")
     return paper.get(paper["dataset"].get(env_id, ""), {})  # type: ignore[no-any-return]  # a table of TOML
