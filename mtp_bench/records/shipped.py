@@ -12,7 +12,7 @@ from ..errors import DataError
 from ..running.reference import frozen_reference
 from ..scoring import Reference
 from ..scoring.definitions import SUBSETS, Subset
-from ..strict import Section, read_toml, validate
+from ..strict import read_toml
 from ..submission.contents import digest_of, files_of
 from ..submission.loader import Submission, load_submission
 from .evaluation import scorer_digest
@@ -45,28 +45,17 @@ def shipped(env_id: str) -> Shipped | None:
     return Shipped(card.digest, card.simulated, card.task.samples, most, frozen.digest, _sums(frozen))
 
 
-class _EarlierScorer(Section):
-    definitions: str
-    golden: str
-    weights: dict[str, str]  # env id -> hash of the event weights
-
-
-class _EarlierScorers(Section):
-    earlier: list[_EarlierScorer]
-
-
 @cache
 def earlier_scorers() -> frozenset[tuple[str, str, str]]:
     """Read the earlier scorers whose numbers are those of today: env id, scorer digest, hash of the event weights.
 
-    Raises DataError if the file that lists them is broken.
+    Raises DataError if the file that lists them cannot be read.
     """
-    path = bundled("envs") / "reference" / "earlier.toml"
-    listed = validate(_EarlierScorers, read_toml(path, DataError), str(path), DataError)
+    listed = read_toml(bundled("envs") / "reference" / "earlier.toml", DataError)["earlier"]
     return frozenset(
-        (env_id, scorer_digest(each.definitions, each.golden), weights)
-        for each in listed.earlier
-        for env_id, weights in each.weights.items()
+        (env_id, scorer_digest(each["definitions"], each["golden"]), weights)
+        for each in listed
+        for env_id, weights in each["weights"].items()
     )
 
 
