@@ -98,8 +98,7 @@ def held_back(one: Checked, truths: Sequence[Checked]) -> str | None:
     looked_at = one.signed is not None and one.signed.statement.looked_at
     if one.on_hidden or looked_at or not truths:
         return None
-    objects = {subset: one.sums.row_of(subset).effective_objects for subset in SUBSETS}
-    ranked = (each for each in SUBSETS if why_not_on(each, objects[each], one.sums.unit_weight(each)) is None)
+    ranked = (subset for subset in SUBSETS if why_not_on(subset, one.sums_on(subset)) is None)
 
     def is_better(truth: Checked, subset: Subset) -> bool:
         difference = one.minus(truth, subset)

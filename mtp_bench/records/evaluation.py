@@ -177,8 +177,9 @@ def per_scene_of(table: AgentTable, subsets: Sequence[Subset] = SUBSETS) -> list
     """Sums of each unit on ``subsets``; the units of a scene are consecutive."""
     scores = table.setting.seeds[0]
     ends = np.cumsum([score.units for score in scores])[:-1]
-    weight = {name: np.split(table.unit_weight(table.weight[name]), ends) for name in subsets}
-    error = {name: np.split(table.errors(name), ends) for name in subsets}
+    sums = {name: table.sums_on(name) for name in subsets}
+    weight = {name: np.split(sums[name].weight, ends) for name in subsets}
+    error = {name: np.split(sums[name].error, ends) for name in subsets}
     return [
         ScenePart(
             scene=score.scene,

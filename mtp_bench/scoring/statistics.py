@@ -4,6 +4,7 @@ Units are recordings cut into blocks of at most 20 s. A weighted mean over targe
 ``numerator`` [U] and ``denominator`` [U], the weight of the targets.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -111,6 +112,20 @@ def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> Pai
     counted = (gap != 0) | (weight != 0)
     units = gap[counted].tobytes(), weight[counted].tobytes()
     return PairedDifference(mean, _chance(units[0]), units)
+
+
+@dataclass(frozen=True, eq=False)
+class UnitSums:
+    """Sums of one agent over the targets of each unit, on one subset."""
+
+    samples: int  # k, per object
+    weight: Floats  # [U] of the targets
+    error: Floats  # [U] m, weighted bADE
+    effective_objects: float
+
+    def minus(self, other: "UnitSums") -> PairedDifference | None:
+        """Return bADE minus that of ``other`` on the same targets, metres; None without targets."""
+        return paired_difference(self.error, other.error, self.weight)
 
 
 def beyond_rounding(one: Floats, other: Floats) -> Floats:
@@ -253,15 +268,16 @@ def _resamples(units: int) -> Floats:
 
 
 class Gap(NamedTuple):
-    """Share of the gap that is closed."""
+    """Share of a gap that is closed, or the reason why it is undefined."""
 
-    closed: float  # 0: as STP, 1: as from ground-truth tracks
-    parts: tuple[Floats, Floats]  # [U], [U] what is closed of each unit, and the gap
+    closed: float | None = None  # 0: as STP, 1: as from ground-truth tracks
+    parts: tuple[Floats, Floats] | None = None  # [U], [U] what is closed of each unit, and the gap
+    why: str | None = None  # it is undefined
 
     @property
     def interval(self) -> tuple[float, float] | None:
         """Interval of the share (95 %), over resampled units."""
-        return share_interval(*self.parts)
+        return None if self.parts is None else share_interval(*self.parts)
 
 
 def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: ArrayLike) -> Gap | None:
