@@ -22,10 +22,12 @@ from ..types import Rollout
 from .canonical import rounded
 from .record import DrivingPart, MissedPart, ReferencePart, ScenePart, ScorerPart, Status
 
-# of a row: they depend on other records, or are measured
-_BLANK = ("gap_blank_because", "association_gap_blank_because")
 _OF_RECORD = ("reference", "hypotheses", "rows", "nothing_predicted", "details", "per_scene", "driving")  # same name
-_LEFT_OUT = ("place", "rank_range", "unranked_because", "ms_per_frame", *_BLANK)
+LEFT_OUT = (  # fields of a row that depend on other records, or are measured
+    "place", "rank_range", "unranked_because", "gap_closed", "gap_interval", "gap_closed_same_predictor",
+    "gap_same_predictor_interval", "association_gap_closed", "association_gap_interval", "gap_blank_because",
+    "association_gap_blank_because", "ms_per_frame",
+)  # fmt: skip
 _COUNTS = ("targets", "effective_targets", "objects", "effective_objects", "scenes", "effective_units")  # of a row
 Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same order
 
@@ -199,4 +201,4 @@ def _score_scene(card: Card, data: str | None, rollouts: Sequence[Rollout]) -> t
 def _stored(row: Row) -> Row:
     """The row without fields that depend on other records, rounded to be equal on other machines."""
     kept = {name: rounded(value) for name, value in row.model_dump().items()}
-    return row.model_copy(update={**kept, **dict.fromkeys(_LEFT_OUT)})
+    return row.model_copy(update={**kept, **dict.fromkeys(LEFT_OUT)})

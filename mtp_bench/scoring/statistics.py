@@ -98,12 +98,20 @@ class PairedDifference(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """The 95 % interval that inverts the test: without 0 exactly if p < 0.05; None: unbounded."""
-        return _flipped(*self.units).interval
+        """The 95 % interval that inverts the test: without 0 exactly if p < 0.05; None: unbounded.
+
+        It is unbounded with fewer than six units.
+        """
+        return _test_interval(*self.units)
 
 
 def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> PairedDifference | None:
-    """Difference a - b of two means: numerators [U], [U], denominator [U]; None where that is 0 in all units."""
+    """Return the difference a - b of two means, and test its sum under random signs of the units.
+
+    Numerators ``a`` and ``b`` [U], ``denominator`` [U]: the weight of the units; None where that is 0 in all of them.
+    The test takes all 2^U signs up to EXACT_UNITS units, else FLIPS random ones and the observed one. Units without a
+    difference and a weight do not matter; p is 1 without any other unit.
+    """
     gap, weight = beyond_rounding(as_sums("a", a), as_sums("b", b)), as_sums("denominator", denominator)
     require_shape("denominator", weight, gap.shape)
     mean = ratio(gap.sum(), weight.sum())
@@ -160,38 +168,18 @@ def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | N
     return float(low), float(high)
 
 
-class SignFlipTest(NamedTuple):
-    """Two-sided test of a summed difference, and the interval of the mean difference that inverts it."""
-
-    p: float
-    interval: tuple[float, float] | None  # 95 %; None where it is unbounded, as with fewer than six units
-
-
-def sign_flip_test(difference: ArrayLike, weight: ArrayLike | None = None) -> SignFlipTest:
-    """Test the sum of ``difference`` [U] per unit under random signs of the units.
-
-    All 2^U signs up to EXACT_UNITS units; else FLIPS random ones and the observed one. ``weight`` [U] of the units,
-    without it 1: the interval holds the means m for which the differences minus m times the weights have p >= 0.05.
-    Units without a difference and a weight do not matter. p is 1 without any other unit.
-    """
-    gap = as_sums("difference", difference)
-    share = np.ones(len(gap)) if weight is None else as_sums("weight", weight)
-    require_shape("weight", share, gap.shape)
-    counted = (gap != 0) | (share != 0)
-    return _flipped(gap[counted].tobytes(), share[counted].tobytes())
-
-
 @lru_cache(maxsize=8192)  # a leaderboard needs a pair of agents for ranks and for differences
-def _flipped(difference: bytes, weight: bytes) -> SignFlipTest:
+def _test_interval(difference: bytes, weight: bytes) -> tuple[float, float] | None:
+    """Return the means m for which the differences minus m times the weights have p >= 0.05."""
     gap, share = np.frombuffer(difference), np.frombuffer(weight)
     if not gap.any():
-        return SignFlipTest(1.0, (0.0, 0.0) if len(gap) >= RANKED_UNITS else None)
+        return (0.0, 0.0) if len(gap) >= RANKED_UNITS else None
     signs, observed = _flips(len(gap))
     low, high = _ends(gap, share, signs @ np.stack([gap, share], axis=1))
     # as many flips must hold a mean for its p to be 0.05 or more
     least = int(np.ceil(SIGNIFICANT * (len(low) + observed) - 1e-9)) - observed
     interval = float(np.partition(low, least - 1)[least - 1]), float(np.partition(high, -least)[-least])
-    return SignFlipTest(_chance(difference), interval if np.isfinite(interval).all() else None)
+    return interval if np.isfinite(interval).all() else None
 
 
 @lru_cache(maxsize=8192)
