@@ -32,9 +32,12 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
 
     ``level``: its signed level; ``ships``: the shipped env of an id.
     """
-    why = why_entrant_unranked(record.row.budget, record.samples, record.env.observe, record.unfinished)
-    why = why or why_not_comparable(record, ships)
-    return why or _why_not_on_hidden(ships(record.env.id), level)
+    return (
+        record.unfinished
+        or why_entrant_unranked(record.row.budget, record.samples, record.env.observe)
+        or why_not_comparable(record, ships)
+        or _why_not_on_hidden(ships(record.env.id), level)
+    )
 
 
 def why_not_comparable(record: Record, ships: Ships = shipped) -> str | None:

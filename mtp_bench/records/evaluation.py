@@ -22,7 +22,7 @@ from ..types import Rollout
 from .canonical import rounded
 from .record import DrivingPart, MissedPart, ReferencePart, ScenePart, ScorerPart, Status
 
-_OF_RECORD = ("reference", "hypotheses", "rows", "nothing_predicted", "details", "per_scene", "driving")  # same name
+_OF_RECORD = ("hypotheses", "rows", "nothing_predicted", "details", "per_scene", "driving")  # same name
 LEFT_OUT = (  # fields of a row that depend on other records, or are measured
     "place", "rank_range", "unranked_because", "gap_closed", "gap_interval", "gap_closed_same_predictor",
     "gap_same_predictor_interval", "association_gap_closed", "association_gap_interval", "gap_blank_because",
@@ -40,7 +40,7 @@ class Evaluation:
     nothing_predicted: float | None
     details: dict[str, Any]  # as JSON
     per_scene: list[ScenePart]
-    reference: ReferencePart
+    reference: Reference
     scene_digests: tuple[str, ...]  # of the data that was scored, in the order of the scenes
     truth_complete: bool
     hypotheses: int
@@ -58,7 +58,11 @@ class Evaluation:
         ``missed`` in ``runs`` (scenes x seeds); ``scenes_of_split``: number of scenes of the split.
         """
         status, reason = status_of(len(self.per_scene), scenes_of_split, missed, runs)
+        weights = self.reference
         return {
+            "reference": ReferencePart(
+                name=weights.agent, hash=weights.digest, origin=weights.origin, frozen=weights.frozen
+            ),
             "scorer": ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
             "status": status,
             "status_reason": reason,
@@ -108,9 +112,7 @@ def evaluate(
         nothing_predicted=report.details[0].nothing_predicted,
         details=rounded(report.details[0].model_dump(mode="json")),
         per_scene=per_scene_of(table, [row.subset for row in rows]),
-        reference=ReferencePart(
-            name=reference.agent, hash=reference.digest, origin=reference.origin, frozen=reference.frozen
-        ),
+        reference=reference,
         scene_digests=tuple(digest for digest, _ in scored),
         truth_complete=table.complete,
         hypotheses=setting.hypotheses,
@@ -144,9 +146,7 @@ def _evaluate_drives(agent: str, card: Card, runs: Runs, reference: Reference, h
             ScenePart(scene=name, weight={**none, "all": [1.0]}, error={**none, "all": [error]})
             for name, error in zip(ways, errors, strict=True)
         ],
-        reference=ReferencePart(
-            name=reference.agent, hash=reference.digest, origin=reference.origin, frozen=reference.frozen
-        ),
+        reference=reference,
         scene_digests=tuple(f"{name} {way}" for name, way in ways.items()),
         truth_complete=True,
         hypotheses=hypotheses or stated,

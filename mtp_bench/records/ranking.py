@@ -4,7 +4,7 @@ Recorded envs are ranked by the sums of the records; simulated ones by those of 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from operator import itemgetter
 from typing import Any, TypeVar
@@ -114,21 +114,20 @@ def _standings_of_env(
     comparable = [each for each in entrants if each.not_comparable is None]
     main = _main_conditions(ranked or comparable)  # before a round: on public scenes
     peers = [each for each in comparable if each.conditions == main]
-    best = {each.baseline: each for each in sorted(filter(_is_finished, peers), key=_precedence)}
+    finished = [each for each in peers if each.record.status == "finished"]
+    best = {each.baseline: each for each in sorted(finished, key=_precedence)}
     truths = _truths(best)
     candidates = [each for each in ranked if each.conditions == main]
     held = [held_back(each, truths) for each in candidates]
     guards = [_guarded(each, best) for each in candidates]
-    of_candidates = places_on(subsets, candidates, held, guards)
-    places = {each.record.digest: dict.fromkeys(subsets, Place(why=each.unranked or OTHERS)) for each in entrants}
-    for each, of_each in zip(candidates, of_candidates, strict=True):
-        places[each.record.digest] = of_each
+    places = dict(zip(candidates, places_on(subsets, candidates, held, guards), strict=True))
     group = [each for each, why in zip(candidates, held, strict=True) if why is None]
     compared = group or [each for each in peers if each.unranked == NOT_ON_HIDDEN]
-    standing = {each.record.digest: Standing(places[each.record.digest], each in compared) for each in entrants}
-    for each in peers:
-        beside = _beside(each, best, subsets if _is_finished(each) else ())
-        standing[each.record.digest] = replace(standing[each.record.digest], **beside)
+    standing = {}
+    for each in entrants:
+        unplaced = dict.fromkeys(subsets, Place(why=each.unranked or OTHERS))
+        beside = _beside(each, best, subsets if each in finished else ()) if each in peers else {}
+        standing[each.record.digest] = Standing(places.get(each, unplaced), each in compared, **beside)
     return standing
 
 
@@ -144,10 +143,6 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
     signed, name = entrant.signed, entrant.baseline
     made = signed.seal.made if signed is not None and signed.seal is not None else ""
     return made, LEVELS.index(entrant.level), name == STP, name in baseline_names(), entrant.record.digest
-
-
-def _is_finished(entrant: _Entrant) -> bool:
-    return entrant.record.status == "finished"
 
 
 def _guarded(entrant: _Entrant, best: _Best) -> str | None:

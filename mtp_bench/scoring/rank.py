@@ -28,13 +28,13 @@ NO_GAP = "the gap is not significantly above 0"
 NO_TARGETS = "no targets"
 
 
-def why_unranked(budget: Budget, samples: int, observe: str, unfinished: str = "") -> str | None:
-    """Short reason why an agent is shown but not ranked; None if it is ranked.
+def why_unranked(budget: Budget, samples: int, observe: str) -> str | None:
+    """Return a short reason why an agent is shown but not ranked; None if it is ranked.
 
-    ``samples``: per object; ``observe``: the mode of the env; ``unfinished``: why not all of it was run.
+    ``samples``: per object; ``observe``: the mode of the env.
     """
     free = None if budget == "equal" else f"{samples} samples per object, not the env's own k"
-    return unfinished or _NEVER.get(observe, free)
+    return _NEVER.get(observe, free)
 
 
 def why_not_on(subset: Subset, sums: UnitSums) -> str | None:

@@ -116,18 +116,19 @@ def summarise(
         who = f"agents {agents[0].agent!r} and {setting.agent!r}"
         require_same_targets(agents[0].seeds[0], setting.seeds[0], who)
     beside = {id(table.setting): table for table in tables}
-    for agent, runs in (references or {}).items():
+    known = references or {}
+    for agent, runs in known.items():
         for each in filter(None, runs or ()):
             if id(each) not in beside:
                 who = f"{agents[0].agent!r} and a reference of {agent!r}"
                 require_same_targets(agents[0].seeds[0], each.seeds[0], who)
                 beside[id(each)] = agent_table(each, reference)
     ends = [_with_equal_budget(tables, name) for name in (stp, truth)]
-    pairs = [pairs_of(table, *ends, references or {}, beside) for table in tables]
+    pairs = [pairs_of(table, *ends, known, beside) for table in tables]
     others = [table for name in CONTROLS if (table := _with_equal_budget(tables, name)) is not None]
     rows = []
     for table, gaps, places in zip(tables, pairs, _places(tables, ends[0], pairs), strict=True):
-        runs = (references or {}).get(table.setting.agent) or References()
+        runs = known.get(table.setting.agent) or References()
         # the truth has no detections to associate
         associated = None if table.setting.observe == "truth" else runs.associated
         split = reference_errors(associated, runs.tracks, table.setting.samples)

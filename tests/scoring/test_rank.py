@@ -74,7 +74,6 @@ ENTRANTS = {
     "honest": (("equal", 10, "detections"), None),
     "true pasts": (("equal", 10, "truth"), "saw the truth"),
     "more samples": (("free", 40, "detections"), "40 samples per object, not the env's own k"),
-    "half a run": (("equal", 10, "truth", "3 of 9 scenes"), "3 of 9 scenes"),
 }
 
 
