@@ -160,8 +160,8 @@ def _pairs(entrant: _Entrant, best: _Best) -> GapPairs:
     def pair_of(names: tuple[str, str] | None) -> Pair:
         if names is None:
             return unstated
-        missing = names[1] if names[0] in best else names[0]
-        return Pair(*map(best.get, names), missing=f"no record of {missing} beside it")
+        stp, truth = map(best.get, names)
+        return Pair(stp, truth, f"no record of {names[0] if stp is None else names[1]} beside it")
 
     own = pair_of(own_ends(submission))
     return GapPairs(
@@ -180,14 +180,16 @@ def _beside(entrant: _Entrant, best: _Best, subsets: Sequence[Subset]) -> dict[s
         _defined({subset: pair.closed_by(entrant, subset).closed for subset in subsets}) for pair in pairs
     )
     stp = best.get(STP)
-    compares = stp is not None and stp is not entrant and stp.record.samples == entrant.record.samples
+    differences: dict[Subset, PairedDifference] = {}
+    if stp is not None and stp is not entrant and stp.record.samples == entrant.record.samples:
+        differences = _defined({subset: entrant.minus(stp, subset) for subset in subsets})
     return {
         "gaps": gaps,
         "gap_blank": pairs.kinematic.closed_by(entrant, "all").why or NO_GAP,
         "own_gaps": own_gaps,
         "association_gaps": association_gaps,
         "association_gap_blank": pairs.association.closed_by(entrant, "all").why or NO_GAP,
-        "differences": _defined({subset: entrant.minus(stp, subset) for subset in subsets}) if compares else {},
+        "differences": differences,
     }
 
 

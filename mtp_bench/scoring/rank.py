@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import require_finite, require_shape
+from ..types import Floats
 from .definitions import GUARD, GUARD_SIGNIFICANT, LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS, Subset
 from .rows import Budget
-from .statistics import Gap, UnitSums, beyond_rounding, effective_number, gap_closed, significant_pairs
+from .statistics import UnitSums, beyond_rounding, effective_number, share_interval, significant_pairs
 from .table import AgentScores, AgentTable
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
@@ -155,6 +156,37 @@ class References(NamedTuple):
     tracks: AgentScores | None = None  # ground-truth tracks, with as many samples as the agent draws
 
 
+class Gap(NamedTuple):
+    """Share of a gap that is closed, or the reason why it is undefined."""
+
+    closed: float | None = None  # 0: as STP, 1: as from ground-truth tracks
+    parts: tuple[Floats, Floats] | None = None  # [U], [U] what is closed of each unit, and the gap
+    why: str | None = None  # it is undefined
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Interval of the share (95 %), over resampled units."""
+        return None if self.parts is None else share_interval(*self.parts)
+
+
+def gap_closed(agent: UnitSums, stp: UnitSums, truth: UnitSums) -> Gap:
+    """Return the share (E_STP - E) / (E_STP - E_GT) that an agent closes on one subset.
+
+    ``stp``: of STP, ``truth``: of STP on ground-truth tracks, both on the targets of the agent. It is undefined without
+    targets, where numbers of samples differ, and unless STP is significantly worse than ground-truth tracks.
+    """
+    if len({agent.samples, stp.samples, truth.samples}) > 1:
+        return Gap(why=f"{agent.samples} samples per object, its references have {stp.samples}")
+    difference = stp.minus(truth)
+    if difference is None:
+        return Gap(why=NO_TARGETS)
+    if difference.mean <= 0 or not difference.significant:
+        return Gap(why=NO_GAP)
+    closed = stp.error - agent.error
+    gap = stp.error - truth.error
+    return Gap(float(closed.sum() / gap.sum()), (closed, gap))
+
+
 class Pair(NamedTuple):
     """The agents between which a gap is closed; None if one is absent."""
 
@@ -166,12 +198,7 @@ class Pair(NamedTuple):
         """Return the share of the gap that an agent closes, or the reason why it is undefined."""
         if self.stp is None or self.truth is None:
             return Gap(why=self.missing)
-        own, high, low = (each.sums_on(subset) for each in (agent, self.stp, self.truth))
-        if len({own.samples, high.samples, low.samples}) > 1:
-            return Gap(why=f"{own.samples} samples per object, its references have {high.samples}")
-        if not own.weight.any():
-            return Gap(why=NO_TARGETS)
-        return gap_closed(own.error, high.error, low.error, high.weight) or Gap(why=NO_GAP)
+        return gap_closed(*(each.sums_on(subset) for each in (agent, self.stp, self.truth)))
 
 
 class GapPairs(NamedTuple):
@@ -200,8 +227,8 @@ def pairs_of(
     kinematic = runs.single is not None and stp is not None and runs.single.agent == stp.setting.agent
     return GapPairs(
         kinematic=Pair(stp, truth) if kinematic else Pair(missing=NOT_KINEMATIC),
-        own=Pair(*of[:2]),
-        association=Pair(missing=SAW_TRUTH) if table.setting.observe == "truth" else Pair(*of[2:4]),
+        own=Pair(of[0], of[1]),
+        association=Pair(missing=SAW_TRUTH) if table.setting.observe == "truth" else Pair(of[2], of[3]),
     )
 
 

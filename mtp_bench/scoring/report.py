@@ -123,16 +123,17 @@ def summarise(
                 who = f"{agents[0].agent!r} and a reference of {agent!r}"
                 require_same_targets(agents[0].seeds[0], each.seeds[0], who)
                 beside[id(each)] = agent_table(each, reference)
-    ends = [_with_equal_budget(tables, name) for name in (stp, truth)]
-    pairs = [pairs_of(table, *ends, known, beside) for table in tables]
+    stp_table = _with_equal_budget(tables, stp)
+    truth_table = _with_equal_budget(tables, truth)
+    pairs = [pairs_of(table, stp_table, truth_table, known, beside) for table in tables]
     others = [table for name in CONTROLS if (table := _with_equal_budget(tables, name)) is not None]
     rows = []
-    for table, gaps, places in zip(tables, pairs, _places(tables, ends[0], pairs), strict=True):
+    for table, gaps, places in zip(tables, pairs, _places(tables, stp_table, pairs), strict=True):
         runs = known.get(table.setting.agent) or References()
         # the truth has no detections to associate
         associated = None if table.setting.observe == "truth" else runs.associated
         split = reference_errors(associated, runs.tracks, table.setting.samples)
-        rows += [_row(table, subset, ends[0], gaps, split, places[subset]) for subset in table.subsets]
+        rows += [_row(table, subset, stp_table, gaps, split, places[subset]) for subset in table.subsets]
     return Report(
         env=card.id,
         definitions=DEFINITIONS,
@@ -210,8 +211,9 @@ def _row(
     covered = float((weight * table.covered).sum())
     sums = table.sums_on(subset)
     fixed = ratio(sum(score.fixed_error for score in table.scores) / len(setting.seeds), len(table.unit))
-    has_stp = stp is not None and stp.setting.samples == setting.samples
-    to_stp = sums.minus(stp.sums_on(subset)) if has_stp else None
+    to_stp = None
+    if stp is not None and stp.setting.samples == setting.samples:
+        to_stp = sums.minus(stp.sums_on(subset))
 
     def mean(value: Any) -> float | None:
         return ratio(float((value * weight).sum()), total)

@@ -253,30 +253,3 @@ def _resamples(units: int) -> Floats:
     rng = np.random.default_rng([_SEED, units])
     counts = rng.multinomial(units, np.full(units, 1.0 / units), size=RESAMPLES)
     return counts.astype(np.float64)
-
-
-class Gap(NamedTuple):
-    """Share of a gap that is closed, or the reason why it is undefined."""
-
-    closed: float | None = None  # 0: as STP, 1: as from ground-truth tracks
-    parts: tuple[Floats, Floats] | None = None  # [U], [U] what is closed of each unit, and the gap
-    why: str | None = None  # it is undefined
-
-    @property
-    def interval(self) -> tuple[float, float] | None:
-        """Interval of the share (95 %), over resampled units."""
-        return None if self.parts is None else share_interval(*self.parts)
-
-
-def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: ArrayLike) -> Gap | None:
-    """Share (E_STP - E) / (E_STP - E_GT) from bADE summed over the targets of each unit [U].
-
-    ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on ground-truth tracks, all with the same k;
-    ``weight`` [U] of the targets. None unless STP is significantly worse than ground-truth tracks.
-    """
-    whole = paired_difference(stp, truth, weight)
-    if whole is None or whole.mean <= 0 or not whole.significant:
-        return None
-    high = as_sums("stp", stp)
-    closed, gap = high - as_sums("error", error), high - as_sums("truth", truth)
-    return Gap(float(closed.sum() / gap.sum()), (closed, gap))

@@ -66,7 +66,7 @@ def test_the_order_of_agents_does_not_matter_and_places_fit_their_ranges(seed: i
     order = rng.permutation(5)
     assert rank_by_error(sums[order], weight) == [ranks[i] for i in order]
     assert [rank.place for rank in ranks] == (1 + np.argsort(np.argsort(sums.sum(axis=1)))).tolist()
-    assert all(low <= place <= high for place, (low, high), _ in ranks)
+    assert all(rank.span and rank.place and rank.span[0] <= rank.place <= rank.span[1] for rank in ranks)
     assert rank_by_error(sums - 0.5, weight) == ranks  # everyone, in every unit: nothing changes
 
 

@@ -8,7 +8,8 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import ArrayLike
 
 from mtp_bench.scoring import bootstrap_interval, paired_difference
-from mtp_bench.scoring.statistics import PairedDifference, gap_closed, share_interval, significant_pairs
+from mtp_bench.scoring.rank import NO_GAP, gap_closed
+from mtp_bench.scoring.statistics import PairedDifference, UnitSums, share_interval, significant_pairs
 
 steady = settings(derandomize=True, deadline=None, max_examples=25)
 
@@ -89,7 +90,8 @@ def test_an_error_without_weight_changes_no_other_pair() -> None:
 @pytest.mark.parametrize("gain", [[1.0, -1.0, 1.0, -1.0, 1.0, -0.9], [0.0] * 6, [-1.0] * 6, [1.0], [1.0, 1.0]], ids=str)
 def test_there_is_no_gap_unless_the_pipeline_is_surely_worse_than_true_pasts(gain: list[float]) -> None:
     truth = np.full(len(gain), 3.0)
-    assert gap_closed(truth, truth + gain, truth, np.ones(len(gain))) is None
+    sums = [UnitSums(10, np.ones(len(gain)), error, 1.0) for error in (truth, truth + gain, truth)]
+    assert gap_closed(*sums).why == NO_GAP
 
 
 def test_the_interval_of_a_share() -> None:
