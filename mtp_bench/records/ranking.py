@@ -126,7 +126,9 @@ def _standings_of_env(
     standing = {}
     for each in entrants:
         unplaced = dict.fromkeys(subsets, Place(why=each.unranked or OTHERS))
-        beside = _beside(each, best, subsets if each in finished else ()) if each in peers else {}
+        beside: dict[str, Any] = {}
+        if each in peers:
+            beside = _beside(each, best, subsets if each in finished else ())
         standing[each.record.digest] = Standing(places.get(each, unplaced), each in compared, **beside)
     return standing
 
@@ -146,13 +148,13 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
 
 
 def _guarded(entrant: _Entrant, best: _Best) -> str | None:
-    """Reason why a record is not ranked on event subsets, from those of STP and of STP with its own predictor."""
+    """Return why a record is not ranked on event subsets, from those of STP and of STP with its own predictor."""
     stp = best.get(STP)
     return "no record of stp beside it" if stp is None else guard(entrant, stp, _pairs(entrant, best).own.stp)
 
 
 def _pairs(entrant: _Entrant, best: _Best) -> GapPairs:
-    """Records between which the gaps of a record are closed."""
+    """Return the records between which the gaps of a record are closed; ``best`` holds the reference agents."""
     submission = entrant.record.submission
     other = submission.gap_references == "own"
     unstated = Pair(missing="no reference with its predictor ships" if other else UNSTATED)
@@ -164,17 +166,14 @@ def _pairs(entrant: _Entrant, best: _Best) -> GapPairs:
         return Pair(stp, truth, f"no record of {names[0] if stp is None else names[1]} beside it")
 
     own = pair_of(own_ends(submission))
-    return GapPairs(
-        kinematic=Pair(missing=NOT_KINEMATIC) if other else own,
-        own=own,
-        association=Pair(missing=SAW_TRUTH)
-        if entrant.record.env.observe == "truth"
-        else pair_of(own_ends(submission, "associated")),
-    )
+    kinematic = Pair(missing=NOT_KINEMATIC) if other else own
+    if entrant.record.env.observe == "truth":
+        return GapPairs(kinematic, own, Pair(missing=SAW_TRUTH))
+    return GapPairs(kinematic, own, pair_of(own_ends(submission, "associated")))
 
 
 def _beside(entrant: _Entrant, best: _Best, subsets: Sequence[Subset]) -> dict[str, Any]:
-    """Fields of a `Standing`: gaps that a record closes, why others are missing, and differences to STP."""
+    """Return fields of a `Standing`: gaps with reasons of missing ones, and differences to STP."""
     pairs = _pairs(entrant, best)
     gaps, own_gaps, association_gaps = (
         _defined({subset: pair.closed_by(entrant, subset).closed for subset in subsets}) for pair in pairs

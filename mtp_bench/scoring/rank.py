@@ -223,12 +223,12 @@ def pairs_of(
     runs = references[agent]
     if runs is None:
         return GapPairs(*[Pair(missing=UNSTATED)] * 3)
-    of = [None if each is None else tables[id(each)] for each in runs]
+    ends = [None if run is None else tables[id(run)] for run in runs]
     kinematic = runs.single is not None and stp is not None and runs.single.agent == stp.setting.agent
     return GapPairs(
         kinematic=Pair(stp, truth) if kinematic else Pair(missing=NOT_KINEMATIC),
-        own=Pair(of[0], of[1]),
-        association=Pair(missing=SAW_TRUTH) if table.setting.observe == "truth" else Pair(of[2], of[3]),
+        own=Pair(ends[0], ends[1]),
+        association=Pair(missing=SAW_TRUTH) if table.setting.observe == "truth" else Pair(ends[2], ends[3]),
     )
 
 
