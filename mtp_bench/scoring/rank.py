@@ -57,7 +57,7 @@ def why_not_on(subset: Subset, sums: UnitSums) -> str | None:
 
 
 class HasSums(Protocol):
-    """An agent of a comparison, or a record: whatever has sums over units."""
+    """Agent of a comparison, or record, with sums over units."""
 
     def sums_on(self, subset: Subset) -> UnitSums:
         """Return the sums over the units of the targets of a subset."""
