@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from mtp_bench.records import load_record
 from mtp_bench.scoring.definitions import Subset
-from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, sign_flip_test
+from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, paired_difference
 
 ENVS = ("MTP-nuScenes-v0", "MTP-ETH-UCY-v0", "MTP-Intersection-v0", "MTP-Highway-v0")
 AGENT, CONTROL = "mtp", "stp_same_samples"
@@ -70,7 +70,8 @@ def coverage(error: Sums, weight: Sums, units: int, interval: Interval, resample
 
 def interval_of_difference(difference: Sums, weight: Sums) -> tuple[float, float] | None:
     """Return the interval of a difference, which inverts the sign-flip test."""
-    return sign_flip_test(difference, weight).interval
+    test = paired_difference(difference, np.zeros(len(weight)), weight)
+    return test and test.interval
 
 
 def main() -> None:

@@ -76,10 +76,10 @@ def _part(subset: Subset, of: Callable[[tuple[float, float, float]], Value], row
 
 def _drawn(entries: Sequence[Entry], subset: Subset, rng: np.random.Generator) -> tuple[Array, Array] | None:
     """BADE of entries over all units [A, 1], and over units drawn again [A, B]; None where the subset is not ranked."""
-    sums, weight = entries[0].sums, np.array(entries[0].sums.unit_weight(subset))
-    if why_not_on(subset, sums.row_of(subset).effective_objects, weight) is not None:
+    weight = entries[0].sums_on(subset).weight
+    if why_not_on(subset, entries[0].sums_on(subset)) is not None:
         return None
-    errors, units = np.array([entry.sums.unit_error(subset) for entry in entries]), len(weight)
+    errors, units = np.array([entry.sums_on(subset).error for entry in entries]), len(weight)
     whole, drawn = np.arange(units)[None], rng.integers(units, size=(RESAMPLES, units))
     one, other = (errors[:, rows].sum(2) / np.maximum(weight[rows].sum(1), 1e-9) for rows in (whole, drawn))
     return one, other

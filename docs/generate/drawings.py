@@ -19,7 +19,8 @@ from mtp_bench.scoring.forecasts import Candidates, RecordedForecasts, match_by_
 from mtp_bench.scoring.incremental_matching import final_match
 from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
 from mtp_bench.scoring.parts import PARTS, error_parts, reference_errors
-from mtp_bench.scoring.statistics import gap_closed
+from mtp_bench.scoring.rank import gap_closed
+from mtp_bench.scoring.statistics import UnitSums
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.types import Ints, Rollout, Scene
 from tests.support.scoring_scenes import Thing, at, make_card, make_rollout, make_scene, random_case, with_detections
@@ -176,8 +177,8 @@ def gap() -> str:
     away = np.linspace(-0.1, 0.1, 8)  # eight units, one target each
     best, single = "perfect association", "same samples"
     errors = {best: 0.6 + away, "agent": 1.1 + 0.5 * away, single: 1.6 + away}
-    found = gap_closed(errors["agent"], errors[single], errors[best], np.ones(8))
-    assert found is not None
+    found = gap_closed(*(UnitSums(10, np.ones(8), errors[name], 8.0) for name in ("agent", single, best)))
+    assert found.closed is not None
 
     def px(error: float) -> float:
         return 60 + 300 * error

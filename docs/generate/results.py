@@ -32,7 +32,6 @@ from mtp_bench.parallel import NO_PROGRESS
 from mtp_bench.records import trusted
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.parts import FAULT_NAMES, PARTS, by_fault
-from mtp_bench.scoring.rank import rank_text
 from mtp_bench.tables import Column, Table, Value, to_markdown
 from mtp_bench.viz.board.entries import Entry, by_board
 from mtp_bench.viz.board.lines import short_name
@@ -145,8 +144,7 @@ def _error(subset: Subset, heading: str) -> list[Column]:
 
 
 def _rank(entry: Entry) -> Value:
-    place = entry.standing.places["all"]
-    return rank_text(place.place, place.span)
+    return entry.standing.places["all"].rank
 
 
 def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Sequence[Entry]) -> Table:

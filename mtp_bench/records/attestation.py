@@ -9,13 +9,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
+import numpy as np
 from pydantic import Field
 
 from ..errors import RecordError
 from ..files import read_bounded, write_text
 from ..gateway.limits import SandboxBackend
 from ..scoring.definitions import SUBSETS, Subset
-from ..scoring.statistics import PairedDifference, paired_difference
+from ..scoring.statistics import PairedDifference, UnitSums
 from ..strict import Section, parse_json, read_json
 from .canonical import Date, Sha256, canonical
 from .consistency import inconsistent_sums
@@ -94,10 +95,18 @@ class Checked:
         rows = tuple((row.targets, row.objects, round(row.effective_objects, 6)) for row in sums.rows[: len(SUBSETS)])
         return (*of, rows, tuple(tuple(round(w, 6) for w in sums.unit_weight(subset)) for subset in SUBSETS))
 
+    def sums_on(self, subset: Subset) -> UnitSums:
+        """Return the ranking sums over the units of the targets of a subset."""
+        return UnitSums(
+            samples=self.record.samples,
+            weight=np.array(self.sums.unit_weight(subset)),
+            error=np.array(self.sums.unit_error(subset)),
+            effective_objects=self.sums.row_of(subset).effective_objects,
+        )
+
     def minus(self, other: "Checked", subset: Subset) -> PairedDifference | None:
         """BADE minus that of ``other``, metres, paired by unit; both have the same targets and units."""
-        errors = self.sums.unit_error(subset), other.sums.unit_error(subset)
-        return paired_difference(*errors, self.sums.unit_weight(subset))
+        return self.sums_on(subset).minus(other.sums_on(subset))
 
 
 def write_level(path: Path, statement: Statement, key: Path, signer: str) -> None:

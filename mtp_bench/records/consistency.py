@@ -16,7 +16,7 @@ from ..scoring.rows import Row
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio
 from ..strict import parse_json
 from .canonical import canonical, differences
-from .evaluation import status_of
+from .evaluation import LEFT_OUT, status_of
 from .record import HiddenPart, Record, key_of
 from .shipped import shipped
 from .storage import MOST_BYTES, content_digest, measured_digest, parse_as
@@ -25,11 +25,6 @@ MOST_DETAILS = 1 << 20  # bytes of the section ``details``
 MOST_UNITS = 2_000  # of a record: blocks of 20 s
 _CLOSE = 1e-6  # relative tolerance of a number that follows from others: machines sum in other orders
 _CLOSE_ENDS = 1e-3  # of an end of an interval: where units differ by rounding alone, it comes from this rounding
-_NOT_KNOWN_ALONE = (  # they depend on other records, or are measured
-    "place", "rank_range", "unranked_because", "gap_closed", "gap_interval", "gap_closed_same_predictor",
-    "gap_same_predictor_interval", "association_gap_closed", "association_gap_interval", "gap_blank_because",
-    "association_gap_blank_because", "ms_per_frame",
-)  # fmt: skip
 _ERRORS = ("error", "localisation", "missed", "error_by_score", "plain_error")  # m, at most that of a missed target
 _LENGTHS = (*_ERRORS, "minADE", "minFDE", "fixed_error")
 
@@ -181,6 +176,6 @@ def _inconsistent_row(
     ):
         if value is not None and not least * (1 - _CLOSE) <= value <= largest * (1 + _CLOSE):
             yield f"{where}: {name} is {value}, expected {least:g} to {largest:g}"
-    known = next((name for name in _NOT_KNOWN_ALONE if getattr(row, name, None) is not None), None)
+    known = next((name for name in LEFT_OUT if getattr(row, name) is not None), None)
     if known is not None:
         yield f"{where}: {known} is {getattr(row, known)}, expected null: it depends on other records"

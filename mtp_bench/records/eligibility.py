@@ -32,9 +32,12 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
 
     ``level``: its signed level; ``ships``: the shipped env of an id.
     """
-    why = why_entrant_unranked(record.row.budget, record.samples, record.env.observe, record.unfinished)
-    why = why or why_not_comparable(record, ships)
-    return why or _why_not_on_hidden(ships(record.env.id), level)
+    return (
+        record.unfinished
+        or why_entrant_unranked(record.row.budget, record.samples, record.env.observe)
+        or why_not_comparable(record, ships)
+        or _why_not_on_hidden(ships(record.env.id), level)
+    )
 
 
 def why_not_comparable(record: Record, ships: Ships = shipped) -> str | None:
@@ -98,10 +101,7 @@ def held_back(one: Checked, truths: Sequence[Checked]) -> str | None:
     looked_at = one.signed is not None and one.signed.statement.looked_at
     if one.on_hidden or looked_at or not truths:
         return None
-    objects = {subset: one.sums.row_of(subset).effective_objects for subset in SUBSETS}
-    ranked: Iterator[Subset] = (
-        each for each in SUBSETS if why_not_on(each, objects[each], one.sums.unit_weight(each)) is None
-    )
+    ranked: Iterator[Subset] = (subset for subset in SUBSETS if why_not_on(subset, one.sums_on(subset)) is None)
 
     def is_better(truth: Checked, subset: Subset) -> bool:
         difference = one.minus(truth, subset)

@@ -22,10 +22,12 @@ from ..types import Rollout
 from .canonical import rounded
 from .record import DrivingPart, MissedPart, ReferencePart, ScenePart, ScorerPart, Status
 
-# of a row: they depend on other records, or are measured
-_BLANK = ("gap_blank_because", "association_gap_blank_because")
-_OF_RECORD = ("reference", "hypotheses", "rows", "nothing_predicted", "details", "per_scene", "driving")  # same name
-_LEFT_OUT = ("place", "rank_range", "unranked_because", "ms_per_frame", *_BLANK)
+_OF_RECORD = ("hypotheses", "rows", "nothing_predicted", "details", "per_scene", "driving")  # same name
+LEFT_OUT = (  # fields of a row that depend on other records, or are measured
+    "place", "rank_range", "unranked_because", "gap_closed", "gap_interval", "gap_closed_same_predictor",
+    "gap_same_predictor_interval", "association_gap_closed", "association_gap_interval", "gap_blank_because",
+    "association_gap_blank_because", "ms_per_frame",
+)  # fmt: skip
 _COUNTS = ("targets", "effective_targets", "objects", "effective_objects", "scenes", "effective_units")  # of a row
 Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same order
 
@@ -38,7 +40,7 @@ class Evaluation:
     nothing_predicted: float | None
     details: dict[str, Any]  # as JSON
     per_scene: list[ScenePart]
-    reference: ReferencePart
+    reference: Reference
     scene_digests: tuple[str, ...]  # of the data that was scored, in the order of the scenes
     truth_complete: bool
     hypotheses: int
@@ -56,7 +58,11 @@ class Evaluation:
         ``missed`` in ``runs`` (scenes x seeds); ``scenes_of_split``: number of scenes of the split.
         """
         status, reason = status_of(len(self.per_scene), scenes_of_split, missed, runs)
+        weights = self.reference
         return {
+            "reference": ReferencePart(
+                name=weights.agent, hash=weights.digest, origin=weights.origin, frozen=weights.frozen
+            ),
             "scorer": ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
             "status": status,
             "status_reason": reason,
@@ -106,9 +112,7 @@ def evaluate(
         nothing_predicted=report.details[0].nothing_predicted,
         details=rounded(report.details[0].model_dump(mode="json")),
         per_scene=per_scene_of(table, [row.subset for row in rows]),
-        reference=ReferencePart(
-            name=reference.agent, hash=reference.digest, origin=reference.origin, frozen=reference.frozen
-        ),
+        reference=reference,
         scene_digests=tuple(digest for digest, _ in scored),
         truth_complete=table.complete,
         hypotheses=setting.hypotheses,
@@ -142,9 +146,7 @@ def _evaluate_drives(agent: str, card: Card, runs: Runs, reference: Reference, h
             ScenePart(scene=name, weight={**none, "all": [1.0]}, error={**none, "all": [error]})
             for name, error in zip(ways, errors, strict=True)
         ],
-        reference=ReferencePart(
-            name=reference.agent, hash=reference.digest, origin=reference.origin, frozen=reference.frozen
-        ),
+        reference=reference,
         scene_digests=tuple(f"{name} {way}" for name, way in ways.items()),
         truth_complete=True,
         hypotheses=hypotheses or stated,
@@ -177,8 +179,9 @@ def per_scene_of(table: AgentTable, subsets: Sequence[Subset] = SUBSETS) -> list
     """Sums of each unit on ``subsets``; the units of a scene are consecutive."""
     scores = table.setting.seeds[0]
     ends = np.cumsum([score.units for score in scores])[:-1]
-    weight = {name: np.split(table.unit_weight(table.weight[name]), ends) for name in subsets}
-    error = {name: np.split(table.errors(name), ends) for name in subsets}
+    sums = {name: table.sums_on(name) for name in subsets}
+    weight = {name: np.split(sums[name].weight, ends) for name in subsets}
+    error = {name: np.split(sums[name].error, ends) for name in subsets}
     return [
         ScenePart(
             scene=score.scene,
@@ -198,4 +201,4 @@ def _score_scene(card: Card, data: str | None, rollouts: Sequence[Rollout]) -> t
 def _stored(row: Row) -> Row:
     """The row without fields that depend on other records, rounded to be equal on other machines."""
     kept = {name: rounded(value) for name, value in row.model_dump().items()}
-    return row.model_copy(update={**kept, **dict.fromkeys(_LEFT_OUT)})
+    return row.model_copy(update={**kept, **dict.fromkeys(LEFT_OUT)})

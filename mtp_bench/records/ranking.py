@@ -4,16 +4,16 @@ Recorded envs are ranked by the sums of the records; simulated ones by those of 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from operator import itemgetter
-from typing import Any
+from typing import Any, TypeVar
 
 from .. import notice
 from .._bundle import baseline_names
 from ..scoring.definitions import SUBSETS, Subset
-from ..scoring.rank import NO_GAP, NOT_KINEMATIC, SAW_TRUTH, UNSTATED, guard, rank_text, ranks_among, why_not_on
-from ..scoring.statistics import PairedDifference, gap_closed
+from ..scoring.rank import NO_GAP, NOT_KINEMATIC, SAW_TRUTH, UNSTATED, GapPairs, Pair, Place, guard, places_on
+from ..scoring.statistics import PairedDifference
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
 from .eligibility import NOT_ON_HIDDEN, Ships, held_back, taken_names, why_not_comparable, why_not_genuine, why_unranked
@@ -22,21 +22,8 @@ from .shipped import baselines, learned_truths, network_references, shipped
 
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 ASSOCIATION = controls()["same_samples"], controls()["associated_same_samples"]
+Value = TypeVar("Value")
 OTHERS = "other data, scenes or hidden scenes than the ranked ones"
-
-
-@dataclass(frozen=True)
-class Place:
-    """The place of a record on one subset, and the ranks that the tests leave open."""
-
-    place: int | None = None
-    span: tuple[int, int] | None = None
-    why: str = ""  # it has no place
-
-    @property
-    def rank(self) -> str | None:
-        """The place with the ranks that the tests leave open, "2 (1–3)"; None without a place."""
-        return rank_text(self.place, self.span)
 
 
 @dataclass(frozen=True)
@@ -127,24 +114,22 @@ def _standings_of_env(
     comparable = [each for each in entrants if each.not_comparable is None]
     main = _main_conditions(ranked or comparable)  # before a round: on public scenes
     peers = [each for each in comparable if each.conditions == main]
-    finished = (each for each in peers if each.record.status == "finished")
+    finished = [each for each in peers if each.record.status == "finished"]
     best = {each.baseline: each for each in sorted(finished, key=_precedence)}
     truths = _truths(best)
-    alike = [each for each in ranked if each.conditions == main]
-    held = {each.record.digest: why for each in alike if (why := held_back(each, truths)) is not None}
-    group = [each for each in alike if each.record.digest not in held]
-    whys = {each.record.digest: each.unranked or OTHERS for each in entrants}
-    places = {digest: dict.fromkeys(subsets, Place(why=why)) for digest, why in (whys | held).items()}
-    if group:
-        of_group = zip(group, _places(group, best, subsets), strict=True)
-        places |= {each.record.digest: place for each, place in of_group}
-    waiting = [each for each in peers if each.unranked == NOT_ON_HIDDEN]
-    inside = {each.record.digest for each in group or waiting}
-    standing = {digest: Standing(place, digest in inside) for digest, place in places.items()}
-    for each in peers:
-        differences = _differences(each, best.get(STP), subsets)
-        found = replace(standing[each.record.digest], **_all_gaps(each, best, subsets), differences=differences)
-        standing[each.record.digest] = found
+    candidates = [each for each in ranked if each.conditions == main]
+    held = [held_back(each, truths) for each in candidates]
+    guards = [_guarded(each, best) for each in candidates]
+    places = dict(zip(candidates, places_on(subsets, candidates, held, guards), strict=True))
+    group = [each for each, why in zip(candidates, held, strict=True) if why is None]
+    compared = group or [each for each in peers if each.unranked == NOT_ON_HIDDEN]
+    standing = {}
+    for each in entrants:
+        unplaced = dict.fromkeys(subsets, Place(why=each.unranked or OTHERS))
+        beside: dict[str, Any] = {}
+        if each in peers:
+            beside = _beside(each, best, subsets if each in finished else ())
+        standing[each.record.digest] = Standing(places.get(each, unplaced), each in compared, **beside)
     return standing
 
 
@@ -162,76 +147,53 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
     return made, LEVELS.index(entrant.level), name == STP, name in baseline_names(), entrant.record.digest
 
 
-def _places(group: Sequence[_Entrant], best: _Best, subsets: Sequence[Subset]) -> list[dict[Subset, Place]]:
-    """Places of records that are ranked against each other; the ``best`` hold their reference agents."""
-    places: list[dict[Subset, Place]] = [{} for _ in group]
-    sums = [entrant.sums for entrant in group]
-    guards = [None if {*subsets} == {"all"} else _guarded(entrant, best) for entrant in group]  # of event subsets
-    for subset in subsets:
-        weight = sums[0].unit_weight(subset)
-        of_all = why_not_on(subset, sums[0].row_of(subset).effective_objects, weight)
-        why = [of_all or (None if subset == "all" else guarded) for guarded in guards]
-        ranks = ranks_among([each.unit_error(subset) for each in sums], weight, why)
-        for place, rank, reason in zip(places, ranks, why, strict=True):
-            place[subset] = Place(why=reason or "") if rank is None else Place(rank.place, rank.span)
-    return places
-
-
 def _guarded(entrant: _Entrant, best: _Best) -> str | None:
-    """Reason why a record is not ranked on event subsets, from those of STP and of STP with its own predictor."""
-    pair = own_ends(entrant.record.submission)
-    stp, own = best.get(STP), None if pair is None else best.get(pair[0])
-    if stp is None:
-        return "no record of stp beside it"
-    limits = (None if each is None else each.sums.unit_error("all") for each in (stp, own))
-    return guard(entrant.sums.unit_error("all"), entrant.sums.unit_weight("all"), *limits)
+    """Return why a record is not ranked on event subsets, from those of STP and of STP with its own predictor."""
+    stp = best.get(STP)
+    return "no record of stp beside it" if stp is None else guard(entrant, stp, _pairs(entrant, best).own.stp)
 
 
-def _all_gaps(entrant: _Entrant, best: _Best, subsets: Sequence[Subset]) -> dict[str, Any]:
-    """Fields of a `Standing`: gaps that a record closes, and reasons of missing ones."""
+def _pairs(entrant: _Entrant, best: _Best) -> GapPairs:
+    """Return the records between which the gaps of a record are closed; ``best`` holds the reference agents."""
     submission = entrant.record.submission
-    kinematic, other = submission.gap_references == "controls", submission.gap_references == "own"
-    unstated = "no reference with its predictor ships" if other else UNSTATED
-    own, why = _gaps(entrant, best, own_ends(submission), unstated, subsets)
-    association, why_association = dict[Subset, float](), SAW_TRUTH
-    if entrant.record.env.observe != "truth":
-        association, why_association = _gaps(entrant, best, own_ends(submission, "associated"), unstated, subsets)
+    other = submission.gap_references == "own"
+    unstated = Pair(missing="no reference with its predictor ships" if other else UNSTATED)
+
+    def pair_of(names: tuple[str, str] | None) -> Pair:
+        if names is None:
+            return unstated
+        stp, truth = map(best.get, names)
+        return Pair(stp, truth, f"no record of {names[0] if stp is None else names[1]} beside it")
+
+    own = pair_of(own_ends(submission))
+    kinematic = Pair(missing=NOT_KINEMATIC) if other else own
+    if entrant.record.env.observe == "truth":
+        return GapPairs(kinematic, own, Pair(missing=SAW_TRUTH))
+    return GapPairs(kinematic, own, pair_of(own_ends(submission, "associated")))
+
+
+def _beside(entrant: _Entrant, best: _Best, subsets: Sequence[Subset]) -> dict[str, Any]:
+    """Return fields of a `Standing`: gaps with reasons of missing ones, and differences to STP."""
+    pairs = _pairs(entrant, best)
+    gaps, own_gaps, association_gaps = (
+        _defined({subset: pair.closed_by(entrant, subset).closed for subset in subsets}) for pair in pairs
+    )
+    stp = best.get(STP)
+    differences: dict[Subset, PairedDifference] = {}
+    if stp is not None and stp is not entrant and stp.record.samples == entrant.record.samples:
+        differences = _defined({subset: entrant.minus(stp, subset) for subset in subsets})
     return {
-        "gaps": own if kinematic else {},
-        "gap_blank": NOT_KINEMATIC if other else why,
-        "own_gaps": own,
-        "association_gaps": association,
-        "association_gap_blank": why_association,
+        "gaps": gaps,
+        "gap_blank": pairs.kinematic.closed_by(entrant, "all").why or NO_GAP,
+        "own_gaps": own_gaps,
+        "association_gaps": association_gaps,
+        "association_gap_blank": pairs.association.closed_by(entrant, "all").why or NO_GAP,
+        "differences": differences,
     }
 
 
-def _gaps(
-    entrant: _Entrant, best: _Best, pair: tuple[str, str] | None, unstated: str, subsets: Sequence[Subset]
-) -> tuple[dict[Subset, float], str]:
-    """Gap that a record closes between those of a ``pair`` of names on each subset, and why it is missing on others."""
-    if pair is None:
-        return {}, unstated
-    stp, truth = map(best.get, pair)
-    if stp is None or truth is None:
-        return {}, f"no record of {pair[0] if stp is None else pair[1]} beside it"
-    if len({each.record.samples for each in (entrant, stp, truth)}) > 1:
-        return {}, f"{entrant.record.samples} samples per object, its references have {stp.record.samples}"
-    closed: dict[Subset, float] = {}
-    for subset in subsets if entrant.record.status == "finished" else ():
-        error, high, low = (each.sums.unit_error(subset) for each in (entrant, stp, truth))
-        gap = gap_closed(error, high, low, stp.sums.unit_weight(subset))
-        if gap is not None:
-            closed[subset] = gap.closed
-    return closed, NO_GAP
-
-
-def _differences(entrant: _Entrant, stp: _Entrant | None, subsets: Sequence[Subset]) -> dict[Subset, PairedDifference]:
-    """BADE of a record minus that of STP's record with the same k, on each subset."""
-    if stp is None or stp is entrant or stp.record.samples != entrant.record.samples:
-        return {}
-    if entrant.record.status != "finished":
-        return {}
-    return {subset: difference for subset in subsets if (difference := entrant.minus(stp, subset)) is not None}
+def _defined(values: Mapping[Subset, Value | None]) -> dict[Subset, Value]:
+    return {subset: value for subset, value in values.items() if value is not None}
 
 
 def _truths(best: _Best) -> list[_Entrant]:

@@ -29,6 +29,7 @@ from ..scoring.rows import Row
 from ..scoring.score import check_rollout
 from ..sources import open_source, package_of
 from ..types import Rollout
+from .attestation import Checked
 from .canonical import Difference
 from .record import HiddenPart, Record
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
@@ -83,7 +84,7 @@ def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
         ranked = record.row_of(row.subset)
         if row.error is None or ranked.error is None:
             continue
-        if row.subset != "all" and why_not_on(row.subset, ranked.effective_objects, record.unit_weight(row.subset)):
+        if row.subset != "all" and why_not_on(row.subset, Checked(record).sums_on(row.subset)):
             continue
         most = ranked.error * (1 + ALIKE) + _NEGLIGIBLE
         if record.driving is not None and ranked.interval is not None:  # one collision costs a whole scene

@@ -4,14 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
-import numpy as np
-
 from .._bundle import baseline_names, bundled, card_ids
 from ..cards import load_card
 from ..errors import DataError
 from ..running.reference import frozen_reference
 from ..scoring import Reference
-from ..scoring.definitions import SUBSETS, Subset
+from ..scoring.definitions import Subset
+from ..scoring.weights import WEIGHED
 from ..strict import read_toml
 from ..submission.contents import digest_of, files_of
 from ..submission.loader import Submission, load_submission
@@ -109,8 +108,7 @@ def _sums(reference: Reference) -> dict[str, dict[Subset, float]]:
     """Sums of `Reference.weight` per scene; scenes are known by their keys alone."""
     sums: dict[str, dict[Subset, float]] = {}
     for key, scene in reference.scenes.items():
-        ids, lost, back, frag = (scene.counts.sum(axis=0, dtype=np.int64) / reference.runs).tolist()
-        paper_ids, paper_frag = scene.stp[:, 0].sum(), (scene.stp[:, 1] | scene.stp[:, 2]).sum()
-        values = (scene.targets, ids, lost, back, frag, paper_ids, paper_frag)
-        sums[key] = dict(zip(SUBSETS, map(float, values), strict=True))
+        sums[key] = {"all": float(scene.targets)}
+        for subset in WEIGHED:
+            sums[key][subset] = float(reference.weight_in(scene, subset).sum())
     return sums

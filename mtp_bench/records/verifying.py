@@ -213,7 +213,7 @@ def _score_again(
         "env": record.env.model_copy(update=env),
         "measured": record.measured.model_copy(update=times),
     }
-    if evaluation.reference.hash == record.reference.hash:  # these weights may have been frozen since
+    if reference.digest == record.reference.hash:  # these weights may have been frozen since
         scored["reference"] = record.reference
     both = (record, record.model_copy(update=scored))
     unequal = tuple(differences("", *(each.model_dump(mode="json", include=_RESCORED) for each in both)))

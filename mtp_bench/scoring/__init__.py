@@ -24,7 +24,6 @@ from .statistics import (
     bootstrap_interval as bootstrap_interval,
     effective_number as effective_number,
     paired_difference as paired_difference,
-    sign_flip_test as sign_flip_test,
 )
 from .table import AgentScores as AgentScores, stated_hypotheses as stated_hypotheses
 from .targets import Targets as Targets, find_targets as find_targets, live_frames as live_frames

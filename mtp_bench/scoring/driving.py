@@ -15,7 +15,7 @@ from ..types import Drive, Floats
 from .bade import ONE_PER_TARGET
 from .rows import Interval, IntervalColumn
 from .score import SceneScore
-from .statistics import bootstrap_interval, sign_flip_test
+from .statistics import bootstrap_interval, paired_difference
 from .table import run_errors
 
 WEIGHTS = {"progress": 5.0, "no near miss": 5.0, "comfort": 2.0}
@@ -110,15 +110,15 @@ def _row(agent: AgentDrives, reference: Mapping[str, float], base: Floats | None
     drives = [agent.drives[name] for name in reference]
     every = [(drive, way) for own, way in zip(drives, reference.values(), strict=True) for drive in own]
     faults = np.array([np.mean([100.0 * drive.at_fault for drive in own]) for own in drives])
-    test = None if base is None else sign_flip_test(score - base)
+    to_stp = None if base is None else paired_difference(score, base, np.ones(len(score)))
     goals = [drive.seconds for drive, _ in every if drive.goal]
     return DrivingRow(
         agent=agent.agent,
         drive_score=float(score.mean()),
         interval=score_interval(score),
-        difference=None if base is None else float((score - base).mean()),
-        difference_interval=None if test is None else test.interval,
-        p=None if test is None else test.p,
+        difference=to_stp and to_stp.mean,
+        difference_interval=to_stp and to_stp.interval,
+        p=to_stp and to_stp.p,
         collisions=float(faults.mean()),
         collisions_interval=fault_interval(float(faults.mean()), len(faults)),
         any_collision=float(np.mean([100.0 * bool(drive.collision) for drive, _ in every])),

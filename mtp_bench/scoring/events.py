@@ -98,14 +98,21 @@ def clear_identity(objects: History, matched: Matched, track_id: Ints) -> tuple[
 
 
 def _matched_again(follows: Bools, held: Bools) -> Bools:
-    """True for rows that are matched (``held``) after a gap that followed a match.
+    """Return True for rows that are matched (``held``) after a gap that followed a match in the same run.
 
-    ``follows`` [R]: the row continues the run of rows before it; runs are independent.
+    ``follows`` [R] as in `counted_in_run`.
     """
-    count = np.cumsum(held)
-    at_start = np.maximum.accumulate(np.where(follows, 0, count - held))
-    before = count - held - at_start > 0
+    before = counted_in_run(follows, held) > held
     return np.asarray(held & follows & ~np.roll(held, 1) & before)
+
+
+def counted_in_run(follows: Bools, flags: Bools) -> Ints:
+    """Return the number of ``flags`` [R] in each row's run of rows, up to the row itself.
+
+    ``follows`` [R]: the row continues the run of the row before.
+    """
+    count = np.cumsum(flags)
+    return np.asarray(count - np.maximum.accumulate(np.where(follows, 0, count - flags)))
 
 
 def pieces(scene: Scene, card: Card) -> Ints:

@@ -4,15 +4,16 @@ The gaps are to prediction from ground-truth tracks, and to perfect association.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import require_finite, require_shape
+from ..types import Floats
 from .definitions import GUARD, GUARD_SIGNIFICANT, LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS, Subset
 from .rows import Budget
-from .statistics import Gap, beyond_rounding, effective_number, gap_closed, paired_difference, significant_pairs
+from .statistics import UnitSums, beyond_rounding, effective_number, share_interval, significant_pairs
 from .table import AgentScores, AgentTable
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
@@ -28,25 +29,25 @@ NO_GAP = "the gap is not significantly above 0"
 NO_TARGETS = "no targets"
 
 
-def why_unranked(budget: Budget, samples: int, observe: str, unfinished: str = "") -> str | None:
-    """Short reason why an agent is shown but not ranked; None if it is ranked.
+def why_unranked(budget: Budget, samples: int, observe: str) -> str | None:
+    """Return a short reason why an agent is shown but not ranked; None if it is ranked.
 
-    ``samples``: per object; ``observe``: the mode of the env; ``unfinished``: why not all of it was run.
+    ``samples``: per object; ``observe``: the mode of the env.
     """
     free = None if budget == "equal" else f"{samples} samples per object, not the env's own k"
-    return unfinished or _NEVER.get(observe, free)
+    return _NEVER.get(observe, free)
 
 
-def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | None:
-    """Short reason why agents are not ranked on a subset; None if they are.
+def why_not_on(subset: Subset, sums: UnitSums) -> str | None:
+    """Return a short reason why agents are not ranked on a subset; None if they are.
 
-    ``objects``: their effective number; ``unit_weight`` [U]: the weight of the targets of each unit.
+    ``sums``: of one of the agents, whose targets are those of all.
     """
-    weight = np.asarray(unit_weight, dtype=np.float64)
+    weight = sums.weight
     if subset != "all" and subset not in RANKED_SUBSETS:
         return "shown only"
-    if objects < RANKED_OBJECTS * (1.0 - _DIGITS):
-        return f"{objects:.1f} objects, fewer than {RANKED_OBJECTS}"
+    if sums.effective_objects < RANKED_OBJECTS * (1.0 - _DIGITS):
+        return f"{sums.effective_objects:.1f} objects, fewer than {RANKED_OBJECTS}"
     units = effective_number(weight)
     if units < RANKED_UNITS * (1.0 - _DIGITS):
         return f"too few recordings to rank: {units:.1f} effective units, fewer than {RANKED_UNITS}"
@@ -55,31 +56,49 @@ def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | Non
     return None
 
 
-def guard(of_all: ArrayLike, weight: ArrayLike, stp: ArrayLike | None, own: ArrayLike | None = None) -> str | None:
-    """Reason why an agent is not ranked on event subsets: over all targets it is worse than STP; None if it is not.
+class HasSums(Protocol):
+    """Agent of a comparison, or record, with sums over units."""
 
-    ``of_all`` [U]: its errors over all targets, summed in each unit; ``stp`` [U]: those of STP, ``own`` [U]: of STP
-    with the agent's own predictor; None if unknown. ``weight`` [U]: number of targets. Worse: significantly and by
-    more than 1 %, or by more than 5 %.
+    def sums_on(self, subset: Subset) -> UnitSums:
+        """Return the sums over the units of the targets of a subset."""
+
+
+def guard(agent: HasSums, stp: HasSums | None, own: HasSums | None = None) -> str | None:
+    """Return why an agent is not ranked on event subsets; None if it is.
+
+    Over all targets it is worse than ``stp`` or ``own``, STP with the agent's own predictor: significantly and by more
+    than 1 %, or by more than 5 %. A limit of None is unknown.
     """
+    sums = agent.sums_on("all")
     for limit, whose in ((stp, "stp"), (own, "stp with its own predictor")):
-        difference = None if limit is None else paired_difference(of_all, limit, weight)
-        if limit is None or difference is None:
+        if limit is None:
             continue
-        excess = difference.mean * float(np.sum(weight)) / max(float(np.sum(limit)), 1e-300)
+        limit_sums = limit.sums_on("all")
+        difference = sums.minus(limit_sums)
+        if difference is None:
+            continue
+        excess = difference.mean * float(sums.weight.sum()) / max(float(limit_sums.error.sum()), 1e-300)
         if excess > GUARD or (excess > GUARD_SIGNIFICANT and difference.significant):
             return f"over all targets its bADE is above that of {whose}"
     return None
 
 
-class Rank(NamedTuple):
-    """The position of an agent among the ranked ones."""
+class Place(NamedTuple):
+    """The place of an agent on one subset, and the ranks that the tests leave open."""
 
-    place: int  # by bADE, from 1 on; agents of equal bADE share it
-    span: tuple[int, int]  # 1 + the number of agents that are significantly better; n - the number significantly worse
+    place: int | None = None  # by bADE, from 1 on; agents of equal bADE share it
+    span: tuple[int, int] | None = None  # 1 + number of significantly better agents; n - number of worse ones
+    why: str = ""  # it has no place
+
+    @property
+    def rank(self) -> str | None:
+        """The place with its span, "2 (1–3)"; the place alone where the span is that place; None without a place."""
+        if self.place is None or self.span is None:
+            return None
+        return str(self.place) if self.span[0] == self.span[1] else f"{self.place} ({span_text(self.span)})"
 
 
-def rank_by_error(sums: ArrayLike, weight: ArrayLike) -> list[Rank]:
+def rank_by_error(sums: ArrayLike, weight: ArrayLike) -> list[Place]:
     """Places of agents by bADE, and the ranks that the paired tests leave open.
 
     ``sums`` [A, U]: weighted errors of each agent, summed over the targets of each unit, which are the same for all;
@@ -94,27 +113,36 @@ def rank_by_error(sums: ArrayLike, weight: ArrayLike) -> list[Rank]:
     sure = pairs[:, significant_pairs(errors, weight, pairs)]
     smaller, better, worse = (np.bincount(each, minlength=len(errors)) for each in (pairs[1], sure[1], sure[0]))
     ends = zip((1 + better).tolist(), (len(errors) - worse).tolist(), strict=True)
-    return [Rank(1 + int(place), span) for place, span in zip(smaller, ends, strict=True)]
+    return [Place(1 + int(place), span) for place, span in zip(smaller, ends, strict=True)]
 
 
-def ranks_among(sums: Sequence[ArrayLike], weight: ArrayLike, why: Sequence[str | None]) -> list[Rank | None]:
-    """Ranks as of `rank_by_error` among the agents without a reason in ``why``; None for the others."""
-    ranked = [i for i, reason in enumerate(why) if reason is None]
-    ranks = rank_by_error(np.asarray([sums[i] for i in ranked]), weight) if ranked else []
-    rank = dict(zip(ranked, ranks, strict=True))
-    return [rank.get(i) for i in range(len(why))]
+def places_on(
+    subsets: Sequence[Subset],
+    agents: Sequence[HasSums],
+    unranked: Sequence[str | None],
+    guarded: Sequence[str | None],
+) -> list[dict[Subset, Place]]:
+    """Return the places of agents with the same targets on each subset.
+
+    ``unranked``: reasons why agents have no place at all; ``guarded``: why they have none on event subsets.
+    """
+    places: list[dict[Subset, Place]] = [{} for _ in agents]
+    for subset in subsets if agents else ():
+        sums = [agent.sums_on(subset) for agent in agents]
+        of_all = why_not_on(subset, sums[0])
+        why = [own or of_all for own in unranked]
+        if subset != "all":
+            why = [reason or of_guard for reason, of_guard in zip(why, guarded, strict=True)]
+        errors = [own.error for own, reason in zip(sums, why, strict=True) if reason is None]
+        ranks = iter(rank_by_error(np.array(errors), sums[0].weight) if errors else ())
+        for place, reason in zip(places, why, strict=True):
+            place[subset] = next(ranks) if reason is None else Place(why=reason)
+    return places
 
 
 def span_text(span: tuple[int, int] | None) -> str | None:
     """A range of ranks, "1–3"; one number where it holds one rank."""
     return None if span is None else "–".join(map(str, dict.fromkeys(span)))
-
-
-def rank_text(place: int | None, span: tuple[int, int] | None) -> str | None:
-    """A place with its range of ranks, "2 (1–3)"; the place alone where the range is that place."""
-    if place is None or span is None or span[0] == span[1]:
-        return None if place is None else str(place)
-    return f"{place} ({span_text(span)})"
 
 
 class References(NamedTuple):
@@ -128,67 +156,92 @@ class References(NamedTuple):
     tracks: AgentScores | None = None  # ground-truth tracks, with as many samples as the agent draws
 
 
-class Pair(NamedTuple):
-    """The tables between which a gap is closed; None if the agent is absent."""
+class Gap(NamedTuple):
+    """Share of a gap that is closed, or the reason why it is undefined."""
 
-    stp: AgentTable | None  # of association: one hypothesis with all samples
-    truth: AgentTable | None  # of association: the same with perfect association
+    closed: float | None = None  # 0: as STP, 1: as from ground-truth tracks
+    parts: tuple[Floats, Floats] | None = None  # [U], [U] what is closed of each unit, and the gap
+    why: str | None = None  # it is undefined
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Interval of the share (95 %), over resampled units."""
+        return None if self.parts is None else share_interval(*self.parts)
+
+
+def gap_closed(agent: UnitSums, stp: UnitSums, truth: UnitSums) -> Gap:
+    """Return the share (E_STP - E) / (E_STP - E_GT) that an agent closes on one subset.
+
+    ``stp``: of STP, ``truth``: of STP on ground-truth tracks, both on the targets of the agent. It is undefined without
+    targets, where numbers of samples differ, and unless STP is significantly worse than ground-truth tracks.
+    """
+    if len({agent.samples, stp.samples, truth.samples}) > 1:
+        return Gap(why=f"{agent.samples} samples per object, its references have {stp.samples}")
+    difference = stp.minus(truth)
+    if difference is None:
+        return Gap(why=NO_TARGETS)
+    if difference.mean <= 0 or not difference.significant:
+        return Gap(why=NO_GAP)
+    closed = stp.error - agent.error
+    gap = stp.error - truth.error
+    return Gap(float(closed.sum() / gap.sum()), (closed, gap))
+
+
+class Pair(NamedTuple):
+    """The agents between which a gap is closed; None if one is absent."""
+
+    stp: HasSums | None = None  # of association: one hypothesis with all samples
+    truth: HasSums | None = None  # of association: the same with perfect association
+    missing: str = NOT_RUN  # why one is absent
+
+    def closed_by(self, agent: HasSums, subset: Subset) -> Gap:
+        """Return the share of the gap that an agent closes, or the reason why it is undefined."""
+        if self.stp is None or self.truth is None:
+            return Gap(why=self.missing)
+        return gap_closed(*(each.sums_on(subset) for each in (agent, self.stp, self.truth)))
 
 
 class GapPairs(NamedTuple):
-    """The pairs between which an agent's gaps are closed, and reasons why one is missing."""
+    """The pairs between which an agent's gaps are closed."""
 
-    kinematic: Pair | None  # stp and gt_tracks; None if the agent has another predictor
-    own: Pair | None
-    association: Pair | None
-    why: str = NOT_RUN
-    why_association: str = NOT_RUN
+    kinematic: Pair = Pair()  # stp and gt_tracks, unless the agent has another predictor
+    own: Pair = Pair()
+    association: Pair = Pair()
 
 
 def pairs_of(
-    table: AgentTable, shared: Pair, references: Mapping[str, References | None], tables: Mapping[int, AgentTable]
+    table: AgentTable,
+    stp: AgentTable | None,
+    truth: AgentTable | None,
+    references: Mapping[str, References | None],
+    tables: Mapping[int, AgentTable],
 ) -> GapPairs:
-    """Pairs of an agent; ``shared``: stp and gt_tracks, ``tables``: of all references, by the id of their scores."""
+    """Return the pairs of an agent; ``tables``: of all references, by the id of their scores."""
     agent = table.setting.agent
     if agent not in references:
-        return GapPairs(shared, None, None)
+        return GapPairs(Pair(stp, truth))
     runs = references[agent]
     if runs is None:
-        return GapPairs(None, None, None, UNSTATED, UNSTATED)
-    of = [None if each is None else tables[id(each)] for each in runs]
-    kinematic = runs.single is not None and shared.stp is not None and runs.single.agent == shared.stp.setting.agent
-    association, why = (None, SAW_TRUTH) if table.setting.observe == "truth" else (Pair(*of[2:4]), NOT_RUN)
-    why_kinematic = NOT_RUN if kinematic else NOT_KINEMATIC
-    return GapPairs(shared if kinematic else None, Pair(*of[:2]), association, why_kinematic, why)
+        return GapPairs(*[Pair(missing=UNSTATED)] * 3)
+    ends = [None if run is None else tables[id(run)] for run in runs]
+    kinematic = runs.single is not None and stp is not None and runs.single.agent == stp.setting.agent
+    return GapPairs(
+        kinematic=Pair(stp, truth) if kinematic else Pair(missing=NOT_KINEMATIC),
+        own=Pair(ends[0], ends[1]),
+        association=Pair(missing=SAW_TRUTH) if table.setting.observe == "truth" else Pair(ends[2], ends[3]),
+    )
 
 
 def gap_columns(table: AgentTable, subset: Subset, pairs: GapPairs) -> dict[str, Any]:
     """Fields of a `Row`: shares of the gaps with intervals, and reasons of blank ones."""
-    gap, why = _closed(table, subset, pairs.kinematic, pairs.why)
-    same, _ = _closed(table, subset, pairs.own, NOT_RUN)
-    association, why_association = _closed(table, subset, pairs.association, pairs.why_association)
+    gap, same, association = (pair.closed_by(table, subset) for pair in pairs)
     return {
-        "gap_closed": gap and gap.closed,
-        "gap_interval": gap and gap.interval,
-        "gap_blank_because": why,
-        "gap_closed_same_predictor": same and same.closed,
-        "gap_same_predictor_interval": same and same.interval,
-        "association_gap_closed": association and association.closed,
-        "association_gap_interval": association and association.interval,
-        "association_gap_blank_because": why_association,
+        "gap_closed": gap.closed,
+        "gap_interval": gap.interval,
+        "gap_blank_because": gap.why,
+        "gap_closed_same_predictor": same.closed,
+        "gap_same_predictor_interval": same.interval,
+        "association_gap_closed": association.closed,
+        "association_gap_interval": association.interval,
+        "association_gap_blank_because": association.why,
     }
-
-
-def _closed(table: AgentTable, subset: Subset, pair: Pair | None, missing: str) -> tuple[Gap | None, str | None]:
-    """The share of a gap that an agent closes, or the reason why it is undefined."""
-    high, low = pair or (None, None)
-    if high is None or low is None:
-        return None, missing
-    if len({each.setting.samples for each in (table, high, low)}) > 1:
-        return None, f"{table.setting.samples} samples per object, its references have {high.setting.samples}"
-    weight = table.unit_weight(table.weight[subset])
-    if not weight.any():
-        return None, NO_TARGETS
-    error, above, below = (each.errors(subset) for each in (table, high, low))
-    gap = gap_closed(error, above, below, weight)
-    return gap, None if gap is not None else NO_GAP

@@ -17,7 +17,7 @@ from .bade import ONE_PER_TARGET
 from .definitions import DEFINITIONS, Subset
 from .details import details
 from .parts import ReferenceErrors, mean_costs, reference_errors
-from .rank import ALONE, GapPairs, Pair, References, gap_columns, guard, pairs_of, ranks_among, why_not_on, why_unranked
+from .rank import ALONE, GapPairs, Place, References, gap_columns, guard, pairs_of, places_on, why_unranked
 from .rows import Details, PairedRow, Row
 from .scenes import rows_per_scene
 from .statistics import bootstrap_interval, effective_number, paired_difference, ratio
@@ -124,26 +124,28 @@ def summarise(
         who = f"agents {agents[0].agent!r} and {setting.agent!r}"
         require_same_targets(agents[0].seeds[0], setting.seeds[0], who)
     beside = {id(table.setting): table for table in tables}
-    for agent, runs in (references or {}).items():
+    known = references or {}
+    for agent, runs in known.items():
         for each in filter(None, runs or ()):
             if id(each) not in beside:
                 who = f"{agents[0].agent!r} and a reference of {agent!r}"
                 require_same_targets(agents[0].seeds[0], each.seeds[0], who)
                 beside[id(each)] = agent_table(each, reference)
-    shared = Pair(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
-    pairs = [pairs_of(table, shared, references or {}, beside) for table in tables]
+    stp_table = _with_equal_budget(tables, stp)
+    truth_table = _with_equal_budget(tables, truth)
+    pairs = [pairs_of(table, stp_table, truth_table, known, beside) for table in tables]
     others = [table for name in CONTROLS if (table := _with_equal_budget(tables, name)) is not None]
     rows = []
-    for table, gaps in zip(tables, pairs, strict=True):
-        runs = (references or {}).get(table.setting.agent) or References()
+    for table, gaps, places in zip(tables, pairs, _places(tables, stp_table, pairs), strict=True):
+        runs = known.get(table.setting.agent) or References()
         # the truth has no detections to associate
         associated = None if table.setting.observe == "truth" else runs.associated
         split = reference_errors(associated, runs.tracks, table.setting.samples)
-        rows += [_row(table, subset, shared, gaps, split) for subset in table.subsets]
+        rows += [_row(table, subset, stp_table, gaps, split, places[subset]) for subset in table.subsets]
     return Report(
         env=card.id,
         definitions=DEFINITIONS,
-        rows=_with_ranks(rows, tables, shared, pairs),
+        rows=rows,
         paired=[
             paired_row(table, other, subset)
             for other in others
@@ -183,7 +185,7 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
 def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRow:
     """Differences table - other: of bADE, and of minADE over targets that both cover."""
     setting, weight = table.setting, table.weight[subset]
-    error = paired_difference(table.errors(subset), other.errors(subset), table.unit_weight(weight))
+    error = table.sums_on(subset).minus(other.sums_on(subset))
     both = weight * ((table.covered > 0) & (other.covered > 0))
     means = (each.min_ade / np.maximum(each.covered, 1) for each in (table, other))  # over the seeds that cover
     ade = table.per_unit(next(means) - next(means), both)
@@ -204,14 +206,22 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
     )
 
 
-def _row(table: AgentTable, subset: Subset, shared: Pair, pairs: GapPairs, split: ReferenceErrors | None) -> Row:
+def _row(
+    table: AgentTable,
+    subset: Subset,
+    stp: AgentTable | None,
+    gaps: GapPairs,
+    split: ReferenceErrors | None,
+    place: Place,
+) -> Row:
     setting, weight, ranked = table.setting, table.weight[subset], table.bade(subset)
     total, some = float(weight.sum()), weight > 0
     covered = float((weight * table.covered).sum())
-    unit_weight = table.unit_weight(weight)
+    sums = table.sums_on(subset)
     fixed = ratio(sum(score.fixed_error for score in table.scores) / len(setting.seeds), len(table.unit))
-    beside = shared.stp if shared.stp is not None and shared.stp.setting.samples == setting.samples else None
-    stp = paired_difference(table.errors(subset), beside.errors(subset), unit_weight) if beside else None
+    to_stp = None
+    if stp is not None and stp.setting.samples == setting.samples:
+        to_stp = sums.minus(stp.sums_on(subset))
 
     def mean(value: Any) -> float | None:
         return ratio(float((value * weight).sum()), total)
@@ -225,7 +235,7 @@ def _row(table: AgentTable, subset: Subset, shared: Pair, pairs: GapPairs, split
         minADE=mean_covered(table.min_ade),
         minFDE=mean_covered(table.min_fde),
         error=mean(ranked.error),
-        interval=bootstrap_interval(table.errors(subset), unit_weight),
+        interval=bootstrap_interval(sums.error, sums.weight),
         localisation=mean(ranked.error - ranked.missed),
         missed=mean(ranked.missed),
         error_by_score=mean(ranked.by_score),
@@ -234,18 +244,20 @@ def _row(table: AgentTable, subset: Subset, shared: Pair, pairs: GapPairs, split
         fixed_error=fixed if subset == "all" else None,
         energy_score=mean_covered(table.energy_score),
         coverage=ratio(covered / len(setting.seeds), total),
-        difference_to_stp=stp and stp.mean,
-        difference_interval=stp and stp.interval,
-        p=stp and stp.p,
-        **gap_columns(table, subset, pairs),
-        unranked_because=None,
+        difference_to_stp=to_stp and to_stp.mean,
+        difference_interval=to_stp and to_stp.interval,
+        p=to_stp and to_stp.p,
+        **gap_columns(table, subset, gaps),
+        place=place.place,
+        rank_range=place.span,
+        unranked_because=place.why or None,
         targets=int(some.sum()),
         effective_targets=effective_number(weight),
         events=table.events[subset],
         objects=len(np.unique(table.person[some])),
-        effective_objects=_effective_objects(table, subset),
+        effective_objects=sums.effective_objects,
         scenes=len(np.unique(table.scene[some])),
-        effective_units=effective_number(unit_weight),
+        effective_units=effective_number(sums.weight),
         seeds=len(setting.seeds),
         ms_per_frame=ratio(
             1e3 * sum(score.seconds * score.frames for score in table.scores),
@@ -254,34 +266,17 @@ def _row(table: AgentTable, subset: Subset, shared: Pair, pairs: GapPairs, split
     )
 
 
-def _effective_objects(table: AgentTable, subset: Subset) -> float:
-    return effective_number(np.bincount(table.person, weights=table.weight[subset]))
-
-
-def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: Pair, pairs: Sequence[GapPairs]) -> list[Row]:
-    """The rows, by agent and then by subset, with their ranks or the reason why they have none."""
-    done = list(rows)
-    subsets = tables[0].subsets if tables else ()  # all have the same targets
-    for at, subset in enumerate(subsets):
-        why: list[str | None] = []
-        weight = tables[0].unit_weight(tables[0].weight[subset])
-        for table, gaps in zip(tables, pairs, strict=True):
-            setting = table.setting
-            reason = why_unranked(setting.budget, setting.samples, setting.observe)
-            reason = reason or why_not_on(subset, _effective_objects(table, subset), weight)
-            if subset != "all" and reason is None:
-                ends = shared, gaps.own
-                limits = (None if each is None or each.stp is None else each.stp.errors("all") for each in ends)
-                reason = guard(table.errors("all"), table.unit_weight(table.weight["all"]), *limits)
-            # alone, even an agent that predicts nothing would be the first
-            why.append(ALONE if reason is None and len(tables) == 1 else reason)
-        ranks = ranks_among([table.errors(subset) for table in tables], weight, why)
-        for i, (rank, because) in enumerate(zip(ranks, why, strict=True)):
-            row = i * len(subsets) + at
-            place, span = rank or (None, None)
-            update = {"place": place, "rank_range": span, "unranked_because": because}
-            done[row] = rows[row].model_copy(update=update)
-    return done
+def _places(
+    tables: Sequence[AgentTable], stp: AgentTable | None, pairs: Sequence[GapPairs]
+) -> list[dict[Subset, Place]]:
+    """Return the places of agents by subset, or the reasons why they have none."""
+    settings = [table.setting for table in tables]
+    unranked = [why_unranked(setting.budget, setting.samples, setting.observe) for setting in settings]
+    guards = [guard(table, stp, gaps.own.stp) for table, gaps in zip(tables, pairs, strict=True)]
+    places = places_on(tables[0].subsets if tables else (), tables, unranked, guards)
+    if len(tables) == 1:  # alone, even an agent that predicts nothing would be the first
+        return [{subset: Place(why=place.why or ALONE) for subset, place in places[0].items()}]
+    return places
 
 
 def _with_equal_budget(tables: Sequence[AgentTable], name: str) -> AgentTable | None:

@@ -4,6 +4,7 @@ Units are recordings cut into blocks of at most 20 s. A weighted mean over targe
 ``numerator`` [U] and ``denominator`` [U], the weight of the targets.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -97,12 +98,20 @@ class PairedDifference(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """The 95 % interval that inverts the test: without 0 exactly if p < 0.05; None: unbounded."""
-        return _flipped(*self.units).interval
+        """The 95 % interval that inverts the test: without 0 exactly if p < 0.05; None: unbounded.
+
+        It is unbounded with fewer than six units.
+        """
+        return _test_interval(*self.units)
 
 
 def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> PairedDifference | None:
-    """Difference a - b of two means: numerators [U], [U], denominator [U]; None where that is 0 in all units."""
+    """Return the difference a - b of two means, and test its sum under random signs of the units.
+
+    Numerators ``a`` and ``b`` [U], ``denominator`` [U]: the weight of the units; None where that is 0 in all of them.
+    The test takes all 2^U signs up to EXACT_UNITS units, else FLIPS random ones and the observed one. Units without a
+    difference and a weight do not matter; p is 1 without any other unit.
+    """
     gap, weight = beyond_rounding(as_sums("a", a), as_sums("b", b)), as_sums("denominator", denominator)
     require_shape("denominator", weight, gap.shape)
     mean = ratio(gap.sum(), weight.sum())
@@ -111,6 +120,20 @@ def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> Pai
     counted = (gap != 0) | (weight != 0)
     units = gap[counted].tobytes(), weight[counted].tobytes()
     return PairedDifference(mean, _chance(units[0]), units)
+
+
+@dataclass(frozen=True, eq=False)
+class UnitSums:
+    """Sums of one agent over the targets of each unit, on one subset."""
+
+    samples: int  # k, per object
+    weight: Floats  # [U] of the targets
+    error: Floats  # [U] m, weighted bADE
+    effective_objects: float
+
+    def minus(self, other: "UnitSums") -> PairedDifference | None:
+        """Return bADE minus that of ``other`` on the same targets, metres; None without targets."""
+        return paired_difference(self.error, other.error, self.weight)
 
 
 def beyond_rounding(one: Floats, other: Floats) -> Floats:
@@ -145,38 +168,18 @@ def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | N
     return float(low), float(high)
 
 
-class SignFlipTest(NamedTuple):
-    """Two-sided test of a summed difference, and the interval of the mean difference that inverts it."""
-
-    p: float
-    interval: tuple[float, float] | None  # 95 %; None where it is unbounded, as with fewer than six units
-
-
-def sign_flip_test(difference: ArrayLike, weight: ArrayLike | None = None) -> SignFlipTest:
-    """Test the sum of ``difference`` [U] per unit under random signs of the units.
-
-    All 2^U signs up to EXACT_UNITS units; else FLIPS random ones and the observed one. ``weight`` [U] of the units,
-    without it 1: the interval holds the means m for which the differences minus m times the weights have p >= 0.05.
-    Units without a difference and a weight do not matter. p is 1 without any other unit.
-    """
-    gap = as_sums("difference", difference)
-    share = np.ones(len(gap)) if weight is None else as_sums("weight", weight)
-    require_shape("weight", share, gap.shape)
-    counted = (gap != 0) | (share != 0)
-    return _flipped(gap[counted].tobytes(), share[counted].tobytes())
-
-
 @lru_cache(maxsize=8192)  # a leaderboard needs a pair of agents for ranks and for differences
-def _flipped(difference: bytes, weight: bytes) -> SignFlipTest:
+def _test_interval(difference: bytes, weight: bytes) -> tuple[float, float] | None:
+    """Return the means m for which the differences minus m times the weights have p >= 0.05."""
     gap, share = np.frombuffer(difference), np.frombuffer(weight)
     if not gap.any():
-        return SignFlipTest(1.0, (0.0, 0.0) if len(gap) >= RANKED_UNITS else None)
+        return (0.0, 0.0) if len(gap) >= RANKED_UNITS else None
     signs, observed = _flips(len(gap))
     low, high = _ends(gap, share, signs @ np.stack([gap, share], axis=1))
     # as many flips must hold a mean for its p to be 0.05 or more
     least = int(np.ceil(SIGNIFICANT * (len(low) + observed) - 1e-9)) - observed
     interval = float(np.partition(low, least - 1)[least - 1]), float(np.partition(high, -least)[-least])
-    return SignFlipTest(_chance(difference), interval if np.isfinite(interval).all() else None)
+    return interval if np.isfinite(interval).all() else None
 
 
 @lru_cache(maxsize=8192)
@@ -250,29 +253,3 @@ def _resamples(units: int) -> Floats:
     rng = np.random.default_rng([_SEED, units])
     counts = rng.multinomial(units, np.full(units, 1.0 / units), size=RESAMPLES)
     return counts.astype(np.float64)
-
-
-class Gap(NamedTuple):
-    """Share of the gap that is closed."""
-
-    closed: float  # 0: as STP, 1: as from ground-truth tracks
-    parts: tuple[Floats, Floats]  # [U], [U] what is closed of each unit, and the gap
-
-    @property
-    def interval(self) -> tuple[float, float] | None:
-        """Interval of the share (95 %), over resampled units."""
-        return share_interval(*self.parts)
-
-
-def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: ArrayLike) -> Gap | None:
-    """Share (E_STP - E) / (E_STP - E_GT) from bADE summed over the targets of each unit [U].
-
-    ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on ground-truth tracks, all with the same k;
-    ``weight`` [U] of the targets. None unless STP is significantly worse than ground-truth tracks.
-    """
-    whole = paired_difference(stp, truth, weight)
-    if whole is None or whole.mean <= 0 or not whole.significant:
-        return None
-    high = as_sums("stp", stp)
-    closed, gap = high - as_sums("error", error), high - as_sums("truth", truth)
-    return Gap(float(closed.sum() / gap.sum()), (closed, gap))

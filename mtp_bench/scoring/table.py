@@ -15,6 +15,7 @@ from .bade import ONE_PER_TARGET, BudgetErrors, Budgets, CardBudget, errors_at
 from .definitions import KNOWN_SUBSETS, SUBSETS, Subset
 from .rows import AgentSetting, Budget
 from .score import SceneScore
+from .statistics import UnitSums, effective_number
 from .weights import Reference
 
 _OF_TARGETS = ("class_id", "distance", "approach", "moving", "miss_error", "absent_cause")  # the same for all seeds
@@ -108,9 +109,15 @@ class AgentTable:
         """Weight of the targets of each unit [U]."""
         return self.per_unit(np.ones(len(weight)), weight)
 
-    def errors(self, subset: str) -> Floats:
-        """Weighted bADE per unit [U], metres: sums over its targets."""
-        return self.per_unit(self.bade(subset).error, self.weight[subset])
+    def sums_on(self, subset: Subset) -> UnitSums:
+        """Return the sums over the units of the targets of a subset."""
+        weight = self.weight[subset]
+        return UnitSums(
+            samples=self.setting.samples,
+            weight=self.unit_weight(weight),
+            error=self.per_unit(self.bade(subset).error, weight),
+            effective_objects=effective_number(np.bincount(self.person, weights=weight)),
+        )
 
 
 def stated_hypotheses(seeds: Sequence[Sequence[SceneScore]]) -> int:

@@ -11,7 +11,7 @@ from ..errors import DataError, ShapeError
 from ..geometry import rotate, wrap_angle
 from ..types import Bools, Floats, Ints, Ragged, Scene
 from .definitions import BLOCK_SECONDS, MOVING_SPEED, TURNING
-from .events import HOLES, LOST_TARGETS, history, pieces, separated, separated_truth
+from .events import HOLES, LOST_TARGETS, counted_in_run, history, pieces, separated, separated_truth
 from .neutral import evaluated
 from .pairs import near_pairs
 
@@ -108,10 +108,8 @@ def absent_causes(scene: Scene, targets: Targets, card: Card) -> Ints:
 
     objects = history(at[0], truth.object_id)
     now = np.bincount(row[own & inside], minlength=len(truth.box))[objects.order] > 0
-    detected = np.cumsum(now)
-    before = np.maximum.accumulate(np.where(objects.follows, 0, detected - now))  # in rows of other objects
     ever = np.zeros(len(now), dtype=bool)
-    ever[objects.order] = detected > before
+    ever[objects.order] = counted_in_run(objects.follows, now) > 0
     holds = [of_targets(own & inside), of_targets(~own & inside), of_targets(own & (distance <= 2 * limit))]
     return np.select([*holds, ~ever[targets.row]], list(AbsentCause)[:4], AbsentCause.UNDETECTED_SEEN)
 

@@ -90,11 +90,10 @@ class Reference:
         """Constants that set budgets: stated ones, else the counts of all scenes."""
         if self.constants is not None:
             return self.constants
-        scenes = self.scenes.values()
-        targets = sum(scene.targets for scene in scenes)
-        if targets == 0 or any(scene.way is not None for scene in scenes):
+        totals = self.totals
+        if totals["targets"] == 0 or any(scene.way is not None for scene in self.scenes.values()):
             return ONE_PER_TARGET
-        return CardBudget(self.env, sum(scene.false_forecasts for scene in scenes), targets)
+        return CardBudget(self.env, totals["false_forecasts"], totals["targets"])
 
     @property
     def origin(self) -> str:
@@ -126,12 +125,15 @@ class Reference:
         Raises UnknownNameError for another subset and DataError for a scene without weights.
         """
         require_known("weighted subset", subset, WEIGHED)
-        known = self.of(scene)
+        return self.weight_in(self.of(scene), subset)
+
+    def weight_in(self, scene: SceneWeights, subset: str) -> NDArray[np.float64]:
+        """Return the weights [n] of the targets of a scene, as `weight`."""
         if subset == "paper_ids":
-            return known.stp[:, 0].astype(np.float64)
+            return scene.stp[:, 0].astype(np.float64)
         if subset == "paper_frag":
-            return (known.stp[:, 1] | known.stp[:, 2]).astype(np.float64)
-        return known.counts[:, COUNTED.index(subset)] / self.runs
+            return (scene.stp[:, 1] | scene.stp[:, 2]).astype(np.float64)
+        return scene.counts[:, COUNTED.index(subset)] / self.runs
 
 
 def scene_key(env: str, scene: str) -> str:

@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 from mtp_bench.drive.planner import Decision
 from mtp_bench.drive.record import is_comfortable, record_of, smoothed_jerk
 from mtp_bench.scoring.driving import AgentDrives, driving_rows, fault_interval, scene_score, score_interval
-from mtp_bench.scoring.statistics import bootstrap_interval, sign_flip_test
+from mtp_bench.scoring.statistics import bootstrap_interval, paired_difference
 from mtp_bench.sources.highway.world import CLASSES, World
 from mtp_bench.types import Drive, Floats, Truth, starts_of
 from tests.drive.test_planner import SIZE, WAY, car
@@ -100,7 +100,8 @@ def test_rows_are_paired_by_scene() -> None:
     good["s7"] = [of(50.0, "car", True, near=2), of(100.0, "bus")]
     first, last = driving_rows([stp, AgentDrives("good", good)], reference, stp)
     scores = np.array([(7 + (1.6 + 0.04 * i) * 2.5) / 12 for i in range(7)] + [0.5])
-    test = sign_flip_test(scores - 9.5 / 12)
+    test = paired_difference(scores, np.full(8, 9.5 / 12), np.ones(8))
+    assert test is not None
     assert (first.agent, last.agent, last.difference, last.p) == ("good", "stp", None, None)
     assert first.interval == pytest.approx(bootstrap_interval(scores, np.ones(8)))
     assert first.collisions_interval == fault_interval(6.25, 8)

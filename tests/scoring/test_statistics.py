@@ -5,9 +5,11 @@ import itertools
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from numpy.typing import ArrayLike
 
-from mtp_bench.scoring import bootstrap_interval, sign_flip_test
-from mtp_bench.scoring.statistics import gap_closed, share_interval, significant_pairs
+from mtp_bench.scoring import bootstrap_interval, paired_difference
+from mtp_bench.scoring.rank import NO_GAP, gap_closed
+from mtp_bench.scoring.statistics import PairedDifference, UnitSums, share_interval, significant_pairs
 
 steady = settings(derandomize=True, deadline=None, max_examples=25)
 
@@ -30,6 +32,14 @@ def test_fewer_than_three_units_have_no_interval(count: list[int]) -> None:
     assert bootstrap_interval(np.ones(len(count)), count) is None
 
 
+def flip_test(difference: ArrayLike, weight: ArrayLike | None = None) -> PairedDifference:
+    """Return the test of differences [U] from 0; ``weight`` [U]: 1 unless stated."""
+    count = len(np.asarray(difference))
+    found = paired_difference(difference, np.zeros(count), np.ones(count) if weight is None else weight)
+    assert found is not None
+    return found
+
+
 def extreme_share(difference: list[float], weight: list[float], mean: float) -> float:
     """Share of all sign flips whose sum is as extreme as the observed one, after ``mean`` is taken off."""
     rest = [d - mean * w for d, w in zip(difference, weight, strict=True)]
@@ -43,7 +53,7 @@ def extreme_share(difference: list[float], weight: list[float], mean: float) -> 
 @given(st.lists(st.tuples(st.integers(-5, 5), st.integers(1, 3)), min_size=1, max_size=8))
 def test_sign_flips_and_their_interval_equal_enumeration(units: list[tuple[int, int]]) -> None:
     difference, weight = map(list, zip(*units, strict=True))
-    found = sign_flip_test(difference, weight)
+    found = flip_test(difference, weight)
     assert found.p == pytest.approx(extreme_share(difference, weight, 0.0))
     assert (found.interval is None) == (len(units) < 6)
     if found.interval is not None:
@@ -58,12 +68,12 @@ def test_sign_flips_and_their_interval_equal_enumeration(units: list[tuple[int, 
 def test_many_scenes_are_sampled_and_repeat() -> None:
     rng = np.random.default_rng(3)
     even, shifted = rng.normal(0, 1, 40), rng.normal(1, 1, 40)
-    assert sign_flip_test(shifted).p < 1e-3
-    assert sign_flip_test(even).p > 0.05
-    assert sign_flip_test(even) == sign_flip_test(even)
-    assert sign_flip_test(np.ones(40)).p == 1 / 10_001  # never 0
+    assert flip_test(shifted).p < 1e-3
+    assert flip_test(even).p > 0.05
+    assert flip_test(even) == flip_test(even)
+    assert flip_test(np.ones(40)).p == 1 / 10_001  # never 0
     for mean in np.linspace(-0.6, 0.6, 40):
-        found = sign_flip_test(even + mean)
+        found = flip_test(even + mean)
         assert found.interval is not None
         assert (found.p < 0.05) == (found.interval[0] > 0 or found.interval[1] < 0)
 
@@ -80,7 +90,8 @@ def test_an_error_without_weight_changes_no_other_pair() -> None:
 @pytest.mark.parametrize("gain", [[1.0, -1.0, 1.0, -1.0, 1.0, -0.9], [0.0] * 6, [-1.0] * 6, [1.0], [1.0, 1.0]], ids=str)
 def test_there_is_no_gap_unless_the_pipeline_is_surely_worse_than_true_pasts(gain: list[float]) -> None:
     truth = np.full(len(gain), 3.0)
-    assert gap_closed(truth, truth + gain, truth, np.ones(len(gain))) is None
+    sums = [UnitSums(10, np.ones(len(gain)), error, 1.0) for error in (truth, truth + gain, truth)]
+    assert gap_closed(*sums).why == NO_GAP
 
 
 def test_the_interval_of_a_share() -> None:
