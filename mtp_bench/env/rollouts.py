@@ -42,13 +42,12 @@ ARRAYS: dict[str, tuple[str, tuple[str | int, ...]]] = {
 }
 # arrays of a drive in its digest. Records name digests, so the list stays as it is: what else is stored of a drive, as
 # the states after the last decision, follows from the actions and changes no digest
-_DIGESTED = (
-    "drive_acceleration", "drive_at_fault", "drive_cause", "drive_collision", "drive_comfortable", "drive_goal",
-    "drive_hit", "drive_near_misses", "drive_phantom_brakes", "drive_plan", "drive_risk", "drive_seconds", "drive_way",
-    "world_box", "world_class_id", "world_ego", "world_eligible", "world_following", "world_following_start",
-    "world_lane", "world_lane_start", "world_neutral", "world_object_id", "world_start", "world_time",
-    "world_velocity", "world_visible",
-)  # fmt: skip
+_DIGESTED = """
+    drive_acceleration drive_at_fault drive_cause drive_collision drive_comfortable drive_goal drive_hit
+    drive_near_misses drive_phantom_brakes drive_plan drive_risk drive_seconds drive_way world_box
+    world_class_id world_ego world_eligible world_following world_following_start world_lane world_lane_start
+    world_neutral world_object_id world_start world_time world_velocity world_visible
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +171,7 @@ def digest(rollout: Rollout) -> str:
             sha.update(f"|{name}{list(array.shape)}".encode())
             sha.update(array.tobytes())
     for name, array in sorted(drive_arrays(rollout.drive).items()):
-        if name in _DIGESTED:
+        if name in _DIGESTED.split():
             sha.update(f"|{name}{array.dtype.str}{list(array.shape)}".encode())
             sha.update(np.ascontiguousarray(array).tobytes())
     return sha.hexdigest()
