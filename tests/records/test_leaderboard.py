@@ -25,6 +25,7 @@ from mtp_bench.scoring.definitions import SIGNIFICANT, Subset
 from mtp_bench.scoring.statistics import PairedDifference
 from mtp_bench.viz.board.entries import Entry, by_board
 from tests.support.command_line import CommandLine
+from tests.support.programs import require_program
 
 LEAST = 20  # records
 ROADS = ("Intersection", "Roundabout", "Merge")
@@ -51,6 +52,7 @@ def copy(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def read(copy: Path) -> Callable[..., tuple[list[Entry], list[str], list[str]]]:
     """`read_board` as the command calls it for the page, done once: to rank all records is most of its time."""
+    require_program("ssh-keygen")  # without it no signed level is read
     call = copy / "records", (), None, copy / "index.html", trusted(None)
     result = read_board(*call, NO_PROGRESS)
 
