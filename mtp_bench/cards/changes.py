@@ -171,16 +171,18 @@ def with_scenes(card: Card, scenes: Sequence[Scene]) -> Card:
     return _with_own(card, scenes=tuple(scenes), sha256=scenes_digest(scenes))
 
 
-def with_presence(card: Card, presence: str) -> Card:
+def with_presence(card: Card, presence: str | None) -> Card:
     """Return the card under which baselines state their confidences by another presence model.
 
     ``presence``: the file of a model that ``mtp-bench train presence`` wrote, or "scores": an object's confidence is
-    the score of its last detection. Raises DataError if there is no such file.
+    the score of its last detection; None: the detector's model. Raises DataError if there is no such file.
     """
-    path = Path(presence).expanduser().absolute()
-    if presence != SCORES and not path.is_file():
-        raise DataError(f"no file {path}, expected one of `mtp-bench train presence`, or the word {SCORES!r}")
-    return card.model_copy(update={"presence": SCORES if presence == SCORES else str(path)})
+    if presence is not None and presence != SCORES:
+        path = Path(presence).expanduser().absolute()
+        if not path.is_file():
+            raise DataError(f"no file {path}, expected one of `mtp-bench train presence`, or the word {SCORES!r}")
+        presence = str(path)
+    return card.model_copy(update={"presence": presence})
 
 
 def instead_of_stored(card: Card) -> str:

@@ -58,8 +58,10 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
 
     Raises MtpBenchError for an unknown env, other scenes or detections, missing data or a wrong parameter.
     """
-    if options.detector is not None or options.detection_file is not None:
-        raise MtpBenchError("a record is of the detections that its env names: no other detector can be chosen")
+    if {options.detector, options.detection_file, options.presence} != {None}:
+        raise MtpBenchError(
+            "a record is of the detections that its env names: no other detector can be chosen, and no presence model"
+        )
     if options.files is not None or options.split is not None:
         raise MtpBenchError("a record is of the scenes that its env names: no files and no split can take their place")
     if submission.compare.observe == "tracks":

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .._bundle import bundled, card_ids
 from ..agent import Agent
-from ..cards import Card, load_card
+from ..cards import Card, load_card, with_presence
 from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
 from ..env.rollouts import empty_rollout
@@ -64,10 +64,11 @@ def frozen_path(env_id: str) -> Path:
 def frozen_reference(card: Card) -> Reference | None:
     """The frozen event weights of ``card``; None without a file, and for a card that is not the shipped one.
 
-    Raises DataError if the file is broken or of other definitions.
+    Another presence model changes confidences, not events, so it keeps the weights. Raises DataError if the file is
+    broken or of other definitions.
     """
     reference = _frozen_file(card.id)
-    return reference if reference is not None and reference.card == card.digest else None
+    return reference if reference is not None and reference.card == with_presence(card, None).digest else None
 
 
 def card_budget(env_id: str) -> CardBudget:
@@ -88,9 +89,7 @@ def _frozen_file(env_id: str) -> Reference | None:
     if reference.env != env_id:
         raise DataError(f"{path}: env is {reference.env!r}, expected {env_id!r}")
     live = _live_frames().get(env_id)
-    if live is None:
-        return replace(reference, frozen=True)
-    constants = CardBudget(env_id, reference.totals["forecasts"], live, false_known=False)
+    constants = None if live is None else CardBudget(env_id, reference.totals["forecasts"], live, false_known=False)
     return replace(reference, frozen=True, constants=constants)
 
 
@@ -121,7 +120,7 @@ def reference_for(card: Card, scenes: Sequence[str], options: RunOptions = DEFAU
     frozen = frozen_reference(card)
     if frozen is not None and frozen.holds(scenes):
         return frozen
-    return replace(make_reference(card, scenes, options), constants=card_budget(card.id))
+    return replace(make_reference(with_presence(card, None), scenes, options), constants=card_budget(card.id))
 
 
 def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, Reference]:
@@ -170,9 +169,16 @@ def make_reference(
         weights[scene_key(card.id, name)] = SceneWeights(
             total, run.stp, run.stp_events, run.false_forecasts, run.forecasts
         )
-    parameters = perturbation.parameters(card.task.classes, seeds)
-    header = (card.id, card.digest, WEIGHTS_DEFINITIONS, submission.name, len(seeds), parameters)
-    return Reference(*header, weights, constants=_counted(card.id, plain))
+    return Reference(
+        card.id,
+        card.digest,
+        WEIGHTS_DEFINITIONS,
+        submission.name,
+        len(seeds),
+        perturbation.parameters(card.task.classes, seeds),
+        weights,
+        constants=_counted(card.id, plain),
+    )
 
 
 def _counted(env_id: str, runs: Sequence[_PlainRun]) -> CardBudget | None:
@@ -205,9 +211,15 @@ def _plain_run(card: Card, data: str | None, name: str, submission: Submission) 
     events = events_of(scene, rollout, card)
     ids, lost, reacquired = events[~evaluated(scene).truth.neutral].sum(axis=0).tolist()
     score, flags = score_scene(scene, rollout, card), events[find_targets(scene, card).row]
-    detections, counts = matched_detections(scene, card), (ids, lost, reacquired)
-    false, every = score.false_forecasts, score.forecasts
-    return _PlainRun(detections, flags, counts, false, every, score.live, scene.truth_complete)
+    return _PlainRun(
+        matched_detections(scene, card),
+        flags,
+        (ids, lost, reacquired),
+        score.false_forecasts,
+        score.forecasts,
+        score.live,
+        scene.truth_complete,
+    )
 
 
 def _perturbed_runs(

@@ -84,8 +84,7 @@ def misstated_lines(report: Report) -> Iterator[str]:
     if own == detector and "folder" not in report.condition:
         return
     for table in report.tables:
-        means = None if table.setting.observe == "truth" else misstated(table)
-        if means is not None:
+        if table.setting.observe != "truth" and (means := misstated(table)):
             yield (
                 "! {}: the mean confidence is {:.2f}, and {:.2f} of the forecasts are of a true object: presence was "
                 "not fitted to such detections. `mtp-bench train presence` fits a model, --presence FILE takes it, and "

@@ -64,6 +64,11 @@ def logistic_regression(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[Any
     """scikit-learn's estimator on `design`, and a model with its standardisation and no coefficients yet."""
     from sklearn.linear_model import LogisticRegression
 
+    if rows.present.std() == 0:
+        raise MtpBenchError(
+            "of the tracks to fit to, all or none are of true objects, expected both kinds; held-out blocks may hold "
+            "the others; --presence scores needs no fit"
+        )
     raw = np.stack([FEATURES[name](rows) for name in recipe.features], axis=1)
     low, high = _rounded(np.quantile(raw, [0.001, 0.999], axis=0))
     clipped = np.clip(raw, low, high)

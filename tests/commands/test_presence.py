@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 import mtp_bench
+from mtp_bench.prediction.presence import MODELS
 from mtp_bench.running.stored import open_run
 
 from ..support.command_line import CommandLine, read_json
@@ -55,3 +56,24 @@ def test_a_model_that_is_not_there(cli: CommandLine, tmp_path: Path) -> None:
     failed = cli("run", "stp", *ENV, "--files", logs, "--presence", tmp_path / "gone.json", "-o", tmp_path / "run")
     assert failed.status == 1
     assert "gone.json, expected one of `mtp-bench train presence`, or the word 'scores'" in shown(failed.err)
+
+
+def test_detections_far_from_the_truth_are_not_said_to_need_another_model(cli: CommandLine, tmp_path: Path) -> None:
+    logs, run = write_log(tmp_path / "logs"), tmp_path / "run"
+    table = logs / "log" / "detections.csv"
+    head, *rows = [line.split(",") for line in table.read_text().splitlines()]
+    x = head.index("x")
+    moved = [[*row[:x], str(float(row[x]) + 500), *row[x + 1 :]] for row in rows]
+    table.write_text("\n".join(map(",".join, [head, *moved])) + "\n")
+    cli.ok("run", "stp", *ENV, "--files", logs, "-o", run)
+    printed = shown(cli.ok("score", run))
+    assert "no forecast is near a target" in printed
+    assert "presence was not fitted" not in printed
+
+
+def test_a_run_is_scored_without_the_file_of_its_model(cli: CommandLine, tmp_path: Path) -> None:
+    logs, model, run = with_ghosts(tmp_path / "logs"), tmp_path / "mine.json", tmp_path / "run"
+    model.write_text((MODELS / "default.json").read_text())
+    cli.ok("run", "stp", *ENV, "--files", logs, "--presence", model, "-o", run)
+    model.unlink()
+    assert "stp" in cli.ok("score", run)

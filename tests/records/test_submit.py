@@ -281,9 +281,12 @@ def test_impossible_records(table: str, options: Content, reason: str, card: str
     assert not (tmp_path / "out").exists()
 
 
-def test_a_record_has_no_other_detector(submission: Path, card: str, kitti: str, tmp_path: Path) -> None:
-    with pytest.raises(MtpBenchError, match="no other detector can be chosen"):
-        submit(submission, card, RunOptions(kitti, detector="clean"), tmp_path)
+@pytest.mark.parametrize("changed", [{"detector": "clean"}, {"presence": "scores"}], ids=str)
+def test_a_record_has_no_other_detector(
+    submission: Path, card: str, kitti: str, tmp_path: Path, changed: dict[str, Any]
+) -> None:
+    with pytest.raises(MtpBenchError, match="no other detector can be chosen, and no presence model"):
+        submit(submission, card, RunOptions(kitti, **changed), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv
-from mtp_bench.cards import load_card
+from mtp_bench.cards import load_card, with_presence
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.records.running import plan_run
 from mtp_bench.running.compare import compare
@@ -109,6 +109,14 @@ def test_a_changed_card_or_a_scene_that_is_not_there_makes_its_own(shipped: str,
     part = make_reference(load_card(shipped), scenes[:1], RunOptions(kitti))
     assert part.of(scenes[0]).targets == frozen.of(scenes[0]).targets
     assert not part.holds(scenes)
+
+
+def test_another_presence_model_keeps_the_frozen_weights() -> None:
+    card = load_card("MTP-nuScenes-mini-v0")
+    frozen, other = frozen_reference(card), frozen_reference(with_presence(card, "scores"))
+    assert frozen is not None
+    assert other is not None, "confidences change no event"
+    assert other.digest == frozen.digest
 
 
 def test_budgets_are_constants_of_the_card(shipped: str, tmp_path: Path, kitti: str) -> None:

@@ -10,8 +10,10 @@ from mtp_bench.scoring.details import misstated
 from mtp_bench.scoring.score import Outcome
 
 
-def table(confidence: float, matched: float, n: int, frames: int, complete: bool = True, neutral: int = 0) -> Any:
-    """A run of one unit with n forecasts, of which the share ``matched`` is of a true object."""
+def table(
+    confidence: float, matched: float, n: int, frames: int, complete: bool = True, neutral: int = 0, near: bool = True
+) -> Any:
+    """A run of one unit with n forecasts, of which the share ``matched`` is of a true object; ``near`` the target."""
     right = round(matched * n)
     outcome = [Outcome.TARGET] * right + [Outcome.FALSE_POSITIVE] * (n - right) + [Outcome.NEUTRAL] * neutral
     score = SimpleNamespace(
@@ -20,7 +22,7 @@ def table(confidence: float, matched: float, n: int, frames: int, complete: bool
         live=frames,
         units=1,
     )
-    return SimpleNamespace(complete=complete, setting=SimpleNamespace(seeds=[[score]]))
+    return SimpleNamespace(covered=np.array([float(near)]), complete=complete, setting=SimpleNamespace(seeds=[[score]]))
 
 
 CASES = {
@@ -33,6 +35,7 @@ CASES = {
     "repeated in 40 frames: chance": (table(0.5, 0.75, 160, 40), False),
     "false ones unknown": (table(0.99, 0.62, 200, 20, complete=False), False),
     "neutral ones are left out": (table(0.9, 0.9, 200, 20, neutral=200), False),
+    "far from all targets": (table(0.99, 0.0, 200, 20, near=False), False),
     "no forecast": (table(0.9, 0.9, 0, 20), False),
 }
 

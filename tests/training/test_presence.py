@@ -135,6 +135,13 @@ def test_rows_of_few_scenes_are_held_out_by_blocks_of_ten_seconds() -> None:
         collect([replace(scene, truth_complete=False)], card, task)
 
 
+@pytest.mark.parametrize("present", [True, False])
+def test_tracks_of_one_kind_fit_nothing(present: bool) -> None:
+    rows = replace(made_up(200)[0], present=np.full(200, present))
+    with pytest.raises(MtpBenchError, match=r"all or none are of true objects, .*--presence scores needs no fit"):
+        presence.fit(rows, presence.OWN)
+
+
 def test_the_quality_of_probabilities() -> None:
     got = quality(np.array([0.05, 0.05, 0.95, 1.0]), np.array([False, True, True, True]))
     assert (got["rows"], got["auc"], got["reliability"]) == (4, round(2.5 / 3, 4), [[0.05, 0.5, 2], [0.975, 1.0, 2]])

@@ -70,7 +70,7 @@ def run_line(parts: Mapping[str, float], scenes: int) -> str:
     """The error of all targets of the scenes listed, and its shares by the part of the stack."""
     error = sum(parts.values())
     shares = (f"{who} {size / error:.0%}" for who, size in by_fault(parts).items() if error and size)
-    return f"All targets of {counted(scenes, 'scene')}: {error:.2f} m: {', '.join(shares)}."
+    return f"All targets of {counted(scenes, 'scene')}: {error:.2f} m: {', '.join(shares) or 'nothing to blame'}."
 
 
 def _causes(row: WorstRow) -> str:
