@@ -96,8 +96,8 @@ class CardBudget:
             rates = ", ".join(f"{rate:.3g}" for rate in own.budgets(0, false_known).all)
             return f"{rates} forecasts per live frame, as false ones are not known ({source})"
         rate = own.forecasts / own.divisor
-        noun = f"false forecast{'' if rate == 1 else 's'} per target{', over all targets up to 1' if rate > 1 else ''}"
-        return f"up to {rate:.3g} {noun} ({source})"
+        most = ", over all targets up to 1" if rate > 1 else ""
+        return f"up to {rate:.3g} per target{most} ({source})"
 
 
 ONE_PER_TARGET = CardBudget()

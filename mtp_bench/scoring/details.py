@@ -105,8 +105,8 @@ def misstated(table: AgentTable) -> tuple[float, float] | None:
     They differ by more than `MOST_OFF`, and by more than chance (p < .01). Forecasts of one frame count as independent,
     and those of the next frames as repetitions for a quarter of a unit, 5 s: the variance of the number of matches is
     that of independent forecasts times these frames. On nuScenes mini a false forecast of STP lasts 2.4 s (mean
-    weighted by length). None if they agree, if false forecasts are not known, and if no
-    forecast is near a target, since the cause lies elsewhere.
+    weighted by length). None if they agree, if false forecasts are not known, and if no forecast is near a
+    target, since the cause lies elsewhere.
     """
     run = table.setting.seeds[0]
     stated = _stated(table, run)

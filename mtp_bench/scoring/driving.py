@@ -84,8 +84,9 @@ def driving_rows(
 def own_bade(agent: AgentDrives) -> float | None:
     """BADE in the agent's own drives, m, mean over seeds; budgets up to a false forecast per target; or None."""
     runs = [run for run in agent.scores if any(map(len, run))]
-    budgets = [ONE_PER_TARGET.budgets(sum(map(len, run))).all for run in runs]
-    errors = [run_errors(run, each, True, "cuts").error.mean() for run, each in zip(runs, budgets, strict=True)]
+    errors = [
+        run_errors(run, ONE_PER_TARGET.budgets(sum(map(len, run))).all, True, "cuts").error.mean() for run in runs
+    ]
     return float(np.mean(errors)) if errors else None
 
 

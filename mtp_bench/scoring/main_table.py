@@ -52,8 +52,7 @@ def main_table(report: Report) -> Table:
     """
     blocks = sorted(main_settings(report).values(), key=lambda of: (of["all"].error is None, of["all"].error or 0.0))
     rows = [*map(_main_row, blocks), *(MainRow(agent, error=FAILED) for agent in report.failures)]
-    budget = report.condition.get("budget")
-    note = MEANING if budget is None else f"{MEANING} Budgets: {budget}."
+    note = f"{MEANING} Budgets of false forecasts: {report.condition.get('budget', 'not stated')}."
     return Table("main", f"{heading(report)}: m, less is better", note, rows, columns_of(MainRow))
 
 
@@ -78,10 +77,15 @@ def shipped_env(report: Report) -> str:
 
 
 def misstated_lines(report: Report) -> Iterator[str]:
-    """The note about confidences that do not come true on other detections than the card's own, of the first agent."""
-    detector = report.condition.get("detector")
-    own = load_card(report.env).detector_name if report.env in card_ids() else detector
-    if own == detector and "folder" not in report.condition:
+    """Return the note about confidences that do not come true on other detections than the card's own.
+
+    It is about the first agent: others have the same presence model, unless a run names one (``--presence``).
+    """
+    condition = report.condition
+    card = load_card(report.env) if report.env in card_ids() else None
+    other_detector = card is not None and card.detector_name != condition.get("detector")
+    is_drive = card is not None and card.drive is not None  # its scenes are own ones, with the card's own detector
+    if is_drive or condition.get("presence") or not (other_detector or "folder" in condition):
         return
     for table in report.tables:
         if table.setting.observe != "truth" and (means := misstated(table)):
@@ -90,7 +94,7 @@ def misstated_lines(report: Report) -> Iterator[str]:
                 "not fitted to such detections. `mtp-bench train presence` fits a model, --presence FILE takes it, and "
                 "--presence scores takes scores as they are".format(table.setting.agent, *means)
             )
-            return  # others have the same presence model
+            return
 
 
 def unchanged(env_id: str, digest: str | None) -> str:

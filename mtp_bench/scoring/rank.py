@@ -61,6 +61,7 @@ class HasSums(Protocol):
 
     def sums_on(self, subset: Subset) -> UnitSums:
         """Return the sums over the units of the targets of a subset."""
+        ...
 
 
 def guard(agent: HasSums, stp: HasSums | None, own: HasSums | None = None) -> str | None:

@@ -173,6 +173,7 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
         **({"folder": own} if own else {}),
         "source": card.source.name,
         "split": card.source.split,
+        "presence": card.presence or "",
         "detector": card.detector_name,
         "card": card.digest,
         "detections": "; ".join(f"{label} ({counted(n, 'scene')})" for label, n in sorted(made.items())),

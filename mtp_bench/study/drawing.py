@@ -21,9 +21,9 @@ WIDTH, HEIGHT = 5.6, 3.3  # inches
 DOTS = 150  # per inch, of PNG files
 TEXTS = toml_beside(__file__, "texts.toml")
 COLORS: dict[str, str] = TEXTS["colors"]
-SERIES: tuple[str, ...] = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
-MARKERS = dict(zip(SERIES, "osDv^P*", strict=True))
-LINES = dict(zip(SERIES, ("-", "-", "--", "-", ":", "-.", "--"), strict=True))
+SERIES = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
+MARKERS: dict[str, str] = dict(zip(SERIES, "osDv^P*", strict=True))
+LINES: dict[str, str] = dict(zip(SERIES, ("-", "-", "--", "-", ":", "-.", "--"), strict=True))
 HATCHES = ("", "////", "..", "\\\\\\\\", "xxxx", "", "||||")
 _STYLE = Path(__file__).with_name("figure.mplstyle")
 

@@ -113,7 +113,7 @@ def facts(findings: Findings) -> list[tuple[str, str]]:
         ("detections", condition["detections"]),
         ("truth", condition["truth"]),
         ("event weights", condition["weights"]),
-        ("budgets", condition["budget"]),
+        ("budgets of false forecasts", condition["budget"]),
         ("definitions", findings.report.definitions),
         ("trained on", trained),
     ]

@@ -146,7 +146,7 @@ def test_constants_of_the_cards_that_ship() -> None:
     assert targets_alone == CardBudget("MTP-nuScenes-v0", 166_536, 3_331, false_known=False)
     assert targets_alone.budgets(100, false_known=False).all.tolist() == pytest.approx([20, 40, 49.9957970579])
     assert targets_alone.budgets(100).subsets == 100.0  # own scenes with complete truth: one per target
-    assert targets_alone.text() == "up to 1 false forecast per target (no constant for such scenes)"
+    assert targets_alone.text() == "up to 1 per target (no constant for such scenes)"
     mini = card_budget("MTP-nuScenes-mini-v0")
     assert (mini.false_known, mini.budgets(100, false_known=False).all.tolist()) == (True, [20.0, 40.0])
     assert mini.budgets(mini.divisor).subsets == mini.forecasts  # exactly, on the scored split

@@ -132,9 +132,9 @@ def test_a_table_states_k_horizon_c_and_budgets_of_its_card_and_what_used_the_tr
     assert [line.split("horizon")[0].strip() for line in settings] == [
         f"bADE here: k = {k} samples per object," if k > 1 else "bADE here: k = 1 sample per object," for k in (1, 10)
     ]
-    assert all("c = 4 m. Budgets: up to " in line for line in settings)
+    assert all("c = 4 m. Budgets of false forecasts: up to " in line for line in settings)
     targets = made_up("stp", env_id="MTP-nuScenes-v0", env={"truth_complete": False})
-    frames = "Budgets: 20, 40, 50 forecasts per live frame, as false ones are not known (constant of MTP-nuScenes-v0)"
+    frames = "Budgets of false forecasts: 20, 40, 50 forecasts per live frame, as false ones are not known"
     assert frames in board_files(board_of(targets)).page
     headings = re.findall(r'<tbody class="heading" data-of="(\w+)">.*?>([^<>]+)</th>', html)
     assert headings == [("reference", "References that used the truth: not ranked"), ("other", "Others: not ranked")]
