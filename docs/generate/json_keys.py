@@ -27,6 +27,8 @@ CONDITION = {
     "detections": "Origin of the detections, with the number of scenes.",
     "truth": "Complete, or prediction targets only.",
     "weights": "Origin of the event weights.",
+    "budget": "Budgets of false forecasts, and where they come from.",
+    "presence": "Presence model of baselines that the run names: its file, or scores; empty: the detector's.",
     "trained": "Agents with parts that were trained on the scored scenes.",
 }
 PER_SCENE = {  # of `score --per-scene` and `Report.per_scene`, beside columns of rows

@@ -43,7 +43,7 @@ class Report:
     details: list[Details]  # per agent
     condition: dict[str, str] = field(
         default_factory=dict
-    )  # source, split, detector, card, detections, truth, weights, budget; of own scenes their folder
+    )  # source, split, detector, card, detections, truth, weights, budget, presence; of own scenes their folder
     tables: Sequence[AgentTable] = ()  # sources of the rows, per agent
     shown: Sequence[str] = ()  # names of the agents of the main table; empty: all
     failures: Mapping[str, str] = field(default_factory=dict)  # agents that failed, which have no rows: where and why
