@@ -28,7 +28,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 CHECKS := mypy import-linter ruff
 
 SKIPPED := .pytest_cache/skipped
-PYTEST := pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder --list-skipped $(SKIPPED)
+PYTEST := pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder --list-skipped=$(SKIPPED)
 COLLECTED := .pytest_cache/collected
 
 .PHONY: demo test pytest skipped held lint kernels $(CHECKS) pyright docs pages clean
