@@ -28,6 +28,7 @@ class LeaderboardHook(BuildHookInterface[Any]):
         for path in sorted(root.rglob("*")):
             place = path.relative_to(root)
             if path.is_file() and any(
-                place.match(pattern) and len(place.parts) == 1 + pattern.count("/") for pattern in PUBLIC
+                place.match(pattern) and len(place.parts) == 1 + pattern.count("/")
+                for pattern in PUBLIC
             ):
                 build_data["force_include"][str(path)] = f"{BUNDLE}/{place.as_posix()}"

@@ -32,31 +32,55 @@ def print_report(report: Report) -> None:
     """Print bADE of each agent, then the differences of `PAIRS`, metres."""
     for row in report.rows:
         if row.subset in SUBSETS:
-            print(f"{row.agent:33} {row.subset:10} {row.error:.3f}, {row.effective_objects:.0f} effective objects")
+            print(
+                f"{row.agent:33} {row.subset:10} {row.error:.3f}, {row.effective_objects:.0f} effective objects"
+            )
     for one, other in PAIRS:
         for subset in SUBSETS:
-            pair = next(each for each in report.paired if (each.agent, each.other, each.subset) == (one, other, subset))
+            pair = next(
+                each
+                for each in report.paired
+                if (each.agent, each.other, each.subset) == (one, other, subset)
+            )
             low, high = pair.interval or (float("nan"), float("nan"))
-            print(f"{one} - {other}, {subset}: {pair.error:+.3f} [{low:+.3f}, {high:+.3f}], p {pair.p:.3f}")
+            print(
+                f"{one} - {other}, {subset}: {pair.error:+.3f} [{low:+.3f}, {high:+.3f}], p {pair.p:.3f}"
+            )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data", required=True)
     parser.add_argument("--used", required=True)
-    parser.add_argument("--every", type=int, default=1, help="2 takes every second scene")
+    parser.add_argument(
+        "--every", type=int, default=1, help="2 takes every second scene"
+    )
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=cores())
     arguments = parser.parse_args()
     used = set(MTPEnv(ENV, data=arguments.used, split="train").scene_names)
-    names = [name for name in MTPEnv(ENV, data=arguments.data, split="train").scene_names if name not in used]
+    names = [
+        name
+        for name in MTPEnv(ENV, data=arguments.data, split="train").scene_names
+        if name not in used
+    ]
     scenes = tuple(names[:: arguments.every])
     card = changed_card(load_card(ENV), split="train")
     seeds = range(arguments.seeds)
-    options = RunOptions(arguments.data, names=scenes, seeds=seeds, split="train", workers=Workers(arguments.jobs))
+    options = RunOptions(
+        arguments.data,
+        names=scenes,
+        seeds=seeds,
+        split="train",
+        workers=Workers(arguments.jobs),
+    )
     reference = make_reference(card, scenes, options)
     agents = scores_of(AGENTS, card, scenes, options)
-    print(f"{ENV}, train: {len(scenes)} of {len(names)} scenes that {arguments.used} does not have")
+    print(
+        f"{ENV}, train: {len(scenes)} of {len(names)} scenes that {arguments.used} does not have"
+    )
     print_report(summarise(agents, card, reference))
 
 

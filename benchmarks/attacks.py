@@ -24,9 +24,20 @@ Change = Callable[[Scene, Rollout, Card], Rollout]
 def choose(rollout: Rollout, row: Rows, frame: Rows, **changed: Any) -> Rollout:
     """The rollout with the objects ``row`` [n] in frames ``frame`` [n]; ``changed`` arrays are of these rows."""
     order = np.argsort(frame, kind="stable")
-    names = ("object_box", "object_class", "object_confidence", "forecast", "forecast_log_weight")
-    arrays = {name: (changed[name] if name in changed else getattr(rollout, name)[row])[order] for name in names}
-    return replace(rollout, object_start=starts_of_sorted(frame[order], rollout.frames), **arrays)
+    names = (
+        "object_box",
+        "object_class",
+        "object_confidence",
+        "forecast",
+        "forecast_log_weight",
+    )
+    arrays = {
+        name: (changed[name] if name in changed else getattr(rollout, name)[row])[order]
+        for name in names
+    }
+    return replace(
+        rollout, object_start=starts_of_sorted(frame[order], rollout.frames), **arrays
+    )
 
 
 def frames_of(rollout: Rollout) -> Rows:
@@ -53,7 +64,9 @@ def repeated(frames: int, confidence: Callable[[NDArray[Any]], NDArray[Any]]) ->
         row = np.arange(len(frame))
         late = [row[frame + i < rollout.frames] for i in range(1, frames + 1)]
         rows = np.concatenate([row, *late])
-        at = np.concatenate([frame, *(frame[r] + i for i, r in enumerate(late, start=1))])
+        at = np.concatenate(
+            [frame, *(frame[r] + i for i, r in enumerate(late, start=1))]
+        )
         sure = rollout.object_confidence[rows].copy()
         sure[len(row) :] = confidence(sure[len(row) :])
         return choose(rollout, rows, at, object_confidence=sure)
@@ -67,17 +80,27 @@ def every_class(confidence: float) -> Change:
     def change(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
         count, classes = len(rollout.object_class), len(card.task.classes)
         rows = np.tile(np.arange(count), classes)
-        class_id = (rollout.object_class[rows] + np.repeat(np.arange(classes), count)) % classes
+        class_id = (
+            rollout.object_class[rows] + np.repeat(np.arange(classes), count)
+        ) % classes
         sure = rollout.object_confidence[rows].copy()
         sure[count:] *= confidence
-        return choose(rollout, rows, frames_of(rollout)[rows], object_class=class_id, object_confidence=sure)
+        return choose(
+            rollout,
+            rows,
+            frames_of(rollout)[rows],
+            object_class=class_id,
+            object_confidence=sure,
+        )
 
     return change
 
 
 def widened(factor: float) -> Change:
     """Samples spread further about their mean."""
-    return lambda scene, rollout, card: replace(rollout, forecast=spread(rollout.forecast, factor))
+    return lambda scene, rollout, card: replace(
+        rollout, forecast=spread(rollout.forecast, factor)
+    )
 
 
 def spread(forecast: NDArray[Any], factor: float) -> NDArray[np.int16]:
@@ -100,29 +123,45 @@ def two_widths(faint: float) -> Change:
         weight[1::2] *= faint
         weight[::2] += (1.0 - weight.sum()) / len(weight[::2])
         logs = np.broadcast_to(np.log(weight), rollout.forecast_log_weight.shape)
-        return replace(rollout, forecast=path, forecast_log_weight=logs.astype(np.float32))
+        return replace(
+            rollout, forecast=path, forecast_log_weight=logs.astype(np.float32)
+        )
 
     return change
 
 
 def far_pair(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
     """Two samples of weight 1/2 at 200 m on both sides; the others weigh next to nothing."""
-    path, weight = rollout.forecast.copy(), np.full_like(rollout.forecast_log_weight, -20.0)
+    path, weight = (
+        rollout.forecast.copy(),
+        np.full_like(rollout.forecast_log_weight, -20.0),
+    )
     path[:, 0], path[:, 1] = 20_000, -20_000
     weight[:, :2] = np.log(0.5)
     return replace(rollout, forecast=path, forecast_log_weight=weight)
 
 
-def doubled(offsets: NDArray[np.float64], confidence: Callable[[NDArray[Any]], NDArray[Any]]) -> Change:
+def doubled(
+    offsets: NDArray[np.float64], confidence: Callable[[NDArray[Any]], NDArray[Any]]
+) -> Change:
     """Copies of every object, moved by ``offsets`` [n, 2] m; ``confidence`` of copies from that of the object."""
 
     def change(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
         count = len(rollout.object_box)
         rows = np.tile(np.arange(count), 1 + len(offsets))
-        box, sure = rollout.object_box[rows].copy(), rollout.object_confidence[rows].copy()
+        box, sure = (
+            rollout.object_box[rows].copy(),
+            rollout.object_confidence[rows].copy(),
+        )
         box[count:, :2] += np.repeat(offsets, count, axis=0)
         sure[count:] = confidence(sure[count:])
-        return choose(rollout, rows, frames_of(rollout)[rows], object_box=box, object_confidence=sure)
+        return choose(
+            rollout,
+            rows,
+            frames_of(rollout)[rows],
+            object_box=box,
+            object_confidence=sure,
+        )
 
     return change
 
@@ -134,16 +173,34 @@ def ring(copies: int, confidence: float) -> Change:
         count = len(rollout.object_box)
         rows = np.tile(np.arange(count), 1 + copies)
         angle = 2.0 * np.pi * np.repeat(np.arange(copies), count) / copies
-        radius = 0.95 * np.asarray(card.per_class(card.task.forecast_gate))[rollout.object_class[rows[count:]]]
-        box, sure = rollout.object_box[rows].copy(), rollout.object_confidence[rows].copy()
-        box[count:, :2] += radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        radius = (
+            0.95
+            * np.asarray(card.per_class(card.task.forecast_gate))[
+                rollout.object_class[rows[count:]]
+            ]
+        )
+        box, sure = (
+            rollout.object_box[rows].copy(),
+            rollout.object_confidence[rows].copy(),
+        )
+        box[count:, :2] += radius[:, None] * np.column_stack(
+            [np.cos(angle), np.sin(angle)]
+        )
         sure[count:] *= confidence
-        return choose(rollout, rows, frames_of(rollout)[rows], object_box=box, object_confidence=sure)
+        return choose(
+            rollout,
+            rows,
+            frames_of(rollout)[rows],
+            object_box=box,
+            object_confidence=sure,
+        )
 
     return change
 
 
-def joined(rollout: Rollout, other: Rollout, confidence: Callable[[NDArray[Any]], NDArray[Any]]) -> Rollout:
+def joined(
+    rollout: Rollout, other: Rollout, confidence: Callable[[NDArray[Any]], NDArray[Any]]
+) -> Rollout:
     """The objects of ``rollout``, and those of ``other`` beside, whose samples stay where they are.
 
     ``confidence``: of the objects of ``other`` from their own.
@@ -154,10 +211,22 @@ def joined(rollout: Rollout, other: Rollout, confidence: Callable[[NDArray[Any]]
     box[:, :2] += moved
     path = centimetres(other.forecast.astype(np.float64) - 100.0 * moved[:, None, None])
     beside = replace(
-        other, object_box=box, forecast=path, object_confidence=confidence(other.object_confidence).astype(np.float32)
+        other,
+        object_box=box,
+        forecast=path,
+        object_confidence=confidence(other.object_confidence).astype(np.float32),
     )
-    names = ("object_box", "object_class", "object_confidence", "forecast", "forecast_log_weight")
-    both = {name: np.concatenate([getattr(rollout, name), getattr(beside, name)]) for name in names}
+    names = (
+        "object_box",
+        "object_class",
+        "object_confidence",
+        "forecast",
+        "forecast_log_weight",
+    )
+    both = {
+        name: np.concatenate([getattr(rollout, name), getattr(beside, name)])
+        for name in names
+    }
     frame = np.concatenate([frames_of(rollout), frames_of(other)])
     return choose(rollout, np.arange(len(frame)), frame, **both)
 
@@ -174,7 +243,9 @@ def by_value(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
     e: half the spread of the samples, m. The odds become a number from 0 to 1.
     """
     path = rollout.forecast.astype(np.float64) / 100.0
-    away = np.linalg.norm(path - path.mean(axis=1, keepdims=True), axis=-1).mean(axis=(1, 2))
+    away = np.linalg.norm(path - path.mean(axis=1, keepdims=True), axis=-1).mean(
+        axis=(1, 2)
+    )
     most = np.asarray(card.per_class(card.task.miss_error))[rollout.object_class]
     gain = sure(rollout) * (most - np.minimum(0.5 * away, 0.9 * most))
     order = gain / (gain + 1.0 - np.minimum(sure(rollout), 1.0 - 1e-6))
@@ -183,7 +254,10 @@ def by_value(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
 
 def confidences(change: Callable[[Scene, Rollout], NDArray[Any]]) -> Change:
     def changed(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
-        return replace(rollout, object_confidence=np.clip(change(scene, rollout), 0, 1).astype(np.float32))
+        return replace(
+            rollout,
+            object_confidence=np.clip(change(scene, rollout), 0, 1).astype(np.float32),
+        )
 
     return changed
 
@@ -209,7 +283,9 @@ def sure(rollout: Rollout) -> NDArray[np.float64]:
     return rollout.object_confidence.astype(np.float64)
 
 
-BESIDE = 0.05  # m, sigma of the place of a twin: now it is the nearer one, now the other
+BESIDE = (
+    0.05  # m, sigma of the place of a twin: now it is the nearer one, now the other
+)
 CROSS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 RNG_SEED = 7
 FLOODS: dict[str, Change] = {
@@ -237,7 +313,9 @@ CHANGES: dict[str, Change] = {
     "ring of 8 copies, 1 % as sure": ring(8, 0.01),
     "ring of 8 copies, 20 % as sure": ring(8, 0.2),
     "value order": by_value,
-    "random confidence": confidences(lambda s, r: np.random.default_rng(RNG_SEED).random(len(r.object_box))),
+    "random confidence": confidences(
+        lambda s, r: np.random.default_rng(RNG_SEED).random(len(r.object_box))
+    ),
     "inverted confidence": confidences(lambda s, r: 1.0 - sure(r)),
     "confidence 1": confidences(lambda s, r: np.ones(len(r.object_box))),
     "surer in a crowd": confidences(lambda s, r: 0.5 * sure(r) + 0.5 * crowded(s, r)),

@@ -38,7 +38,11 @@ KINDS = {
     "compiled kernel": "kernels/*/*/*",
     "simulated world": "cache/worlds/*/*.npz",
     "nuScenes tables": "cache/nuscenes/v1.0-mini-" + 16 * "?" + "/*.npz",
-    "nuScenes detections": "cache/nuscenes/v1.0-mini-" + 16 * "?" + "-" + 16 * "?" + "/*.npz",
+    "nuScenes detections": "cache/nuscenes/v1.0-mini-"
+    + 16 * "?"
+    + "-"
+    + 16 * "?"
+    + "/*.npz",
     "nuScenes cameras": "cache/nuscenes/*-cameras-*/*.npz",
 }
 REPORT = "mtp_bench: "  # begins a line on stderr
@@ -48,7 +52,11 @@ def use_cache(folder: Path) -> None:
     """Print what runs and images say, as JSON: a digest, and the reasons of agents that failed."""
     digest, failed = hashlib.sha256(), []
     for env, keywords, scenes in (
-        ("MTP-Intersection-v0", {}, open_source(load_card("MTP-Intersection-v0")).names[:1]),
+        (
+            "MTP-Intersection-v0",
+            {},
+            open_source(load_card("MTP-Intersection-v0")).names[:1],
+        ),
         ("MTP-nuScenes-mini-v0", {"data": str(folder / "data")}, SCENES[:1]),
     ):
         for run in run_isolated_scenes("mtp", env, keywords, scenes=scenes):
@@ -63,18 +71,33 @@ def use_cache(folder: Path) -> None:
         digest.update(scene_digest(scene).encode())
         notes: list[str] = []
         for image in camera_images(scene, card, folder / "data", notes.append):
-            digest.update(repr((image.frame, image.camera, image.path, image.size, image.projection.tolist())).encode())
+            digest.update(
+                repr(
+                    (
+                        image.frame,
+                        image.camera,
+                        image.path,
+                        image.size,
+                        image.projection.tolist(),
+                    )
+                ).encode()
+            )
         digest.update("".join(notes).encode())
     print(json.dumps({"digest": digest.hexdigest(), "failed": failed}))
 
 
 def answer_of(folder: Path) -> tuple[dict[str, Any] | None, str]:
     """Output of a new process with this cache, None if it fails, and its stderr."""
-    places = {"MTP_BENCH_CACHE": str(folder / "cache"), "NUMBA_CACHE_DIR": str(folder / "kernels")}
+    places = {
+        "MTP_BENCH_CACHE": str(folder / "cache"),
+        "NUMBA_CACHE_DIR": str(folder / "kernels"),
+    }
     command = [sys.executable, __file__, "--use", str(folder)]
     root = Path(__file__).resolve().parent.parent
     environment = {**os.environ, **places, "PYTHONPATH": str(root)}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=False
+    )
     return (json.loads(done.stdout) if done.returncode == 0 else None), done.stderr
 
 
@@ -110,20 +133,32 @@ def main() -> int:
             return 1
         for _ in range(given.rounds):
             flipped = [
-                (kind, chance.choice(sorted(folder.glob(KINDS[kind])))) for kind in KINDS for _ in range(given.flips)
+                (kind, chance.choice(sorted(folder.glob(KINDS[kind]))))
+                for kind in KINDS
+                for _ in range(given.flips)
             ]
             for _, file in flipped:
                 flip(file, chance)
             answer, said = answer_of(folder)
             lines = [line for line in said.splitlines() if line.startswith(REPORT)]
-            print(f"{len(flipped)} bits flipped: {answer}", *lines, sep="\n  ", file=sys.stderr, flush=True)
+            print(
+                f"{len(flipped)} bits flipped: {answer}",
+                *lines,
+                sep="\n  ",
+                file=sys.stderr,
+                flush=True,
+            )
             for kind, file in flipped:
                 place = file.parent.parent if kind == "compiled kernel" else file.parent
                 counts[kind]["flips"] += 1
                 counts[kind]["noticed"] += any(str(place) in line for line in lines)
                 counts[kind]["crashed"] += answer is None
-                counts[kind]["other numbers"] += answer is not None and answer["digest"] != expected["digest"]
-                counts[kind]["agent blamed"] += answer is not None and bool(answer["failed"])
+                counts[kind]["other numbers"] += (
+                    answer is not None and answer["digest"] != expected["digest"]
+                )
+                counts[kind]["agent blamed"] += answer is not None and bool(
+                    answer["failed"]
+                )
     columns = ("flips", "noticed", "crashed", "other numbers", "agent blamed")
     print(f"{'':20}" + "".join(f"{column:>15}" for column in columns))
     for kind, row in counts.items():

@@ -35,23 +35,46 @@ def main() -> None:
     from rich.console import Console
     from rich.table import Table
 
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--times", default="1,3,10", help="records as a multiple of those that ship")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--times", default="1,3,10", help="records as a multiple of those that ship"
+    )
     parser.add_argument("--env", help="only this environment")
     given = parser.parse_args()
     table = Table(title=f"mtp-bench board{f' --env {given.env}' if given.env else ''}")
-    for column in ("records", "first run, CPU s", "again, CPU s", "ms per record", "to n log n", "peak MiB"):
+    for column in (
+        "records",
+        "first run, CPU s",
+        "again, CPU s",
+        "ms per record",
+        "to n log n",
+        "peak MiB",
+    ):
         table.add_column(column, justify="right")
     begin: tuple[int, float] | None = None
     for times in map(int, given.times.split(",")):
         with tempfile.TemporaryDirectory() as folder:
             records = leaderboard(Path(folder), times, given.env)
-            (first, _), (again, peak) = (spent(Path(folder), given.env) for _ in range(2))
+            (first, _), (again, peak) = (
+                spent(Path(folder), given.env) for _ in range(2)
+            )
         begin = begin or (records, again)
-        growth = again / begin[1] / (records * math.log1p(records) / (begin[0] * math.log1p(begin[0])))
+        growth = (
+            again
+            / begin[1]
+            / (records * math.log1p(records) / (begin[0] * math.log1p(begin[0])))
+        )
         numbers = (first, again, 1000 * again / records, growth, peak)
         table.add_row(
-            str(records), *(f"{x:{f}}" for x, f in zip(numbers, (".1f", ".1f", ".1f", ".2f", ".0f"), strict=True))
+            str(records),
+            *(
+                f"{x:{f}}"
+                for x, f in zip(
+                    numbers, (".1f", ".1f", ".1f", ".2f", ".0f"), strict=True
+                )
+            ),
         )
     Console().print(table)
 
@@ -67,11 +90,17 @@ def leaderboard(folder: Path, times: int, env: str | None) -> int:
     (folder / "keys" / "allowed_signers").write_text(f"{SIGNER} {kind} {public}\n")
     paths = record_paths(ships / "records", env or "")
     if not paths:
-        raise SystemExit(f"no record of {env} ships; expected an environment with records, see `mtp-bench board`")
+        raise SystemExit(
+            f"no record of {env} ships; expected an environment with records, see `mtp-bench board`"
+        )
     for path in paths:
         record = load_record(path)
         level = json.loads(path.read_text()).get("level")
-        signed = None if level is None else Statement.model_validate_json(json.dumps(level["statement"]))
+        signed = (
+            None
+            if level is None
+            else Statement.model_validate_json(json.dumps(level["statement"]))
+        )
         for number in range(times):
             copied = copy(record, number)
             file = folder / "records" / copied.submission.name / path.name
@@ -93,19 +122,38 @@ def copy(record: Record, number: int) -> Record:
 
     def shifted(errors: dict[Any, list[float]]) -> dict[Any, list[float]]:
         factor = np.exp(NOISE * rng.normal(size=len(errors["all"])))
-        return {subset: [float(e * f) for e, f in zip(sums, factor, strict=True)] for subset, sums in errors.items()}
+        return {
+            subset: [float(e * f) for e, f in zip(sums, factor, strict=True)]
+            for subset, sums in errors.items()
+        }
 
-    scenes = [scene.model_copy(update={"error": shifted(scene.error)}) for scene in record.per_scene]
+    scenes = [
+        scene.model_copy(update={"error": shifted(scene.error)})
+        for scene in record.per_scene
+    ]
     submission = record.submission.model_copy(update={"name": name})
     return record.model_copy(update={"submission": submission, "per_scene": scenes})
 
 
 def spent(folder: Path, env: str | None) -> tuple[float, float]:
     """CPU seconds and peak memory [MiB] of the command on the records of a leaderboard."""
-    words = ["board", "--records", str(folder / "records"), "--base", str(folder), *(["--env", env] if env else [])]
-    environment = {**os.environ, "MTP_BENCH_CACHE": str(folder / "cache"), "OMP_NUM_THREADS": "1"}
+    words = [
+        "board",
+        "--records",
+        str(folder / "records"),
+        "--base",
+        str(folder),
+        *(["--env", env] if env else []),
+    ]
+    environment = {
+        **os.environ,
+        "MTP_BENCH_CACHE": str(folder / "cache"),
+        "OMP_NUM_THREADS": "1",
+    }
     command = [sys.executable, "-m", "mtp_bench", *words]
-    child = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    child = subprocess.Popen(
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     _, status, used = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:

@@ -36,13 +36,17 @@ def here() -> dict[str, float]:
 def measured(cache: str) -> dict[str, float]:
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
     command = [sys.executable, __file__, "--here"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=True
+    )
     seconds: dict[str, float] = json.loads(done.stdout)
     return seconds
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--json", type=Path, default=None)
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
@@ -57,8 +61,14 @@ def main() -> None:
             runs["warm"].append(measured(cache))
     for kind, found in runs.items():
         least = min(found, key=lambda seconds: seconds["all"])
-        print(f"{kind}: " + ", ".join(f"{name} {s:.2f}" for name, s in least.items()), end="; ")
-        print("all of every run: " + ", ".join(f"{seconds['all']:.2f}" for seconds in found))
+        print(
+            f"{kind}: " + ", ".join(f"{name} {s:.2f}" for name, s in least.items()),
+            end="; ",
+        )
+        print(
+            "all of every run: "
+            + ", ".join(f"{seconds['all']:.2f}" for seconds in found)
+        )
     if given.json:
         given.json.write_text(json.dumps(runs, indent=1) + "\n", encoding="utf-8")
 

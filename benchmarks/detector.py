@@ -21,28 +21,48 @@ from mtp_bench.detector import load_profile
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.visibility import visibility_of
 
-TIMED = {"nuscenes": ("nuscenes_megvii", "nuscenes_megvii_raw"),
-         "kitti": ("kitti_pointrcnn", "kitti_pointrcnn_raw")}  # fmt: skip
+TIMED = {
+    "nuscenes": ("nuscenes_megvii", "nuscenes_megvii_raw"),
+    "kitti": ("kitti_pointrcnn", "kitti_pointrcnn_raw"),
+}
 
 
 def timed(recordings: Recordings, data: str | None, repeat: int) -> list[list[str]]:
     """CPU milliseconds and detections per scene of each profile, the least over repetitions."""
     classes, scenes = recordings.read(data)
     scenes = scenes[:8]
-    seen = [visibility_of(one.truth, one.ego, recordings.sensor, one.visible) for one in scenes]
+    seen = [
+        visibility_of(one.truth, one.ego, recordings.sensor, one.visible)
+        for one in scenes
+    ]
     profiles = {name: load_profile(name) for name in TIMED[recordings.name]}
     spent: dict[str, list[float]] = {name: [] for name in profiles}
     count = dict.fromkeys(profiles, 0)
     for seed in range(repeat + 1):
-        for name, profile in profiles.items():  # by turns: what else runs slows all of them
+        for (
+            name,
+            profile,
+        ) in profiles.items():  # by turns: what else runs slows all of them
             start, count[name] = time.process_time(), 0
             for scene, at in zip(scenes, seen, strict=True):
-                args = (scene.truth, scene.ego, classes, profile, recordings.sensor, seed, profile.dt, at)
+                args = (
+                    scene.truth,
+                    scene.ego,
+                    classes,
+                    profile,
+                    recordings.sensor,
+                    seed,
+                    profile.dt,
+                    at,
+                )
                 count[name] += len(simulate(*args).box)
             spent[name].append(time.process_time() - start)
-    best = {name: min(times[1:]) for name, times in spent.items()}  # the first call loads what is loaded late
+    best = {
+        name: min(times[1:]) for name, times in spent.items()
+    }  # the first call loads what is loaded late
     return [
-        [name, f"{1000 * least / len(scenes):.2f}", f"{count[name] / len(scenes):.0f}"] for name, least in best.items()
+        [name, f"{1000 * least / len(scenes):.2f}", f"{count[name] / len(scenes):.0f}"]
+        for name, least in best.items()
     ]
 
 
@@ -54,7 +74,9 @@ def coupled(recordings: Recordings, given: argparse.Namespace) -> dict[str, list
     for title, operating in (("operating point", True), ("all scores", False)):
         rows[title] = rows_of(recordings, classes, found, given.seeds, operating)
         if recordings.name == "nuscenes":
-            rows[title] += tracker_rows(recordings, classes, found, given.seeds, operating, given.data)
+            rows[title] += tracker_rows(
+                recordings, classes, found, given.seeds, operating, given.data
+            )
     return rows
 
 
@@ -75,11 +97,19 @@ def cells(row: Row) -> list[str]:
     """A row as text."""
     mean, deviation = row.simulated
     met = "" if row.met else "no"
-    return [row.what, f"{row.real:.3g}", f"{mean:.3g} ±{deviation:.2g}", row.within, met]
+    return [
+        row.what,
+        f"{row.real:.3g}",
+        f"{mean:.3g} ±{deviation:.2g}",
+        row.within,
+        met,
+    ]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--data")
     parser.add_argument("--couplings", action="store_true")
     parser.add_argument("--set", choices=list(SETS), action="append")
@@ -101,7 +131,8 @@ def main() -> None:
             show(f"{name}, {title}", columns, [cells(row) for row in table])
     if given.json:
         text = {
-            one: {title: [asdict(row) for row in rows] for title, rows in two.items()} for one, two in content.items()
+            one: {title: [asdict(row) for row in rows] for title, rows in two.items()}
+            for one, two in content.items()
         }
         given.json.write_text(json.dumps(text, indent=1) + "\n", encoding="utf-8")
 

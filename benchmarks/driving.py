@@ -30,15 +30,31 @@ from mtp_bench.env.environment import MTPEnv
 def measured(given: argparse.Namespace) -> None:
     card = load_card(given.env)
     note = given.output / "env.txt"
-    if note.is_file() and note.read_text(encoding="utf-8") != card.digest + " " + given.env:
-        raise SystemExit(f"{given.output} holds drives of another card; choose another folder")
+    if (
+        note.is_file()
+        and note.read_text(encoding="utf-8") != card.digest + " " + given.env
+    ):
+        raise SystemExit(
+            f"{given.output} holds drives of another card; choose another folder"
+        )
     given.output.mkdir(parents=True, exist_ok=True)
     note.write_text(card.digest + " " + given.env, encoding="utf-8")
-    agents = [*(given.agents.split(",") if given.agents else AGENTS), *(ATTACKS if given.attacks else ())]
+    agents = [
+        *(given.agents.split(",") if given.agents else AGENTS),
+        *(ATTACKS if given.attacks else ()),
+    ]
     low, _, high = (given.scenes or "").rpartition(":")
     names = MTPEnv(card).scene_names[int(low or 0) : int(high) if high else None]
     seeds = [int(seed) for seed in given.seed.split(",")]
-    measure(card, names, agents, seeds, given.output, given.jobs, lambda text: print(text, flush=True))
+    measure(
+        card,
+        names,
+        agents,
+        seeds,
+        given.output,
+        given.jobs,
+        lambda text: print(text, flush=True),
+    )
 
 
 def shown(given: argparse.Namespace) -> None:
@@ -47,19 +63,29 @@ def shown(given: argparse.Namespace) -> None:
     for table in tables:
         table.print(console)
     if given.markdown:
-        given.markdown.write_text("\n".join(table.markdown() for table in tables), encoding="utf-8")
+        given.markdown.write_text(
+            "\n".join(table.markdown() for table in tables), encoding="utf-8"
+        )
     if given.json:
         given.json.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(required=True)
     one = commands.add_parser("measure")
     one.add_argument("--env", default="MTP-Drive-Intersection-v0")
     one.add_argument("--scenes", help="the first N, or FROM:TO")
-    one.add_argument("--agents", help="separated by commas; else all that need no lanes")
-    one.add_argument("--seed", default="0", help="of the detector and of agents' draws, separated by commas")
+    one.add_argument(
+        "--agents", help="separated by commas; else all that need no lanes"
+    )
+    one.add_argument(
+        "--seed",
+        default="0",
+        help="of the detector and of agents' draws, separated by commas",
+    )
     one.add_argument("--attacks", action="store_true")
     one.add_argument("--jobs", type=int, default=1)
     one.add_argument("-o", "--output", type=Path, required=True)
@@ -68,7 +94,9 @@ def main() -> None:
     two.add_argument("folder", type=Path)
     two.add_argument("--json", type=Path)
     two.add_argument("--markdown", type=Path)
-    two.add_argument("--jobs", type=int, default=1, help="processes that make event weights")
+    two.add_argument(
+        "--jobs", type=int, default=1, help="processes that make event weights"
+    )
     two.set_defaults(run=shown)
     given = parser.parse_args()
     given.run(given)

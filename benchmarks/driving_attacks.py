@@ -33,13 +33,21 @@ class Everywhere:
         box = np.tile([0.0, 0.0, 0.0, 0.0, 4.5, 1.9, 1.6], (len(place), 1))
         box[:, :2] = observation["ego_pose"][:2] + place
         classes = np.zeros(len(box), dtype=int)
-        return make_action(self._task, box, classes, np.zeros((len(box), self._task.future, 2)), checked=False)
+        return make_action(
+            self._task,
+            box,
+            classes,
+            np.zeros((len(box), self._task.future, 2)),
+            checked=False,
+        )
 
 
 class Changed:
     """stp, whose actions ``change`` replaces; it is given the action of the frame before, too, and the frame."""
 
-    def __init__(self, task: Task, change: Callable[[Action, Action, int], Action]) -> None:
+    def __init__(
+        self, task: Task, change: Callable[[Action, Action, int], Action]
+    ) -> None:
         self._agent: Agent = load_submission("stp").build(task)
         self._change = change
 
@@ -47,7 +55,9 @@ class Changed:
         """A new scene."""
         self._agent.reset(task)
         nothing = np.zeros((0, task.future, 2))
-        self._none = self._before = make_action(task, np.zeros((0, 7)), np.zeros(0, dtype=int), nothing)
+        self._none = self._before = make_action(
+            task, np.zeros((0, 7)), np.zeros(0, dtype=int), nothing
+        )
         self._frame = 0
 
     def act(self, observation: Observation) -> Action:
@@ -70,7 +80,10 @@ def far_away(task: Task) -> Agent:
 
 def flickering(task: Task) -> Agent:
     """The objects of stp in every other frame."""
-    return Changed(task, lambda now, before, frame: now if frame % 2 == 0 else _without_objects(now))
+    return Changed(
+        task,
+        lambda now, before, frame: now if frame % 2 == 0 else _without_objects(now),
+    )
 
 
 def late(task: Task) -> Agent:
@@ -80,7 +93,13 @@ def late(task: Task) -> Agent:
 
 def sure(task: Task) -> Agent:
     """The objects of stp, all with confidence 1."""
-    return Changed(task, lambda now, before, frame: {**now, "object_confidence": np.ones(task.objects, np.float32)})
+    return Changed(
+        task,
+        lambda now, before, frame: {
+            **now,
+            "object_confidence": np.ones(task.objects, np.float32),
+        },
+    )
 
 
 def _moved(action: Action) -> np.ndarray:

@@ -36,15 +36,39 @@ from mtp_bench.types import HARD_BRAKING, Drive, Floats, Ints, Rollout, Scene
 
 TRUTH, STP = "gt_tracks", "stp"
 AGENTS = (
-    TRUTH, STP, "blind", "standing", "mtp", "stp_same_samples", "tracking_free", "mtp_modes", "stp_modes",
-    "gt_tracks_modes", "stp_min_score", "mtp_min_score", "ab3dmot", "affinity", "stp_hedged", "stp_modes_tracklets",
-    "mtp_modes_tracklets", "perfect_association", "perfect_association_same_samples", "perfect_association_modes",
-    "stp_ptp", "mtp_ptp", "gt_tracks_ptp", "perfect_association_ptp", "perfect_association_modes_tracklets",
-)  # fmt: skip
+    TRUTH,
+    STP,
+    "blind",
+    "standing",
+    "mtp",
+    "stp_same_samples",
+    "tracking_free",
+    "mtp_modes",
+    "stp_modes",
+    "gt_tracks_modes",
+    "stp_min_score",
+    "mtp_min_score",
+    "ab3dmot",
+    "affinity",
+    "stp_hedged",
+    "stp_modes_tracklets",
+    "mtp_modes_tracklets",
+    "perfect_association",
+    "perfect_association_same_samples",
+    "perfect_association_modes",
+    "stp_ptp",
+    "mtp_ptp",
+    "gt_tracks_ptp",
+    "perfect_association_ptp",
+    "perfect_association_modes_tracklets",
+)
 NEAR, AHEAD = 30.0, 15.0  # m around the ego, and before it
 MOVING = 0.5  # m/s
 CPU_SECONDS = 2.0  # of an agent in a scene: a first guess
-RECORDED, SCORES = "recorded.rollout", ".scores"  # rollout of TRUTH, with the recording; suffix of a file of scores
+RECORDED, SCORES = (
+    "recorded.rollout",
+    ".scores",
+)  # rollout of TRUTH, with the recording; suffix of a file of scores
 Array = Floats
 
 
@@ -75,7 +99,10 @@ class Kept:
     failure: str
     known_drive: Drive | None = None
     known_moments: Moments | None = None
-    seconds: tuple[float, float] = (0.0, 0.0)  # of the processor: own episode, open loop
+    seconds: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # of the processor: own episode, open loop
 
     @property
     def drive(self) -> Drive:
@@ -95,7 +122,9 @@ class Scores:
     """Scores of an agent in a scene."""
 
     own: SceneScore  # of its own episode
-    open_loop: SceneScore | None  # of the recorded scene; None for attacks, and for seeds above 0
+    open_loop: (
+        SceneScore | None
+    )  # of the recorded scene; None for attacks, and for seeds above 0
 
 
 def path_of(folder: Path, seed: int, scene: str, agent: str) -> Path:
@@ -110,28 +139,41 @@ def read_kept(path: Path) -> Kept | None:
 
 def read_scores(path: Path) -> Scores:
     """Scores beside what is kept."""
-    scores: Scores = pickle.loads(zlib.decompress(path.with_suffix(SCORES).read_bytes()))
+    scores: Scores = pickle.loads(
+        zlib.decompress(path.with_suffix(SCORES).read_bytes())
+    )
     return scores
 
 
 def seeded(card: Card, seed: int) -> Card:
     """The card with another seed of its detector."""
     assert card.detector is not None
-    return card.model_copy(update={"detector": card.detector.model_copy(update={"seed": seed})})
+    return card.model_copy(
+        update={"detector": card.detector.model_copy(update={"seed": seed})}
+    )
 
 
-def missing_agents(folder: Path, seed: int, scene: str, agents: Sequence[str]) -> list[str]:
+def missing_agents(
+    folder: Path, seed: int, scene: str, agents: Sequence[str]
+) -> list[str]:
     """Agents without a result in a scene."""
     kept = {agent: read_kept(path_of(folder, seed, scene, agent)) for agent in agents}
     return [agent for agent, one in kept.items() if one is None or one.failure]
 
 
-def measure_scene(card: Card, name: str, agents: Sequence[str], folder: Path, seed: int = 0) -> dict[str, str]:
+def measure_scene(
+    card: Card, name: str, agents: Sequence[str], folder: Path, seed: int = 0
+) -> dict[str, str]:
     """Let agents that have no result yet drive in a scene, and forecast the recorded one; reasons of failures."""
     card, failures, recorded = seeded(card, seed), {}, None
     for agent in missing_agents(folder, seed, name, agents):
         try:
-            if agent != TRUTH and agent not in ATTACKS and seed == 0 and recorded is None:
+            if (
+                agent != TRUTH
+                and agent not in ATTACKS
+                and seed == 0
+                and recorded is None
+            ):
                 recorded = recorded_card(card, [_recorded(card, name, folder, seed)])
             kept = _measured(agent, card, recorded, name, folder, seed)
         except Exception as error:  # of an agent: the others go on
@@ -141,7 +183,9 @@ def measure_scene(card: Card, name: str, agents: Sequence[str], folder: Path, se
     return failures
 
 
-def _measured(agent: str, card: Card, recorded: Card | None, name: str, folder: Path, seed: int) -> Kept:
+def _measured(
+    agent: str, card: Card, recorded: Card | None, name: str, folder: Path, seed: int
+) -> Kept:
     start = time.process_time()
     env, rollout = _played(agent, card, name, seed)
     assert rollout.drive is not None
@@ -155,7 +199,9 @@ def _measured(agent: str, card: Card, recorded: Card | None, name: str, folder: 
         open_env, forecasts = _played(agent, recorded, name, seed)
         open_loop = score_scene(open_env.scene, forecasts, open_env.card)
     seconds = middle - start, time.process_time() - middle
-    _write(path_of(folder, seed, name, agent).with_suffix(SCORES), Scores(own, open_loop))
+    _write(
+        path_of(folder, seed, name, agent).with_suffix(SCORES), Scores(own, open_loop)
+    )
     return Kept("", replace(rollout.drive, world={}), noted, seconds)
 
 
@@ -177,7 +223,9 @@ def _played(agent: str, card: Card, name: str, seed: int) -> tuple[MTPEnv, Rollo
     setting = setting_of(submission_of(ATTACKS.get(agent, agent)), card)
     env = MTPEnv(card, **setting.env_keywords(card), evaluation=True)
     with np.errstate(), warnings.catch_warnings():
-        made = setting.submission.factory(setting.parameters)(agent_task(env, seed, name))
+        made = setting.submission.factory(setting.parameters)(
+            agent_task(env, seed, name)
+        )
         return env, run_scene(made, env, name, seed, agent)
 
 
@@ -191,15 +239,26 @@ def _write(path: Path, content: Any) -> None:
 def moments(env: MTPEnv, rollout: Rollout) -> Moments:
     """Events near the ego in the drive that ``env`` has just ended."""
     episode: Any = env._episode
-    traffic, stations, drive = episode.traffic, np.array(episode.stations), rollout.drive
+    traffic, stations, drive = (
+        episode.traffic,
+        np.array(episode.stations),
+        rollout.drive,
+    )
     assert drive is not None
     scene, speed = evaluated(env.scene), np.diff(stations) * RATE
     ahead, left, frame = _around_ego(scene)
     near = (np.hypot(ahead, left) <= NEAR) & ~scene.truth.neutral
-    row, kind = np.nonzero(tracking_events(env.scene, rollout, env.card) & near[:, None])
-    events = np.stack([frame[row], kind, ahead[row], left[row], scene.truth.class_id[row]], axis=1)
+    row, kind = np.nonzero(
+        tracking_events(env.scene, rollout, env.card) & near[:, None]
+    )
+    events = np.stack(
+        [frame[row], kind, ahead[row], left[row], scene.truth.class_id[row]], axis=1
+    )
     moving = near & (np.hypot(*scene.truth.velocity.T) > MOVING)
-    step = np.minimum((np.arange(scene.frames) * RATE * env.task.dt).round().astype(int), len(speed) - 1)
+    step = np.minimum(
+        (np.arange(scene.frames) * RATE * env.task.dt).round().astype(int),
+        len(speed) - 1,
+    )
     phantom: Array = np.zeros(0)
     missed: Array = np.zeros(0)
     if drive.phantom_brakes:
@@ -207,7 +266,10 @@ def moments(env: MTPEnv, rollout: Rollout) -> Moments:
         phantom = _starts((drive.acceleration < HARD_BRAKING) & alone)
     if drive.near_misses:
         missed = _starts(near_misses(traffic.world(), speed, traffic.size))
-    objects, moved = (np.bincount(frame[mask], minlength=scene.frames).astype(float) for mask in (near, moving))
+    objects, moved = (
+        np.bincount(frame[mask], minlength=scene.frames).astype(float)
+        for mask in (near, moving)
+    )
     return Moments(events.astype(float), objects, moved, speed[step], phantom, missed)
 
 
@@ -221,23 +283,42 @@ def _around_ego(scene: Scene) -> tuple[Array, Array, Ints]:
 
 def _starts(mask: NDArray[np.bool_]) -> Array:
     """Seconds from the start at which runs of True begin."""
-    return np.asarray(np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0) == 1) / RATE)
+    return np.asarray(
+        np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0) == 1) / RATE
+    )
 
 
 def measure(
-    card: Card, scenes: Sequence[str], agents: Sequence[str], seeds: Sequence[int], folder: Path, jobs: int,
+    card: Card,
+    scenes: Sequence[str],
+    agents: Sequence[str],
+    seeds: Sequence[int],
+    folder: Path,
+    jobs: int,
     say: Callable[[str], None],
-) -> None:  # fmt: skip
+) -> None:
     """Fill the folder, scene by scene, and ``say`` how long it takes."""
-    left = {(seed, name): len(missing_agents(folder, seed, name, agents)) for seed in seeds for name in scenes}
-    calls = [(card, name, agents, folder, seed) for (seed, name), count in left.items() if count]
+    left = {
+        (seed, name): len(missing_agents(folder, seed, name, agents))
+        for seed in seeds
+        for name in scenes
+    }
+    calls = [
+        (card, name, agents, folder, seed)
+        for (seed, name), count in left.items()
+        if count
+    ]
     total, done, start = sum(left.values()), 0, time.perf_counter()
     guess = total * CPU_SECONDS / jobs / 60
-    say(f"{len(calls)} scenes, {total} drives left of {len(left) * len(agents)}; at first guess {guess:.0f} min")
+    say(
+        f"{len(calls)} scenes, {total} drives left of {len(left) * len(agents)}; at first guess {guess:.0f} min"
+    )
     for place, failures in unordered_map(measure_scene, calls, Workers(jobs)):
         _, name, _, _, seed = calls[place]
         done += left[seed, name]
         spent = (time.perf_counter() - start) / 60
-        say(f"{done} of {total}, {name}, seed {seed}: {spent:.1f} min, {spent * (total - done) / done:.0f} min to go")
+        say(
+            f"{done} of {total}, {name}, seed {seed}: {spent:.1f} min, {spent * (total - done) / done:.0f} min to go"
+        )
         for agent, reason in failures.items():
             say(f"  {agent} failed: {reason}")

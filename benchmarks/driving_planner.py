@@ -31,15 +31,27 @@ from mtp_bench.sources.highway.world import RATE, HighwaySource
 from mtp_bench.submission.loader import submission_of
 from mtp_bench.types import Drive
 
-PLANNED = ("gt_tracks", "blind")  # baselines: ground-truth tracks of constant velocity, and no forecasts
+PLANNED = (
+    "gt_tracks",
+    "blind",
+)  # baselines: ground-truth tracks of constant velocity, and no forecasts
 
 
-def measure_scene(card: Card, name: str, agents: list[str]) -> tuple[list[Drive], tuple[float, bool]]:
+def measure_scene(
+    card: Card, name: str, agents: list[str]
+) -> tuple[list[Drive], tuple[float, bool]]:
     """Drives of the agents; and the way of traffic's own driver, m, with whether it collided."""
     drives = []
     for agent in agents:
         setting = setting_of(submission_of(agent), card)
-        jobs = jobs_of(setting.submission, card, setting.env_keywords(card), [name], 0, setting.parameters)
+        jobs = jobs_of(
+            setting.submission,
+            card,
+            setting.env_keywords(card),
+            [name],
+            0,
+            setting.parameters,
+        )
         drives += [rollout.drive for rollout in run_jobs(jobs)]
     return drives, own_driver(card, int(name.rsplit("-", 1)[1]))
 
@@ -49,13 +61,23 @@ def own_driver(card: Card, seed: int) -> tuple[float, bool]:
     traffic = DrivenTraffic(traffic_of(section_of(card, HighwaySource)), seed)
     ego: Any = traffic.ego
     start = ego.s
-    ego.act = lambda action=None: setattr(ego, "wanted", max(float(action["acceleration"]), -8.0))
-    while not traffic.over and traffic.frames <= float(card.source.traits.scene_seconds or 0) * RATE:
+    ego.act = lambda action=None: setattr(
+        ego, "wanted", max(float(action["acceleration"]), -8.0)
+    )
+    while (
+        not traffic.over
+        and traffic.frames <= float(card.source.traits.scene_seconds or 0) * RATE
+    ):
         traffic.step(0.0)
     return float(ego.s - start), traffic.collision is not None
 
 
-def shown(agent: str, drives: list[Drive], own: NDArray[np.float64], crashed: NDArray[np.bool_]) -> str:
+def shown(
+    agent: str,
+    drives: list[Drive],
+    own: NDArray[np.float64],
+    crashed: NDArray[np.bool_],
+) -> str:
     """One line of figures."""
     ones, way = np.ones(len(drives)), np.array([drive.way for drive in drives])
     fault = np.array([100.0 * drive.at_fault for drive in drives])
@@ -73,7 +95,9 @@ def shown(agent: str, drives: list[Drive], own: NDArray[np.float64], crashed: ND
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--env", default="MTP-Drive-Intersection-v0")
     parser.add_argument("--split", default="val")
     parser.add_argument("--scenes", type=int, default=200)
@@ -83,13 +107,24 @@ def main() -> None:
     given = parser.parse_args()
     card: Any = with_split(load_card(given.env), given.split)
     drive = card.drive or DriveSection()
-    changes = {name: float(value) for name, value in (each.split("=") for each in given.set)}
+    changes = {
+        name: float(value) for name, value in (each.split("=") for each in given.set)
+    }
     planner = drive.planner.model_copy(update=changes)
-    card = card.model_copy(update={"drive": drive.model_copy(update={"planner": planner})})
+    card = card.model_copy(
+        update={"drive": drive.model_copy(update={"planner": planner})}
+    )
     names, agents = MTPEnv(card).scene_names[: given.scenes], given.agents.split(",")
-    found = parallel_map(measure_scene, [(card, name, agents) for name in names], Workers(given.jobs))
-    own, crashed = np.array([each[1][0] for each in found]), np.array([each[1][1] for each in found])
-    print(f"{card.id}, {given.split}, {len(names)} scenes, {planner}; own drivers collide in {crashed.sum()}")
+    found = parallel_map(
+        measure_scene, [(card, name, agents) for name in names], Workers(given.jobs)
+    )
+    own, crashed = (
+        np.array([each[1][0] for each in found]),
+        np.array([each[1][1] for each in found]),
+    )
+    print(
+        f"{card.id}, {given.split}, {len(names)} scenes, {planner}; own drivers collide in {crashed.sum()}"
+    )
     for k, agent in enumerate(agents):
         print(shown(agent, [each[0][k] for each in found], own, crashed))
 

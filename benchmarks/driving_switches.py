@@ -23,9 +23,15 @@ from mtp_bench.types import HARD_BRAKING, Bools, Ints
 
 SECONDS = 4.0  # of a window
 LOST = "way lost"  # m, less than at the speed at the start; the other outcomes happen or not
-OBJECTS, SPEEDS, TIMES = (4, 8, 12, 16), (1.0, 4.0, 8.0), (5.0, 10.0, 20.0)  # edges of strata: number, m/s, s
+OBJECTS, SPEEDS, TIMES = (
+    (4, 8, 12, 16),
+    (1.0, 4.0, 8.0),
+    (5.0, 10.0, 20.0),
+)  # edges of strata: number, m/s, s
 RESAMPLES = 2000
-POWER = 1.960 + 0.842  # standard errors of a difference that a two-sided test at 5 % finds four times out of five
+POWER = (
+    1.960 + 0.842
+)  # standard errors of a difference that a two-sided test at 5 % finds four times out of five
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,16 +45,26 @@ class Windows:
     outcome: Mapping[str, Array]  # 0 or 1: it happens in the window; for LOST m
 
     @classmethod
-    def of(cls, kept: Kept, dt: float, scene: int, agent: int, ahead: bool = False) -> Windows:
+    def of(
+        cls, kept: Kept, dt: float, scene: int, agent: int, ahead: bool = False
+    ) -> Windows:
         """The windows of a drive; ``dt``: s between frames; ``ahead``: only switches ahead of the ego count."""
         drive, moments = kept.drive, kept.moments
-        switches, start, length = moments.switches(ahead) > 0, np.arange(len(moments.speed)) * dt, round(SECONDS / dt)
+        switches, start, length = (
+            moments.switches(ahead) > 0,
+            np.arange(len(moments.speed)) * dt,
+            round(SECONDS / dt),
+        )
         binned = ((moments.objects, OBJECTS), (moments.speed, SPEEDS), (start, TIMES))
         stratum = np.full(len(start), agent)
         for value, edges in binned:
             stratum = stratum * (len(edges) + 1) + np.digitize(value, edges)
-        before = np.array([switches[max(0, t - length) : t + 1].any() for t in range(len(start))])
-        within = np.array([switches[t : t + length + 1].any() for t in range(len(start))])
+        before = np.array(
+            [switches[max(0, t - length) : t + 1].any() for t in range(len(start))]
+        )
+        within = np.array(
+            [switches[t : t + length + 1].any() for t in range(len(start))]
+        )
         times = {
             "collision at fault": np.array([drive.seconds] if drive.at_fault else []),
             "near miss": moments.missed,
@@ -57,23 +73,32 @@ class Windows:
         }
         outcome = {name: _within(start, seconds) for name, seconds in times.items()}
         outcome[LOST] = _lost(start, moments.speed, drive.acceleration)
-        known = (start + SECONDS <= drive.seconds + 1e-9) | (bool(drive.at_fault) & (start < drive.seconds))
+        known = (start + SECONDS <= drive.seconds + 1e-9) | (
+            bool(drive.at_fault) & (start < drive.seconds)
+        )
         found = {"no switch in it": ~within, "no switch before it": ~before}
         return cls(
-            np.full(int(known.sum()), scene), stratum[known], switches[known],
-            {name: mask[known] for name, mask in found.items()}, {name: mask[known] for name, mask in outcome.items()},
-        )  # fmt: skip
+            np.full(int(known.sum()), scene),
+            stratum[known],
+            switches[known],
+            {name: mask[known] for name, mask in found.items()},
+            {name: mask[known] for name, mask in outcome.items()},
+        )
 
     @classmethod
     def joined(cls, parts: Iterable[Windows]) -> Windows:
         """All windows of ``parts``."""
         every = list(parts)
         free, outcome = (
-            {name: np.concatenate([getattr(part, field)[name] for part in every]) for name in getattr(every[0], field)}
+            {
+                name: np.concatenate([getattr(part, field)[name] for part in every])
+                for name in getattr(every[0], field)
+            }
             for field in ("free", "outcome")
         )
         scene, stratum, switch = (
-            np.concatenate([getattr(part, field) for part in every]) for field in ("scene", "stratum", "switch")
+            np.concatenate([getattr(part, field) for part in every])
+            for field in ("scene", "stratum", "switch")
         )
         return cls(scene, stratum, switch, free, outcome)
 
@@ -81,39 +106,59 @@ class Windows:
 def _within(start: Array, seconds: Array) -> Array:
     """1 for windows [n] in which something happens at one of the ``seconds`` [m], else 0."""
     later = seconds[None] - start[:, None]
-    return np.asarray(((later >= -1e-9) & (later <= SECONDS + 1e-9)).any(axis=1).astype(float))
+    return np.asarray(
+        ((later >= -1e-9) & (later <= SECONDS + 1e-9)).any(axis=1).astype(float)
+    )
 
 
 def _lost(start: Array, speed: Array, acceleration: Array) -> Array:
     """Metres that the ego drives less in each window [n] than at its ``speed`` [n] at the start; at most to the end."""
     speeds = speed[0] + np.cumsum(np.append(0.0, acceleration)) / RATE
     way = np.append(0.0, np.cumsum(speeds)) / RATE
-    first, last = (np.clip((t * RATE).round().astype(int), 0, len(way) - 1) for t in (start, start + SECONDS))
+    first, last = (
+        np.clip((t * RATE).round().astype(int), 0, len(way) - 1)
+        for t in (start, start + SECONDS)
+    )
     return np.asarray(speed * (last - first) / RATE - (way[last] - way[first]))
 
 
-def matched_difference(scene: Ints, stratum: Ints, exposed: Bools, outcome: Array) -> dict[str, Any] | None:
+def matched_difference(
+    scene: Ints, stratum: Ints, exposed: Bools, outcome: Array
+) -> dict[str, Any] | None:
     """Mean ``outcome`` [n] of the exposed less that of the others in the same strata, with an interval over scenes.
 
     None unless a stratum holds both. ``seen``: the smallest difference that would have been seen.
     """
-    scene, stratum = (np.unique(each, return_inverse=True)[1] for each in (scene, stratum))
+    scene, stratum = (
+        np.unique(each, return_inverse=True)[1] for each in (scene, stratum)
+    )
     shape = (scene.max(initial=0) + 1, stratum.max(initial=0) + 1)
     cell = np.ravel_multi_index((scene, stratum), shape)
 
     def total(weight: Array) -> Array:
-        return np.bincount(cell, weights=weight, minlength=shape[0] * shape[1]).reshape(shape)
+        return np.bincount(cell, weights=weight, minlength=shape[0] * shape[1]).reshape(
+            shape
+        )
 
-    sums = [total(mask * value) for mask in (exposed, ~exposed) for value in (np.ones(len(cell)), outcome)]
+    sums = [
+        total(mask * value)
+        for mask in (exposed, ~exposed)
+        for value in (np.ones(len(cell)), outcome)
+    ]
     both = (sums[0].sum(0) > 0) & (sums[2].sum(0) > 0)
     if not both.any():
         return None
     sums = [each[:, both] for each in sums]
     with_switch, without = _pooled([each.sum(0)[None] for each in sums])
-    counts = np.random.default_rng(0).multinomial(shape[0], np.full(shape[0], 1 / shape[0]), size=RESAMPLES)
+    counts = np.random.default_rng(0).multinomial(
+        shape[0], np.full(shape[0], 1 / shape[0]), size=RESAMPLES
+    )
     drawn = np.subtract(*_pooled([counts @ each for each in sums]))
     low, high = np.nanquantile(drawn, [0.025, 0.975])
-    rare = [3.0 / number.sum() * (event == 0).all() for number, event in (sums[:2], sums[2:])]  # the rule of three
+    rare = [
+        3.0 / number.sum() * (event == 0).all()
+        for number, event in (sums[:2], sums[2:])
+    ]  # the rule of three
     return {
         "with": float(with_switch[0]),
         "without": float(without[0]),
@@ -143,12 +188,20 @@ def cost_in_windows(windows: Windows) -> dict[str, dict[str, Any] | None]:
     for name, outcome in windows.outcome.items():
         for kind, free in windows.free.items():
             used = windows.switch | free
-            scene, stratum, switch = windows.scene[used], windows.stratum[used], windows.switch[used]
-            found[f"{name}, {kind}"] = matched_difference(scene, stratum, switch, outcome[used])
+            scene, stratum, switch = (
+                windows.scene[used],
+                windows.stratum[used],
+                windows.switch[used],
+            )
+            found[f"{name}, {kind}"] = matched_difference(
+                scene, stratum, switch, outcome[used]
+            )
     return found
 
 
-def cost_in_scenes(switches: Array, seconds: Array, score: Array) -> dict[str, dict[str, Any] | None]:
+def cost_in_scenes(
+    switches: Array, seconds: Array, score: Array
+) -> dict[str, dict[str, Any] | None]:
     """Differences of ``score`` [A, S], drive score less that of ground-truth tracks, between scenes of an agent.
 
     ``switches`` [A, S]: identity switches near the ego; ``seconds`` [A, S] of the drives. Scenes with a switch against
@@ -156,8 +209,13 @@ def cost_in_scenes(switches: Array, seconds: Array, score: Array) -> dict[str, d
     """
     agent, scene = np.indices(score.shape)
     rate = switches / np.maximum(seconds, 1e-9)
-    splits = {"any switch": switches > 0, "more per second": rate > np.median(rate, axis=1, keepdims=True)}
+    splits = {
+        "any switch": switches > 0,
+        "more per second": rate > np.median(rate, axis=1, keepdims=True),
+    }
     return {
-        name: matched_difference(scene.ravel(), agent.ravel(), mask.ravel(), score.ravel())
+        name: matched_difference(
+            scene.ravel(), agent.ravel(), mask.ravel(), score.ravel()
+        )
         for name, mask in splits.items()
     }

@@ -31,17 +31,31 @@ DIGITS = 12  # after the point: parts add up to bADE within 1e-9
 def measure(env_id: str, options: RunOptions) -> list[dict[str, Any]]:
     """A row per agent: the conditions, bADE over all targets and its parts, in metres."""
     with EnvEvaluation.opened("splitting the error", env_id, options, {}) as evaluation:
-        settings = [setting_of(load_submission(name), evaluation.card) for name in AGENTS]
-        known = {setting.label: references_of(setting, evaluation.card) for setting in settings}
-        runs = {run.key: run for name in known for run in (known[name]["associated"], known[name]["tracks"])}
+        settings = [
+            setting_of(load_submission(name), evaluation.card) for name in AGENTS
+        ]
+        known = {
+            setting.label: references_of(setting, evaluation.card)
+            for setting in settings
+        }
+        runs = {
+            run.key: run
+            for name in known
+            for run in (known[name]["associated"], known[name]["tracks"])
+        }
         runs |= {setting.key: setting for setting in settings}
         scored: list[Any] = evaluation.scores(list(runs.values()), caught=False)
         scores = dict(zip(runs, scored, strict=True))
         own = {
-            name: References(associated=scores[found["associated"].key], tracks=scores[found["tracks"].key])
+            name: References(
+                associated=scores[found["associated"].key],
+                tracks=scores[found["tracks"].key],
+            )
             for name, found in known.items()
         }
-        report, _ = evaluation.report([scores[setting.key] for setting in settings], settings, references=own)
+        report, _ = evaluation.report(
+            [scores[setting.key] for setting in settings], settings, references=own
+        )
     conditions = {
         "env": env_id,
         "definitions": report.definitions,
@@ -58,7 +72,9 @@ def measure(env_id: str, options: RunOptions) -> list[dict[str, Any]]:
             "seeds": row.seeds,
             "targets": row.targets,
             "error": round(row.error or 0.0, DIGITS),
-            "parts": {key: round(getattr(row, f"cost_{key}") or 0.0, DIGITS) for key in PARTS},
+            "parts": {
+                key: round(getattr(row, f"cost_{key}") or 0.0, DIGITS) for key in PARTS
+            },
         }
         for row in report.rows
         if row.subset == "all"
@@ -67,8 +83,12 @@ def measure(env_id: str, options: RunOptions) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Measure the environments one after the other; the file is written after each."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--env", action="append", choices=ENVS, help="may be repeated; default: all")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--env", action="append", choices=ENVS, help="may be repeated; default: all"
+    )
     parser.add_argument("--data", help="data root; else MTP_BENCH_DATA")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--scenes", type=int, help="only the first N; default: all")
@@ -76,8 +96,17 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     given = parser.parse_args()
     for env_id in given.env or ENVS:
-        rows = json.loads(given.output.read_text(encoding="utf-8")) if given.output.is_file() else []
-        options = RunOptions(given.data, given.scenes, seeds=tuple(range(given.seeds)), workers=Workers(given.jobs))
+        rows = (
+            json.loads(given.output.read_text(encoding="utf-8"))
+            if given.output.is_file()
+            else []
+        )
+        options = RunOptions(
+            given.data,
+            given.scenes,
+            seeds=tuple(range(given.seeds)),
+            workers=Workers(given.jobs),
+        )
         rows = [row for row in rows if row["env"] != env_id] + measure(env_id, options)
         rows.sort(key=lambda row: (ENVS.index(row["env"]), AGENTS.index(row["agent"])))
         write_text(given.output, json.dumps(rows, indent=1) + "\n")

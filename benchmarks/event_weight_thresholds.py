@@ -46,7 +46,9 @@ def counts_of(reference: Reference, scenes: Sequence[str]) -> np.ndarray:
     return np.concatenate([reference.of(scene).counts for scene in scenes]).astype(int)
 
 
-def scores_of(names: Sequence[str], card: Card, scenes: Sequence[str], options: RunOptions) -> list[AgentScores]:
+def scores_of(
+    names: Sequence[str], card: Card, scenes: Sequence[str], options: RunOptions
+) -> list[AgentScores]:
     """Run baselines and return their scores, all seeds."""
     agents = []
     for name in names:
@@ -55,21 +57,38 @@ def scores_of(names: Sequence[str], card: Card, scenes: Sequence[str], options: 
         for seed in options.seeds:
             jobs = jobs_of(submission, card, options.env_keywords, scenes, seed)
             runs.append(tuple(run_jobs(jobs, options, score_scene)))
-        agents.append(AgentScores(name, 0, card.task.samples, "equal", tuple(runs), submission.compare.observe))
+        agents.append(
+            AgentScores(
+                name,
+                0,
+                card.task.samples,
+                "equal",
+                tuple(runs),
+                submission.compare.observe,
+            )
+        )
     return agents
 
 
-def gain_text(agents: Sequence[AgentScores], card: Card, reference: Reference, subset: Subset) -> str:
+def gain_text(
+    agents: Sequence[AgentScores], card: Card, reference: Reference, subset: Subset
+) -> str:
     """Return bADE of `mtp` less that of the control on a subset, metres, with its interval and p."""
     report = summarise(agents, card, reference)
-    row = next(row for row in report.paired if (row.agent, row.other, row.subset) == ("mtp", CONTROL, subset))
+    row = next(
+        row
+        for row in report.paired
+        if (row.agent, row.other, row.subset) == ("mtp", CONTROL, subset)
+    )
     if row.error is None or row.interval is None:
         return "no test"
     low, high = row.interval
     return f"{row.error:+.3f} [{low:+.3f}, {high:+.3f}], p {row.p:.3f}"
 
 
-def print_shares(counts: Mapping[str, np.ndarray], gains: Mapping[tuple[str, Subset], str]) -> None:
+def print_shares(
+    counts: Mapping[str, np.ndarray], gains: Mapping[tuple[str, Subset], str]
+) -> None:
     """Print a line per subset and threshold; ``counts``: runs [n, 4] with each event, by threshold."""
     total = np.sum(list(counts.values()), axis=0)
     for subset in SUBSETS:
@@ -78,10 +97,14 @@ def print_shares(counts: Mapping[str, np.ndarray], gains: Mapping[tuple[str, Sub
         weight = runs.sum()
         rare = runs[runs <= FEW_RUNS].sum() / weight
         print(f"  {subset}: {weight / RUNS:.1f} weight, {(runs > 0).sum()} targets")
-        print(f"    {rare:.1%} of the weight on targets with at most {FEW_RUNS} of {RUNS} runs")
+        print(
+            f"    {rare:.1%} of the weight on targets with at most {FEW_RUNS} of {RUNS} runs"
+        )
         for threshold, group in counts.items():
             share = group[:, event].sum() / weight
-            print(f"    threshold {threshold:13} {share:6.1%} of the weight; mtp - control {gains[threshold, subset]}")
+            print(
+                f"    threshold {threshold:13} {share:6.1%} of the weight; mtp - control {gains[threshold, subset]}"
+            )
 
 
 def measure(env_id: str, options: RunOptions) -> None:
@@ -89,9 +112,18 @@ def measure(env_id: str, options: RunOptions) -> None:
     card = load_card(env_id)
     names = MTPEnv(card, data=options.data).scene_names
     scenes = options.chosen(names)
-    runs_of = {threshold: [run for run in range(RUNS) if threshold_of(run) == threshold] for threshold in THRESHOLDS}
-    references = {threshold: make_reference(card, scenes, options, runs) for threshold, runs in runs_of.items()}
-    counts = {threshold: counts_of(reference, scenes) for threshold, reference in references.items()}
+    runs_of = {
+        threshold: [run for run in range(RUNS) if threshold_of(run) == threshold]
+        for threshold in THRESHOLDS
+    }
+    references = {
+        threshold: make_reference(card, scenes, options, runs)
+        for threshold, runs in runs_of.items()
+    }
+    counts = {
+        threshold: counts_of(reference, scenes)
+        for threshold, reference in references.items()
+    }
     agents = scores_of(AGENTS, card, scenes, options)
     gains = {
         (threshold, subset): gain_text(agents, card, reference, subset)
@@ -101,13 +133,17 @@ def measure(env_id: str, options: RunOptions) -> None:
     print(f"{env_id}: {len(scenes)} of {len(names)} scenes, {len(options.seeds)} seeds")
     frozen = frozen_reference(card)
     if frozen is not None and scenes == tuple(names):
-        equal = np.array_equal(np.sum(list(counts.values()), axis=0), counts_of(frozen, scenes))
+        equal = np.array_equal(
+            np.sum(list(counts.values()), axis=0), counts_of(frozen, scenes)
+        )
         print(f"  sums over the groups equal the frozen weights: {equal}")
     print_shares(counts, gains)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--envs", nargs="+", default=ENVS)
     parser.add_argument("--data")
     parser.add_argument("--scenes", type=int)
@@ -116,7 +152,9 @@ def main() -> None:
     arguments = parser.parse_args()
     for env_id in arguments.envs:
         seeds = range(arguments.seeds)
-        options = RunOptions(arguments.data, arguments.scenes, seeds, workers=Workers(arguments.jobs))
+        options = RunOptions(
+            arguments.data, arguments.scenes, seeds, workers=Workers(arguments.jobs)
+        )
         measure(env_id, options)
 
 

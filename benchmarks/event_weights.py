@@ -38,25 +38,44 @@ SUBSETS: tuple[Subset, ...] = ("ids", "reacquired")
 
 def played(card: Card, scenes: Sequence[str], options: RunOptions) -> list[AgentScores]:
     """Scores of the agents, one seed."""
-    jobs = [job for name in AGENTS for job in jobs_of(load_submission(name), card, options.env_keywords, scenes)]
+    jobs = [
+        job
+        for name in AGENTS
+        for job in jobs_of(load_submission(name), card, options.env_keywords, scenes)
+    ]
     scores = run_jobs(jobs, options, score_scene)
     count, samples = len(scenes), card.task.samples
     return [
         AgentScores(
-            name, 0, samples, "equal", (tuple(scores[i * count : (i + 1) * count]),), submission.compare.observe
+            name,
+            0,
+            samples,
+            "equal",
+            (tuple(scores[i * count : (i + 1) * count]),),
+            submission.compare.observe,
         )
-        for i, (name, submission) in enumerate(zip(AGENTS, map(load_submission, AGENTS), strict=True))
+        for i, (name, submission) in enumerate(
+            zip(AGENTS, map(load_submission, AGENTS), strict=True)
+        )
     ]
 
 
-def rows_of(agents: Sequence[AgentScores], card: Card, reference: Reference) -> dict[tuple[str, str], Row]:
+def rows_of(
+    agents: Sequence[AgentScores], card: Card, reference: Reference
+) -> dict[tuple[str, str], Row]:
     """Rows by agent and subset, with the weights of one set of runs."""
-    return {(row.agent, row.subset): row for row in summarise(agents, card, reference).rows}
+    return {
+        (row.agent, row.subset): row for row in summarise(agents, card, reference).rows
+    }
 
 
-def spread(sets: Sequence[dict[tuple[str, str], Row]], subset: str) -> dict[str, Any] | None:
+def spread(
+    sets: Sequence[dict[tuple[str, str], Row]], subset: str
+) -> dict[str, Any] | None:
     """Standard deviations over sets, and half-widths of the first set, m, the largest over agents; None without."""
-    errors = np.array([[rows[name, subset].error or np.nan for name in AGENTS] for rows in sets])
+    errors = np.array(
+        [[rows[name, subset].error or np.nan for name in AGENTS] for rows in sets]
+    )
     if np.isnan(errors).any():
         return None
     away = errors - errors[:, :1]
@@ -64,26 +83,42 @@ def spread(sets: Sequence[dict[tuple[str, str], Row]], subset: str) -> dict[str,
     return {
         "deviation": errors.std(axis=0, ddof=1).max(),
         "deviation_of_difference": away.std(axis=0, ddof=1).max(),
-        "half_width": [None if pair is None else (pair[1] - pair[0]) / 2 for pair in halves.values()],
+        "half_width": [
+            None if pair is None else (pair[1] - pair[0]) / 2
+            for pair in halves.values()
+        ],
         "half_width_of_difference": [
-            (pair[1] - pair[0]) / 2 for name in AGENTS[1:] if (pair := sets[0][name, subset].difference_interval)
+            (pair[1] - pair[0]) / 2
+            for name in AGENTS[1:]
+            if (pair := sets[0][name, subset].difference_interval)
         ],
         "errors": {name: errors[:, i].tolist() for i, name in enumerate(AGENTS)},
         "effective_objects": sets[0]["stp", subset].effective_objects,
     }
 
 
-def measure(env_id: str, options: RunOptions, count: int, runs: int = RUNS) -> dict[str, Any]:
+def measure(
+    env_id: str, options: RunOptions, count: int, runs: int = RUNS
+) -> dict[str, Any]:
     """All sets of one env; ``seconds`` to make the weights of one."""
     card = load_card(env_id)
     scenes = MTPEnv(card, data=options.data).scene_names[: options.scenes]
     agents = played(card, scenes, options)
     start = time.perf_counter()
-    references = [make_reference(card, scenes, options, range(i * runs, (i + 1) * runs)) for i in range(count)]
+    references = [
+        make_reference(card, scenes, options, range(i * runs, (i + 1) * runs))
+        for i in range(count)
+    ]
     seconds = (time.perf_counter() - start) / count
     sets = [rows_of(agents, card, reference) for reference in references]
     subsets = {subset: spread(sets, subset) for subset in SUBSETS}
-    return {"env": env_id, "sets": count, "runs": runs, "seconds": round(seconds, 1), "subsets": subsets}
+    return {
+        "env": env_id,
+        "sets": count,
+        "runs": runs,
+        "seconds": round(seconds, 1),
+        "subsets": subsets,
+    }
 
 
 def ranges(values: Sequence[float | None]) -> str:
@@ -93,7 +128,9 @@ def ranges(values: Sequence[float | None]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--envs", nargs="+", default=ENVS)
     parser.add_argument("--data")
     parser.add_argument("--sets", type=int, default=4)
@@ -102,17 +139,26 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=cores())
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    options = RunOptions(arguments.data, arguments.scenes, workers=Workers(arguments.jobs))
+    options = RunOptions(
+        arguments.data, arguments.scenes, workers=Workers(arguments.jobs)
+    )
     results = []
     for env_id in arguments.envs:
         results.append(measure(env_id, options, arguments.sets, arguments.runs))
-        print(f"{env_id}: {arguments.sets} sets of {arguments.runs} runs, {results[-1]['seconds']} s each")
+        print(
+            f"{env_id}: {arguments.sets} sets of {arguments.runs} runs, {results[-1]['seconds']} s each"
+        )
         for subset, row in results[-1]["subsets"].items():
             if row is None:
                 print(f"  {subset:10}  no targets in a set")
                 continue
-            own, paired = ranges(row["half_width"]), ranges(row["half_width_of_difference"])
-            print(f"  {subset:10}  error: deviation {row['deviation']:.4f} m, half-width {own} m")
+            own, paired = (
+                ranges(row["half_width"]),
+                ranges(row["half_width_of_difference"]),
+            )
+            print(
+                f"  {subset:10}  error: deviation {row['deviation']:.4f} m, half-width {own} m"
+            )
             print(
                 f"  {'':10}  to stp: deviation {row['deviation_of_difference']:.4f} m, half-width {paired} m",
                 flush=True,

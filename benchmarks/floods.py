@@ -29,7 +29,9 @@ from mtp_bench.types import Rollout
 HONEST = "stp"
 
 
-def scene_scores(card: Card, data: str | None, rollout: Rollout) -> dict[str, SceneScore]:
+def scene_scores(
+    card: Card, data: str | None, rollout: Rollout
+) -> dict[str, SceneScore]:
     """Return the scores of a stored rollout by label, as it was stored and flooded."""
     scene = open_source(card, data).load(rollout.scene)
     scores = {HONEST: score_scene(scene, rollout, card)}
@@ -43,7 +45,12 @@ def table_rows(folder: Path, options: RunOptions) -> list[str]:
     opened = open_run(folder, options.data)
     scenes = [rollout.scene for rollout in opened.run.rollouts]
     calls = [(opened.card, opened.data, rollout) for rollout in opened.run.rollouts]
-    scored = parallel_map(scene_scores, calls, options.workers, lambda place: print(scenes[place], file=sys.stderr))
+    scored = parallel_map(
+        scene_scores,
+        calls,
+        options.workers,
+        lambda place: print(scenes[place], file=sys.stderr),
+    )
     agents = []
     for label in scored[0]:
         seeds = (tuple(scores[label] for scores in scored),)
@@ -56,7 +63,9 @@ def table_rows(folder: Path, options: RunOptions) -> list[str]:
         interval = "no interval"
         if difference.interval is not None:
             interval = "[{:+.3f}, {:+.3f}]".format(*difference.interval)
-        rows.append(f"{row_start(report.env, table)} {difference.error:+.4f} | {interval} | {difference.p:.3f} |")
+        rows.append(
+            f"{row_start(report.env, table)} {difference.error:+.4f} | {interval} | {difference.p:.3f} |"
+        )
     return rows
 
 
@@ -68,13 +77,19 @@ def row_start(env: str, table: AgentTable) -> str:
 
 def main() -> None:
     """Print the table of the runs that are named."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("runs", nargs="+", type=Path, help="folders of stored runs of stp")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "runs", nargs="+", type=Path, help="folders of stored runs of stp"
+    )
     parser.add_argument("--data", help="data root; else MTP_BENCH_DATA")
     parser.add_argument("--jobs", type=int, default=cores(), help="processes")
     given = parser.parse_args()
     options = RunOptions(given.data, workers=Workers(given.jobs))
-    print("| environment | units | forecasts | bADE, m | less STP | 95 % | p |\n|---|--:|---|--:|--:|--:|--:|")
+    print(
+        "| environment | units | forecasts | bADE, m | less STP | 95 % | p |\n|---|--:|---|--:|--:|--:|--:|"
+    )
     for folder in given.runs:
         print(*table_rows(folder, options), sep="\n", flush=True)
 

@@ -45,7 +45,9 @@ HONEST: dict[str, tuple[str, dict[str, Any]]] = {
     "stp_hedged": ("stp_hedged", {}),
     "gt_tracks": ("gt_tracks", {}),
 }
-ORDER = tuple(label for label in HONEST if label not in ("stp_hedged", "gt_tracks"))  # on ids, from the best
+ORDER = tuple(
+    label for label in HONEST if label not in ("stp_hedged", "gt_tracks")
+)  # on ids, from the best
 RANKED: tuple[Subset, ...] = ("all", "ids", "reacquired")
 EYES = {"blurred by 25 cm": (0.25, 0.0), "dropping 5 %": (0.0, 0.05)}
 UNSURE = 0.07  # of twins and leaves
@@ -55,7 +57,10 @@ class Leaves:
     """The tracks that other hypotheses than the best hold, each as an object of its own with k samples."""
 
     def __init__(self, hypotheses: int = 20) -> None:
-        self._tracker, self._predictor = HypothesisTracker(hypotheses), KinematicPredictor()
+        self._tracker, self._predictor = (
+            HypothesisTracker(hypotheses),
+            KinematicPredictor(),
+        )
         self._presence = LearnedPresence()
 
     def reset(self, task: Task) -> None:
@@ -74,10 +79,18 @@ class Leaves:
         row = forecasts.rows_of(tracks)[tracks.member.argmax(axis=0)[leaf], leaf]
         self._number += 1
         box = tracks.box[leaf]
-        samples = np.clip(forecasts.samples[row] - box[:, None, None, :2], -300.0, 300.0)
+        samples = np.clip(
+            forecasts.samples[row] - box[:, None, None, :2], -300.0, 300.0
+        )
         sure = self._presence.probability(tracks, observation)[leaf]
         return make_action(
-            self._task, box, tracks.class_id[leaf], samples, confidence=sure, tracks=tracks, checked=False
+            self._task,
+            box,
+            tracks.class_id[leaf],
+            samples,
+            confidence=sure,
+            tracks=tracks,
+            checked=False,
         )
 
 
@@ -95,32 +108,60 @@ class WorseEyes:
     def act(self, observation: Observation) -> dict[str, Any]:
         """Answer what is seen."""
         box = observation["detection_box"].copy()
-        box[:, :2] += self._rng.normal(0.0, self._sigma, (len(box), 2)) if self._sigma else 0.0
+        box[:, :2] += (
+            self._rng.normal(0.0, self._sigma, (len(box), 2)) if self._sigma else 0.0
+        )
         kept = self._rng.random(len(box)) >= self._drop
-        order = np.argsort(~(kept & (observation["detection_valid"] == 1)), kind="stable")  # valid rows come first
+        order = np.argsort(
+            ~(kept & (observation["detection_valid"] == 1)), kind="stable"
+        )  # valid rows come first
         shown = {**observation, "detection_box": box}
         shown["detection_valid"] = observation["detection_valid"] * kept.astype(np.int8)
-        rows = ("detection_box", "detection_velocity", "detection_score", "detection_class", "detection_valid")
+        rows = (
+            "detection_box",
+            "detection_velocity",
+            "detection_score",
+            "detection_class",
+            "detection_valid",
+        )
         return self._agent.act({**shown, **{name: shown[name][order] for name in rows}})
 
 
-def play(env_id: str, options: RunOptions, noises: int, scene: str) -> dict[str, list[SceneScore]]:
+def play(
+    env_id: str, options: RunOptions, noises: int, scene: str
+) -> dict[str, list[SceneScore]]:
     """Scores of every row on one scene, one per seed of the noise."""
     env = MTPEnv(env_id, **options.env_keywords, evaluation=True)
     said: dict[str, Rollout] = {}
     for label, (name, parameters) in HONEST.items():
         submission = load_submission(name)
-        seen = MTPEnv(env_id, **options.env_keywords, observe=submission.compare.observe, evaluation=True)
-        said[label] = run_scene(submission.build(agent_task(seen, 0), **parameters), seen, scene, 0)
+        seen = MTPEnv(
+            env_id,
+            **options.env_keywords,
+            observe=submission.compare.observe,
+            evaluation=True,
+        )
+        said[label] = run_scene(
+            submission.build(agent_task(seen, 0), **parameters), seen, scene, 0
+        )
     agent = load_submission("stp").build(agent_task(env, 0))
-    seed, hedged = run_scene(agent, env, scene, 1), said["stp_hedged"]  # the same tracks with other samples
+    seed, hedged = (
+        run_scene(agent, env, scene, 1),
+        said["stp_hedged"],
+    )  # the same tracks with other samples
     leaves = run_scene(Leaves(), env, scene, 0)
     worse = {
-        label: [run_scene(WorseEyes(agent, *how, seed), env, scene, 0) for seed in range(noises)]
+        label: [
+            run_scene(WorseEyes(agent, *how, seed), env, scene, 0)
+            for seed in range(noises)
+        ]
         for label, how in EYES.items()
         if noises
     }
-    said |= {label: change(env.scene, said["stp"], env.card) for label, change in CHANGES.items()}
+    said |= {
+        label: change(env.scene, said["stp"], env.card)
+        for label, change in CHANGES.items()
+    }
     beside = {
         "twins": ("stp", hedged),
         "twins of another seed": ("stp", seed),
@@ -128,10 +169,18 @@ def play(env_id: str, options: RunOptions, noises: int, scene: str) -> dict[str,
         "mtp: leaves as objects": ("mtp", leaves),
     }
     for label, (honest, other) in beside.items():
-        said[f"{label}, unsure"] = joined(said[honest], other, lambda c: np.full_like(c, UNSURE))
+        said[f"{label}, unsure"] = joined(
+            said[honest], other, lambda c: np.full_like(c, UNSURE)
+        )
         said[f"{label}, half as sure"] = joined(said[honest], other, lambda c: 0.5 * c)
-    scores = {label: [score_scene(env.scene, one, env.card)] * max(1, noises) for label, one in said.items()}
-    return scores | {label: [score_scene(env.scene, one, env.card) for one in rows] for label, rows in worse.items()}
+    scores = {
+        label: [score_scene(env.scene, one, env.card)] * max(1, noises)
+        for label, one in said.items()
+    }
+    return scores | {
+        label: [score_scene(env.scene, one, env.card) for one in rows]
+        for label, rows in worse.items()
+    }
 
 
 def report_of(env_id: str, options: RunOptions, noises: int) -> Report:
@@ -140,7 +189,12 @@ def report_of(env_id: str, options: RunOptions, noises: int) -> Report:
     reference = reference_for(card, scenes, options)
     done = iter(range(1, len(scenes) + 1))
     calls = [(env_id, options, noises, scene) for scene in scenes]
-    played = parallel_map(play, calls, options.workers, lambda place: print(next(done), "of", len(scenes), flush=True))
+    played = parallel_map(
+        play,
+        calls,
+        options.workers,
+        lambda place: print(next(done), "of", len(scenes), flush=True),
+    )
     agents = [
         AgentScores(
             label,
@@ -148,7 +202,9 @@ def report_of(env_id: str, options: RunOptions, noises: int) -> Report:
             card.task.samples,
             "equal",
             tuple(zip(*(p[label] for p in played), strict=True)),
-            observe=load_submission(HONEST[label][0]).compare.observe if label in HONEST else "detections",
+            observe=load_submission(HONEST[label][0]).compare.observe
+            if label in HONEST
+            else "detections",
         )
         for label in played[0]
     ]
@@ -157,15 +213,31 @@ def report_of(env_id: str, options: RunOptions, noises: int) -> Report:
 
 def honest_of(label: str) -> str:
     """The agent that a row is compared with; for faint samples the same samples at equal weights."""
-    return "mtp" if label.startswith("mtp: ") else "honest: two widths" if label == "two widths, one faint" else "stp"
+    return (
+        "mtp"
+        if label.startswith("mtp: ")
+        else "honest: two widths"
+        if label == "two widths, one faint"
+        else "stp"
+    )
 
 
 def differences(report: Report, label: str, other: str) -> list[dict[str, Any]]:
     """Difference of a row to another on each ranked number, with what it shows."""
-    table, of = ({each.setting.agent: each for each in report.tables}[name] for name in (label, other))
+    table, of = (
+        {each.setting.agent: each for each in report.tables}[name]
+        for name in (label, other)
+    )
     rows = [paired_row(table, of, subset) for subset in RANKED]
     return [
-        {"row": label, "to": other, "subset": row.subset, "difference": row.error, "interval": row.interval, "p": row.p}
+        {
+            "row": label,
+            "to": other,
+            "subset": row.subset,
+            "difference": row.error,
+            "interval": row.interval,
+            "p": row.p,
+        }
         for row in rows
     ]
 
@@ -176,16 +248,34 @@ def significant(row: dict[str, Any]) -> bool:
 
 def verdicts(report: Report, rows: list[dict[str, Any]]) -> list[str]:
     """Gains of dishonest rows, the place of silence, and the order of honest agents on ids."""
-    dishonest = [row for row in rows if row["row"] not in HONEST and not row["row"].startswith("honest: ")]
+    dishonest = [
+        row
+        for row in rows
+        if row["row"] not in HONEST and not row["row"].startswith("honest: ")
+    ]
     gains = [row for row in dishonest if significant(row) and row["difference"] < 0]
-    lines = [f"gains: {row['row']} on {row['subset']}: {cell(row)}" for row in gains] or ["gains: none"]
+    lines = [
+        f"gains: {row['row']} on {row['subset']}: {cell(row)}" for row in gains
+    ] or ["gains: none"]
     for subset in RANKED:
-        errors = {row.agent: row.error for row in report.rows if row.subset == subset and row.error is not None}
+        errors = {
+            row.agent: row.error
+            for row in report.rows
+            if row.subset == subset and row.error is not None
+        }
         last = all(error <= errors["silence"] + 1e-9 for error in errors.values())
         lines.append(f"silence is {'' if last else 'NOT '}last on {subset}")
     for better, worse in pairwise(ORDER):
-        step = next(row for row in differences(report, worse, better) if row["subset"] == "ids")
-        kind = "not significant" if not significant(step) else "holds" if step["difference"] > 0 else "REVERSED"
+        step = next(
+            row for row in differences(report, worse, better) if row["subset"] == "ids"
+        )
+        kind = (
+            "not significant"
+            if not significant(step)
+            else "holds"
+            if step["difference"] > 0
+            else "REVERSED"
+        )
         lines.append(f"ids: {better} < {worse}: {cell(step)}, {kind}")
     return lines
 
@@ -194,7 +284,11 @@ def cell(row: dict[str, Any]) -> str:
     """A difference with its interval and p; 0 if it is exactly that."""
     if not row["difference"]:
         return "0" if row["difference"] == 0 else "-"
-    interval = "" if row["interval"] is None else " [{:+.3f}, {:+.3f}]".format(*row["interval"])
+    interval = (
+        ""
+        if row["interval"] is None
+        else " [{:+.3f}, {:+.3f}]".format(*row["interval"])
+    )
     return f"{row['difference']:+.3f}{interval} p {row['p']:.3f}"
 
 
@@ -202,15 +296,32 @@ def show(report: Report, rows: list[dict[str, Any]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=f"{report.env}, definitions {report.definitions}: {report.condition['weights']}")
-    for column in ("row", "all", "- honest", "ids", "- honest", "reacq.", "- honest", "lost", "energy"):
+    table = Table(
+        title=f"{report.env}, definitions {report.definitions}: {report.condition['weights']}"
+    )
+    for column in (
+        "row",
+        "all",
+        "- honest",
+        "ids",
+        "- honest",
+        "reacq.",
+        "- honest",
+        "lost",
+        "energy",
+    ):
         table.add_column(column, justify="left" if column == "row" else "right")
     for label in dict.fromkeys(row.agent for row in report.rows):
         found = {row.subset: row for row in report.rows if row.agent == label}
         cells = []
         for one in (row for row in rows if row["row"] == label):
             cells += [shown(found[one["subset"]].error, 3), cell(one)]
-        table.add_row(label, *cells, shown(found["lost"].error, 2), shown(found["all"].energy_score, 2))
+        table.add_row(
+            label,
+            *cells,
+            shown(found["lost"].error, 2),
+            shown(found["all"].energy_score, 2),
+        )
     Console(width=190).print(table)
 
 
@@ -219,7 +330,9 @@ def shown(value: float | None, digits: int) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--env", required=True)
     parser.add_argument("--scenes", type=int)
     parser.add_argument("--data")
@@ -228,14 +341,24 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     start = time.perf_counter()
-    report = report_of(given.env, RunOptions(given.data, given.scenes, workers=Workers(given.jobs)), given.noises)
+    report = report_of(
+        given.env,
+        RunOptions(given.data, given.scenes, workers=Workers(given.jobs)),
+        given.noises,
+    )
     labels = dict.fromkeys(row.agent for row in report.rows)
-    rows = [row for label in labels for row in differences(report, label, honest_of(label))]
+    rows = [
+        row for label in labels for row in differences(report, label, honest_of(label))
+    ]
     show(report, rows)
     lines = verdicts(report, rows)
     print(*lines, f"{time.perf_counter() - start:.0f} s", sep="\n")
     if given.json:
-        content = {**report.to_json("condition", "details"), "differences": rows, "verdicts": lines}
+        content = {
+            **report.to_json("condition", "details"),
+            "differences": rows,
+            "verdicts": lines,
+        }
         given.json.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 

@@ -54,7 +54,9 @@ def measured(env_id: str, frames: int) -> dict[str, float]:
     sizes = {"samples": card.task.samples, **sizes_of(card)}
     task = _task(card, "detections", sizes)
     space, observation = ActionSpace(task), observation_space(task).sample()
-    shapes = {name: (part.shape, str(part.dtype)) for name, part in space.spaces.items()}
+    shapes = {
+        name: (part.shape, str(part.dtype)) for name, part in space.spaces.items()
+    }
     limits = Limits()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -82,29 +84,47 @@ def measured(env_id: str, frames: int) -> dict[str, float]:
     }
 
 
-def start_seconds(name: str, env_id: str = "MTP-Intersection-v0", repeats: int = 5) -> float:
+def start_seconds(
+    name: str, env_id: str = "MTP-Intersection-v0", repeats: int = 5
+) -> float:
     """Median seconds from the start of an agent's process until it is built."""
     scene = MTPEnv(env_id).scene_names[0]
-    return statistics.median(run_isolated(name, env_id, {}, scene).started for _ in range(repeats))
+    return statistics.median(
+        run_isolated(name, env_id, {}, scene).started for _ in range(repeats)
+    )
 
 
 def sizes_of(card: Any) -> dict[str, int]:
-    return {name: getattr(card.size, name) for name in ("tracks", "objects", "hypotheses", "detections")}
+    return {
+        name: getattr(card.size, name)
+        for name in ("tracks", "objects", "hypotheses", "detections")
+    }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--json", type=Path, default=None)
     given = parser.parse_args()
     found = {env_id: measured(env_id, given.frames) for env_id in CARDS}
     for env_id, row in found.items():
         times = f"{row['median_ms']:6.2f} ms (p95 {row['p95_ms']:.2f})"
-        print(f"{env_id:22} {times}  {row['observation_kib']:.0f} KiB asked, {row['answer_kib']:.0f} KiB answered")
+        print(
+            f"{env_id:22} {times}  {row['observation_kib']:.0f} KiB asked, {row['answer_kib']:.0f} KiB answered"
+        )
     starts = {name: start_seconds(name) for name in STARTED}
-    print("; ".join(f"{name} starts in {seconds:.2f} s" for name, seconds in starts.items()), f"({sandbox_backend()})")
+    print(
+        "; ".join(
+            f"{name} starts in {seconds:.2f} s" for name, seconds in starts.items()
+        ),
+        f"({sandbox_backend()})",
+    )
     if given.json is not None:
-        given.json.write_text(json.dumps({"frames": found, "start_s": starts}, indent=2) + "\n")
+        given.json.write_text(
+            json.dumps({"frames": found, "start_s": starts}, indent=2) + "\n"
+        )
 
 
 if __name__ == "__main__":

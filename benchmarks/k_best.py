@@ -50,7 +50,12 @@ def dense(rng: np.random.Generator, n: int, gate: float) -> Floats:
 
 def sparse(cost: Floats) -> tuple[Any, ...]:
     row, column = (np.ascontiguousarray(index) for index in np.nonzero(cost < np.inf))
-    return np.searchsorted(row, np.arange(len(cost) + 1)), column, cost[row, column], cost.shape[1]
+    return (
+        np.searchsorted(row, np.arange(len(cost) + 1)),
+        column,
+        cost[row, column],
+        cost.shape[1],
+    )
 
 
 def hypotheses(rng: np.random.Generator, n: int) -> tuple[Bools, Floats]:
@@ -61,7 +66,9 @@ def hypotheses(rng: np.random.Generator, n: int) -> tuple[Bools, Floats]:
     return member, np.sort(rng.exponential(2.0, PARENTS))
 
 
-def microseconds(function: Callable[..., Any], calls: list[tuple[Any, ...]], repeats: int) -> float:
+def microseconds(
+    function: Callable[..., Any], calls: list[tuple[Any, ...]], repeats: int
+) -> float:
     """CPU time of a call on average over the calls, in the best of the repeats."""
     least = np.inf
     function(*calls[0])  # imports and caches
@@ -87,12 +94,16 @@ def lsa(cost: Floats) -> Any:
 
 def nrl_tracker(cost: Floats, k: int) -> Any:
     """Unmatched rows cost 0 there too."""
-    return importlib.import_module("pytcl.assignment_algorithms").murty(cost, k, cost_of_non_assignment=0.0)
+    return importlib.import_module("pytcl.assignment_algorithms").murty(
+        cost, k, cost_of_non_assignment=0.0
+    )
 
 
 def pyrecest(cost: Floats, k: int) -> Any:
     zeros = np.zeros(len(cost))
-    return importlib.import_module("pyrecest.utils.assignment").murty_k_best_assignments(cost, k, zeros, zeros)
+    return importlib.import_module(
+        "pyrecest.utils.assignment"
+    ).murty_k_best_assignments(cost, k, zeros, zeros)
 
 
 PEERS: dict[str, tuple[str, Callable[[Floats, int], Any]]] = {
@@ -103,29 +114,47 @@ PEERS: dict[str, tuple[str, Callable[[Floats, int], Any]]] = {
 
 
 def installed() -> dict[str, Callable[[Floats, int], Any]]:
-    return {name: run for name, (module, run) in PEERS.items() if importlib.util.find_spec(module)}
+    return {
+        name: run
+        for name, (module, run) in PEERS.items()
+        if importlib.util.find_spec(module)
+    }
 
 
-def single(n: int, k: int, given: argparse.Namespace, problems: list[Floats]) -> dict[str, Any]:
+def single(
+    n: int, k: int, given: argparse.Namespace, problems: list[Floats]
+) -> dict[str, Any]:
     everyone, base = np.ones((1, n), dtype=bool), np.zeros(1)
     calls = [(*sparse(cost), everyone, base, k) for cost in problems]
     square = [(np.where(cost < np.inf, cost, 1e3),) for cost in problems]
-    row: dict[str, Any] = {"n": n, "k": k, "lsa": microseconds(lsa, square, given.repeats)}
+    row: dict[str, Any] = {
+        "n": n,
+        "k": k,
+        "lsa": microseconds(lsa, square, given.repeats),
+    }
     row["mtp_bench"] = microseconds(joint_k_best, calls, given.repeats)
     for name, run in installed().items():
         few = problems if n < 50 else problems[:1]
-        row[name] = microseconds(run, [(cost, k) for cost in few], given.repeats) if n * n * k <= 50_000 else None
+        row[name] = (
+            microseconds(run, [(cost, k) for cost in few], given.repeats)
+            if n * n * k <= 50_000
+            else None
+        )
     return with_ratios(row)
 
 
 def with_ratios(row: dict[str, Any]) -> dict[str, Any]:
     """The row with the ratio of each other program's time to ours behind it."""
     others = [name for name in ("lsa", *PEERS) if name in row]
-    ratios = {name: row[name] / row["mtp_bench"] if row[name] else None for name in others}
+    ratios = {
+        name: row[name] / row["mtp_bench"] if row[name] else None for name in others
+    }
     return row | {f"{name}, x": ratio for name, ratio in ratios.items()}
 
 
-def ungated(given: argparse.Namespace, rng: np.random.Generator) -> list[dict[str, Any]]:
+def ungated(
+    given: argparse.Namespace, rng: np.random.Generator
+) -> list[dict[str, Any]]:
     """All pairs allowed, n = 100, k = 20."""
     n, k, everyone, base = 100, 20, np.ones((1, 100), dtype=bool), np.zeros(1)
     kinds: dict[str, Callable[[], Floats]] = {
@@ -143,14 +172,23 @@ def ungated(given: argparse.Namespace, rng: np.random.Generator) -> list[dict[st
     return rows
 
 
-def joint(n: int, given: argparse.Namespace, problems: list[Floats], rng: np.random.Generator) -> dict[str, Any]:
+def joint(
+    n: int, given: argparse.Namespace, problems: list[Floats], rng: np.random.Generator
+) -> dict[str, Any]:
     together, apart = [], []
     for cost in problems:
         member, base = hypotheses(rng, n)
         together.append((*sparse(cost), member, base, PARENTS))
-        apart += [(*sparse(cost), member[h : h + 1], base[h : h + 1], PARENTS) for h in range(PARENTS)]
+        apart += [
+            (*sparse(cost), member[h : h + 1], base[h : h + 1], PARENTS)
+            for h in range(PARENTS)
+        ]
     square = [(np.where(cost < np.inf, cost, 1e3),) for cost in problems]
-    row: dict[str, Any] = {"n": n, "H": PARENTS, "lsa": microseconds(lsa, square, given.repeats)}
+    row: dict[str, Any] = {
+        "n": n,
+        "H": PARENTS,
+        "lsa": microseconds(lsa, square, given.repeats),
+    }
     row["joint"] = microseconds(joint_k_best, together, given.repeats)
     row["separate"] = PARENTS * microseconds(joint_k_best, apart, given.repeats)
     row["ratio"] = row["separate"] / row["joint"]
@@ -158,15 +196,22 @@ def joint(n: int, given: argparse.Namespace, problems: list[Floats], rng: np.ran
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--problems", type=int, default=10)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--gate", type=float, default=4.0, help="m")
     parser.add_argument("--json", type=Path, default=None)
     given = parser.parse_args()
     rng = np.random.default_rng(0)
-    problems = {n: [gated(rng, n, given.gate) for _ in range(given.problems)] for n in SIZES}
-    choices = {n: float(np.mean([(cost < np.inf).sum() / n for cost in problems[n]])) for n in SIZES}
+    problems = {
+        n: [gated(rng, n, given.gate) for _ in range(given.problems)] for n in SIZES
+    }
+    choices = {
+        n: float(np.mean([(cost < np.inf).sum() / n for cost in problems[n]]))
+        for n in SIZES
+    }
     one = [single(n, k, given, problems[n]) for n in SIZES for k in KS]
     every = ungated(given, rng)
     steps = [joint(n, given, problems[n], rng) for n in SIZES]
@@ -174,9 +219,17 @@ def main() -> None:
     show("one parent, all pairs allowed", every)
     show(f"{PARENTS} parents to {PARENTS} children, us per step", steps)
     if given.json:
-        setting = {"gate_m": given.gate, "problems": given.problems, "pairs_per_row": choices}
+        setting = {
+            "gate_m": given.gate,
+            "problems": given.problems,
+            "pairs_per_row": choices,
+        }
         given.json.write_text(
-            json.dumps({**setting, "single": one, "dense": every, "joint": steps}, indent=1) + "\n", encoding="utf-8"
+            json.dumps(
+                {**setting, "single": one, "dense": every, "joint": steps}, indent=1
+            )
+            + "\n",
+            encoding="utf-8",
         )
 
 

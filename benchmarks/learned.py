@@ -14,14 +14,30 @@ import os
 import sys
 from typing import Any
 
-os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+os.environ.update(
+    dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+)
 
 import mtp_bench.agent.pipeline as pipeline_module
 from benchmarks.tracking.report import show
-from benchmarks.tracking.scenes import KITTI, NUSCENES, Row, Scenes, agent, frames_of, recordings
+from benchmarks.tracking.scenes import (
+    KITTI,
+    NUSCENES,
+    Row,
+    Scenes,
+    agent,
+    frames_of,
+    recordings,
+)
 from benchmarks.tracking.timing import Pieces, cpu_seconds, stages
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.prediction import GreedySampler, KinematicPredictor, KMeansSampler, LearnedPredictor, LearnedPresence
+from mtp_bench.prediction import (
+    GreedySampler,
+    KinematicPredictor,
+    KMeansSampler,
+    LearnedPredictor,
+    LearnedPresence,
+)
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.types import Task
 
@@ -37,19 +53,35 @@ STAGES: Pieces = (
 )
 
 
-def costs(name: str, task: Task, scenes: Scenes, names: list[str], repeats: int) -> list[Row]:
+def costs(
+    name: str, task: Task, scenes: Scenes, names: list[str], repeats: int
+) -> list[Row]:
     starts = {(who, h): agent(h, who) for who in names for h in (1, 5, 20)}
-    seconds, frames, rows = cpu_seconds(starts, task, scenes, repeats), frames_of(scenes), list[Row]()
+    seconds, frames, rows = (
+        cpu_seconds(starts, task, scenes, repeats),
+        frames_of(scenes),
+        list[Row](),
+    )
     for (who, h), start in starts.items():
-        row: Row = {"scenes": name, "agent": who, "H": h, "CPU ms": 1e3 * seconds[who, h] / frames}
+        row: Row = {
+            "scenes": name,
+            "agent": who,
+            "H": h,
+            "CPU ms": 1e3 * seconds[who, h] / frames,
+        }
         row["x H=1"] = seconds[who, h] / seconds[who, 1]
-        split: dict[str, Any] = {stage: us / 1e3 for stage, us in stages(start, STAGES, task, scenes, 1).items()}
+        split: dict[str, Any] = {
+            stage: us / 1e3
+            for stage, us in stages(start, STAGES, task, scenes, 1).items()
+        }
         rows.append({**row, **split, "frames/s of forecast": 1e3 / split["forecast"]})
     return rows
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("agents", nargs="*", default=["mtp_modes", "mtp"])
     parser.add_argument("--data")
     parser.add_argument("--repeats", type=int, default=3)
@@ -57,7 +89,12 @@ def main() -> None:
     given = parser.parse_args()
     for name, env_id in (("KITTI val", KITTI), ("nuScenes mini", NUSCENES)):
         try:
-            rows = costs(name, *recordings(env_id, given.data, given.quick), given.agents, given.repeats)
+            rows = costs(
+                name,
+                *recordings(env_id, given.data, given.quick),
+                given.agents,
+                given.repeats,
+            )
         except MtpBenchError as error:
             print(f"{name} is left out: {error}", file=sys.stderr)
             continue

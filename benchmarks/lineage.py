@@ -46,7 +46,9 @@ def fits(before: Tracks, now: Tracks) -> bool:
         return False
     for hypothesis, parent in zip(now.member, now.parent, strict=True):
         held = np.flatnonzero(before.member[parent])
-        past = dict(zip(before.track_id[held].tolist(), before.past[held, 1:], strict=True))
+        past = dict(
+            zip(before.track_id[held].tolist(), before.past[held, 1:], strict=True)
+        )
         for n in np.flatnonzero(hypothesis):
             known = past.get(int(now.track_id[n]))
             if known is not None and not np.array_equal(known, now.past[n, :-1]):
@@ -58,14 +60,25 @@ def main() -> None:
     from rich.console import Console
     from rich.table import Table
 
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--env", required=True)
     parser.add_argument("--hypotheses", type=int, nargs="+", default=[5, 20])
     parser.add_argument("--scenes", type=int)
     parser.add_argument("--data")
     given = parser.parse_args()
     table = Table(title=given.env)
-    for column in ("H", "parents", "frames that fit", "ids", "lost", "reacquired", "ids in all", "frag in all"):
+    for column in (
+        "H",
+        "parents",
+        "frames that fit",
+        "ids",
+        "lost",
+        "reacquired",
+        "ids in all",
+        "frag in all",
+    ):
         table.add_column(column, justify="right")
     for count in given.hypotheses:
         env = MTPEnv(given.env, data=given.data, evaluation=True)
@@ -77,17 +90,36 @@ def main() -> None:
             tracker.before = None
             rollout = run_scene(agent, env, name, 0)
             stated.append(score_scene(env.scene, rollout, env.card))
-            unsaid = replace(rollout, hypothesis_parent=np.full_like(rollout.hypothesis_parent, -1))
+            unsaid = replace(
+                rollout, hypothesis_parent=np.full_like(rollout.hypothesis_parent, -1)
+            )
             guessed.append(score_scene(env.scene, unsaid, env.card))
         for label, scores in (("stated", stated), ("guessed", guessed)):
             detail = summarise(
-                [AgentScores("mtp", count, scores[0].samples, "equal", (tuple(scores),))], env.card
+                [
+                    AgentScores(
+                        "mtp", count, scores[0].samples, "equal", (tuple(scores),)
+                    )
+                ],
+                env.card,
             ).details[0]
-            own, share = detail.own_events, f"{tracker.fitting} of {tracker.frames}" if label == "stated" else ""
+            own, share = (
+                detail.own_events,
+                f"{tracker.fitting} of {tracker.frames}" if label == "stated" else "",
+            )
             everywhere = [
-                sum(int(getattr(score, kind).sum()) for score in scores) for kind in ("all_h_ids", "all_h_frag")
+                sum(int(getattr(score, kind).sum()) for score in scores)
+                for kind in ("all_h_ids", "all_h_frag")
             ]
-            cells = (count, label, share, own["ids"], own["lost"], own["reacquired"], *everywhere)
+            cells = (
+                count,
+                label,
+                share,
+                own["ids"],
+                own["lost"],
+                own["reacquired"],
+                *everywhere,
+            )
             table.add_row(*(str(cell) for cell in cells))
     Console().print(table)
 

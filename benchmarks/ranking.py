@@ -22,13 +22,19 @@ from numpy.typing import NDArray
 
 from mtp_bench.records import load_record
 from mtp_bench.scoring.definitions import Subset
-from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, paired_difference
+from mtp_bench.scoring.statistics import (
+    bootstrap_interval,
+    effective_number,
+    paired_difference,
+)
 
 ENVS = ("MTP-nuScenes-v0", "MTP-ETH-UCY-v0", "MTP-Intersection-v0", "MTP-Highway-v0")
 AGENT, CONTROL = "mtp", "stp_same_samples"
 SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired")
 UNITS = (6, 10, 14, 20, 30, 50, 100)
-LEAST_KNOWN = 0.5  # share of the draws that have an interval, of a coverage that is shown
+LEAST_KNOWN = (
+    0.5  # share of the draws that have an interval, of a coverage that is shown
+)
 
 Sums = NDArray[np.float64]
 Interval = Callable[[Sums, Sums], tuple[float, float] | None]
@@ -47,7 +53,9 @@ class Coverage(NamedTuple):
         return f"{100 * self.covered:.1f}" if self.known >= LEAST_KNOWN else "–"
 
 
-def coverage(error: Sums, weight: Sums, units: int, interval: Interval, resamples: int) -> Coverage:
+def coverage(
+    error: Sums, weight: Sums, units: int, interval: Interval, resamples: int
+) -> Coverage:
     """Draw ``units`` of the units with replacement, many times, and count the intervals that hold the true value.
 
     ``error``, ``weight`` [U]: sums over the targets of each unit, of an error or of a difference.
@@ -68,23 +76,32 @@ def coverage(error: Sums, weight: Sums, units: int, interval: Interval, resample
     return Coverage(share, len(covered) / resamples, float(np.mean(effective)))
 
 
-def interval_of_difference(difference: Sums, weight: Sums) -> tuple[float, float] | None:
+def interval_of_difference(
+    difference: Sums, weight: Sums
+) -> tuple[float, float] | None:
     """Return the interval of a difference, which inverts the sign-flip test."""
     test = paired_difference(difference, np.zeros(len(weight)), weight)
     return test and test.interval
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--records", type=Path, default=Path("leaderboard/records"))
     parser.add_argument("--envs", nargs="+", default=ENVS)
     parser.add_argument("--resamples", type=int, default=1000)
     arguments = parser.parse_args()
     start = time.perf_counter()
-    print(f"| environment | subset | 95 % interval of | {' | '.join(f'{units} units' for units in UNITS)} |")
+    print(
+        f"| environment | subset | 95 % interval of | {' | '.join(f'{units} units' for units in UNITS)} |"
+    )
     print(f"|---|---|---|{'--:|' * len(UNITS)}")
     for env_id in arguments.envs:
-        record, control = (load_record(arguments.records / name / f"{env_id}.json") for name in (AGENT, CONTROL))
+        record, control = (
+            load_record(arguments.records / name / f"{env_id}.json")
+            for name in (AGENT, CONTROL)
+        )
         for subset in SUBSETS:
             weight = np.array(record.unit_weight(subset))
             error = np.array(record.unit_error(subset))
@@ -92,12 +109,23 @@ def main() -> None:
             error_cells = []
             difference_cells = []
             for units in UNITS:
-                of_error = coverage(error, weight, units, bootstrap_interval, arguments.resamples)
+                of_error = coverage(
+                    error, weight, units, bootstrap_interval, arguments.resamples
+                )
                 error_cells.append(f"{of_error.text} ({of_error.effective:.1f})")
-                paired = coverage(difference, weight, units, interval_of_difference, arguments.resamples)
+                paired = coverage(
+                    difference,
+                    weight,
+                    units,
+                    interval_of_difference,
+                    arguments.resamples,
+                )
                 difference_cells.append(paired.text)
             print(f"| {env_id} | {subset} | `{AGENT}` | {' | '.join(error_cells)} |")
-            print(f"| | | `{AGENT}` − `{CONTROL}` | {' | '.join(difference_cells)} |", flush=True)
+            print(
+                f"| | | `{AGENT}` − `{CONTROL}` | {' | '.join(difference_cells)} |",
+                flush=True,
+            )
     print(f"{time.perf_counter() - start:.0f} s")
 
 

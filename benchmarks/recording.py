@@ -18,11 +18,15 @@ from mtp_bench.viz.rerun.shown import LEVELS
 
 
 def main(folders: list[str]) -> None:
-    print(f"{'run':12} {'scene':22} {'H':>3} {'frames':>6} {'level':>7} {'CPU s':>7} {'s':>7} {'MB':>6}")
+    print(
+        f"{'run':12} {'scene':22} {'H':>3} {'frames':>6} {'level':>7} {'CPU s':>7} {'s':>7} {'MB':>6}"
+    )
     for folder in folders:
         opened = open_run(Path(folder))
         for rollout in opened.run.rollouts:
-            run = replay(opened.scene(rollout.scene), rollout, opened.card, opened.run.info.agent)
+            run = replay(
+                opened.scene(rollout.scene), rollout, opened.card, opened.run.info.agent
+            )
             for level in LEVELS:
                 processor, wall, size = measure(run, level)
                 which = f"{run.agent:12} {rollout.scene:22} {rollout.member.shape[1]:3} {rollout.frames:6} {level:>7}"
@@ -37,8 +41,14 @@ def measure(run: Replay, level: str) -> tuple[float, float, int]:
         for _ in range(3):
             start = time.process_time(), time.perf_counter()
             save_recording(path, [run], level)
-            seconds.append((time.process_time() - start[0], time.perf_counter() - start[1]))
-        return min(s[0] for s in seconds), min(s[1] for s in seconds), path.stat().st_size
+            seconds.append(
+                (time.process_time() - start[0], time.perf_counter() - start[1])
+            )
+        return (
+            min(s[0] for s in seconds),
+            min(s[1] for s in seconds),
+            path.stat().st_size,
+        )
 
 
 if __name__ == "__main__":

@@ -32,19 +32,49 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 FEW = ("gt_tracks", "stp", "mtp", "mtp_min_score")
-MANY = ("gt_tracks", "stp", "stp_same_samples", "stp_hedged", "mtp", "ab3dmot", "stp_min_score", "mtp_min_score")
-LEARNED = ("mtp_modes", "stp_modes_tracklets", "gt_tracks_modes", "mtp_ptp", "affinity", "tracking_free")
+MANY = (
+    "gt_tracks",
+    "stp",
+    "stp_same_samples",
+    "stp_hedged",
+    "mtp",
+    "ab3dmot",
+    "stp_min_score",
+    "mtp_min_score",
+)
+LEARNED = (
+    "mtp_modes",
+    "stp_modes_tracklets",
+    "gt_tracks_modes",
+    "mtp_ptp",
+    "affinity",
+    "tracking_free",
+)
 FULL_RUNS = (
-    "MTP-PETS-v0", "MTP-WILDTRACK-v0", "MTP-nuScenes-mini-v0", "MTP-KITTI-v0", "MTP-ETH-UCY-v0", "MTP-Highway-v0",
-)  # fmt: skip
+    "MTP-PETS-v0",
+    "MTP-WILDTRACK-v0",
+    "MTP-nuScenes-mini-v0",
+    "MTP-KITTI-v0",
+    "MTP-ETH-UCY-v0",
+    "MTP-Highway-v0",
+)
 FULL_RUN_AGENT = "mtp"
 NOT_RESULTS = ("seconds", "scene")  # arrays of a stored rollout
 TIMES = ("ms_per_frame",)  # fields of a row
 ROW_KEYS = ("agent", "hypotheses", "samples", "budget", "subset")
 ON_BUDGET = (
-    "error", "interval", "localisation", "missed", "error_by_score", "p", "place", "rank_range", "unranked_because",
-    "bins", "own",
-)  # fmt: skip
+    "error",
+    "interval",
+    "localisation",
+    "missed",
+    "error_by_score",
+    "p",
+    "place",
+    "rank_range",
+    "unranked_because",
+    "bins",
+    "own",
+)
 ON_BUDGET_PREFIXES = ("cost_", "difference_", "gap_", "association_gap_")
 ON_OTHER_AGENTS = ("place", "rank_range")
 MISSING = "missing"
@@ -74,7 +104,9 @@ class Case(NamedTuple):
         return self.scenes is None and not self.options and self.env.startswith("MTP-")
 
 
-Part = dict[str, dict[str, dict[str, Any]]]  # of a case: values by section, name and field
+Part = dict[
+    str, dict[str, dict[str, Any]]
+]  # of a case: values by section, name and field
 
 
 class Difference(NamedTuple):
@@ -99,7 +131,11 @@ def cases(folder: Path) -> dict[str, Case]:
         Case("MTP-WILDTRACK-v0", None, MANY),
         Case("MTP-PETS-v0"),
         Case("MTP-ETH-UCY-v0", 2),
-        Case("MTP-Intersection-Lanes-v0", 2, ("gt_tracks", "stp_lanes", "mtp_lanes", "mtp_modes_lanes")),
+        Case(
+            "MTP-Intersection-Lanes-v0",
+            2,
+            ("gt_tracks", "stp_lanes", "mtp_lanes", "mtp_modes_lanes"),
+        ),
         Case("MTP-Drive-Intersection-v0", 2, ("gt_tracks", "stp", "mtp", "blind")),
         Case("MTP-AV2-v0"),
         Case("MTP-nuScenes-v0", 2, FEW, ("--split", "train")),
@@ -115,13 +151,22 @@ def cases(folder: Path) -> dict[str, Case]:
     ]
     own = {
         "highway-env": Case(str(write_gym_card(folder))),
-        "own log": Case("MTP-nuScenes-mini-v0", None, FEW, ("--files", str(write_own_log(folder)))),
+        "own log": Case(
+            "MTP-nuScenes-mini-v0", None, FEW, ("--files", str(write_own_log(folder)))
+        ),
     }
     return {case.env: case for case in shipped} | own
 
 
-QUICK = ("MTP-Intersection-v0", "MTP-KITTI-v0", "MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0")
-ONLY_WHERE_ASKED = ("MTP-nuScenes-CenterPoint-v0",)  # it needs the validation scenes of nuScenes
+QUICK = (
+    "MTP-Intersection-v0",
+    "MTP-KITTI-v0",
+    "MTP-nuScenes-mini-v0",
+    "MTP-WILDTRACK-v0",
+)
+ONLY_WHERE_ASKED = (
+    "MTP-nuScenes-CenterPoint-v0",
+)  # it needs the validation scenes of nuScenes
 
 
 def write_gym_card(folder: Path) -> Path:
@@ -130,7 +175,10 @@ def write_gym_card(folder: Path) -> Path:
     head, _, rest = shipped.partition("[source]")
     detector = rest[rest.index("[detector]") :]
     card = folder / "MTP-Stock-v0.toml"
-    card.write_text(head.replace("MTP-Roundabout-v0", "MTP-Stock-v0") + GYM_SOURCE + detector, encoding="utf-8")
+    card.write_text(
+        head.replace("MTP-Roundabout-v0", "MTP-Stock-v0") + GYM_SOURCE + detector,
+        encoding="utf-8",
+    )
     return card
 
 
@@ -148,7 +196,9 @@ def write_own_log(folder: Path) -> Path:
                 detections.append(f"{frame},{box},0.9")
         detections.append(f"{frame},car,30,-20,0,4.5,1.8,1.6,0.1")
     (scene / "truth.csv").write_text("\n".join(truth) + "\n", encoding="utf-8")
-    (scene / "detections.csv").write_text("\n".join(detections) + "\n", encoding="utf-8")
+    (scene / "detections.csv").write_text(
+        "\n".join(detections) + "\n", encoding="utf-8"
+    )
     return scene.parent
 
 
@@ -157,7 +207,9 @@ def command(checkout: Path, *arguments: str) -> None:
     # -m puts the working folder before everything else: it must be the checkout too
     environment = {**os.environ, "PYTHONPATH": str(checkout)}
     program = [sys.executable, "-m", "mtp_bench", *arguments]
-    subprocess.run(program, cwd=checkout, env=environment, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        program, cwd=checkout, env=environment, check=True, stdout=subprocess.DEVNULL
+    )
 
 
 def rollouts(folder: Path) -> dict[str, str]:
@@ -168,8 +220,12 @@ def rollouts(folder: Path) -> dict[str, str]:
             for name in sorted(arrays.files):
                 if name not in NOT_RESULTS:
                     array = np.ascontiguousarray(arrays[name])
-                    content = f"{array.dtype.str}{array.shape}".encode() + array.tobytes()
-                    hashes[f"{path.stem}/{name}"] = hashlib.sha256(content).hexdigest()[:16]
+                    content = (
+                        f"{array.dtype.str}{array.shape}".encode() + array.tobytes()
+                    )
+                    hashes[f"{path.stem}/{name}"] = hashlib.sha256(content).hexdigest()[
+                        :16
+                    ]
     return hashes
 
 
@@ -181,7 +237,9 @@ def table(path: Path) -> Part:
         part[section] = {}
         for row in content.get(section, []):
             name = " ".join(str(row[key]) for key in ROW_KEYS if key in row)
-            part[section][name] = {key: value for key, value in row.items() if key not in TIMES}
+            part[section][name] = {
+                key: value for key, value in row.items() if key not in TIMES
+            }
     return part
 
 
@@ -199,7 +257,16 @@ def played(checkout: Path, further: list[str], case: Case) -> Part:
             arrays[agent] = rollouts(output)
         print(f"{case.env}: compare", file=sys.stderr, flush=True)
         file = Path(folder, "compare.json")
-        command(checkout, "compare", *case.agents, "--seeds", seeds, "--json", str(file), *common)
+        command(
+            checkout,
+            "compare",
+            *case.agents,
+            "--seeds",
+            seeds,
+            "--json",
+            str(file),
+            *common,
+        )
         return {"rollouts": arrays, **table(file)}
 
 
@@ -208,7 +275,17 @@ def scored(checkout: Path, data: str, env: str, runs: Path) -> Part:
     run = runs / env
     if not run.exists():
         print(f"{env}: run of the whole split", file=sys.stderr, flush=True)
-        command(checkout, "run", FULL_RUN_AGENT, "--env", env, "--data", data, "-o", str(run))
+        command(
+            checkout,
+            "run",
+            FULL_RUN_AGENT,
+            "--env",
+            env,
+            "--data",
+            data,
+            "-o",
+            str(run),
+        )
     print(f"{env}: score of the whole split", file=sys.stderr, flush=True)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "score.json")
@@ -230,7 +307,9 @@ def differences(before: Part, after: Part) -> Iterator[Difference]:
                     yield Difference(section, name, field, *values)
 
 
-def by_design(difference: Difference, case: Case | None, before: Part, after: Part) -> bool:
+def by_design(
+    difference: Difference, case: Case | None, before: Part, after: Part
+) -> bool:
     """Return True if a difference is what new definitions, columns or controls bring; no case: a stored run."""
     section, name, field = difference[:3]
     if section == "table" or difference.before == MISSING:
@@ -253,19 +332,29 @@ def summary(found: list[Difference]) -> str:
         values[f"{kind}{each.section}/{each.field}"].append(each)
     texts = []
     for field, these in values.items():
-        steps = [each.after - each.before for each in these if field == "rows/error" and None not in each[3:]]
+        steps = [
+            each.after - each.before
+            for each in these
+            if field == "rows/error" and None not in each[3:]
+        ]
         span = f", {min(steps):+.4f} to {max(steps):+.4f} m" if steps else ""
         texts.append(f"{field} ({len(these)}{span})")
     return "; ".join(texts)
 
 
-def report(before: dict[str, Part], after: dict[str, Part], known: dict[str, Case]) -> bool:
+def report(
+    before: dict[str, Part], after: dict[str, Part], known: dict[str, Case]
+) -> bool:
     """Print what differs by design, then what else differs; return True if anything else does."""
     faults = []
     for name, part in after.items():
         old = before.get(name, {})
         found = list(differences(old, part))
-        expected = [each for each in found if old and by_design(each, known.get(name), old, part)]
+        expected = [
+            each
+            for each in found
+            if old and by_design(each, known.get(name), old, part)
+        ]
         faults += [f"{name}: {each}" for each in found if each not in expected]
         if expected:
             print(f"by design, {name}: {summary(expected)}")
@@ -282,32 +371,65 @@ def report(before: dict[str, Part], after: dict[str, Part], known: dict[str, Cas
 
 def main() -> None:
     """Make the results of a checkout and, with --against, list what differs from another's."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, required=True, help="file for the results")
-    parser.add_argument("--checkout", type=Path, default=ROOT, help="the version to run; default: this one")
-    parser.add_argument("--data", default=os.environ.get("MTP_BENCH_DATA"), help="data root; else MTP_BENCH_DATA")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="file for the results"
+    )
+    parser.add_argument(
+        "--checkout",
+        type=Path,
+        default=ROOT,
+        help="the version to run; default: this one",
+    )
+    parser.add_argument(
+        "--data",
+        default=os.environ.get("MTP_BENCH_DATA"),
+        help="data root; else MTP_BENCH_DATA",
+    )
     parser.add_argument("--against", type=Path, help="results of another version")
-    parser.add_argument("--runs", type=Path, help="folder of stored runs of whole splits, made if they are missing")
-    parser.add_argument("--env", action="append", help="only this case: an environment, 'highway-env' or 'own log'")
+    parser.add_argument(
+        "--runs",
+        type=Path,
+        help="folder of stored runs of whole splits, made if they are missing",
+    )
+    parser.add_argument(
+        "--env",
+        action="append",
+        help="only this case: an environment, 'highway-env' or 'own log'",
+    )
     parser.add_argument("--jobs", default="0", help="processes; 0 takes one per core")
-    parser.add_argument("--quick", action="store_true", help="few agents on few environments")
+    parser.add_argument(
+        "--quick", action="store_true", help="few agents on few environments"
+    )
     options = parser.parse_args()
     if options.data is None:
         parser.error("no data root: give --data or set MTP_BENCH_DATA")
     checkout = options.checkout.resolve()
     data = str(Path(options.data).resolve())
     further = ["--data", data, "--jobs", options.jobs]
-    before = json.loads(options.against.read_text(encoding="utf-8")) if options.against else {}
+    before = (
+        json.loads(options.against.read_text(encoding="utf-8"))
+        if options.against
+        else {}
+    )
     made: dict[str, Part] = {}
 
     def keep(name: str, part: Part) -> None:
         """Keep the results of a case, in the file too."""
         made[name] = part
-        options.output.write_text(json.dumps(made, indent=1, sort_keys=True), encoding="utf-8")
+        options.output.write_text(
+            json.dumps(made, indent=1, sort_keys=True), encoding="utf-8"
+        )
 
     with tempfile.TemporaryDirectory() as folder:
         known = cases(Path(folder))
-        usual = QUICK if options.quick else [name for name in known if name not in ONLY_WHERE_ASKED]
+        usual = (
+            QUICK
+            if options.quick
+            else [name for name in known if name not in ONLY_WHERE_ASKED]
+        )
         if before:
             usual = [name for name in known if name in before]
         if unknown := sorted({*(options.env or [])} - known.keys()):
@@ -318,7 +440,10 @@ def main() -> None:
                 known[name] = case._replace(scenes=1, agents=case.agents[:5])
             keep(name, played(checkout, further, known[name]))
         for env in FULL_RUNS if options.runs else ():
-            keep(f"stored run, {env}", scored(checkout, data, env, options.runs.resolve()))
+            keep(
+                f"stored run, {env}",
+                scored(checkout, data, env, options.runs.resolve()),
+            )
     if before:
         sys.exit(report(before, json.loads(json.dumps(made)), known))
 

@@ -22,7 +22,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+os.environ.update(
+    dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+)
 
 import numpy as np
 from sklearn.cluster import KMeans
@@ -48,14 +50,27 @@ class ScikitLearn:
     def __init__(self, iterations: int) -> None:
         self._iterations = iterations
 
-    def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> Pool:
+    def reduce(
+        self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator
+    ) -> Pool:
         """Centres [O, k, T, 2] and log-weights [O, k]."""
-        centre, weight = KMeansSampler(0).reduce(pool, log_weight, k, rng)  # for objects that are passed on
+        centre, weight = KMeansSampler(0).reduce(
+            pool, log_weight, k, rng
+        )  # for objects that are passed on
         for o in np.flatnonzero(np.isfinite(log_weight).sum(axis=1) > k):
             there = np.isfinite(log_weight[o])
-            points, mass = pool[o, there].reshape(-1, 2 * pool.shape[2]), np.exp(log_weight[o, there])
+            points, mass = (
+                pool[o, there].reshape(-1, 2 * pool.shape[2]),
+                np.exp(log_weight[o, there]),
+            )
             seed = int(rng.integers(2**31))
-            peer: Any = KMeans(k, init="k-means++", n_init="auto", max_iter=self._iterations, random_state=seed)
+            peer: Any = KMeans(
+                k,
+                init="k-means++",
+                n_init="auto",
+                max_iter=self._iterations,
+                random_state=seed,
+            )
             label = peer.fit(points, sample_weight=mass).labels_
             centre[o] = peer.cluster_centers_.reshape(k, -1, 2)
             with np.errstate(divide="ignore"):
@@ -87,7 +102,9 @@ def of_tracks(task: Task, predictor: KinematicPredictor, frame: Frame) -> Foreca
 KINDS = {"all hypotheses": of_hypotheses, "distinct tracks": of_tracks}
 
 
-def pools(task: Task, observations: list[Observation], every: int) -> dict[str, list[Pool]]:
+def pools(
+    task: Task, observations: list[Observation], every: int
+) -> dict[str, list[Pool]]:
     """Pools of every n-th frame of a scene."""
     tracker, predictor = HypothesisTracker(HYPOTHESES), KinematicPredictor()
     tracker.reset(task)
@@ -99,25 +116,44 @@ def pools(task: Task, observations: list[Observation], every: int) -> dict[str, 
         if t % every == every - 1 and len(leaf):
             for kind, make in KINDS.items():
                 forecasts = make(task, predictor, Frame(t, tracks, (observation,)))
-                row = np.where(leaf >= 0, forecasts.rows_of(tracks)[np.arange(leaf.shape[1]), leaf], -1)
-                entries = entry_table(make_pools(row, tracks.log_weight), np.arange(len(leaf)))
-                made[kind].append(padded(forecasts.samples, normalised(forecasts), *entries))
+                row = np.where(
+                    leaf >= 0,
+                    forecasts.rows_of(tracks)[np.arange(leaf.shape[1]), leaf],
+                    -1,
+                )
+                entries = entry_table(
+                    make_pools(row, tracks.log_weight), np.arange(len(leaf))
+                )
+                made[kind].append(
+                    padded(forecasts.samples, normalised(forecasts), *entries)
+                )
     return made
 
 
 def error(pool: Pool, found: Pool, k: int) -> Floats:
     """Expected minADE [objects with more than k samples], m."""
     errors = []
-    for samples, log_weight, chosen, chosen_log_weight in zip(*pool, *found, strict=True):
+    for samples, log_weight, chosen, chosen_log_weight in zip(
+        *pool, *found, strict=True
+    ):
         there = np.isfinite(log_weight)
         if there.sum() > k:
             those = chosen[np.isfinite(chosen_log_weight)]
-            distance = np.linalg.norm(samples[there][:, None] - those, axis=-1).mean(axis=-1)
-            errors.append(np.average(distance.min(axis=1), weights=np.exp(log_weight[there] - log_weight[there].max())))
+            distance = np.linalg.norm(samples[there][:, None] - those, axis=-1).mean(
+                axis=-1
+            )
+            errors.append(
+                np.average(
+                    distance.min(axis=1),
+                    weights=np.exp(log_weight[there] - log_weight[there].max()),
+                )
+            )
     return np.array(errors)
 
 
-def compared(name: str, kind: str, task: Task, frames: list[Pool], repeats: int) -> list[Row]:
+def compared(
+    name: str, kind: str, task: Task, frames: list[Pool], repeats: int
+) -> list[Row]:
     """A row for each sampler."""
     made = samplers()
     errors: dict[str, list[Floats]] = {}
@@ -130,9 +166,20 @@ def compared(name: str, kind: str, task: Task, frames: list[Pool], repeats: int)
                 least[sampler][t] = min(least[sampler][t], time.process_time() - begin)
                 if repeat == 0:
                     errors.setdefault(sampler, []).append(error(frame, found, task.k))
-    size = np.concatenate([np.isfinite(log_weight).sum(axis=1) for _, log_weight in frames])
-    common = {"scenes": name, "pool": kind, "frames": len(frames), "objects": len(size) / len(frames), "k": task.k}
-    crowded = {"reduced": np.count_nonzero(size > task.k) / len(frames), "their samples": size[size > task.k].mean()}
+    size = np.concatenate(
+        [np.isfinite(log_weight).sum(axis=1) for _, log_weight in frames]
+    )
+    common = {
+        "scenes": name,
+        "pool": kind,
+        "frames": len(frames),
+        "objects": len(size) / len(frames),
+        "k": task.k,
+    }
+    crowded = {
+        "reduced": np.count_nonzero(size > task.k) / len(frames),
+        "their samples": size[size > task.k].mean(),
+    }
     return [
         {
             **common,
@@ -146,9 +193,17 @@ def compared(name: str, kind: str, task: Task, frames: list[Pool], repeats: int)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", default=None, help="data root with KITTI, and nuScenes mini if it is there")
-    parser.add_argument("--frames", type=int, default=200, help="frames of each data set, about")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--data",
+        default=None,
+        help="data root with KITTI, and nuScenes mini if it is there",
+    )
+    parser.add_argument(
+        "--frames", type=int, default=200, help="frames of each data set, about"
+    )
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", type=Path, default=None)
     given = parser.parse_args()
@@ -160,7 +215,9 @@ def main() -> None:
             print(f"{name} is left out: {problem}")
             continue
         every = max(1, sum(map(len, scenes.values())) // given.frames)
-        parts: list[dict[str, Any]] = [pools(task, observations, every) for observations in scenes.values()]
+        parts: list[dict[str, Any]] = [
+            pools(task, observations, every) for observations in scenes.values()
+        ]
         for kind in KINDS:
             frames = [frame for part in parts for frame in part[kind]]
             rows += compared(name, kind, task, frames, given.repeats)

@@ -34,22 +34,32 @@ Frames = list[tuple[str, int, Any, Any, Any, Any]]
 Counts = dict[str, float]
 
 
-def synthetic_frames(scenes: int, frames: int, objects: int, area: float, seed: int = 0) -> Frames:
+def synthetic_frames(
+    scenes: int, frames: int, objects: int, area: float, seed: int = 0
+) -> Frames:
     """Objects on random walks in a square; their tracks with noise, misses (8 %), switches (1 %) and false boxes."""
     rng = np.random.default_rng(seed)
     made: Frames = []
     for s in range(scenes):
-        xy, velocity = rng.uniform(0, area, (objects, 2)), rng.normal(0, 0.5, (objects, 2))
+        xy, velocity = (
+            rng.uniform(0, area, (objects, 2)),
+            rng.normal(0, 0.5, (objects, 2)),
+        )
         ids, unused = np.arange(objects), objects
         for t in range(frames):
-            velocity = np.where((xy < 0) | (xy > area), -np.sign(xy) * np.abs(velocity), velocity)
+            velocity = np.where(
+                (xy < 0) | (xy > area), -np.sign(xy) * np.abs(velocity), velocity
+            )
             xy = xy + velocity
             switched = rng.random(objects) < 0.01
             ids = np.where(switched, unused + np.arange(objects), ids)
             seen, false = rng.random(objects) > 0.08, int(rng.poisson(1.5))
             track_ids = np.concatenate([ids[seen], unused + objects + np.arange(false)])
             track_xy = np.concatenate(
-                [xy[seen] + rng.normal(0, 0.4, (seen.sum(), 2)), rng.uniform(0, area, (false, 2))]
+                [
+                    xy[seen] + rng.normal(0, 0.4, (seen.sum(), 2)),
+                    rng.uniform(0, area, (false, 2)),
+                ]
             )
             unused += objects + false
             made.append((f"s{s}", t, np.arange(objects), xy, track_ids, track_xy))
@@ -61,7 +71,11 @@ def ours(mode: Any) -> Callable[[Frames], Callable[[], Counts]]:
 
     def prepare(frames: Frames) -> Callable[[], Counts]:
         def run() -> Counts:
-            return {k: float(v) for k, v in tracking_counts(frames, GATE, mode).items() if v is not None}
+            return {
+                k: float(v)
+                for k, v in tracking_counts(frames, GATE, mode).items()
+                if v is not None
+            }
 
         return run
 
@@ -77,7 +91,13 @@ def motmetrics(frames: Frames) -> Callable[[], Counts]:
         distance = np.linalg.norm(true_xy[:, None] - track_xy, axis=-1)
         distance[distance > GATE] = np.nan
         by_scene.setdefault(scene, []).append((true_ids, track_ids, distance))
-    names = ["num_detections", "num_misses", "num_false_positives", "num_switches", "num_fragmentations"]
+    names = [
+        "num_detections",
+        "num_misses",
+        "num_false_positives",
+        "num_switches",
+        "num_fragmentations",
+    ]
 
     def run() -> Counts:
         total = np.zeros(len(names))
@@ -101,7 +121,9 @@ def trackeval(frames: Frames) -> Callable[[], Counts]:
     by_scene: dict[str, list[Any]] = {}
     for scene, _, true_ids, true_xy, track_ids, track_xy in frames:
         distance = np.linalg.norm(true_xy[:, None] - track_xy, axis=-1)
-        by_scene.setdefault(scene, []).append((true_ids, track_ids, np.maximum(0.0, 1.0 - distance / (2 * GATE))))
+        by_scene.setdefault(scene, []).append(
+            (true_ids, track_ids, np.maximum(0.0, 1.0 - distance / (2 * GATE)))
+        )
     data = []
     for rows in by_scene.values():
         names = np.unique(np.concatenate([row[1] for row in rows]))
@@ -120,8 +142,17 @@ def trackeval(frames: Frames) -> Callable[[], Counts]:
 
     def run() -> Counts:
         results = [metric.eval_sequence(scene) for scene in data]
-        keys = {"TP": "CLR_TP", "FN": "CLR_FN", "FP": "CLR_FP", "IDS": "IDSW", "FRAG": "Frag"}
-        return {name: float(sum(result[key] for result in results)) for name, key in keys.items()}
+        keys = {
+            "TP": "CLR_TP",
+            "FN": "CLR_FN",
+            "FP": "CLR_FP",
+            "IDS": "IDSW",
+            "FRAG": "Frag",
+        }
+        return {
+            name: float(sum(result[key] for result in results))
+            for name, key in keys.items()
+        }
 
     return run
 
@@ -148,12 +179,20 @@ def measure(frames: Frames, repeats: int) -> list[dict[str, Any]]:
                 seconds.append(time.process_time() - start)
         least = min(seconds)
         rows.append(
-            {"program": name, "version": version(package), "cpu_s": least, "boxes_per_s": boxes / least, **counts}
+            {
+                "program": name,
+                "version": version(package),
+                "cpu_s": least,
+                "boxes_per_s": boxes / least,
+                **counts,
+            }
         )
     return rows
 
 
-def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeats: int) -> None:
+def measure_ranks(
+    env_id: str, agent: str, scenes: int, data: str | None, repeats: int
+) -> None:
     """Print the time of bADE on rollouts of ``agent``."""
     from rich.console import Console
     from rich.table import Table
@@ -161,7 +200,12 @@ def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeat
     from mtp_bench.env.environment import MTPEnv
     from mtp_bench.running.run import agent_task, run_scene
     from mtp_bench.scoring import AgentScores, find_targets, live_frames, score_scene
-    from mtp_bench.scoring.forecasts import Candidates, RecordedForecasts, match_by_confidence, match_objects
+    from mtp_bench.scoring.forecasts import (
+        Candidates,
+        RecordedForecasts,
+        match_by_confidence,
+        match_objects,
+    )
     from mtp_bench.scoring.table import agent_table
     from mtp_bench.submission.loader import load_submission
 
@@ -175,7 +219,9 @@ def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeat
     running = time.process_time() - start
     said = [RecordedForecasts.of(rollout) for _, rollout in runs]
     found = [
-        Candidates.of(scene, find_targets(scene, card), forecasts, live_frames(scene, card), card)
+        Candidates.of(
+            scene, find_targets(scene, card), forecasts, live_frames(scene, card), card
+        )
         for (scene, _), forecasts in zip(runs, said, strict=True)
     ]
     scores = tuple(score_scene(scene, rollout, card) for scene, rollout in runs)
@@ -186,7 +232,8 @@ def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeat
             for (scene, _), f in zip(runs, said, strict=True)
         ],
         "matchings at all cuts": lambda: [
-            match_by_confidence(c, f.confidence) for c, f in zip(found, said, strict=True)
+            match_by_confidence(c, f.confidence)
+            for c, f in zip(found, said, strict=True)
         ],
         "errors at all budgets": lambda: agent_table(setting, None),
         "whole score": lambda: [
@@ -194,14 +241,31 @@ def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeat
             agent_table(setting, None),
         ],
     }
-    targets, forecasts = sum(len(score) for score in scores), sum(len(f.frame) for f in said)
-    table = Table(title=f"{env_id}, {agent}: {len(runs)} scenes, {targets:,} targets, {forecasts:,} forecasts")
-    for column in ("step", "CPU s", "targets / CPU s", "forecasts / CPU s", "of running the agent"):
+    targets, forecasts = (
+        sum(len(score) for score in scores),
+        sum(len(f.frame) for f in said),
+    )
+    table = Table(
+        title=f"{env_id}, {agent}: {len(runs)} scenes, {targets:,} targets, {forecasts:,} forecasts"
+    )
+    for column in (
+        "step",
+        "CPU s",
+        "targets / CPU s",
+        "forecasts / CPU s",
+        "of running the agent",
+    ):
         table.add_column(column, justify="left" if column == "step" else "right")
     for name, step in steps.items():
         least = min(timed(step) for _ in range(repeats))
         share = f"{least / running:.3f}"
-        table.add_row(name, f"{least:.4f}", f"{targets / least:,.0f}", f"{forecasts / least:,.0f}", share)
+        table.add_row(
+            name,
+            f"{least:.4f}",
+            f"{targets / least:,.0f}",
+            f"{forecasts / least:,.0f}",
+            share,
+        )
     Console().print(table)
 
 
@@ -219,16 +283,22 @@ def measure_growth(repeats: int) -> None:
         frames = synthetic_frames(1, 20, objects, 80.0 * (objects / 20) ** 0.5)
         tracking_counts(frames[:2])  # imports happen here
         steps = {mode: ours(mode)(frames) for mode in ("frame", "sticky")}
-        spent[objects] = {mode: min(timed(step) for _ in range(repeats)) for mode, step in steps.items()}
+        spent[objects] = {
+            mode: min(timed(step) for _ in range(repeats))
+            for mode, step in steps.items()
+        }
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(f"{objects:5} objects: {spent[objects]} CPU s, peak {peak:.0f} MiB")
     few, many = GROWTH
     loglinear = many * np.log(many) / (few * np.log(few))
     for mode in spent[few]:
         slope, bound = (
-            np.log(ratio) / np.log(many / few) for ratio in (spent[many][mode] / spent[few][mode], loglinear)
+            np.log(ratio) / np.log(many / few)
+            for ratio in (spent[many][mode] / spent[few][mode], loglinear)
         )
-        print(f"{mode}: CPU time grows as objects^{slope:.2f}; n log n would be objects^{bound:.2f}")
+        print(
+            f"{mode}: CPU time grows as objects^{slope:.2f}; n log n would be objects^{bound:.2f}"
+        )
 
 
 def show(rows: list[dict[str, Any]], title: str) -> None:
@@ -236,10 +306,26 @@ def show(rows: list[dict[str, Any]], title: str) -> None:
     from rich.table import Table
 
     table = Table(title=title)
-    for column in ("program", "version", "CPU s", "x sticky", "boxes / CPU s", "TP", "FN", "FP", "IDS", "FRAG"):
-        table.add_column(column, justify="left" if column in ("program", "version") else "right")
+    for column in (
+        "program",
+        "version",
+        "CPU s",
+        "x sticky",
+        "boxes / CPU s",
+        "TP",
+        "FN",
+        "FP",
+        "IDS",
+        "FRAG",
+    ):
+        table.add_column(
+            column, justify="left" if column in ("program", "version") else "right"
+        )
     for row in rows:
-        cost, ratio = row["cpu_s"], row["cpu_s"] / rows[1]["cpu_s"]  # the peers keep pairs, too
+        cost, ratio = (
+            row["cpu_s"],
+            row["cpu_s"] / rows[1]["cpu_s"],
+        )  # the peers keep pairs, too
         counts = [f"{row[name]:.0f}" for name in ("TP", "FN", "FP", "IDS", "FRAG")]
         cells = f"{cost:.3f}", f"{ratio:.1f}", f"{row['boxes_per_s']:,.0f}"
         table.add_row(row["program"], row["version"], *cells, *counts)
@@ -247,10 +333,22 @@ def show(rows: list[dict[str, Any]], title: str) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name, default in (("scenes", 10), ("frames", 300), ("objects", 20), ("repeats", 3)):
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    for name, default in (
+        ("scenes", 10),
+        ("frames", 300),
+        ("objects", 20),
+        ("repeats", 3),
+    ):
         parser.add_argument(f"--{name}", type=int, default=default)
-    parser.add_argument("--area", type=float, default=80.0, help="side of the square, m; smaller is more crowded")
+    parser.add_argument(
+        "--area",
+        type=float,
+        default=80.0,
+        help="side of the square, m; smaller is more crowded",
+    )
     parser.add_argument("--json", type=Path, default=None)
     parser.add_argument("--env")
     parser.add_argument("--agent", default="mtp")
@@ -272,8 +370,16 @@ def main() -> None:
         f"{boxes:,} boxes: {given.scenes} scenes x {given.frames} frames, {given.objects} objects, {given.area:g} m",
     )
     if given.json:
-        setting = {"scenes": given.scenes, "frames": given.frames, "objects": given.objects, "area_m": given.area}
-        given.json.write_text(json.dumps({**setting, "boxes": boxes, "rows": rows}, indent=1) + "\n", encoding="utf-8")
+        setting = {
+            "scenes": given.scenes,
+            "frames": given.frames,
+            "objects": given.objects,
+            "area_m": given.area,
+        }
+        given.json.write_text(
+            json.dumps({**setting, "boxes": boxes, "rows": rows}, indent=1) + "\n",
+            encoding="utf-8",
+        )
 
 
 if __name__ == "__main__":

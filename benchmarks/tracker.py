@@ -22,7 +22,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+os.environ.update(
+    dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+)
 
 
 from benchmarks.tracking.hypotheses import (
@@ -34,7 +36,16 @@ from benchmarks.tracking.hypotheses import (
 )
 from benchmarks.tracking.memory import memory, memory_here
 from benchmarks.tracking.report import show
-from benchmarks.tracking.scenes import KITTI, NUSCENES, ROOM, Row, crowd, frames_of, recordings, tracker
+from benchmarks.tracking.scenes import (
+    KITTI,
+    NUSCENES,
+    ROOM,
+    Row,
+    crowd,
+    frames_of,
+    recordings,
+    tracker,
+)
 from benchmarks.tracking.timing import TRACKER_STAGES, cpu_seconds, stages
 from mtp_bench.errors import DataError
 
@@ -48,13 +59,21 @@ def on_recordings(data: str | None, repeats: int, quick: bool) -> dict[str, Any]
     results: dict[str, Any] = {"frames": frames, "sequences": list(scenes)}
     results["kitti"] = against_hypotheses(task, scenes, HYPOTHESES, repeats)
     show(f"Tracker against H: {where}", results["kitti"])
-    results["stages"] = [{"H": h, **stages(tracker(h), TRACKER_STAGES, task, scenes, repeats)} for h in HYPOTHESES]
+    results["stages"] = [
+        {"H": h, **stages(tracker(h), TRACKER_STAGES, task, scenes, repeats)}
+        for h in HYPOTHESES
+    ]
     show(f"Stages, us per frame: {where}", results["stages"])
     results["memory"] = memory(data, scenes, (1, 20) if quick else (1, 20, 100))
-    show("Memory on the KITTI sequence with the most detections per frame", results["memory"])
+    show(
+        "Memory on the KITTI sequence with the most detections per frame",
+        results["memory"],
+    )
     agents = whole_agent("KITTI val", task, scenes, 1 if quick else 2)
     try:
-        agents += whole_agent("nuScenes mini", *recordings(NUSCENES, data, quick), 1 if quick else 2)
+        agents += whole_agent(
+            "nuScenes mini", *recordings(NUSCENES, data, quick), 1 if quick else 2
+        )
     except DataError as error:
         print(f"nuScenes mini is left out: {error}", file=sys.stderr)
     results["agent"] = agents
@@ -65,7 +84,10 @@ def on_recordings(data: str | None, repeats: int, quick: bool) -> dict[str, Any]
 def on_crowds(repeats: int, quick: bool) -> dict[str, Any]:
     frames = 10 if quick else 40
     objects = against_objects(OBJECTS[:3] if quick else OBJECTS, frames, repeats)
-    show(f"Tracker against objects: synthetic, {frames} frames each, one object per {ROOM:g} m2", objects)
+    show(
+        f"Tracker against objects: synthetic, {frames} frames each, one object per {ROOM:g} m2",
+        objects,
+    )
     task, scenes = crowd(20 if quick else 50, frames)
     n = int(next(iter(scenes)).split()[0])
     seconds = cpu_seconds({h: tracker(h) for h in HYPOTHESES}, task, scenes, repeats)
@@ -80,27 +102,44 @@ def on_crowds(repeats: int, quick: bool) -> dict[str, Any]:
         for h, spent in seconds.items()
     ]
     show(f"Tracker against H: synthetic, {n} objects, {frames} frames", crowded)
-    exponents = {f"objects (H = {h})": growth(objects, "objects", f"us, H={h}") for h in (1, 20)}
+    exponents = {
+        f"objects (H = {h})": growth(objects, "objects", f"us, H={h}") for h in (1, 20)
+    }
     exponents[f"H ({n} objects)"] = growth(crowded, "H", "us per frame")
     return {"objects": objects, "crowd": crowded, "growth": exponents}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", default=None, help="data root with KITTI, and nuScenes mini if it is there")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--data",
+        default=None,
+        help="data root with KITTI, and nuScenes mini if it is there",
+    )
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--quick", action="store_true", help="few scenes, once: does it run?")
+    parser.add_argument(
+        "--quick", action="store_true", help="few scenes, once: does it run?"
+    )
     parser.add_argument("--json", type=Path, default=None)
-    parser.add_argument("--memory", nargs=3, metavar=("WHAT", "H", "SCENE"), help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--memory", nargs=3, metavar=("WHAT", "H", "SCENE"), help=argparse.SUPPRESS
+    )
     given = parser.parse_args()
     if given.memory:
         what, hypotheses, scene = given.memory
         print(json.dumps(memory_here(what, int(hypotheses), given.data, scene)))
         return
     repeats = 1 if given.quick else given.repeats
-    results = on_recordings(given.data, repeats, given.quick) | on_crowds(10 * repeats, given.quick)  # short scenes
+    results = on_recordings(given.data, repeats, given.quick) | on_crowds(
+        10 * repeats, given.quick
+    )  # short scenes
     results["growth"]["H (KITTI)"] = growth(results["kitti"], "H", "us per frame")
-    show("Exponents: slope of log cost over log size", [{"of": k, **v} for k, v in results["growth"].items()])
+    show(
+        "Exponents: slope of log cost over log size",
+        [{"of": k, **v} for k, v in results["growth"].items()],
+    )
     if given.json:
         given.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
 

@@ -62,7 +62,9 @@ def stock_step(traffic: Traffic) -> float:
         rows = -(-traffic.vehicles // len(entries))
         at = float(town.geometry.length[lane]) * (k // len(entries) + 0.5) / rows
         index = town.geometry.index[lane]
-        vehicle: Any = IDMVehicle.make_on_lane(road, index, at, speed=float(town.geometry.limit[lane]))
+        vehicle: Any = IDMVehicle.make_on_lane(
+            road, index, at, speed=float(town.geometry.limit[lane])
+        )
         vehicle.randomize_behavior()
         road.vehicles.append(vehicle)
     start = time.process_time()
@@ -81,19 +83,36 @@ def show(rows: list[dict[str, Any]], title: str) -> None:
     for column in rows[0]:
         table.add_column(column, justify="right")
     for row in rows:
-        table.add_row(*(f"{value:.2f}" if isinstance(value, float) else str(value) for value in row.values()))
+        table.add_row(
+            *(
+                f"{value:.2f}" if isinstance(value, float) else str(value)
+                for value in row.values()
+            )
+        )
     Console(width=120).print(table)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=3, help="scenes of each environment")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--scenes", type=int, default=3, help="scenes of each environment"
+    )
     parser.add_argument("--json", type=Path, default=None)
     given = parser.parse_args()
-    simulate_world(Traffic("merge", "roadside", 1.0, 4, 0), 0)  # first calls take longer
-    rows = [measure(traffic_of(section_of(load_card(name), HighwaySource)), given.scenes) for name in CARDS]
+    simulate_world(
+        Traffic("merge", "roadside", 1.0, 4, 0), 0
+    )  # first calls take longer
+    rows = [
+        measure(traffic_of(section_of(load_card(name), HighwaySource)), given.scenes)
+        for name in CARDS
+    ]
     release = version("highway-env")
-    show(rows, f"CPU of making scenes, {given.scenes} of each kind; highway-env {release}")
+    show(
+        rows,
+        f"CPU of making scenes, {given.scenes} of each kind; highway-env {release}",
+    )
     if given.json:
         content = {"scenes": given.scenes, "highway_env": release, "generated": rows}
         given.json.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

@@ -22,7 +22,11 @@ MOVING = 0.5  # m/s
 TURNING = 1.0  # m/s: the heading of who is slower says little
 PAUSING = 0.3  # m/s, of people
 PARKED = 1.0  # m from where it was first
-BEHIND = (3.0, 1.0, 0.3)  # who drives at so many m/s follows who is this near to its axis (m) and heading (rad)
+BEHIND = (
+    3.0,
+    1.0,
+    0.3,
+)  # who drives at so many m/s follows who is this near to its axis (m) and heading (rad)
 FARTHEST = 40.0  # m of gap that counts as following
 HARD = -3.0  # m/s2
 
@@ -56,7 +60,14 @@ def motion(scene: Scene, classes: tuple[str, ...]) -> Motion:
     moment = scene.time[::stride]
     velocity = np.full((len(number), frames, 2), np.nan)
     velocity[:, 1:] = np.diff(box[..., :2], axis=1) / np.diff(moment)[:, None]
-    return Motion(moment, scene.ego[::stride], box, np.isin(named, VEHICLES), named == "pedestrian", velocity)
+    return Motion(
+        moment,
+        scene.ego[::stride],
+        box,
+        np.isin(named, VEHICLES),
+        named == "pedestrian",
+        velocity,
+    )
 
 
 def samples(moved: Motion) -> Samples:
@@ -64,8 +75,16 @@ def samples(moved: Motion) -> Samples:
     with np.errstate(invalid="ignore"):
         moving = (speed >= MOVING) & moved.vehicle[:, None]
     return {
-        **{f"vehicles {h}": error for h, error in constant_velocity(moved, moving).items()},
-        **{f"people {h}": error for h, error in constant_velocity(moved, known(speed) & moved.person[:, None]).items()},
+        **{
+            f"vehicles {h}": error
+            for h, error in constant_velocity(moved, moving).items()
+        },
+        **{
+            f"people {h}": error
+            for h, error in constant_velocity(
+                moved, known(speed) & moved.person[:, None]
+            ).items()
+        },
         **driving(moved, speed, moving),
         **use(moved, speed),
         **density(moved),
@@ -84,7 +103,9 @@ def constant_velocity(moved: Motion, start: Bools) -> dict[int, Floats]:
         rows = start[:, t]
         tau = (moved.time[t + 1 : t + 1 + longest] - moved.time[t])[:, None]
         expected = place[rows, t, None] + moved.velocity[rows, t, None] * tau
-        errors.append(np.linalg.norm(expected - place[rows, t + 1 : t + 1 + longest], axis=-1))
+        errors.append(
+            np.linalg.norm(expected - place[rows, t + 1 : t + 1 + longest], axis=-1)
+        )
     error = np.concatenate([np.zeros((0, longest)), *errors])
     error = error[known(error).all(axis=1)]
     return {h: error[:, :h].mean(axis=1) for h in HORIZONS}
@@ -97,7 +118,10 @@ def driving(moved: Motion, speed: Floats, moving: Bools) -> Samples:
     both = moving[:, 1:] & known(gained)
     with np.errstate(invalid="ignore"):
         steers = moving[:, 1:] & (speed[:, 1:] >= TURNING)
-    headway = [following(moved.box[:, t], speed[:, t], moved.vehicle) for t in range(1, len(moved.time))]
+    headway = [
+        following(moved.box[:, t], speed[:, t], moved.vehicle)
+        for t in range(1, len(moved.time))
+    ]
     return {
         "speed": speed[moving],
         "acceleration": gained[both],
@@ -114,10 +138,19 @@ def following(box: Floats, speed: Floats, vehicle: Bools) -> Floats:
     fast, aside, askew = BEHIND
     way = box[None, :, :2] - box[:, None, :2]
     cos, sin = np.cos(box[:, 3, None]), np.sin(box[:, 3, None])
-    along, across = cos * way[..., 0] + sin * way[..., 1], cos * way[..., 1] - sin * way[..., 0]
+    along, across = (
+        cos * way[..., 0] + sin * way[..., 1],
+        cos * way[..., 1] - sin * way[..., 0],
+    )
     gap = along - (box[:, None, 4] + box[None, :, 4]) / 2
-    ahead = (along > 0) & (np.abs(across) < aside) & (np.abs(wrap_angle(box[None, :, 3] - box[:, 3, None])) < askew)
-    nearest = np.where(ahead & (gap < FARTHEST), gap, np.inf).min(axis=1, initial=np.inf)
+    ahead = (
+        (along > 0)
+        & (np.abs(across) < aside)
+        & (np.abs(wrap_angle(box[None, :, 3] - box[:, 3, None])) < askew)
+    )
+    nearest = np.where(ahead & (gap < FARTHEST), gap, np.inf).min(
+        axis=1, initial=np.inf
+    )
     follows = (speed >= fast) & np.isfinite(nearest)
     return np.asarray(np.maximum(nearest[follows], 0.0) / speed[follows])
 
@@ -145,11 +178,15 @@ def density(moved: Motion) -> Samples:
         box = moved.box[known(moved.box[:, t, 0]), t]
         between = np.linalg.norm(box[:, None, :2] - box[None, :, :2], axis=-1)
         none, no = np.zeros(len(box), dtype=int), np.zeros(len(box), dtype=bool)
-        frame = Truth(np.array([0, len(box)]), box, np.zeros((len(box), 2)), none, none, no, no)
+        frame = Truth(
+            np.array([0, len(box)]), box, np.zeros((len(box), 2)), none, none, no, no
+        )
         counts["visible"].append(visible_fractions(frame, moved.ego[t : t + 1]))
         for far in (5, 10):
             counts[f"within {far}"].append((between < far).sum(axis=1) - 1.0)
-    joined = {name: np.concatenate([np.zeros(0), *values]) for name, values in counts.items()}
+    joined = {
+        name: np.concatenate([np.zeros(0), *values]) for name, values in counts.items()
+    }
     level = np.sum(joined.pop("visible")[:, None] < np.array(VISIBLE), axis=1)
     there = known(moved.box[..., 0])
     return {

@@ -144,7 +144,9 @@ class Row:
     trainval: bool = False  # reads nuScenes trainval
     codes: tuple[int, ...] = (0,)  # exit codes of success
     warmed: str = ""  # the cold row whose cache it goes on with
-    before: tuple[str, ...] = ()  # words of the command that is run first, uncounted, in place of the row itself
+    before: tuple[
+        str, ...
+    ] = ()  # words of the command that is run first, uncounted, in place of the row itself
     has_ratio: bool = True  # False: both commits do not do the same
 
 
@@ -156,19 +158,58 @@ ROWS = {
     "compare": Row("compare, warm", "60 s", COMPARE, warmed="compare-cold"),
     "board": Row("board", "6 s", ("board",)),
     "board-env": Row("board of an environment", "2 s", ("board", "--env", NOISY)),
-    "open-cold": Row("first open, nuScenes trainval", "5 s", ("MTP-nuScenes-v0",), OPENED, cold=True, trainval=True),
-    "open": Row("open again", "0.34 s", ("MTP-nuScenes-v0",), OPENED, trainval=True, warmed="open-cold"),
+    "open-cold": Row(
+        "first open, nuScenes trainval",
+        "5 s",
+        ("MTP-nuScenes-v0",),
+        OPENED,
+        cold=True,
+        trainval=True,
+    ),
+    "open": Row(
+        "open again",
+        "0.34 s",
+        ("MTP-nuScenes-v0",),
+        OPENED,
+        trainval=True,
+        warmed="open-cold",
+    ),
     "step": Row("step and reset, Intersection", "1.0, 10 ms", (NOISY, "play"), STEPS),
-    "step-evaluation": Row("step and reset in an evaluation, Intersection", "0.4, – ms", (NOISY, "evaluation"), STEPS),
-    "step-mini": Row("step and reset, nuScenes mini", "1.0, 5 ms", ("MTP-nuScenes-mini-v0", "play"), STEPS),
-    "training": Row("step of PPO (SB3), Roundabout", "–", ("MTP-Roundabout-v0",), TRAINING),
+    "step-evaluation": Row(
+        "step and reset in an evaluation, Intersection",
+        "0.4, – ms",
+        (NOISY, "evaluation"),
+        STEPS,
+    ),
+    "step-mini": Row(
+        "step and reset, nuScenes mini",
+        "1.0, 5 ms",
+        ("MTP-nuScenes-mini-v0", "play"),
+        STEPS,
+    ),
+    "training": Row(
+        "step of PPO (SB3), Roundabout", "–", ("MTP-Roundabout-v0",), TRAINING
+    ),
     "mtp": Row("mtp a frame, Intersection", "1.5 ms", (NOISY, "mtp"), AGENT),
     "mtp-kitti": Row("mtp a frame, KITTI", "1.5 ms", ("MTP-KITTI-v0", "mtp"), AGENT),
-    "mtp-mini": Row("mtp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "mtp"), AGENT),
-    "stp-mini": Row("stp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "stp"), AGENT),
+    "mtp-mini": Row(
+        "mtp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "mtp"), AGENT
+    ),
+    "stp-mini": Row(
+        "stp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "stp"), AGENT
+    ),
     # 4c9bd60a compiles 13 of the 15 kernels here, the others when they are first used
-    "kernels": Row("kernels, once per installation", "30 s", (), KERNELS, cold=True, has_ratio=False),
-    "fresh": Row("fresh simulated scene, Intersection", "700 ms", (NOISY,), FRESH, cold=True),
+    "kernels": Row(
+        "kernels, once per installation",
+        "30 s",
+        (),
+        KERNELS,
+        cold=True,
+        has_ratio=False,
+    ),
+    "fresh": Row(
+        "fresh simulated scene, Intersection", "700 ms", (NOISY,), FRESH, cold=True
+    ),
     "score": Row(
         "score mtp on nuScenes val",
         "6 s",
@@ -176,7 +217,9 @@ ROWS = {
         trainval=True,
         before=("run", "mtp", "--env", "MTP-nuScenes-v0", "--output", "{cache}/run"),
     ),
-    "data": Row("mtp-bench data", "1.5 s", ("data",), codes=(0, 1)),  # 1: data is not complete
+    "data": Row(
+        "mtp-bench data", "1.5 s", ("data",), codes=(0, 1)
+    ),  # 1: data is not complete
 }
 
 
@@ -192,25 +235,42 @@ class Spent:
     @property
     def brief(self) -> str:
         """The time of the processor."""
-        return ", ".join(f"{each:.3g}" for each in self.ms) + " ms" if self.ms else f"{self.cpu:.1f} s"
+        return (
+            ", ".join(f"{each:.3g}" for each in self.ms) + " ms"
+            if self.ms
+            else f"{self.cpu:.1f} s"
+        )
 
     @property
     def shown(self) -> str:
         """A cell of the table."""
-        return self.brief if self.ms else f"{self.brief} CPU, {self.wall:.1f} s, {self.peak:.0f} MiB"
+        return (
+            self.brief
+            if self.ms
+            else f"{self.brief} CPU, {self.wall:.1f} s, {self.peak:.0f} MiB"
+        )
 
     def ratio(self, other: Spent) -> str:
         """Ratio of what ``other`` took to this."""
         if self.ms:
-            return ", ".join(f"{b / a:.1f}x" for a, b in zip(self.ms, other.ms, strict=False))
+            return ", ".join(
+                f"{b / a:.1f}x" for a, b in zip(self.ms, other.ms, strict=False)
+            )
         return f"{other.cpu / max(self.cpu, 0.01):.1f}x"
 
 
 def spent(row: Row, tree: Path, cache: Path, given: argparse.Namespace) -> Spent | None:
     """Run a row in a copy of the project; None if it fails there."""
     path = os.pathsep.join([str(tree), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = {**os.environ, "PYTHONPATH": path, "MTP_BENCH_CACHE": str(cache / "cache")}
-    environment |= {"NUMBA_CACHE_DIR": str(cache / "numba"), "XDG_CACHE_HOME": str(cache / "xdg")}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": path,
+        "MTP_BENCH_CACHE": str(cache / "cache"),
+    }
+    environment |= {
+        "NUMBA_CACHE_DIR": str(cache / "numba"),
+        "XDG_CACHE_HOME": str(cache / "xdg"),
+    }
     environment["MTP_BENCH_DATA"] = str(given.trainval if row.trainval else given.data)
     command = [
         sys.executable,
@@ -220,12 +280,24 @@ def spent(row: Row, tree: Path, cache: Path, given: argparse.Namespace) -> Spent
     start = time.perf_counter()
     with tempfile.NamedTemporaryFile("r") as usage:
         program = [sys.executable, "-ISc", STARTER, usage.name, *command]
-        done = subprocess.run(program, cwd=tree, env=environment, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            program,
+            cwd=tree,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         wall = time.perf_counter() - start
-        text, reason, (cpu, peak) = done.stdout, done.stderr, map(float, usage.read().split())
+        text, reason, (cpu, peak) = (
+            done.stdout,
+            done.stderr,
+            map(float, usage.read().split()),
+        )
     if done.returncode not in row.codes:
         print(
-            f"{row.name} in {tree.name}: {reason.strip().splitlines()[-1] if reason.strip() else 'failed'}", flush=True
+            f"{row.name} in {tree.name}: {reason.strip().splitlines()[-1] if reason.strip() else 'failed'}",
+            flush=True,
         )
         return None
     ms = [line.split()[1:] for line in text.splitlines() if line.startswith("MS ")]
@@ -262,7 +334,9 @@ def copy_of(commit: str, folder: Path) -> Path:
     """The files of a commit in a new folder."""
     tree = folder / "against"
     tree.mkdir()
-    packed = subprocess.run(["git", "archive", commit], cwd=HERE, check=True, capture_output=True).stdout
+    packed = subprocess.run(
+        ["git", "archive", commit], cwd=HERE, check=True, capture_output=True
+    ).stdout
     subprocess.run(["tar", "x"], cwd=tree, input=packed, check=True)
     return tree
 
@@ -275,28 +349,52 @@ def heads(against: str) -> tuple[str, ...]:
 def markdown(found: dict[str, tuple[Spent | None, Spent | None]], against: str) -> str:
     """The rows as a table of Markdown, as docs/project/speed.md has it."""
     columns = ["what", *heads(against), "memory now, MiB"]
-    lines = ["| " + " | ".join(columns) + " |", "|---" + "|--:" * (len(columns) - 1) + "|"]
+    lines = [
+        "| " + " | ".join(columns) + " |",
+        "|---" + "|--:" * (len(columns) - 1) + "|",
+    ]
     for key, (then, now) in found.items():
         row, cells = ROWS[key], [each.brief if each else "" for each in (then, now)]
         cells = [*cells, ratio_of(row, then, now)] if against else cells[1:]
-        lines.append("| " + " | ".join([row.name, row.aim, *cells, f"{now.peak:.0f}" if now else ""]) + " |")
+        lines.append(
+            "| "
+            + " | ".join([row.name, row.aim, *cells, f"{now.peak:.0f}" if now else ""])
+            + " |"
+        )
     return "\n".join(lines) + "\n"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--against", metavar="COMMIT", default="")
-    parser.add_argument("--label", help="head of the column of COMMIT; its name if left out")
+    parser.add_argument(
+        "--label", help="head of the column of COMMIT; its name if left out"
+    )
     parser.add_argument("--rows", default=",".join(ROWS), help=f"of {', '.join(ROWS)}")
-    parser.add_argument("--data", type=Path, default=os.environ.get("MTP_BENCH_DATA"), help="else MTP_BENCH_DATA")
-    parser.add_argument("--trainval", type=Path, help="folder with nuScenes trainval; that of --data if left out")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=os.environ.get("MTP_BENCH_DATA"),
+        help="else MTP_BENCH_DATA",
+    )
+    parser.add_argument(
+        "--trainval",
+        type=Path,
+        help="folder with nuScenes trainval; that of --data if left out",
+    )
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--markdown", type=Path, help="file for the table of docs/project/speed.md")
+    parser.add_argument(
+        "--markdown", type=Path, help="file for the table of docs/project/speed.md"
+    )
     given = parser.parse_args()
     if given.data is None:
         parser.error("name the folder of the recordings: --data DIR, or MTP_BENCH_DATA")
     if unknown := set(given.rows.split(",")) - set(ROWS):
-        parser.error(f"--rows: got {', '.join(sorted(unknown))}, expected some of {', '.join(ROWS)}")
+        parser.error(
+            f"--rows: got {', '.join(sorted(unknown))}, expected some of {', '.join(ROWS)}"
+        )
     given.trainval, label = given.trainval or given.data, given.label or given.against
     table = Table(title=f"What a user waits for, {os.cpu_count()} cores")
     for head in ("", *heads(label)):
@@ -304,13 +402,21 @@ def main() -> None:
     found: dict[str, tuple[Spent | None, Spent | None]] = {}
     with tempfile.TemporaryDirectory() as folder:
         caches = Path(folder) / "caches"
-        old = Tree(copy_of(given.against, Path(folder)), caches / "against") if given.against else None
+        old = (
+            Tree(copy_of(given.against, Path(folder)), caches / "against")
+            if given.against
+            else None
+        )
         new = Tree(HERE, caches / "now")
         for key in given.rows.split(","):
             row = ROWS[key]
             then = old.measure(key, given) if old else None
             now = new.measure(key, given)
-            cells = [then.shown if then else "", now.shown if now else "failed", ratio_of(row, then, now)]
+            cells = [
+                then.shown if then else "",
+                now.shown if now else "failed",
+                ratio_of(row, then, now),
+            ]
             table.add_row(row.name, row.aim, *(cells if old else cells[1:2]))
             print(row.name, *cells, sep=" | ", flush=True)
             found[key] = then, now
@@ -318,7 +424,10 @@ def main() -> None:
     if given.markdown:
         given.markdown.write_text(markdown(found, label), encoding="utf-8")
     if given.json:
-        rows = {key: {"then": then and asdict(then), "now": now and asdict(now)} for key, (then, now) in found.items()}
+        rows = {
+            key: {"then": then and asdict(then), "now": now and asdict(now)}
+            for key, (then, now) in found.items()
+        }
         given.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 

@@ -17,22 +17,38 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from docs.generate import commands, environments, gallery, json_keys, notebooks, recordings, reference, repository  # noqa: E402
-from mtp_bench import notice  # noqa: E402
+from docs.generate import (
+    commands,
+    environments,
+    gallery,
+    json_keys,
+    notebooks,
+    recordings,
+    reference,
+    repository,
+)
+from mtp_bench import notice
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Complete the navigation with the generated pages."""
     _section(config.nav, "Start").append({"Notebooks": notebooks.navigation()})
     _section(config.nav, "Environments").extend(environments.navigation())
-    _section(config.nav, "Reference").extend([*reference.navigation(), {"Commands": commands.PAGE}])
+    _section(config.nav, "Reference").extend(
+        [*reference.navigation(), {"Commands": commands.PAGE}]
+    )
     return config
 
 
 @notice.work("making the pages and pictures of the site", 30)
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages and pictures that do not lie in docs/."""
-    pages = {**environments.pages(), gallery.PAGE: gallery.page(), **reference.pages(), commands.PAGE: commands.page()}
+    pages = {
+        **environments.pages(),
+        gallery.PAGE: gallery.page(),
+        **reference.pages(),
+        commands.PAGE: commands.page(),
+    }
     pages[json_keys.PAGE] = json_keys.page()
     for place, text in pages.items():
         files.append(File.generated(config, place, content=text))
@@ -48,9 +64,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+def on_page_markdown(
+    markdown: str, page: Page, config: MkDocsConfig, files: Files
+) -> str:
     """Links are written for readers of the repository; here they lead to the pages of the site."""
-    if page.file.src_uri == "index.md":  # its table needs the width, and its section has no other page
+    if (
+        page.file.src_uri == "index.md"
+    ):  # its table needs the width, and its section has no other page
         page.meta["hide"] = ["navigation"]
     if page.file.src_uri == environments.TABLE:
         markdown = environments.linked(markdown)

@@ -49,7 +49,10 @@ REAL = {
 }
 
 
-TURN = "MTP-Drive-Intersection-v0", "intersection-010001"  # of `docs/environment/driving.md`
+TURN = (
+    "MTP-Drive-Intersection-v0",
+    "intersection-010001",
+)  # of `docs/environment/driving.md`
 SHOWN, AROUND = range(22), 50.0  # frames, and m that are shown around the ego
 
 
@@ -61,17 +64,36 @@ def drive(path: Path) -> None:
         opened = open_run(Path(folder))
         run = PlayedRun(opened).replay(opened.first(), opened.drawn(scene))
     windows = [Window(x, y, AROUND, AROUND) for x, y in run.scene.ego[:, :2].tolist()]
-    images = [Image.fromarray(draw_frame(run, t, windows[t])).resize((720, 540)) for t in SHOWN]
-    images[0].save(path, save_all=True, append_images=images[1:], duration=250, loop=0, quality=30, method=4)
+    images = [
+        Image.fromarray(draw_frame(run, t, windows[t])).resize((720, 540))
+        for t in SHOWN
+    ]
+    images[0].save(
+        path,
+        save_all=True,
+        append_images=images[1:],
+        duration=250,
+        loop=0,
+        quality=30,
+        method=4,
+    )
 
 
 def take(shot: Shot, path: Path) -> str:
     """Run the plain baseline on the scene and draw its costliest event of this kind; the sentence about it."""
     with tempfile.TemporaryDirectory() as folder:
-        mtp_bench.run("stp", shot.env_id, folder, scenes=1 if shot.scene is None else [shot.scene])
+        mtp_bench.run(
+            "stp", shot.env_id, folder, scenes=1 if shot.scene is None else [shot.scene]
+        )
         opened = open_run(Path(folder))
-        run = PlayedRun(opened).replay(opened.first(), opened.drawn(opened.first().scene))
-    events = [Listed.of(run, each, "run", None, None) for each in run.incidents if each.kind == shot.kind]
+        run = PlayedRun(opened).replay(
+            opened.first(), opened.drawn(opened.first().scene)
+        )
+    events = [
+        Listed.of(run, each, "run", None, None)
+        for each in run.incidents
+        if each.kind == shot.kind
+    ]
     focus = Focus(run, in_order(events, "cost")[0].incident)
     save_report(path, focus)
     return sentence(focus)
@@ -80,7 +102,12 @@ def take(shot: Shot, path: Path) -> str:
 def main() -> None:
     """Make all pictures of one of the two sets."""
     parser = argparse.ArgumentParser(description="pictures of the pages")
-    parser.add_argument("--real", type=Path, metavar="FOLDER", help="pictures of recordings, into this folder")
+    parser.add_argument(
+        "--real",
+        type=Path,
+        metavar="FOLDER",
+        help="pictures of recordings, into this folder",
+    )
     folder = parser.parse_args().real
     for name, shot in (SIMULATED if folder is None else REAL).items():
         target = HERE if folder is None else folder

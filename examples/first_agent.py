@@ -19,9 +19,14 @@ class Standing:
 
     def act(self, observation):
         seen = observation["detection_valid"] == 1
-        box, kind = observation["detection_box"][seen], observation["detection_class"][seen]
+        box, kind = (
+            observation["detection_box"][seen],
+            observation["detection_class"][seen],
+        )
         steps = np.arange(1, self.task.future + 1)  # T frames ahead
-        forecast = self.velocity(box, kind)[:, None, :] * steps[None, :, None]  # [objects, T, 2] m from the box
+        forecast = (
+            self.velocity(box, kind)[:, None, :] * steps[None, :, None]
+        )  # [objects, T, 2] m from the box
         return mtp_bench.make_action(self.task, box, kind, forecast)
 
     def velocity(self, box, kind):
@@ -44,7 +49,9 @@ class Nearest(Standing):
         if not len(old_place) or not len(place):
             return np.zeros((len(box), 2))
         step = place[:, None] - old_place[None]  # [objects, earlier, 2]
-        far = np.linalg.norm(step, axis=-1) + np.where(kind[:, None] == old_kind, 0, np.inf)
+        far = np.linalg.norm(step, axis=-1) + np.where(
+            kind[:, None] == old_kind, 0, np.inf
+        )
         nearest = far.argmin(axis=1)
         known = far.min(axis=1) < self.reach
         return np.where(known[:, None], step[np.arange(len(box)), nearest], 0)
@@ -58,5 +65,9 @@ for agent in (Standing(), Nearest()):
     while not over:
         observation, reward, over, _, info = env.step(agent.act(observation))
     score = info["episode_metrics"]
-    covered = f"{score['min_ade']:.2f} m over the {score['covered']} that have a forecast"
-    print(f"{type(agent).__name__}: {score['fixed_error']:.2f} m per target of {score['targets']}, minADE {covered}")
+    covered = (
+        f"{score['min_ade']:.2f} m over the {score['covered']} that have a forecast"
+    )
+    print(
+        f"{type(agent).__name__}: {score['fixed_error']:.2f} m per target of {score['targets']}, minADE {covered}"
+    )

@@ -22,19 +22,38 @@ class BendEnv(AbstractEnv):
 
     @classmethod
     def default_config(cls):
-        return {**super().default_config(), "simulation_frequency": 10, "policy_frequency": 5}
+        return {
+            **super().default_config(),
+            "simulation_frequency": 10,
+            "policy_frequency": 5,
+        }
 
     def _reset(self):
         network, right = RoadNetwork(), np.radians(90)
         for aside in (0, 4):  # m; y points down
-            network.add_lane("a", "b", StraightLane([0, aside], [110, aside], speed_limit=12))
-            network.add_lane("b", "c", CircularLane([110, 40], 40 - aside, -right, 0, speed_limit=9))
-            network.add_lane("c", "d", StraightLane([150 - aside, 40], [150 - aside, 240], speed_limit=12))
+            network.add_lane(
+                "a", "b", StraightLane([0, aside], [110, aside], speed_limit=12)
+            )
+            network.add_lane(
+                "b", "c", CircularLane([110, 40], 40 - aside, -right, 0, speed_limit=9)
+            )
+            network.add_lane(
+                "c",
+                "d",
+                StraightLane([150 - aside, 40], [150 - aside, 240], speed_limit=12),
+            )
         self.road = Road(network, np_random=self.np_random)
         for k in range(12):
-            place, speed = 9 * k + self.np_random.uniform(0, 3), self.np_random.uniform(5, 10)
-            vehicle = IDMVehicle.make_on_lane(self.road, ("a", "b", k % 2), place, speed)
-            vehicle.LENGTH, vehicle.WIDTH = (8.0, 2.5) if self.np_random.uniform() < 0.2 else (4.6, 1.8)
+            place, speed = (
+                9 * k + self.np_random.uniform(0, 3),
+                self.np_random.uniform(5, 10),
+            )
+            vehicle = IDMVehicle.make_on_lane(
+                self.road, ("a", "b", k % 2), place, speed
+            )
+            vehicle.LENGTH, vehicle.WIDTH = (
+                (8.0, 2.5) if self.np_random.uniform() < 0.2 else (4.6, 1.8)
+            )
             vehicle.target_speed = self.np_random.uniform(8, 13)
             vehicle.randomize_behavior()
             self.road.vehicles.append(vehicle)
@@ -57,8 +76,19 @@ if "Bend-v0" not in gymnasium.registry:
 if __name__ == "__main__":
     shipped = load_card("MTP-Roundabout-v0").stored()  # 2 Hz, detector, task and sizes
     seeds = {"train": [0, 20], "val": [100, 104], "test": [200, 204]}
-    source = {"name": "gym", "id": "own_highway_env:Bend-v0", "policy": "idm", "seconds": 20.0, "seeds": seeds}
-    own = {"id": "MTP-Bend-v0", "summary": "a road with a bend", "source": source, "lanes": True}
+    source = {
+        "name": "gym",
+        "id": "own_highway_env:Bend-v0",
+        "policy": "idm",
+        "seconds": 20.0,
+        "seeds": seeds,
+    }
+    own = {
+        "id": "MTP-Bend-v0",
+        "summary": "a road with a bend",
+        "source": source,
+        "lanes": True,
+    }
     card = parse_card({**shipped, **own})
     mtp_bench.run("stp", card, "runs/bend", replace=True)
     print(mtp_bench.score("runs/bend").report)

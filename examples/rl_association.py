@@ -24,11 +24,24 @@ from mtp_bench.wrappers import AssociationOnly, PerDetection
 
 ENV = "MTP-Roundabout-v0"  # a roadside sensor that sees about 15 vehicles
 TRAINING, HELD_OUT = slice(10), slice(5, 10)  # scenes: of "train", of "val"
-DISCOUNT = 0.9  # per detection: a choice matters most in its own frame, then in the next one
+DISCOUNT = (
+    0.9  # per detection: a choice matters most in its own frame, then in the next one
+)
 EVERY = 2048  # steps between two evaluations
 METHODS: dict[str, dict[str, Any]] = {
-    "PPO": {"n_steps": 512, "batch_size": 256, "learning_rate": 0.003, "gae_lambda": 0.9, "ent_coef": 0.003},
-    "DQN": {"learning_rate": 0.001, "learning_starts": 500, "exploration_fraction": 0.3, "target_update_interval": 500},
+    "PPO": {
+        "n_steps": 512,
+        "batch_size": 256,
+        "learning_rate": 0.003,
+        "gae_lambda": 0.9,
+        "ent_coef": 0.003,
+    },
+    "DQN": {
+        "learning_rate": 0.001,
+        "learning_starts": 500,
+        "exploration_fraction": 0.3,
+        "target_update_interval": 500,
+    },
 }
 
 
@@ -58,18 +71,42 @@ def main(steps: int = EVERY, seed: int = 0, method: str = "PPO") -> list[float]:
     from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
     torch.set_num_threads(1)  # the network is small
-    envs = VecNormalize(DummyVecEnv([lambda: make_env("train", TRAINING)]), gamma=DISCOUNT)
+    envs = VecNormalize(
+        DummyVecEnv([lambda: make_env("train", TRAINING)]), gamma=DISCOUNT
+    )
     layers = {"net_arch": [32]}
     learner = getattr(sb3, method)
-    agent = learner("MlpPolicy", envs, gamma=DISCOUNT, seed=seed, device="cpu", policy_kwargs=layers, **METHODS[method])
+    agent = learner(
+        "MlpPolicy",
+        envs,
+        gamma=DISCOUNT,
+        seed=seed,
+        device="cpu",
+        policy_kwargs=layers,
+        **METHODS[method],
+    )
     held_out, curve = make_env("val", HELD_OUT), []
     for done in range(0, steps + 1, EVERY):
-        curve.append(gain(held_out, lambda row: agent.predict(envs.normalize_obs(row), deterministic=True)[0]))
-        print(f"{method}, {done:6} steps: {curve[-1]:+7.2f} m per frame against nearest")
+        curve.append(
+            gain(
+                held_out,
+                lambda row: agent.predict(envs.normalize_obs(row), deterministic=True)[
+                    0
+                ],
+            )
+        )
+        print(
+            f"{method}, {done:6} steps: {curve[-1]:+7.2f} m per frame against nearest"
+        )
         if done < steps:
             agent.learn(min(EVERY, steps - done), reset_num_timesteps=False)
     return curve
 
 
 if __name__ == "__main__":
-    main(*(kind(argument) for kind, argument in zip((int, int, str), sys.argv[1:], strict=False)))
+    main(
+        *(
+            kind(argument)
+            for kind, argument in zip((int, int, str), sys.argv[1:], strict=False)
+        )
+    )

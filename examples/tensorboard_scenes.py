@@ -13,7 +13,9 @@ def log(result):
     """Called after every finished scene."""
     for name in ("min_ade", "min_fde", "coverage"):
         if getattr(result, name) is not None:  # there are targets
-            writer.add_scalar(f"{result.agent}/{name}", getattr(result, name), len(finished))
+            writer.add_scalar(
+                f"{result.agent}/{name}", getattr(result, name), len(finished)
+            )
     finished.append(result)
 
 

@@ -21,8 +21,12 @@ ENV = "MTP-Intersection-v0"
 
 # --8<-- [start:windows]
 torch.manual_seed(0)
-found = mtp_bench.windows(ENV, "train", tracker=5, scenes=4)  # more of them: 500 are there
-found = found.select((found.object_id >= 0) & found.future_known.all(axis=1))  # tracks of real objects, whole futures
+found = mtp_bench.windows(
+    ENV, "train", tracker=5, scenes=4
+)  # more of them: 500 are there
+found = found.select(
+    (found.object_id >= 0) & found.future_known.all(axis=1)
+)  # tracks of real objects, whole futures
 learn, held = found.split((1, 4))  # fold 1 of 4; whole scenes are held out
 task = found.task
 
@@ -31,13 +35,17 @@ def features(windows):
     """Inputs of the network [n, 2 P], and the futures to predict [n, T, 2]."""
     seen = local_inputs(windows)  # also: yaw, velocity, score, size, counts, class_id
     past = seen["position"] * seen["alive"][:, :, None]  # masks, never padding
-    return torch.from_numpy(past.reshape(len(past), -1)), torch.from_numpy(local_future(windows, windows.future))
+    return torch.from_numpy(past.reshape(len(past), -1)), torch.from_numpy(
+        local_future(windows, windows.future)
+    )
 
 
 # --8<-- [end:windows]
 # --8<-- [start:train]
 sizes = 2 * task.past, 64, task.k * task.future * 2
-model = torch.nn.Sequential(torch.nn.Linear(*sizes[:2]), torch.nn.ReLU(), torch.nn.Linear(*sizes[1:]))
+model = torch.nn.Sequential(
+    torch.nn.Linear(*sizes[:2]), torch.nn.ReLU(), torch.nn.Linear(*sizes[1:])
+)
 optimizer = torch.optim.AdamW(model.parameters(), lr=2e-3)
 (x, future), (x_held, future_held) = features(learn), features(held)
 
@@ -59,7 +67,9 @@ with torch.no_grad():
 
 # --8<-- [start:record]
 here = Path(__file__).with_name("own_model")
-shutil.copytree(here, FOLDER, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+shutil.copytree(
+    here, FOLDER, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__")
+)
 save_file(model.state_dict(), FOLDER / "model.safetensors")
 
 
@@ -69,6 +79,13 @@ def mtp_bench_command(*words):
 
 
 mtp_bench_command("check", str(FOLDER), "--scenes", "1")
-record = ["--scenes", "1", "--seeds", "1", "-o", str(FOLDER.with_suffix(".record"))]  # without these: the whole record
+record = [
+    "--scenes",
+    "1",
+    "--seeds",
+    "1",
+    "-o",
+    str(FOLDER.with_suffix(".record")),
+]  # without these: the whole record
 mtp_bench_command("submit", str(FOLDER), "--env", ENV, *record)
 # --8<-- [end:record]

@@ -53,7 +53,10 @@ if _typing.TYPE_CHECKING:
     from .scoring import Report as Report
     from .sources import load_scenes as load_scenes
     from .sources.files import save_scene as save_scene
-    from .submission.loader import Submission as Submission, load_submission as load_submission
+    from .submission.loader import (
+        Submission as Submission,
+        load_submission as load_submission,
+    )
     from .tracks import Objects as Objects, Tracks as Tracks
     from .training import windows as windows
     from .types import (
@@ -67,7 +70,16 @@ if _typing.TYPE_CHECKING:
     )
 else:  # hidden from type checkers, for which it would make every misspelt attribute legal
     _NAMES = {  # module -> its names, which are imported when they are first used
-        "agent": ("Agent", "Forecasts", "Frame", "FunctionPredictor", "Pipeline", "Predictor", "Sampler", "Tracker"),
+        "agent": (
+            "Agent",
+            "Forecasts",
+            "Frame",
+            "FunctionPredictor",
+            "Pipeline",
+            "Predictor",
+            "Sampler",
+            "Tracker",
+        ),
         "cards": ("Card", "load_card"),
         "env.building": ("make_action",),
         "env.environment": ("MTPEnv",),
@@ -79,10 +91,21 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
         "submission.loader": ("Submission", "load_submission"),
         "tracks": ("Objects", "Tracks"),
         "training": ("windows",),
-        "types": ("Action", "Detections", "Observation", "Rollout", "Scene", "Task", "Truth"),
+        "types": (
+            "Action",
+            "Detections",
+            "Observation",
+            "Rollout",
+            "Scene",
+            "Task",
+            "Truth",
+        ),
     }
     _LAZY = {name: module for module, names in _NAMES.items() for name in names}
-    _LAZY |= {name: name for name in ("prediction", "scoring", "tracking", "training", "wrappers")}
+    _LAZY |= {
+        name: name
+        for name in ("prediction", "scoring", "tracking", "training", "wrappers")
+    }
 
     def __getattr__(name: str) -> _typing.Any:
         if name not in _LAZY:
@@ -96,4 +119,6 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
 
 for _env_id in card_ids():
     if _env_id not in _gymnasium.registry:  # the module may be loaded anew
-        _gymnasium.register(id=_env_id, entry_point="mtp_bench:MTPEnv", kwargs={"card": _env_id})
+        _gymnasium.register(
+            id=_env_id, entry_point="mtp_bench:MTPEnv", kwargs={"card": _env_id}
+        )

@@ -21,7 +21,9 @@ def card_ids() -> tuple[str, ...]:
 
 def baseline_names() -> tuple[str, ...]:
     """Names of the baselines that ship with the library, sorted."""
-    return tuple(path.parent.name for path in _found(bundled("baselines"), "*/submission.toml"))
+    return tuple(
+        path.parent.name for path in _found(bundled("baselines"), "*/submission.toml")
+    )
 
 
 @cache

@@ -47,20 +47,29 @@ class ShapeError(MtpBenchError, ValueError):
 class UnknownNameError(MtpBenchError, KeyError):
     """A name that is not among the known ones; the text suggests the nearest."""
 
-    def __init__(self, kind: str, got: str, known: Iterable[str], hint: str = "") -> None:
+    def __init__(
+        self, kind: str, got: str, known: Iterable[str], hint: str = ""
+    ) -> None:
         self.got = got
         known = tuple(known)
         self._given = (kind, got, known, hint)
-        super().__init__(f"unknown {kind} {got!r}{nearest(got, known)}" + (f" ({hint})" if hint else ""))
+        super().__init__(
+            f"unknown {kind} {got!r}{nearest(got, known)}"
+            + (f" ({hint})" if hint else "")
+        )
 
-    def __reduce__(self) -> tuple[type["UnknownNameError"], tuple[str, str, tuple[str, ...], str]]:
+    def __reduce__(
+        self,
+    ) -> tuple[type["UnknownNameError"], tuple[str, str, tuple[str, ...], str]]:
         return type(self), self._given  # workers send their errors home
 
     def __str__(self) -> str:  # KeyError would show the repr of the text
         return str(self.args[0])
 
 
-def require_known(kind: str, got: object, known: Collection[str], hint: str = "") -> None:
+def require_known(
+    kind: str, got: object, known: Collection[str], hint: str = ""
+) -> None:
     """Raise UnknownNameError unless ``got``, the name of a ``kind``, is one of ``known``."""
     if got not in known:
         raise UnknownNameError(kind, str(got), known, hint)
@@ -82,20 +91,28 @@ def nearest(got: str, known: Iterable[str]) -> str:
     close = closest(got, names)
     if close:
         return f": did you mean {close!r}?"
-    shown = ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else "")
+    shown = ", ".join(names[:MOST_NAMES]) + (
+        f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    )
     return f": known are {shown}" if names else ": none is known"
 
 
 def closest(got: object, known: Iterable[str], cutoff: float = 0.5) -> str:
     """The known name most similar to the text of ``got``; empty without one that is similar by ``cutoff``, 0 to 1."""
-    lower = {name.lower(): name for name in sorted(known)}  # names that differ by case alone are the same
+    lower = {
+        name.lower(): name for name in sorted(known)
+    }  # names that differ by case alone are the same
     close = difflib.get_close_matches(str(got).lower(), lower, n=1, cutoff=cutoff)
     return lower[close[0]] if close else ""
 
 
-def require_shape(name: str, array: NDArray[Any], shape: tuple[int | None, ...]) -> None:
+def require_shape(
+    name: str, array: NDArray[Any], shape: tuple[int | None, ...]
+) -> None:
     """Raise ShapeError unless ``array`` has ``shape``; None stands for any length."""
-    if array.ndim != len(shape) or any(n not in (None, size) for n, size in zip(shape, array.shape, strict=True)):
+    if array.ndim != len(shape) or any(
+        n not in (None, size) for n, size in zip(shape, array.shape, strict=True)
+    ):
         want = tuple("any" if n is None else n for n in shape)
         raise ShapeError(f"{name} has shape {array.shape}, expected {want}")
 
@@ -105,4 +122,6 @@ def require_finite(name: str, array: NDArray[Any]) -> None:
     bad = ~np.isfinite(array)
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise ShapeError(f"{name}{list(index)} is {array[index]}, expected a finite number ({int(bad.sum())} such)")
+        raise ShapeError(
+            f"{name}{list(index)} is {array[index]}, expected a finite number ({int(bad.sum())} such)"
+        )

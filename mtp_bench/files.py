@@ -23,12 +23,20 @@ CACHE = "MTP_BENCH_CACHE"  # environment variable
 ABSENT = "cannot be read: no such file"
 _CHUNK = 1 << 20  # bytes hashed at once
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
-_INVISIBLE = ("Cc", "Cf", "Cs")  # Unicode categories: controls, format marks, surrogates
+_INVISIBLE = (
+    "Cc",
+    "Cf",
+    "Cs",
+)  # Unicode categories: controls, format marks, surrogates
 _JOINERS = "\u200c\u200d"  # invisible, but several scripts need them
 _FILE_KINDS = {
-    stat.S_IFREG: "", stat.S_IFDIR: "folder", stat.S_IFIFO: "FIFO", stat.S_IFSOCK: "socket",
-    stat.S_IFCHR: "device", stat.S_IFBLK: "device",
-}  # fmt: skip
+    stat.S_IFREG: "",
+    stat.S_IFDIR: "folder",
+    stat.S_IFIFO: "FIFO",
+    stat.S_IFSOCK: "socket",
+    stat.S_IFCHR: "device",
+    stat.S_IFBLK: "device",
+}
 
 
 class WriteError(MtpBenchError, OSError):
@@ -98,14 +106,20 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 def require_replaceable(folder: Path) -> None:
     """Raise MtpBenchError if ``folder`` is a mount point or the working directory, which cannot be replaced."""
-    if folder.exists() and (os.path.ismount(folder.resolve()) or Path.cwd().is_relative_to(folder.resolve())):
-        raise MtpBenchError(f"{folder} is the root of a disk or the working folder: choose a folder inside it")
+    if folder.exists() and (
+        os.path.ismount(folder.resolve()) or Path.cwd().is_relative_to(folder.resolve())
+    ):
+        raise MtpBenchError(
+            f"{folder} is the root of a disk or the working folder: choose a folder inside it"
+        )
 
 
 def remove_leftovers(*paths: Path) -> None:
     """Remove temporary files that killed writers of ``paths`` left; no other process may be writing them."""
     for path in {*paths, *map(_target, paths)}:
-        for leftover in path.parent.glob(f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}"):
+        for leftover in path.parent.glob(
+            f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}"
+        ):
             if leftover.is_dir() and not leftover.is_symlink():
                 shutil.rmtree(leftover, ignore_errors=True)
             else:
@@ -124,7 +138,9 @@ def locked(path: Path, content: str) -> Iterator[None]:
     try:
         lock.acquire(timeout=0)
     except Timeout:
-        raise MtpBenchError(f"{content} is being written by another process: wait for it, or end it") from None
+        raise MtpBenchError(
+            f"{content} is being written by another process: wait for it, or end it"
+        ) from None
     try:
         yield
     finally:
@@ -151,11 +167,17 @@ def make_folder(folder: Path) -> None:
 
 def describe_write_error(error: OSError) -> str:
     """The reason of a failure to write, for a full disk with what to do."""
-    advice = ": make room there, or choose another folder, and try again" if error.errno in FULL_DISK else ""
+    advice = (
+        ": make room there, or choose another folder, and try again"
+        if error.errno in FULL_DISK
+        else ""
+    )
     return f"{error.strerror or error}{advice}"
 
 
-def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str = ABSENT) -> str:
+def read_bounded(
+    path: Path, most: int, error: type[MtpBenchError], absent: str = ABSENT
+) -> str:
     """The text of a small UTF-8 file.
 
     Raises ``error`` naming the file if it is missing (described by ``absent``), is not a regular file, has more than
@@ -173,7 +195,9 @@ def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str 
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError as cause:
-        raise error(f"{path}: not valid UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8") from None
+        raise error(
+            f"{path}: not valid UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8"
+        ) from None
 
 
 def toml_beside(module: str, name: str) -> dict[str, Any]:
@@ -186,11 +210,15 @@ def open_regular(path: Path, links: bool = True) -> BinaryIO:
 
     ``links``: follow a symbolic link to a regular file.
     """
-    flags = getattr(os, "O_NONBLOCK", 0) | (0 if links else getattr(os, "O_NOFOLLOW", 0))
+    flags = getattr(os, "O_NONBLOCK", 0) | (
+        0 if links else getattr(os, "O_NOFOLLOW", 0)
+    )
     _require_regular(path.stat() if links else path.lstat(), path)
     stream = open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags))  # noqa: SIM115  (pathlib has no opener)
     try:
-        _require_regular(os.fstat(stream.fileno()), path)  # it may have been replaced meanwhile
+        _require_regular(
+            os.fstat(stream.fileno()), path
+        )  # it may have been replaced meanwhile
     except OSError:
         stream.close()
         raise
@@ -210,7 +238,9 @@ def file_digest(path: Path, most: int | None = None) -> str:
             digest.update(chunk)
             size += len(chunk)
             if most is not None and size > most:
-                raise OSError(errno.EFBIG, f"it has more than {most} bytes, and may be growing")
+                raise OSError(
+                    errno.EFBIG, f"it has more than {most} bytes, and may be growing"
+                )
     return digest.hexdigest()
 
 
@@ -258,7 +288,9 @@ def unseen(letter: str) -> bool:
 def require_file(path: Path) -> None:
     """Raise MtpBenchError unless a file can be written at ``path``."""
     if not path.name or path.is_dir():
-        raise MtpBenchError(f"cannot write {str(path)!r}: it is a folder, expected the name of a file")
+        raise MtpBenchError(
+            f"cannot write {str(path)!r}: it is a folder, expected the name of a file"
+        )
     if not path.parent.is_dir():
         raise MtpBenchError(f"cannot write {path}: there is no folder {path.parent}")
     _require_ordinary(path)
@@ -268,9 +300,13 @@ def require_file(path: Path) -> None:
 
 def require_folder(path: Path) -> None:
     """Raise MtpBenchError unless the folder ``path`` can be created or replaced."""
-    above = next(parent for parent in _target(path).absolute().parents if parent.exists())
+    above = next(
+        parent for parent in _target(path).absolute().parents if parent.exists()
+    )
     if not above.is_dir():
-        raise MtpBenchError(f"cannot write {path}: {above} is a file, expected a folder")
+        raise MtpBenchError(
+            f"cannot write {path}: {above} is a file, expected a folder"
+        )
     with _naming(path):
         tempfile.TemporaryFile(dir=above).close()
 
@@ -282,17 +318,23 @@ def _naming(path: Path, part: Path | None = None) -> Iterator[None]:
         yield
     except OSError as error:
         named = error.filename
-        if part is not None and isinstance(named, str | os.PathLike):  # an error about a descriptor has no name
+        if part is not None and isinstance(
+            named, str | os.PathLike
+        ):  # an error about a descriptor has no name
             file = Path(named)
             if {part, path}.isdisjoint([file, *file.parents]):
                 raise
-        raise WriteError(error.errno, error.strerror or str(error) or type(error).__name__, str(path)) from error
+        raise WriteError(
+            error.errno, error.strerror or str(error) or type(error).__name__, str(path)
+        ) from error
 
 
 def _require_ordinary(path: Path) -> None:
     """Raise MtpBenchError for an existing device, pipe or socket, which a file must not replace."""
     if path.exists() and not (path.is_file() or path.is_dir()):
-        raise MtpBenchError(f"cannot write {path}: it is not an ordinary file; choose another name")
+        raise MtpBenchError(
+            f"cannot write {path}: it is not an ordinary file; choose another name"
+        )
 
 
 def _require_regular(state: os.stat_result, path: Path) -> None:
@@ -301,7 +343,9 @@ def _require_regular(state: os.stat_result, path: Path) -> None:
 
 
 def _temporary(path: Path) -> Path:
-    return path.with_name(f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}.part{path.suffix}")
+    return path.with_name(
+        f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}.part{path.suffix}"
+    )
 
 
 def _target(path: Path) -> Path:

@@ -27,7 +27,10 @@ def wrap_angle(angle: ArrayLike) -> Floats:
 def bev_corners(box: Floats) -> Floats:
     """Corners of boxes ``[..., 7]`` in BEV ``[..., 4, 2]``: front left, rear left, rear right, front right."""
     cos, sin = np.cos(box[..., 3]), np.sin(box[..., 3])
-    return np.stack(_corners_at(box[..., 0], box[..., 1], cos, sin, box[..., 4], box[..., 5]), axis=-1)
+    return np.stack(
+        _corners_at(box[..., 0], box[..., 1], cos, sin, box[..., 4], box[..., 5]),
+        axis=-1,
+    )
 
 
 def rotate(vector: Floats, yaw: Floats | float) -> Floats:
@@ -69,12 +72,19 @@ def bev_intersection_area(a: Floats, b: Floats) -> Floats:
     """
     dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     cos, sin, turn = np.cos(a[..., 3]), np.sin(a[..., 3]), b[..., 3] - a[..., 3]
-    x, y, cos, sin = cos * dx + sin * dy, cos * dy - sin * dx, np.cos(turn), np.sin(turn)  # of b in the frame of a
+    x, y, cos, sin = (
+        cos * dx + sin * dy,
+        cos * dy - sin * dx,
+        np.cos(turn),
+        np.sin(turn),
+    )  # of b in the frame of a
     l_a, w_a, l_b, w_b = a[..., 4], a[..., 5], b[..., 4], b[..., 5]
     parallel = np.minimum(np.abs(cos), np.abs(sin)) < 1e-3
     hair = parallel * (_HAIR * np.minimum(np.minimum(l_a, w_a), np.minimum(l_b, w_b)))
     l_in, w_in = np.maximum(l_a - hair, 0.0), np.maximum(w_a - hair, 0.0)
-    b_x, b_y = _corners_at(x, y, cos, sin, l_b, w_b)  # corners of b in the frame of a and the other way round
+    b_x, b_y = _corners_at(
+        x, y, cos, sin, l_b, w_b
+    )  # corners of b in the frame of a and the other way round
     a_x, a_y = _corners_at(-cos * x - sin * y, sin * x - cos * y, cos, -sin, l_in, w_in)
     share_b, twice_area_b = _edges_inside(b_x, b_y, l_in, w_in)
     share_a, _ = _edges_inside(a_x, a_y, l_b, w_b)
@@ -88,24 +98,38 @@ def iou_3d(a: Floats, b: Floats) -> Floats:
     top = np.minimum(a[..., 2] + a[..., 6] / 2, b[..., 2] + b[..., 6] / 2)
     bottom = np.maximum(a[..., 2] - a[..., 6] / 2, b[..., 2] - b[..., 6] / 2)
     common = bev_intersection_area(a, b) * np.maximum(top - bottom, 0.0)
-    volume_a, volume_b = a[..., 4] * a[..., 5] * a[..., 6], b[..., 4] * b[..., 5] * b[..., 6]
+    volume_a, volume_b = (
+        a[..., 4] * a[..., 5] * a[..., 6],
+        b[..., 4] * b[..., 5] * b[..., 6],
+    )
     common = np.minimum(common, np.minimum(volume_a, volume_b))
     return np.asarray(common / np.maximum(volume_a + volume_b - common, _TINY))
 
 
-def _corners_at(x: Floats, y: Floats, cos: Floats, sin: Floats, l: Floats, w: Floats) -> tuple[Floats, Floats]:
+def _corners_at(
+    x: Floats, y: Floats, cos: Floats, sin: Floats, l: Floats, w: Floats
+) -> tuple[Floats, Floats]:
     """Corners ``[R, 4]`` of boxes at x, y with the given heading."""
     along, across = l[..., None] * _ALONG, w[..., None] * _ACROSS
     cos, sin = cos[..., None], sin[..., None]
-    return x[..., None] + cos * along - sin * across, y[..., None] + sin * along + cos * across
+    return x[..., None] + cos * along - sin * across, y[
+        ..., None
+    ] + sin * along + cos * across
 
 
-def _edges_inside(x: Floats, y: Floats, length: Floats, width: Floats) -> tuple[Floats, Floats]:
+def _edges_inside(
+    x: Floats, y: Floats, length: Floats, width: Floats
+) -> tuple[Floats, Floats]:
     """Share of each edge of the polygons ``[R, 4]`` inside the rectangle around 0, and cross(start, edge)."""
     dx, dy = x[..., _NEXT] - x, y[..., _NEXT] - y
     lower, upper = np.zeros_like(x), np.ones_like(x)
-    for start, step, size in ((x, dx, length[..., None] / 2), (y, dy, width[..., None] / 2)):
-        with np.errstate(over="ignore"):  # parallel edges: inside for all of their length or for none of it
+    for start, step, size in (
+        (x, dx, length[..., None] / 2),
+        (y, dy, width[..., None] / 2),
+    ):
+        with np.errstate(
+            over="ignore"
+        ):  # parallel edges: inside for all of their length or for none of it
             inverse = 1.0 / np.where(np.abs(step) < _TINY, _TINY, step)
             enter, leave = (-size - start) * inverse, (size - start) * inverse
         lower = np.maximum(lower, np.minimum(enter, leave))

@@ -10,8 +10,12 @@ SHIPPED = Path(__file__).parent / "prediction" / "learned" / "weights"
 PACKED = ".xz"  # suffix of the files that ship
 READS_LANES = "modes_lanes-"  # learns from the env itself: the one whose weights it shares may show no lanes
 MINUTES = {  # to train one, measured for MTP-nuScenes-v0 on two cores
-    "modes-truth": 1, "modes-tracklets": 2, "tracking_free-tracklets": 4, "affinity-tracklets": 5, "ptp-truth": 54,
-}  # fmt: skip
+    "modes-truth": 1,
+    "modes-tracklets": 2,
+    "tracking_free-tracklets": 4,
+    "affinity-tracklets": 5,
+    "ptp-truth": 54,
+}
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,9 @@ class NetworkState:
         return f"mtp-bench train predictor {name} --env {self.env_id} --on {on}"
 
 
-def states_of(networks: Iterable[str], env_id: str, weights_of: str | None) -> list[NetworkState]:
+def states_of(
+    networks: Iterable[str], env_id: str, weights_of: str | None
+) -> list[NetworkState]:
     """The states of ``networks``, such as modes-truth, on an env; ``weights_of``: the env whose weights it shares."""
     networks, envs = tuple(networks), [env for env in (env_id, weights_of) if env]
     return [
@@ -48,7 +54,10 @@ def states_of(networks: Iterable[str], env_id: str, weights_of: str | None) -> l
             network,
             env_id if not weights_of or network.startswith(READS_LANES) else weights_of,
             trained=bool(network_files([network], env_id, weights_of)),
-            ships=any((SHIPPED / f"{network}-{env}.safetensors{PACKED}").is_file() for env in envs),
+            ships=any(
+                (SHIPPED / f"{network}-{env}.safetensors{PACKED}").is_file()
+                for env in envs
+            ),
         )
         for network in networks
     ]
@@ -68,8 +77,14 @@ def file_name(network: str, on: str, env_id: str) -> str:
     return f"{network}-{on}-{env_id}.safetensors"
 
 
-def network_files(networks: Iterable[str], env_id: str, weights_of: str | None) -> list[Path]:
+def network_files(
+    networks: Iterable[str], env_id: str, weights_of: str | None
+) -> list[Path]:
     """Files of ``networks``, such as modes-truth, trained here for an env or for the one whose weights it shares."""
     envs = (env_id,) if weights_of is None else (env_id, weights_of)
-    paths = [weights_folder() / f"{network}-{env}.safetensors" for network in networks for env in envs]
+    paths = [
+        weights_folder() / f"{network}-{env}.safetensors"
+        for network in networks
+        for env in envs
+    ]
     return [path for path in paths if path.is_file()]

@@ -42,14 +42,22 @@ class Notice:
     def __init__(self, text: str, seconds: float, around: bool) -> None:
         self.text, self.around, self.has_spoken = text, around, False
         self._begun = time.monotonic()
-        self.next = self._begun + (0 if seconds > SILENT_SECONDS else SILENT_SECONDS)  # time of the next line
+        self.next = self._begun + (
+            0 if seconds > SILENT_SECONDS else SILENT_SECONDS
+        )  # time of the next line
         self._seconds = seconds
         self.started(0)
 
     def started(self, total: int) -> None:
         """Count ``total`` items from now on, of which none is finished."""
         with _lock:
-            self._total, self._count, self._kept, self._name, self._since = total, 0, 0, "", time.monotonic()
+            self._total, self._count, self._kept, self._name, self._since = (
+                total,
+                0,
+                0,
+                "",
+                time.monotonic(),
+            )
 
     def done(self, name: str = "", count: int = 1) -> None:
         """Count more finished items; ``name`` is shown."""
@@ -58,7 +66,9 @@ class Notice:
             self._count, self._name = self._count + count, name
             if now - self._since < _KEPT_SECONDS:
                 self._kept, self._since = self._count, now
-            elif self._count == self._kept + count:  # the first item with a time: print the estimate soon
+            elif (
+                self._count == self._kept + count
+            ):  # the first item with a time: print the estimate soon
                 self.next = min(self.next, now + SILENT_SECONDS)
 
     def speak(self, now: float) -> None:
@@ -68,27 +78,46 @@ class Notice:
             line = "".join(letter if letter.isprintable() else "?" for letter in parts)
             bar = self.has_bar()
             _write(_over(line) if bar else f"mtp_bench: {line}\n")
-            self.next, self.has_spoken = now + (BAR_SECONDS if bar else LINE_SECONDS), True
+            self.next, self.has_spoken = (
+                now + (BAR_SECONDS if bar else LINE_SECONDS),
+                True,
+            )
 
     def _parts(self, now: float) -> tuple[str, ...]:
         """The text, the items, and the time that is left, by their rate or the estimate, or else has passed."""
         passed, left = now - self._begun, self._seconds - (now - self._begun)
         if self._count > self._kept:
-            left = (now - self._since) / (self._count - self._kept) * (self._total - self._count)
+            left = (
+                (now - self._since)
+                / (self._count - self._kept)
+                * (self._total - self._count)
+            )
         still = self.has_spoken or self._count
         told = f"about {_duration(left)}{' left' if still else ''}" if left > 0 else ""
         told = told or (f"{_duration(passed)} so far" if self.has_spoken else "")
         if not self._total:
             return self.text, told
-        counted, tenths = f"{self._count} of {self._total}", min(10, 10 * self._count // self._total)
+        counted, tenths = (
+            f"{self._count} of {self._total}",
+            min(10, 10 * self._count // self._total),
+        )
         if self.has_bar():  # the end is cut off where the terminal is narrow
-            return f"[{'##' * tenths}{'--' * (10 - tenths)}] {counted}", told, self.text, self._name
+            return (
+                f"[{'##' * tenths}{'--' * (10 - tenths)}] {counted}",
+                told,
+                self.text,
+                self._name,
+            )
         return self.text, counted, self._name, told
 
     def has_bar(self) -> bool:
         """True on a terminal, where other output does not follow at once."""
         with suppress(ValueError, AttributeError):  # closed or missing
-            return not self.around and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+            return (
+                not self.around
+                and sys.stderr.isatty()
+                and os.environ.get("TERM") != "dumb"
+            )
         return False
 
 
@@ -116,7 +145,16 @@ def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Notice
         yield job
         return
     with _lock:
-        job.next = min([job.next, *(outer.next for outer in _jobs[-1:] if outer.around and not outer.has_spoken)])
+        job.next = min(
+            [
+                job.next,
+                *(
+                    outer.next
+                    for outer in _jobs[-1:]
+                    if outer.around and not outer.has_spoken
+                ),
+            ]
+        )
         _jobs.append(job)
         if not _watchers:
             _watchers.append(threading.Thread(target=_watch, daemon=True))
@@ -153,7 +191,9 @@ def _speak() -> None:
 
 
 def _write(text: str) -> None:
-    with suppress(OSError, ValueError, AttributeError):  # closed, full or missing: work goes on
+    with suppress(
+        OSError, ValueError, AttributeError
+    ):  # closed, full or missing: work goes on
         sys.stderr.write(text)
         sys.stderr.flush()
 

@@ -19,8 +19,12 @@ Calls = Sequence[tuple[Any, ...]]  # the arguments of each
 Done = Callable[[str], object]  # called with the name of every finished item
 _CONNECT_SECONDS = 10  # wait for the scheduler
 _WORKER_SECONDS = 30  # wait for its first worker: workers that died may be restarting
-_SAFE_PATH = "PYTHONSAFEPATH"  # where set, Python does not import from the current folder
-_one_at_a_time = threading.Lock()  # calls in one process: agents need not be thread-safe
+_SAFE_PATH = (
+    "PYTHONSAFEPATH"  # where set, Python does not import from the current folder
+)
+_one_at_a_time = (
+    threading.Lock()
+)  # calls in one process: agents need not be thread-safe
 
 
 def _ignore(_: object) -> None:
@@ -65,7 +69,9 @@ SERIAL = Workers()  # in this process, one call after the other
 
 
 @contextmanager
-def reported(text: str, seconds: float = 0, own: Progress = NO_PROGRESS) -> Iterator[Progress]:
+def reported(
+    text: str, seconds: float = 0, own: Progress = NO_PROGRESS
+) -> Iterator[Progress]:
     """Callbacks that tell the user how far work is, see `notice.work`; ``own`` callbacks of a caller stand instead."""
     if own is not NO_PROGRESS:
         yield own
@@ -76,11 +82,18 @@ def reported(text: str, seconds: float = 0, own: Progress = NO_PROGRESS) -> Iter
 
 def cores() -> int:
     """Number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return (
+        len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count() or 1
+    )
 
 
 def parallel_map(
-    function: Callable[..., Any], calls: Calls, workers: Workers = SERIAL, done: Callable[[int], object] = _ignore
+    function: Callable[..., Any],
+    calls: Calls,
+    workers: Workers = SERIAL,
+    done: Callable[[int], object] = _ignore,
 ) -> list[Any]:
     """Results of ``function(*call)`` for every call, in the order of ``calls``, the same for all kinds of workers.
 
@@ -95,7 +108,10 @@ def parallel_map(
 
 
 def unordered_map(
-    function: Callable[..., Any], calls: Calls, workers: Workers, own_process: bool = False
+    function: Callable[..., Any],
+    calls: Calls,
+    workers: Workers,
+    own_process: bool = False,
 ) -> Iterator[tuple[int, Any]]:
     """Index and result of every call of `parallel_map`, in the order of completion.
 
@@ -114,10 +130,16 @@ def unordered_map(
         from joblib import Parallel, delayed
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-        count = min(workers.count, max(2, len(calls)))  # with n_jobs=1 joblib would use this process
-        parallel: Any = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered")
+        count = min(
+            workers.count, max(2, len(calls))
+        )  # with n_jobs=1 joblib would use this process
+        parallel: Any = Parallel(
+            n_jobs=count, backend="loky", return_as="generator_unordered"
+        )
         try:
-            with _safe_path():  # until the last result: joblib may replace a worker at any time
+            with (
+                _safe_path()
+            ):  # until the last result: joblib may replace a worker at any time
                 with _ignoring_interrupts():
                     results = parallel(delayed(_indexed)(*call) for call in indexed)
                 yield from results
@@ -131,7 +153,9 @@ def unordered_map(
             ) from None
 
 
-def _indexed(index: int, function: Callable[..., Any], call: tuple[Any, ...]) -> tuple[int, Any]:
+def _indexed(
+    index: int, function: Callable[..., Any], call: tuple[Any, ...]
+) -> tuple[int, Any]:
     return index, function(*call)
 
 
@@ -171,10 +195,14 @@ def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[An
         futures = client.map(_indexed_on_worker, calls, version=__version__, pure=False)
         untyped: Any = distributed
         try:
-            for _, result in untyped.as_completed(futures, loop=client.loop, with_results=True):
+            for _, result in untyped.as_completed(
+                futures, loop=client.loop, with_results=True
+            ):
                 yield result
         except distributed.KilledWorker as error:
-            died = f"several workers of {scheduler} died in the same call ({error.task})"
+            died = (
+                f"several workers of {scheduler} died in the same call ({error.task})"
+            )
             raise MtpBenchError(f"{died}: is their memory enough?") from None
         finally:
             client.cancel(futures)  # after an error the others are not waited for
@@ -206,16 +234,24 @@ def _connect(scheduler: str) -> Any:
     # The client that was begun is closed here and now. Closed by the collector while another one or a cluster starts,
     # it would wait for a lock that its own thread holds.
     gc.collect()
-    raise MtpBenchError(f"no Dask scheduler answers at {scheduler!r} ({reason}): does `dask scheduler` run there?")
+    raise MtpBenchError(
+        f"no Dask scheduler answers at {scheduler!r} ({reason}): does `dask scheduler` run there?"
+    )
 
 
 def _require_workers(client: Any, scheduler: str) -> None:
     try:
         client.wait_for_workers(1, timeout=_WORKER_SECONDS)
     except TimeoutError:
-        advice = f"start some with `{_SAFE_PATH}=1 dask worker {scheduler} --nthreads 1`"
-        raise MtpBenchError(f"the Dask scheduler at {scheduler} has no workers: {advice}") from None
-    for worker, problem in client.run(_worker_problem, __version__, on_error="ignore").items():  # one may end just now
+        advice = (
+            f"start some with `{_SAFE_PATH}=1 dask worker {scheduler} --nthreads 1`"
+        )
+        raise MtpBenchError(
+            f"the Dask scheduler at {scheduler} has no workers: {advice}"
+        ) from None
+    for worker, problem in client.run(
+        _worker_problem, __version__, on_error="ignore"
+    ).items():  # one may end just now
         if problem:
             raise MtpBenchError(f"worker {worker} {problem}")
 

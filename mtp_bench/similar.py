@@ -19,7 +19,10 @@ def class_hint(name: str, known: Iterable[str]) -> str:
 
     A vehicle of another kind is similar, but not the same: a truck that is called a car may be a mistake.
     """
-    names, word = tuple(known), name.lower().rsplit(".", maxsplit=1)[-1]  # of "vehicle.car"
+    names, word = (
+        tuple(known),
+        name.lower().rsplit(".", maxsplit=1)[-1],
+    )  # of "vehicle.car"
     other, spelt = of_kind(word, names), closest(word, names, _SPELT)
     if other is not None and not spelt and word in _ALIKE[0]:
         return f"similar is {other!r}"
@@ -34,7 +37,11 @@ def similar_class(name: str, known: Iterable[str]) -> str | None:
     """
     names = tuple(known)
     same = name if name in names else of_kind(name, names)
-    return same if same is not None or not names or closest(name, names, _SPELT) else names[0]
+    return (
+        same
+        if same is not None or not names or closest(name, names, _SPELT)
+        else names[0]
+    )
 
 
 def of_kind(name: str, names: Collection[str]) -> str | None:

@@ -22,14 +22,18 @@ MOST_TOML = 1 << 20  # bytes of a file
 MOST_JSON = 8 << 20
 MOST_DEPTH = 64  # nested tables and lists
 _MOST_SHOWN = 200  # characters of a value in an error text
-_NUMBER = re.compile(r"(?<![\w.+-])[+-]?\d+\.\d+(?:[eE][+-]?\d+)?(?![\w.])")  # a number alone, not within a key
+_NUMBER = re.compile(
+    r"(?<![\w.+-])[+-]?\d+\.\d+(?:[eE][+-]?\d+)?(?![\w.])"
+)  # a number alone, not within a key
 _MOST_DIGITS = 19  # of an integer: it fits 64 bits
 
 
 class Section(BaseModel):
     """A table of a TOML file. Values are not converted: ``"10"``, ``10.0`` and ``true`` are not the integer 10."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False
+    )
 
 
 SectionT = TypeVar("SectionT", bound=Section)
@@ -48,7 +52,9 @@ def rule(holds: Callable[[Any], bool], expected: str) -> AfterValidator:
 
 def read_toml(path: Path, error: type[MtpBenchError]) -> dict[str, Any]:
     """Content of a TOML file of at most `MOST_TOML` bytes; raises ``error`` if it cannot be read."""
-    text = read_bounded(path, MOST_TOML, error).removeprefix("\ufeff")  # some editors write a byte order mark
+    text = read_bounded(path, MOST_TOML, error).removeprefix(
+        "\ufeff"
+    )  # some editors write a byte order mark
     try:
         _require_short_keys(text)
         content = tomllib.loads(text)
@@ -58,7 +64,9 @@ def read_toml(path: Path, error: type[MtpBenchError]) -> dict[str, Any]:
     return content
 
 
-def read_json(path: Path, error: type[MtpBenchError], absent: str = ABSENT, most: int = MOST_JSON) -> dict[str, Any]:
+def read_json(
+    path: Path, error: type[MtpBenchError], absent: str = ABSENT, most: int = MOST_JSON
+) -> dict[str, Any]:
     """The object in a JSON file of at most ``most`` bytes; raises ``error`` if it cannot be read.
 
     ``absent``: the reason given if there is no such file.
@@ -69,7 +77,9 @@ def read_json(path: Path, error: type[MtpBenchError], absent: str = ABSENT, most
 def parse_json(text: str, where: str, error: type[MtpBenchError]) -> dict[str, Any]:
     """The object in a JSON text; raises ``error`` naming ``where`` the text is from."""
     try:
-        content = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique_keys)
+        content = json.loads(
+            text, parse_constant=_refuse_constant, object_pairs_hook=_unique_keys
+        )
         _require_plain(content)
     except (ValueError, RecursionError) as cause:
         raise error(f"{where}: not valid JSON: {_reason(cause)}") from None
@@ -78,7 +88,12 @@ def parse_json(text: str, where: str, error: type[MtpBenchError]) -> dict[str, A
     return content
 
 
-def validate(model: type[SectionT], content: dict[str, Any], where: str, error: type[MtpBenchError]) -> SectionT:
+def validate(
+    model: type[SectionT],
+    content: dict[str, Any],
+    where: str,
+    error: type[MtpBenchError],
+) -> SectionT:
     """``content`` as ``model``; raises ``error`` naming ``where``, the key, what was got and what was expected."""
     try:
         return model.model_validate(content)
@@ -86,7 +101,12 @@ def validate(model: type[SectionT], content: dict[str, Any], where: str, error: 
         raise error(f"{where}: {explain(cause.errors(), model)}") from None
 
 
-def require_part(model: type[Section], content: dict[str, Any], where: str, error: type[MtpBenchError]) -> None:
+def require_part(
+    model: type[Section],
+    content: dict[str, Any],
+    where: str,
+    error: type[MtpBenchError],
+) -> None:
     """Raise ``error`` as `validate` does, but allow missing keys: ``content`` is a part of a ``model``."""
     try:
         model.model_validate(content)
@@ -115,8 +135,13 @@ def _require_short_keys(text: str) -> None:
     """Raise ValueError for a line with very many dots: tomllib needs memory quadratic in the parts of a dotted key."""
     for number, line in enumerate(text.split("\n"), 1):
         dots = line.count(".")
-        if dots > MOST_DEPTH and (dots := _NUMBER.sub("", line).count(".")) > MOST_DEPTH:
-            raise ValueError(f"line {number} has {dots} dots outside of numbers, expected at most {MOST_DEPTH}")
+        if (
+            dots > MOST_DEPTH
+            and (dots := _NUMBER.sub("", line).count(".")) > MOST_DEPTH
+        ):
+            raise ValueError(
+                f"line {number} has {dots} dots outside of numbers, expected at most {MOST_DEPTH}"
+            )
 
 
 def _refuse_constant(text: str) -> None:
@@ -146,31 +171,49 @@ def _require_plain(value: Any, depth: int = 0) -> None:
             for inner in value:
                 _require_plain(inner, depth + 1)
     elif isinstance(value, str):
-        if not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
-            raise ValueError(f"the text {value[:40]!a} contains a lone surrogate, expected valid Unicode")
+        if not value.isascii() and any(
+            "\ud800" <= letter <= "\udfff" for letter in value
+        ):
+            raise ValueError(
+                f"the text {value[:40]!a} contains a lone surrogate, expected valid Unicode"
+            )
     elif isinstance(value, float):
         if not math.isfinite(value):
-            raise ValueError("a number is too large, infinite or NaN, expected finite numbers")
+            raise ValueError(
+                "a number is too large, infinite or NaN, expected finite numbers"
+            )
     elif isinstance(value, int):
         if abs(value) >= 2**63:
-            raise ValueError(f"a number of {len(str(abs(value)))} digits, expected at most {_MOST_DIGITS}")
+            raise ValueError(
+                f"a number of {len(str(abs(value)))} digits, expected at most {_MOST_DIGITS}"
+            )
     elif value is not None:
-        raise ValueError(f"a {type(value).__name__} ({value}), expected texts, numbers, lists and tables")
+        raise ValueError(
+            f"a {type(value).__name__} ({value}), expected texts, numbers, lists and tables"
+        )
 
 
 def _reason(cause: ValueError | RecursionError) -> str:
     if isinstance(cause, RecursionError):
         return f"tables and lists are nested deeper than {MOST_DEPTH} levels"
-    return "a number has thousands of digits" if "set_int_max_str_digits" in str(cause) else str(cause)
+    return (
+        "a number has thousands of digits"
+        if "set_int_max_str_digits" in str(cause)
+        else str(cause)
+    )
 
 
-def _locate(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, type[BaseModel]]:
+def _locate(
+    model: type[BaseModel], loc: tuple[int | str, ...]
+) -> tuple[str, type[BaseModel]]:
     """The key of ``loc``, and the section that it stands in."""
     section = model
     for part in loc[:-1]:
         field = section.model_fields.get(str(part))
         section = next(_sections_in(field.annotation), section) if field else section
-    return clean_text(".".join(map(str, loc)).removesuffix(".[key]"), _MOST_SHOWN), section
+    return clean_text(
+        ".".join(map(str, loc)).removesuffix(".[key]"), _MOST_SHOWN
+    ), section
 
 
 def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -34,31 +34,58 @@ class Tracks:
     past_valid: Bools  # [N, P] False: no detection taken, or not yet born
     member: Bools  # [H, N]
     log_weight: Floats  # [H] normalised, heaviest first
-    parent: Ints | None = None  # [H] hypothesis of the frame before, by its row there, that it descends from
+    parent: Ints | None = (
+        None  # [H] hypothesis of the frame before, by its row there, that it descends from
+    )
     last_score: Floats | None = None  # [N] of the last detection that the track took
     hits: Ints | None = None  # [N] detections that the track took
     age: Ints | None = None  # [N] frames since its first detection, this one included
-    past_detection: Ints | None = None  # [N, P] detection taken, its row in that frame's observation; -1: none, UNBORN
-    covariance: Floats | None = None  # [N, 2, 2] of position (m) and velocity (m/frame), per axis, as the filter says
+    past_detection: Ints | None = (
+        None  # [N, P] detection taken, its row in that frame's observation; -1: none, UNBORN
+    )
+    covariance: Floats | None = (
+        None  # [N, 2, 2] of position (m) and velocity (m/frame), per axis, as the filter says
+    )
     affinity: Affinity | None = None
 
     def select(self, rows: Ints) -> "Tracks":
         """The tracks ``rows``, in this order; the hypotheses hold what is left of theirs."""
         aligned = [f.name for f in fields(self) if f.name not in _NOT_BY_TRACK]
-        parts = {name: value[rows] for name in aligned if (value := getattr(self, name)) is not None}
-        pairs = None if self.affinity is None else self.affinity._replace(before=self.affinity.before[rows])
+        parts = {
+            name: value[rows]
+            for name in aligned
+            if (value := getattr(self, name)) is not None
+        }
+        pairs = (
+            None
+            if self.affinity is None
+            else self.affinity._replace(before=self.affinity.before[rows])
+        )
         return replace(self, **parts, member=self.member[:, rows], affinity=pairs)
 
     @classmethod
-    def of_one_hypothesis(cls, track_id: Ints, box: Floats, class_id: Ints, **fields: Any) -> "Tracks":
+    def of_one_hypothesis(
+        cls, track_id: Ints, box: Floats, class_id: Ints, **fields: Any
+    ) -> "Tracks":
         """Tracks of these identities [N], boxes [N, 7] and classes [N], all in one hypothesis.
 
         ``fields``: further ones; without them the tracks have no past, and took no detection.
         """
         n = len(box)
-        bare: dict[str, Any] = {"score": np.ones(n), "detection": np.full(n, -1), "past": box[:, None]}
+        bare: dict[str, Any] = {
+            "score": np.ones(n),
+            "detection": np.full(n, -1),
+            "past": box[:, None],
+        }
         bare |= {"past_valid": np.zeros((n, 1), dtype=bool), **fields}
-        return cls(track_id, box, class_id, member=np.ones((1, n), dtype=bool), log_weight=np.zeros(1), **bare)
+        return cls(
+            track_id,
+            box,
+            class_id,
+            member=np.ones((1, n), dtype=bool),
+            log_weight=np.zeros(1),
+            **bare,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +115,22 @@ def group(tracks: Tracks, most: int, min_mass: float = 0.0) -> Objects:
     enough = np.exp(log_mass[order]) >= min_mass - _ROUNDING
     order = order[enough & held[order].any(axis=1)][:most]
     first = leaf[order, held[order].argmax(axis=1)]
-    return Objects(tracks.box[first], tracks.class_id[first], tracks.score[first], leaf[order], log_mass[order])
+    return Objects(
+        tracks.box[first],
+        tracks.class_id[first],
+        tracks.score[first],
+        leaf[order],
+        log_mass[order],
+    )
 
 
 def _by_detection(tracks: Tracks) -> Ints:
     """The track [D, H] that took each detection in each hypothesis, -1 for none."""
-    table = np.full((int(tracks.detection.max(initial=-1)) + 1, len(tracks.member)), -1, dtype=np.int64)
+    table = np.full(
+        (int(tracks.detection.max(initial=-1)) + 1, len(tracks.member)),
+        -1,
+        dtype=np.int64,
+    )
     hypothesis, track = np.nonzero(tracks.member & (tracks.detection >= 0))
     table[tracks.detection[track], hypothesis] = track
     return table
@@ -113,9 +150,17 @@ def _move_coasting(tracks: Tracks, leaf: Ints) -> None:
     """Let tracks without a detection stand for the object that their identity is elsewhere, where that is free."""
     detections = int(tracks.detection.max(initial=-1)) + 1
     taken = np.flatnonzero(tracks.detection >= 0)
-    rank = tracks.member.argmax(axis=0)[taken]  # the heaviest hypothesis that holds the track
-    last = taken[np.argsort(rank, kind="stable")[::-1]]  # of an identity the heaviest stays
-    home = dict(zip(tracks.track_id[last].tolist(), tracks.detection[last].tolist(), strict=True))
+    rank = tracks.member.argmax(axis=0)[
+        taken
+    ]  # the heaviest hypothesis that holds the track
+    last = taken[
+        np.argsort(rank, kind="stable")[::-1]
+    ]  # of an identity the heaviest stays
+    home = dict(
+        zip(
+            tracks.track_id[last].tolist(), tracks.detection[last].tolist(), strict=True
+        )
+    )
     identity = tracks.track_id[leaf[detections:].max(axis=1)].tolist()
     for row, target in zip(leaf[detections:], map(home.get, identity), strict=True):
         if target is not None:

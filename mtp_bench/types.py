@@ -19,7 +19,9 @@ Floats = NDArray[np.floating[Any]]
 Ints = NDArray[np.integer[Any]]
 Bools = NDArray[np.bool_]
 NO_ROWS: Ints = np.zeros(0, dtype=np.int64)  # row numbers where there is no row
-Observation = dict[str, NDArray[Any]]  # arrays of a frame, by the names of the observation space
+Observation = dict[
+    str, NDArray[Any]
+]  # arrays of a frame, by the names of the observation space
 Action = dict[str, NDArray[Any]]  # by the names of the action space
 RecordT = TypeVar("RecordT", bound=Any)
 
@@ -34,7 +36,9 @@ class Ragged:
     start: Ints  # [F + 1]
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}: {int(self.start[-1])} rows in {self.frames} frames"
+        return (
+            f"{type(self).__name__}: {int(self.start[-1])} rows in {self.frames} frames"
+        )
 
     @property
     def frames(self) -> int:
@@ -59,17 +63,27 @@ class Ragged:
         """The table with the rows of frame ``t`` alone; the other frames are empty."""
         rows = self.rows(t)
         start = np.where(np.arange(len(self.start)) > t, rows.stop - rows.start, 0)
-        columns = {column.name: getattr(self, column.name)[rows] for column in fields(self) if column.name != "start"}
+        columns = {
+            column.name: getattr(self, column.name)[rows]
+            for column in fields(self)
+            if column.name != "start"
+        }
         return replace(self, start=start, **columns)
 
     def select(self, kept: Bools) -> Self:
         """The table of the rows in the mask ``kept`` [R]; every column but ``start`` must have a value per row."""
-        columns = {column.name: getattr(self, column.name)[kept] for column in fields(self) if column.name != "start"}
+        columns = {
+            column.name: getattr(self, column.name)[kept]
+            for column in fields(self)
+            if column.name != "start"
+        }
         return replace(self, start=starts_of(kept)[self.start], **columns)
 
 
 SCORES = "scores"  # a `Task.presence`: the score of an object's last detection is its confidence
-ABSENT_BELOW = -1e30  # log-weights below, such as -inf, mean an absent sample or hypothesis
+ABSENT_BELOW = (
+    -1e30
+)  # log-weights below, such as -inf, mean an absent sample or hypothesis
 ID_LIMIT = 2**31 - 1  # largest number of an object or a track
 LONGEST_SHORT_NAME = 16  # characters
 CENTIMETRES = 100.0  # per metre: forecasts are recorded in whole centimetres
@@ -92,12 +106,18 @@ def starts_of(count: Sequence[int] | Ints | Bools) -> Ints:
 
 def select(record: RecordT, rows: Ints | Bools) -> RecordT:
     """The ``rows`` of a record, a dataclass of arrays of one length."""
-    return cast(RecordT, type(record)(**{c.name: getattr(record, c.name)[rows] for c in fields(record)}))
+    return cast(
+        RecordT,
+        type(record)(**{c.name: getattr(record, c.name)[rows] for c in fields(record)}),
+    )
 
 
 def joined(records: Sequence[RecordT]) -> RecordT:
     """One record of several of the same class, at least one: their arrays end to end."""
-    columns = {c.name: np.concatenate([getattr(record, c.name) for record in records]) for c in fields(records[0])}
+    columns = {
+        c.name: np.concatenate([getattr(record, c.name) for record in records])
+        for c in fields(records[0])
+    }
     return cast(RecordT, type(records[0])(**columns))
 
 
@@ -106,7 +126,9 @@ def starts_of_sorted(frame: Ints, frames: int) -> Ints:
     return np.searchsorted(frame, np.arange(frames + 1))
 
 
-LONGEST_STEP = 1.5  # frame periods of the task; a longer step between two frames is a hole in time
+LONGEST_STEP = (
+    1.5  # frame periods of the task; a longer step between two frames is a hole in time
+)
 _ROUNDING = 1e-6  # s, of steps
 
 
@@ -115,7 +137,9 @@ def pieces_of(time: Floats, period: float) -> Ints:
 
     ``time`` [F] s; ``period``: nominal time between two frames, s.
     """
-    return np.cumsum(np.diff(time, prepend=time[:1]) > LONGEST_STEP * period + _ROUNDING, dtype=int)
+    return np.cumsum(
+        np.diff(time, prepend=time[:1]) > LONGEST_STEP * period + _ROUNDING, dtype=int
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,7 +205,9 @@ class Lane:
     center: Floats  # [n, 2]
     left: Floats  # [n, 2] left border
     right: Floats  # [n, 2] right border
-    following: tuple[int, ...] = ()  # lanes that continue it, as indices of ``Scene.lanes``
+    following: tuple[
+        int, ...
+    ] = ()  # lanes that continue it, as indices of ``Scene.lanes``
     junction: bool = False  # inside a junction: drawn without borders
 
 
@@ -189,7 +215,9 @@ class Lane:
 class ImageField:
     """Area that a labelled camera image covers: a forecast outside of it is neither right nor wrong."""
 
-    projection: Floats  # [F, 3, 4] from the scene's frame of reference, homogeneous, to pixels
+    projection: (
+        Floats  # [F, 3, 4] from the scene's frame of reference, homogeneous, to pixels
+    )
     height: Floats  # [F] m, z of the camera
     heading: Floats  # [F] rad, yaw of the platform
     size: tuple[int, int]  # pixels, width and height
@@ -211,15 +239,27 @@ class Scene:
     listed_targets: bool = False  # True: ``truth.eligible`` is an official list, whose targets need no P past frames
     detector: str = ""  # origin of the detections, as text; empty: the scene has none
     simulated: bool = False  # True: the detections are simulated
-    visible: Floats | None = None  # [R] share of each true box in line of sight, 0 to 1; None: unknown
-    skipped: dict[str, int] = field(default_factory=dict)  # rows dropped while reading, by reason
+    visible: Floats | None = (
+        None  # [R] share of each true box in line of sight, 0 to 1; None: unknown
+    )
+    skipped: dict[str, int] = field(
+        default_factory=dict
+    )  # rows dropped while reading, by reason
     recording: str = ""  # that the scene is cut from: objects keep their ids in all its scenes; empty: none
     image: ImageField | None = None  # area that the labels cover; None: all around
-    world: Floats | None = None  # [F, 4] x y z yaw of each frame's origin, if every frame has its own
-    tracks: StoredTracks | None = None  # of a foreign tracker, for agents that observe them
-    lanes: tuple[Lane, ...] = ()  # the road map; observations show it where the card says so
+    world: Floats | None = (
+        None  # [F, 4] x y z yaw of each frame's origin, if every frame has its own
+    )
+    tracks: StoredTracks | None = (
+        None  # of a foreign tracker, for agents that observe them
+    )
+    lanes: tuple[
+        Lane, ...
+    ] = ()  # the road map; observations show it where the card says so
     # names in the files by number, only where they differ; texts alone show them, and no digest counts them
-    object_names: Mapping[int, str] = field(default_factory=dict, compare=False)  # of true objects, all different
+    object_names: Mapping[int, str] = field(
+        default_factory=dict, compare=False
+    )  # of true objects, all different
     track_names: Mapping[int, str] = field(default_factory=dict, compare=False)
     # of ``tracks``: an agent with ``observe="tracks"`` that keeps the ids it is shown answers these numbers as track_id
 
@@ -243,7 +283,10 @@ class Scene:
         if len(name) <= LONGEST_SHORT_NAME:
             return name
         for begin in (name[:8], name[:LONGEST_SHORT_NAME]):
-            if sum(other.startswith(begin) for other in self.object_names.values()) == 1:
+            if (
+                sum(other.startswith(begin) for other in self.object_names.values())
+                == 1
+            ):
                 return begin
         return f"#{object_id}"
 
@@ -267,19 +310,27 @@ class Task:
     # "truth": true boxes with true ids come as detections; "tracks": stored tracks do; "associated": detections have
     # the ids of the true objects that they are matched to
     observe: str = "detections"
-    ego_motion: bool = True  # False: every frame is given in its own ego frame, the world moves
+    ego_motion: bool = (
+        True  # False: every frame is given in its own ego frame, the world moves
+    )
     velocity: bool = False  # detections carry a measured velocity
-    seed: int = 0  # for the agent's own random draws; a hash of the run's seed and the scene
+    seed: int = (
+        0  # for the agent's own random draws; a hash of the run's seed and the scene
+    )
     lanes: int = 0  # L pieces of lanes in the observation; 0: it shows none
     lane_points: int = 0  # Q points of a piece
     motion_noise: str = ""  # e.g. "KITTI": where objects move like here; agents choose their motion model by it
     weights_of: str = ""  # the env whose network weights serve here too; empty: none
-    tracker: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by class; empty: those of the detector
+    tracker: Mapping[str, Mapping[str, Any]] = field(
+        default_factory=dict
+    )  # by class; empty: those of the detector
     presence: str = ""  # SCORES, or the file of a presence model; empty: agents choose it by the detector
 
     def after_hole(self, observation: Observation) -> bool:
         """True if the frame follows a hole in time: no track history should cross it (docs/definitions, "Targets")."""
-        return float(observation.get("dt", self.dt)) > LONGEST_STEP * self.dt + _ROUNDING
+        return (
+            float(observation.get("dt", self.dt)) > LONGEST_STEP * self.dt + _ROUNDING
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -295,7 +346,9 @@ class Rollout:
     track_box: Floats  # [R, 7]
     track_class: Ints  # [R]; -1: not stated, fits every class
     member: Bools  # [R, H] the hypotheses that hold this track
-    hypothesis_log_weight: Floats  # [F, H] normalised; -inf: no such hypothesis in this frame
+    hypothesis_log_weight: (
+        Floats  # [F, H] normalised; -inf: no such hypothesis in this frame
+    )
     hypothesis_parent: Ints  # [F, H] hypothesis of the frame before that it descends from; -1: not stated
     object_start: Ints  # [F + 1]
     object_box: Floats  # [R, 7]

@@ -17,7 +17,13 @@ from mtp_bench.detector.fit.samples import FalsePositiveSamples, ObjectSamples
 from mtp_bench.geometry import rotate
 from mtp_bench.types import Bools, Floats, Ints
 
-DISTANCES = (0.0, 20.0, 40.0, 60.0, 80.0)  # m, ends of the bins that recall, score and error are given for
+DISTANCES = (
+    0.0,
+    20.0,
+    40.0,
+    60.0,
+    80.0,
+)  # m, ends of the bins that recall, score and error are given for
 _NARROW = 10.0  # m, width of the bins within which scores and misses are compared
 _FEW = 30  # rows or pairs from which a figure is taken
 _BOUND = 0.5  # m: one wild error does not make a correlation
@@ -31,13 +37,17 @@ _LONG = 3  # frames
 class Couplings:
     """Figures of one class; NaN where there is too little to measure."""
 
-    score_and_error: float  # Spearman of score and centre error, mean over bins of distance
+    score_and_error: (
+        float  # Spearman of score and centre error, mean over bins of distance
+    )
     miss_ahead: float  # AUC of a low score now for a miss in the next frame, mean over bins of distance
     misses_together: float  # correlation of misses of pairs 5 to 10 m apart, less what distance explains
     errors_together: float  # correlation of position errors of pairs nearer than 5 m
     change: float  # m, median change of the position error between frames
     false_together: float  # share of false positives with another one within 3 m
-    false_long: float  # share of false positives that are seen in 3 frames on end or more
+    false_long: (
+        float  # share of false positives that are seen in 3 frames on end or more
+    )
     duplicates: float  # per 1 000 hits
     false_per_frame: float
     recall: tuple[float, ...]  # by distance
@@ -56,7 +66,9 @@ def couplings(objects: ObjectSamples, false: FalsePositiveSamples) -> Couplings:
     return Couplings(
         score_and_error=_score_and_error(objects, error, wide),
         miss_ahead=_miss_ahead(objects, distance),
-        misses_together=_correlation(miss - undetected, *_pairs(objects, _CLOSE, _APART)),
+        misses_together=_correlation(
+            miss - undetected, *_pairs(objects, _CLOSE, _APART)
+        ),
         errors_together=_errors_together(objects),
         change=_change(objects),
         false_together=_share(_together(false)),
@@ -64,7 +76,9 @@ def couplings(objects: ObjectSamples, false: FalsePositiveSamples) -> Couplings:
         duplicates=1000.0 * float(false.duplicate.sum()) / hits,
         false_per_frame=float(false.count.mean()),
         recall=tuple(_share(objects.hit[rows]) for rows in wide),
-        score=tuple(_of_hits(objects.score, objects.hit, rows, np.mean) for rows in wide),
+        score=tuple(
+            _of_hits(objects.score, objects.hit, rows, np.mean) for rows in wide
+        ),
         error=tuple(_of_hits(error, objects.hit, rows, np.median) for rows in wide),
     )
 
@@ -79,7 +93,9 @@ def _share(yes: Bools) -> float:
     return float(yes.mean()) if len(yes) >= _FEW else float("nan")
 
 
-def _of_hits(value: Floats, hit: Bools, rows: Ints, middle: Callable[[Floats], Any]) -> float:
+def _of_hits(
+    value: Floats, hit: Bools, rows: Ints, middle: Callable[[Floats], Any]
+) -> float:
     rows = rows[hit[rows]]
     return float(middle(value[rows])) if len(rows) >= _FEW else float("nan")
 
@@ -92,8 +108,13 @@ def _score_and_error(objects: ObjectSamples, error: Floats, bins: list[Ints]) ->
     from scipy.stats import rankdata
 
     found = [rows[objects.hit[rows]] for rows in bins]
-    found = [rows for rows in found if len(rows) >= _FEW and np.ptp(objects.score[rows]) > 0]
-    return _weighted([_plain(rankdata(objects.score[r]), rankdata(error[r])) for r in found], [len(r) for r in found])
+    found = [
+        rows for rows in found if len(rows) >= _FEW and np.ptp(objects.score[rows]) > 0
+    ]
+    return _weighted(
+        [_plain(rankdata(objects.score[r]), rankdata(error[r])) for r in found],
+        [len(r) for r in found],
+    )
 
 
 def _plain(one: Floats, other: Floats) -> float:
@@ -106,24 +127,33 @@ def _miss_ahead(objects: ObjectSamples, distance: Floats) -> float:
     earlier, later = objects.pairs()
     earlier, later = earlier[objects.hit[earlier]], later[objects.hit[earlier]]
     value, weight = [], []
-    for rows in _bins(distance[earlier], np.arange(0.0, DISTANCES[-1] + _NARROW, _NARROW)):
+    for rows in _bins(
+        distance[earlier], np.arange(0.0, DISTANCES[-1] + _NARROW, _NARROW)
+    ):
         miss = ~objects.hit[later[rows]]
         count = int(miss.sum())
         if count and count < len(rows) and np.ptp(objects.score[earlier[rows]]) > 0:
             rank = rankdata(-objects.score[earlier[rows]])
-            value.append((rank[miss].sum() - count * (count + 1) / 2) / (count * (len(rows) - count)))
+            value.append(
+                (rank[miss].sum() - count * (count + 1) / 2)
+                / (count * (len(rows) - count))
+            )
             weight.append(count)
     return _weighted(value, weight) if sum(weight) >= _FEW else float("nan")
 
 
-def _pairs(objects: ObjectSamples, nearest: float, farthest: float) -> tuple[Ints, Ints]:
+def _pairs(
+    objects: ObjectSamples, nearest: float, farthest: float
+) -> tuple[Ints, Ints]:
     """Pairs of rows of a frame, by their distance."""
     from scipy.spatial import KDTree
 
     if not len(objects.place):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     width = int(objects.frame.max()) + 1
-    apart = np.column_stack([objects.place, 2 * farthest * (objects.scene * width + objects.frame)])
+    apart = np.column_stack(
+        [objects.place, 2 * farthest * (objects.scene * width + objects.frame)]
+    )
     pairs = KDTree(apart).query_pairs(farthest, output_type="ndarray").reshape(-1, 2)
     off = np.hypot(*(objects.place[pairs[:, 0]] - objects.place[pairs[:, 1]]).T)
     return pairs[off > nearest, 0], pairs[off > nearest, 1]
@@ -133,7 +163,10 @@ def _correlation(value: Floats, one: Ints, other: Ints) -> float:
     """Of both members of pairs; each pair counts in both directions."""
     if len(one) < _FEW:
         return float("nan")
-    first, second = np.append(value[one], value[other]), np.append(value[other], value[one])
+    first, second = (
+        np.append(value[one], value[other]),
+        np.append(value[other], value[one]),
+    )
     return float(np.corrcoef(first, second)[0, 1])
 
 
@@ -148,7 +181,11 @@ def _errors_together(objects: ObjectSamples) -> float:
 def _change(objects: ObjectSamples) -> float:
     earlier, later = objects.hit_pairs()
     off = rotate(objects.error[:, :2], objects.direction)
-    return float(np.median(np.hypot(*(off[later] - off[earlier]).T))) if len(earlier) >= _FEW else float("nan")
+    return (
+        float(np.median(np.hypot(*(off[later] - off[earlier]).T)))
+        if len(earlier) >= _FEW
+        else float("nan")
+    )
 
 
 def _together(false: FalsePositiveSamples) -> Bools:
@@ -159,7 +196,9 @@ def _together(false: FalsePositiveSamples) -> Bools:
     at = np.column_stack([false.place, moment])
     if not len(at):
         return np.zeros(0, dtype=bool)
-    return np.asarray(KDTree(at).query_ball_point(at, _TOGETHER, return_length=True) > 1)
+    return np.asarray(
+        KDTree(at).query_ball_point(at, _TOGETHER, return_length=True) > 1
+    )
 
 
 def lives(false: FalsePositiveSamples) -> Ints:
@@ -185,7 +224,9 @@ def lives(false: FalsePositiveSamples) -> Ints:
 
 def _same(here: Floats, there: Floats) -> tuple[Ints, Ints]:
     """Pairs within 1 m, nearest first, each in one pair at most."""
-    off = np.hypot(here[:, None, 0] - there[None, :, 0], here[:, None, 1] - there[None, :, 1])
+    off = np.hypot(
+        here[:, None, 0] - there[None, :, 0], here[:, None, 1] - there[None, :, 1]
+    )
     one, other = np.nonzero(off <= _SAME_PLACE)
     pairs: dict[int, int] = {}
     taken: set[int] = set()
@@ -194,4 +235,6 @@ def _same(here: Floats, there: Floats) -> tuple[Ints, Ints]:
         if a not in pairs and b not in taken:
             pairs[a] = b
             taken.add(b)
-    return np.array(list(pairs), dtype=np.int64), np.array(list(pairs.values()), dtype=np.int64)
+    return np.array(list(pairs), dtype=np.int64), np.array(
+        list(pairs.values()), dtype=np.int64
+    )

@@ -22,10 +22,14 @@ class _Scenes:
         return self._scenes[name]
 
 
-def switches_and_losses(env_id: str, data: str | None, scenes: Sequence[Scene], agent: str = "stp") -> tuple[int, int]:
+def switches_and_losses(
+    env_id: str, data: str | None, scenes: Sequence[Scene], agent: str = "stp"
+) -> tuple[int, int]:
     """Identity switches and losses of an agent over ``scenes``, scenes of the env with any detections."""
     env = MTPEnv(env_id, data, evaluation=True)
-    env._source = _Scenes(scenes)  # the tracker's parameters stay those of the card's detector
+    env._source = _Scenes(
+        scenes
+    )  # the tracker's parameters stay those of the card's detector
     submission, counts = load_submission(agent), [0, 0]
     for scene in scenes:
         rollout = run_scene(submission.build(agent_task(env, 0)), env, scene.name, 0)

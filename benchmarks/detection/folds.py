@@ -13,11 +13,24 @@ from mtp_bench.detector import Profile, load_profile
 from mtp_bench.detector.fit import fit_profile
 from mtp_bench.detector.profile_file import profile_text
 from mtp_bench.detector.simulate import simulate
-from mtp_bench.detector.visibility import Sensor, Visibility, visibility_of, visible_fractions
+from mtp_bench.detector.visibility import (
+    Sensor,
+    Visibility,
+    visibility_of,
+    visible_fractions,
+)
 from mtp_bench.sources import open_source
 from mtp_bench.types import Scene
 
-NUSCENES: tuple[str, ...] = ("car", "truck", "bus", "trailer", "construction_vehicle", "motorcycle", "bicycle")
+NUSCENES: tuple[str, ...] = (
+    "car",
+    "truck",
+    "bus",
+    "trailer",
+    "construction_vehicle",
+    "motorcycle",
+    "bicycle",
+)
 
 
 @dataclass(frozen=True)
@@ -46,18 +59,38 @@ class Recordings:
         for split in self.splits:
             source = open_source(with_split(card, split), data)
             scenes += [source.load(name) for name in source.names]
-        known = [replace(one, visible=visible_fractions(one.truth, one.ego)) for one in scenes]
+        known = [
+            replace(one, visible=visible_fractions(one.truth, one.ego))
+            for one in scenes
+        ]
         return card.task.classes, known
 
 
 _AROUND, _AHEAD = Sensor(60.0, 2 * np.pi), Sensor(80.0, np.pi / 2)
 _VEHICLES: dict[str, str] = dict.fromkeys(NUSCENES[1:], "car")
 SETS = {
-    "nuscenes": Recordings("nuscenes", "MTP-nuScenes-mini-v0", ("all",), _AROUND, _VEHICLES, "nuscenes_megvii", 5),
-    "centerpoint": Recordings(
-        "centerpoint", "MTP-nuScenes-mini-v0", ("val",), _AROUND, _VEHICLES, "nuscenes_centerpoint", 4, "centerpoint"
+    "nuscenes": Recordings(
+        "nuscenes",
+        "MTP-nuScenes-mini-v0",
+        ("all",),
+        _AROUND,
+        _VEHICLES,
+        "nuscenes_megvii",
+        5,
     ),
-    "kitti": Recordings("kitti", "MTP-KITTI-v0", ("train", "val"), _AHEAD, {}, "kitti_pointrcnn", 3),
+    "centerpoint": Recordings(
+        "centerpoint",
+        "MTP-nuScenes-mini-v0",
+        ("val",),
+        _AROUND,
+        _VEHICLES,
+        "nuscenes_centerpoint",
+        4,
+        "centerpoint",
+    ),
+    "kitti": Recordings(
+        "kitti", "MTP-KITTI-v0", ("train", "val"), _AHEAD, {}, "kitti_pointrcnn", 3
+    ),
 }
 
 
@@ -71,12 +104,19 @@ class Fold:
 
 
 def folds(
-    recordings: Recordings, classes: Sequence[str], scenes: Sequence[Scene], stored: Path | None
+    recordings: Recordings,
+    classes: Sequence[str],
+    scenes: Sequence[Scene],
+    stored: Path | None,
 ) -> Iterator[Fold]:
     """Each scene is in one fold. Fitted profiles are kept in the folder ``stored`` and taken from there."""
     for number in range(recordings.folds):
-        rest = [scene for i, scene in enumerate(scenes) if i % recordings.folds != number]
-        held = [scene for i, scene in enumerate(scenes) if i % recordings.folds == number]
+        rest = [
+            scene for i, scene in enumerate(scenes) if i % recordings.folds != number
+        ]
+        held = [
+            scene for i, scene in enumerate(scenes) if i % recordings.folds == number
+        ]
         path = None if stored is None else stored / f"{recordings.name}_{number}.toml"
         if path is not None and path.exists():
             profile = load_profile(str(path))
@@ -84,20 +124,48 @@ def folds(
             profile = fit(recordings, classes, rest)
             if path is not None:
                 path.write_text(profile_text(profile), encoding="utf-8")
-        seen = [visibility_of(one.truth, one.ego, recordings.sensor, one.visible) for one in held]
+        seen = [
+            visibility_of(one.truth, one.ego, recordings.sensor, one.visible)
+            for one in held
+        ]
         yield Fold(held, seen, profile)
 
 
-def fit(recordings: Recordings, classes: Sequence[str], scenes: Sequence[Scene]) -> Profile:
+def fit(
+    recordings: Recordings, classes: Sequence[str], scenes: Sequence[Scene]
+) -> Profile:
     """The profile of some scenes at all scores."""
     dt = load_profile(recordings.shipped).dt
-    return fit_profile(scenes, classes, dt, recordings.sensor, recordings.name, "", "", None, recordings.pooled)
+    return fit_profile(
+        scenes,
+        classes,
+        dt,
+        recordings.sensor,
+        recordings.name,
+        "",
+        "",
+        None,
+        recordings.pooled,
+    )
 
 
-def detected(fold: Fold, recordings: Recordings, classes: Sequence[str], seed: int) -> list[Scene]:
+def detected(
+    fold: Fold, recordings: Recordings, classes: Sequence[str], seed: int
+) -> list[Scene]:
     """The scenes of a fold with the detections of its profile."""
     profile, sensor, scenes = fold.profile, recordings.sensor, []
-    for i, (scene, visibility) in enumerate(zip(fold.scenes, fold.visibilities, strict=True)):
-        args = (scene.truth, scene.ego, classes, profile, sensor, 1000 * seed + i, profile.dt, visibility)
+    for i, (scene, visibility) in enumerate(
+        zip(fold.scenes, fold.visibilities, strict=True)
+    ):
+        args = (
+            scene.truth,
+            scene.ego,
+            classes,
+            profile,
+            sensor,
+            1000 * seed + i,
+            profile.dt,
+            visibility,
+        )
         scenes.append(replace(scene, detections=simulate(*args)))
     return scenes

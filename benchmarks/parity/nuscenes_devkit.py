@@ -34,7 +34,10 @@ from nuscenes.utils.splits import create_splits_scenes  # type: ignore[import-no
 from pyquaternion import Quaternion  # type: ignore[import-not-found]
 
 PREDICTION = "maps/prediction/prediction_scenes.json"
-SPLITS = {"v1.0-mini": ("mini_train", "mini_val"), "v1.0-trainval": ("train", "train_val", "val")}
+SPLITS = {
+    "v1.0-mini": ("mini_train", "mini_val"),
+    "v1.0-trainval": ("train", "train_val", "val"),
+}
 MOST_BOXES = 500  # per sample, the limit of the official evaluation
 
 Rows = dict[str, Any]  # values by key
@@ -42,23 +45,48 @@ Rows = dict[str, Any]  # values by key
 
 def main() -> None:
     """Read every version of the tables under the data root and write the arrays."""
-    arguments = argparse.ArgumentParser(description="Export the data that the nuScenes devkit reads.")
-    arguments.add_argument("data_root", type=Path, help="folder that holds nuscenes/, or that folder itself")
+    arguments = argparse.ArgumentParser(
+        description="Export the data that the nuScenes devkit reads."
+    )
+    arguments.add_argument(
+        "data_root",
+        type=Path,
+        help="folder that holds nuscenes/, or that folder itself",
+    )
     arguments.add_argument("out", type=Path, help="the .npz file to write")
     given = arguments.parse_args()
-    root = given.data_root / "nuscenes" if (given.data_root / "nuscenes").is_dir() else given.data_root
-    packages = {name: installed(name) for name in ("nuscenes-devkit", "numpy", "pyquaternion", "shapely")}
+    root = (
+        given.data_root / "nuscenes"
+        if (given.data_root / "nuscenes").is_dir()
+        else given.data_root
+    )
+    packages = {
+        name: installed(name)
+        for name in ("nuscenes-devkit", "numpy", "pyquaternion", "shapely")
+    }
     categories = ((name, category_to_detection_name(name)) for name in get_colormap())
     parts: dict[str, Rows] = {
-        "versions": dict.fromkeys([f"python {platform.python_version()}", *map(" ".join, packages.items())], 0),
-        "categories": dict.fromkeys([f"{category} {name}" for category, name in categories if name], 0),
+        "versions": dict.fromkeys(
+            [f"python {platform.python_version()}", *map(" ".join, packages.items())], 0
+        ),
+        "categories": dict.fromkeys(
+            [f"{category} {name}" for category, name in categories if name], 0
+        ),
         **challenge_scenes(),
     }
     for version in SPLITS:
         if (root / version).is_dir():
-            parts |= {f"{version}/{name}": rows for name, rows in read_version(root, version).items()}
-    arrays: dict[str, Any] = {f"{name}/key": np.array(list(rows), dtype=str) for name, rows in parts.items()}
-    arrays |= {f"{name}/value": np.array(list(rows.values()), dtype=float) for name, rows in parts.items()}
+            parts |= {
+                f"{version}/{name}": rows
+                for name, rows in read_version(root, version).items()
+            }
+    arrays: dict[str, Any] = {
+        f"{name}/key": np.array(list(rows), dtype=str) for name, rows in parts.items()
+    }
+    arrays |= {
+        f"{name}/value": np.array(list(rows.values()), dtype=float)
+        for name, rows in parts.items()
+    }
     np.savez_compressed(given.out, **arrays)
 
 
@@ -70,7 +98,12 @@ def challenge_scenes() -> dict[str, Rows]:
         path.parent.mkdir(parents=True)
         path.write_text(json.dumps({name: [name] for name in names}))
         splits = [split for several in SPLITS.values() for split in several]
-        return {f"scenes of {s}": dict.fromkeys(get_prediction_challenge_split(s, folder), 0) for s in splits}
+        return {
+            f"scenes of {s}": dict.fromkeys(
+                get_prediction_challenge_split(s, folder), 0
+            )
+            for s in splits
+        }
 
 
 def read_version(root: Path, version: str) -> dict[str, Rows]:
@@ -80,10 +113,14 @@ def read_version(root: Path, version: str) -> dict[str, Rows]:
     boxes: Rows = {}
     for sample in tables.sample:
         lidar = sample["data"]["LIDAR_TOP"]
-        pose = tables.get("ego_pose", tables.get("sample_data", lidar)["ego_pose_token"])
+        pose = tables.get(
+            "ego_pose", tables.get("sample_data", lidar)["ego_pose_token"]
+        )
         samples[sample["token"]] = [
-            sample["timestamp"], *pose["translation"], quaternion_yaw(Quaternion(pose["rotation"])),
-        ]  # fmt: skip
+            sample["timestamp"],
+            *pose["translation"],
+            quaternion_yaw(Quaternion(pose["rotation"])),
+        ]
         for box in tables.get_boxes(lidar):
             annotation = tables.get("sample_annotation", box.token)
             name = category_to_detection_name(annotation["category_name"])
@@ -92,8 +129,13 @@ def read_version(root: Path, version: str) -> dict[str, Rows]:
                 boxes[key] = box_row(box.center, box.orientation, box.wlh)
     parts = {"samples": samples, "boxes": boxes, "targets": targets(root, tables)}
     for split in SPLITS[version]:
-        listed = (target.split("_") for target in get_prediction_challenge_split(split, dataroot=str(root)))
-        own = [f"{sample} {instance}" for instance, sample in listed if sample in samples]
+        listed = (
+            target.split("_")
+            for target in get_prediction_challenge_split(split, dataroot=str(root))
+        )
+        own = [
+            f"{sample} {instance}" for instance, sample in listed if sample in samples
+        ]
         parts[f"targets of {split}"] = dict.fromkeys(own, 0)
     for path in sorted((root / "detections").glob("*.json")):
         parts[path.stem] = detections(path, samples)
@@ -109,7 +151,9 @@ def targets(root: Path, tables: Any) -> Rows:
         for target in listed.get(scene["name"], []):
             instance, sample = target.split("_")
             future = np.full((12, 2), np.nan)
-            ahead = helper.get_future_for_agent(instance, sample, 6, in_agent_frame=False)
+            ahead = helper.get_future_for_agent(
+                instance, sample, 6, in_agent_frame=False
+            )
             future[: len(ahead)] = ahead
             speed = helper.get_velocity_for_agent(instance, sample)
             rows[f"{sample} {instance}"] = [*future.ravel(), speed]
@@ -121,11 +165,13 @@ def detections(path: Path, samples: Rows) -> Rows:
     boxes, _ = load_prediction(str(path), MOST_BOXES, DetectionBox)
     return {
         f"{token} {box.detection_name} {place:03d}": [
-            *box_row(box.translation, Quaternion(box.rotation), box.size), box.detection_score,
+            *box_row(box.translation, Quaternion(box.rotation), box.size),
+            box.detection_score,
         ]
-        for token in boxes.sample_tokens if token in samples
+        for token in boxes.sample_tokens
+        if token in samples
         for place, box in enumerate(boxes[token])
-    }  # fmt: skip
+    }
 
 
 def box_row(center: Any, orientation: Any, size: Any) -> list[float]:

@@ -23,7 +23,9 @@ PAPER = {1: 207.0, 5: 65.0, 10: 25.0, 20: 8.1}  # frames/s
 def distinct_histories(tracks: Tracks, task: Task) -> Ints:
     """Distinct tracks [O] that stand for each object in the hypotheses, objects as the agent reports them."""
     leaf = np.sort(group(tracks, task.objects, 0.5).leaf, axis=1)
-    return np.asarray(1 + (np.diff(leaf, axis=1) > 0).sum(axis=1) - (leaf[:, 0] < 0), dtype=np.int64)
+    return np.asarray(
+        1 + (np.diff(leaf, axis=1) > 0).sum(axis=1) - (leaf[:, 0] < 0), dtype=np.int64
+    )
 
 
 def alive(hypotheses: int, task: Task, scenes: Scenes, **options: Any) -> Row:
@@ -47,7 +49,9 @@ def alive(hypotheses: int, task: Task, scenes: Scenes, **options: Any) -> Row:
     }
 
 
-def against_hypotheses(task: Task, scenes: Scenes, sizes: Iterable[int], repeats: int) -> list[Row]:
+def against_hypotheses(
+    task: Task, scenes: Scenes, sizes: Iterable[int], repeats: int
+) -> list[Row]:
     """Cost against H on recordings, beside the plain tracker and the paper."""
     frames = frames_of(scenes)
     ours = cpu_seconds({h: tracker(h) for h in sizes}, task, scenes, repeats)
@@ -74,23 +78,46 @@ def against_objects(sizes: Iterable[int], frames: int, repeats: int) -> list[Row
     for n in sizes:
         task, scenes = crowd(n, frames)
         seconds = cpu_seconds({h: tracker(h) for h in (1, 20)}, task, scenes, repeats)
-        row: Row = {"objects": n, **{f"us, H={h}": 1e6 * seconds[h] / frames for h in seconds}}
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # of this process so far
-        rows.append({**row, "H=20 / H=1": seconds[20] / seconds[1], "peak, MiB": peak, **alive(20, task, scenes)})
+        row: Row = {
+            "objects": n,
+            **{f"us, H={h}": 1e6 * seconds[h] / frames for h in seconds},
+        }
+        peak = (
+            resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        )  # of this process so far
+        rows.append(
+            {
+                **row,
+                "H=20 / H=1": seconds[20] / seconds[1],
+                "peak, MiB": peak,
+                **alive(20, task, scenes),
+            }
+        )
     return rows
 
 
 def growth(rows: list[Row], over: str, cost: str) -> dict[str, float]:
     """Slopes of log cost over log size: least squares over all, and between the last two."""
     x, y = (np.log([row[name] for row in rows]) for name in (over, cost))
-    return {"all": float(np.polyfit(x, y, 1)[0]), "last two": float((y[-1] - y[-2]) / (x[-1] - x[-2]))}
+    return {
+        "all": float(np.polyfit(x, y, 1)[0]),
+        "last two": float((y[-1] - y[-2]) / (x[-1] - x[-2])),
+    }
 
 
 def whole_agent(name: str, task: Task, scenes: Scenes, repeats: int) -> list[Row]:
     starts = {h: agent(h) for h in (1, 20)}
     seconds, rows = cpu_seconds(starts, task, scenes, repeats), []
     for h, start in starts.items():
-        row = {"scenes": name, "frames": frames_of(scenes), "H": h, "CPU ms": 1e3 * seconds[h] / frames_of(scenes)}
-        split = {stage: us / 1e3 for stage, us in stages(start, AGENT_STAGES, task, scenes, 1).items()}
+        row = {
+            "scenes": name,
+            "frames": frames_of(scenes),
+            "H": h,
+            "CPU ms": 1e3 * seconds[h] / frames_of(scenes),
+        }
+        split = {
+            stage: us / 1e3
+            for stage, us in stages(start, AGENT_STAGES, task, scenes, 1).items()
+        }
         rows.append({**row, "x H=1": seconds[h] / seconds[1], **split})
     return rows

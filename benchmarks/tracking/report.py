@@ -23,5 +23,11 @@ def show(title: str, rows: list[Row]) -> None:
 
 def _shown(value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:,.0f}" if value >= 1000 else f"{value:.1f}" if value >= 100 else f"{value:.2f}"
+        return (
+            f"{value:,.0f}"
+            if value >= 1000
+            else f"{value:.1f}"
+            if value >= 100
+            else f"{value:.2f}"
+        )
     return "" if value is None else str(value)

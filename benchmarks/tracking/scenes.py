@@ -19,7 +19,9 @@ ROOM = 60.0  # m2 per synthetic object
 
 Row = dict[str, Any]
 Scenes = dict[str, list[Observation]]
-Start = Callable[[Task], Callable[[Observation], Any]]  # makes what answers a scene frame by frame
+Start = Callable[
+    [Task], Callable[[Observation], Any]
+]  # makes what answers a scene frame by frame
 
 
 def tracker(hypotheses: int, kind: Any = HypothesisTracker, **options: Any) -> Start:
@@ -40,7 +42,9 @@ def agent(hypotheses: int, name: str = "mtp") -> Start:
     return start
 
 
-def recordings(env_id: str, data: str | None, quick: bool = False, name: str | None = None) -> tuple[Task, Scenes]:
+def recordings(
+    env_id: str, data: str | None, quick: bool = False, name: str | None = None
+) -> tuple[Task, Scenes]:
     """All observations of the scenes of a card: the two shortest if ``quick``, or one by name."""
     env = MTPEnv(env_id, data=data, scenes=None if name is None else [name])
     scenes: Scenes = {}
@@ -48,7 +52,9 @@ def recordings(env_id: str, data: str | None, quick: bool = False, name: str | N
         env.reset(options={"scene": scene})
         feed = make_feed(env.scene, LocalFrame.of(env.scene), env.task, env.card)
         scenes[scene] = [feed.observe(t) for t in range(env.scene.frames)]
-    return env.task, dict(sorted(scenes.items(), key=lambda scene: len(scene[1]))[:2]) if quick else scenes
+    return env.task, dict(
+        sorted(scenes.items(), key=lambda scene: len(scene[1]))[:2]
+    ) if quick else scenes
 
 
 def crowd(n: int, frames: int, seed: int = 0) -> tuple[Task, Scenes]:
@@ -63,9 +69,18 @@ def crowd(n: int, frames: int, seed: int = 0) -> tuple[Task, Scenes]:
     made: list[Observation] = []
     for _ in range(frames):
         heading += rng.normal(0, 0.1, n)
-        xy += 0.5 * speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        heading = np.where(((xy < 0) | (xy > side)).any(axis=1), np.arctan2(*(side / 2 - xy).T[::-1]), heading)
-        seen, false = np.flatnonzero(rng.random(n) > 0.1), rng.integers(0, n, rng.poisson(0.1 * n))
+        xy += (
+            0.5 * speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        )
+        heading = np.where(
+            ((xy < 0) | (xy > side)).any(axis=1),
+            np.arctan2(*(side / 2 - xy).T[::-1]),
+            heading,
+        )
+        seen, false = (
+            np.flatnonzero(rng.random(n) > 0.1),
+            rng.integers(0, n, rng.poisson(0.1 * n)),
+        )
         kind = class_id[np.concatenate([seen, false])]
         box = np.zeros((len(kind), 7))
         box[:, :2] = np.concatenate([xy[seen], rng.uniform(0, side, (len(false), 2))])
@@ -80,7 +95,20 @@ def crowd(n: int, frames: int, seed: int = 0) -> tuple[Task, Scenes]:
                 "detection_velocity": np.zeros((len(kind), 2), dtype=np.float32),
             }
         )
-    task = Task("synthetic", ("car", "pedestrian"), 0.5, 4, 12, 10, 10, 2 * n, 32 * n, 2 * n, 20, "megvii")
+    task = Task(
+        "synthetic",
+        ("car", "pedestrian"),
+        0.5,
+        4,
+        12,
+        10,
+        10,
+        2 * n,
+        32 * n,
+        2 * n,
+        20,
+        "megvii",
+    )
     return task, {f"{n} objects": made}
 
 

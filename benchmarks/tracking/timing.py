@@ -41,7 +41,9 @@ AGENT_STAGES: Pieces = (
 )
 
 
-def cpu_seconds(starts: dict[Any, Start], task: Task, scenes: Scenes, repeats: int) -> dict[Any, float]:
+def cpu_seconds(
+    starts: dict[Any, Start], task: Task, scenes: Scenes, repeats: int
+) -> dict[Any, float]:
     """CPU seconds of each over all scenes: the sum of the least of each scene."""
     for start in starts.values():  # imports, kernels
         run_scene(start, task, next(iter(scenes.values()))[:20])
@@ -58,7 +60,9 @@ def cpu_seconds(starts: dict[Any, Start], task: Task, scenes: Scenes, repeats: i
 
 
 @contextmanager
-def wrapped(pieces: Pieces, wrap: Callable[[Callable[..., Any], str], Callable[..., Any]]) -> Iterator[None]:
+def wrapped(
+    pieces: Pieces, wrap: Callable[[Callable[..., Any], str], Callable[..., Any]]
+) -> Iterator[None]:
     """The pieces stand wrapped for what they are while the context lasts."""
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in pieces]
     try:
@@ -88,7 +92,9 @@ def stopwatch(pieces: Pieces) -> Iterator[dict[str, float]]:
         yield spent
 
 
-def stages(start: Start, pieces: Pieces, task: Task, scenes: Scenes, repeats: int) -> Row:
+def stages(
+    start: Start, pieces: Pieces, task: Task, scenes: Scenes, repeats: int
+) -> Row:
     """Microseconds per frame by stage; each stage of a scene in the repeat that took least in all."""
     total = dict.fromkeys([*(stage for _, _, stage in pieces), "rest", "all"], 0.0)
     for observations in scenes.values():
@@ -103,4 +109,6 @@ def stages(start: Start, pieces: Pieces, task: Task, scenes: Scenes, repeats: in
             if seconds < best["all"]:
                 best = {**spent, "rest": seconds - sum(spent.values()), "all": seconds}
         total = {stage: total[stage] + best[stage] for stage in total}
-    return {stage: 1e6 * seconds / frames_of(scenes) for stage, seconds in total.items()}
+    return {
+        stage: 1e6 * seconds / frames_of(scenes) for stage, seconds in total.items()
+    }

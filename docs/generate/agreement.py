@@ -16,9 +16,22 @@ from mtp_bench.tables import Column, Table, Value
 from mtp_bench.viz.board.entries import Entry, by_board
 
 AGENTS = (  # neither references, nor those that come last everywhere
-    "stp", "mtp", "stp_min_score", "mtp_min_score", "ab3dmot", "stp_same_samples", "stp_hedged", "stp_modes",
-    "mtp_modes", "stp_modes_tracklets", "mtp_modes_tracklets", "tracking_free", "affinity", "stp_ptp", "mtp_ptp",
-)  # fmt: skip
+    "stp",
+    "mtp",
+    "stp_min_score",
+    "mtp_min_score",
+    "ab3dmot",
+    "stp_same_samples",
+    "stp_hedged",
+    "stp_modes",
+    "mtp_modes",
+    "stp_modes_tracklets",
+    "mtp_modes_tracklets",
+    "tracking_free",
+    "affinity",
+    "stp_ptp",
+    "mtp_ptp",
+)
 RESAMPLES = 2000
 
 
@@ -34,19 +47,30 @@ class Agreement(NamedTuple):
         one, other = (_drawn(entries, subset, rng) for entries in self)
         if one is None or other is None:
             return None
-        (tau,), resampled = (kendall_tau(here, there) for here, there in zip(one, other, strict=True))
+        (tau,), resampled = (
+            kendall_tau(here, there) for here, there in zip(one, other, strict=True)
+        )
         low, high = np.quantile(resampled, [0.025, 0.975])
         return float(tau), float(low), float(high)
 
 
-def agreement_table(env_id: str, others: Sequence[str], entries: Sequence[Entry], where: dict[Subset, str]) -> Table:
+def agreement_table(
+    env_id: str,
+    others: Sequence[str],
+    entries: Sequence[Entry],
+    where: dict[Subset, str],
+) -> Table:
     """Kendall's tau of the order of agents with that of an environment: a row for each other, a column per subset.
 
     Raises UnknownNameError for an environment without records of at least two of `AGENTS`.
     """
     known: dict[str, dict[str, Entry]] = {}
     for listed in by_board(entries).values():
-        of = {entry.name: entry for entry in listed if entry.name in AGENTS and entry.compared}
+        of = {
+            entry.name: entry
+            for entry in listed
+            if entry.name in AGENTS and entry.compared
+        }
         if len(of) > 1:
             known.setdefault(listed[0].env, of)
     if missing := {env_id, *others} - {*known}:
@@ -58,8 +82,18 @@ def agreement_table(env_id: str, others: Sequence[str], entries: Sequence[Entry]
     ]
     for subset, heading in where.items():
         columns += [
-            Column(heading, key=subset, format=".2f", read=partial(_part, subset, lambda found: found[0])),
-            Column(interval=True, key=f"{subset}_interval", format=".2f", read=partial(_part, subset, lambda f: f[1:])),
+            Column(
+                heading,
+                key=subset,
+                format=".2f",
+                read=partial(_part, subset, lambda found: found[0]),
+            ),
+            Column(
+                interval=True,
+                key=f"{subset}_interval",
+                format=".2f",
+                read=partial(_part, subset, lambda f: f[1:]),
+            ),
         ]
     return Table("agreement", f"Agreement with {env_id}", "", rows, columns)
 
@@ -69,17 +103,27 @@ def _agreement(one: dict[str, Entry], other: dict[str, Entry]) -> Agreement:
     return Agreement([one[name] for name in names], [other[name] for name in names])
 
 
-def _part(subset: Subset, of: Callable[[tuple[float, float, float]], Value], row: Agreement) -> Value:
+def _part(
+    subset: Subset, of: Callable[[tuple[float, float, float]], Value], row: Agreement
+) -> Value:
     found = row.tau(subset)
     return None if found is None else of(found)
 
 
-def _drawn(entries: Sequence[Entry], subset: Subset, rng: np.random.Generator) -> tuple[Array, Array] | None:
+def _drawn(
+    entries: Sequence[Entry], subset: Subset, rng: np.random.Generator
+) -> tuple[Array, Array] | None:
     """BADE of entries over all units [A, 1], and over units drawn again [A, B]; None where the subset is not ranked."""
     weight = entries[0].sums_on(subset).weight
     if why_not_on(subset, entries[0].sums_on(subset)) is not None:
         return None
-    errors, units = np.array([entry.sums_on(subset).error for entry in entries]), len(weight)
+    errors, units = (
+        np.array([entry.sums_on(subset).error for entry in entries]),
+        len(weight),
+    )
     whole, drawn = np.arange(units)[None], rng.integers(units, size=(RESAMPLES, units))
-    one, other = (errors[:, rows].sum(2) / np.maximum(weight[rows].sum(1), 1e-9) for rows in (whole, drawn))
+    one, other = (
+        errors[:, rows].sum(2) / np.maximum(weight[rows].sum(1), 1e-9)
+        for rows in (whole, drawn)
+    )
     return one, other

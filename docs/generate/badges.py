@@ -23,8 +23,14 @@ _LETTER, _MARGIN, _HEIGHT = 7.2, 14.0, 22.0  # px
 
 def badges() -> dict[str, str]:
     """The file of each badge by its name."""
-    project = tomllib.loads((FOLDER.parents[1] / "pyproject.toml").read_text())["project"]
-    minor = sorted(int(line.removeprefix(_PYTHON)) for line in project["classifiers"] if line.startswith(_PYTHON))
+    project = tomllib.loads((FOLDER.parents[1] / "pyproject.toml").read_text())[
+        "project"
+    ]
+    minor = sorted(
+        int(line.removeprefix(_PYTHON))
+        for line in project["classifiers"]
+        if line.startswith(_PYTHON)
+    )
     said = {
         "version": __version__,
         "definitions": DEFINITIONS,

@@ -27,7 +27,9 @@ From an agent to a picture of a moment when it lost an object:
 def page() -> str:
     """The page in Markdown."""
     head = HEAD.format(example=(EXAMPLES / "reference/commands.sh").read_text().strip())
-    return "\n".join([head, *(_section(name, command) for name, command in _commands())])
+    return "\n".join(
+        [head, *(_section(name, command) for name, command in _commands())]
+    )
 
 
 def _commands() -> list[tuple[str, Any]]:
@@ -39,8 +41,15 @@ def _commands() -> list[tuple[str, Any]]:
     def walk(name: str, command: Any) -> list[tuple[str, Any]]:
         if not hasattr(command, "list_commands"):
             return [(name, command)]
-        parts = [(part, command.get_command(None, part)) for part in command.list_commands(None)]
-        return [entry for part, inner in parts for entry in walk(f"{name} {part}".strip(), inner)]
+        parts = [
+            (part, command.get_command(None, part))
+            for part in command.list_commands(None)
+        ]
+        return [
+            entry
+            for part, inner in parts
+            for entry in walk(f"{name} {part}".strip(), inner)
+        ]
 
     return walk("", get_command(app))
 
@@ -51,8 +60,17 @@ def _section(name: str, command: Any) -> str:
 
     context = click.Context(command, info_name=f"mtp-bench {name}")
     usage = " ".join([f"mtp-bench {name}", *command.collect_usage_pieces(context)])
-    rows = [record for part in command.params if (record := _record(part, context)) is not None]
-    lines = [f"## mtp-bench {name}\n", _text(command.help or ""), "", f"```sh\n{usage}\n```\n"]
+    rows = [
+        record
+        for part in command.params
+        if (record := _record(part, context)) is not None
+    ]
+    lines = [
+        f"## mtp-bench {name}\n",
+        _text(command.help or ""),
+        "",
+        f"```sh\n{usage}\n```\n",
+    ]
     if rows:
         lines += ["| option | meaning |", "|---|---|"]
         lines += [f"| {_code(option)} | {_cell(text)} |" for option, text in rows]
@@ -64,7 +82,11 @@ def _record(part: Any, context: Any) -> tuple[str, str] | None:
     if getattr(part, "hidden", False):
         return None
     record = part.get_help_record(context)
-    return record if record else (part.make_metavar(context), getattr(part, "help", "") or "")
+    return (
+        record
+        if record
+        else (part.make_metavar(context), getattr(part, "help", "") or "")
+    )
 
 
 def _text(text: str) -> str:

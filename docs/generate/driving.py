@@ -20,9 +20,15 @@ from typing import Any
 from mtp_bench.files import write_text
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE, FIGURES = ROOT / "docs" / "environment" / "driving_results.md", ROOT / "leaderboard" / "driving.json"
+PAGE, FIGURES = (
+    ROOT / "docs" / "environment" / "driving_results.md",
+    ROOT / "leaderboard" / "driving.json",
+)
 NONE = "Not measured yet."
-_BLOCK = re.compile(r"^<!-- driving: ([^>]+) -->\n.*?^<!-- /driving -->$", flags=re.DOTALL | re.MULTILINE)
+_BLOCK = re.compile(
+    r"^<!-- driving: ([^>]+) -->\n.*?^<!-- /driving -->$",
+    flags=re.DOTALL | re.MULTILINE,
+)
 
 
 def filled(text: str, figures: Mapping[str, Any]) -> str:
@@ -30,7 +36,11 @@ def filled(text: str, figures: Mapping[str, Any]) -> str:
 
     def block(match: re.Match[str]) -> str:
         # the tables are those that the measurement prints
-        printed, made, tables = import_module("benchmarks.driving_tables"), figures.get(match[1]), NONE
+        printed, made, tables = (
+            import_module("benchmarks.driving_tables"),
+            figures.get(match[1]),
+            NONE,
+        )
         if match[1] == "in short":
             tables = printed.in_short(figures).markdown().strip()
         elif made is not None:

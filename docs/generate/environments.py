@@ -89,11 +89,21 @@ def rules(card: Card) -> Task:
     """The task of a card with the sizes that it names."""
     task, size = card.task, card.size
     return Task(
-        env_id=card.id, classes=task.classes, dt=1 / task.rate, past=task.past, future=task.future, k=task.samples,
-        samples=task.samples, detections=size.detections, tracks=size.tracks, objects=size.objects,
-        hypotheses=size.hypotheses, detector=card.detector_name, lanes=card.lanes.pieces if card.lanes else 0,
+        env_id=card.id,
+        classes=task.classes,
+        dt=1 / task.rate,
+        past=task.past,
+        future=task.future,
+        k=task.samples,
+        samples=task.samples,
+        detections=size.detections,
+        tracks=size.tracks,
+        objects=size.objects,
+        hypotheses=size.hypotheses,
+        detector=card.detector_name,
+        lanes=card.lanes.pieces if card.lanes else 0,
         lane_points=card.lanes.points if card.lanes else 0,
-    )  # fmt: skip
+    )
 
 
 def _place(env_id: str) -> str:
@@ -110,13 +120,19 @@ def _picture(card: Card) -> str:
 def caption(card: Card) -> str:
     """Words below a moving picture."""
     factor = speed(card.task.rate)
-    words = CAPTION.format(speed="as fast as the world" if factor == 1 else f"{factor:g} times as fast")
+    words = CAPTION.format(
+        speed="as fast as the world" if factor == 1 else f"{factor:g} times as fast"
+    )
     return words if card.simulated else f"{words}; {recordings.OWN}"
 
 
 def _properties(card: Card) -> str:
     task = card.task
-    measure = "3D IoU at least" if task.event_gate.measure == "iou_3d" else "distance of centres, m, at most"
+    measure = (
+        "3D IoU at least"
+        if task.event_gate.measure == "iou_3d"
+        else "distance of centres, m, at most"
+    )
     detections = "simulated" if card.detector is not None else "stored"
     rows = {
         "Make it": f'`gym.make("{card.id}")`',
@@ -129,11 +145,21 @@ def _properties(card: Card) -> str:
         **({"Lanes": lanes_of(card.lanes)} if card.lanes else {}),
         "A track follows an object": f"{measure}: {per_class(task.event_gate.threshold)}",
         "A forecast belongs to it": f"distance of centres, m, at most: {per_class(task.forecast_gate)}",
-        **({"Closed loop": "forecasts drive the ego: [driving](driving.md)"} if card.drive is not None else {}),
+        **(
+            {"Closed loop": "forecasts drive the ego: [driving](driving.md)"}
+            if card.drive is not None
+            else {}
+        ),
         "Miss error c": f"{per_class(task.miss_error)} (m)",
         "An action has": f"{action_numbers(rules(card)):,} numbers".replace(",", " "),
     }
-    return "\n".join(["| rule | here |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows.items())])
+    return "\n".join(
+        [
+            "| rule | here |",
+            "|---|---|",
+            *(f"| {name} | {text} |" for name, text in rows.items()),
+        ]
+    )
 
 
 def lanes_of(lanes: LaneSection) -> str:
@@ -149,12 +175,18 @@ def per_class(values: dict[str, float]) -> str:
 
 
 def _observations(task: Task) -> str:
-    meanings = re.findall(r"^\| (`[^|]+`) \| \([^|]*\) \| ([^|]+) \|$", _cards_page(), flags=re.MULTILINE)
-    meaning = {name: text for names, text in meanings for name in re.findall(r"`(\w+)`", names)}
+    meanings = re.findall(
+        r"^\| (`[^|]+`) \| \([^|]*\) \| ([^|]+) \|$", _cards_page(), flags=re.MULTILINE
+    )
+    meaning = {
+        name: text for names, text in meanings for name in re.findall(r"`(\w+)`", names)
+    }
     lines = ["| field | shape | dtype | range | meaning |", "|---|---|---|---|---|"]
     for name, space in observation_space(task).spaces.items():
         shape, text = _shape(space.shape or ()), meaning[name]
-        lines.append(f"| `{name}` | {shape} | {space.dtype} | {_range(space)} | {text} |")
+        lines.append(
+            f"| `{name}` | {shape} | {space.dtype} | {_range(space)} | {text} |"
+        )
     return "\n".join(lines)
 
 
@@ -163,7 +195,9 @@ def _actions(task: Task) -> str:
     for field in FIELDS:
         shape, dtype = _shape(field.shape_in(task)), np.dtype(field.content.dtype)
         meaning = field.meaning + (" Optional." if field.optional else "")
-        lines.append(f"| `{field.name}` | {shape} | {dtype} | {field.expected_in(task)} | {meaning} |")
+        lines.append(
+            f"| `{field.name}` | {shape} | {dtype} | {field.expected_in(task)} | {meaning} |"
+        )
     return "\n".join(lines)
 
 
@@ -195,8 +229,14 @@ def _reward(card: Card) -> str:
 
 
 def _data(card: Card) -> str:
-    about = describe(card, ROOT / "docs").about  # what is known of it, whatever lies on this machine
-    lines = [f"**{about.name}**: {about.licence}.", f"Cite: {about.citation}.", f"How to get it: {about.how_to_get}."]
+    about = describe(
+        card, ROOT / "docs"
+    ).about  # what is known of it, whatever lies on this machine
+    lines = [
+        f"**{about.name}**: {about.licence}.",
+        f"Cite: {about.citation}.",
+        f"How to get it: {about.how_to_get}.",
+    ]
     if about.layout:
         lines.append(f"```text\n{about.layout}\n```")
     lines.append("Licences of everything: [Datasets and licences](../data/index.md).")
@@ -211,7 +251,11 @@ def _linked(text: str) -> str:
 def history(card: Card) -> str:
     """Versions of an environment, with what made its scenes."""
     version = card.id.rsplit("-", 1)[1]
-    made = f", scenes of generator {card.source.generator}" if isinstance(card.source, HighwaySource) else ""
+    made = (
+        f", scenes of generator {card.source.generator}"
+        if isinstance(card.source, HighwaySource)
+        else ""
+    )
     return (
         f"- `{version}`: the first version; definitions {DEFINITIONS}{made}; digest of the card `{card.digest}`.\n\n"
         "A published card never changes: a changed task gets the next number ([Versions](../project/versions.md))."

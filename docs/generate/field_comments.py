@@ -22,15 +22,23 @@ class FieldComments(griffe.Extension):
         if attr.docstring is None and attr.parent is not None and attr.parent.is_module:
             comment = _comment(attr)
             if comment:
-                attr.docstring = griffe.Docstring(comment[0].upper() + comment[1:] + ".", parent=attr)
+                attr.docstring = griffe.Docstring(
+                    comment[0].upper() + comment[1:] + ".", parent=attr
+                )
 
     def on_class_members(self, *, cls: griffe.Class, **_: Any) -> None:
         """Called for every class, once its members are known."""
-        fields = [field for field in cls.attributes.values() if field.docstring is None and _is_field(field)]
+        fields = [
+            field
+            for field in cls.attributes.values()
+            if field.docstring is None and _is_field(field)
+        ]
         if not fields or cls.docstring is None or SECTION in cls.docstring.value:
             return
         lines = [f"    {field.name}: {_comment(field) or '–'}" for field in fields]
-        cls.docstring.value = "\n".join([cls.docstring.value.rstrip(), "", SECTION, *lines])
+        cls.docstring.value = "\n".join(
+            [cls.docstring.value.rstrip(), "", SECTION, *lines]
+        )
 
 
 def _is_field(attribute: griffe.Attribute) -> bool:
@@ -43,5 +51,9 @@ def _comment(attribute: griffe.Attribute) -> str:
         tokens = list(tokenize.generate_tokens(io.StringIO(attribute.source).readline))
     except (tokenize.TokenError, IndentationError):
         return ""
-    found = [token.string.lstrip("# ") for token in tokens if token.type == tokenize.COMMENT]
-    return " ".join(text for text in found if not text.startswith(("noqa", "type:", "pyright:")))
+    found = [
+        token.string.lstrip("# ") for token in tokens if token.type == tokenize.COMMENT
+    ]
+    return " ".join(
+        text for text in found if not text.startswith(("noqa", "type:", "pyright:"))
+    )

@@ -38,7 +38,13 @@ def _entry(card: Card) -> str:
     words = "; ".join(notes)
     note = f"\n\n*{words[0].upper()}{words[1:]}.*" if notes else ""
     picture = f"<div markdown>\n\n![{card.id} from above]({place}){note}\n\n</div>"
-    facts = "\n".join(["| | |", "|---|---|", *(f"| {name} | {text} |" for name, text in _facts(card).items())])
+    facts = "\n".join(
+        [
+            "| | |",
+            "|---|---|",
+            *(f"| {name} | {text} |" for name, text in _facts(card).items()),
+        ]
+    )
     summary = card.summary[0].upper() + card.summary[1:]
     return f'## {card.id}\n\n{summary}.\n\n<div class="gallery" markdown>\n\n{picture}\n\n{facts}\n\n</div>\n'
 
@@ -66,7 +72,11 @@ def _results(env_id: str) -> str:
     """The link to the table of an environment on the board, which states older definitions in its name."""
     board = (ROOT / "leaderboard/index.html").read_text()
     found = re.search(rf'id="({re.escape(env_id)}(?:@[\d.]+)?)"', board)
-    return f"[results](../leaderboard/board.html#{found[1]})" if found else "no results yet"
+    return (
+        f"[results](../leaderboard/board.html#{found[1]})"
+        if found
+        else "no results yet"
+    )
 
 
 def _spaced(number: int) -> str:

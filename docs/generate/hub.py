@@ -37,7 +37,12 @@ POLICY = (  # of the page: its own style and script, and the file beside it
     "default-src 'none'; style-src {}; script-src {}; connect-src 'self'; img-src data:; base-uri 'none'; "
     "form-action 'none'"
 )
-DTYPES = {"Boolean": "bool", "Integer": "int64", "Float": "float64", "Text": "string"}  # of Croissant: of `datasets`
+DTYPES = {
+    "Boolean": "bool",
+    "Integer": "int64",
+    "Float": "float64",
+    "Text": "string",
+}  # of Croissant: of `datasets`
 MEANINGS = {  # of columns whose declarations have no sentence, or one about the page
     "env": "Id of the environment.",
     "definitions": "Version of the definitions that the numbers follow; those of two versions do not compare.",
@@ -69,20 +74,29 @@ class Field:
     meaning: str
 
 
-def fields_of(text: str, columns: Sequence[Mapping[str, str]], rows: Sequence[Mapping[str, Any]]) -> list[Field]:
+def fields_of(
+    text: str, columns: Sequence[Mapping[str, str]], rows: Sequence[Mapping[str, Any]]
+) -> list[Field]:
     """The columns of the CSV ``text`` of ``rows``, in its order. Raises KeyError for one without a meaning."""
-    known = {column["key"]: MEANINGS.get(column["key"]) or column["help"] for column in columns}
+    known = {
+        column["key"]: MEANINGS.get(column["key"]) or column["help"]
+        for column in columns
+    }
     fields, before = [], ""
     for heading in next(csv.reader(text.splitlines())):
         name = heading.partition(" [")[0]
-        key, _, end = (name, "", "") if name in known else name.rpartition("_")  # intervals have two columns
+        key, _, end = (
+            (name, "", "") if name in known else name.rpartition("_")
+        )  # intervals have two columns
         values, meaning = [row.get(key) for row in rows], known[key]
         if end:
             values = [value and value[end == "high"] for value in values]
             meaning = MEANINGS.get(key, f"end of the 95 % interval of `{before}`.")
             meaning = f"{'Upper' if end == 'high' else 'Lower'} {meaning}"
         if not meaning:
-            raise KeyError(f"column {heading!r} has no meaning; add one to MEANINGS of docs/generate/hub.py")
+            raise KeyError(
+                f"column {heading!r} has no meaning; add one to MEANINGS of docs/generate/hub.py"
+            )
         fields.append(Field(heading, _kind(values, heading), meaning))
         before = before if end else name
     return fields
@@ -92,33 +106,73 @@ def _kind(values: Sequence[Any], heading: str) -> str:
     kinds = {type(value) for value in values if value is not None}
     if kinds == {bool}:
         return "Boolean"
-    if kinds == {int} and None not in values:  # readers have no blank among whole numbers
+    if (
+        kinds == {int} and None not in values
+    ):  # readers have no blank among whole numbers
         return "Integer"
     return "Float" if (kinds or " [" in heading) and kinds <= {int, float} else "Text"
 
 
 def scenes_table(records: Sequence[Record]) -> Table:
     """A row per record and public scene: the weight of its targets and their bADE on each subset."""
-    subsets = [subset for subset in NAMES if any(subset in record.per_scene[0].weight for record in records)]
-    columns = [Column(key=key) for key in ("env", "definitions", "submission", "digest")]
-    columns += [Column(key="scene", help="Name of the scene."), Column(key="units", help="Parts of at most 20 s.")]
+    subsets = [
+        subset
+        for subset in NAMES
+        if any(subset in record.per_scene[0].weight for record in records)
+    ]
+    columns = [
+        Column(key=key) for key in ("env", "definitions", "submission", "digest")
+    ]
+    columns += [
+        Column(key="scene", help="Name of the scene."),
+        Column(key="units", help="Parts of at most 20 s."),
+    ]
     for subset in subsets:
         weight = "number of targets" if subset == "all" else "weight of the targets"
-        columns.append(Column(key=f"weight_{subset}", help=f"{NAMES[subset]}: {weight}."))
-        columns.append(Column(key=f"bADE_{subset}", unit="m", help=f"{NAMES[subset]}: bADE, mean over seeds."))
+        columns.append(
+            Column(key=f"weight_{subset}", help=f"{NAMES[subset]}: {weight}.")
+        )
+        columns.append(
+            Column(
+                key=f"bADE_{subset}",
+                unit="m",
+                help=f"{NAMES[subset]}: bADE, mean over seeds.",
+            )
+        )
     if any(record.driving for record in records):
-        columns.append(Column(key="drive_score", help="Drive score of a closed loop, mean over seeds, 0 to 1."))
+        columns.append(
+            Column(
+                key="drive_score",
+                help="Drive score of a closed loop, mean over seeds, 0 to 1.",
+            )
+        )
     rows: list[dict[str, Any]] = []
     for record in records:
-        same = (record.env.id, record.scorer.definitions, record.submission.name, record.digest)
+        same = (
+            record.env.id,
+            record.scorer.definitions,
+            record.submission.name,
+            record.digest,
+        )
         for i, scene in enumerate(record.per_scene):
-            row: dict[str, Any] = dict(zip(("env", "definitions", "submission", "digest"), same, strict=True))
+            row: dict[str, Any] = dict(
+                zip(("env", "definitions", "submission", "digest"), same, strict=True)
+            )
             row |= {"scene": scene.scene, "units": len(scene.weight["all"])}
             for subset, weights in scene.weight.items():
-                error = None if record.driving else ratio(sum(scene.error[subset]), sum(weights))
-                row |= {f"weight_{subset}": _short(sum(weights)), f"bADE_{subset}": _short(error)}
+                error = (
+                    None
+                    if record.driving
+                    else ratio(sum(scene.error[subset]), sum(weights))
+                )
+                row |= {
+                    f"weight_{subset}": _short(sum(weights)),
+                    f"bADE_{subset}": _short(error),
+                }
             if record.driving:
-                row["drive_score"] = _short(sum(record.driving.scores[i]) / len(record.seeds))
+                row["drive_score"] = _short(
+                    sum(record.driving.scores[i]) / len(record.seeds)
+                )
             rows.append(row)
     return Table("scenes", "Scenes", "", rows, columns)
 
@@ -129,13 +183,21 @@ def _short(value: float | None) -> float | None:
 
 def records_of(digests: Sequence[str], folder: Path) -> list[Record]:
     """The records of a board in its order. Raises MtpBenchError unless it has all of ``folder`` and no other."""
-    records = {record.digest: record for record in map(load_record, record_paths(folder))}
+    records = {
+        record.digest: record for record in map(load_record, record_paths(folder))
+    }
     if other := {*digests} ^ {*records}:
-        raise MtpBenchError(f"{len(other)} records are not both in {folder} and on its board; run `make pages`")
+        raise MtpBenchError(
+            f"{len(other)} records are not both in {folder} and on its board; run `make pages`"
+        )
     return [records[digest] for digest in digests]
 
 
-def croissant(texts: Mapping[str, str], fields: Mapping[str, Sequence[Field]], facts: Mapping[str, str]) -> str:
+def croissant(
+    texts: Mapping[str, str],
+    fields: Mapping[str, Sequence[Field]],
+    facts: Mapping[str, str],
+) -> str:
     """The metadata of CSV files, by their names without suffix, in the format Croissant 1.0."""
     terms = (
         "citeAs column equivalentProperty extract field fileProperty fileObject fileSet format includes isLiveDataset "
@@ -143,35 +205,71 @@ def croissant(texts: Mapping[str, str], fields: Mapping[str, Sequence[Field]], f
         "subField transform"
     )
     context: dict[str, Any] = {
-        "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
-        "cr": "http://mlcommons.org/croissant/", "rai": "http://mlcommons.org/croissant/RAI/",
-        "dct": "http://purl.org/dc/terms/", "conformsTo": "dct:conformsTo",
+        "@language": "en",
+        "@vocab": "https://schema.org/",
+        "sc": "https://schema.org/",
+        "cr": "http://mlcommons.org/croissant/",
+        "rai": "http://mlcommons.org/croissant/RAI/",
+        "dct": "http://purl.org/dc/terms/",
+        "conformsTo": "dct:conformsTo",
         **{term: f"cr:{term}" for term in terms.split()},
-        **{term: {"@id": f"cr:{term}", "@type": "@json"} for term in ("data", "examples")},
+        **{
+            term: {"@id": f"cr:{term}", "@type": "@json"}
+            for term in ("data", "examples")
+        },
         "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
-    }  # fmt: skip
+    }
     about = {
-        "@type": "sc:Dataset", "conformsTo": "http://mlcommons.org/croissant/1.0", "name": NAME, "url": facts["url"],
+        "@type": "sc:Dataset",
+        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "name": NAME,
+        "url": facts["url"],
         "description": f"Results of tracking and trajectory prediction together: mtp_bench, definitions {DEFINITIONS}.",
-        "license": f"https://spdx.org/licenses/{facts['licence']}.html", "version": __version__,
-        "creator": {"@type": "sc:Organization", "name": "The mtp_bench contributors"}, "isLiveDataset": False,
-        "datePublished": facts["newest"], "citeAs": f"The mtp_bench contributors: mtp_bench {__version__}",
-    }  # fmt: skip
+        "license": f"https://spdx.org/licenses/{facts['licence']}.html",
+        "version": __version__,
+        "creator": {"@type": "sc:Organization", "name": "The mtp_bench contributors"},
+        "isLiveDataset": False,
+        "datePublished": facts["newest"],
+        "citeAs": f"The mtp_bench contributors: mtp_bench {__version__}",
+    }
     files, sets = [], []
     for name, text in texts.items():
         file, content = f"{name}.csv", text.encode()
-        files.append({
-            "@type": "cr:FileObject", "@id": file, "name": file, "contentUrl": file, "encodingFormat": "text/csv",
-            "contentSize": f"{len(content)} B", "sha256": hashlib.sha256(content).hexdigest(),
-        })  # fmt: skip
+        files.append(
+            {
+                "@type": "cr:FileObject",
+                "@id": file,
+                "name": file,
+                "contentUrl": file,
+                "encodingFormat": "text/csv",
+                "contentSize": f"{len(content)} B",
+                "sha256": hashlib.sha256(content).hexdigest(),
+            }
+        )
         listed = [
-            {"@type": "cr:Field", "@id": f"{name}/{key}", "name": key, "description": each.meaning,
-             "dataType": f"sc:{each.kind}",
-             "source": {"fileObject": {"@id": file}, "extract": {"column": each.heading}}}
-            for each in fields[name] for key in [each.heading.partition(" [")[0]]
-        ]  # fmt: skip
-        sets.append({"@type": "cr:RecordSet", "@id": name, "name": name, "field": listed})
-    content_of = {"@context": context, **about, "distribution": files, "recordSet": sets}
+            {
+                "@type": "cr:Field",
+                "@id": f"{name}/{key}",
+                "name": key,
+                "description": each.meaning,
+                "dataType": f"sc:{each.kind}",
+                "source": {
+                    "fileObject": {"@id": file},
+                    "extract": {"column": each.heading},
+                },
+            }
+            for each in fields[name]
+            for key in [each.heading.partition(" [")[0]]
+        ]
+        sets.append(
+            {"@type": "cr:RecordSet", "@id": name, "name": name, "field": listed}
+        )
+    content_of = {
+        "@context": context,
+        **about,
+        "distribution": files,
+        "recordSet": sets,
+    }
     return json.dumps(content_of, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -185,7 +283,11 @@ def environment_tables(ids: Sequence[str]) -> tuple[str, str]:
         card = load_card(env_id)
         about = package_of(card).dataset
         data[about.name] = f"| {about.name} | {about.licence} | {about.citation} |"
-        mixed = " where a scene has no stored ones" if card.source.traits.mixed_detections else ""
+        mixed = (
+            " where a scene has no stored ones"
+            if card.source.traits.mixed_detections
+            else ""
+        )
         kind = "stored" if card.detector is None else f"simulated{mixed}"
         lines.append(f"| `{env_id}` | {card.summary} | {kind}: {card.detector_name} |")
     return "\n".join(lines), "\n".join(data.values())
@@ -195,28 +297,56 @@ def hub_files(leaderboard: Path = LEADERBOARD, owner: str = "OWNER") -> dict[str
     """The content of each file by its path in the folder."""
     table = leaderboard / "index.parts" / "leaderboard"
     board = json.loads(table.with_suffix(".json").read_text(encoding="utf-8"))
-    records = records_of([row["digest"] for row in board["rows"]], leaderboard / "records")
+    records = records_of(
+        [row["digest"] for row in board["rows"]], leaderboard / "records"
+    )
     scenes = scenes_table(records)
-    texts = {"leaderboard": table.with_suffix(".csv").read_text(encoding="utf-8"), "scenes": to_csv(scenes)}
-    columns = {"leaderboard": board["columns"], "scenes": [vars(column) for column in scenes.columns]}
+    texts = {
+        "leaderboard": table.with_suffix(".csv").read_text(encoding="utf-8"),
+        "scenes": to_csv(scenes),
+    }
+    columns = {
+        "leaderboard": board["columns"],
+        "scenes": [vars(column) for column in scenes.columns],
+    }
     rows = {"leaderboard": board["rows"], "scenes": scenes.rows}
-    fields = {name: fields_of(text, columns[name], rows[name]) for name, text in texts.items()}
-    licence = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["license"]
+    fields = {
+        name: fields_of(text, columns[name], rows[name]) for name, text in texts.items()
+    }
+    licence = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))[
+        "project"
+    ]["license"]
     envs = [*dict.fromkeys(record.env.id for record in records)]
     facts = {
-        "owner": owner, "name": NAME, "url": f"https://huggingface.co/datasets/{owner}/{NAME}", "env": envs[0],
-        "licence": licence, "tag": licence.lower(), "version": __version__, "definitions": DEFINITIONS,
-        "newest": max(record.measured.made for record in records), "records": str(len(records)),
-        "submissions": str(len({record.submission.name for record in records})), "environments": str(len(envs)),
+        "owner": owner,
+        "name": NAME,
+        "url": f"https://huggingface.co/datasets/{owner}/{NAME}",
+        "env": envs[0],
+        "licence": licence,
+        "tag": licence.lower(),
+        "version": __version__,
+        "definitions": DEFINITIONS,
+        "newest": max(record.measured.made for record in records),
+        "records": str(len(records)),
+        "submissions": str(len({record.submission.name for record in records})),
+        "environments": str(len(envs)),
         "scenes": str(len(scenes.rows)),
-    }  # fmt: skip
+    }
     facts["env_table"], facts["data_table"] = environment_tables(envs)
     for name, listed in fields.items():
-        facts[f"{name}_table"] = "\n".join(f"| `{each.heading}` | {each.meaning} |" for each in listed)
-        types = [f"  - {{name: {json.dumps(each.heading)}, dtype: {DTYPES[each.kind]}}}" for each in listed]
+        facts[f"{name}_table"] = "\n".join(
+            f"| `{each.heading}` | {each.meaning} |" for each in listed
+        )
+        types = [
+            f"  - {{name: {json.dumps(each.heading)}, dtype: {DTYPES[each.kind]}}}"
+            for each in listed
+        ]
         facts[f"{name}_features"] = "\n".join(types)
     page = (TEMPLATES / "space.html").read_text(encoding="utf-8")
-    inline = (re.findall(f"<{tag}>(.*?)</{tag}>", page, re.DOTALL)[0] for tag in ("style", "script"))
+    inline = (
+        re.findall(f"<{tag}>(.*?)</{tag}>", page, re.DOTALL)[0]
+        for tag in ("style", "script")
+    )
     facts["policy"] = POLICY.format(*map(source_of, inline))
     return {
         "dataset/README.md": filled("dataset.md", facts),

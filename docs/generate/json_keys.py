@@ -5,7 +5,16 @@ from __future__ import annotations
 from pydantic import BaseModel
 
 from mtp_bench.scoring.driving import DrivingRow
-from mtp_bench.scoring.rows import Bin, Clear, Details, Errors, PairedRow, Reliability, Row, Tracking
+from mtp_bench.scoring.rows import (
+    Bin,
+    Clear,
+    Details,
+    Errors,
+    PairedRow,
+    Reliability,
+    Row,
+    Tracking,
+)
 from mtp_bench.tables import Column, columns_of
 
 CONTENT = {  # of `compare --json` and `score --json`
@@ -113,16 +122,25 @@ The keys of `rows` can be columns of `--table`: `--columns error,interval,minADE
 `mtp-bench worst --json` and `events --json` write lists of moments and of events, at the end of this page.
 """
 SECTIONS: dict[str, type[BaseModel]] = {
-    "rows[]": Row, "paired[]": PairedRow, "details[]": Details, "details[].bins[]": Bin,
-    "details[].own.*, and beside the keys of a bin": Errors, "details[].reliability[]": Reliability,
-    "details[].tracking": Tracking, "details[].tracking.all, and by class": Clear,
-}  # fmt: skip
+    "rows[]": Row,
+    "paired[]": PairedRow,
+    "details[]": Details,
+    "details[].bins[]": Bin,
+    "details[].own.*, and beside the keys of a bin": Errors,
+    "details[].reliability[]": Reliability,
+    "details[].tracking": Tracking,
+    "details[].tracking.all, and by class": Clear,
+}
 _FLAT = ("errors", "classes")  # fields whose keys stand beside the others
 
 
 def page() -> str:
     """The page in Markdown."""
-    parts = [HEAD, _table("The file", _plain(CONTENT)), _table("condition", _plain(CONDITION))]
+    parts = [
+        HEAD,
+        _table("The file", _plain(CONTENT)),
+        _table("condition", _plain(CONDITION)),
+    ]
     parts += [_table(title, keys_of(kind)) for title, kind in SECTIONS.items()]
     plain = {
         "Rows of score --per-scene (other keys as in rows[])": PER_SCENE,
@@ -155,5 +173,10 @@ def _plain(meanings: dict[str, str]) -> dict[str, tuple[str, str, str]]:
 
 
 def _table(title: str, keys: dict[str, tuple[str, str, str]]) -> str:
-    lines = [f"| `{key}` | {unit} {arrow} | {meaning} |" for key, (unit, arrow, meaning) in keys.items()]
-    return "\n".join([f"## {title}\n", "| key | unit | meaning |", "|---|---|---|", *lines, ""])
+    lines = [
+        f"| `{key}` | {unit} {arrow} | {meaning} |"
+        for key, (unit, arrow, meaning) in keys.items()
+    ]
+    return "\n".join(
+        [f"## {title}\n", "| key | unit | meaning |", "|---|---|---|", *lines, ""]
+    )

@@ -15,7 +15,13 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "notebooks"
-NAMES = ("first_scene", "own_predictor", "own_tracker", "own_model", "results")  # as in the navigation
+NAMES = (
+    "first_scene",
+    "own_predictor",
+    "own_tracker",
+    "own_model",
+    "results",
+)  # as in the navigation
 SECONDS = 600  # for one cell
 QUIET: dict[str, Any] = {
     "extra_arguments": ["--IPKernelApp.log_level=40"]
@@ -30,7 +36,9 @@ def navigation() -> list[dict[str, str]]:
 
 def title(name: str) -> str:
     """The heading of a notebook."""
-    found = re.search(r"^# # (.+)$", (FOLDER / f"{name}.py").read_text(), flags=re.MULTILINE)
+    found = re.search(
+        r"^# # (.+)$", (FOLDER / f"{name}.py").read_text(), flags=re.MULTILINE
+    )
     assert found, name
     return found[1]
 
@@ -44,7 +52,9 @@ def files() -> dict[str, str | bytes]:
         content[f"notebooks/{name}.ipynb"] = nbformat.writes(notebook)  # type: ignore[no-untyped-call]
         page, pictures = _page(name, notebook)
         content[f"notebooks/{name}.md"] = page
-        content |= {f"notebooks/{place}": picture for place, picture in pictures.items()}
+        content |= {
+            f"notebooks/{place}": picture for place, picture in pictures.items()
+        }
     return content
 
 
@@ -61,11 +71,24 @@ def executed() -> dict[str, Any]:
     read = {name: jupytext.read(FOLDER / f"{name}.py") for name in NAMES}
     whole = jupytext.reads("", "py:percent")
     for notebook in read.values():
-        whole.cells += jupytext.reads("# %%\n# %reset -f", "py:percent").cells + notebook.cells
+        whole.cells += (
+            jupytext.reads("# %%\n# %reset -f", "py:percent").cells + notebook.cells
+        )
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "MTP_BENCH_QUIET": "1"}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": path,
+        "OMP_NUM_THREADS": "1",
+        "MTP_BENCH_QUIET": "1",
+    }
     with tempfile.TemporaryDirectory() as folder:
-        client = NotebookClient(whole, timeout=SECONDS, startup_timeout=SECONDS, kernel_name="python3", **QUIET)
+        client = NotebookClient(
+            whole,
+            timeout=SECONDS,
+            startup_timeout=SECONDS,
+            kernel_name="python3",
+            **QUIET,
+        )
         client.resources = {"metadata": {"path": folder}}
         client.execute(env=environment)
     for notebook in read.values():
@@ -79,7 +102,10 @@ def _number(notebook: Any) -> None:
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, cell in enumerate(code, 1):
         cell.metadata.pop("execution", None)
-        for part in (cell, *(output for output in cell.outputs if "execution_count" in output)):
+        for part in (
+            cell,
+            *(output for output in cell.outputs if "execution_count" in output),
+        ):
             part.execution_count = number
 
 
@@ -88,7 +114,12 @@ def code_lines(name: str) -> int:
     import jupytext
 
     cells = jupytext.read(FOLDER / f"{name}.py").cells
-    return sum(bool(line.strip()) for cell in cells if cell.cell_type == "code" for line in cell.source.splitlines())
+    return sum(
+        bool(line.strip())
+        for cell in cells
+        if cell.cell_type == "code"
+        for line in cell.source.splitlines()
+    )
 
 
 def _page(name: str, notebook: Any) -> tuple[str, dict[str, bytes]]:
@@ -117,5 +148,9 @@ def _page(name: str, notebook: Any) -> tuple[str, dict[str, bytes]]:
 def _html(text: str) -> str:
     """The HTML of an output, which Markdown takes as it is: without styles and empty lines."""
     text = re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL)
-    lines = [line for line in text.replace('border="1" class="dataframe"', "").splitlines() if line.strip()]
+    lines = [
+        line
+        for line in text.replace('border="1" class="dataframe"', "").splitlines()
+        if line.strip()
+    ]
     return '<div class="output">\n' + "\n".join(lines) + "\n</div>"

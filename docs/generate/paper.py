@@ -11,7 +11,11 @@ from mtp_bench.tables import Column, Table, Value
 from mtp_bench.viz.board.entries import Entry, by_board
 
 _TARGETS: dict[Subset, str] = {"paper_ids": "IDS", "paper_frag": "FRAG", "all": "all"}
-_ENVS = {"KITTI": "MTP-KITTI-noego-v0", "nuScenes": "MTP-nuScenes-v0", "WILDTRACK": "MTP-WILDTRACK-v0"}
+_ENVS = {
+    "KITTI": "MTP-KITTI-noego-v0",
+    "nuScenes": "MTP-nuScenes-v0",
+    "WILDTRACK": "MTP-WILDTRACK-v0",
+}
 _CONTROL = "stp_same_samples"
 _WITH_PTP = {"stp": "stp_ptp", "gt_tracks": "gt_tracks_ptp", "mtp": "mtp_ptp"}
 
@@ -29,7 +33,9 @@ class Relation:
 
 Names = tuple[str, str]  # of two agents
 Pair = Callable[[Relation], Names | None]
-RelationRow = tuple[Relation, dict[str, Entry]]  # with the entries of its environment by name
+RelationRow = tuple[
+    Relation, dict[str, Entry]
+]  # with the entries of its environment by name
 
 _GIVEN, _KEPT = ("stp", "gt_tracks"), ("stp", "mtp")  # k samples each
 RELATIONS = (  # Weng, Ivanovic, Pavone: MTP, 2022
@@ -59,14 +65,23 @@ def paper_table(entries: Sequence[Entry]) -> Table:
         Column("environment", key="env", read=lambda row: row[1]["stp"].env),
         Column("targets", key="targets", read=lambda row: _TARGETS[row[0].subset]),
         Column("to", key="to", read=lambda row: f"`{row[0].agents[1]}`"),
-        Column("paper", key="paper", format="+.0%", read=lambda row: row[0].values[1] / row[0].values[0] - 1),
+        Column(
+            "paper",
+            key="paper",
+            format="+.0%",
+            read=lambda row: row[0].values[1] / row[0].values[0] - 1,
+        ),
         Column("here", key="here", format="+.0%", read=_change(_as_in_the_paper)),
-        Column("samples alone", key="control", format="+.0%", read=_change(_samples_alone)),
+        Column(
+            "samples alone", key="control", format="+.0%", read=_change(_samples_alone)
+        ),
         Column("here, with PTP", key="ptp", format="+.0%", read=_change(_with_ptp)),
         *_difference("bADE to `stp`", "difference", _as_in_the_paper),
         *_difference("bADE beyond the samples", "beyond", _beyond_the_samples),
         *_difference("bADE with PTP", "with_ptp", _with_ptp),
-        Column("effective objects", key="objects", format=".1f", read=_effective_objects),
+        Column(
+            "effective objects", key="objects", format=".1f", read=_effective_objects
+        ),
     ]
     return Table("paper", "Relations of the paper", "", rows, columns)
 
@@ -76,7 +91,9 @@ def _as_in_the_paper(relation: Relation) -> Names:
 
 
 def _samples_alone(relation: Relation) -> Names | None:
-    return (relation.agents[0], _CONTROL) if relation.agents == _KEPT else None  # a control of hypotheses
+    return (
+        (relation.agents[0], _CONTROL) if relation.agents == _KEPT else None
+    )  # a control of hypotheses
 
 
 def _beyond_the_samples(relation: Relation) -> Names | None:
@@ -97,7 +114,11 @@ def _change(names: Pair) -> Callable[[RelationRow], Value]:
 
     def read(row: RelationRow) -> Value:
         entries = _entries(names, row)
-        one, other = (entry.row_of(row[0].subset).minADE for entry in entries) if entries else (None, None)
+        one, other = (
+            (entry.row_of(row[0].subset).minADE for entry in entries)
+            if entries
+            else (None, None)
+        )
         return other / one - 1 if one and other else None
 
     return read
@@ -114,7 +135,12 @@ def _difference(heading: str, key: str, names: Pair) -> list[Column]:
 
     return [
         Column(heading, "m", key=key, format="+.2f", read=partial(read, "mean")),
-        Column(interval=True, key=f"{key}_interval", format="+.2f", read=partial(read, "interval")),
+        Column(
+            interval=True,
+            key=f"{key}_interval",
+            format="+.2f",
+            read=partial(read, "interval"),
+        ),
     ]
 
 

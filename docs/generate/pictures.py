@@ -49,7 +49,12 @@ def moving_picture(env_id: str) -> bytes:
         frame += 1
     env.close()
     content = io.BytesIO()
-    moving = {"save_all": True, "append_images": images[1:], "duration": 1000 // SHOWN_RATE, "loop": 0}
+    moving = {
+        "save_all": True,
+        "append_images": images[1:],
+        "duration": 1000 // SHOWN_RATE,
+        "loop": 0,
+    }
     images[0].save(content, "webp", quality=QUALITY, method=EFFORT, **moving)
     return content.getvalue()
 
@@ -64,6 +69,9 @@ def placeholder(env_id: str, dataset: str) -> str:
     }
     middle = SIZE[0] / 2
     lines = [box((middle, SIZE[1] / 2), (SIZE[0] - 4, SIZE[1] - 4), LIGHT, GREY)]
-    lines += [text((middle, y), line, BLACK, "middle", bold=y in (150, 300)) for y, line in words.items()]
+    lines += [
+        text((middle, y), line, BLACK, "middle", bold=y in (150, 300))
+        for y, line in words.items()
+    ]
     lines.append(text((middle, 330), "draws a picture here.", BLACK, "middle"))
     return drawing(*SIZE, lines).replace('font-size="14"', 'font-size="22"')

@@ -32,10 +32,24 @@ _log = logging.getLogger("mkdocs.hooks.recordings")
 def frames() -> dict[str, bytes | str]:
     """A moving picture of every environment, by its place in the site; a drawing where the data is missing."""
     cards = [load_card(env_id) for env_id in card_ids()]
-    drawn = {card.id: moving_picture(card.id) if card.simulated else _recorded(card.id) for card in cards}
-    missing = {card.id: placeholder(card.id, describe(card, DOCS).about.name) for card in cards if not drawn[card.id]}
-    webp = {f"{FRAMES}/{env_id}.webp": content for env_id, content in drawn.items() if content}
-    return {**webp, **{f"{FRAMES}/{env_id}.svg": content for env_id, content in missing.items()}}
+    drawn = {
+        card.id: moving_picture(card.id) if card.simulated else _recorded(card.id)
+        for card in cards
+    }
+    missing = {
+        card.id: placeholder(card.id, describe(card, DOCS).about.name)
+        for card in cards
+        if not drawn[card.id]
+    }
+    webp = {
+        f"{FRAMES}/{env_id}.webp": content
+        for env_id, content in drawn.items()
+        if content
+    }
+    return {
+        **webp,
+        **{f"{FRAMES}/{env_id}.svg": content for env_id, content in missing.items()},
+    }
 
 
 def picture(card: Card) -> str:
@@ -66,7 +80,9 @@ def shown(markdown: str) -> str:
     """The page with failures, with the pictures of recordings that there are."""
     if NOT_SHOWN not in markdown:
         raise ValueError(f"{WHY} has no line {NOT_SHOWN!r}")
-    return markdown.replace(NOT_SHOWN, "\n\n".join(text for _, text in failures().values()) or NOT_SHOWN)
+    return markdown.replace(
+        NOT_SHOWN, "\n\n".join(text for _, text in failures().values()) or NOT_SHOWN
+    )
 
 
 def _recorded(env_id: str) -> bytes | None:

@@ -25,34 +25,56 @@ class Group:
     modules: tuple[str, ...] = ()  # of mtp_bench
     package: str = ""
     intro: str = ""
-    beside: tuple[str, ...] = ()  # what the names of the page take or give, by its full name
+    beside: tuple[
+        str, ...
+    ] = ()  # what the names of the page take or give, by its full name
 
 
 OTHERS = Group("Others", "others", intro="Public names beside these.")
 GROUPS = (
     Group(
-        "Environment", "environment", ("env", "cards", "_bundle"),
+        "Environment",
+        "environment",
+        ("env", "cards", "_bundle"),
         intro="Names that make environments, read their cards and fill actions.",
         beside=("mtp_bench.env.arguments.EnvKeywords",),
     ),
-    Group("Agents", "agents", ("agent", "tracks", "submission"), intro="Interfaces of an agent and of its parts."),
     Group(
-        "Records", "records", ("types", "sources"), intro="Arrays of scenes, observations, actions and rollouts.",
+        "Agents",
+        "agents",
+        ("agent", "tracks", "submission"),
+        intro="Interfaces of an agent and of its parts.",
+    ),
+    Group(
+        "Records",
+        "records",
+        ("types", "sources"),
+        intro="Arrays of scenes, observations, actions and rollouts.",
         beside=("mtp_bench.types.Ragged",),
     ),
     Group(
-        "Running and training", "running", ("running", "scoring", "training"),
+        "Running and training",
+        "running",
+        ("running", "scoring", "training"),
         intro="Functions that run, compare and score agents, and that read what a model is trained on.",
         beside=(
-            "mtp_bench.running.options.RunKeywords", "mtp_bench.scoring.scenes.SceneResult",
-            "mtp_bench.running.compare.Comparison", "mtp_bench.running.options.RunOptions",
-            "mtp_bench.parallel.Workers", "mtp_bench.running.stored.StoredRun",
+            "mtp_bench.running.options.RunKeywords",
+            "mtp_bench.scoring.scenes.SceneResult",
+            "mtp_bench.running.compare.Comparison",
+            "mtp_bench.running.options.RunOptions",
+            "mtp_bench.parallel.Workers",
+            "mtp_bench.running.stored.StoredRun",
         ),
     ),
-    Group("Errors", "errors", ("errors",), intro="Every error that a user can cause is an `MtpBenchError`."),
+    Group(
+        "Errors",
+        "errors",
+        ("errors",),
+        intro="Every error that a user can cause is an `MtpBenchError`.",
+    ),
     OTHERS,
     *(Group(f"mtp_bench.{name}", name, package=name) for name in PACKAGES),
-)  # fmt: skip
+)
 
 
 INDEX = "reference/index.md"
@@ -74,7 +96,10 @@ def navigation() -> list[str | dict[str, str]]:
 
 def pages() -> dict[str, str]:
     """Place and Markdown of every page."""
-    return {INDEX: _index(), **{_place(group): _page(group) for group in GROUPS if _names(group)}}
+    return {
+        INDEX: _index(),
+        **{_place(group): _page(group) for group in GROUPS if _names(group)},
+    }
 
 
 def public_names() -> list[str]:
@@ -92,9 +117,23 @@ def names_of(package: str) -> list[str]:
 
 def _index() -> str:
     """The first page: what is where, and the letters of shapes."""
-    lines = [f"- [{group.title}]({group.place}.md): {_intro(group)}" for group in GROUPS if _names(group)]
-    legend = inspect.cleandoc(importlib.import_module("mtp_bench.types").__doc__ or "").split("\n\n", 1)[1]
-    return HEAD + "\n" + "\n".join([*lines, "- [Commands](commands.md): `mtp-bench`"]) + "\n" + LEGEND + legend + "\n"
+    lines = [
+        f"- [{group.title}]({group.place}.md): {_intro(group)}"
+        for group in GROUPS
+        if _names(group)
+    ]
+    legend = inspect.cleandoc(
+        importlib.import_module("mtp_bench.types").__doc__ or ""
+    ).split("\n\n", 1)[1]
+    return (
+        HEAD
+        + "\n"
+        + "\n".join([*lines, "- [Commands](commands.md): `mtp-bench`"])
+        + "\n"
+        + LEGEND
+        + legend
+        + "\n"
+    )
 
 
 def _intro(group: Group) -> str:
@@ -122,7 +161,9 @@ def _page(group: Group) -> str:
 
 
 def _docstring(module: str) -> str:
-    return inspect.cleandoc(importlib.import_module(module).__doc__ or "").split("\n\n")[0]
+    return inspect.cleandoc(importlib.import_module(module).__doc__ or "").split(
+        "\n\n"
+    )[0]
 
 
 def _names(group: Group) -> list[str]:
@@ -134,12 +175,18 @@ def _names(group: Group) -> list[str]:
 
 def _offered(name: str, value: Any) -> bool:
     """True for a public name of a package that is not a module and not a name of Python."""
-    return not name.startswith("_") and not inspect.ismodule(value) and name != "annotations"
+    return (
+        not name.startswith("_")
+        and not inspect.ismodule(value)
+        and name != "annotations"
+    )
 
 
 def _group_of(name: str) -> Group:
     """The page of a name of `mtp_bench`, by the module that its code lies in; type aliases are records."""
     value = getattr(importlib.import_module("mtp_bench"), name)
     module = getattr(value, "__module__", "mtp_bench.types")
-    part = (module if module.startswith("mtp_bench.") else "mtp_bench.types").split(".")[1]
+    part = (module if module.startswith("mtp_bench.") else "mtp_bench.types").split(
+        "."
+    )[1]
     return next((group for group in GROUPS if part in group.modules), OTHERS)

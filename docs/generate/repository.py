@@ -27,13 +27,18 @@ PLACES = {  # file of the repository -> place in the site
 }
 SOURCES = {place: source for source, place in PLACES.items()}
 BOARD, _PARTS = "leaderboard/index.html", "leaderboard/index.parts"
-_LINKED = re.compile(r'(?:href|src)=\\?"\./([^"\\]+\.json)\\?"')  # in the page, or in the JSON of a part
+_LINKED = re.compile(
+    r'(?:href|src)=\\?"\./([^"\\]+\.json)\\?"'
+)  # in the page, or in the JSON of a part
 _PAGES = {
     "./SUBMITTING.md": "submitting.html",
     "./../docs/definitions/index.md": "../definitions/index.html#bade",
     "./../docs/definitions/index.md#what-others-measure": "../definitions/index.html#what-others-measure",
 }  # linked by the board
-_BASELINE, _BASELINES = re.compile(r"\./\.\./(baselines/\w+)"), "../agents/baselines.html"
+_BASELINE, _BASELINES = (
+    re.compile(r"\./\.\./(baselines/\w+)"),
+    "../agents/baselines.html",
+)
 _FENCED = re.compile(r"^(```.*?^```)", flags=re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 
@@ -56,8 +61,16 @@ def board(repo_url: str) -> dict[str, str | bytes]:
     code = rf"{repo_url.rstrip('/')}/tree/main/\1" if repo_url else _BASELINES
     pages = {place: _BASELINE.sub(code, text) for place, text in texts.items()}
     for source, page in _PAGES.items():
-        pages[PLACES[BOARD]] = pages[PLACES[BOARD]].replace(f'href="{source}"', f'href="{page}"')
-    return {**pages, **{f"leaderboard/{name}": (ROOT / "leaderboard" / name).read_bytes() for name in linked}}
+        pages[PLACES[BOARD]] = pages[PLACES[BOARD]].replace(
+            f'href="{source}"', f'href="{page}"'
+        )
+    return {
+        **pages,
+        **{
+            f"leaderboard/{name}": (ROOT / "leaderboard" / name).read_bytes()
+            for name in linked
+        },
+    }
 
 
 def source_of(place: str) -> str:
@@ -91,7 +104,13 @@ def relinked(text: str, place: str, repo_url: str) -> str:
             return f"{mark}[{words}]({os.path.relpath(inside, PurePosixPath(place).parent)}{hash_sign}{anchor})"
         if not (ROOT / wanted).exists():
             return found[0]  # mkdocs says that it is dead
-        return f"[{words}]({repo_url.rstrip('/')}/blob/main/{wanted})" if repo_url else words
+        return (
+            f"[{words}]({repo_url.rstrip('/')}/blob/main/{wanted})"
+            if repo_url
+            else words
+        )
 
     parts = _FENCED.split(text)
-    return "".join(part if part.startswith("```") else _LINK.sub(link, part) for part in parts)
+    return "".join(
+        part if part.startswith("```") else _LINK.sub(link, part) for part in parts
+    )

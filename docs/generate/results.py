@@ -40,10 +40,17 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "leaderboard" / "RESULTS.md", ROOT / "README.md")
 PARTS_FILE = ROOT / "leaderboard" / "error_parts.json"
 _BEGIN, _END = "<!-- table: ", "<!-- /table -->"
-_BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
+_BLOCK = re.compile(
+    rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$",
+    flags=re.DOTALL | re.MULTILINE,
+)
 
 
-SUBSET_TEXT: dict[Subset, str] = {"all": "all targets", "ids": "identity switch", "reacquired": "reacquired"}
+SUBSET_TEXT: dict[Subset, str] = {
+    "all": "all targets",
+    "ids": "identity switch",
+    "reacquired": "reacquired",
+}
 _TRACKLETS = "network, of a tracker's tracks"
 STORY = {  # agent -> its association and its predictor, in the order of the README
     "gt_tracks": "ground-truth tracks; constant velocity",
@@ -65,13 +72,18 @@ DRIVERS = ("gt_tracks", "stp", "stp_same_samples", "mtp", "tracking_free")
 def filled(text: str, entries: Sequence[Entry], where: str) -> str:
     """``text`` with its tables made anew; ``where``: name of the page, for errors."""
     count = sum(1 for _ in _BLOCK.finditer(text))
-    begun, ended = (sum(line.startswith(mark) for line in text.splitlines()) for mark in (_BEGIN, _END))
+    begun, ended = (
+        sum(line.startswith(mark) for line in text.splitlines())
+        for mark in (_BEGIN, _END)
+    )
     if not count == begun == ended:
         raise MtpBenchError(
             f"{where}: {begun} lines `{_BEGIN}NAME -->` and {ended} lines `{_END}`, expected them in pairs"
         )
     if not count:
-        raise MtpBenchError(f"{where}: no table to fill in; mark one by lines `{_BEGIN}NAME -->` and `{_END}`")
+        raise MtpBenchError(
+            f"{where}: no table to fill in; mark one by lines `{_BEGIN}NAME -->` and `{_END}`"
+        )
 
     def block(match: re.Match[str]) -> str:
         table = _table(match["name"], entries, where)
@@ -85,7 +97,11 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
     if first == "story" and further[1:2] == ["with"] and len(further) == 3:
         return story_table(further[0], further[2], entries)
     if first == "pairs" and further[1:2] == ["of"] and len(further) == 3:
-        return pairs_table(further[0].split(","), [pair.split("-") for pair in further[2].split(",")], entries)
+        return pairs_table(
+            further[0].split(","),
+            [pair.split("-") for pair in further[2].split(",")],
+            entries,
+        )
     if first == "costs" and len(further) == 1:
         return costs_table(further[0].split(","), entries)
     if first == "agreement" and further[1:2] == ["with"] and len(further) == 3:
@@ -97,7 +113,9 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
     if name == "paper":
         return paper_table(entries)
     names = "`story ENV with ENV`, `pairs ENV,ENV of A-B,A-B`, `costs ENV,ENV`, `agreement ENV with ENV,ENV`"
-    raise MtpBenchError(f"{where}: table {name!r}, expected {names}, `faults`, `driving`, `paper`")
+    raise MtpBenchError(
+        f"{where}: table {name!r}, expected {names}, `faults`, `driving`, `paper`"
+    )
 
 
 def story_table(env_id: str, complete_env: str, entries: Sequence[Entry]) -> Table:
@@ -112,7 +130,14 @@ def story_table(env_id: str, complete_env: str, entries: Sequence[Entry]) -> Tab
         *_error("all", "all targets"),
         Column("place (range)", key="all_rank", read=_rank),
         *_error("ids", "identity switch"),
-        Column("energy score", "m", "lower", ".2f", key="energy_score", read=lambda entry: entry.row.energy_score),
+        Column(
+            "energy score",
+            "m",
+            "lower",
+            ".2f",
+            key="energy_score",
+            read=lambda entry: entry.row.energy_score,
+        ),
         Column(
             f"Brier score, {short_name(complete_env).removeprefix('nuScenes ')}",
             better="lower",
@@ -120,14 +145,18 @@ def story_table(env_id: str, complete_env: str, entries: Sequence[Entry]) -> Tab
             key="brier",
             read=lambda entry: complete[entry.name].diagnostics.brier,
         ),
-        Column("association; predictor", key="parts", read=lambda entry: STORY[entry.name]),
+        Column(
+            "association; predictor", key="parts", read=lambda entry: STORY[entry.name]
+        ),
     ]
     return Table("story", env_id, "", [known[name] for name in STORY], columns)
 
 
 def _of_env(env_id: str, entries: Sequence[Entry]) -> dict[str, Entry]:
     """Entries of an environment by name; raises UnknownNameError unless all agents of `STORY` are there."""
-    listed = next((each for each in by_board(entries).values() if each[0].env == env_id), [])
+    listed = next(
+        (each for each in by_board(entries).values() if each[0].env == env_id), []
+    )
     known = {entry.name: entry for entry in listed}
     for name in STORY:
         if name not in known:
@@ -138,8 +167,20 @@ def _of_env(env_id: str, entries: Sequence[Entry]) -> dict[str, Entry]:
 def _error(subset: Subset, heading: str) -> list[Column]:
     """Columns of bADE on a subset: value and interval."""
     return [
-        Column(heading, "m", "lower", ".2f", key=subset, read=lambda entry: entry.row_of(subset).error),
-        Column(interval=True, format=".2f", key=f"{subset}_interval", read=lambda e: e.row_of(subset).interval),
+        Column(
+            heading,
+            "m",
+            "lower",
+            ".2f",
+            key=subset,
+            read=lambda entry: entry.row_of(subset).error,
+        ),
+        Column(
+            interval=True,
+            format=".2f",
+            key=f"{subset}_interval",
+            read=lambda e: e.row_of(subset).interval,
+        ),
     ]
 
 
@@ -147,54 +188,90 @@ def _rank(entry: Entry) -> Value:
     return entry.standing.places["all"].rank
 
 
-def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Sequence[Entry]) -> Table:
+def pairs_table(
+    envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Sequence[Entry]
+) -> Table:
     """Paired differences of bADE: a row per environment and pair; ``envs``: ["*"] are all that have records of both."""
     names = sorted({entry.name for entry in entries})
     for agent in (agent for pair in pairs for agent in pair):
         if agent not in names:
             raise UnknownNameError("agent", agent, names)
-    rows = [(known[one], known[other]) for one, other in pairs for known in _by_name((one, other), envs, entries)]
+    rows = [
+        (known[one], known[other])
+        for one, other in pairs
+        for known in _by_name((one, other), envs, entries)
+    ]
     columns = [
         Column("environment", key="env", read=lambda row: row[0].env),
-        Column("difference", key="pair", read=lambda row: f"`{row[0].name}` − `{row[1].name}`"),
+        Column(
+            "difference",
+            key="pair",
+            read=lambda row: f"`{row[0].name}` − `{row[1].name}`",
+        ),
     ]
     for subset, heading in SUBSET_TEXT.items():
         columns += _difference(heading, partial(_with_subset, subset))
-    return Table("pairs", "Differences of bADE", "", rows, columns if len(pairs) > 1 else [columns[0], *columns[2:]])
+    return Table(
+        "pairs",
+        "Differences of bADE",
+        "",
+        rows,
+        columns if len(pairs) > 1 else [columns[0], *columns[2:]],
+    )
 
 
 def costs_table(envs: Sequence[str], entries: Sequence[Entry]) -> Table:
     """Costs of detection and tracking together, and of association alone by ranked subset: a row per environment."""
-    both, alone = ("stp", "gt_tracks"), ("stp_same_samples", "perfect_association_same_samples")
+    both, alone = (
+        ("stp", "gt_tracks"),
+        ("stp_same_samples", "perfect_association_same_samples"),
+    )
     columns = [Column("environment", key="env", read=lambda row: row["stp"].env)]
     columns += _difference("together, all targets", partial(_of_agents, *both, "all"))
     for subset, words in SUBSET_TEXT.items():
-        columns += _difference(f"association alone, {words}", partial(_of_agents, *alone, subset))
+        columns += _difference(
+            f"association alone, {words}", partial(_of_agents, *alone, subset)
+        )
     rows = _by_name((*both, *alone), envs, entries)
     return Table("costs", "Costs of detection and tracking", "", rows, columns)
 
 
-def _with_subset(subset: Subset, row: tuple[Entry, Entry]) -> tuple[Entry, Entry, Subset]:
+def _with_subset(
+    subset: Subset, row: tuple[Entry, Entry]
+) -> tuple[Entry, Entry, Subset]:
     return (*row, subset)
 
 
-def _of_agents(one: str, other: str, subset: Subset, row: Mapping[str, Entry]) -> tuple[Entry, Entry, Subset]:
+def _of_agents(
+    one: str, other: str, subset: Subset, row: Mapping[str, Entry]
+) -> tuple[Entry, Entry, Subset]:
     return row[one], row[other], subset
 
 
-def _difference(heading: str, of: Callable[[Any], tuple[Entry, Entry, Subset]]) -> list[Column]:
+def _difference(
+    heading: str, of: Callable[[Any], tuple[Entry, Entry, Subset]]
+) -> list[Column]:
     """Columns of bADE of one entry minus another's; empty where there is no target, or the data differ."""
 
     def field(name: str) -> Callable[[Any], Value]:
         def read(row: Any) -> Value:
             one, other, subset = of(row)
-            return getattr(one.minus(other, subset), name, None) if one.conditions == other.conditions else None
+            return (
+                getattr(one.minus(other, subset), name, None)
+                if one.conditions == other.conditions
+                else None
+            )
 
         return read
 
     return [
         Column(heading, "m", key=heading, format="+.3f", read=field("mean")),
-        Column(interval=True, key=f"{heading}_interval", format="+.3f", read=field("interval")),
+        Column(
+            interval=True,
+            key=f"{heading}_interval",
+            format="+.3f",
+            read=field("interval"),
+        ),
     ]
 
 
@@ -202,15 +279,25 @@ def faults_table(rows: Sequence[dict[str, Any]]) -> Table:
     """Shares of bADE by part of the stack, which add up to 1: a row per environment and agent of `PARTS_FILE`."""
 
     def share(part: str) -> Callable[[dict[str, Any]], Value]:
-        return lambda row: by_fault({PARTS[key]: value for key, value in row["parts"].items()})[part] / row["error"]
+        return lambda row: (
+            by_fault({PARTS[key]: value for key, value in row["parts"].items()})[part]
+            / row["error"]
+        )
 
     columns = [
         Column("environment", key="env"),
         Column("agent", key="agent", read=lambda row: f"`{row['agent']}`"),
-        Column("scenes; seeds", key="runs", read=lambda row: f"{row['scenes']}; {row['seeds']}"),
+        Column(
+            "scenes; seeds",
+            key="runs",
+            read=lambda row: f"{row['scenes']}; {row['seeds']}",
+        ),
         Column("bADE", "m", "lower", key="error"),
     ]
-    columns += [Column(heading, format=".1%", key=key, read=share(key)) for key, heading in FAULT_NAMES.items()]
+    columns += [
+        Column(heading, format=".1%", key=key, read=share(key))
+        for key, heading in FAULT_NAMES.items()
+    ]
     return Table("faults", "Parts of bADE", "", rows, columns)
 
 
@@ -219,8 +306,19 @@ def driving_table(figures: Mapping[str, Any]) -> Table:
     columns = [Column("environment", key="env")]
     for agent in DRIVERS:
         columns += [
-            Column(f"`{agent}`", better="higher", key=agent, format=".2f", read=_of_driver(agent, "drive_score")),
-            Column(interval=True, key=f"{agent}_interval", format=".2f", read=_of_driver(agent, "interval")),
+            Column(
+                f"`{agent}`",
+                better="higher",
+                key=agent,
+                format=".2f",
+                read=_of_driver(agent, "drive_score"),
+            ),
+            Column(
+                interval=True,
+                key=f"{agent}_interval",
+                format=".2f",
+                read=_of_driver(agent, "interval"),
+            ),
         ]
 
     def tau(row: Mapping[str, Any]) -> dict[str, float]:
@@ -228,8 +326,15 @@ def driving_table(figures: Mapping[str, Any]) -> Table:
         return measure
 
     columns += [
-        Column("tau with bADE", key="tau", format=".2f", read=lambda row: tau(row)["tau"]),
-        Column(interval=True, key="tau_interval", format=".2f", read=lambda row: (tau(row)["low"], tau(row)["high"])),
+        Column(
+            "tau with bADE", key="tau", format=".2f", read=lambda row: tau(row)["tau"]
+        ),
+        Column(
+            interval=True,
+            key="tau_interval",
+            format=".2f",
+            read=lambda row: (tau(row)["low"], tau(row)["high"]),
+        ),
         Column("agents", key="agents", read=lambda row: row["tau"]["all"]["agents"]),
     ]
     return Table("driving", "Driving", "", list(figures.values()), columns)
@@ -243,7 +348,9 @@ def _of_driver(agent: str, key: str) -> Callable[[Mapping[str, Any]], Value]:
     return read
 
 
-def _by_name(agents: Sequence[str], envs: Sequence[str], entries: Sequence[Entry]) -> list[dict[str, Entry]]:
+def _by_name(
+    agents: Sequence[str], envs: Sequence[str], entries: Sequence[Entry]
+) -> list[dict[str, Entry]]:
     """Entries by name, for each of the environments that has all of the agents."""
     rows: dict[str, dict[str, Entry]] = {}
     for listed in by_board(entries).values():

@@ -15,8 +15,12 @@ from mtp_bench.files import write_text
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "visualization" / "studies"
 ENV = re.compile(r"<h1>[^<]*<span>(MTP-[\w-]+)</span>")
-MOMENTS = re.compile(r'<section id="gallery">.*?</section>\n*|<a href="#gallery">[^<]*</a>\n', re.DOTALL)
-FILES = re.compile(r'<span class="files">[^<]*</span>|<p class="source">tables/[^<]*</p>\n')
+MOMENTS = re.compile(
+    r'<section id="gallery">.*?</section>\n*|<a href="#gallery">[^<]*</a>\n', re.DOTALL
+)
+FILES = re.compile(
+    r'<span class="files">[^<]*</span>|<p class="source">tables/[^<]*</p>\n'
+)
 COMMAND = re.compile(r"<code>mtp-bench (?:view|study) [^<]*")
 FOLDER = re.compile(r"(?<= -o )\S+|\S+(?=/runs/)")  # of the study, in a command
 
@@ -25,9 +29,13 @@ def page_of(html: str) -> tuple[str, str]:
     """The environment's id and the page for the site, of a study's ``index.html``."""
     found = ENV.search(html)
     if found is None:
-        raise SystemExit("this page names no environment in its title: expected the index.html of `mtp-bench study`")
+        raise SystemExit(
+            "this page names no environment in its title: expected the index.html of `mtp-bench study`"
+        )
     env = found[1]
-    page = COMMAND.sub(lambda command: FOLDER.sub("study", command[0]), FILES.sub("", html))
+    page = COMMAND.sub(
+        lambda command: FOLDER.sub("study", command[0]), FILES.sub("", html)
+    )
     return env, page if load_card(env).simulated else MOMENTS.sub("", page)
 
 

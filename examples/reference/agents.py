@@ -14,7 +14,9 @@ def still(tracks, task):
 
 env = mtp_bench.MTPEnv("MTP-Intersection-v0")
 baseline = mtp_bench.load_submission("mtp").build(env.task)
-own = mtp_bench.Pipeline(HypothesisTracker(1), mtp_bench.FunctionPredictor(still), KMeansSampler())
+own = mtp_bench.Pipeline(
+    HypothesisTracker(1), mtp_bench.FunctionPredictor(still), KMeansSampler()
+)
 for name, agent in {"mtp": baseline, "own": own}.items():
     observation, info = env.reset(seed=0)
     agent.reset(env.task)

@@ -5,7 +5,9 @@ import mtp_bench
 
 def line(result):
     """Called after each scene."""
-    print(f"{result.scene}: {result.covered} of {result.targets} targets have a forecast")
+    print(
+        f"{result.scene}: {result.covered} of {result.targets} targets have a forecast"
+    )
 
 
 report = mtp_bench.evaluate("stp", "MTP-Roundabout-v0", scenes=2, on_scene=line)

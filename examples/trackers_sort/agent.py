@@ -19,7 +19,9 @@ class Wrapped:
 
         self._tracker = getattr(trackers, name)(
             frame_rate=1 / task.dt,
-            lost_track_buffer=round(30 * SECONDS),  # counted in frames of 30 Hz, whatever the rate
+            lost_track_buffer=round(
+                30 * SECONDS
+            ),  # counted in frames of 30 Hz, whatever the rate
             minimum_consecutive_frames=1,
             minimum_iou_threshold=minimum_iou_threshold,
             track_activation_threshold=0.0,  # the presence model says what is there
@@ -31,7 +33,10 @@ class Wrapped:
 
         given = supervision.Detections(
             xyxy=detections.rectangle,
-            confidence=1 / (1 + np.exp(-detections.score)),  # a logit may be negative; the order stays
+            confidence=1
+            / (
+                1 + np.exp(-detections.score)
+            ),  # a logit may be negative; the order stays
             data={"row": np.arange(len(detections))},
         )
         found = self._tracker.update(given)
@@ -39,12 +44,25 @@ class Wrapped:
             return []
         rows = np.asarray(found.data.get("row", []), dtype=int)
         taken = zip(found.tracker_id.tolist(), rows.tolist(), strict=True)
-        return [(i, detections.box[row], detections.score[row], row) for i, row in taken if i >= 0]
+        return [
+            (i, detections.box[row], detections.score[row], row)
+            for i, row in taken
+            if i >= 0
+        ]
 
 
-def build(task: Task, tracker: str = "SORTTracker", padding: float = 0.5, minimum_iou_threshold: float = 0.1) -> Agent:
+def build(
+    task: Task,
+    tracker: str = "SORTTracker",
+    padding: float = 0.5,
+    minimum_iou_threshold: float = 0.1,
+) -> Agent:
     """``tracker``: SORTTracker, ByteTrackTracker or another class of the package; ``padding``: m around every box."""
     wrapped = OnlineTracker(
-        lambda task: Wrapped(task, tracker, minimum_iou_threshold), per_class=True, view=BirdsEye(10.0, padding)
+        lambda task: Wrapped(task, tracker, minimum_iou_threshold),
+        per_class=True,
+        view=BirdsEye(10.0, padding),
     )
-    return Pipeline(wrapped, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence())
+    return Pipeline(
+        wrapped, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence()
+    )

@@ -39,11 +39,17 @@ class Pipeline:
         presence: Presence | None = None,
     ) -> None:
         if weighting not in ("posterior", "uniform"):
-            raise ShapeError(f"weighting is {weighting!r}, expected 'posterior' or 'uniform'")
+            raise ShapeError(
+                f"weighting is {weighting!r}, expected 'posterior' or 'uniform'"
+            )
         if not 0 <= min_mass <= 1:
             raise ShapeError(f"min_mass is {min_mass!r}, expected a weight from 0 to 1")
         self._tracker, self._predictor, self._sampler = tracker, predictor, sampler
-        self._uniform, self._min_mass, self._presence = weighting == "uniform", min_mass, presence
+        self._uniform, self._min_mass, self._presence = (
+            weighting == "uniform",
+            min_mass,
+            presence,
+        )
 
     def reset(self, task: Task) -> None:
         """Begin a new scene."""
@@ -67,31 +73,59 @@ class Pipeline:
     def _action(self, tracks: Tracks) -> Action:
         objects = group(tracks, self._task.objects, self._min_mass)
         used, leaf = _used_tracks(tracks, objects)
-        forecasts = self._predictor.predict(Frame(self._number, used, tuple(self._seen)))
+        forecasts = self._predictor.predict(
+            Frame(self._number, used, tuple(self._seen))
+        )
         if not isinstance(forecasts, Forecasts):
-            raise ShapeError(f"predict returned a {type(forecasts).__name__}, expected mtp_bench.agent.Forecasts")
+            raise ShapeError(
+                f"predict returned a {type(forecasts).__name__}, expected mtp_bench.agent.Forecasts"
+            )
         row = forecasts.rows_of(used)
         row = np.where(leaf >= 0, row[np.arange(len(row)), leaf], -1)  # [O, H]
-        log_weight = np.zeros(len(tracks.log_weight)) if self._uniform else tracks.log_weight
+        log_weight = (
+            np.zeros(len(tracks.log_weight)) if self._uniform else tracks.log_weight
+        )
         rng = np.random.default_rng([self._task.seed, self._number + 1, 1])
-        samples, weight = reduce_pools(make_pools(row, log_weight), forecasts, self._task, self._sampler, rng)
+        samples, weight = reduce_pools(
+            make_pools(row, log_weight), forecasts, self._task, self._sampler, rng
+        )
         confidence = self._confidence(used, leaf, forecasts.presence, row)
         if forecasts.present is not None:
-            heaviest = np.take_along_axis(row, (row >= 0).argmax(axis=1)[:, None], axis=1)[:, 0]
-            box = np.concatenate([forecasts.present[heaviest], objects.box[:, 2:]], axis=1)
+            heaviest = np.take_along_axis(
+                row, (row >= 0).argmax(axis=1)[:, None], axis=1
+            )[:, 0]
+            box = np.concatenate(
+                [forecasts.present[heaviest], objects.box[:, 2:]], axis=1
+            )
             objects = replace(objects, box=box)
-        known = np.asarray(np.isfinite(weight).any(axis=1))  # a predictor may leave tracks without a forecast
+        known = np.asarray(
+            np.isfinite(weight).any(axis=1)
+        )  # a predictor may leave tracks without a forecast
         if not known.all():
             objects, samples, weight, confidence = (
-                select(objects, known), samples[known], weight[known], confidence[known]
-            )  # fmt: skip
+                select(objects, known),
+                samples[known],
+                weight[known],
+                confidence[known],
+            )
         box, kind = objects.box, objects.class_id
         for axis in range(2):
             samples[..., axis] -= box[:, None, None, axis]
         offset = _within_limit(samples)
-        return make_action(self._task, box, kind, offset, weight, confidence=confidence, tracks=tracks, checked=False)
+        return make_action(
+            self._task,
+            box,
+            kind,
+            offset,
+            weight,
+            confidence=confidence,
+            tracks=tracks,
+            checked=False,
+        )
 
-    def _confidence(self, tracks: Tracks, leaf: Ints, presence: Floats | None, row: Ints) -> Floats:
+    def _confidence(
+        self, tracks: Tracks, leaf: Ints, presence: Floats | None, row: Ints
+    ) -> Floats:
         """Confidence [O]: mean presence over the hypotheses by their weight.
 
         ``leaf`` [O, H]: the track of each object in each hypothesis; ``presence`` [R]: of rows of forecasts, ``row``
@@ -102,7 +136,9 @@ class Pipeline:
             if self._presence is not None:
                 presence = self._presence.probability(tracks, self._seen[-1])
             row = leaf
-        held = np.append(presence, 0.0)[row]  # a hypothesis that does not hold the object has row -1
+        held = np.append(presence, 0.0)[
+            row
+        ]  # a hypothesis that does not hold the object has row -1
         return np.asarray(np.minimum(held @ np.exp(tracks.log_weight), 1.0))
 
 
@@ -143,17 +179,30 @@ def make_pools(row: Ints, log_weight: Floats) -> Pools:
     owner, hypothesis = np.nonzero(row >= 0)
     rows = row[owner, hypothesis]
     key = owner * (rows.max(initial=0) + 1) + rows
-    order = np.argsort(key, kind="stable")  # of equal ones the heaviest hypothesis stays first
-    key, owner, rows, hypothesis = key[order], owner[order], rows[order], hypothesis[order]
+    order = np.argsort(
+        key, kind="stable"
+    )  # of equal ones the heaviest hypothesis stays first
+    key, owner, rows, hypothesis = (
+        key[order],
+        owner[order],
+        rows[order],
+        hypothesis[order],
+    )
     first = np.flatnonzero(np.append(True, key[1:] != key[:-1])[: len(key)])
     start = np.searchsorted(owner[first], np.arange(len(row) + 1))
-    mass = log_weight[hypothesis]  # as logarithms: an object of very unlikely hypotheses must not come to a mass of 0
+    mass = log_weight[
+        hypothesis
+    ]  # as logarithms: an object of very unlikely hypotheses must not come to a mass of 0
     log_mass = np.logaddexp.reduceat(mass, first) if len(first) else mass
     return Pools(start, rows[first], hypothesis[first], log_mass)
 
 
 def reduce_pools(
-    pools: Pools, forecasts: Forecasts, task: Task, sampler: Sampler, rng: np.random.Generator
+    pools: Pools,
+    forecasts: Forecasts,
+    task: Task,
+    sampler: Sampler,
+    rng: np.random.Generator,
 ) -> tuple[Floats, Floats]:
     """Samples [O, K, T, 2] and log-weights [O, K] of the objects; -inf for samples that do not exist.
 
@@ -167,17 +216,23 @@ def reduce_pools(
     small = size <= task.samples
     entry, owner, place = _entries(pools.start, small)
     if np.ndim(forecasts.row) == 2 and len(forecasts.row) * each <= task.samples:  # type: ignore[arg-type]
-        place = pools.hypothesis[entry]  # where all fit, samples of one hypothesis have the same places in all objects
+        place = pools.hypothesis[
+            entry
+        ]  # where all fit, samples of one hypothesis have the same places in all objects
     slot = place[:, None] * each + np.arange(each)
     samples[owner[:, None], slot] = forecasts.samples[pools.row[entry]]
-    log_weight[owner[:, None], slot] = weight[pools.row[entry]] + pools.log_mass[entry][:, None]
+    log_weight[owner[:, None], slot] = (
+        weight[pools.row[entry]] + pools.log_mass[entry][:, None]
+    )
     large = np.flatnonzero(~small)
     row, log_mass = entry_table(pools, large)
     at_once = max(1, _POOLED // max(row.shape[1] * each, 1))
     for first in range(0, len(large), at_once):
         part = slice(first, first + at_once)
         pool = padded(forecasts.samples, weight, row[part], log_mass[part])
-        samples[large[part]], log_weight[large[part]] = sampler.reduce(*pool, task.samples, rng)
+        samples[large[part]], log_weight[large[part]] = sampler.reduce(
+            *pool, task.samples, rng
+        )
     return samples, log_weight
 
 
@@ -210,7 +265,11 @@ def entry_table(pools: Pools, objects: Ints) -> tuple[Ints, Floats]:
     return row, log_mass
 
 
-def padded(samples: Floats, weight: Floats, row: Ints, log_mass: Floats) -> tuple[Floats, Floats]:
+def padded(
+    samples: Floats, weight: Floats, row: Ints, log_mass: Floats
+) -> tuple[Floats, Floats]:
     """Samples [o, S, T, 2] and log-weights [o, S] of pools whose entries have the rows and log-masses [o, E]."""
     log_weight = weight[row] + log_mass[:, :, None]
-    return samples.take(row, axis=0).reshape(len(row), -1, *samples.shape[2:]), log_weight.reshape(len(row), -1)
+    return samples.take(row, axis=0).reshape(
+        len(row), -1, *samples.shape[2:]
+    ), log_weight.reshape(len(row), -1)

@@ -49,21 +49,35 @@ class Forecasts:
     """Forecasts of the N tracks of a frame in R rows; several tracks may share a row."""
 
     samples: Floats  # [R, S, T, 2] absolute x y, m
-    log_weight: Floats | None = None  # [R, S]; None: equal; -inf: no such sample; -inf throughout: no forecast
+    log_weight: Floats | None = (
+        None  # [R, S]; None: equal; -inf: no such sample; -inf throughout: no forecast
+    )
     present: Floats | None = None  # [R, 2] x y now; None: the centre of the track's box
-    presence: Floats | None = None  # [R] probability that the object is there; None: ask the pipeline's presence
-    row: Ints | None = None  # [N] row of each track, or [H, N] of each track in each hypothesis; None: row i is track i
+    presence: Floats | None = (
+        None  # [R] probability that the object is there; None: ask the pipeline's presence
+    )
+    row: Ints | None = (
+        None  # [N] row of each track, or [H, N] of each track in each hypothesis; None: row i is track i
+    )
 
     def __post_init__(self) -> None:
         if np.ndim(self.samples) != len("RSTx"):
             got = f"forecasts.samples has shape {np.shape(self.samples)}"
-            raise ShapeError(f"{got}, expected [rows, samples, frames, 2]; one sample each is [rows, 1, frames, 2]")
+            raise ShapeError(
+                f"{got}, expected [rows, samples, frames, 2]; one sample each is [rows, 1, frames, 2]"
+            )
         rows, samples = np.shape(self.samples)[:2]
-        expected = {"log_weight": (rows, samples), "present": (rows, 2), "presence": (rows,)}
+        expected = {
+            "log_weight": (rows, samples),
+            "present": (rows, 2),
+            "presence": (rows,),
+        }
         for name, shape in expected.items():
             value = getattr(self, name)
             if value is not None and np.shape(value) != shape:
-                raise ShapeError(f"forecasts.{name} has shape {np.shape(value)}, expected {shape}")
+                raise ShapeError(
+                    f"forecasts.{name} has shape {np.shape(value)}, expected {shape}"
+                )
 
     def rows_of(self, tracks: Tracks) -> Ints:
         """Row [H, N] of each track in each hypothesis; entries of hypotheses without the track are arbitrary.
@@ -73,16 +87,22 @@ class Forecasts:
         rows, (hypotheses, n) = len(self.samples), tracks.member.shape
         if self.row is None:
             if rows != n:
-                raise ShapeError(f"forecasts.samples has {rows} rows, expected {n}: one for each track, or row")
+                raise ShapeError(
+                    f"forecasts.samples has {rows} rows, expected {n}: one for each track, or row"
+                )
             return np.broadcast_to(np.arange(n), (hypotheses, n))
         row = np.asarray(self.row)
         if row.shape not in ((n,), (hypotheses, n)):
-            raise ShapeError(f"forecasts.row has shape {row.shape}, expected {(n,)} or {(hypotheses, n)}")
+            raise ShapeError(
+                f"forecasts.row has shape {row.shape}, expected {(n,)} or {(hypotheses, n)}"
+            )
         by_hypothesis = np.broadcast_to(row, (hypotheses, n))
         used = by_hypothesis[tracks.member]
         wrong = used[(used < 0) | (used >= rows)]
         if len(wrong):
-            raise ShapeError(f"forecasts.row is {wrong[0]}, expected 0 to {rows - 1}: a row of forecasts.samples")
+            raise ShapeError(
+                f"forecasts.row is {wrong[0]}, expected 0 to {rows - 1}: a row of forecasts.samples"
+            )
         return by_hypothesis
 
 
@@ -131,7 +151,9 @@ class Presence(Protocol):
 class Sampler(Protocol):
     """A sampler reduces a pool of samples to the number allowed."""
 
-    def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    def reduce(
+        self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator
+    ) -> tuple[Floats, Floats]:
         """``k`` samples [O, k, T, 2] and log-weights [O, k] that stand for the pool [O, S, T, 2] weighted [O, S].
 
         A sample with log-weight -inf does not exist. With fewer than k samples, return them as they are, or fill up

@@ -1,6 +1,10 @@
 """Cards: the source, task and sizes of an environment, as strict TOML."""
 
-from .card import Card as Card, DetectorSection as DetectorSection, TaskSection as TaskSection
+from .card import (
+    Card as Card,
+    DetectorSection as DetectorSection,
+    TaskSection as TaskSection,
+)
 from .changes import (
     CHANGES as CHANGES,
     changed_card as changed_card,

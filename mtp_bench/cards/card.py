@@ -4,7 +4,13 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationInfo, field_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializeAsAny,
+    ValidationInfo,
+    field_validator,
+)
 
 from ..detector import Profile, Variant, load_profile
 from ..detector.profile_file import with_variant
@@ -12,8 +18,15 @@ from ..errors import CardError, MtpBenchError, nearest
 from ..strict import Section, rule
 from .source import SourceSection
 
-PerClass = dict[str, Annotated[float, Field(gt=0, le=1e4)]]  # a single number in the TOML stands for every class
-_NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker")  # hints for agents, and the place on the leaderboard
+PerClass = dict[
+    str, Annotated[float, Field(gt=0, le=1e4)]
+]  # a single number in the TOML stands for every class
+_NOT_SCORED = (
+    "motion_noise",
+    "weights_of",
+    "board",
+    "tracker",
+)  # hints for agents, and the place on the leaderboard
 
 
 class EventGate(Section):
@@ -25,7 +38,10 @@ class EventGate(Section):
     @field_validator("threshold")
     @classmethod
     def _require_share(cls, threshold: PerClass, info: ValidationInfo) -> PerClass:
-        if info.data.get("measure") == "iou_3d" and max(threshold.values(), default=0) > 1:
+        if (
+            info.data.get("measure") == "iou_3d"
+            and max(threshold.values(), default=0) > 1
+        ):
             raise ValueError("expected an IoU of at most 1")
         return threshold
 
@@ -83,20 +99,30 @@ class LaneSection(Section):
     pieces: Annotated[int, Field(ge=1, le=10_000)] = 96  # L
     points: Annotated[int, Field(ge=2, le=1000)] = 20  # Q
     step: Annotated[float, Field(gt=0, le=100)] = 2.0  # m between two points, at most
-    reach: Annotated[float, Field(gt=0, le=100)] = 60.0  # m from the sensor; maps end about 100 m from its whole way
+    reach: Annotated[float, Field(gt=0, le=100)] = (
+        60.0  # m from the sensor; maps end about 100 m from its whole way
+    )
 
 
 class PlannerSection(Section):
     """Weights of the planner that drives the ego (`mtp_bench.drive.planner`); fitted on training seeds."""
 
-    caution: Annotated[float, Field(ge=0)] = 60.0  # m/s of progress that a certain contact now costs
-    patience: Annotated[float, Field(gt=0)] = 2.0  # s, by which a later contact counts less
-    comfort: Annotated[float, Field(ge=0)] = 0.4  # m/s of progress per m/s2 of braking beyond 2
+    caution: Annotated[float, Field(ge=0)] = (
+        60.0  # m/s of progress that a certain contact now costs
+    )
+    patience: Annotated[float, Field(gt=0)] = (
+        2.0  # s, by which a later contact counts less
+    )
+    comfort: Annotated[float, Field(ge=0)] = (
+        0.4  # m/s of progress per m/s2 of braking beyond 2
+    )
     smoothness: Annotated[float, Field(ge=0)] = 0.05  # m/s of progress per m/s2
     margin: Annotated[float, Field(ge=0)] = 0.3  # m around the boxes
     growth: Annotated[float, Field(ge=0)] = 0.05  # m/s, of the margin over the forecast
     headway: Annotated[float, Field(ge=0)] = 0.6  # s, to those who drive ahead
-    pace: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the speed limits that is driven at most
+    pace: Annotated[float, Field(gt=0, le=1)] = (
+        1.0  # share of the speed limits that is driven at most
+    )
 
 
 class DriveSection(Section):
@@ -105,12 +131,17 @@ class DriveSection(Section):
     planner: PlannerSection = PlannerSection()
 
 
-_SWITCH = BeforeValidator(lambda value: ({} if value else None) if isinstance(value, bool) else value)
+_SWITCH = BeforeValidator(
+    lambda value: ({} if value else None) if isinstance(value, bool) else value
+)
 _SHIPPED = rule(  # a path would be relative to which folder?
     lambda profile: not profile.endswith(".toml"),
     "expected the name of a shipped profile; a file's content belongs into [detector.noise]",
 )
-_CORNERS = rule(lambda a: a[0] < a[2] and a[1] < a[3], "expected least x and y, then largest x and y")
+_CORNERS = rule(
+    lambda a: a[0] < a[2] and a[1] < a[3],
+    "expected least x and y, then largest x and y",
+)
 
 
 class DetectorSection(Section):
@@ -120,8 +151,13 @@ class DetectorSection(Section):
     noise: Profile | None = None
     variant: Variant = "as_fitted"
     reach: Annotated[float, Field(gt=0)] = 80.0  # m
-    field_of_view: Annotated[float, Field(gt=0, le=360)] = 90.0  # degrees, centred on the ego's heading
-    area: Annotated[tuple[float, float, float, float], Field(strict=False), _CORNERS] | None = None
+    field_of_view: Annotated[float, Field(gt=0, le=360)] = (
+        90.0  # degrees, centred on the ego's heading
+    )
+    area: (
+        Annotated[tuple[float, float, float, float], Field(strict=False), _CORNERS]
+        | None
+    ) = None
     # m: least x and y, largest x and y of false positives; without it they are anywhere within reach
     seed: Annotated[int, Field(ge=0)] = 0  # of the noise
 
@@ -132,7 +168,9 @@ class DetectorSection(Section):
         Raises CardError unless exactly one of ``profile`` and ``noise`` is given, UnknownNameError for an unknown name.
         """
         if (self.profile is None) == (self.noise is None):
-            raise CardError("[detector] has both or none of 'profile' and 'noise', expected exactly one of them")
+            raise CardError(
+                "[detector] has both or none of 'profile' and 'noise', expected exactly one of them"
+            )
         return with_variant(self.noise or load_profile(str(self.profile)), self.variant)
 
 
@@ -151,13 +189,23 @@ class Card(Section):
 
     id: str
     summary: str
-    reference: str | None = None  # baseline whose runs make the event weights; None: the single-hypothesis control
+    reference: str | None = (
+        None  # baseline whose runs make the event weights; None: the single-hypothesis control
+    )
     motion_noise: str | None = None  # where objects move like here
     weights_of: str | None = None  # id of the env whose network weights serve here too
-    board: int | None = None  # place among the envs of the leaderboard; those without one come last
-    tracker: dict[str, TrackerSection] = Field(default_factory=dict)  # by class; empty: those of the detector
-    presence: str | None = None  # file of a presence model for baselines, or "scores"; None: the detector's model
-    lanes: Annotated[LaneSection | None, _SWITCH] = None  # observations show the road; ``true``: in the default sizes
+    board: int | None = (
+        None  # place among the envs of the leaderboard; those without one come last
+    )
+    tracker: dict[str, TrackerSection] = Field(
+        default_factory=dict
+    )  # by class; empty: those of the detector
+    presence: str | None = (
+        None  # file of a presence model for baselines, or "scores"; None: the detector's model
+    )
+    lanes: Annotated[LaneSection | None, _SWITCH] = (
+        None  # observations show the road; ``true``: in the default sizes
+    )
     drive: Annotated[DriveSection | None, _SWITCH] = None  # closed loop
     source: SerializeAsAny[SourceSection]
     detector: DetectorSection | None = None
@@ -167,17 +215,25 @@ class Card(Section):
     @property
     def digest(self) -> str:
         """First 16 hex digits of the sha256 of the card's content, the noise of a simulated detector included."""
-        content = self.model_dump(mode="json", exclude_none=True, exclude=set(_NOT_SCORED))
+        content = self.model_dump(
+            mode="json", exclude_none=True, exclude=set(_NOT_SCORED)
+        )
         if self.detector is not None:
             noise = self.detector.resolved
-            content["detector"]["noise"] = noise.model_dump(mode="json", exclude_none=True)
+            content["detector"]["noise"] = noise.model_dump(
+                mode="json", exclude_none=True
+            )
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
     def detector_name(self) -> str:
         """Name of the stored detector, or of the simulated one's profile: agents choose their parameters by it."""
-        return self.source.traits.stored_detector if self.detector is None else self.detector.resolved.name
+        return (
+            self.source.traits.stored_detector
+            if self.detector is None
+            else self.detector.resolved.name
+        )
 
     @property
     def simulated(self) -> bool:
@@ -193,7 +249,9 @@ class Card(Section):
     def velocity(self) -> bool:
         """True if detections carry a measured velocity."""
         traits = self.source.traits
-        if self.detector is None or (traits.mixed_detections and traits.stored_detector):
+        if self.detector is None or (
+            traits.mixed_detections and traits.stored_detector
+        ):
             return traits.measured_velocity
         noise = self.detector.resolved
         return all(noise.noise(name).velocity is not None for name in self.task.classes)
@@ -204,14 +262,24 @@ class Card(Section):
         ``why``: what a loop does not have. ``instead``: what to do; empty: compare how agents drive.
         """
         if self.drive is not None:
-            advice = instead or "`mtp-bench compare` sets agents side by side by how they drive"
+            advice = (
+                instead
+                or "`mtp-bench compare` sets agents side by side by how they drive"
+            )
             raise CardError(f"{self.id} is a closed loop, {why}: {advice}")
 
     def stored(self) -> dict[str, Any]:
         """The card as JSON that `parse_card` reads again, with the paths of its files on this machine."""
-        content = self.model_dump(mode="json")  # null values too: a detector that was taken away stays away
-        paths = {name: getattr(self.source, name, None) for name in ("folder", "detections_file")}
-        content["source"] |= {name: path for name, path in paths.items() if path is not None}
+        content = self.model_dump(
+            mode="json"
+        )  # null values too: a detector that was taken away stays away
+        paths = {
+            name: getattr(self.source, name, None)
+            for name in ("folder", "detections_file")
+        }
+        content["source"] |= {
+            name: path for name, path in paths.items() if path is not None
+        }
         return content
 
     def per_class(self, table: PerClass) -> tuple[float, ...]:
@@ -222,20 +290,37 @@ class Card(Section):
 def check_consistency(card: Card, where: str) -> None:
     """Raise CardError, naming the card by ``where``, unless its sections fit each other."""
     check_detector(card, where)
-    if card.lanes is not None and not (card.source.traits.lanes and card.source.traits.common_frame):
-        lacking = "whose frames have separate axes" if card.source.traits.lanes else "without a road map"
-        raise CardError(f"{where}: lanes cannot be shown for source {card.source.name!r}, {lacking}; leave them out")
+    if card.lanes is not None and not (
+        card.source.traits.lanes and card.source.traits.common_frame
+    ):
+        lacking = (
+            "whose frames have separate axes"
+            if card.source.traits.lanes
+            else "without a road map"
+        )
+        raise CardError(
+            f"{where}: lanes cannot be shown for source {card.source.name!r}, {lacking}; leave them out"
+        )
     if card.drive is not None and (card.source.name != "highway" or not card.has_ego):
         got = f"source {card.source.name!r}{'' if card.has_ego else ' with a fixed sensor'}"
-        raise CardError(f"{where}: drive is set, but nothing drives in {got}, expected 'highway' with sensor = \"ego\"")
-    seconds, needed = card.source.traits.scene_seconds, card.task.past + card.task.future
+        raise CardError(
+            f"{where}: drive is set, but nothing drives in {got}, expected 'highway' with sensor = \"ego\""
+        )
+    seconds, needed = (
+        card.source.traits.scene_seconds,
+        card.task.past + card.task.future,
+    )
     if seconds is not None and seconds * card.task.rate < needed:
         raise CardError(
             f"{where}: scenes of {seconds:g} s at {card.task.rate:g} Hz have {seconds * card.task.rate:g} frames, "
             f"expected at least {needed}: task.past and task.future"
         )
-    path, content = (getattr(card.source, f"detections_{name}", None) for name in ("file", "sha256"))
-    if path is not None and content is None:  # the card's digest covers the content, not the path
+    path, content = (
+        getattr(card.source, f"detections_{name}", None) for name in ("file", "sha256")
+    )
+    if (
+        path is not None and content is None
+    ):  # the card's digest covers the content, not the path
         raise CardError(
             f"{where}: source.detections_file needs source.detections_sha256, the digest of the file; or leave it out "
             "and name the file with --detections"
@@ -247,7 +332,9 @@ def check_detector(card: Card, where: str) -> None:
     traits = card.source.traits
     if card.detector is None:
         if traits.without_detections:
-            raise CardError(f"{where}: {traits.without_detections} has no detections: a [detector] section is missing")
+            raise CardError(
+                f"{where}: {traits.without_detections} has no detections: a [detector] section is missing"
+            )
         return
     if not traits.truth_complete:
         raise CardError(

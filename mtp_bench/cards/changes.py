@@ -9,14 +9,35 @@ from typing import Any
 from .._bundle import bundled, card_ids
 from ..detector import load_profile, profile_names
 from ..detector.profile_file import profile_for
-from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, require_known
+from ..errors import (
+    CardError,
+    DataError,
+    MtpBenchError,
+    UnknownNameError,
+    require_known,
+)
 from ..strict import read_toml, validate
 from ..types import SCORES, Scene
 from .card import Card, DetectorSection, check_consistency, check_detector
-from .own import TEXTS, folder_digest, known_digest, own_digest, plain_name, resolve_folder, scenes_digest, split_folder
+from .own import (
+    TEXTS,
+    folder_digest,
+    known_digest,
+    own_digest,
+    plain_name,
+    resolve_folder,
+    scenes_digest,
+    split_folder,
+)
 from .source import STORED_DETECTOR, FilesSource, read_source
 
-CHANGES = ("split", "detector", "detection_file", "files", "presence")  # arguments of `changed_card`
+CHANGES = (
+    "split",
+    "detector",
+    "detection_file",
+    "files",
+    "presence",
+)  # arguments of `changed_card`
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 
 
@@ -26,19 +47,31 @@ def load_card(name: str | Path) -> Card:
     Raises UnknownNameError for an id that does not exist and CardError for content that is wrong, naming the key.
     """
     if not isinstance(name, (str, os.PathLike)):
-        raise CardError(f"the env is {name!r}, expected its id, the path of a card, or a card")
+        raise CardError(
+            f"the env is {name!r}, expected its id, the path of a card, or a card"
+        )
     path = Path(name)
     if path.suffix == ".toml":
         if not path.is_file():
             raise CardError(f"no card file at {path}")
     else:
-        require_known("environment", str(name), card_ids(), "`mtp-bench envs` lists them")
+        require_known(
+            "environment", str(name), card_ids(), "`mtp-bench envs` lists them"
+        )
         path = bundled("envs") / f"{name}.toml"
     card = parse_card(read_toml(path, CardError), where=path.name)
     if card.id != path.stem:
-        raise CardError(f"{path.name}: id is {card.id!r}, expected the file's stem {path.stem!r}")
+        raise CardError(
+            f"{path.name}: id is {card.id!r}, expected the file's stem {path.stem!r}"
+        )
     if isinstance(card.source, FilesSource):
-        return card.model_copy(update={"source": resolve_folder(card.source, path.parent, card.lanes is not None)})
+        return card.model_copy(
+            update={
+                "source": resolve_folder(
+                    card.source, path.parent, card.lanes is not None
+                )
+            }
+        )
     return card
 
 
@@ -83,7 +116,9 @@ def with_split(card: Card, split: str) -> Card:
                 "scenes of that split alone"
             )
         if source.folder is not None:
-            update["sha256"] = own_digest(split_folder(Path(source.folder), split), card.lanes is not None)
+            update["sha256"] = own_digest(
+                split_folder(Path(source.folder), split), card.lanes is not None
+            )
     return card.model_copy(update={"source": source.model_copy(update=update)})
 
 
@@ -97,25 +132,48 @@ def with_detector(card: Card, name: str) -> Card:
     update: dict[str, object]
     if name in VARIANTS:
         if card.detector is None:
-            raise CardError(f"detector {name!r} is a variant of a simulated detector, and {card.id} has none")
+            raise CardError(
+                f"detector {name!r} is a variant of a simulated detector, and {card.id} has none"
+            )
         update = {"variant": name}
     elif name.endswith(".toml"):
-        update = {"variant": "as_fitted", **_section_of(Path(name)), "profile": None, "noise": load_profile(name)}
+        update = {
+            "variant": "as_fitted",
+            **_section_of(Path(name)),
+            "profile": None,
+            "noise": load_profile(name),
+        }
     elif name in profile_names():
         update = {"profile": name, "noise": None, "variant": "as_fitted"}
     elif source.traits.other_detections and card.detector is None:
         if not re.fullmatch(STORED_DETECTOR, name):
-            raise CardError(f"detector is {name!r}, expected the first part of the names of its files")
-        return card.model_copy(update={"source": source.model_copy(update={"detector": name}), "tracker": {}})
+            raise CardError(
+                f"detector is {name!r}, expected the first part of the names of its files"
+            )
+        return card.model_copy(
+            update={
+                "source": source.model_copy(update={"detector": name}),
+                "tracker": {},
+            }
+        )
     else:
         raise UnknownNameError(
-            "detector profile", name, [*profile_names(), *VARIANTS], "or give the path of a .toml file"
+            "detector profile",
+            name,
+            [*profile_names(), *VARIANTS],
+            "or give the path of a .toml file",
         )
     if source.traits.mixed_detections:  # else its stored detections would stay
         source = source.model_copy(update={"detector": None})
-    section = (card.detector or DetectorSection(field_of_view=source.traits.view)).model_copy(update=update)
-    tracker = card.tracker if name in VARIANTS else {}  # the parameters suit the card's own detector
-    changed = card.model_copy(update={"source": source, "detector": section, "tracker": tracker})
+    section = (
+        card.detector or DetectorSection(field_of_view=source.traits.view)
+    ).model_copy(update=update)
+    tracker = (
+        card.tracker if name in VARIANTS else {}
+    )  # the parameters suit the card's own detector
+    changed = card.model_copy(
+        update={"source": source, "detector": section, "tracker": tracker}
+    )
     check_detector(changed, card.id)
     return changed
 
@@ -129,18 +187,32 @@ def with_detections(card: Card, file: str | Path) -> Card:
     no such files, and DataError if the file cannot be read.
     """
     traits = card.source.traits
-    if not traits.detection_file or not (card.detector is None or traits.mixed_detections):
+    if not traits.detection_file or not (
+        card.detector is None or traits.mixed_detections
+    ):
         simulated = bool(traits.detection_file)
-        why = "its detector is simulated" if simulated else "only stored ones of a dataset's own form can be replaced"
+        why = (
+            "its detector is simulated"
+            if simulated
+            else "only stored ones of a dataset's own form can be replaced"
+        )
         raise CardError(f"{card.id} takes no file of detections: {why}")
     path = Path(file).expanduser().absolute()
     try:
         digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
     except OSError as error:
-        raise DataError(f"detections {path}: {error.strerror}; expected {traits.detection_file}") from None
+        raise DataError(
+            f"detections {path}: {error.strerror}; expected {traits.detection_file}"
+        ) from None
     name = plain_name(f"{traits.stored_detector}-{path.stem}")
-    update = {"detector": name, "detections_sha256": digest, "detections_file": str(path)}
-    return card.model_copy(update={"source": card.source.model_copy(update=update), "detector": None})
+    update = {
+        "detector": name,
+        "detections_sha256": digest,
+        "detections_file": str(path),
+    }
+    return card.model_copy(
+        update={"source": card.source.model_copy(update=update), "detector": None}
+    )
 
 
 def with_files(card: Card, folder: str | Path) -> Card:
@@ -152,8 +224,12 @@ def with_files(card: Card, folder: str | Path) -> Card:
     """
     path = Path(folder).expanduser().absolute()
     if not path.is_dir():
-        raise DataError(f"no folder {path}, expected one with a sub-folder of tables for each scene")
-    return _with_own(card, folder=str(path), sha256=own_digest(path, card.lanes is not None))
+        raise DataError(
+            f"no folder {path}, expected one with a sub-folder of tables for each scene"
+        )
+    return _with_own(
+        card, folder=str(path), sha256=own_digest(path, card.lanes is not None)
+    )
 
 
 def with_scenes(card: Card, scenes: Sequence[Scene]) -> Card:
@@ -164,9 +240,13 @@ def with_scenes(card: Card, scenes: Sequence[Scene]) -> Card:
     names: set[str] = set()
     for scene in scenes:
         if not isinstance(scene, Scene):
-            raise CardError(f"scenes holds {type(scene).__name__}, expected Scene objects only, or names only")
+            raise CardError(
+                f"scenes holds {type(scene).__name__}, expected Scene objects only, or names only"
+            )
         if scene.name in names:
-            raise CardError(f"two scenes are called {scene.name!r}, expected a name of its own for each")
+            raise CardError(
+                f"two scenes are called {scene.name!r}, expected a name of its own for each"
+            )
         names.add(scene.name)
     return _with_own(card, scenes=tuple(scenes), sha256=scenes_digest(scenes))
 
@@ -180,7 +260,9 @@ def with_presence(card: Card, presence: str | None) -> Card:
     if presence is not None and presence != SCORES:
         path = Path(presence).expanduser().absolute()
         if not path.is_file():
-            raise DataError(f"no file {path}, expected one of `mtp-bench train presence`, or the word {SCORES!r}")
+            raise DataError(
+                f"no file {path}, expected one of `mtp-bench train presence`, or the word {SCORES!r}"
+            )
         presence = str(path)
     return card.model_copy(update={"presence": presence})
 
@@ -209,7 +291,9 @@ def _with_own(card: Card, **scenes: object) -> Card:
         places_only=traits.places_only or None,
         bounded_by_truth=traits.bounded_by_truth or None,
     )
-    return card.model_copy(update={"source": section.model_copy(update=scenes), "drive": None})
+    return card.model_copy(
+        update={"source": section.model_copy(update=scenes), "drive": None}
+    )
 
 
 def _section_of(path: Path) -> dict[str, object]:

@@ -16,7 +16,9 @@ from ..types import Scene
 from .source import FilesSource
 
 FORMS = ("csv", "parquet")
-SCENES = tuple(f"*/{table}.{form}" for table in ("truth", "detections", "ego") for form in FORMS)
+SCENES = tuple(
+    f"*/{table}.{form}" for table in ("truth", "detections", "ego") for form in FORMS
+)
 ROADS = tuple(f"*/lanes.{form}" for form in FORMS)
 TEXTS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections
 
@@ -56,8 +58,12 @@ def folder_digest(folder: Path, patterns: Sequence[str]) -> str:
         try:
             content = known_digest(path)
         except OSError as error:
-            raise DataError(f"{path}: cannot be read: {error.strerror or error}") from None
-        digest.update(f"{name.as_posix()}\0{content};".encode("utf-8", "surrogateescape"))
+            raise DataError(
+                f"{path}: cannot be read: {error.strerror or error}"
+            ) from None
+        digest.update(
+            f"{name.as_posix()}\0{content};".encode("utf-8", "surrogateescape")
+        )
     return digest.hexdigest()
 
 

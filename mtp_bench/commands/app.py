@@ -23,8 +23,13 @@ from .output import fail, said_of, say
 
 NUMBA_SETTINGS = Path(".numba_config.yaml")  # read by Numba from the current folder
 INTERRUPTED = 130  # exit status, as shells have it
-_TEXTS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
-SUMMARIES, AFTER = _TEXTS["summaries"], _TEXTS["interrupted"]  # by command; notes after Ctrl-C
+_TEXTS = tomllib.loads(
+    Path(__file__).with_name("commands.toml").read_text(encoding="utf-8")
+)
+SUMMARIES, AFTER = (
+    _TEXTS["summaries"],
+    _TEXTS["interrupted"],
+)  # by command; notes after Ctrl-C
 
 
 class InterruptedCommandError(Exception):
@@ -53,7 +58,9 @@ class Commands(TyperGroup):
             return get_command(content)
         from .options import opened
 
-        alone = Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+        alone = Typer(
+            add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
+        )
         alone.command(cmd_name)(opened(content))
         return get_command(alone)
 
@@ -64,27 +71,43 @@ class Commands(TyperGroup):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Refuse an empty word, which would mean the current folder where a path is expected."""
-        if not ctx.resilient_parsing and any(word == "" or re.fullmatch("--[a-z-]+=", word) for word in args):
-            raise BadParameter("got an empty word, expected a value: is a variable of the shell unset?", ctx)
+        if not ctx.resilient_parsing and any(
+            word == "" or re.fullmatch("--[a-z-]+=", word) for word in args
+        ):
+            raise BadParameter(
+                "got an empty word, expected a value: is a variable of the shell unset?",
+                ctx,
+            )
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the chosen command."""
         try:
-            with notice.work(" ".join(["mtp-bench", *sys.argv[1:2], "is working"]), around=True):
+            with notice.work(
+                " ".join(["mtp-bench", *sys.argv[1:2], "is working"]), around=True
+            ):
                 return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise InterruptedCommandError(AFTER.get(ctx.invoked_subcommand, "no file was written")) from None
+            raise InterruptedCommandError(
+                AFTER.get(ctx.invoked_subcommand, "no file was written")
+            ) from None
         except BadParameter as error:
             from pydantic import ValidationError
 
-            if isinstance(error.__cause__, ValidationError):  # it names what was expected alone
+            if isinstance(
+                error.__cause__, ValidationError
+            ):  # it names what was expected alone
                 got = clean_text(repr(error.__cause__.errors()[0]["input"]), 100)
                 error.message = f"got {got}: {error.message}"
             raise
 
 
-app = Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = Typer(
+    cls=Commands,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
 
 
 def _version(asked: bool) -> None:
@@ -95,24 +118,39 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def about(
-    version: Annotated[bool, Option("--version", callback=_version, is_eager=True, help="Show the version.")] = False,
+    version: Annotated[
+        bool,
+        Option("--version", callback=_version, is_eager=True, help="Show the version."),
+    ] = False,
 ) -> None:
     """Tracking and prediction together: your agent sees detections, not the truth."""
 
 
 def main() -> None:
     """Entry point: errors of the library become one line and exit status 1, Ctrl-C one line and 130."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy loads, and for workers: matrices are small
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):  # in the order of their descriptors
+    os.environ.setdefault(
+        "OPENBLAS_NUM_THREADS", "1"
+    )  # before NumPy loads, and for workers: matrices are small
+    for name, mode in (
+        ("stdin", "r"),
+        ("stdout", "w"),
+        ("stderr", "w"),
+    ):  # in the order of their descriptors
         if getattr(sys, name) is None:  # it was closed
             setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # names of files need not be text
+            stream.reconfigure(
+                errors="backslashreplace"
+            )  # names of files need not be text
     if NUMBA_SETTINGS.exists():  # those of a submission would change how the judge runs
-        fail(f"{NUMBA_SETTINGS.absolute()} would change how Numba compiles: run from another folder, or remove it")
+        fail(
+            f"{NUMBA_SETTINGS.absolute()} would change how Numba compiles: run from another folder, or remove it"
+        )
     # joblib renews workers that hold much memory, and says so; nothing is lost by it.
-    warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
+    warnings.filterwarnings(
+        "ignore", message="A worker stopped while some jobs were given"
+    )
     try:
         try:
             app(prog_name="mtp-bench")

@@ -16,7 +16,13 @@ from ..records.submitting import RECORDS
 from ..scoring.definitions import SUBSETS, Subset
 from ..viz.board.columns import board_json, data_table
 from ..viz.board.entries import Entry, Found, entries_of, is_baseline
-from ..viz.board.page import Pages, board_files, parts_folder, require_parts, write_board
+from ..viz.board.page import (
+    Pages,
+    board_files,
+    parts_folder,
+    require_parts,
+    write_board,
+)
 from ..viz.board.tables import board_tables
 from ..viz.terminal.output import counted, show, show_lines, show_table
 from .options import BaseOption, JsonOption, TableOption, file_option
@@ -25,16 +31,26 @@ from .output import write_json, write_table
 
 def board(
     further: Annotated[
-        list[Path] | None, Option("--with", help="A record to place among the others; repeatable.")
+        list[Path] | None,
+        Option("--with", help="A record to place among the others; repeatable."),
     ] = None,
-    records: Annotated[Path | None, Option(help="Folder of records; leaderboard/records by default.")] = None,
+    records: Annotated[
+        Path | None, Option(help="Folder of records; leaderboard/records by default.")
+    ] = None,
     output: Annotated[
         Path | None,
-        file_option("-o", "--output", text="Also write a page (.html) with its parts beside it.", suffixes=(".html",)),
+        file_option(
+            "-o",
+            "--output",
+            text="Also write a page (.html) with its parts beside it.",
+            suffixes=(".html",),
+        ),
     ] = None,
     env: Annotated[str | None, Option(help="Only this environment.")] = None,
     base: BaseOption = None,
-    strict: Annotated[bool, Option("--strict", help="Status 1 where a record is broken.")] = False,
+    strict: Annotated[
+        bool, Option("--strict", help="Status 1 where a record is broken.")
+    ] = False,
     table_file: TableOption = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -42,27 +58,49 @@ def board(
     if output is not None:
         require_parts(output)
     with reported("reading records") as progress:
-        subsets: Sequence[Subset] = ("all",) if output is None else SUBSETS  # tables show no other
-        entries, refused, notes = read_board(records, further or (), env, output, trusted(base), progress, subsets)
+        subsets: Sequence[Subset] = (
+            ("all",) if output is None else SUBSETS
+        )  # tables show no other
+        entries, refused, notes = read_board(
+            records, further or (), env, output, trusted(base), progress, subsets
+        )
     tables = board_tables(entries)
     if json_file is not None:
         write_json(json_file, board_json(entries))
-    write_table(table_file, [table for table, _ in tables], data_table(entries, env or "leaderboard"))
+    write_table(
+        table_file,
+        [table for table, _ in tables],
+        data_table(entries, env or "leaderboard"),
+    )
     for table, below in tables:
-        show_table(table, style=lambda entry: "bold green" if entry.added else "" if entry.compared else "dim")
+        show_table(
+            table,
+            style=lambda entry: (
+                "bold green" if entry.added else "" if entry.compared else "dim"
+            ),
+        )
         show("")
         show_lines(below)
     show_lines([*notes, *(f"refused: {text}" for text in refused)])
     if not entries:
-        show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
+        show(
+            "no record"
+            + (f" of {env}" if env else "")
+            + " yet; `mtp-bench submit` makes one"
+        )
     if output is not None:
         leaderboard = _folder(records).absolute().parent
-        pages = leaderboard / "SUBMITTING.md", leaderboard.parent / "docs" / "definitions" / "index.md"
+        pages = (
+            leaderboard / "SUBMITTING.md",
+            leaderboard.parent / "docs" / "definitions" / "index.md",
+        )
         addresses = Pages(*(_link(page, output) for page in pages))
         write_board(output, board_files(entries, parts_folder(output).name, addresses))
         show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
     if strict and refused:
-        raise RecordError(f"{counted(len(refused), 'record')} refused, the first: {refused[0]}")
+        raise RecordError(
+            f"{counted(len(refused), 'record')} refused, the first: {refused[0]}"
+        )
 
 
 def read_board(
@@ -87,13 +125,19 @@ def read_board(
     """
     folder = _folder(folder)
     if not folder.is_dir():
-        raise MtpBenchError(f"{folder}: no such folder of records; name one with --records: a checkout has it")
+        raise MtpBenchError(
+            f"{folder}: no such folder of records; name one with --records: a checkout has it"
+        )
     baselines = folder.absolute().parent.parent / "baselines"
 
     def read(path: Path, added: bool) -> Found:
         record = load_record(path)
-        if not added and path.stem != record.env.id:  # else its table would depend on --env
-            raise RecordError(f"{path}: holds a record on {record.env.id}, expected {path.stem}: rename the file")
+        if (
+            not added and path.stem != record.env.id
+        ):  # else its table would depend on --env
+            raise RecordError(
+                f"{path}: holds a record on {record.env.id}, expected {path.stem}: rename the file"
+            )
         signed, note = read_level(path, record, trust)
         code = baselines / record.submission.name if is_baseline(record) else None
         return Found(record, signed, _link(path, page), added, note, _link(code, page))
@@ -122,17 +166,31 @@ def read_board(
         other = found.get(each.record.digest)
         if other is None or (each.signed is not None and other.signed is None):
             place = _place(each.record)
-            found = {digest: other for digest, other in found.items() if _place(other.record) != place}
+            found = {
+                digest: other
+                for digest, other in found.items()
+                if _place(other.record) != place
+            }
             found[each.record.digest] = each
-    listed = [each for each in found.values() if env is None or each.record.env.id == env]
+    listed = [
+        each for each in found.values() if env is None or each.record.env.id == env
+    ]
     if env is not None and not listed:
-        load_card(env)  # an env without a submission is fine as long as there is such an env
-    notes += [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
+        load_card(
+            env
+        )  # an env without a submission is fine as long as there is such an env
+    notes += [
+        f"{each.record.submission.name} on {each.record.env.id}: {each.note}"
+        for each in listed
+        if each.note
+    ]
     return entries_of(listed, subsets), refused, notes
 
 
 def _folder(given: Path | None) -> Path:
-    ships = bundled("leaderboard") / "records"  # of the checkout: an installed wheel has none
+    ships = (
+        bundled("leaderboard") / "records"
+    )  # of the checkout: an installed wheel has none
     return given or (ships if ships.is_dir() else RECORDS)
 
 

@@ -16,7 +16,9 @@ from .output import write_json
 
 
 def data(
-    env: Annotated[str | None, Option(help="Only this environment.", autocompletion=env_ids)] = None,
+    env: Annotated[
+        str | None, Option(help="Only this environment.", autocompletion=env_ids)
+    ] = None,
     root: DataOption = None,
     json_file: JsonOption = None,
     split: SplitOption = None,
@@ -26,17 +28,31 @@ def data(
     Status 1 for broken files; with --env also for data that is not there.
     """
     if split is not None and env is None:
-        raise BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
-    cards = [changed_card(load_card(env_id), split) for env_id in ([env] if env else card_ids())]
+        raise BadParameter(
+            "the splits of environments differ: name one with --env",
+            param_hint="--split",
+        )
+    cards = [
+        changed_card(load_card(env_id), split)
+        for env_id in ([env] if env else card_ids())
+    ]
     statuses = {}
     with reported("checking data") as progress:
         progress.started(len(cards))
         for card in cards:
             statuses[card.id] = read_status(card, root)
             progress.done(card.id)
-    write_json(json_file, {env_id: status_json(status) for env_id, status in statuses.items()})
+    write_json(
+        json_file, {env_id: status_json(status) for env_id, status in statuses.items()}
+    )
     show_table(status_table(statuses))
     show("\n".join(data_lines(statuses)))
-    lacking = [env_id for env_id, status in statuses.items() if status.problems or (env and not status.usable)]
+    lacking = [
+        env_id
+        for env_id, status in statuses.items()
+        if status.problems or (env and not status.usable)
+    ]
     if lacking:
-        raise MtpBenchError(f"data is missing or broken for {', '.join(lacking)}; see the listing above")
+        raise MtpBenchError(
+            f"data is missing or broken for {', '.join(lacking)}; see the listing above"
+        )

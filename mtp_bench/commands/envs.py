@@ -11,5 +11,11 @@ from .output import write_json
 def envs(json_file: JsonOption = None) -> None:
     """List the environments."""
     cards = [load_card(env_id) for env_id in card_ids()]
-    write_json(json_file, {card.id: {**card.model_dump(mode="json"), "digest": card.digest} for card in cards})
+    write_json(
+        json_file,
+        {
+            card.id: {**card.model_dump(mode="json"), "digest": card.digest}
+            for card in cards
+        },
+    )
     show_table(env_table(cards))

@@ -19,10 +19,18 @@ def events(
     folder: FolderArgument,
     scene: Annotated[str | None, Option(help="Only this scene.")] = None,
     kind: Annotated[
-        list[str] | None, choice(KINDS, text="Only this kind, such as spurious (false forecasts); repeatable.")
+        list[str] | None,
+        choice(
+            KINDS,
+            text="Only this kind, such as spurious (false forecasts); repeatable.",
+        ),
     ] = None,
     sort: Annotated[
-        str, choice(shown.ORDERS, text="time: by scene and frame; cost, confidence or length: the largest first.")
+        str,
+        choice(
+            shown.ORDERS,
+            text="time: by scene and frame; cost, confidence or length: the largest first.",
+        ),
     ] = "time",
     top: Annotated[int | None, Option(min=1, help="Only the first N.")] = None,
     root: DataOption = None,
@@ -35,15 +43,24 @@ def events(
         opened = open_run(folder, root, env)
         for played in replays(opened, scene, progress):
             tally.add(played)
-            rows += [Listed.of(played, each, str(folder), root, env) for each in played.incidents]
+            rows += [
+                Listed.of(played, each, str(folder), root, env)
+                for each in played.incidents
+            ]
     hits = [row for row in rows if row.cause]
-    rows = shown.in_order([row for row in rows if row.incident.kind in (kind or KINDS)], sort)[:top]
-    write_json(json_file, shown.events_json(rows, tally, opened.card.id, opened.run.info.agent))
+    rows = shown.in_order(
+        [row for row in rows if row.incident.kind in (kind or KINDS)], sort
+    )[:top]
+    write_json(
+        json_file, shown.events_json(rows, tally, opened.card.id, opened.run.info.agent)
+    )
     listed = rows if kind or top else shown.longest_only(rows)
     if listed:
         show_table(shown.event_table(listed))
         show("")
         show_lines([shown.CAPTION, shown.LOOK])
         show_command(listed[0].view)
-    shown.show_collisions(hits, opened.rollouts(scene), listed[0].view if listed else "")
+    shown.show_collisions(
+        hits, opened.rollouts(scene), listed[0].view if listed else ""
+    )
     show(shown.tally_line(tally, all_listed=len(listed) == len(rows)))

@@ -15,9 +15,16 @@ from .options import DataOption, FolderArgument, RunCardOption
 def export(
     folder: FolderArgument,
     output: Annotated[
-        Path, Option("-o", "--output", help="nuScenes: a file (.json); Argoverse 2: a .feather file; else a folder.")
+        Path,
+        Option(
+            "-o",
+            "--output",
+            help="nuScenes: a file (.json); Argoverse 2: a .feather file; else a folder.",
+        ),
     ],
-    table: Annotated[bool, Option("--table", help="Tables: a folder with a .csv for each scene.")] = False,
+    table: Annotated[
+        bool, Option("--table", help="Tables: a folder with a .csv for each scene.")
+    ] = False,
     root: DataOption = None,
     env: RunCardOption = None,
 ) -> None:

@@ -12,19 +12,31 @@ from .output import prepare, print_or_write, working
 def fit_noise(
     on: EnvScenes,
     min_score: Annotated[
-        list[str] | None, Option(help="Operating point: a number, or class=number; repeatable.")
+        list[str] | None,
+        Option(help="Operating point: a number, or class=number; repeatable."),
     ] = None,
-    alike: Annotated[list[str] | None, Option(help="bus=car: fit both classes together; repeatable.")] = None,
+    alike: Annotated[
+        list[str] | None, Option(help="bus=car: fit both classes together; repeatable.")
+    ] = None,
     name: Annotated[
-        str | None, Option(help="Name of the profile; agents use the settings of its part before the first hyphen.")
+        str | None,
+        Option(
+            help="Name of the profile; agents use the settings of its part before the first hyphen."
+        ),
     ] = None,
-    reach: Annotated[float | None, Option(min=1, max=1000, help="Reach of the detector, metres.")] = None,
-    field_of_view: Annotated[float | None, Option(min=1, max=360, help="Degrees around the heading.")] = None,
+    reach: Annotated[
+        float | None, Option(min=1, max=1000, help="Reach of the detector, metres.")
+    ] = None,
+    field_of_view: Annotated[
+        float | None, Option(min=1, max=360, help="Degrees around the heading.")
+    ] = None,
     output: TextOption = None,
 ) -> None:
     """Fit the noise of a simulated detector to the detections of an environment; the output is a section of a card."""
     options = on.options()
     prepare(on.env, options)
     with working("reading scenes, then fitting the noise", options) as watched:
-        text = fit(on.env, watched, min_score or (), alike or (), name, reach, field_of_view)
+        text = fit(
+            on.env, watched, min_score or (), alike or (), name, reach, field_of_view
+        )
     print_or_write(output, text)

@@ -19,7 +19,9 @@ from ..tables import SUFFIXES
 from .output import json_alone
 
 SEEDS = 3  # default of commands that compare or submit
-SeedsOption = Annotated[int, Option("--seeds", min=1, max=1000, help="Runs with different random draws.")]
+SeedsOption = Annotated[
+    int, Option("--seeds", min=1, max=1000, help="Runs with different random draws.")
+]
 
 
 def env_ids(incomplete: str) -> list[str]:
@@ -29,7 +31,10 @@ def env_ids(incomplete: str) -> list[str]:
 
 def submissions(incomplete: str) -> list[str]:
     """Completions: names of the baselines, and folders of submissions."""
-    own = [path.removesuffix("/submission.toml") for path in _beside(incomplete, "*/submission.toml")]
+    own = [
+        path.removesuffix("/submission.toml")
+        for path in _beside(incomplete, "*/submission.toml")
+    ]
     return _offered([*baseline_names(), *own], incomplete)
 
 
@@ -37,13 +42,18 @@ def detectors(incomplete: str) -> list[str]:
     """Completions: names of the shipped profiles and variants, and files of profiles."""
     from ..detector import profile_names
 
-    return _offered(["iid", "hard", *profile_names(), *_beside(incomplete, "*.toml")], incomplete)
+    return _offered(
+        ["iid", "hard", *profile_names(), *_beside(incomplete, "*.toml")], incomplete
+    )
 
 
 def _beside(incomplete: str, pattern: str) -> list[str]:
     """Files of ``pattern`` in the folder that is being named."""
     folder = incomplete[: incomplete.rfind("/") + 1]
-    return [f"{folder}{path.relative_to(folder)}" for path in sorted(Path(folder).glob(pattern))]
+    return [
+        f"{folder}{path.relative_to(folder)}"
+        for path in sorted(Path(folder).glob(pattern))
+    ]
 
 
 def _offered(names: Iterable[str], incomplete: str) -> list[str]:
@@ -58,7 +68,12 @@ def choice(known: Sequence[str], *names: str, text: str) -> Any:
             one_of(word, known)
         return value
 
-    return Option(*names, help=text, callback=check, autocompletion=lambda incomplete: _offered(known, incomplete))
+    return Option(
+        *names,
+        help=text,
+        callback=check,
+        autocompletion=lambda incomplete: _offered(known, incomplete),
+    )
 
 
 def one_of(value: str, known: Sequence[str], option: str | None = None) -> None:
@@ -66,7 +81,9 @@ def one_of(value: str, known: Sequence[str], option: str | None = None) -> None:
     if value not in known:
         close = closest(value, known)
         meant = f"; did you mean {close!r}?" if close else ""
-        raise BadParameter(f"{value!r}, expected one of: {', '.join(known)}{meant}", param_hint=option)
+        raise BadParameter(
+            f"{value!r}, expected one of: {', '.join(known)}{meant}", param_hint=option
+        )
 
 
 def file_option(*names: str, text: str, suffixes: Sequence[str] = ()) -> Any:
@@ -75,17 +92,26 @@ def file_option(*names: str, text: str, suffixes: Sequence[str] = ()) -> Any:
     def check(path: Path | None) -> Path | None:
         if path is not None:
             if suffixes and path.suffix.lower() not in suffixes:
-                raise BadParameter(f"{path}: expected a name that ends in {' or '.join(suffixes)}")
+                raise BadParameter(
+                    f"{path}: expected a name that ends in {' or '.join(suffixes)}"
+                )
             require_file(path)
         return path
 
     return Option(*names, help=text, callback=check)
 
 
-DataOption = Annotated[str | None, Option("--data", help="Data root; else MTP_BENCH_DATA, or the user's folder.")]
+DataOption = Annotated[
+    str | None,
+    Option("--data", help="Data root; else MTP_BENCH_DATA, or the user's folder."),
+]
 JsonOption = Annotated[
     Path | None,
-    Option("--json", callback=json_alone, help="Write the table's content to this file; -: print it instead."),
+    Option(
+        "--json",
+        callback=json_alone,
+        help="Write the table's content to this file; -: print it instead.",
+    ),
 ]
 TableOption = Annotated[
     Path | None,
@@ -96,11 +122,25 @@ TableOption = Annotated[
         "or --subsets all four hold these.",
     ),
 ]
-EnvOption = Annotated[str, Option("--env", help="Environment id, of `mtp-bench envs`.", autocompletion=env_ids)]
-JobsOption = Annotated[int, Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
-ScenesOption = Annotated[int | None, Option("--scenes", min=1, help="Only the first N scenes.")]
-SplitOption = Annotated[str | None, Option("--split", help="Another split of the environment, such as train.")]
-TextOption = Annotated[Path | None, file_option("-o", "--output", text="Write here instead of printing.")]
+EnvOption = Annotated[
+    str,
+    Option(
+        "--env", help="Environment id, of `mtp-bench envs`.", autocompletion=env_ids
+    ),
+]
+JobsOption = Annotated[
+    int, Option("--jobs", min=0, help="Processes; 0 takes one per core.")
+]
+ScenesOption = Annotated[
+    int | None, Option("--scenes", min=1, help="Only the first N scenes.")
+]
+SplitOption = Annotated[
+    str | None,
+    Option("--split", help="Another split of the environment, such as train."),
+]
+TextOption = Annotated[
+    Path | None, file_option("-o", "--output", text="Write here instead of printing.")
+]
 FolderArgument = Annotated[Path, Argument(help="Folder written by `mtp-bench run`.")]
 TracksOption = Annotated[
     Path | None,
@@ -111,13 +151,25 @@ TracksOption = Annotated[
     ),
 ]
 RunCardOption = Annotated[
-    str | None, Option("--env", help="Another card than the one that the run keeps.", autocompletion=env_ids)
+    str | None,
+    Option(
+        "--env",
+        help="Another card than the one that the run keeps.",
+        autocompletion=env_ids,
+    ),
 ]
 SubmissionArgument = Annotated[
-    str, Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions)
+    str,
+    Argument(
+        help="Folder of a submission or name of a baseline.", autocompletion=submissions
+    ),
 ]
 BaseOption = Annotated[
-    Path | None, Option("--base", help="Leaderboard whose keys and seals are trusted. Default: the one that ships.")
+    Path | None,
+    Option(
+        "--base",
+        help="Leaderboard whose keys and seals are trusted. Default: the one that ships.",
+    ),
 ]
 
 
@@ -128,7 +180,9 @@ class WorkerChoice:
     jobs: JobsOption = 0
     scheduler: Annotated[
         str | None,
-        Option(help="Run on the workers of the Dask scheduler at this address, such as tcp://10.0.0.1:8786."),
+        Option(
+            help="Run on the workers of the Dask scheduler at this address, such as tcp://10.0.0.1:8786."
+        ),
     ] = None
 
     def workers(self) -> Workers:
@@ -151,7 +205,10 @@ class EnvScenes:
     scenes: ScenesOption = None
     split: SplitOption = None
     fold: Annotated[
-        str | None, Option(help="A fold of the split, such as 1/4: only its scenes; `train` leaves them out.")
+        str | None,
+        Option(
+            help="A fold of the split, such as 1/4: only its scenes; `train` leaves them out."
+        ),
     ] = None
     detector: Annotated[
         str | None,
@@ -167,9 +224,13 @@ class EnvScenes:
             help="Stored detections: a file as submitted to nuScenes or Argoverse 2; for KITTI a folder of text files."
         ),
     ] = None
-    files: Annotated[Path | None, Option(help="Folder of own scenes, in place of the environment's.")] = None
+    files: Annotated[
+        Path | None, Option(help="Folder of own scenes, in place of the environment's.")
+    ] = None
 
-    def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
+    def options(
+        self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)
+    ) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""
         file, files = absolute(self.detections), absolute(self.files)
         chosen = (workers or WorkerChoice()).workers()
@@ -178,7 +239,15 @@ class EnvScenes:
         except MtpBenchError as error:
             raise BadParameter(str(error), param_hint="--fold") from None
         return RunOptions(
-            self.data, self.scenes, seeds, self.split, self.detector, fold, file, workers=chosen, files=files
+            self.data,
+            self.scenes,
+            seeds,
+            self.split,
+            self.detector,
+            fold,
+            file,
+            workers=chosen,
+            files=files,
         )
 
 
@@ -186,7 +255,14 @@ class EnvScenes:
 class AgentScenes(EnvScenes):
     """Scenes that agents run on, which may get stored tracks, and may be those of a stored run."""
 
-    env: Annotated[str, Option("--env", help="Environment id, or a stored run: its scenes.", autocompletion=env_ids)]
+    env: Annotated[
+        str,
+        Option(
+            "--env",
+            help="Environment id, or a stored run: its scenes.",
+            autocompletion=env_ids,
+        ),
+    ]
     tracks: TracksOption = None
     presence: Annotated[
         str | None,
@@ -202,13 +278,19 @@ class AgentScenes(EnvScenes):
         from ..running.stored import open_run
 
         folder = Path(self.env)
-        is_run = folder.is_dir() or (folder.name != self.env and folder.suffix != ".toml")
+        is_run = folder.is_dir() or (
+            folder.name != self.env and folder.suffix != ".toml"
+        )
         return open_run(folder, self.data).card if is_run else self.env
 
-    def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
+    def options(
+        self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)
+    ) -> RunOptions:
         """These scenes under ``seeds`` as options of a run, with the stored tracks and the presence model."""
         options = super().options(workers, seeds)
-        return replace(options, track_file=absolute(self.tracks), presence=self.presence)
+        return replace(
+            options, track_file=absolute(self.tracks), presence=self.presence
+        )
 
 
 def opened(command: Callable[..., None]) -> Callable[..., None]:
@@ -220,7 +302,9 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
         if is_dataclass(kind) and isinstance(kind, type):
             own = list(inspect.signature(kind, eval_str=True).parameters.values())
             groups[parameter.name] = kind, [option.name for option in own]
-        parameters += [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in own]
+        parameters += [
+            option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in own
+        ]
 
     @wraps(command)
     def call(**values: Any) -> None:
@@ -229,7 +313,9 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
         command(**values)
 
     call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    call.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    call.__annotations__ = {
+        parameter.name: parameter.annotation for parameter in parameters
+    }
     return call
 
 

@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING, Any, TextIO
 import typer
 
 from ..errors import MtpBenchError
-from ..files import FULL_DISK, clean_text, describe_write_error, require_file, write_text
+from ..files import (
+    FULL_DISK,
+    clean_text,
+    describe_write_error,
+    require_file,
+    write_text,
+)
 from ..parallel import reported
 from ..tables import Table, tables_text, to_text
 
@@ -36,7 +42,9 @@ def working(label: str, options: "RunOptions") -> Iterator["RunOptions"]:
         yield replace(options, progress=progress)
 
 
-def prepare(env: "str | Card", options: "RunOptions", agents: Iterable[str] = ()) -> None:
+def prepare(
+    env: "str | Card", options: "RunOptions", agents: Iterable[str] = ()
+) -> None:
     """Make simulated scenes, or the compact copy of tables, that are not in the cache yet.
 
     The ``agents`` are looked up first, so that a misspelt name is an error at once.
@@ -47,7 +55,9 @@ def prepare(env: "str | Card", options: "RunOptions", agents: Iterable[str] = ()
     for agent in agents:
         load_submission(agent)
 
-    prepare_scenes(options.card(env), options.data, options.scenes, options.workers.count)
+    prepare_scenes(
+        options.card(env), options.data, options.scenes, options.workers.count
+    )
 
 
 def said_of(error: MtpBenchError | OSError) -> str:
@@ -59,7 +69,11 @@ def said_of(error: MtpBenchError | OSError) -> str:
             return "the current folder does not exist any more: change to another one"
         if not named and error.errno in FULL_DISK:
             named = f"standard output, or temporary files in {tempfile.gettempdir()}"
-        text = f"{named}: {describe_write_error(error)}" if named else describe_write_error(error)
+        text = (
+            f"{named}: {describe_write_error(error)}"
+            if named
+            else describe_write_error(error)
+        )
     return "; ".join([text, *notes])
 
 
@@ -73,11 +87,17 @@ def fail(text: str) -> None:
 def say(text: str) -> None:
     """Print one line on the error stream."""
     line = " ".join(part.strip() for part in text.splitlines())
-    print(clean_text(line, len(line) + 1), file=sys.stderr)  # clean: it may contain names from a foreign submission
+    print(
+        clean_text(line, len(line) + 1), file=sys.stderr
+    )  # clean: it may contain names from a foreign submission
 
 
 def show_report(
-    report: "Report", of: str, skipped: Mapping[str, int], asked: "Shown", names: Sequence[str] | None = None
+    report: "Report",
+    of: str,
+    skipped: Mapping[str, int],
+    asked: "Shown",
+    names: Sequence[str] | None = None,
 ) -> None:
     """Print the main table of a report ``of`` something, one sentence of verdict and warnings; with ``full`` all else.
 
@@ -93,7 +113,12 @@ def show_report(
     write_table(asked.table_file, [main, *further], asked.data(report))
     show(to_text(main).rstrip())
     trained = condition.get("trained")
-    told = [short_verdict(report, names or ()), *warnings(report), trained, skipped_line(skipped)]
+    told = [
+        short_verdict(report, names or ()),
+        *warnings(report),
+        trained,
+        skipped_line(skipped),
+    ]
     show_lines(filter(None, told))
     if not asked.full:
         show_lines([_way_on()])
@@ -110,7 +135,9 @@ def show_report(
 def _way_on() -> str:
     """One line that says where to go next; with the way to the command where a shell would not find it."""
     activate = Path(sys.executable).with_name("activate")
-    if shutil.which("mtp-bench") or not (activate.is_file() and activate.is_relative_to(Path.cwd())):
+    if shutil.which("mtp-bench") or not (
+        activate.is_file() and activate.is_relative_to(Path.cwd())
+    ):
         return "Parts, other settings and conditions: --full"
     return f"Next: source {activate.relative_to(Path.cwd())}; mtp-bench --help. Parts and conditions: --full"
 
@@ -163,7 +190,12 @@ def write_json(path: Path | None, content: dict[str, Any]) -> None:
         return
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     if path == STANDARD_OUTPUT:
-        print(text, end="", file=sys.stdout.output if isinstance(sys.stdout, _Muted) else sys.stdout, flush=True)
+        print(
+            text,
+            end="",
+            file=sys.stdout.output if isinstance(sys.stdout, _Muted) else sys.stdout,
+            flush=True,
+        )
     else:
         write_text(path, text)
 

@@ -19,7 +19,9 @@ def run(
     workers: WorkerChoice,
     output: Annotated[Path, Option("-o", "--output", help="Folder for the rollouts.")],
     seed: Annotated[int, Option(min=0, help="Seed of the run.")] = 0,
-    force: Annotated[bool, Option("--force", help="Replace an earlier run in that folder.")] = False,
+    force: Annotated[
+        bool, Option("--force", help="Replace an earlier run in that folder.")
+    ] = False,
 ) -> None:
     """Run an agent and store its rollouts."""
     options = on.options(workers, [seed])
@@ -32,4 +34,6 @@ def run(
     if stored.rejected:
         show(rejected_line(agent, stored.rejected))
     score = command_line("score", str(output), data=on.data)
-    show(f"{counted(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `{score}`")
+    show(
+        f"{counted(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `{score}`"
+    )

@@ -30,22 +30,36 @@ class Shown:
     """Options of the shown tables of a report, and the file that they are written to."""
 
     full: Annotated[
-        bool, Option("--full", help="All settings and controls, parts of bADE, conditions and further tables.")
+        bool,
+        Option(
+            "--full",
+            help="All settings and controls, parts of bADE, conditions and further tables.",
+        ),
     ] = False
     table_file: TableOption = None
     columns: Annotated[
         str | None,
-        words("--columns", known=column_keys, text="Columns of the table, keys of --json with commas between them."),
+        words(
+            "--columns",
+            known=column_keys,
+            text="Columns of the table, keys of --json with commas between them.",
+        ),
     ] = None
     subsets: Annotated[
         str | None,
-        words("--subsets", known=lambda: KNOWN_SUBSETS, text="Subsets of the table, such as all,ids; with --columns."),
+        words(
+            "--subsets",
+            known=lambda: KNOWN_SUBSETS,
+            text="Subsets of the table, such as all,ids; with --columns.",
+        ),
     ] = None
 
     @property
     def is_full(self) -> bool:
         """True if more is asked for than the main table on the screen."""
-        return self.full or any(part is not None for part in (self.table_file, self.columns, self.subsets))
+        return self.full or any(
+            part is not None for part in (self.table_file, self.columns, self.subsets)
+        )
 
     def main(self, report: Report) -> Table:
         """The first table: of the chosen columns and subsets, if there are any."""
@@ -53,8 +67,17 @@ class Shown:
             return main_table(report)
         columns = (self.columns or "error,interval,minADE,minFDE").split(",")
         chosen = (self.subsets or "all,ids").split(",")
-        return chosen_table(report, columns, [subset for subset in KNOWN_SUBSETS if subset in chosen], self.full)
+        return chosen_table(
+            report,
+            columns,
+            [subset for subset in KNOWN_SUBSETS if subset in chosen],
+            self.full,
+        )
 
     def data(self, report: Report) -> Table:
         """The table of files for programs: every number, or those that are chosen."""
-        return data_table(report) if self.columns is None and self.subsets is None else self.main(report)
+        return (
+            data_table(report)
+            if self.columns is None and self.subsets is None
+            else self.main(report)
+        )

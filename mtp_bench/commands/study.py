@@ -26,20 +26,40 @@ def study(
             autocompletion=submissions,
         ),
     ] = None,
-    output: Annotated[Path, Option("-o", "--output", help="Folder of the page, tables and figures.")] = Path("study"),
-    quick: Annotated[bool, Option("--quick", help="A first look in a minute or two: few scenes, one seed.")] = False,
+    output: Annotated[
+        Path, Option("-o", "--output", help="Folder of the page, tables and figures.")
+    ] = Path("study"),
+    quick: Annotated[
+        bool,
+        Option(
+            "--quick", help="A first look in a minute or two: few scenes, one seed."
+        ),
+    ] = False,
     seeds: Annotated[
-        int | None, Option(min=1, max=1000, help=f"Random draws of ranked agents. Default: {SEEDS}.")
+        int | None,
+        Option(
+            min=1, max=1000, help=f"Random draws of ranked agents. Default: {SEEDS}."
+        ),
     ] = None,
 ) -> None:
     """Write a page on the cost of detection and tracking on an environment: the paper's tables, figures and more."""
     require_study_folder(output.absolute())
     options = on.options(workers, range(1 if quick else seeds or SEEDS))
     if quick and ((seeds or 1) > 1 or (options.scenes or 1) > QUICK_SCENES):
-        raise BadParameter(f"means one seed and at most {QUICK_SCENES} scenes; leave it out", param_hint="--quick")
+        raise BadParameter(
+            f"means one seed and at most {QUICK_SCENES} scenes; leave it out",
+            param_hint="--quick",
+        )
     options = quick_options(options) if quick else options
     prepare(on.card, options, agent or ())
-    made = run_study(agent or [controls()["several"]], on.card, output, options, quick, command_line(*sys.argv[1:]))
+    made = run_study(
+        agent or [controls()["several"]],
+        on.card,
+        output,
+        options,
+        quick,
+        command_line(*sys.argv[1:]),
+    )
     show_lines(summary(made.findings), "- ")
     show("")
     show(f"{len(made.tables)} tables and {made.figures} figures: {made.page}")

@@ -21,7 +21,18 @@ from ..viz.terminal.output import counted, show, show_table
 from .options import SEEDS, DataOption, SeedsOption, WorkerChoice, env_ids, submissions
 from .output import prepare, said_of, say, some_of, working
 
-SHOWN = ("subset", "error", "interval", "plain_error", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
+SHOWN = (
+    "subset",
+    "error",
+    "interval",
+    "plain_error",
+    "minADE",
+    "minFDE",
+    "coverage",
+    "targets",
+    "objects",
+    "scenes",
+)
 Outcome = Literal["made", "kept", "not here", "failed"]
 MIB = 2**20
 
@@ -31,15 +42,28 @@ class EntryOptions:
     """Options of the entry on the leaderboard, and of an earlier submit of it."""
 
     seeds: SeedsOption = SEEDS
-    scenes: Annotated[int | None, Option(min=1, help="Only the first N scenes: a record without a rank.")] = None
-    commit: Annotated[str, Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = ""
-    resume: Annotated[bool, Option("--resume", help="Continue with scenes that were finished before.")] = False
-    force: Annotated[bool, Option("--force", help="Replace a finished record by one that cannot rank.")] = False
+    scenes: Annotated[
+        int | None,
+        Option(min=1, help="Only the first N scenes: a record without a rank."),
+    ] = None
+    commit: Annotated[
+        str, Option(help="Commit that holds the folder: 7 to 64 hex digits.")
+    ] = ""
+    resume: Annotated[
+        bool, Option("--resume", help="Continue with scenes that were finished before.")
+    ] = False
+    force: Annotated[
+        bool,
+        Option("--force", help="Replace a finished record by one that cannot rank."),
+    ] = False
 
     def arguments(self) -> dict[str, Any]:
         """Arguments of `records.submit`; BadParameter for what is not a commit."""
         if not re.fullmatch("([0-9a-f]{7,64})?", self.commit):
-            raise BadParameter(f"got {self.commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
+            raise BadParameter(
+                f"got {self.commit!r}, expected 7 to 64 hex digits",
+                param_hint="--commit",
+            )
         return {"commit": self.commit, "resume": self.resume, "replace": self.force}
 
 
@@ -47,20 +71,34 @@ def submit(
     workers: WorkerChoice,
     entry: EntryOptions,
     path: Annotated[
-        str | None, Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions)
+        str | None,
+        Argument(
+            help="Folder of a submission or name of a baseline.",
+            autocompletion=submissions,
+        ),
     ] = None,
-    env: Annotated[list[str] | None, Option(help="Environment id; repeatable.", autocompletion=env_ids)] = None,
+    env: Annotated[
+        list[str] | None,
+        Option(help="Environment id; repeatable.", autocompletion=env_ids),
+    ] = None,
     everything: Annotated[
-        bool, Option("--all", help="Every baseline on every environment, or those of --env; keeps finished ones.")
+        bool,
+        Option(
+            "--all",
+            help="Every baseline on every environment, or those of --env; keeps finished ones.",
+        ),
     ] = False,
     root: DataOption = None,
     output: Annotated[
-        Path | None, Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
+        Path | None,
+        Option("-o", "--output", help="Folder; leaderboard/records/<name> by default."),
     ] = None,
 ) -> None:
     """Run a submission behind the gateway and write its records for the leaderboard; with --all every baseline."""
     arguments = entry.arguments()
-    options = RunOptions(root, entry.scenes, range(entry.seeds), workers=workers.workers())
+    options = RunOptions(
+        root, entry.scenes, range(entry.seeds), workers=workers.workers()
+    )
     if everything:
         if entry.commit:
             raise BadParameter("not with --all", param_hint="--commit")
@@ -74,29 +112,43 @@ def submit(
     _submit_one(path, env, options, output, arguments)
 
 
-def _submit_all(pieces: Sequence[Piece], options: RunOptions, arguments: Mapping[str, Any]) -> None:
+def _submit_all(
+    pieces: Sequence[Piece], options: RunOptions, arguments: Mapping[str, Any]
+) -> None:
     def make(piece: Piece) -> Record:
-        return _one(piece.submission, piece.env, options, piece.target.parent, arguments)
+        return _one(
+            piece.submission, piece.env, options, piece.target.parent, arguments
+        )
 
     lines = make_all(pieces, options, make)
     show_table(summary_table(lines))
     if all(line.outcome == "not here" for line in lines):
         raise RecordError(f"no record can be made here, the first: {lines[0].note}")
     failed = [
-        f"{line.piece.submission.name} on {line.piece.env}: {line.note}" for line in lines if line.outcome == "failed"
+        f"{line.piece.submission.name} on {line.piece.env}: {line.note}"
+        for line in lines
+        if line.outcome == "failed"
     ]
     if failed:
         raise RecordError(some_of(failed))
 
 
 def _submit_one(
-    path: str, env_ids: Sequence[str], options: RunOptions, output: Path | None, arguments: Mapping[str, Any]
+    path: str,
+    env_ids: Sequence[str],
+    options: RunOptions,
+    output: Path | None,
+    arguments: Mapping[str, Any],
 ) -> None:
     """Make the records of one submission on the named environments, and show them."""
     submission = load_submission(path)
-    targets = {env_id: record_path(submission, load_card(env_id), output) for env_id in env_ids}
+    targets = {
+        env_id: record_path(submission, load_card(env_id), output) for env_id in env_ids
+    }
     for target in targets.values():
-        require_target(target, submission, options, arguments["resume"], arguments["replace"])
+        require_target(
+            target, submission, options, arguments["resume"], arguments["replace"]
+        )
     failed = []
     for env_id, target in targets.items():
         try:
@@ -112,7 +164,15 @@ def _submit_one(
         rows: list[Any] = list(record.rows)
         if record.driving is not None:
             what, rows, columns = "drive score, more is better", [record.driving], []
-        show_table(Table("record", f"{submission.name} on {record.env.id}: {what}", "", rows, columns))
+        show_table(
+            Table(
+                "record",
+                f"{submission.name} on {record.env.id}: {what}",
+                "",
+                rows,
+                columns,
+            )
+        )
         then = "" if record.unfinished else f"; next: `mtp-bench board --with {target}`"
         show(f"{target}: {_sentence(record)}{then}")
         if record.status in ("crashed", "rejected"):
@@ -122,12 +182,18 @@ def _submit_one(
 
 
 def _one(
-    submission: Submission, env_id: str, options: RunOptions, output: Path | None, arguments: Mapping[str, Any]
+    submission: Submission,
+    env_id: str,
+    options: RunOptions,
+    output: Path | None,
+    arguments: Mapping[str, Any],
 ) -> Record:
     """Make the record of one env with a progress bar."""
     card = load_card(env_id)
     if card.lanes is not None and not card.simulated:
-        say(f"{card.id} shows lanes, which tell the place of a recorded scene: no random motion of the scene hides it.")
+        say(
+            f"{card.id} shows lanes, which tell the place of a recorded scene: no random motion of the scene hides it."
+        )
     prepare(env_id, options)
     with working(f"running {submission.name} on {env_id}", options) as watched:
         return make_record(submission.path, env_id, watched, output, **arguments)
@@ -136,15 +202,21 @@ def _one(
 def _sentence(record: Record) -> str:
     """Status, times and failures in one line."""
     latency, missed = record.measured.latency, record.missed
-    parts = [f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"]
+    parts = [
+        f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"
+    ]
     if latency.p50_ms is not None and latency.p95_ms is not None:
-        parts.append(f"{latency.p50_ms:.1f} ms per frame, 95 % within {latency.p95_ms:.1f} ms")
+        parts.append(
+            f"{latency.p50_ms:.1f} ms per frame, 95 % within {latency.p95_ms:.1f} ms"
+        )
     parts += [f"{record.measured.peak_memory_mib:.0f} MiB", record.reference.origin]
     if missed.malformed:
         parts.append(f"{missed.malformed} malformed answers")
     if missed.crashed_scenes:
         reason = next(iter(missed.reasons.values()), "")
-        parts.append(f"{counted(missed.crashed_scenes, 'scene')} not finished ({reason})")
+        parts.append(
+            f"{counted(missed.crashed_scenes, 'scene')} not finished ({reason})"
+        )
     return "; ".join(parts)
 
 
@@ -164,7 +236,9 @@ class Line:
         return f"{line}: {self.note}" if self.note else line
 
 
-def make_all(pieces: Sequence[Piece], options: RunOptions, make: Callable[[Piece], Record]) -> list[Line]:
+def make_all(
+    pieces: Sequence[Piece], options: RunOptions, make: Callable[[Piece], Record]
+) -> list[Line]:
     """Make the missing records; the failure of one does not stop the others.
 
     After an interruption the same command continues with the next scene.
@@ -176,7 +250,9 @@ def make_all(pieces: Sequence[Piece], options: RunOptions, make: Callable[[Piece
     return lines
 
 
-def _make_one(piece: Piece, options: RunOptions, make: Callable[[Piece], Record]) -> Line:
+def _make_one(
+    piece: Piece, options: RunOptions, make: Callable[[Piece], Record]
+) -> Line:
     try:
         standing = standing_record(piece, options)
         if standing is not None:
@@ -195,21 +271,38 @@ def _make_one(piece: Piece, options: RunOptions, make: Callable[[Piece], Record]
 
 def _line(record: Record, piece: Piece, outcome: Outcome, seconds: float = 0.0) -> Line:
     """The outcome by the record, made now or before: a failure unless its agent finished every scene that was run."""
-    asked_for = record.status == "partial" and not record.missed.crashed_scenes  # by --scenes
+    asked_for = (
+        record.status == "partial" and not record.missed.crashed_scenes
+    )  # by --scenes
     if asked_for or not record.unfinished:
         return Line(piece, outcome, seconds)
-    reasons = {} if record.status in ("crashed", "rejected") else record.missed.reasons  # these statuses state one
-    return Line(piece, "failed", note=": ".join([record.unfinished, *list(reasons.values())[:1]]))
+    reasons = (
+        {} if record.status in ("crashed", "rejected") else record.missed.reasons
+    )  # these statuses state one
+    return Line(
+        piece,
+        "failed",
+        note=": ".join([record.unfinished, *list(reasons.values())[:1]]),
+    )
 
 
 def summary_table(lines: Sequence[Line]) -> Table:
     """One line per environment and one of all: numbers of records by outcome, and the time they took."""
     envs = dict.fromkeys(line.piece.env for line in lines)
-    rows = [_summary(env_id, [line for line in lines if line.piece.env == env_id]) for env_id in envs]
+    rows = [
+        _summary(env_id, [line for line in lines if line.piece.env == env_id])
+        for env_id in envs
+    ]
     outcomes = (Column(key=name) for name in get_args(Outcome))
     sizes = Column(key="minutes", format=".1f"), Column("MiB", key="size", format=".1f")
     columns = [Column("environment", key="env"), *outcomes, *sizes]
-    return Table("records", "Records with their rollouts", "", [*rows, _summary("all", lines)], columns)
+    return Table(
+        "records",
+        "Records with their rollouts",
+        "",
+        [*rows, _summary("all", lines)],
+        columns,
+    )
 
 
 def _summary(name: str, lines: Sequence[Line]) -> dict[str, str | float]:

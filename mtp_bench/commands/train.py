@@ -11,7 +11,16 @@ from .. import notice
 from ..errors import MtpBenchError
 from ..parallel import reported
 from ..running.options import Fold, RunOptions
-from .options import EnvScenes, JobsOption, TextOption, WorkerChoice, choice, file_option, one_of, opened
+from .options import (
+    EnvScenes,
+    JobsOption,
+    TextOption,
+    WorkerChoice,
+    choice,
+    file_option,
+    one_of,
+    opened,
+)
 from .output import prepare, print_or_write, say, working
 
 if TYPE_CHECKING:
@@ -26,7 +35,9 @@ DEVICES = ("auto", "cpu", "cuda")
 
 def motion_noise(
     on: EnvScenes,
-    observe: Annotated[str, choice(OBSERVE, text="Pasts from detections, tracked, or from truth.")] = "detections",
+    observe: Annotated[
+        str, choice(OBSERVE, text="Pasts from detections, tracked, or from truth.")
+    ] = "detections",
     jobs: JobsOption = 0,
     output: TextOption = None,
 ) -> None:
@@ -60,14 +71,28 @@ def predictor(
             text="truth: ground-truth tracks. tracklets: tracks of a tracker. Default: as the network states.",
         ),
     ] = None,
-    also: Annotated[list[str] | None, Option(help="Learn from this environment too; may be repeated.")] = None,
-    hypotheses: Annotated[int, Option(min=1, max=1000, help="Hypotheses of the tracker of the tracklets.")] = 20,
-    epochs: Annotated[int | None, Option(min=1, help="At most so many; default: by network.")] = None,
+    also: Annotated[
+        list[str] | None,
+        Option(help="Learn from this environment too; may be repeated."),
+    ] = None,
+    hypotheses: Annotated[
+        int, Option(min=1, max=1000, help="Hypotheses of the tracker of the tracklets.")
+    ] = 20,
+    epochs: Annotated[
+        int | None, Option(min=1, help="At most so many; default: by network.")
+    ] = None,
     seed: Annotated[int, Option(min=0, help="Seed of all random numbers.")] = 0,
-    device: Annotated[str, choice(DEVICES, text="auto (a GPU if there is one), cpu or cuda.")] = "auto",
+    device: Annotated[
+        str, choice(DEVICES, text="auto (a GPU if there is one), cpu or cuda.")
+    ] = "auto",
     jobs: JobsOption = 0,
     output: Annotated[
-        Path | None, file_option("-o", "--output", text="File of the weights; default: where agents look for them.")
+        Path | None,
+        file_option(
+            "-o",
+            "--output",
+            text="File of the weights; default: where agents look for them.",
+        ),
     ] = None,
 ) -> None:
     """Train a predictor on the training split of an environment (or another).
@@ -85,15 +110,28 @@ def predictor(
     plan = TrainingPlan(epochs or recipe.epochs, seed=seed)
     options, without = _learnt_from(on, jobs)
     _require_place(output, options)
-    request = TrainingRequest(network, on.env, pasts or recipe.on, hypotheses, without, tuple(also or ()), plan, device)
+    request = TrainingRequest(
+        network,
+        on.env,
+        pasts or recipe.on,
+        hypotheses,
+        without,
+        tuple(also or ()),
+        plan,
+        device,
+    )
     device_of(device)  # before the scenes are read
     cards = [options.card(env) for env in (on.env, *request.also)]
     options = _enough(options, cards[0])
     for env in (on.env, *request.also):
         prepare(env, options)
     path, card = _trained(request, options, output)
-    away = "" if card["fold"] is None else f", without the scenes of fold {card['fold']}"
-    print(f"{path}: validation minADE {card['validation_minADE']} m, epoch {card['best_epoch']} of {plan.epochs}{away}")
+    away = (
+        "" if card["fold"] is None else f", without the scenes of fold {card['fold']}"
+    )
+    print(
+        f"{path}: validation minADE {card['validation_minADE']} m, epoch {card['best_epoch']} of {plan.epochs}{away}"
+    )
 
 
 def _enough(options: RunOptions, card: "Card") -> RunOptions:
@@ -104,7 +142,10 @@ def _enough(options: RunOptions, card: "Card") -> RunOptions:
 
 
 def _trained(
-    request: "TrainingRequest", options: RunOptions, output: Path | None = None, minutes: int | None = None
+    request: "TrainingRequest",
+    options: RunOptions,
+    output: Path | None = None,
+    minutes: int | None = None,
 ) -> tuple[Path, dict[str, Any]]:
     """The file of weights of a training, and its card, with progress; ``minutes``: about how long it takes."""
     from ..training.predictors import train_predictor, training_windows
@@ -112,7 +153,12 @@ def _trained(
     found = training_windows(request, options)
     with reported(f"training {request.network}", 60 * (minutes or 0)) as progress:
         progress.started(request.chosen_plan.epochs)
-        return train_predictor(found, request, output, lambda epoch, error: progress.done(f"minADE {error:.3f} m"))
+        return train_predictor(
+            found,
+            request,
+            output,
+            lambda epoch, error: progress.done(f"minADE {error:.3f} m"),
+        )
 
 
 def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
@@ -122,26 +168,45 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     from ..training.predictors import TrainingRequest
 
     card = options.card(env)
-    networks = dict.fromkeys(name for agent in agents for name in load_submission(agent).networks)
-    missing = [state for state in states_of(networks, card.id, card.weights_of) if state.missing]
+    networks = dict.fromkeys(
+        name for agent in agents for name in load_submission(agent).networks
+    )
+    missing = [
+        state
+        for state in states_of(networks, card.id, card.weights_of)
+        if state.missing
+    ]
     if not missing:
         return
     missing.sort(key=lambda state: state.minutes or 0)
     total = sum(state.minutes or 0 for state in missing)
-    say(f"training {', '.join(state.network for state in missing)} first: about {total} min on two cores")
-    learnt_from = _enough(RunOptions(options.data, split="train", workers=options.workers), card)
+    say(
+        f"training {', '.join(state.network for state in missing)} first: about {total} min on two cores"
+    )
+    learnt_from = _enough(
+        RunOptions(options.data, split="train", workers=options.workers), card
+    )
     for state in missing:
         network, on = state.network.rsplit("-", 1)
         source = env if state.env_id == card.id else state.env_id
         prepare(source, learnt_from)
-        path, _ = _trained(TrainingRequest(network, source, on), learnt_from, minutes=state.minutes)
+        path, _ = _trained(
+            TrainingRequest(network, source, on), learnt_from, minutes=state.minutes
+        )
         say(f"{state.network}: {path}")
 
 
 def _require_place(output: Path | None, options: RunOptions) -> None:
     """Refuse to put weights of other data than the training split where every run of the env finds them."""
-    changes = {"--detections": options.detection_file, "--detector": options.detector, "--files": options.files}
-    other = next((name for name, given in changes.items() if given is not None), f"--split {options.split}")
+    changes = {
+        "--detections": options.detection_file,
+        "--detector": options.detector,
+        "--files": options.files,
+    }
+    other = next(
+        (name for name, given in changes.items() if given is not None),
+        f"--split {options.split}",
+    )
     if output is None and other != "--split train":
         raise MtpBenchError(
             f"{other}: without -o the weights would be those of every run of this env, expected a file of their own; "
@@ -162,14 +227,25 @@ def presence(on: EnvScenes, output: TextOption = None) -> None:
     options = options if on.files is not None else options.on_split("train")
     prepare(on.env, options)
     with working("reading scenes, then fitting to them", options) as watched:
-        text, quality = fit_split(open_split(on.env, replace(watched, fold=None), watched.fold))
+        text, quality = fit_split(
+            open_split(on.env, replace(watched, fold=None), watched.fold)
+        )
     print_or_write(output, text)
     if output is not None:
-        brier = ", ".join(f"{row['brier']:.3f} of {name}" for name, row in quality.items())
-        print(f"{output}: {quality['presence']['rows']} boxes of tracks; Brier score on those held out: {brier}")
+        brier = ", ".join(
+            f"{row['brier']:.3f} of {name}" for name, row in quality.items()
+        )
+        print(
+            f"{output}: {quality['presence']['rows']} boxes of tracks; Brier score on those held out: {brier}"
+        )
 
 
-train = Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Fit predictors and more.")
+train = Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    help="Fit predictors and more.",
+)
 train.command("motion-noise")(opened(motion_noise))
 train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))

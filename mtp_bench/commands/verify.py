@@ -33,24 +33,46 @@ MOST_LETTERS = 60  # of a value in the table
 class VerifyOptions:
     """Options of a check: runs that are repeated, and the signature of the level."""
 
-    rerun: Annotated[bool, Option("--rerun", help="Run the submission again, also under a secret seed.")] = False
+    rerun: Annotated[
+        bool,
+        Option("--rerun", help="Run the submission again, also under a secret seed."),
+    ] = False
     submission: Annotated[
         Path | None,
-        Option(help="Submission to run again, or a folder of them by name; else the baseline of that name."),
+        Option(
+            help="Submission to run again, or a folder of them by name; else the baseline of that name."
+        ),
     ] = None
     made_here: Annotated[
-        bool, Option("--made-here", help="You made these records of baselines: do not repeat their public runs.")
+        bool,
+        Option(
+            "--made-here",
+            help="You made these records of baselines: do not repeat their public runs.",
+        ),
     ] = False
     hidden: Annotated[
-        Path | None, Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes.")
+        Path | None,
+        Option(
+            help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes."
+        ),
     ] = None
-    sign: Annotated[Path | None, Option(help="Private SSH key: sign the level that is reached.")] = None
-    signer: Annotated[str | None, Option(help="Name of its owner, as in keys/allowed_signers.")] = None
+    sign: Annotated[
+        Path | None, Option(help="Private SSH key: sign the level that is reached.")
+    ] = None
+    signer: Annotated[
+        str | None, Option(help="Name of its owner, as in keys/allowed_signers.")
+    ] = None
     looked_at: Annotated[
-        bool, Option("--looked-at", help="Sign that you looked at it: it may be better than ground truth.")
+        bool,
+        Option(
+            "--looked-at",
+            help="Sign that you looked at it: it may be better than ground truth.",
+        ),
     ] = False
     base: BaseOption = None
-    env: Annotated[str | None, Option(help="Card of the record if it does not ship.")] = None
+    env: Annotated[
+        str | None, Option(help="Card of the record if it does not ship.")
+    ] = None
 
     def require_together(self) -> None:
         """Raise BadParameter for an option without the one that it needs."""
@@ -58,7 +80,9 @@ class VerifyOptions:
         needs |= {"sign": "signer", "signer": "sign", "looked_at": "sign"}
         for name, needed in needs.items():
             if getattr(self, name) and not getattr(self, needed):
-                raise BadParameter(f"needs --{needed}", param_hint=f"--{name.replace('_', '-')}")
+                raise BadParameter(
+                    f"needs --{needed}", param_hint=f"--{name.replace('_', '-')}"
+                )
 
 
 @dataclass(frozen=True)
@@ -74,11 +98,19 @@ class _Result:
 
     @property
     def note(self) -> str:
-        return "error" if "error" in self.verdict else "does not hold" if self.failed else ""
+        return (
+            "error"
+            if "error" in self.verdict
+            else "does not hold"
+            if self.failed
+            else ""
+        )
 
 
 def verify(
-    record: Annotated[list[Path], Argument(help="Records, or folders: all records in them.")],
+    record: Annotated[
+        list[Path], Argument(help="Records, or folders: all records in them.")
+    ],
     asked: VerifyOptions,
     root: DataOption = None,
     jobs: JobsOption = 0,
@@ -92,13 +124,17 @@ def verify(
     folders = [record_paths(path) if path.is_dir() else [path] for path in record]
     paths = list(dict.fromkeys(path for folder in folders for path in folder))
     if not paths:
-        raise RecordError(f"{record[0]}: no record there, expected files <submission>/<env id>.json")
+        raise RecordError(
+            f"{record[0]}: no record there, expected files <submission>/<env id>.json"
+        )
     if asked.sign is not None:
         trust.require_signer(asked.sign, asked.signer or "")
         trust.require_listed(seals.values())
     with ExitStack() as ends:  # hidden scenes are made once for all records
         every = Round(asked.rerun, seals, asked.submission, asked.made_here)
-        check = partial(_checked, asked=asked, every=every, trust=trust, options=options, ends=ends)
+        check = partial(
+            _checked, asked=asked, every=every, trust=trust, options=options, ends=ends
+        )
         results = [_check_one(path, check, alone=record == [path]) for path in paths]
     if len(results) > 1:
         show_table(_summary(results))
@@ -116,21 +152,39 @@ def _check_one(path: Path, check: Callable[[Path], _Result], alone: bool) -> _Re
     except (MtpBenchError, OSError) as error:
         if alone:
             raise
-        result = _Result(path, {"record": str(path), "error": said_of(error)}, said_of(error))
+        result = _Result(
+            path, {"record": str(path), "error": said_of(error)}, said_of(error)
+        )
     return replace(result, seconds=time.monotonic() - start)
 
 
 def _checked(
-    path: Path, asked: VerifyOptions, every: Round, trust: Trust, options: RunOptions, ends: ExitStack
+    path: Path,
+    asked: VerifyOptions,
+    every: Round,
+    trust: Trust,
+    options: RunOptions,
+    ends: ExitStack,
 ) -> _Result:
     record = checked_record(path)
-    done = every.reached(path, record, trust) if asked.sign is not None and not asked.looked_at else None
+    done = (
+        every.reached(path, record, trust)
+        if asked.sign is not None and not asked.looked_at
+        else None
+    )
     if done is not None:
         said = done.statement
         show(f"{path}: {said.level} since {said.date}, signed by {done.signer}")
-        known = {"record": str(path), "digest": record.digest, "holds": True, "level": said.level}
+        known = {
+            "record": str(path),
+            "digest": record.digest,
+            "holds": True,
+            "level": said.level,
+        }
         return _Result(path, {**known, **_on_hidden_scenes(said.hidden)})
-    with working(f"verifying {record.submission.name} on {record.env.id}", options) as watched:
+    with working(
+        f"verifying {record.submission.name} on {record.env.id}", options
+    ) as watched:
         checked = every.verify(path, record, watched, asked.env, ends)
     if checked.differences:
         _show_differences(checked)
@@ -144,7 +198,13 @@ def _checked(
 
 def _show_differences(checked: Verification) -> None:
     shown = checked.differences[:MOST_DIFFERENCES]
-    cut = [{key: clean_text(str(value), MOST_LETTERS) for key, value in each._asdict().items()} for each in shown]
+    cut = [
+        {
+            key: clean_text(str(value), MOST_LETTERS)
+            for key, value in each._asdict().items()
+        }
+        for each in shown
+    ]
     columns = [Column(key=key) for key in Difference._fields]
     show_table(Table("differences", f"{checked.path}: differences", "", cut, columns))
     more = len(checked.differences) - len(shown)
@@ -155,7 +215,10 @@ def _summary(results: Sequence[_Result]) -> Table:
     columns = (
         Column("record", key="name"),
         Column(key="level", read=lambda result: result.verdict.get("level")),
-        Column(key="on hidden scenes", read=lambda result: result.verdict.get("hidden_number")),
+        Column(
+            key="on hidden scenes",
+            read=lambda result: result.verdict.get("hidden_number"),
+        ),
         Column(key="minutes", format=".1f", read=lambda result: result.seconds / 60),
         Column(key="note"),
     )
@@ -165,8 +228,15 @@ def _summary(results: Sequence[_Result]) -> Table:
 def _on_hidden_scenes(hidden: HiddenPart | None) -> dict[str, Any]:
     if hidden is None:
         return {"hidden_error": None, "hidden_number": None}
-    error, driving = hidden.row.error, hidden.driving  # in a closed loop the error is 1 minus the drive score
-    number = f"error {short(error)} m" if driving is None else f"drive score {driving.drive_score:.3f}"
+    error, driving = (
+        hidden.row.error,
+        hidden.driving,
+    )  # in a closed loop the error is 1 minus the drive score
+    number = (
+        f"error {short(error)} m"
+        if driving is None
+        else f"drive score {driving.drive_score:.3f}"
+    )
     return {"hidden_error": error, "hidden_number": number}
 
 
@@ -185,9 +255,17 @@ def _as_json(checked: Verification) -> dict[str, Any]:
 def _verdict(checked: Verification) -> str:
     record, hidden = checked.record, checked.hidden
     subject = f"{checked.path}: {record.submission.name} on {record.env.id}"
-    sentences = [f"{subject}: holds, {checked.level}" if checked.holds else f"{subject}: does not hold"]
+    sentences = [
+        f"{subject}: holds, {checked.level}"
+        if checked.holds
+        else f"{subject}: does not hold"
+    ]
     if hidden is not None:
-        few = "" if hidden.scenes >= LEAST_HIDDEN else f", too few to rank: ranks need {LEAST_HIDDEN}"
+        few = (
+            ""
+            if hidden.scenes >= LEAST_HIDDEN
+            else f", too few to rank: ranks need {LEAST_HIDDEN}"
+        )
         number = _on_hidden_scenes(hidden)["hidden_number"]
         sentences.append(f"{number} on {counted(hidden.scenes, 'hidden scene')}{few}")
     return ". ".join([*sentences, *checked.notes])

@@ -30,23 +30,39 @@ from .output import say
 
 def view(
     folders: Annotated[
-        list[Path], Argument(help="Folders written by `mtp-bench run`; several are shown side by side.")
+        list[Path],
+        Argument(
+            help="Folders written by `mtp-bench run`; several are shown side by side."
+        ),
     ],
-    scene: Annotated[str | None, Option(help="Which scene. Default: the first of the run.")] = None,
+    scene: Annotated[
+        str | None, Option(help="Which scene. Default: the first of the run.")
+    ] = None,
     at: Annotated[str | None, Option(help=f"Open the first run there: {AT}.")] = None,
     level: Annotated[
-        str, choice(LEVELS, text="tracks, top (3 samples per object) or all (every sample and hypothesis).")
+        str,
+        choice(
+            LEVELS,
+            text="tracks, top (3 samples per object) or all (every sample and hypothesis).",
+        ),
     ] = "top",
     save: Annotated[
-        Path | None, file_option("--save", text="Write a recording (.rrd) instead.", suffixes=(".rrd",))
+        Path | None,
+        file_option(
+            "--save", text="Write a recording (.rrd) instead.", suffixes=(".rrd",)
+        ),
     ] = None,
     png: Annotated[
         Path | None,
         file_option(
-            "--png", text="Write a picture (.png) instead; needs --at, no screen, no rerun.", suffixes=(".png",)
+            "--png",
+            text="Write a picture (.png) instead; needs --at, no screen, no rerun.",
+            suffixes=(".png",),
         ),
     ] = None,
-    web: Annotated[bool, Option("--web", help="Serve it to a browser on this machine instead.")] = False,
+    web: Annotated[
+        bool, Option("--web", help="Serve it to a browser on this machine instead.")
+    ] = False,
     root: DataOption = None,
     env: RunCardOption = None,
 ) -> None:
@@ -60,7 +76,11 @@ def view(
     if png is None:
         with notice.work("loading rerun"):
             from ..viz.rerun.recording import save_recording
-            from ..viz.rerun.viewer import require_display, serve_recording, show_recording
+            from ..viz.rerun.viewer import (
+                require_display,
+                serve_recording,
+                show_recording,
+            )
 
         if save is None and not web:
             require_display()
@@ -76,13 +96,20 @@ def view(
         show(f"{save}: {shown}; open it with `rerun {shlex.quote(str(save))}`")
     elif web:
         with notice.work(""):  # nothing to say while the user looks at it
-            serve_recording(replays, level, incident, lambda url: show(f"{shown}: {url} until Ctrl-C"))
+            serve_recording(
+                replays,
+                level,
+                incident,
+                lambda url: show(f"{shown}: {url} until Ctrl-C"),
+            )
     else:
         show_recording(replays, level, incident)
         show(shown)
 
 
-def _opened(folders: Sequence[Path], data: str | None, env_id: str | None) -> list[OpenedRun]:
+def _opened(
+    folders: Sequence[Path], data: str | None, env_id: str | None
+) -> list[OpenedRun]:
     """The runs in ``folders``; raises MtpBenchError if they were made for different cards."""
     runs = [open_run(folder, data, env_id) for folder in folders]
     first = runs[0]
@@ -96,7 +123,9 @@ def _opened(folders: Sequence[Path], data: str | None, env_id: str | None) -> li
 
 
 @notice.work("reading the scene and finding its events")
-def _replays(runs: Sequence[OpenedRun], scene: str | None, images: bool) -> list[Replay]:
+def _replays(
+    runs: Sequence[OpenedRun], scene: str | None, images: bool
+) -> list[Replay]:
     """The runs of one scene, by default the first of the first run, with the camera ``images`` that its source has.
 
     Runs of one agent with different numbers of hypotheses have these in their names. Raises UnknownNameError for a run
@@ -112,9 +141,21 @@ def _replays(runs: Sequence[OpenedRun], scene: str | None, images: bool) -> list
     replays = []
     for run in runs:
         info = run.run.info
-        given = content if run is first else replace(content, detections=run.scene(name).detections)
-        agent = info.agent if len(counts[info.agent]) == 1 else f"{info.agent} (H = {info.hypotheses or 1})"
-        replays.append(replace(PlayedRun(run).replay(run.first(name), given, agent), images=cameras))
+        given = (
+            content
+            if run is first
+            else replace(content, detections=run.scene(name).detections)
+        )
+        agent = (
+            info.agent
+            if len(counts[info.agent]) == 1
+            else f"{info.agent} (H = {info.hypotheses or 1})"
+        )
+        replays.append(
+            replace(
+                PlayedRun(run).replay(run.first(name), given, agent), images=cameras
+            )
+        )
     return replays
 
 
@@ -125,4 +166,6 @@ def _sentence(replays: Sequence[Replay], focuses: Sequence[Focus]) -> str:
         return f"scene {name}"
     first, *others = focuses
     sentences = [f"scene {name}, frame {first.at.frame}, {sentence(first)}"]
-    return "; ".join([*sentences, *(f"{each.replay.agent}: {sentence(each)}" for each in others)])
+    return "; ".join(
+        [*sentences, *(f"{each.replay.agent}: {sentence(each)}" for each in others)]
+    )

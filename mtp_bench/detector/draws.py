@@ -15,7 +15,9 @@ from ..types import Floats, Ints
 
 Keys = NDArray[np.uint64]  # what numbers are drawn for
 
-_GOLDEN, _FIRST, _SECOND = (np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+_GOLDEN, _FIRST, _SECOND = (
+    np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
+)
 _SHIFTS = np.uint64(30), np.uint64(27), np.uint64(31)
 _LOW_BITS = np.uint64(11)  # more than a float can hold
 _VERSION = 2  # of the hashed numbers
@@ -76,7 +78,9 @@ class Draws:
 
     def generator(self, kind: NoiseKind) -> np.random.Generator:
         """A generator for noise that belongs to the scene as a whole."""
-        return np.random.default_rng([self.seed, _VERSION, int(self.subject), self.number, int(kind)])
+        return np.random.default_rng(
+            [self.seed, _VERSION, int(self.subject), self.number, int(kind)]
+        )
 
     def uniforms(self, parts: tuple[int, ...], keys: Keys) -> Floats:
         """Uniform numbers in (0, 1) ``[m, ...]`` for each key of `keys_of`, of m `parts`."""
@@ -108,7 +112,11 @@ def _seeded(*words: int) -> int:
 
 @lru_cache(maxsize=4096)
 def _offsets(key: int, parts: tuple[int, ...]) -> Keys:
-    return _mixed(np.array([(key + part * int(_GOLDEN)) % 2**64 for part in parts], dtype=np.uint64))
+    return _mixed(
+        np.array(
+            [(key + part * int(_GOLDEN)) % 2**64 for part in parts], dtype=np.uint64
+        )
+    )
 
 
 def keys_of(*index: Ints | Keys) -> Keys:
@@ -138,7 +146,9 @@ def stationary(after_no: Floats, after_yes: Floats) -> Floats:
     return after_no / np.maximum(1.0 - after_yes + after_no, _TINY)
 
 
-def at_period(after_no: Floats, after_yes: Floats, steps: float) -> tuple[Floats, Floats]:
+def at_period(
+    after_no: Floats, after_yes: Floats, steps: float
+) -> tuple[Floats, Floats]:
     """Both chances of a chain that is observed every ``steps`` frames.
 
     The long-run chance stays and the correlation decays. Exact for whole steps.
@@ -177,8 +187,16 @@ def skewed_cdf(value: Floats, share: Floats | float) -> Floats:
     """Distribution function of `skewed` numbers."""
     rest, scale = np.sqrt(1.0 - share), np.sqrt(np.maximum(share, 1e-6))
     y = value + scale
-    slope = np.minimum(-y / scale + 0.5 * (rest / scale) ** 2 + log_ndtr(y / rest - rest / scale), 0.0)
-    return np.asarray(np.where(np.asarray(share) > 0, np.clip(ndtr(y / rest) - np.exp(slope), 0.0, 1.0), ndtr(value)))
+    slope = np.minimum(
+        -y / scale + 0.5 * (rest / scale) ** 2 + log_ndtr(y / rest - rest / scale), 0.0
+    )
+    return np.asarray(
+        np.where(
+            np.asarray(share) > 0,
+            np.clip(ndtr(y / rest) - np.exp(slope), 0.0, 1.0),
+            ndtr(value),
+        )
+    )
 
 
 def skewed_density(value: Floats, share: float) -> Floats:
@@ -187,7 +205,12 @@ def skewed_density(value: Floats, share: float) -> Floats:
         return np.asarray(np.exp(-0.5 * value**2) / np.sqrt(2 * np.pi))
     rest, scale = np.sqrt(1.0 - share), np.sqrt(share)
     y = value + scale
-    return np.asarray(np.exp(-y / scale + 0.5 * (rest / scale) ** 2 + log_ndtr(y / rest - rest / scale)) / scale)
+    return np.asarray(
+        np.exp(
+            -y / scale + 0.5 * (rest / scale) ** 2 + log_ndtr(y / rest - rest / scale)
+        )
+        / scale
+    )
 
 
 @lru_cache(maxsize=256)

@@ -8,18 +8,40 @@ from scipy.special import chdtri, ndtr, ndtri
 
 from ..geometry import rotate, wrap_angle
 from ..types import Bools, Floats, Ints
-from .draws import Component, Draws, Keys, NoiseKind, at_period, keys_of, parts, stationary
+from .draws import (
+    Component,
+    Draws,
+    Keys,
+    NoiseKind,
+    at_period,
+    keys_of,
+    parts,
+    stationary,
+)
 from .grid import Grid, Neighbours, Shares, shares_of
 from .profile import ClassNoise
 
-FARTHEST = 2.0  # m: a larger position error would turn it into another object's detection
-ROBUST_T4 = 1.4826 * 0.7406970841  # robust standard deviation of Student's t with 4 degrees of freedom
-_SMALLEST = 0.2, 0.3  # m and share of the true size: the larger one is the least estimated side
+FARTHEST = (
+    2.0  # m: a larger position error would turn it into another object's detection
+)
+ROBUST_T4 = (
+    1.4826 * 0.7406970841
+)  # robust standard deviation of Student's t with 4 degrees of freedom
+_SMALLEST = (
+    0.2,
+    0.3,
+)  # m and share of the true size: the larger one is the least estimated side
 _KINDS = NoiseKind.RADIAL, NoiseKind.TANGENTIAL, NoiseKind.TAIL
 _NEW = *_KINDS, NoiseKind.Z, NoiseKind.HEADING
-_OF_ROWS = *parts(Component.WHITE, *_NEW), *parts(Component.PUSH, _NEW[-1]), *parts(Component.OTHER, _NEW[-1])
+_OF_ROWS = (
+    *parts(Component.WHITE, *_NEW),
+    *parts(Component.PUSH, _NEW[-1]),
+    *parts(Component.OTHER, _NEW[-1]),
+)
 _OF_AXES = parts(Component.WHITE, NoiseKind.SIZE, NoiseKind.VELOCITY)
-_SCALES = "radial.s0 radial.s1 radial.quality tangential.s0 tangential.s1 tangential.quality"
+_SCALES = (
+    "radial.s0 radial.s1 radial.quality tangential.s0 tangential.s1 tangential.quality"
+)
 _AXES = np.arange(3)
 _LATENT = np.linspace(-5.0, 5.0, 1001)  # tails beyond are as heavy as at the ends
 
@@ -34,26 +56,46 @@ class BoxErrors:
     z: Floats  # [R] m
     turn: Floats  # [R] rad, of the heading
     size: Floats  # [R, 3] m
-    velocity: Floats  # [R, 2] m/s, along and across the line of sight; NaN where not measured
+    velocity: (
+        Floats  # [R, 2] m/s, along and across the line of sight; NaN where not measured
+    )
 
 
-def draw_errors(grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: Ints | None) -> BoxErrors:
+def draw_errors(
+    grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: Ints | None
+) -> BoxErrors:
     """Draw the errors of all rows of a grid, or of some ``rows``; ``neighbours``, if any, share the lasting ones."""
     if rows is not None and grid.memory is None and neighbours is None:
         grid, rows = grid.select(rows), None
-    lasting, flipped = grid.lasting(_memories, neighbours, draws, _KINDS), _flips(grid, draws)
+    lasting, flipped = (
+        grid.lasting(_memories, neighbours, draws, _KINDS),
+        _flips(grid, draws),
+    )
     if rows is not None:
         grid, lasting, flipped = grid.select(rows), lasting[:, rows], flipped[rows]
     number = draws.uniforms(_OF_ROWS, grid.row_keys)
     new, push = ndtri(number[: len(_NEW)]), number[len(_NEW) :]
     radial, tangential, tail = grid.with_new(lasting, new[:3], _memories)
     scale, (mean, deviation) = grid.of_rows(_SCALES), grid.of_rows("z").T
-    student_t4 = new[4] / np.sqrt(-0.5 * np.log(push[0] * push[1]))  # a normal number over the root of chi-squared
+    student_t4 = new[4] / np.sqrt(
+        -0.5 * np.log(push[0] * push[1])
+    )  # a normal number over the root of chi-squared
     turn = grid.of_rows("heading.scale") / ROBUST_T4 * student_t4 + np.pi * flipped
     latent, z = np.stack([radial, tangential], axis=-1), mean + deviation * new[3]
     size, velocity = ndtri(draws.uniforms(_OF_AXES, of_axes(grid.row_keys)))
-    size, velocity = _size_errors(grid, draws, size), grid.of_rows("velocity")[:, None] * velocity[:, :2]
-    return BoxErrors(latent, _tail_factors(grid, tail), scale.reshape(-1, 2, 3), z, turn, size, velocity)
+    size, velocity = (
+        _size_errors(grid, draws, size),
+        grid.of_rows("velocity")[:, None] * velocity[:, :2],
+    )
+    return BoxErrors(
+        latent,
+        _tail_factors(grid, tail),
+        scale.reshape(-1, 2, 3),
+        z,
+        turn,
+        size,
+        velocity,
+    )
 
 
 def _memories(noise: ClassNoise) -> tuple[Shares, ...]:
@@ -64,7 +106,12 @@ def _memories(noise: ClassNoise) -> tuple[Shares, ...]:
 
 
 def detected_boxes(
-    box: Floats, velocity: Floats, errors: BoxErrors, distance: Floats, direction: Floats, quality: Floats
+    box: Floats,
+    velocity: Floats,
+    errors: BoxErrors,
+    distance: Floats,
+    direction: Floats,
+    quality: Floats,
 ) -> tuple[Floats, Floats]:
     """Detected boxes ``[R, 7]`` and velocities ``[R, 2]`` of true ones at ``distance`` ``[R]`` m.
 
@@ -89,7 +136,9 @@ def _tail_factors(grid: Grid, latent: Floats) -> Floats:
     factor, row_nu = np.ones(len(latent)), grid.of_rows("nu")
     for freedom in {noise.nu for noise in grid.noise}:
         rows = (row_nu == freedom).nonzero()[0]
-        factor[rows] = np.interp(latent[rows], _LATENT, _mixing_quantiles(float(freedom)))
+        factor[rows] = np.interp(
+            latent[rows], _LATENT, _mixing_quantiles(float(freedom))
+        )
     return factor
 
 
@@ -105,16 +154,28 @@ def _flips(grid: Grid, draws: Draws) -> Bools:
     after_no, after_yes = at_period(flip, flip_again, grid.steps)
     if not (len(grid.ids) and after_no.any()):
         return np.zeros(len(grid.column), dtype=bool)
-    first, after_no, after_yes = np.array([stationary(after_no, after_yes), after_no, after_yes])[:, grid.noise_number]
+    first, after_no, after_yes = np.array(
+        [stationary(after_no, after_yes), after_no, after_yes]
+    )[:, grid.noise_number]
     uniform = draws.uniform(NoiseKind.FLIP, Component.PUSH, grid.cell_keys)
     if grid.memory is not None:
         name = draws.subject, NoiseKind.FLIP
         before = grid.memory.before(name, uniform.shape) > 0
-        state = uniform < np.where(grid.span[0] == grid.memory.frame, first, np.where(before, after_yes, after_no))
+        state = uniform < np.where(
+            grid.span[0] == grid.memory.frame,
+            first,
+            np.where(before, after_yes, after_no),
+        )
         grid.memory.series[name] = state.astype(np.float64)
         return np.asarray(state[grid.column])
-    uniform, begins = grid.on_grid(uniform, other=1.0), np.arange(grid.frames)[:, None] == grid.span[0] % grid.frames
-    if_no, if_yes = (np.where(begins, uniform < first, uniform < chance) for chance in (after_no, after_yes))
+    uniform, begins = (
+        grid.on_grid(uniform, other=1.0),
+        np.arange(grid.frames)[:, None] == grid.span[0] % grid.frames,
+    )
+    if_no, if_yes = (
+        np.where(begins, uniform < first, uniform < chance)
+        for chance in (after_no, after_yes)
+    )
     states = if_no
     for t in range(1, grid.frames):
         states[t] = np.where(states[t - 1], if_yes[t], if_no[t])
@@ -123,7 +184,11 @@ def _flips(grid: Grid, draws: Draws) -> Bools:
 
 def _size_errors(grid: Grid, draws: Draws, white: Floats) -> Floats:
     """Errors of length, width, height ``[R, 3]`` m from normal numbers that are new in every frame."""
-    bias = grid.constant(draws, "size", lambda own: draws.normal(NoiseKind.SIZE, Component.BIAS, of_axes(own)).T)
+    bias = grid.constant(
+        draws,
+        "size",
+        lambda own: draws.normal(NoiseKind.SIZE, Component.BIAS, of_axes(own)).T,
+    )
     share = grid.of_rows("size.white")[:, None]
     return grid.of_rows("size.mean") + grid.of_rows("size.deviation") * (
         np.sqrt(1 - share) * bias.T[grid.column] + np.sqrt(share) * white

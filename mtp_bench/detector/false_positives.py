@@ -47,31 +47,60 @@ def sorted_detections(parts: Sequence[DetectedRows], frames: int) -> Detections:
     rows = joined(parts)
     order = np.lexsort((rows.box[:, 0], -rows.score, rows.frame))
     start = starts_of(np.bincount(rows.frame, minlength=frames))
-    return Detections(start, rows.box[order], rows.velocity[order], rows.class_id[order], rows.score[order])
+    return Detections(
+        start,
+        rows.box[order],
+        rows.velocity[order],
+        rows.class_id[order],
+        rows.score[order],
+    )
 
 
-def detect_false_positives(parts: Sequence[tuple[BoxErrors, DetectedRows]], scene: SensedScene) -> DetectedRows:
+def detect_false_positives(
+    parts: Sequence[tuple[BoxErrors, DetectedRows]], scene: SensedScene
+) -> DetectedRows:
     """Detections of the visible false positives that the sensor covers, with their errors, those of poor quality."""
-    errors, visible = joined([each for each, _ in parts]), joined([each for _, each in parts])
+    errors, visible = (
+        joined([each for each, _ in parts]),
+        joined([each for _, each in parts]),
+    )
     distance, bearing = polar(visible.box[:, :2], scene.ego[visible.frame])
     covered = np.flatnonzero(scene.sensor.covers(distance, bearing))
-    visible, errors, distance = select(visible, covered), select(errors, covered), distance[covered]
-    direction, quality = bearing[covered] + scene.ego[visible.frame, 3], np.full(len(distance), _POOR)
-    box, velocity = detected_boxes(visible.box, visible.velocity, errors, distance, direction, quality)
+    visible, errors, distance = (
+        select(visible, covered),
+        select(errors, covered),
+        distance[covered],
+    )
+    direction, quality = (
+        bearing[covered] + scene.ego[visible.frame, 3],
+        np.full(len(distance), _POOR),
+    )
+    box, velocity = detected_boxes(
+        visible.box, visible.velocity, errors, distance, direction, quality
+    )
     return replace(visible, box=box, velocity=velocity)
 
 
-def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers: Callable[[], Floats]) -> Floats:
+def draw_places(
+    quantiles: Sequence[float],
+    sensor: Sensor,
+    ego: Floats,
+    numbers: Callable[[], Floats],
+) -> Floats:
     """Draw places ``[B, 2]`` around sensor poses ``[B, 4]``, at distances with these quantiles.
 
     ``numbers``: new uniform ones ``[B, 2]``. A place outside the sensor's area gets a new bearing; if no bearing fits,
     also a new distance.
     """
-    low, high = (-np.inf, np.inf) if sensor.area is None else (sensor.area[:2], sensor.area[2:])
+    low, high = (
+        (-np.inf, np.inf) if sensor.area is None else (sensor.area[:2], sensor.area[2:])
+    )
     uniform = numbers()
     for attempt in range(2 * _TRIES + 1):
         distance = np.interp(uniform[:, 0], EVEN_RANKS, quantiles)
-        direction = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
+        direction = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (
+            uniform[:, 1] - 0.5
+        )
         place = ego[:, :2] + distance[:, None] * unit_vectors(direction)
         outside = ((place < low) | (place > high)).any(axis=1)
         if not outside.any():
@@ -101,7 +130,9 @@ def ground_height(place: Floats, frame: Ints, scene: SensedScene) -> Floats:
         if rows.stop > rows.start:
             offset = place[index, :, None] - truth.box[rows, :2].T
             offset *= offset
-            ground[index] = underside[rows][(offset[:, 0] + offset[:, 1]).argmin(axis=1)]
+            ground[index] = underside[rows][
+                (offset[:, 0] + offset[:, 1]).argmin(axis=1)
+            ]
     return np.asarray(ground)
 
 
@@ -115,22 +146,37 @@ class ReportedClasses:
 
 
 def reported_classes(
-    truth: Truth, classes: Sequence[str], noise_names: Sequence[str], noise_name: str, noise: ClassNoise
+    truth: Truth,
+    classes: Sequence[str],
+    noise_names: Sequence[str],
+    noise_name: str,
+    noise: ClassNoise,
 ) -> ReportedClasses | None:
     """The ``classes`` that have the noise ``noise_name``, in proportion to their true boxes in the scene.
 
     ``noise_names``: of each class. Without such boxes: the class of that name, or the first one with this noise, with
     the size of ``noise.free``. None if no class has the noise, and without free false positives.
     """
-    free, candidates = noise.free, [class_id for class_id, name in enumerate(noise_names) if name == noise_name]
+    free, candidates = (
+        noise.free,
+        [class_id for class_id, name in enumerate(noise_names) if name == noise_name],
+    )
     if not candidates or free is None or not free.rate:
         return None
     boxes = np.bincount(truth.class_id, minlength=len(classes))
     present = [class_id for class_id in candidates if boxes[class_id]]
     if present:
-        means = [truth.box[truth.class_id == class_id, 4:].mean(axis=0) for class_id in present]
-        return ReportedClasses(np.array(present), boxes[present] / boxes[present].sum(), np.array(means))
-    single = next((class_id for class_id in candidates if classes[class_id] == noise_name), candidates[0])
+        means = [
+            truth.box[truth.class_id == class_id, 4:].mean(axis=0)
+            for class_id in present
+        ]
+        return ReportedClasses(
+            np.array(present), boxes[present] / boxes[present].sum(), np.array(means)
+        )
+    single = next(
+        (class_id for class_id in candidates if classes[class_id] == noise_name),
+        candidates[0],
+    )
     return ReportedClasses(np.array([single]), np.ones(1), np.array([free.size]))
 
 

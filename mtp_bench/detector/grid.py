@@ -10,10 +10,21 @@ import numpy as np
 from scipy.special import ndtri
 
 from ..types import NO_ROWS, Floats, Ints, Truth
-from .draws import Component, Draws, Keys, NoiseKind, decayed, extended_key, keys_of, parts
+from .draws import (
+    Component,
+    Draws,
+    Keys,
+    NoiseKind,
+    decayed,
+    extended_key,
+    keys_of,
+    parts,
+)
 from .profile import ClassNoise, SharedMemory
 
-Parameter = str | Callable[[ClassNoise], Any]  # names of fields, or a function that stays: its values are remembered
+Parameter = (
+    str | Callable[[ClassNoise], Any]
+)  # names of fields, or a function that stays: its values are remembered
 Kinds = tuple[NoiseKind, ...]
 Shares = tuple[float, float, float, float]  # see `shares_of`
 _TINY = 1e-12
@@ -28,7 +39,9 @@ class Neighbours:
     weight: Floats  # [Q] 1 at distance 0, 0 where the pair shares no noise
 
     @classmethod
-    def within(cls, length: float, place: Floats, moment: Ints, object_id: Ints) -> Self:
+    def within(
+        cls, length: float, place: Floats, moment: Ints, object_id: Ints
+    ) -> Self:
         """Pairs within ``length`` m of rows at ``place`` ``[R, 2]`` with equal ``moment`` ``[R]``.
 
         ``object_id`` ``[R]`` decides the order of the pairs of a row.
@@ -58,7 +71,8 @@ class Neighbours:
         terms, squares = weight * value.take(self.other, axis=1), weight**2
         # bincount adds in the given order, so the sum of a row does not depend on other rows
         others, variance = (
-            np.array([np.bincount(self.row, each, value.shape[1]) for each in part]) for part in (terms, squares)
+            np.array([np.bincount(self.row, each, value.shape[1]) for each in part])
+            for part in (terms, squares)
         )
         return np.asarray((value + others) / np.sqrt(1.0 + variance))
 
@@ -68,9 +82,15 @@ class Memory:
     """Kept state of a scene that is detected frame by frame, so that no number is drawn twice."""
 
     frame: int = -1  # the one that is detected
-    objects: dict[int, tuple[int, int, int]] = field(default_factory=dict)  # column, first frame, class index, by id
-    series: dict[Any, Floats] = field(default_factory=dict)  # last numbers, by column, of subjects and kinds
-    kept: dict[Any, Any] = field(default_factory=dict)  # what does not change, by what it is
+    objects: dict[int, tuple[int, int, int]] = field(
+        default_factory=dict
+    )  # column, first frame, class index, by id
+    series: dict[Any, Floats] = field(
+        default_factory=dict
+    )  # last numbers, by column, of subjects and kinds
+    kept: dict[Any, Any] = field(
+        default_factory=dict
+    )  # what does not change, by what it is
 
     def before(self, name: Any, shape: tuple[int, ...]) -> Floats:
         """The numbers of ``name`` in the frame before, filled up to ``shape`` with 0 for new columns."""
@@ -84,7 +104,9 @@ class Memory:
         known = self.kept.get(name)
         if known is None or known.shape[-1] < len(keys):
             new = make(keys if known is None else keys[known.shape[-1] :])
-            known = self.kept[name] = new if known is None else np.concatenate([known, new], axis=-1)
+            known = self.kept[name] = (
+                new if known is None else np.concatenate([known, new], axis=-1)
+            )
         return known
 
 
@@ -111,8 +133,12 @@ class Grid:
     noise: tuple[ClassNoise, ...]
     noise_number: Ints  # [J] index into ``noise``
     steps: float  # frame periods of the profile per frame of the scene
-    lives: tuple[Ints, Ints] | None = None  # [J] first frame and the one after the last; None: those of the rows
-    memory: Memory | None = None  # the cells are those of the last frame alone, of all objects so far
+    lives: tuple[Ints, Ints] | None = (
+        None  # [J] first frame and the one after the last; None: those of the rows
+    )
+    memory: Memory | None = (
+        None  # the cells are those of the last frame alone, of all objects so far
+    )
 
     @cached_property
     def object_keys(self) -> Keys:
@@ -131,9 +157,13 @@ class Grid:
 
     def of_noise(self, parameter: Parameter) -> Floats:
         """A parameter of every noise ``[K]``, or ``[K, ...]``; NaN for None."""
-        read = attrgetter(*parameter.split()) if isinstance(parameter, str) else parameter
+        read = (
+            attrgetter(*parameter.split()) if isinstance(parameter, str) else parameter
+        )
         value: Floats = kept(
-            self.memory, parameter, lambda: np.array([read(noise) for noise in self.noise], np.float64)
+            self.memory,
+            parameter,
+            lambda: np.array([read(noise) for noise in self.noise], np.float64),
         )
         return value
 
@@ -141,14 +171,23 @@ class Grid:
         """A parameter of every row's noise ``[R]``, or ``[R, ...]``."""
         return self.of_noise(parameter)[self.row_noise]
 
-    def constant(self, draws: Draws, name: Any, make: Callable[[Keys], Floats]) -> Floats:
+    def constant(
+        self, draws: Draws, name: Any, make: Callable[[Keys], Floats]
+    ) -> Floats:
         """Numbers ``[..., J]`` that every object keeps; ``make`` draws them by the keys of objects."""
         keys = self.object_keys
-        return make(keys) if self.memory is None else self.memory.grown((draws.subject, name), keys, make)
+        return (
+            make(keys)
+            if self.memory is None
+            else self.memory.grown((draws.subject, name), keys, make)
+        )
 
     def by_noise(self) -> list[tuple[ClassNoise, Ints]]:
         """Each noise with its rows, without those that have none."""
-        rows_of = [(noise, (self.row_noise == number).nonzero()[0]) for number, noise in enumerate(self.noise)]
+        rows_of = [
+            (noise, (self.row_noise == number).nonzero()[0])
+            for number, noise in enumerate(self.noise)
+        ]
         return [(noise, rows) for noise, rows in rows_of if len(rows)]
 
     def select(self, row: Ints) -> Self:
@@ -162,17 +201,32 @@ class Grid:
         objects, column = np.flatnonzero(used), (np.cumsum(used) - 1)[old]
         end = np.zeros(len(objects), dtype=np.int64)
         end[column] = frame + 1
-        lives = self.span[0][objects], end  # memory begins where it did; later frames do not matter
+        lives = (
+            self.span[0][objects],
+            end,
+        )  # memory begins where it did; later frames do not matter
         number = self.noise_number[objects]
-        return replace(self, ids=self.ids[objects], frame=frame, column=column, noise_number=number, lives=lives)
+        return replace(
+            self,
+            ids=self.ids[objects],
+            frame=frame,
+            column=column,
+            noise_number=number,
+            lives=lives,
+        )
 
     @cached_property
     def span(self) -> tuple[Ints, Ints]:
         """First frame of every object and the one after its last ``[J]``."""
         if self.lives is not None:
             return self.lives
-        first, end = np.full(len(self.ids), self.frames), np.zeros(len(self.ids), dtype=np.int64)
-        first[self.column[::-1]] = self.frame[::-1]  # the last assignment to an object stays
+        first, end = (
+            np.full(len(self.ids), self.frames),
+            np.zeros(len(self.ids), dtype=np.int64),
+        )
+        first[self.column[::-1]] = self.frame[
+            ::-1
+        ]  # the last assignment to an object stays
         end[self.column] = self.frame + 1
         return first, end
 
@@ -198,7 +252,9 @@ class Grid:
         grid[..., self.cells[0] * len(self.ids) + self.cells[1]] = value
         return grid.reshape(*value.shape[:-1], self.frames, len(self.ids))
 
-    def autoregression(self, phi: Floats, draws: Draws, kinds: Kinds, push: Floats | None = None) -> Floats:
+    def autoregression(
+        self, phi: Floats, draws: Draws, kinds: Kinds, push: Floats | None = None
+    ) -> Floats:
         """Autoregressive standard normal numbers ``[m, R]`` of m kinds, from such numbers ``push`` of all `cells`.
 
         ``phi`` ``[m, K]``: correlation between neighbouring frames of the profile, of every noise.
@@ -206,7 +262,11 @@ class Grid:
         phi, (frame, column) = decayed(phi, self.steps), self.cells
         scale = np.sqrt(1.0 - phi**2).take(self.noise_number[column], axis=1)
         scale[:, (frame == self.span[0][column]).nonzero()[0]] = 1.0
-        push = ndtri(draws.uniforms(parts(Component.PUSH, *kinds), self.cell_keys)) if push is None else push
+        push = (
+            ndtri(draws.uniforms(parts(Component.PUSH, *kinds), self.cell_keys))
+            if push is None
+            else push
+        )
         phi, value = phi.take(self.noise_number, axis=1), push * scale
         if self.memory is not None:
             value += phi * self.memory.before((draws.subject, kinds), value.shape)
@@ -215,19 +275,38 @@ class Grid:
         value = self.on_grid(value)
         for t in range(1, self.frames):
             value[:, t] += phi * value[:, t - 1]
-        return value.reshape(len(value), -1).take(self.frame * len(self.ids) + self.column, axis=1)
+        return value.reshape(len(value), -1).take(
+            self.frame * len(self.ids) + self.column, axis=1
+        )
 
-    def lasting(self, memories: Parameter, neighbours: Neighbours | None, draws: Draws, kinds: Kinds) -> Floats:
+    def lasting(
+        self,
+        memories: Parameter,
+        neighbours: Neighbours | None,
+        draws: Draws,
+        kinds: Kinds,
+    ) -> Floats:
         """Standard normal numbers ``[m, R]`` of m kinds: a constant part and an autoregressive one.
 
         ``memories``: `shares_of` each kind. The numbers are shared with neighbours, if any.
         """
         bias, phi, shared, _ = self.of_noise(memories).T
         series = self.autoregression(phi, draws, kinds)
-        constant = self.constant(draws, kinds, lambda keys: ndtri(draws.uniforms(parts(Component.BIAS, *kinds), keys)))
+        constant = self.constant(
+            draws,
+            kinds,
+            lambda keys: ndtri(draws.uniforms(parts(Component.BIAS, *kinds), keys)),
+        )
         constant = np.sqrt(bias).take(self.noise_number, axis=1) * constant
-        value = constant.take(self.column, axis=1) + np.sqrt(1 - bias).take(self.row_noise, axis=1) * series
-        return value if neighbours is None else neighbours.mixed(value, shared.take(self.row_noise, axis=1))
+        value = (
+            constant.take(self.column, axis=1)
+            + np.sqrt(1 - bias).take(self.row_noise, axis=1) * series
+        )
+        return (
+            value
+            if neighbours is None
+            else neighbours.mixed(value, shared.take(self.row_noise, axis=1))
+        )
 
     def with_new(self, lasting: Floats, new: Floats, memories: Parameter) -> Floats:
         """Numbers ``[m, R]`` of `lasting` with their share of ``new`` ones in every frame."""
@@ -238,26 +317,63 @@ class Grid:
 
 def shares_of(memory: SharedMemory) -> Shares:
     """Constant share of the lasting part, phi, weight of a neighbour at distance 0, and share of the new part."""
-    lasting = memory.bias + memory.ar  # the rounded shares of a profile may not sum to 1
-    return memory.bias / max(lasting, _TINY), memory.phi, memory.shared, memory.white / (lasting + memory.white)
+    lasting = (
+        memory.bias + memory.ar
+    )  # the rounded shares of a profile may not sum to 1
+    return (
+        memory.bias / max(lasting, _TINY),
+        memory.phi,
+        memory.shared,
+        memory.white / (lasting + memory.white),
+    )
 
 
-def truth_grid(truth: Truth, noise: Sequence[ClassNoise], steps: float, memory: Memory | None = None) -> Grid:
+def truth_grid(
+    truth: Truth,
+    noise: Sequence[ClassNoise],
+    steps: float,
+    memory: Memory | None = None,
+) -> Grid:
     """Grid of a truth; ``noise`` is that of each class index; ``memory``: of its last frame, which alone has rows."""
-    distinct = kept(memory, "noise", lambda: tuple(one for i, one in enumerate(noise) if one not in noise[:i]))
-    number = kept(memory, "number", lambda: np.array([distinct.index(one) for one in noise]))
+    distinct = kept(
+        memory,
+        "noise",
+        lambda: tuple(one for i, one in enumerate(noise) if one not in noise[:i]),
+    )
+    number = kept(
+        memory, "number", lambda: np.array([distinct.index(one) for one in noise])
+    )
     if memory is None:
-        ids, first, column = np.unique(truth.object_id, return_index=True, return_inverse=True)
+        ids, first, column = np.unique(
+            truth.object_id, return_index=True, return_inverse=True
+        )
         number = number[truth.class_id[first]]
-        return Grid(truth.frames, ids, truth.frame_of_rows, column, distinct, number, steps)
+        return Grid(
+            truth.frames, ids, truth.frame_of_rows, column, distinct, number, steps
+        )
     rows, objects = truth.object_id.tolist(), memory.objects
     for object_id, class_id in zip(rows, truth.class_id.tolist(), strict=True):
         objects.setdefault(object_id, (len(objects), memory.frame, class_id))
     column = np.array([objects[object_id][0] for object_id in rows], dtype=np.int64)
-    _, since, class_ids = np.array(list(objects.values()), dtype=np.int64).reshape(-1, 3).T
-    lives, ids = (since, np.full(len(since), memory.frame + 1)), np.array(list(objects), dtype=np.int64)
+    _, since, class_ids = (
+        np.array(list(objects.values()), dtype=np.int64).reshape(-1, 3).T
+    )
+    lives, ids = (
+        (since, np.full(len(since), memory.frame + 1)),
+        np.array(list(objects), dtype=np.int64),
+    )
     frame = np.full(len(rows), memory.frame)
-    return Grid(truth.frames, ids, frame, column, distinct, number[class_ids], steps, lives, memory)
+    return Grid(
+        truth.frames,
+        ids,
+        frame,
+        column,
+        distinct,
+        number[class_ids],
+        steps,
+        lives,
+        memory,
+    )
 
 
 def truth_neighbours(grid: Grid, place: Floats, length: float) -> Neighbours:

@@ -14,20 +14,41 @@ from ..strict import Section, rule
 
 QUANTILES = 11  # of distances, at `EVEN_RANKS`: 0, 10, ..., 100 %
 EVEN_RANKS = np.linspace(0.0, 1.0, QUANTILES)
-RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)  # of scores: denser where scores are high
+RANKS = (
+    0.0,
+    0.2,
+    0.4,
+    0.6,
+    0.8,
+    0.9,
+    0.95,
+    0.98,
+    0.99,
+    0.997,
+    1.0,
+)  # of scores: denser where scores are high
 SLOTS = 2  # places beside every true box at which a false positive can appear
 _SIMILAR = {  # for profiles without a class
-    "cyclist": "bicycle", "bicycle": "motorcycle", "construction_vehicle": "truck"
-}  # fmt: skip
+    "cyclist": "bicycle",
+    "bicycle": "motorcycle",
+    "construction_vehicle": "truck",
+}
 
 
-_ASCENDING = rule(lambda values: all(a <= b for a, b in itertools.pairwise(values)), "expected ascending numbers")
+_ASCENDING = rule(
+    lambda values: all(a <= b for a, b in itertools.pairwise(values)),
+    "expected ascending numbers",
+)
 Variant = Literal["as_fitted", "iid", "hard"]
 Share = Annotated[float, Field(ge=0, le=1)]
 Scale = Annotated[float, Field(ge=0)]
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
 Three = Annotated[tuple[float, float, float], Field(strict=False)]
-Quantiles = Annotated[tuple[float, ...], Field(min_length=QUANTILES, max_length=QUANTILES, strict=False), _ASCENDING]
+Quantiles = Annotated[
+    tuple[float, ...],
+    Field(min_length=QUANTILES, max_length=QUANTILES, strict=False),
+    _ASCENDING,
+]
 Curve = Annotated[tuple[float, ...], Field(min_length=2, strict=False), _ASCENDING]
 
 
@@ -51,13 +72,17 @@ class LatentMemory(Section):
 class SharedMemory(LatentMemory):
     """Memory of a latent number whose lasting part is shared with close neighbours."""
 
-    shared: Share = 0.0  # weight of a neighbour at distance 0; the object itself has weight 1
+    shared: Share = (
+        0.0  # weight of a neighbour at distance 0; the object itself has weight 1
+    )
 
 
 class Lapses(Section):
     """The skewed part of the quality: usually close to 0, sometimes a large loss that lasts."""
 
-    share: Annotated[float, Field(ge=0, lt=1)]  # of the variance of the random part of the quality
+    share: Annotated[
+        float, Field(ge=0, lt=1)
+    ]  # of the variance of the random part of the quality
     bias: Share  # share of the latent number that is constant over the object's life; the rest is autoregressive
     phi: Correlation  # of the autoregression, from frame to frame
     shared: Share  # weight of a neighbour at distance 0; the object itself has weight 1
@@ -66,7 +91,9 @@ class Lapses(Section):
 class Quality(SharedMemory):
     """Quality of an object's detection in a frame, which decides its score and whether it is detected."""
 
-    location: Annotated[tuple[float, ...], Field(min_length=7, max_length=7, strict=False)]
+    location: Annotated[
+        tuple[float, ...], Field(min_length=7, max_length=7, strict=False)
+    ]
     # mean: 1, d, d^2, partly occluded, largely occluded, hidden, truncated; the random part has variance 1
     lapses: Lapses
     latent: Curve  # qualities
@@ -78,7 +105,9 @@ class Quality(SharedMemory):
     def _fits_the_curve(cls, floor: float, info: ValidationInfo) -> float:
         latent, score = info.data.get("latent", ()), info.data.get("score", ())
         if len(latent) != len(score):
-            raise ValueError(f"latent has {len(latent)} numbers and score {len(score)}, expected as many of both")
+            raise ValueError(
+                f"latent has {len(latent)} numbers and score {len(score)}, expected as many of both"
+            )
         if score and floor > score[-1]:
             raise ValueError(f"expected at most the highest score, {score[-1]:g}")
         return floor
@@ -117,7 +146,9 @@ class FalsePositives(LatentMemory):
     The constant share ``bias`` of the quality is exponential: few are good, and those stay good.
     """
 
-    chance: Annotated[float, Field(gt=0, le=1)]  # share of the frames of its life in which one is visible
+    chance: Annotated[
+        float, Field(gt=0, le=1)
+    ]  # share of the frames of its life in which one is visible
     score: Quantiles  # of the visible ones, at the ranks `RANKS`
 
 
@@ -125,8 +156,12 @@ class FreeFalsePositives(FalsePositives):
     """False positives away from all objects: born in families, standing still."""
 
     rate: Scale  # visible per frame over the profile's whole field of view
-    dispersion: Annotated[float, Field(ge=1)]  # variance over mean of the count per frame, as far as scenes differ
-    survive: Annotated[float, Field(ge=0, lt=1)]  # chance to live on for another frame, visible or not
+    dispersion: Annotated[
+        float, Field(ge=1)
+    ]  # variance over mean of the count per frame, as far as scenes differ
+    survive: Annotated[
+        float, Field(ge=0, lt=1)
+    ]  # chance to live on for another frame, visible or not
     siblings: Scale  # mean number born together with the first one of a family
     spread: Scale  # m, deviation of their places per axis
     family: Share  # share of the quality that siblings have in common
@@ -140,7 +175,9 @@ class NearFalsePositives(FalsePositives):
     offset: Quantiles  # m from the centre of the true box, at 0, 10, ..., 100 %
     same: Annotated[tuple[Share, Share, Share], Field(strict=False)]
     # share with the class of the object: within 0.75 m, within 1.5 m, beyond
-    duplicates: Quantiles | None = None  # scores of those of the object's class within 0.75 m; None: same as all
+    duplicates: Quantiles | None = (
+        None  # scores of those of the object's class within 0.75 m; None: same as all
+    )
     parent: Correlation = 0.0  # correlation of their quality with that of the object
 
 
@@ -150,13 +187,18 @@ class ClassNoise(Section):
     quality: Quality
     radial: PositionNoise
     tangential: PositionNoise
-    nu: Annotated[float, Field(gt=1)]  # degrees of freedom of Student's t, of both position errors
+    nu: Annotated[
+        float, Field(gt=1)
+    ]  # degrees of freedom of Student's t, of both position errors
     heading: HeadingNoise
     size: SizeNoise
     free: FreeFalsePositives | None = None
     near: NearFalsePositives | None = None
     velocity: Scale | None = None  # m/s per axis; None: velocities are not measured
-    z: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)  # m, height of the centre: mean, deviation
+    z: Annotated[tuple[float, float], Field(strict=False)] = (
+        0.0,
+        0.0,
+    )  # m, height of the centre: mean, deviation
 
 
 class Profile(Section):
@@ -165,12 +207,20 @@ class Profile(Section):
     name: str
     summary: str
     source: str  # data that the parameters were fitted to
-    stands_for: Annotated[tuple[str, ...], Field(strict=False)] = ()  # stored detectors that it can replace
+    stands_for: Annotated[
+        tuple[str, ...], Field(strict=False)
+    ] = ()  # stored detectors that it can replace
     dt: Annotated[float, Field(gt=0)]  # s between frames at which the memory was fitted
-    field_of_view: Annotated[float, Field(gt=0, le=360)] = 360.0  # degrees in which false positives were counted
-    neighbours: Annotated[float, Field(gt=0)] = 20.0  # m; objects farther apart share no noise
+    field_of_view: Annotated[float, Field(gt=0, le=360)] = (
+        360.0  # degrees in which false positives were counted
+    )
+    neighbours: Annotated[float, Field(gt=0)] = (
+        20.0  # m; objects farther apart share no noise
+    )
     classes: dict[str, ClassNoise]
-    alike: dict[str, str] = Field(default_factory=dict)  # further classes and the class whose noise they have
+    alike: dict[str, str] = Field(
+        default_factory=dict
+    )  # further classes and the class whose noise they have
 
     @field_validator("alike")
     @classmethod
@@ -178,7 +228,9 @@ class Profile(Section):
         classes: dict[str, object] = info.data.get("classes", {})
         for name in alike.values():
             if classes and name not in classes:
-                raise ValueError(f"{name!r} has no noise; expected one of {', '.join(map(repr, classes))}")
+                raise ValueError(
+                    f"{name!r} has no noise; expected one of {', '.join(map(repr, classes))}"
+                )
         return alike
 
     def noise(self, class_name: str) -> ClassNoise:
@@ -192,4 +244,8 @@ class Profile(Section):
             return name
         if name in _SIMILAR:
             return self.noise_name(_SIMILAR[name])
-        raise UnknownNameError(f"class of detector profile {self.name!r}", class_name, [*self.classes, *self.alike])
+        raise UnknownNameError(
+            f"class of detector profile {self.name!r}",
+            class_name,
+            [*self.classes, *self.alike],
+        )

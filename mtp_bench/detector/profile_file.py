@@ -33,7 +33,9 @@ def profile_for(detector: str) -> str:
     """Name of the shipped profile that can replace a stored detector, or an empty text."""
     if detector in profile_names():
         return detector
-    return next((name for name in profile_names() if detector in _shipped(name).stands_for), "")
+    return next(
+        (name for name in profile_names() if detector in _shipped(name).stands_for), ""
+    )
 
 
 @cache
@@ -44,10 +46,14 @@ def _shipped(name: str) -> Profile:
 
 def _read(path: Path) -> Profile:
     content = read_toml(path, CardError)
-    if isinstance(content.get("detector"), dict):  # a section of a card, as fit-noise writes it
+    if isinstance(
+        content.get("detector"), dict
+    ):  # a section of a card, as fit-noise writes it
         content = content["detector"].get("noise")
         if not isinstance(content, dict):
-            raise CardError(f"{path.name}: [detector] has no table 'noise', expected the parameters of a profile there")
+            raise CardError(
+                f"{path.name}: [detector] has no table 'noise', expected the parameters of a profile there"
+            )
     return validate(Profile, content, path.name, CardError)
 
 
@@ -60,8 +66,13 @@ def with_variant(profile: Profile, variant: Variant) -> Profile:
     if variant == "as_fitted":
         return profile
     changes = _without_memory if variant == "iid" else _harder
-    classes = {name: noise.model_copy(update=changes(noise)) for name, noise in profile.classes.items()}
-    return profile.model_copy(update={"name": f"{profile.name}-{variant}", "classes": classes})
+    classes = {
+        name: noise.model_copy(update=changes(noise))
+        for name, noise in profile.classes.items()
+    }
+    return profile.model_copy(
+        update={"name": f"{profile.name}-{variant}", "classes": classes}
+    )
 
 
 def _without_memory(noise: ClassNoise) -> dict[str, Any]:
@@ -87,11 +98,25 @@ def _harder(noise: ClassNoise) -> dict[str, Any]:
     # the relative difference between scenes stays
     dispersion = 1.0 if free is None else 1.0 + WORSE * (free.dispersion - 1.0)
     return {
-        "radial": _with(noise.radial, {"s0": WORSE * noise.radial.s0, "s1": WORSE * noise.radial.s1}),
-        "tangential": _with(noise.tangential, {"s0": WORSE * noise.tangential.s0, "s1": WORSE * noise.tangential.s1}),
-        "quality": _with(noise.quality, {"location": (location[0] - LOWER, *location[1:])}),
-        "free": _with(free, {} if free is None else {"rate": WORSE * free.rate, "dispersion": dispersion}),
-        "near": _with(near, {} if near is None else {"chance": min(WORSE * near.chance, 1.0)}),
+        "radial": _with(
+            noise.radial, {"s0": WORSE * noise.radial.s0, "s1": WORSE * noise.radial.s1}
+        ),
+        "tangential": _with(
+            noise.tangential,
+            {"s0": WORSE * noise.tangential.s0, "s1": WORSE * noise.tangential.s1},
+        ),
+        "quality": _with(
+            noise.quality, {"location": (location[0] - LOWER, *location[1:])}
+        ),
+        "free": _with(
+            free,
+            {}
+            if free is None
+            else {"rate": WORSE * free.rate, "dispersion": dispersion},
+        ),
+        "near": _with(
+            near, {} if near is None else {"chance": min(WORSE * near.chance, 1.0)}
+        ),
     }
 
 
@@ -130,7 +155,11 @@ def toml_values(content: dict[str, Any]) -> list[str]:
 
 
 def _key(name: str) -> str:
-    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
+    return (
+        name
+        if re.fullmatch("[A-Za-z0-9_-]+", name)
+        else json.dumps(name, ensure_ascii=False)
+    )
 
 
 def _value(value: str | bool | int | float | tuple[str | float, ...]) -> str:

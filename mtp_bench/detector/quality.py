@@ -5,7 +5,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..types import Bools, Floats, Ints
-from .draws import Component, Draws, NoiseKind, exponential, skewed, skewed_cdf, skewed_quantile
+from .draws import (
+    Component,
+    Draws,
+    NoiseKind,
+    exponential,
+    skewed,
+    skewed_cdf,
+    skewed_quantile,
+)
 from .grid import Grid, Neighbours, Shares, shares_of
 from .profile import RANKS, ClassNoise
 from .visibility import HIDDEN, LARGELY, PARTLY, Visibility
@@ -20,11 +28,17 @@ class Qualities(NamedTuple):
     reported: Bools  # [R] its score reaches the operating point
 
 
-def draw_qualities(grid: Grid, visibility: Visibility, neighbours: Neighbours, draws: Draws) -> Qualities:
+def draw_qualities(
+    grid: Grid, visibility: Visibility, neighbours: Neighbours, draws: Draws
+) -> Qualities:
     """Draw qualities of all rows, also of those outside the sensor's coverage."""
     random = random_quality(grid, neighbours, draws)
     location = (quality_features(visibility) * grid.of_rows("quality.location")).sum(-1)
-    score, detected, floor = np.zeros(len(random)), np.zeros(len(random), dtype=bool), np.zeros(len(random))
+    score, detected, floor = (
+        np.zeros(len(random)),
+        np.zeros(len(random), dtype=bool),
+        np.zeros(len(random)),
+    )
     for noise, rows in grid.by_noise():
         parameters = noise.quality
         quality, floor[rows] = location[rows] + random[rows], parameters.floor
@@ -35,7 +49,9 @@ def draw_qualities(grid: Grid, visibility: Visibility, neighbours: Neighbours, d
 
 def random_quality(grid: Grid, neighbours: Neighbours, draws: Draws) -> Floats:
     """Random part of the quality ``[R]``: a normal number, less the exponential number of a lapse."""
-    lasting = grid.lasting(_memories, neighbours, draws, (NoiseKind.QUALITY, NoiseKind.LAPSE))
+    lasting = grid.lasting(
+        _memories, neighbours, draws, (NoiseKind.QUALITY, NoiseKind.LAPSE)
+    )
     new = draws.normal(NoiseKind.QUALITY, Component.WHITE, grid.row_keys)
     normal, lapse = grid.with_new(lasting, new, _memories)
     return -skewed(-normal, exponential(lapse), grid.of_rows("quality.lapses.share"))
@@ -50,7 +66,13 @@ def quality_features(visibility: Visibility) -> Floats:
     """Features of the mean quality ``[R, 7]``: 1, d, d^2, partly, largely occluded, hidden, truncated."""
     distance = visibility.distance / 10
     levels = [visibility.occlusion == level for level in (PARTLY, LARGELY, HIDDEN)]
-    columns = [np.ones(len(distance)), distance, distance**2, *levels, visibility.truncated]
+    columns = [
+        np.ones(len(distance)),
+        distance,
+        distance**2,
+        *levels,
+        visibility.truncated,
+    ]
     return np.stack(columns, axis=-1)
 
 

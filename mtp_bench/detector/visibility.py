@@ -21,7 +21,9 @@ class Sensor:
 
     reach: float  # m
     field_of_view: float  # rad, the whole angle; 2 pi or more: all around
-    area: tuple[float, float, float, float] | None = None  # m, least and largest x, y of false positives; None: any
+    area: tuple[float, float, float, float] | None = (
+        None  # m, least and largest x, y of false positives; None: any
+    )
 
     def covers(self, distance: Floats, bearing: Floats) -> Bools:
         """Mask of places within reach and field of view, by distance (m) and bearing (rad) of any common shape."""
@@ -43,7 +45,9 @@ def covered(truth: Truth, ego: Floats, sensor: Sensor) -> Bools:
     return sensor.covers(*polar(truth.box[:, :2], ego[truth.frame_of_rows]))
 
 
-def visibility_of(truth: Truth, ego: Floats, sensor: Sensor, visible: Floats | None = None) -> Visibility:
+def visibility_of(
+    truth: Truth, ego: Floats, sensor: Sensor, visible: Floats | None = None
+) -> Visibility:
     """Visibility of all boxes, also outside the coverage, to a sensor at ``ego`` (``[F, 4]`` x y z yaw).
 
     All boxes of a frame can hide each other in BEV; heights do not matter. ``visible``: `visible_fractions`, if known.
@@ -73,10 +77,16 @@ def visible_fractions(truth: Truth, ego: Floats) -> Floats:
     sensor = ego[frame, :2]
     middle, half, inside = _angular_intervals(box, sensor)
     share, outside = np.ones(len(box)), ~inside
-    outside[outside] = np.bincount(frame[outside])[frame[outside]] > 1  # one alone is fully visible
+    outside[outside] = (
+        np.bincount(frame[outside])[frame[outside]] > 1
+    )  # one alone is fully visible
     if outside.any():
         share[outside] = _first_in_sectors(
-            box[outside], frame[outside], sensor[outside], middle[outside], half[outside]
+            box[outside],
+            frame[outside],
+            sensor[outside],
+            middle[outside],
+            half[outside],
         )
     return share
 
@@ -85,7 +95,9 @@ def _angular_intervals(box: Floats, sensor: Floats) -> tuple[Floats, Floats, Boo
     """Middle and half width of the angle of each box, rad, and a mask of boxes that contain the sensor: ``[R]``."""
     to_corner = bev_corners(box) - sensor[:, None]
     bearing = np.arctan2(box[:, 1] - sensor[:, 1], box[:, 0] - sensor[:, 0])
-    offset = wrap_angle(np.arctan2(to_corner[..., 1], to_corner[..., 0]) - bearing[:, None])
+    offset = wrap_angle(
+        np.arctan2(to_corner[..., 1], to_corner[..., 0]) - bearing[:, None]
+    )
     low, high = offset.min(-1), offset.max(-1)
     along, across = _in_box_frame(box, sensor)
     inside = (np.abs(along) <= box[:, 4] / 2) & (np.abs(across) <= box[:, 5] / 2)
@@ -99,11 +111,16 @@ def _in_box_frame(box: Floats, sensor: Floats) -> tuple[Floats, Floats]:
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
-def _first_in_sectors(box: Floats, frame: Ints, sensor: Floats, middle: Floats, half: Floats) -> Floats:
+def _first_in_sectors(
+    box: Floats, frame: Ints, sensor: Floats, middle: Floats, half: Floats
+) -> Floats:
     """Visible share of boxes ``[R, 7]`` that do not contain the sensor: ``[R]``."""
     ends = np.remainder(np.concatenate([middle - half, middle + half]), _TURN)
     ends = ends[np.lexsort((ends, np.tile(frame, 2)))]
-    first, count = 2 * np.searchsorted(frame, frame), 2 * np.bincount(frame)[frame]  # sectors of each box's frame
+    first, count = (
+        2 * np.searchsorted(frame, frame),
+        2 * np.bincount(frame)[frame],
+    )  # sectors of each box's frame
     following = np.append(ends[1:], 0.0)
     following[first + count - 1] = ends[first] + _TURN
     width = following - ends
@@ -111,7 +128,11 @@ def _first_in_sectors(box: Floats, frame: Ints, sensor: Floats, middle: Floats, 
     # rays that can hit a box: those of the sectors from a little before its first end to a little after its second one
     sorted_ends = ends + 8.0 * np.repeat(frame, 2)
     begin, end = (
-        np.searchsorted(sorted_ends, np.remainder(angle, _TURN) + 8.0 * frame, side="right") - 1 - first
+        np.searchsorted(
+            sorted_ends, np.remainder(angle, _TURN) + 8.0 * frame, side="right"
+        )
+        - 1
+        - first
         for angle in (middle - half - _HAIR, middle + half + _HAIR)
     )
     rays = np.minimum((end - begin - 1) % count + 2, count)
@@ -123,10 +144,14 @@ def _first_in_sectors(box: Floats, frame: Ints, sensor: Floats, middle: Floats, 
     distance = _entry_distance(ray[sector], other, box, sensor)
     nearest = np.full(len(ray), np.inf)
     np.minimum.at(nearest, sector, distance)
-    seen = np.flatnonzero(distance == nearest[sector])[::-1]  # of equally near boxes the first one
+    seen = np.flatnonzero(distance == nearest[sector])[
+        ::-1
+    ]  # of equally near boxes the first one
     owner = np.full(len(ray), -1)
     owner[sector[seen]] = other[seen]
-    angle = np.bincount(owner[owner >= 0], weights=width[owner >= 0], minlength=len(box))
+    angle = np.bincount(
+        owner[owner >= 0], weights=width[owner >= 0], minlength=len(box)
+    )
     return np.minimum(angle / np.maximum(2 * half, _TINY), 1.0)
 
 
@@ -135,7 +160,14 @@ def _entry_distance(ray: Floats, other: Ints, box: Floats, sensor: Floats) -> Fl
     turn = ray - box[other, 3]
     entry = np.full(len(turn), -np.inf)
     along, across = _in_box_frame(box, sensor)
-    for start, step, size in ((along, np.cos(turn), box[:, 4]), (across, np.sin(turn), box[:, 5])):
+    for start, step, size in (
+        (along, np.cos(turn), box[:, 4]),
+        (across, np.sin(turn), box[:, 5]),
+    ):
         inverse = 1.0 / np.where(np.abs(step) < _TINY, _TINY, step)
-        np.maximum(entry, -start[other] * inverse - np.abs(inverse) * (size[other] / 2), out=entry)
+        np.maximum(
+            entry,
+            -start[other] * inverse - np.abs(inverse) * (size[other] / 2),
+            out=entry,
+        )
     return entry

@@ -13,13 +13,23 @@ from .planner import Decision
 
 COLLISION_TIME = 0.95  # s: a shorter time to collision is a near miss (nuPlan)
 FREE = 30.0  # m ahead on the way without anybody: hard braking there has no cause
-LIMITS = {"braking": -4.05, "gaining": 2.40, "across": 4.89, "jerk": 4.13}  # m/s2, m/s3: nuPlan's bounds of comfort
+LIMITS = {
+    "braking": -4.05,
+    "gaining": 2.40,
+    "across": 4.89,
+    "jerk": 4.13,
+}  # m/s2, m/s3: nuPlan's bounds of comfort
 _BESIDE = 1.0  # m from the ego's strip
 _LOOKS = (0.3, 0.6, COLLISION_TIME)  # s ahead, at constant velocities
 _WINDOW = 15  # steps over which accelerations are smoothed before jerks are taken
 
 
-def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, plans: Sequence[Decision]) -> Drive:
+def record_of(
+    traffic: DrivenTraffic,
+    stations: Floats,
+    acceleration: Floats,
+    plans: Sequence[Decision],
+) -> Drive:
     """Return the record of a drive until now, with the definitions of docs/definitions/driving.md.
 
     ``stations`` [N + 1] m of the ego at each step, ``acceleration`` [N] m/s2 between them; ``plans`` [F]: decisions.
@@ -37,7 +47,9 @@ def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, pl
         at_fault=hit is not None and hit.at_fault,
         near_misses=_runs(near_misses(world, speed, traffic.size)),
         phantom_brakes=_runs((acceleration < HARD_BRAKING) & alone),
-        comfortable=is_comfortable(acceleration, speed, np.interp(stations[:-1], way.s, way.heading)),
+        comfortable=is_comfortable(
+            acceleration, speed, np.interp(stations[:-1], way.s, way.heading)
+        ),
         acceleration=acceleration,
         risk=np.array([plan.risk for plan in plans]),
         cause=np.array([plan.cause for plan in plans]),
@@ -51,7 +63,13 @@ def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, pl
 
 def rows_from(truth: Truth, first: int) -> Floats:
     """Return the rows [R, 12] from the state ``first`` on: state, number, class, box, velocity."""
-    columns = [truth.frame_of_rows, truth.object_id, truth.class_id, truth.box, truth.velocity]
+    columns = [
+        truth.frame_of_rows,
+        truth.object_id,
+        truth.class_id,
+        truth.box,
+        truth.velocity,
+    ]
     return np.column_stack(columns).astype(float)[truth.frame_of_rows >= first]
 
 
@@ -73,10 +91,17 @@ def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools
         ego[:, :2] = place + seconds * velocity
         other[:, :2] = box[:, :2] + seconds * world.truth.velocity[rows]
         near |= boxes_meet(ego, other)
-    return np.bincount(frame[near & ahead & (speed[frame] > STANDING)], minlength=len(speed)) > 0
+    return (
+        np.bincount(
+            frame[near & ahead & (speed[frame] > STANDING)], minlength=len(speed)
+        )
+        > 0
+    )
 
 
-def occupied(world: World, way: Way, stations: Floats, size: tuple[float, float]) -> Bools:
+def occupied(
+    world: World, way: Way, stations: Floats, size: tuple[float, float]
+) -> Bools:
     """Mask [N] of the states with a road user on the way, or right beside it, within `FREE` m of the bumper."""
     rows, frame = _rows_around(world, len(stations))
     box = world.truth.box[rows]
@@ -99,7 +124,9 @@ def _rows_around(world: World, states: int) -> tuple[Ints, Ints]:
 def is_comfortable(acceleration: Floats, speed: Floats, heading: Floats) -> bool:
     """True if a drive keeps within `LIMITS`: accelerations along and across, and the jerk of the smoothed one."""
     across = speed * np.gradient(heading) * RATE if len(heading) > 1 else np.zeros(1)
-    within = (acceleration >= LIMITS["braking"]).all() and (acceleration <= LIMITS["gaining"]).all()
+    within = (acceleration >= LIMITS["braking"]).all() and (
+        acceleration <= LIMITS["gaining"]
+    ).all()
     if len(acceleration) >= _WINDOW:
         within &= bool((np.abs(smoothed_jerk(acceleration)) <= LIMITS["jerk"]).all())
     return bool(within and (np.abs(across) <= LIMITS["across"]).all())

@@ -29,12 +29,19 @@ class DrivenScene:
         frame = len(self._ego)
         self._ego.append(scene.ego[0])
         if self._going_on is None:
-            self._going_on = OpenScene(horizon(self._card), scene.truth, memory=Memory())
+            self._going_on = OpenScene(
+                horizon(self._card), scene.truth, memory=Memory()
+            )
         start = starts_of([0] * frame + [len(scene.truth.box)])
         time, before = np.arange(frame + 1) / self._card.task.rate, np.array(self._ego)
-        so_far = replace(scene, time=time, ego=before, truth=replace(scene.truth, start=start))
+        so_far = replace(
+            scene, time=time, ego=before, truth=replace(scene.truth, start=start)
+        )
         seen = detected(so_far, self._card, going_on=self._going_on)
-        self._detector, found = seen.detector, replace(seen.detections, start=seen.detections.start[-2:])
+        self._detector, found = (
+            seen.detector,
+            replace(seen.detections, start=seen.detections.start[-2:]),
+        )
         self._shown.append(found)
         return replace(scene, detections=found, simulated=True)
 

@@ -10,7 +10,9 @@ from ..errors import MtpBenchError, UnknownNameError, require_known
 from ..types import Scene
 from .episode import RENDERERS
 
-MOST_BYTES = 64 << 20  # of one action, and of one observation: they are sent between an agent and the env
+MOST_BYTES = (
+    64 << 20
+)  # of one action, and of one observation: they are sent between an agent and the env
 OBSERVE = ("detections", "truth", "associated", "tracks")
 
 
@@ -25,16 +27,28 @@ class EnvKeywords(TypedDict, total=False):
     objects: int | None  # O
     hypotheses: int | None  # H
     detections: int | None  # D
-    scenes: Sequence[str] | Sequence[Scene] | None  # names to choose from, or scenes of one's own (`cards.with_scenes`)
+    scenes: (
+        Sequence[str] | Sequence[Scene] | None
+    )  # names to choose from, or scenes of one's own (`cards.with_scenes`)
     evaluation: bool  # the reward is 0 and no returned value derives from the truth
-    strict: bool | None  # an action outside the action space is an ActionError; None: unless ``evaluation``
+    strict: (
+        bool | None
+    )  # an action outside the action space is an ActionError; None: unless ``evaluation``
     rigid_motion: bool  # the local frame of every episode is turned and shifted at random, with the lanes that it shows
     split: str | None  # another split of the card's source
-    detector: str | None  # another detector, simulated on the true boxes or stored (`cards.with_detector`)
-    detection_file: str | None  # stored detections of one's own (`cards.with_detections`)
-    track_file: str | None  # file or folder of stored tracks (`sources.stored_tracks`), for ``observe="tracks"``
+    detector: (
+        str | None
+    )  # another detector, simulated on the true boxes or stored (`cards.with_detector`)
+    detection_file: (
+        str | None
+    )  # stored detections of one's own (`cards.with_detections`)
+    track_file: (
+        str | None
+    )  # file or folder of stored tracks (`sources.stored_tracks`), for ``observe="tracks"``
     files: str | None  # a folder of scenes of one's own (`cards.with_files`)
-    presence: str | None  # the presence model of baselines: its file, or "scores" (`cards.with_presence`)
+    presence: (
+        str | None
+    )  # the presence model of baselines: its file, or "scores" (`cards.with_presence`)
     target_frames: bool  # episodes are the frames from the first to the last that can hold a target, for training
     fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
     render_mode: str | None  # one of RENDERERS
@@ -47,14 +61,23 @@ def checked(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
     names = EnvKeywords.__annotations__
     for name in keywords:
         require_known("keyword of the env", name, names)
-    flags = dict.fromkeys(("evaluation", "rigid_motion", "target_frames", "fresh_noise"), False)
+    flags = dict.fromkeys(
+        ("evaluation", "rigid_motion", "target_frames", "fresh_noise"), False
+    )
     values = {**dict.fromkeys(names), "observe": "detections", **flags, **keywords}
     if values["strict"] is None:
         values["strict"] = not values["evaluation"]
     for name in (*flags, "strict"):
         if not isinstance(values[name], bool):
             raise MtpBenchError(f"{name} is {values[name]!r}, expected true or false")
-    for name in ("split", "detector", "detection_file", "track_file", "files", "presence"):
+    for name in (
+        "split",
+        "detector",
+        "detection_file",
+        "track_file",
+        "files",
+        "presence",
+    ):
         if not isinstance(values[name], str | None):
             raise MtpBenchError(f"{name} is {values[name]!r}, expected a text")
     require_known("value of observe", values["observe"], OBSERVE)
@@ -64,7 +87,9 @@ def checked(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
             "and a file or folder of stored tracks, or neither"
         )
     if values["render_mode"] not in (None, *RENDERERS):
-        raise UnknownNameError("render mode", str(values["render_mode"]), tuple(RENDERERS))
+        raise UnknownNameError(
+            "render mode", str(values["render_mode"]), tuple(RENDERERS)
+        )
     return values
 
 
@@ -73,7 +98,9 @@ def size(name: str, value: int | None, default: int) -> int:
     if value is None:
         return default
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise MtpBenchError(f"{name} is {value!r}, expected a whole number of at least 1 (the card has {default})")
+        raise MtpBenchError(
+            f"{name} is {value!r}, expected a whole number of at least 1 (the card has {default})"
+        )
     return int(value)
 
 
@@ -91,15 +118,21 @@ def own_scenes(values: Mapping[str, Any]) -> Sequence[Scene] | None:
     """`Scene` objects among the keywords; None if ``scenes`` holds names."""
     scenes = values["scenes"]
     if isinstance(scenes, Scene):
-        raise MtpBenchError(f"scenes is the scene {scenes.name!r}, expected a list: scenes=[scene]")
+        raise MtpBenchError(
+            f"scenes is the scene {scenes.name!r}, expected a list: scenes=[scene]"
+        )
     if scenes is None:
         return None
     if isinstance(scenes, str) or not isinstance(scenes, Collection):
-        raise MtpBenchError(f"scenes is {scenes!r}, expected a list of names, or of Scene objects")
+        raise MtpBenchError(
+            f"scenes is {scenes!r}, expected a list of names, or of Scene objects"
+        )
     if not any(isinstance(scene, Scene) for scene in scenes):
         return None
     if values["files"] is not None:
-        raise MtpBenchError("scenes holds Scene objects and files names a folder, expected only one of them")
+        raise MtpBenchError(
+            "scenes holds Scene objects and files names a folder, expected only one of them"
+        )
     return list(scenes)
 
 
@@ -109,7 +142,9 @@ def choose(known: Sequence[str], wanted: Sequence[str] | None) -> tuple[str, ...
     for name in chosen:
         require_known("scene", name, known)
     if not chosen:
-        raise MtpBenchError("no scene to choose from: expected at least one name in scenes")
+        raise MtpBenchError(
+            "no scene to choose from: expected at least one name in scenes"
+        )
     return chosen
 
 

@@ -12,11 +12,17 @@ from .action import FIELD
 from .checks import examine
 
 _ARGUMENT = {  # of make_action, by the field that it fills
-    "object_box": "boxes", "object_class": "classes", "object_confidence": "confidence", "forecast": "forecasts",
-    "forecast_log_weight": "log_weights", "track_id": "ids or tracks.track_id", "track_box": "tracks.box",
-    "track_class": "tracks.class_id", "hypothesis_log_weight": "tracks.log_weight",
+    "object_box": "boxes",
+    "object_class": "classes",
+    "object_confidence": "confidence",
+    "forecast": "forecasts",
+    "forecast_log_weight": "log_weights",
+    "track_id": "ids or tracks.track_id",
+    "track_box": "tracks.box",
+    "track_class": "tracks.class_id",
+    "hypothesis_log_weight": "tracks.log_weight",
     "hypothesis_parent": "tracks.parent",
-}  # fmt: skip
+}
 
 
 def make_action(
@@ -50,16 +56,26 @@ def make_action(
     MtpBenchError unless ``task`` is a Task.
     """
     if not isinstance(task, Task):
-        raise MtpBenchError(f"task is of type {type(task).__name__}, expected a Task: env.unwrapped.task")
+        raise MtpBenchError(
+            f"task is of type {type(task).__name__}, expected a Task: env.unwrapped.task"
+        )
     if not isinstance(tracks, (Tracks, type(None))):
         raise ShapeError(f"tracks is of type {type(tracks).__name__}, expected Tracks")
     box = _array("boxes", boxes, "fiu", ("O", 7))
     objects = len(box)
     class_id = _array("classes", classes, "iu", (objects,))
-    future = _array("forecasts", forecasts, "fiu", (objects, "k", task.future, 2), (objects, task.future, 2))
+    future = _array(
+        "forecasts",
+        forecasts,
+        "fiu",
+        (objects, "k", task.future, 2),
+        (objects, task.future, 2),
+    )
     future = future[:, None] if future.ndim == 3 else future
     if future.shape[1] > task.samples:
-        raise ShapeError(f"forecasts holds {future.shape[1]} samples per object, expected at most {task.samples}")
+        raise ShapeError(
+            f"forecasts holds {future.shape[1]} samples per object, expected at most {task.samples}"
+        )
     weight = np.zeros(future.shape[:2])
     if log_weights is not None:
         weight = _array("log_weights", log_weights, "fiu", future.shape[:2])
@@ -68,8 +84,12 @@ def make_action(
         certainty = _array("confidence", confidence, "fiu", (objects,))
     if ids is not None:
         if tracks is not None:
-            raise ShapeError("ids and tracks are both given, expected only one of them: tracks has ids of its own")
-        tracks = Tracks.of_one_hypothesis(_array("ids", ids, "iu", (objects,)), box, class_id)
+            raise ShapeError(
+                "ids and tracks are both given, expected only one of them: tracks has ids of its own"
+            )
+        tracks = Tracks.of_one_hypothesis(
+            _array("ids", ids, "iu", (objects,)), box, class_id
+        )
     stated = {
         "object_box": box,
         "object_class": class_id,
@@ -81,7 +101,9 @@ def make_action(
     values = {name: array[: task.objects] for name, array in stated.items()}
     if tracks is not None:
         values |= _track_fields(task, tracks)
-    action = {name: field.filled(task, values.get(name)) for name, field in FIELD.items()}
+    action = {
+        name: field.filled(task, values.get(name)) for name, field in FIELD.items()
+    }
     if checked:
         _check(action, task)
     return action
@@ -91,7 +113,9 @@ def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
     """Fields of the tracks that fit, those of the heaviest hypotheses first; tracks without hypothesis come last."""
     kept = np.arange(len(tracks.box))
     if len(kept) > task.tracks:
-        best = np.vstack([tracks.member, np.ones((1, len(kept)), dtype=bool)]).argmax(axis=0)
+        best = np.vstack([tracks.member, np.ones((1, len(kept)), dtype=bool)]).argmax(
+            axis=0
+        )
         kept = np.sort(np.argsort(best, kind="stable")[: task.tracks])
     return {
         "track_id": tracks.track_id[kept],
@@ -100,7 +124,11 @@ def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
         "track_valid": np.ones(len(kept)),
         "hypothesis_member": tracks.member[: task.hypotheses, kept],
         "hypothesis_log_weight": tracks.log_weight[: task.hypotheses],
-        **({} if tracks.parent is None else {"hypothesis_parent": _parents(tracks.parent, task)}),
+        **(
+            {}
+            if tracks.parent is None
+            else {"hypothesis_parent": _parents(tracks.parent, task)}
+        ),
     }
 
 
@@ -110,7 +138,9 @@ def _parents(parent: NDArray[Any], task: Task) -> NDArray[Any]:
     return np.where(kept < task.hypotheses, kept, -1)
 
 
-def _array(name: str, value: ArrayLike, kinds: str, *shapes: tuple[int | str, ...]) -> NDArray[Any]:
+def _array(
+    name: str, value: ArrayLike, kinds: str, *shapes: tuple[int | str, ...]
+) -> NDArray[Any]:
     """The argument as an array of one of the shapes; a letter stands for any size."""
     try:
         array = np.asarray(value)
@@ -123,18 +153,26 @@ def _array(name: str, value: ArrayLike, kinds: str, *shapes: tuple[int | str, ..
         wanted = " or ".join(str(shape).replace("'", "") for shape in shapes)
         raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}")
     if array.dtype.kind not in kinds and array.size:
-        raise ShapeError(f"{name} has dtype {array.dtype}, expected {'numbers' if 'f' in kinds else 'whole numbers'}")
+        raise ShapeError(
+            f"{name} has dtype {array.dtype}, expected {'numbers' if 'f' in kinds else 'whole numbers'}"
+        )
     return array
 
 
 def _fits(shape: tuple[int, ...], wanted: tuple[int | str, ...]) -> bool:
     sizes = zip(shape, wanted, strict=False)
-    return len(shape) == len(wanted) and all(isinstance(size, str) or got == size for got, size in sizes)
+    return len(shape) == len(wanted) and all(
+        isinstance(size, str) or got == size for got, size in sizes
+    )
 
 
 def _check(action: Action, task: Task) -> None:
     """Raise ShapeError for the first problem that makes the env take out rows; objects come before tracks."""
-    problems = [problem for problem in examine(action, task).problems if problem.level == "error"]
+    problems = [
+        problem
+        for problem in examine(action, task).problems
+        if problem.level == "error"
+    ]
     if problems:
         first = min(problems, key=lambda problem: problem.kind != "objects")
         raise ShapeError(first.sentence(name=_ARGUMENT[first.field]))

@@ -40,18 +40,39 @@ class DrivenEpisode(Episode):
     drop: list[int] = field(default_factory=list)
 
     @classmethod
-    def start(cls, card: Card, task: Task, name: str, number: int, rng: np.random.Generator | None) -> "DrivenEpisode":
+    def start(
+        cls,
+        card: Card,
+        task: Task,
+        name: str,
+        number: int,
+        rng: np.random.Generator | None,
+    ) -> "DrivenEpisode":
         """The first frame of the drive ``name``; ``rng`` moves the frame of observations at random."""
-        traffic = DrivenTraffic(traffic_of(section_of(card, HighwaySource)), int(name.rsplit("-", 1)[1]))
+        traffic = DrivenTraffic(
+            traffic_of(section_of(card, HighwaySource)), int(name.rsplit("-", 1)[1])
+        )
         shown = DrivenScene(card, name)
         scene = shown.now(traffic.world(last=True))
         local = LocalFrame.of(scene, rng)
         feed = make_feed(scene, local, task, card)
-        planner = Planner(traffic.way, traffic.size, (card.drive or DriveSection()).planner)
+        planner = Planner(
+            traffic.way, traffic.size, (card.drive or DriveSection()).planner
+        )
         return cls(
-            scene, number, local, feed, None, horizon(card) - 1, card=card, task=task, traffic=traffic, shown=shown,
-            planner=planner, stations=[traffic.ego.s],
-        )  # fmt: skip
+            scene,
+            number,
+            local,
+            feed,
+            None,
+            horizon(card) - 1,
+            card=card,
+            task=task,
+            traffic=traffic,
+            shown=shown,
+            planner=planner,
+            stations=[traffic.ego.s],
+        )
 
     @property
     def row(self) -> int:
@@ -71,7 +92,11 @@ class DrivenEpisode(Episode):
 
     def recording(self) -> tuple[Scene, Feed]:
         """The frames so far, and what the agent was shown in them."""
-        scene = self.scene if self.over else self.shown.whole(self._world_of(max(self.t, 1)))
+        scene = (
+            self.scene
+            if self.over
+            else self.shown.whole(self._world_of(max(self.t, 1)))
+        )
         return scene, make_feed(scene, self.frame, self.task, self.card)
 
     @property
@@ -84,7 +109,11 @@ class DrivenEpisode(Episode):
         before = self.stations[-1]
         self.actions.append(action)
         self.drop.append(int(self.feed.dropped[0]))
-        plan = self.planner.decide(self.traffic.ego.s, float(self.traffic.ego.speed), obstacles(action, self.task.dt))
+        plan = self.planner.decide(
+            self.traffic.ego.s,
+            float(self.traffic.ego.speed),
+            obstacles(action, self.task.dt),
+        )
         self.plans.append(plan)
         for _ in range(round(RATE * self.task.dt)):
             if not self.traffic.over:
@@ -99,7 +128,9 @@ class DrivenEpisode(Episode):
 
     def _drive(self, wanted: float) -> None:
         ego = self.traffic.ego
-        if wanted > _GENTLE:  # at the speed of the way the rest of the profile is not needed, and above it none is
+        if (
+            wanted > _GENTLE
+        ):  # at the speed of the way the rest of the profile is not needed, and above it none is
             eased = (self.planner.allowed(ego.s) - float(ego.speed)) / _EASY
             wanted = min(wanted, max(eased, _GENTLE))
         self.traffic.step(round(min(wanted, _MOST), 6))
@@ -117,7 +148,12 @@ class DrivenEpisode(Episode):
         return self._recorded() if self.plans else None
 
     def _recorded(self) -> Drive:
-        return record_of(self.traffic, np.array(self.stations), np.array(self.acceleration), self.plans)
+        return record_of(
+            self.traffic,
+            np.array(self.stations),
+            np.array(self.acceleration),
+            self.plans,
+        )
 
     def _world_of(self, frames: int) -> World:
         """The world until the last of ``frames`` frames that the agent saw."""
@@ -127,5 +163,13 @@ class DrivenEpisode(Episode):
 def obstacles(action: RecordedAction, dt: float) -> Obstacles:
     """The forecasts of an action, as the planner reads them; the weight of a sample is its chance."""
     centre = action.object_box[:, None, None, :2].astype(np.float64)
-    chance = np.exp(action.forecast_log_weight.astype(np.float64)) * action.object_confidence[:, None]
-    return Obstacles(action.object_box.astype(np.float64), centre + to_metres(action.forecast), chance, dt)
+    chance = (
+        np.exp(action.forecast_log_weight.astype(np.float64))
+        * action.object_confidence[:, None]
+    )
+    return Obstacles(
+        action.object_box.astype(np.float64),
+        centre + to_metres(action.forecast),
+        chance,
+        dt,
+    )

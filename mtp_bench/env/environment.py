@@ -20,7 +20,15 @@ from ..scoring.definitions import DEFINITIONS
 from ..scoring.frame import FrameScorer
 from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task
-from .arguments import EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
+from .arguments import (
+    EnvKeywords,
+    checked,
+    choose,
+    own_scenes,
+    require_room,
+    size,
+    wanted,
+)
 from .checks import examine
 from .episode import RENDERERS, Episode, LiveEpisode, Renderer, live_episode
 from .feedback import Feedback
@@ -45,7 +53,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         "definitions": DEFINITIONS,  # version of the scorer that makes the reward
     }
 
-    def __init__(self, card: str | Card, data: str | None = None, **keywords: Unpack[EnvKeywords]) -> None:
+    def __init__(
+        self, card: str | Card, data: str | None = None, **keywords: Unpack[EnvKeywords]
+    ) -> None:
         given = checked(data, keywords)
         self.render_mode = given["render_mode"]
         card = card if isinstance(card, Card) else load_card(card)
@@ -53,29 +63,47 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         card = card if own is None else with_scenes(card, own)
         self.card = changed_card(card, **{name: given[name] for name in CHANGES})
         sizes = {"samples": self.card.task.samples, **self.card.size.model_dump()}
-        sizes = {name: size(name, given[name], default) for name, default in sizes.items()}
+        sizes = {
+            name: size(name, given[name], default) for name, default in sizes.items()
+        }
         self.task = _task(self.card, given["observe"], sizes)
         require_room(self.card.id, sizes, "observation", observation_numbers(self.task))
         require_room(self.card.id, sizes, "action", action_numbers(self.task))
-        self._evaluation, self._rigid_motion = given["evaluation"], given["rigid_motion"]
+        self._evaluation, self._rigid_motion = (
+            given["evaluation"],
+            given["rigid_motion"],
+        )
         self._fresh_noise = given["fresh_noise"]
         if self._fresh_noise and (self.card.detector is None or self._evaluation):
-            raise MtpBenchError("fresh_noise is for training with a simulated detector, not for evaluation")
+            raise MtpBenchError(
+                "fresh_noise is for training with a simulated detector, not for evaluation"
+            )
         self._target_frames = given["target_frames"]
         if self._target_frames and self._evaluation:
-            raise MtpBenchError("target_frames is for training, not for evaluation: a score needs every frame")
+            raise MtpBenchError(
+                "target_frames is for training, not for evaluation: a score needs every frame"
+            )
         for name in ("fresh_noise", "target_frames", "track_file"):
             if given[name]:
                 self.card.require_same_scenes(f"which takes no {name}", "leave it out")
         self._feedback = Feedback(self.task) if given["strict"] else None
         self._source = open_source(self.card, data)
         if given["track_file"] is not None:
-            self._source = with_tracks(self._source, self.card, data, given["track_file"])
-        self.scene_names = choose(tuple(self._source.names), given["scenes"] if own is None else None)
-        self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
+            self._source = with_tracks(
+                self._source, self.card, data, given["track_file"]
+            )
+        self.scene_names = choose(
+            tuple(self._source.names), given["scenes"] if own is None else None
+        )
+        self.observation_space = cast(
+            "gymnasium.Space[Observation]", observation_space(self.task)
+        )
         self.action_space = cast("gymnasium.Space[Action]", ActionSpace(self.task))
         self._episode: Episode | None = None
-        self.metadata = {**type(self).metadata, "render_fps": max(1, round(self.card.task.rate))}
+        self.metadata = {
+            **type(self).metadata,
+            "render_fps": max(1, round(self.card.task.rate)),
+        }
         self._live: LiveEpisode | None = None
         self._renderer: Renderer | None = None
 
@@ -93,7 +121,10 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     def past(self) -> tuple[Observation, ...]:
         """Observations [P - 1] of the frames before the first one of the episode; none unless ``target_frames``."""
         episode = self._started()
-        return tuple(episode.feed.observe(t) for t in range(max(0, episode.first + 1 - self.task.past), episode.first))
+        return tuple(
+            episode.feed.observe(t)
+            for t in range(max(0, episode.first + 1 - self.task.past), episode.first)
+        )
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -102,17 +133,31 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         super().reset(seed=seed)
         drawn = self.scene_names[int(self.np_random.integers(len(self.scene_names)))]
         name = wanted(options or {}, self.scene_names, drawn)
-        number, rng = self.scene_names.index(name), self.np_random if self._rigid_motion else None
+        number, rng = (
+            self.scene_names.index(name),
+            self.np_random if self._rigid_motion else None,
+        )
         if self.card.drive is not None:  # the scene is made while it is driven
             from .driven import DrivenEpisode
 
-            return self._begin(DrivenEpisode.start(self.card, self.task, name, number, rng))
+            return self._begin(
+                DrivenEpisode.start(self.card, self.task, name, number, rng)
+            )
         scene = self._load(name)
         frame = LocalFrame.of(scene, rng)
         scorer = None if self._evaluation else FrameScorer(scene, self.card)
-        episode = Episode(scene, number, frame, make_feed(scene, frame, self.task, self.card), scorer, scene.frames)
+        episode = Episode(
+            scene,
+            number,
+            frame,
+            make_feed(scene, frame, self.task, self.card),
+            scorer,
+            scene.frames,
+        )
         if self._target_frames:
-            episode.keep_target_frames(record_action(examine(None, self.task), self.task))
+            episode.keep_target_frames(
+                record_action(examine(None, self.task), self.task)
+            )
         return self._begin(episode)
 
     def _begin(self, episode: Episode) -> tuple[Observation, dict[str, Any]]:
@@ -120,7 +165,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self._render_each()
         return episode.observe(), episode.info()
 
-    def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(
+        self, action: Action
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Take the action for the last observation and show the next frame; ``terminated`` after the last one.
 
         Nothing can follow the end of a log, so ``truncated`` is never true: no value may be bootstrapped there.
@@ -130,25 +177,38 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         episode = self._started()
         reward = episode.take(self._recorded(episode, action))
         self._render_each()
-        return episode.observe(), 0.0 if self._evaluation else reward, episode.over, False, episode.info()
+        return (
+            episode.observe(),
+            0.0 if self._evaluation else reward,
+            episode.over,
+            False,
+            episode.info(),
+        )
 
     def reward_of(self, action: Action) -> float:
         """The reward that an action for the last observation would have, without a step; CardError in a closed loop."""
         episode = self._started()
-        self.card.require_same_scenes("whose rewards are known after the step alone", "step() returns them")
+        self.card.require_same_scenes(
+            "whose rewards are known after the step alone", "step() returns them"
+        )
         return episode.score(self._recorded(episode, action)).reward
 
     def rollout(self) -> Rollout:
         """All actions of this episode, in the scene's own frame of reference; RolloutError before its end."""
         episode = self._started()
         if self._target_frames:
-            raise RolloutError("an episode with target_frames=True is a part of a scene, expected a whole one")
+            raise RolloutError(
+                "an episode with target_frames=True is a part of a scene, expected a whole one"
+            )
         if not episode.over:
             raise RolloutError(
                 f"scene {episode.scene.name!r} is at frame {episode.t} of {episode.scene.frames}:"
                 " a rollout exists after the last frame"
             )
-        return replace(assemble(episode.scene.name, episode.actions, episode.dropped), drive=episode.drive)
+        return replace(
+            assemble(episode.scene.name, episode.actions, episode.dropped),
+            drive=episode.drive,
+        )
 
     def render(self) -> NDArray[np.uint8] | None:
         """Draw the frame of the last action; before the first action, frame 0.
@@ -157,13 +217,19 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         frame is logged without this call, into rerun's active recording (`rerun.init`); None, as without a mode.
         """
         if self.render_mode is None:
-            logger.warn(f"render() without a render mode: make the env with one of {', '.join(RENDERERS)}")
+            logger.warn(
+                f"render() without a render mode: make the env with one of {', '.join(RENDERERS)}"
+            )
             return None
         episode = self._started()
         if self._live is None or self.card.drive is not None:
             scene, feed = episode.recording()
-            live = live_episode(self.card, scene, episode.frame, feed, episode.actions, self._evaluation)
-            self._live = replace(live, drive=None if self._evaluation else episode.record())
+            live = live_episode(
+                self.card, scene, episode.frame, feed, episode.actions, self._evaluation
+            )
+            self._live = replace(
+                live, drive=None if self._evaluation else episode.record()
+            )
         renderer = self._renderer or resolve_name(RENDERERS[self.render_mode])()
         self._renderer = renderer
         return renderer.render(self._live)
@@ -192,13 +258,17 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         if self._fresh_noise:
             scene = detected(scene, self.card, int(self.np_random.integers(2**62)))
         if scene.frames == 0:
-            raise DataError(f"scene {name!r} of {self.card.id} has no frames, expected at least one")
+            raise DataError(
+                f"scene {name!r} of {self.card.id} has no frames, expected at least one"
+            )
         return scene
 
     def _recorded(self, episode: Episode, action: Action) -> RecordedAction:
         """The sound part of an action for the frame that is shown."""
         if episode.over:
-            raise ResetNeeded(f"step() after the last frame of {episode.scene.name!r}: call reset() first")
+            raise ResetNeeded(
+                f"step() after the last frame of {episode.scene.name!r}: call reset() first"
+            )
         examined = examine(action, self.task)
         if self._feedback is not None:
             self._feedback.give(examined, f"frame {episode.t}")

@@ -34,7 +34,9 @@ class Episode:
     first: int = 0
     # one per frame, in the scene's frame of reference; empty ones before ``first``
     actions: list[RecordedAction] = field(default_factory=list)
-    scores: list[FrameScore] = field(default_factory=list)  # one per action that was taken
+    scores: list[FrameScore] = field(
+        default_factory=list
+    )  # one per action that was taken
     drive: Drive | None = None  # of a closed loop that is over
 
     @property
@@ -89,7 +91,9 @@ class Episode:
             return FrameScore()
         objects = action.object_box, action.object_class, action.object_confidence
         frame = np.full(len(action.object_box), self.t)
-        forecasts = RecordedForecasts(frame, *objects, action.forecast, action.forecast_log_weight)
+        forecasts = RecordedForecasts(
+            frame, *objects, action.forecast, action.forecast_log_weight
+        )
         return self.scorer.score(self.t, forecasts, action.malformed)
 
     def take(self, action: RecordedAction) -> float:
@@ -115,10 +119,16 @@ class Episode:
             "invalid_objects": int(invalid[2]),
         }
         if self.scorer is not None:
-            info |= {"scene": self.number, **vars(self.scores[-1] if acted else FrameScore())}
+            info |= {
+                "scene": self.number,
+                **vars(self.scores[-1] if acted else FrameScore()),
+            }
             if self.over:
                 total = FrameScore.total(self.scores)
-                info["episode_metrics"] = {**vars(total), "fixed_error": total.error / max(total.targets, 1)}
+                info["episode_metrics"] = {
+                    **vars(total),
+                    "fixed_error": total.error / max(total.targets, 1),
+                }
         return info
 
 
@@ -128,7 +138,9 @@ class LiveEpisode:
 
     card: Card
     scene: Scene  # its detections are those that the agent is shown; its truth is empty if it must not be seen
-    actions: Sequence[RecordedAction]  # of the frames until now, in the scene's frame of reference
+    actions: Sequence[
+        RecordedAction
+    ]  # of the frames until now, in the scene's frame of reference
     dropped: Ints  # [F] detections that did not fit into the observation
     drive: Drive | None = None  # of a closed loop, until now
 
@@ -142,12 +154,19 @@ class LiveEpisode:
         actions = self.actions[first:]
         if not actions:
             return empty_rollout(self.scene.name)
-        rollout = assemble(self.scene.name, actions, self.dropped[first : first + len(actions)])
+        rollout = assemble(
+            self.scene.name, actions, self.dropped[first : first + len(actions)]
+        )
         return replace(rollout, drive=self.drive)
 
 
 def live_episode(
-    card: Card, scene: Scene, frame: LocalFrame, feed: Feed, actions: Sequence[RecordedAction], evaluation: bool
+    card: Card,
+    scene: Scene,
+    frame: LocalFrame,
+    feed: Feed,
+    actions: Sequence[RecordedAction],
+    evaluation: bool,
 ) -> LiveEpisode:
     """The current episode of ``scene`` under the rules of ``card``.
 
@@ -156,7 +175,9 @@ def live_episode(
     seen = Detections(
         start=np.asarray(feed.start),
         box=frame.to_scene(feed.box.astype(np.float64)),
-        velocity=np.full((len(feed.box), 2), np.nan),  # the measured one is in the local frame
+        velocity=np.full(
+            (len(feed.box), 2), np.nan
+        ),  # the measured one is in the local frame
         class_id=feed.class_id,
         score=feed.score,
     )

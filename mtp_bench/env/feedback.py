@@ -12,11 +12,18 @@ from .action import COORDINATE_LIMIT, Rows
 from .checks import ActionProblem, Examined, present
 
 RANDOM_BEYOND = 1e4  # m, of a centre: agents report no object there, a random action has hardly any nearer
-_TURN = 4 * np.pi  # rad; an agent that never wraps its angles may be some way beyond one turn
+_TURN = (
+    4 * np.pi
+)  # rad; an agent that never wraps its angles may be some way beyond one turn
 _NEAR = 5.0  # m from the origin: positions and offsets cannot be told apart there
 _FASTEST = 75.0  # m/s; no forecast object moves as fast
-_BOXES: tuple[tuple[str, Rows], ...] = (("track_box", "tracks"), ("object_box", "objects"))
-_FEW = 3  # fewer objects may lie by chance where they would if the offsets were positions
+_BOXES: tuple[tuple[str, Rows], ...] = (
+    ("track_box", "tracks"),
+    ("object_box", "objects"),
+)
+_FEW = (
+    3  # fewer objects may lie by chance where they would if the offsets were positions
+)
 
 
 class Feedback:
@@ -34,11 +41,21 @@ class Feedback:
         if outside := examined.outside:
             more = f" (and {len(outside) - 1} more)" if len(outside) > 1 else ""
             # unknown keys come first, since they often explain a missing field; then objects, then tracks
-            gravest = min(outside, key=lambda problem: (problem.level == "error", problem.kind != "objects"))
+            gravest = min(
+                outside,
+                key=lambda problem: (
+                    problem.level == "error",
+                    problem.kind != "objects",
+                ),
+            )
             raise ActionError(gravest.sentence(where) + more)
         if _is_random(examined):
             return
-        for problem in [*examined.problems, *_degrees(examined), *_absolute(examined, self._task)]:
+        for problem in [
+            *examined.problems,
+            *_degrees(examined),
+            *_absolute(examined, self._task),
+        ]:
             kind = problem.field, problem.reason
             if kind not in self._warned:
                 self._warned.add(kind)
@@ -48,7 +65,9 @@ class Feedback:
 def _is_random(examined: Examined) -> bool:
     """True for a box more than 10 km from the origin: it was drawn. Rows that are not claimed are drawn with others."""
     centres = [np.abs(examined.arrays[name][:, :2]) for name, _ in _BOXES]
-    return any(((part > RANDOM_BEYOND) & (part <= COORDINATE_LIMIT)).any() for part in centres)
+    return any(
+        ((part > RANDOM_BEYOND) & (part <= COORDINATE_LIMIT)).any() for part in centres
+    )
 
 
 def _degrees(examined: Examined) -> list[ActionProblem]:
@@ -59,8 +78,20 @@ def _degrees(examined: Examined) -> list[ActionProblem]:
         turned = np.flatnonzero(examined.sound[rows] & (np.abs(yaw) > _TURN))
         if len(turned):
             example = f"{name}[{turned[0]}, 3] = {yaw[turned[0]]:.4g}"
-            expected, advice = "radians, such as -pi to pi", "np.radians(yaw) converts degrees"
-            problems.append(_doubt(name, "yaw looks like degrees", expected, len(turned), example, advice))
+            expected, advice = (
+                "radians, such as -pi to pi",
+                "np.radians(yaw) converts degrees",
+            )
+            problems.append(
+                _doubt(
+                    name,
+                    "yaw looks like degrees",
+                    expected,
+                    len(turned),
+                    example,
+                    advice,
+                )
+            )
     return problems
 
 
@@ -73,20 +104,37 @@ def _absolute(examined: Examined, task: Task) -> list[ActionProblem]:
     if not far.any():
         return []
     rows, position, distance = rows[far], position[far], distance[far]
-    sample = present(examined.arrays["forecast_log_weight"][rows]).argmax(axis=1)  # the first present one
+    sample = present(examined.arrays["forecast_log_weight"][rows]).argmax(
+        axis=1
+    )  # the first present one
     first = examined.arrays["forecast"][rows, sample, 0]
     as_positions = (np.hypot(*(first - position).T) <= distance / 4).all()
-    if not as_positions or (len(rows) < _FEW and distance.max() * 3 / 4 < _FASTEST * task.dt):
+    if not as_positions or (
+        len(rows) < _FEW and distance.max() * 3 / 4 < _FASTEST * task.dt
+    ):
         return []
     expected = "metres from the object's own centre"
     example = f"forecast[{rows[0]}]: {_point(first[0])} in the first frame, the object is at {_point(position[0])}"
     advice = "subtract the centre of the box"
-    return [_doubt("forecast", "looks like absolute coordinates", expected, len(rows), example, advice)]
+    return [
+        _doubt(
+            "forecast",
+            "looks like absolute coordinates",
+            expected,
+            len(rows),
+            example,
+            advice,
+        )
+    ]
 
 
 def _point(xy: Floats) -> str:
     return f"({xy[0]:.1f}, {xy[1]:.1f})"
 
 
-def _doubt(field: str, reason: str, expected: str, rows: int, example: str, advice: str) -> ActionProblem:
-    return ActionProblem(field, reason, expected, rows, example, "", "warning", advice, outside=False)
+def _doubt(
+    field: str, reason: str, expected: str, rows: int, example: str, advice: str
+) -> ActionProblem:
+    return ActionProblem(
+        field, reason, expected, rows, example, "", "warning", advice, outside=False
+    )

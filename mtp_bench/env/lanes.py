@@ -38,21 +38,37 @@ class LaneFeed:
         return {
             "lane_point": padded(self.point[shown], self.size.pieces, np.float32, 0),
             "lane_valid": padded(self.valid[shown], self.size.pieces, np.int8, 0),
-            "lane_next": padded(row[self.following[shown]], self.size.pieces, np.int16, -1),
+            "lane_next": padded(
+                row[self.following[shown]], self.size.pieces, np.int16, -1
+            ),
         }
 
 
-def make_lane_feed(scene: Scene, yaw: float, shift: Floats, size: LaneSection) -> LaneFeed:
+def make_lane_feed(
+    scene: Scene, yaw: float, shift: Floats, size: LaneSection
+) -> LaneFeed:
     """The lanes of ``scene`` for observations, whose frame has its places turned by ``yaw``, then moved by ``shift``.
 
     Raises DataError for a lane that has fewer than two points, or none where it should have one, or whose successors
     do not exist.
     """
-    lines = [_resampled(lane, size.step, f"scene {scene.name!r}, lane {i}") for i, lane in enumerate(scene.lanes)]
+    lines = [
+        _resampled(lane, size.step, f"scene {scene.name!r}, lane {i}")
+        for i, lane in enumerate(scene.lanes)
+    ]
     steps = size.points - 1  # of a piece: neighbours share their end point
-    first = starts_of([-(-(len(line) - 1) // steps) for line in lines])  # piece of each lane
-    cuts = [line[i : i + size.points] for line in lines for i in range(0, len(line) - 1, steps)]
-    valid = np.arange(size.points) < np.array([len(cut) for cut in cuts], dtype=np.int64)[:, None]
+    first = starts_of(
+        [-(-(len(line) - 1) // steps) for line in lines]
+    )  # piece of each lane
+    cuts = [
+        line[i : i + size.points]
+        for line in lines
+        for i in range(0, len(line) - 1, steps)
+    ]
+    valid = (
+        np.arange(size.points)
+        < np.array([len(cut) for cut in cuts], dtype=np.int64)[:, None]
+    )
     point = np.zeros((len(cuts), size.points, 2))
     point[valid] = np.concatenate([np.zeros((0, 2)), *cuts])
     following = np.full((len(cuts), NEXT), -1)
@@ -61,22 +77,47 @@ def make_lane_feed(scene: Scene, yaw: float, shift: Floats, size: LaneSection) -
         after = np.array(lane.following, dtype=np.int64)
         if ((after < 0) | (after >= len(scene.lanes))).any():
             expected = f"expected lanes from 0 to {len(scene.lanes) - 1}"
-            raise DataError(f"scene {scene.name!r}: a lane is followed by {lane.following}, {expected}")
+            raise DataError(
+                f"scene {scene.name!r}: a lane is followed by {lane.following}, {expected}"
+            )
         following[end] = padded(first[after][:NEXT], NEXT, np.int64, -1)
-    low, high = scene.ego[:, :2].min(axis=0) - size.reach, scene.ego[:, :2].max(axis=0) + size.reach
-    passed = ((point >= low) & (point <= high)).all(axis=2) & valid  # of a map larger than the way of the sensor
+    low, high = (
+        scene.ego[:, :2].min(axis=0) - size.reach,
+        scene.ego[:, :2].max(axis=0) + size.reach,
+    )
+    passed = ((point >= low) & (point <= high)).all(
+        axis=2
+    ) & valid  # of a map larger than the way of the sensor
     kept = passed.any(axis=1)
     number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)
     local = (rotate(point.reshape(-1, 2), yaw) + shift).reshape(point.shape)
     local = np.where(valid[..., None], local, 0.0).astype(np.float32)
-    return LaneFeed(local[kept], valid[kept], number[following[kept]], point[kept], scene.ego[:, :2], size)
+    return LaneFeed(
+        local[kept],
+        valid[kept],
+        number[following[kept]],
+        point[kept],
+        scene.ego[:, :2],
+        size,
+    )
 
 
 def _resampled(lane: Lane, step: float, where: str) -> Floats:
     """Points [n, 2] of the middle line at equal distances of at most ``step`` m, the ends included."""
     center = np.asarray(lane.center, dtype=np.float64)
-    if center.ndim != 2 or center.shape[1] != 2 or len(center) < 2 or not np.isfinite(center).all():
-        raise DataError(f"{where}: center has shape {center.shape}, expected [n, 2] finite metres of 2 or more points")
+    if (
+        center.ndim != 2
+        or center.shape[1] != 2
+        or len(center) < 2
+        or not np.isfinite(center).all()
+    ):
+        raise DataError(
+            f"{where}: center has shape {center.shape}, expected [n, 2] finite metres of 2 or more points"
+        )
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(center, axis=0), axis=1)))
-    stations = np.linspace(0.0, along[-1], max(1, int(np.ceil(along[-1] / step - 1e-6))) + 1)
-    return np.stack([np.interp(stations, along, center[:, axis]) for axis in range(2)], axis=1)
+    stations = np.linspace(
+        0.0, along[-1], max(1, int(np.ceil(along[-1] / step - 1e-6))) + 1
+    )
+    return np.stack(
+        [np.interp(stations, along, center[:, axis]) for axis in range(2)], axis=1
+    )

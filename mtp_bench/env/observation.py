@@ -12,7 +12,17 @@ from ..errors import DataError
 from ..geometry import rotate, transform_boxes
 from ..scoring.forecasts import near_truth
 from ..scoring.matching import columns_to_rows, match
-from ..types import Bools, Detections, Floats, Ints, Observation, Ragged, Scene, Task, starts_of
+from ..types import (
+    Bools,
+    Detections,
+    Floats,
+    Ints,
+    Observation,
+    Ragged,
+    Scene,
+    Task,
+    starts_of,
+)
 from .action import COORDINATE_LIMIT, SIZE_LIMIT, padded
 from .lanes import LaneFeed, make_lane_feed
 from .spaces import SCORE_LIMIT, VELOCITY_LIMIT
@@ -74,7 +84,9 @@ class Feed(Ragged):
             "detection_velocity": padded(self.velocity[rows], self.size, np.float32, 0),
             "detection_score": padded(self.score[rows], self.size, np.float32, 0),
             "detection_class": padded(self.class_id[rows], self.size, np.int32, -1),
-            "detection_valid": (np.arange(self.size) < rows.stop - rows.start).astype(np.int8),
+            "detection_valid": (np.arange(self.size) < rows.stop - rows.start).astype(
+                np.int8
+            ),
             "ego_pose": self.ego[now].astype(np.float32),
             "time": np.array(self.time[now], dtype=np.float64),
             "dt": np.array(self.dt[now], dtype=np.float64),
@@ -87,7 +99,9 @@ class Feed(Ragged):
 def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
     """Observations of ``scene`` under ``task`` of ``card``; see `shown_boxes` and `true_ids`."""
     shown, object_id = shown_boxes(scene, task.observe)
-    with np.errstate(over="ignore", invalid="ignore"):  # inf where float32 overflows is out of range below
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # inf where float32 overflows is out of range below
         box = frame.to_local(shown.box).astype(np.float32)
         velocity = rotate(shown.velocity, frame.yaw).astype(np.float32)
         score = shown.score.astype(np.float32)
@@ -97,7 +111,9 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
     kept = sound & (_rank(in_frame, np.where(sound, score, -np.inf)) < task.detections)
     if task.observe == "associated":  # of the shown detections alone
         object_id = np.full(len(kept), -1)
-        object_id[kept] = true_ids(scene, in_frame[kept], shown.box[kept], shown.class_id[kept], card)
+        object_id[kept] = true_ids(
+            scene, in_frame[kept], shown.box[kept], shown.class_id[kept], card
+        )
     count = np.bincount(in_frame[kept], minlength=scene.frames)
     pose = np.concatenate([scene.ego, np.zeros((scene.frames, 3))], axis=1)
     time = scene.time - scene.time[0]
@@ -113,7 +129,9 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
         time=time,
         dt=np.diff(time, prepend=-task.dt),
         dropped=shown.counts - count,
-        lanes=None if card.lanes is None else make_lane_feed(scene, frame.yaw, frame.translation[:2], card.lanes),
+        lanes=None
+        if card.lanes is None
+        else make_lane_feed(scene, frame.yaw, frame.translation[:2], card.lanes),
     )
 
 
@@ -128,7 +146,9 @@ def shown_boxes(scene: Scene, observe: str) -> tuple[Detections, Ints | None]:
     if observe == "truth":
         return true_detections(scene)
     if scene.tracks is None:
-        raise DataError(f"scene {scene.name!r} has no stored tracks: name them with --tracks or track_file=")
+        raise DataError(
+            f"scene {scene.name!r} has no stored tracks: name them with --tracks or track_file="
+        )
     return scene.tracks, scene.tracks.object_id
 
 
@@ -136,10 +156,14 @@ def true_detections(scene: Scene) -> tuple[Detections, Ints]:
     """True boxes of the evaluated classes as detections, and their ids."""
     shown = scene.truth.select(~scene.truth.neutral)
     score = np.ones(len(shown.box))
-    return Detections(shown.start, shown.box, shown.velocity, shown.class_id, score), shown.object_id
+    return Detections(
+        shown.start, shown.box, shown.velocity, shown.class_id, score
+    ), shown.object_id
 
 
-def true_ids(scene: Scene, frame: Ints, box: Floats, class_id: Ints, card: Card) -> Ints:
+def true_ids(
+    scene: Scene, frame: Ints, box: Floats, class_id: Ints, card: Card
+) -> Ints:
     """The true object [n] that each detection is matched to, -1 for none.
 
     ``frame`` [n], ``box`` [n, 7] in the scene's frame of reference and ``class_id`` [n] of the detections, by frame.
@@ -153,7 +177,9 @@ def true_ids(scene: Scene, frame: Ints, box: Floats, class_id: Ints, card: Card)
 
 def _in_range(box: Floats, score: Floats, class_id: Ints, classes: int) -> Bools:
     """Mask [R] of the rows inside the observation space; False for NaN."""
-    ok = (np.abs(box[:, :4]) <= COORDINATE_LIMIT).all(axis=1) & (np.abs(score) <= SCORE_LIMIT)
+    ok = (np.abs(box[:, :4]) <= COORDINATE_LIMIT).all(axis=1) & (
+        np.abs(score) <= SCORE_LIMIT
+    )
     ok &= ((box[:, 4:] >= 0) & (box[:, 4:] <= SIZE_LIMIT)).all(axis=1)
     return ok & (class_id >= 0) & (class_id < classes)
 

@@ -73,7 +73,10 @@ class RecordedAction:
 
 
 def record_action(
-    examined: Examined, task: Task, frame: LocalFrame | None = None, detected: Ints | None = None
+    examined: Examined,
+    task: Task,
+    frame: LocalFrame | None = None,
+    detected: Ints | None = None,
 ) -> RecordedAction:
     """The sound part of an action in the scene's frame of reference, with the number of rows that were taken out.
 
@@ -82,7 +85,9 @@ def record_action(
     """
     arrays, sound = examined.arrays, examined.sound
     tracks, objects = np.flatnonzero(sound["tracks"]), sound["objects"]
-    member = (arrays["hypothesis_member"][:, tracks] != 0) & sound["hypotheses"][:, None]
+    member = (arrays["hypothesis_member"][:, tracks] != 0) & sound["hypotheses"][
+        :, None
+    ]
     held = member.any(axis=0)
     used, sample_weight = tracks[held], arrays["forecast_log_weight"][objects]
     box = np.concatenate([arrays["track_box"][used], arrays["object_box"][objects]])
@@ -96,14 +101,21 @@ def record_action(
         track_box=box[: len(used)].astype(np.float32),
         track_class=arrays["track_class"][used].astype(np.int64),
         member=member.T[held],
-        hypothesis_log_weight=log_softmax(arrays["hypothesis_log_weight"], sound["hypotheses"]).astype(np.float32),
-        hypothesis_parent=np.where(sound["hypotheses"], arrays["hypothesis_parent"], -1).astype(np.int64),
+        hypothesis_log_weight=log_softmax(
+            arrays["hypothesis_log_weight"], sound["hypotheses"]
+        ).astype(np.float32),
+        hypothesis_parent=np.where(
+            sound["hypotheses"], arrays["hypothesis_parent"], -1
+        ).astype(np.int64),
         object_box=box[len(used) :].astype(np.float32),
         object_class=arrays["object_class"][objects].astype(np.int64),
         object_confidence=arrays["object_confidence"][objects].astype(np.float32),
         forecast=forecast,
         forecast_log_weight=log_softmax(sample_weight, sampled).astype(np.float32),
-        invalid=np.array([np.count_nonzero(examined.claimed[rows] & ~sound[rows]) for rows in ROWS], dtype=np.int64),
+        invalid=np.array(
+            [np.count_nonzero(examined.claimed[rows] & ~sound[rows]) for rows in ROWS],
+            dtype=np.int64,
+        ),
         malformed=_malformed(examined, task, detected),
     )
 
@@ -120,24 +132,47 @@ def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Ro
         if name not in arrays:
             join = np.stack if shape[0] == "F" else np.concatenate
             arrays[name] = join([getattr(action, name) for action in actions])
-    typed: dict[str, Any] = {name: array.astype(ARRAYS[name][0], copy=False) for name, array in arrays.items()}
+    typed: dict[str, Any] = {
+        name: array.astype(ARRAYS[name][0], copy=False)
+        for name, array in arrays.items()
+    }
     return Rollout(scene, **typed)
 
 
 def actions_of(rollout: Rollout) -> Iterator[RecordedAction]:
     """The actions [F] that `assemble` made a rollout of."""
-    names = {name: shape[0] for name, (_, shape) in ARRAYS.items() if name in RecordedAction.__dataclass_fields__}
+    names = {
+        name: shape[0]
+        for name, (_, shape) in ARRAYS.items()
+        if name in RecordedAction.__dataclass_fields__
+    }
     starts = {"R": rollout.track_start, "S": rollout.object_start}
     for t in range(rollout.frames):
-        rows: dict[Any, Any] = {"F": t, **{letter: slice(start[t], start[t + 1]) for letter, start in starts.items()}}
-        yield RecordedAction(**{name: getattr(rollout, name)[rows[letter]] for name, letter in names.items()})
+        rows: dict[Any, Any] = {
+            "F": t,
+            **{
+                letter: slice(start[t], start[t + 1])
+                for letter, start in starts.items()
+            },
+        }
+        yield RecordedAction(
+            **{
+                name: getattr(rollout, name)[rows[letter]]
+                for name, letter in names.items()
+            }
+        )
 
 
 def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:
     """Rollout without tracks, hypotheses and forecasts; ``sizes``: others than 0, by the letters of `ARRAYS`."""
     size: dict[str | int, int] = {"F": frames, "F1": frames + 1, 2: 2, 3: 3, 7: 7}
-    shapes = {name: [sizes.get(str(n), size.get(n, 0)) for n in shape] for name, (_, shape) in ARRAYS.items()}
-    arrays: dict[str, Any] = {name: np.zeros(shape, ARRAYS[name][0]) for name, shape in shapes.items()}
+    shapes = {
+        name: [sizes.get(str(n), size.get(n, 0)) for n in shape]
+        for name, (_, shape) in ARRAYS.items()
+    }
+    arrays: dict[str, Any] = {
+        name: np.zeros(shape, ARRAYS[name][0]) for name, shape in shapes.items()
+    }
     return Rollout(scene, **arrays)
 
 
@@ -145,18 +180,30 @@ def drive_arrays(drive: Drive | None) -> dict[str, NDArray[Any]]:
     """A drive as arrays, by names that no array of a rollout has; none without a drive."""
     if drive is None:
         return {}
-    own = {f"drive_{name}": np.asarray(value) for name, value in vars(drive).items() if name != "world"}
-    return own | {f"world_{name}": np.asarray(value) for name, value in drive.world.items()}
+    own = {
+        f"drive_{name}": np.asarray(value)
+        for name, value in vars(drive).items()
+        if name != "world"
+    }
+    return own | {
+        f"world_{name}": np.asarray(value) for name, value in drive.world.items()
+    }
 
 
 def drive_of(arrays: Mapping[str, NDArray[Any]]) -> Drive | None:
     """The drive of `drive_arrays`; None without one. Raises KeyError for a missing array."""
     if not any(name.startswith("drive_") for name in arrays):
         return None
-    world = {name.removeprefix("world_"): array for name, array in arrays.items() if name.startswith("world_")}
+    world = {
+        name.removeprefix("world_"): array
+        for name, array in arrays.items()
+        if name.startswith("world_")
+    }
     names = [field.name for field in fields(Drive) if field.name != "world"]
     stored = {name: arrays[f"drive_{name}"] for name in names}
-    values: dict[str, Any] = {name: value if value.ndim else value.item() for name, value in stored.items()}
+    values: dict[str, Any] = {
+        name: value if value.ndim else value.item() for name, value in stored.items()
+    }
     return Drive(**values, world=world)
 
 
@@ -199,6 +246,8 @@ def _malformed(examined: Examined, task: Task, detected: Ints | None) -> Ints:
     classes = len(task.classes)
     if not examined.readable and detected is not None:
         return np.append(detected, 0).astype(np.int64)
-    class_id = examined.arrays["object_class"][examined.claimed["objects"] & ~examined.sound["objects"]]
+    class_id = examined.arrays["object_class"][
+        examined.claimed["objects"] & ~examined.sound["objects"]
+    ]
     class_id = np.where((class_id >= 0) & (class_id < classes), class_id, classes)
     return np.bincount(class_id, minlength=classes + 1).astype(np.int64)

@@ -46,7 +46,9 @@ def observation_space(task: Task) -> spaces.Dict:
         fields["detection_id"] = Box(-1, ID_LIMIT, (d,), np.int64)
     if task.lanes:
         shape = (task.lanes, task.lane_points)
-        fields["lane_point"] = Box(-action.COORDINATE_LIMIT, action.COORDINATE_LIMIT, (*shape, 2), np.float32)
+        fields["lane_point"] = Box(
+            -action.COORDINATE_LIMIT, action.COORDINATE_LIMIT, (*shape, 2), np.float32
+        )
         fields["lane_valid"] = spaces.MultiBinary(shape)
         fields["lane_next"] = Box(-1, task.lanes - 1, (task.lanes, NEXT), np.int16)
     return spaces.Dict(fields)
@@ -64,10 +66,16 @@ def observation_numbers(task: Task) -> int:
 
 def _space_of(field: action.Field, task: Task) -> spaces.Space[Any]:
     shape, content = field.shape_in(task), field.content
-    if content is action.ID:  # a Box of ids would not pass Gymnasium's checker, which wants vectors within [-1, 1]
+    if (
+        content is action.ID
+    ):  # a Box of ids would not pass Gymnasium's checker, which wants vectors within [-1, 1]
         return spaces.MultiDiscrete(np.full(shape, _IDS_DRAWN * shape[0]))
     if content is action.LOG_WEIGHT:
-        return Box(-1.0, 1.0, shape, np.float32) if len(shape) == 1 else Box(action.ABSENT, 0.0, shape, np.float32)
+        return (
+            Box(-1.0, 1.0, shape, np.float32)
+            if len(shape) == 1
+            else Box(action.ABSENT, 0.0, shape, np.float32)
+        )
     if content is action.MASK:
         return spaces.MultiBinary(shape)
     if content is action.BOX:
@@ -77,7 +85,9 @@ def _space_of(field: action.Field, task: Task) -> spaces.Space[Any]:
     if content is action.CONFIDENCE:
         return Box(0.0, 1.0, shape, np.float32)
     values = field.values_in(task)
-    return spaces.MultiDiscrete(np.full(shape, len(values)), start=np.full(shape, values.start))
+    return spaces.MultiDiscrete(
+        np.full(shape, len(values)), start=np.full(shape, values.start)
+    )
 
 
 def _pose_bounds() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -103,7 +113,9 @@ class ActionSpace(spaces.Dict):
 
     def __init__(self, task: Task) -> None:
         self._task = task
-        super().__init__({field.name: _space_of(field, task) for field in action.FIELDS})
+        super().__init__(
+            {field.name: _space_of(field, task) for field in action.FIELDS}
+        )
 
     def contains(self, x: Any) -> bool:
         """True if a strict env accepts ``x`` as an action."""

@@ -11,4 +11,7 @@ sandbox). `process` starts, watches and ends one, `channel` exchanges messages (
 
 from .layout import Image as Image, image_of as image_of
 from .limits import Isolation as Isolation, Limits as Limits, SceneRun as SceneRun
-from .run import run_isolated as run_isolated, run_isolated_scenes as run_isolated_scenes
+from .run import (
+    run_isolated as run_isolated,
+    run_isolated_scenes as run_isolated_scenes,
+)

@@ -24,7 +24,9 @@ class Channel:
         self._orders, self._answers, self._log, self._most = orders, answers, log, most
         self._outgoing: deque[memoryview] = deque()
         self._printed = bytearray()
-        self._incoming = bytearray()  # grows to `_wanted` bytes: first the prefix, then header and body
+        self._incoming = (
+            bytearray()
+        )  # grows to `_wanted` bytes: first the prefix, then header and body
         self._wanted = PREFIX.size
         self._lengths: tuple[int, int] | None = None
         for descriptor in (orders, answers, log):
@@ -51,7 +53,11 @@ class Channel:
             header, body = PREFIX.unpack(self._incoming)
             if header > HEADER_LIMIT or body > self._most:
                 raise WireError(f"it announced a message of {header} + {body} bytes")
-            self._lengths, self._wanted, self._incoming = (header, body), header + body, bytearray()
+            self._lengths, self._wanted, self._incoming = (
+                (header, body),
+                header + body,
+                bytearray(),
+            )
         if self._lengths is None or len(self._incoming) < self._wanted:
             return None
         whole, (header, _) = self._incoming, self._lengths
@@ -63,7 +69,9 @@ class Channel:
         if len(self._incoming) == self._wanted:  # a message of no bytes
             raise WireError("an empty message")
         try:
-            part = os.read(self._answers, min(self._wanted - len(self._incoming), _PIPE))
+            part = os.read(
+                self._answers, min(self._wanted - len(self._incoming), _PIPE)
+            )
         except BlockingIOError:
             return False
         if not part:
@@ -88,7 +96,9 @@ class Channel:
         """The last line of the first output of the agent, for an error message."""
         self._read_log()
         lines = self._printed.decode(errors="replace").split("\n")
-        return next((line.strip()[:200] for line in reversed(lines) if line.strip()), "")
+        return next(
+            (line.strip()[:200] for line in reversed(lines) if line.strip()), ""
+        )
 
     def _write(self) -> None:
         while self._outgoing:
@@ -105,7 +115,9 @@ class Channel:
 
     def _read_log(self) -> None:
         with suppress(BlockingIOError):
-            for _ in range(16):  # an agent that prints much must not keep the judge busy
+            for _ in range(
+                16
+            ):  # an agent that prints much must not keep the judge busy
                 part = os.read(self._log, 1 << 16)
                 self._printed += part[: _KEPT - len(self._printed)]
                 if not part:

@@ -40,8 +40,12 @@ def prepare(setup: dict[str, Any]) -> None:
     """Make the library and the compiled kernels importable."""
     _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
     # the judge's copy of the library after the standard library, and installed packages at the end
-    first = next((i for i, entry in enumerate(sys.path) if entry.endswith(_SITE)), len(sys.path))
-    sys.path[first:first] = [entry for entry in setup["path"][:1] if entry not in sys.path]
+    first = next(
+        (i for i, entry in enumerate(sys.path) if entry.endswith(_SITE)), len(sys.path)
+    )
+    sys.path[first:first] = [
+        entry for entry in setup["path"][:1] if entry not in sys.path
+    ]
     sys.path += [entry for entry in setup["path"][1:] if entry not in sys.path]
 
 
@@ -82,7 +86,9 @@ def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
             match header["kind"]:
                 case "build":
                     task = _task(Task, header["task"])
-                    agent = load_submission(setup["submission"]).build(task, **setup["parameters"])
+                    agent = load_submission(setup["submission"]).build(
+                        task, **setup["parameters"]
+                    )
                     _send(answers, {"kind": "built"})
                 case "reset":
                     stage = "reset failed"
@@ -91,15 +97,28 @@ def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
                 case _:
                     stage = f"frame {header['frame']} failed"
                     action = agent.act(wire.arrays_of(header, body))
-                    reply = {"kind": "answer", "frame": header["frame"], "token": header["token"]}
-                    _write(answers, _answer_message(wire, reply, action, header["fields"], header["most"]))
+                    reply = {
+                        "kind": "answer",
+                        "frame": header["frame"],
+                        "token": header["token"],
+                    }
+                    _write(
+                        answers,
+                        _answer_message(
+                            wire, reply, action, header["fields"], header["most"]
+                        ),
+                    )
     except EOFError:
         return
     except BaseException as error:
-        _send(answers, {"kind": "error", "text": f"{stage}: {_error_text(error)}"[:2000]})
+        _send(
+            answers, {"kind": "error", "text": f"{stage}: {_error_text(error)}"[:2000]}
+        )
 
 
-def _answer_message(wire: Any, reply: dict[str, Any], action: object, fields: list[str], most: int) -> bytes:
+def _answer_message(
+    wire: Any, reply: dict[str, Any], action: object, fields: list[str], most: int
+) -> bytes:
     """The message of an answer; without arrays, and with the reason, if it cannot be sent."""
     arrays, malformed = {}, ""
     if isinstance(action, Mapping):
@@ -108,8 +127,14 @@ def _answer_message(wire: Any, reply: dict[str, Any], action: object, fields: li
         if size > most:
             malformed = f"an answer of {size} bytes, expected at most {most}"
     else:
-        malformed = f"act() returned {type(action).__name__}, expected a dict of arrays"[:200]
-    message: bytes = wire.encode({**reply, "malformed": malformed}) if malformed else wire.encode(reply, arrays)
+        malformed = (
+            f"act() returned {type(action).__name__}, expected a dict of arrays"[:200]
+        )
+    message: bytes = (
+        wire.encode({**reply, "malformed": malformed})
+        if malformed
+        else wire.encode(reply, arrays)
+    )
     return message
 
 
@@ -178,6 +203,8 @@ def _write(descriptor: int, message: bytes) -> None:
 
 if __name__ == "__main__":
     if sys.argv[1] == "fork-server":
-        module_beside("fork_server_main").main(sys.modules[__name__], json.loads(sys.argv[2]), int(sys.argv[3]))
+        module_beside("fork_server_main").main(
+            sys.modules[__name__], json.loads(sys.argv[2]), int(sys.argv[3])
+        )
     else:
         main(int(sys.argv[1]), int(sys.argv[2]))

@@ -34,16 +34,27 @@ class SceneOverError(Exception):
 def answer_bytes(space: spaces.Space[Any], limits: Limits) -> int:
     """Largest size of an answer of this space, bytes."""
     assert isinstance(space, spaces.Dict)
-    return min(limits.answer, sum(8 * math.prod(part.shape or ()) for part in space.spaces.values()))
+    return min(
+        limits.answer,
+        sum(8 * math.prod(part.shape or ()) for part in space.spaces.values()),
+    )
 
 
 class Exchange:
     """Questions to one agent and its answers; a failed agent is not asked again."""
 
-    def __init__(self, process: AgentProcess, limits: Limits, space: spaces.Space[Any], seal: bytes) -> None:
+    def __init__(
+        self,
+        process: AgentProcess,
+        limits: Limits,
+        space: spaces.Space[Any],
+        seal: bytes,
+    ) -> None:
         self._process, self._limits = process, limits
         assert isinstance(space, spaces.Dict)
-        self._shapes = {name: tuple(part.shape or ()) for name, part in space.spaces.items()}
+        self._shapes = {
+            name: tuple(part.shape or ()) for name, part in space.spaces.items()
+        }
         self._frame, self._malformed, self._seal = 0, 0, seal
         self._status, self._reason = "finished", ""
         self._begin, self._started = process.begun, 0.0
@@ -94,15 +105,27 @@ class Exchange:
         )
 
     def _answer(self, observation: Arrays, begin: float) -> Action | None:
-        token = secrets.token_hex(8)  # the answer repeats it, so that no frame is answered before it was shown
+        token = secrets.token_hex(
+            8
+        )  # the answer repeats it, so that no frame is answered before it was shown
         wanted = {"fields": list(self._shapes), "most": self._process.most_bytes}
-        self._process.channel.send({"kind": "frame", "frame": self._frame, "token": token, **wanted}, observation)
+        self._process.channel.send(
+            {"kind": "frame", "frame": self._frame, "token": token, **wanted},
+            observation,
+        )
         limit = self._limits.first_frame if self._frame == 0 else self._limits.frame
         message = self._message(begin + limit)
         if message is None:
-            raise SceneOverError("hung", f"no answer to frame {self._frame} in time, expected one within {limit:g} s")
+            raise SceneOverError(
+                "hung",
+                f"no answer to frame {self._frame} in time, expected one within {limit:g} s",
+            )
         header = message[0]
-        if (header.get("kind"), header.get("frame"), header.get("token")) != ("answer", self._frame, token):
+        if (header.get("kind"), header.get("frame"), header.get("token")) != (
+            "answer",
+            self._frame,
+            token,
+        ):
             reason = "it sent an unexpected message: every frame is answered once, after it was shown"
             raise SceneOverError("rejected", reason)
         return self._checked(message)
@@ -112,11 +135,17 @@ class Exchange:
         try:
             if "malformed" not in header:
                 arrays = arrays_of(header, body, self._shapes)
-                fitting = {name: array for name, array in arrays.items() if array is not None}
+                fitting = {
+                    name: array for name, array in arrays.items() if array is not None
+                }
                 if len(fitting) == len(arrays) and _finite(fitting):
                     return fitting
-        except Exception as error:  # any error on reading an answer is the agent's fault
-            raise SceneOverError("rejected", f"it broke the wire format: {_error_text(error)}") from None
+        except (
+            Exception
+        ) as error:  # any error on reading an answer is the agent's fault
+            raise SceneOverError(
+                "rejected", f"it broke the wire format: {_error_text(error)}"
+            ) from None
         self._malformed += 1
         return None
 
@@ -125,7 +154,10 @@ class Exchange:
         if message is None:
             raise SceneOverError("hung", f"not {kind} within {seconds:g} s")
         if message[0].get("kind") != kind:
-            raise SceneOverError("rejected", f"it sent {str(message[0].get('kind'))[:20]!r}, expected {kind!r}")
+            raise SceneOverError(
+                "rejected",
+                f"it sent {str(message[0].get('kind'))[:20]!r}, expected {kind!r}",
+            )
 
     def _message(self, deadline: float) -> Message | None:
         """The next message; an error of the agent and the end of its process end the scene.
@@ -133,22 +165,30 @@ class Exchange:
         None if it has not come by the ``deadline``, or by that of the scene.
         """
         try:
-            message = self._process.receive(min(deadline, self._begin + self._limits.scene))
+            message = self._process.receive(
+                min(deadline, self._begin + self._limits.scene)
+            )
         except EndedError:
             output = self._process.channel.printed()
-            reason = f"the process {self._process.exit_text()}" + (f"; its last output is {output!r}" if output else "")
+            reason = f"the process {self._process.exit_text()}" + (
+                f"; its last output is {output!r}" if output else ""
+            )
             raise SceneOverError("crashed", reason) from None
         except ExcessError as error:
             raise SceneOverError("rejected", str(error)) from None
         except Exception as error:
-            raise SceneOverError("rejected", f"it broke the wire format: {_error_text(error)}") from None
+            raise SceneOverError(
+                "rejected", f"it broke the wire format: {_error_text(error)}"
+            ) from None
         if message is not None and message[0].get("kind") == "error":
             raise SceneOverError("crashed", str(message[0].get("text")))
         return message
 
     def _look(self) -> None:
         if self._process.others():
-            raise SceneOverError("rejected", f"it had started other processes at frame {self._frame}")
+            raise SceneOverError(
+                "rejected", f"it had started other processes at frame {self._frame}"
+            )
 
 
 def lengthened(seal: bytes, frame: int, action: Action | None) -> bytes:
@@ -157,12 +197,19 @@ def lengthened(seal: bytes, frame: int, action: Action | None) -> bytes:
     if action is None:
         parts.append(b"missed")  # as in the seals of stored records
     for name, array in sorted((action or {}).items()):
-        parts += [f"|{name} {array.dtype.str} {list(array.shape)}|".encode(), array.data]
+        parts += [
+            f"|{name} {array.dtype.str} {list(array.shape)}|".encode(),
+            array.data,
+        ]
     return hashlib.sha256(b"".join(parts)).digest()
 
 
 def _error_text(error: Exception) -> str:
-    return str(error) if isinstance(error, WireError) else f"{type(error).__name__}: {error}"
+    return (
+        str(error)
+        if isinstance(error, WireError)
+        else f"{type(error).__name__}: {error}"
+    )
 
 
 def _finite(action: Mapping[str, NDArray[Any]]) -> bool:
@@ -171,15 +218,28 @@ def _finite(action: Mapping[str, NDArray[Any]]) -> bool:
     ``action``: arrays of the right shapes; fields may be missing. Invalid rows may hold any number, as may samples
     whose log-weight marks them as absent; -inf is such a log-weight, NaN and +inf are not.
     """
-    weight, forecast = _valid_rows(action, "forecast_log_weight", "object"), _valid_rows(action, "forecast", "object")
-    if forecast.ndim > 1 and weight.shape == forecast.shape[:2]:  # without that field every sample counts
+    weight, forecast = (
+        _valid_rows(action, "forecast_log_weight", "object"),
+        _valid_rows(action, "forecast", "object"),
+    )
+    if (
+        forecast.ndim > 1 and weight.shape == forecast.shape[:2]
+    ):  # without that field every sample counts
         forecast = forecast[weight >= ABSENT_BELOW]
-    numbers = (_valid_rows(action, "track_box", "track"), _valid_rows(action, "object_box", "object"), forecast)
+    numbers = (
+        _valid_rows(action, "track_box", "track"),
+        _valid_rows(action, "object_box", "object"),
+        forecast,
+    )
     weights = (weight, action.get("hypothesis_log_weight", _NOTHING))
-    return all(np.isfinite(part).all() for part in numbers) and all((part < np.inf).all() for part in weights)
+    return all(np.isfinite(part).all() for part in numbers) and all(
+        (part < np.inf).all() for part in weights
+    )
 
 
-def _valid_rows(action: Mapping[str, NDArray[Any]], name: str, kind: str) -> NDArray[Any]:
+def _valid_rows(
+    action: Mapping[str, NDArray[Any]], name: str, kind: str
+) -> NDArray[Any]:
     """Rows of a field that the mask of its kind marks as valid; all of them without a mask."""
     array, mask = action.get(name, _NOTHING), action.get(f"{kind}_valid")
     return array if mask is None or not len(array) else array[mask != 0]

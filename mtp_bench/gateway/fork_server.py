@@ -19,7 +19,16 @@ from contextlib import suppress
 
 from ..errors import MtpBenchError
 from .fork_server_main import FORKED, READY
-from .layout import KERNELS, LOADED, TEMPORARY, Layout, environment, library, packages, python
+from .layout import (
+    KERNELS,
+    LOADED,
+    TEMPORARY,
+    Layout,
+    environment,
+    library,
+    packages,
+    python,
+)
 from .processes import ready
 from .sandbox import bubblewrap_command, system_call_filter
 
@@ -42,17 +51,33 @@ class ForkServer:
         self._layout, self._environment = layout, environment(isolated=True)
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setsockopt(socket.SOL_SOCKET, _PASS_CREDENTIALS, 1)
-        setup = {"path": [str(library()), *packages()], "kernels": KERNELS, "modules": LOADED}
+        setup = {
+            "path": [str(library()), *packages()],
+            "kernels": KERNELS,
+            "modules": LOADED,
+        }
         script = str(library() / "mtp_bench" / "gateway" / "child.py")
-        program = [*python(), script, "fork-server", json.dumps(setup), str(theirs.fileno())]
+        program = [
+            *python(),
+            script,
+            "fork-server",
+            json.dumps(setup),
+            str(theirs.fileno()),
+        ]
         stdin, end = os.pipe()
         os.close(end)
         with tempfile.TemporaryFile() as log:
             try:
                 self._process = subprocess.Popen(
-                    bubblewrap_command(layout, program, _SPACE), cwd="/", env=self._environment, stdin=stdin,
-                    stdout=subprocess.DEVNULL, stderr=log, pass_fds=(theirs.fileno(),), start_new_session=True,
-                )  # fmt: skip
+                    bubblewrap_command(layout, program, _SPACE),
+                    cwd="/",
+                    env=self._environment,
+                    stdin=stdin,
+                    stdout=subprocess.DEVNULL,
+                    stderr=log,
+                    pass_fds=(theirs.fileno(),),
+                    start_new_session=True,
+                )
             finally:
                 theirs.close()
                 os.close(stdin)
@@ -63,7 +88,9 @@ class ForkServer:
                 log.seek(0)
                 lines = log.read().decode(errors="replace").strip().splitlines()
                 if isinstance(error, ForkServerError) and lines:
-                    raise ForkServerError(f"the fork server of the sandbox does not start: {lines[-1]}") from None
+                    raise ForkServerError(
+                        f"the fork server of the sandbox does not start: {lines[-1]}"
+                    ) from None
                 raise
 
     @property
@@ -73,7 +100,9 @@ class ForkServer:
 
     def fits(self, layout: Layout) -> bool:
         """True if a server started now would see the same files and the same environment."""
-        return self._layout == layout and self._environment == environment(isolated=True)
+        return self._layout == layout and self._environment == environment(
+            isolated=True
+        )
 
     def fork(self, descriptors: Sequence[int], space: int) -> int:
         """Fork a sandboxed agent process; its pid. It reads the first order before it does anything for the agent.
@@ -82,13 +111,19 @@ class ForkServer:
         ``cgroup.procs`` files of its control groups. ``space``: bytes of its temporary folder. Raises ForkServerError.
         """
         request = {
-            "temporary": TEMPORARY, "space": space, "masked": self._layout.masked,
+            "temporary": TEMPORARY,
+            "space": space,
+            "masked": self._layout.masked,
             "filter": base64.b64encode(system_call_filter() or b"").decode(),
-        }  # fmt: skip
+        }
         try:
-            socket.send_fds(self._socket, [json.dumps(request).encode()], list(descriptors))
+            socket.send_fds(
+                self._socket, [json.dumps(request).encode()], list(descriptors)
+            )
         except OSError as error:
-            raise ForkServerError(f"the fork server of the sandbox does not answer: {error}") from None
+            raise ForkServerError(
+                f"the fork server of the sandbox does not answer: {error}"
+            ) from None
         return self._read_pid(FORKED, _FORK_SECONDS)
 
     def stop(self) -> None:
@@ -103,8 +138,14 @@ class ForkServer:
         """Pid of the process that sends ``expected``, in the judge's namespace."""
         if ready(self._socket.fileno(), seconds):
             with suppress(OSError):  # it has ended
-                text, messages, _, _ = self._socket.recvmsg(64, socket.CMSG_SPACE(_CREDENTIALS.size))
-                pids = [_CREDENTIALS.unpack(data)[0] for _, kind, data in messages if kind == socket.SCM_CREDENTIALS]
+                text, messages, _, _ = self._socket.recvmsg(
+                    64, socket.CMSG_SPACE(_CREDENTIALS.size)
+                )
+                pids = [
+                    _CREDENTIALS.unpack(data)[0]
+                    for _, kind, data in messages
+                    if kind == socket.SCM_CREDENTIALS
+                ]
                 if text == expected and pids:
                     return int(pids[0])
         raise ForkServerError(
@@ -113,7 +154,9 @@ class ForkServer:
         )
 
 
-_servers: dict[int, ForkServer] = {}  # native id of the thread that started it -> server
+_servers: dict[
+    int, ForkServer
+] = {}  # native id of the thread that started it -> server
 
 
 def server_for(layout: Layout) -> ForkServer:

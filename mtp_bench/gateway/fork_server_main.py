@@ -23,17 +23,30 @@ from typing import Any
 READY, FORKED = b"ready", b"forked"
 MOST_REQUEST = 1 << 20  # bytes
 MOST_FILES = 1024  # open files of a process
-_NEW_NAMESPACES = 0x20000000 | 0x40000000 | 0x8000000 | 0x4000000 | 0x20000  # pid, net, ipc, uts, mnt of <sched.h>
+_NEW_NAMESPACES = (
+    0x20000000 | 0x40000000 | 0x8000000 | 0x4000000 | 0x20000
+)  # pid, net, ipc, uts, mnt of <sched.h>
 _NEW_CGROUP_NAMESPACE = 0x2000000
 # <sys/mount.h>; MOUNT_ATTR_RDONLY, _NOSUID and _NODEV have the same values
-_READ_ONLY, _NOSUID, _NODEV, _NOEXEC, _BIND, _RECURSIVE, _PRIVATE = 1, 2, 4, 8, 0x1000, 0x4000, 0x40000
+_READ_ONLY, _NOSUID, _NODEV, _NOEXEC, _BIND, _RECURSIVE, _PRIVATE = (
+    1,
+    2,
+    4,
+    8,
+    0x1000,
+    0x4000,
+    0x40000,
+)
 _MOUNT_SETATTR, _AT_FDCWD = 442, -100
 _SECCOMP, _CAPBSET_DROP, _NO_NEW_PRIVS, _FILTER_MODE = 22, 24, 38, 2  # of prctl
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
 class _MountAttributes(ctypes.Structure):
-    _fields_ = tuple((name, ctypes.c_uint64) for name in ("attr_set", "attr_clr", "propagation", "userns_fd"))
+    _fields_ = tuple(
+        (name, ctypes.c_uint64)
+        for name in ("attr_set", "attr_clr", "propagation", "userns_fd")
+    )
 
 
 class _Program(ctypes.Structure):
@@ -46,7 +59,9 @@ def main(child: Any, setup: dict[str, Any], given: int) -> None:
     ``child``: the module `child`, which is the script that runs; ``given``: descriptor of the socket.
     """
     resource.setrlimit(resource.RLIMIT_NOFILE, (MOST_FILES, MOST_FILES))
-    judge = socket.socket(fileno=os.dup(given))  # a number below the limit, so that forks close it
+    judge = socket.socket(
+        fileno=os.dup(given)
+    )  # a number below the limit, so that forks close it
     os.close(given)
     gc.disable()
     child.prepare(setup)
@@ -72,7 +87,9 @@ def main(child: Any, setup: dict[str, Any], given: int) -> None:
                 pass
 
 
-def _exit_after_fork(child: Any, request: dict[str, Any], descriptors: list[int], judge: socket.socket) -> None:
+def _exit_after_fork(
+    child: Any, request: dict[str, Any], descriptors: list[int], judge: socket.socket
+) -> None:
     """Run the fork and exit, also after an error: a fork never continues as the server."""
     code = 1
     try:
@@ -85,7 +102,9 @@ def _exit_after_fork(child: Any, request: dict[str, Any], descriptors: list[int]
         os._exit(code)
 
 
-def _run_fork(child: Any, request: dict[str, Any], descriptors: list[int], judge: socket.socket) -> None:
+def _run_fork(
+    child: Any, request: dict[str, Any], descriptors: list[int], judge: socket.socket
+) -> None:
     """Fork again into new namespaces: the inner process runs the agent, the outer one reports its exit code."""
     stdin, orders, answers, log, news, *groups = descriptors
     child.end_with(None)
@@ -94,13 +113,17 @@ def _run_fork(child: Any, request: dict[str, Any], descriptors: list[int], judge
     if agent:
         _close_all_but(news)
         _, status = os.waitpid(agent, 0)
-        os.write(news, json.dumps({"ended": os.waitstatus_to_exitcode(status)}).encode())
+        os.write(
+            news, json.dumps({"ended": os.waitstatus_to_exitcode(status)}).encode()
+        )
         return
     for descriptor, number in ((stdin, 0), (log, 1), (log, 2)):
         os.dup2(descriptor, number)
     for group in groups:
         os.write(group, b"0")  # this process
-    _call("unshare", _NEW_CGROUP_NAMESPACE)  # after it joined: the names of the groups contain the judge's pid
+    _call(
+        "unshare", _NEW_CGROUP_NAMESPACE
+    )  # after it joined: the names of the groups contain the judge's pid
     _enter_sandbox(child, request)
     judge.send(FORKED)  # the kernel adds the pid of this process, as the judge sees it
     _close_all_but(0, 1, 2, orders, answers)
@@ -117,7 +140,13 @@ def _enter_sandbox(child: Any, request: dict[str, Any]) -> None:
     os.setsid()
     child.join_new_keyring()
     _mount("none", "/", "", _RECURSIVE | _PRIVATE)
-    _mount("tmpfs", request["temporary"], "tmpfs", _NOSUID | _NODEV, f"size={request['space']}")
+    _mount(
+        "tmpfs",
+        request["temporary"],
+        "tmpfs",
+        _NOSUID | _NODEV,
+        f"size={request['space']}",
+    )
     _mount("proc", "/proc", "proc", _NOSUID | _NODEV | _NOEXEC)
     for path in request["masked"]:
         _mount("/dev/null", path, "", _BIND | _RECURSIVE)
@@ -125,17 +154,39 @@ def _enter_sandbox(child: Any, request: dict[str, Any]) -> None:
     _restrict_mount("/proc", _READ_ONLY)
     _drop_capabilities()
     program = base64.b64decode(request["filter"])
-    _call("prctl", _SECCOMP, _FILTER_MODE, ctypes.byref(_Program(len(program) // 8, program)), 0, 0)
+    _call(
+        "prctl",
+        _SECCOMP,
+        _FILTER_MODE,
+        ctypes.byref(_Program(len(program) // 8, program)),
+        0,
+        0,
+    )
     os.chdir(request["temporary"])
 
 
 def _mount(source: str, target: str, kind: str, flags: int, options: str = "") -> None:
-    _call("mount", os.fsencode(source), os.fsencode(target), kind.encode(), flags, options.encode())
+    _call(
+        "mount",
+        os.fsencode(source),
+        os.fsencode(target),
+        kind.encode(),
+        flags,
+        options.encode(),
+    )
 
 
 def _restrict_mount(path: str, flags: int) -> None:
     wanted = _MountAttributes(attr_set=flags)
-    _call("syscall", _MOUNT_SETATTR, _AT_FDCWD, path.encode(), 0, ctypes.byref(wanted), ctypes.sizeof(wanted))
+    _call(
+        "syscall",
+        _MOUNT_SETATTR,
+        _AT_FDCWD,
+        path.encode(),
+        0,
+        ctypes.byref(wanted),
+        ctypes.sizeof(wanted),
+    )
 
 
 def _drop_capabilities() -> None:
@@ -148,7 +199,10 @@ def _drop_capabilities() -> None:
 
 def _call(name: str, *arguments: Any) -> None:
     """Call a function of the C library; raises OSError where it fails."""
-    converted = [ctypes.c_ulong(value) if isinstance(value, int) else value for value in arguments]
+    converted = [
+        ctypes.c_ulong(value) if isinstance(value, int) else value
+        for value in arguments
+    ]
     if getattr(_libc, name)(*converted) != 0:
         number = ctypes.get_errno()
         raise OSError(number, f"{name}: {os.strerror(number)}", str(arguments[:3]))

@@ -19,7 +19,9 @@ class Limits:
     frame: float = 5.0  # s for any other answer; a later one ends the scene
     scene: float = 1800.0  # s in total
     memory: int = 8 << 30  # bytes of address space of each of the agent's processes
-    disk: int = 64 << 20  # bytes it may write: in all where it has a file system of its own, else per file
+    disk: int = (
+        64 << 20
+    )  # bytes it may write: in all where it has a file system of its own, else per file
     answer: int = 64 << 20  # bytes of one answer
 
 
@@ -27,7 +29,9 @@ class Isolation(Section):
     """The sandbox of an agent's process, see ``SECURITY.md``; in a record the weakest over all runs."""
 
     mechanism: SandboxBackend
-    memory: Literal["cgroup", "watch"]  # what bounds the memory of all its processes together
+    memory: Literal[
+        "cgroup", "watch"
+    ]  # what bounds the memory of all its processes together
 
     @property
     def sandboxed(self) -> bool:

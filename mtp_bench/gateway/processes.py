@@ -20,8 +20,16 @@ ROOT = Path("/sys/fs/cgroup")
 _PIDS = Path("/proc/self/ns/pid")  # the namespace in which the pids of this process are
 _NAME = f"mtp_bench-{_PIDS.stat().st_ino if _PIDS.exists() else 0}"  # of a group, followed by the pid of the judge
 _V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
-_V1 = {"memory.limit_in_bytes": "memory", "memory.memsw.limit_in_bytes": "with_swap", "pids.max": "processes"}
-_NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")  # the others limit swap, which not every system has
+_V1 = {
+    "memory.limit_in_bytes": "memory",
+    "memory.memsw.limit_in_bytes": "with_swap",
+    "pids.max": "processes",
+}
+_NEEDED = (
+    "memory.max",
+    "memory.limit_in_bytes",
+    "pids.max",
+)  # the others limit swap, which not every system has
 _REMOVE_SECONDS = 2.0  # that the system may take to empty a group
 _DUMPABLE, _CHILD_SUBREAPER = 4, 36  # of prctl
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
@@ -44,7 +52,13 @@ class Group:
             for folder in self.folders:
                 with suppress(OSError, ValueError, StopIteration):
                     lines = (folder / name).read_text().splitlines()
-                    if int(next(line.split()[1] for line in lines if line.split()[:1] == ["oom_kill"])):
+                    if int(
+                        next(
+                            line.split()[1]
+                            for line in lines
+                            if line.split()[:1] == ["oom_kill"]
+                        )
+                    ):
                         return True
         return False
 
@@ -59,9 +73,19 @@ class Group:
                 time.sleep(0.01)
 
 
-def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path("/proc/self/cgroup")) -> Group:
+def make_group(
+    memory: int,
+    processes: int,
+    root: Path = ROOT,
+    own: Path = Path("/proc/self/cgroup"),
+) -> Group:
     """A group limited to ``memory`` bytes and ``processes`` threads; without folders if the system allows none."""
-    values = {"memory": str(memory), "with_swap": str(memory), "processes": str(processes), None: "0"}
+    values = {
+        "memory": str(memory),
+        "with_swap": str(memory),
+        "processes": str(processes),
+        None: "0",
+    }
     places, names = _places(root, own)
     for place in places:
         _sweep(place)
@@ -103,9 +127,16 @@ def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
             _, controllers, path = line.split(":", 2)
             entries |= dict.fromkeys(controllers.split(","), path)
     if {"memory", "pids"} <= entries.keys():
-        folders = {root / controller / entries[controller].lstrip("/") for controller in ("memory", "pids")}
-        return (sorted(folders) if all(os.access(path, os.W_OK) for path in folders) else []), dict(_V1)
-    if "" in entries:  # a group with processes cannot contain others: use this process's own or its parent
+        folders = {
+            root / controller / entries[controller].lstrip("/")
+            for controller in ("memory", "pids")
+        }
+        return (
+            sorted(folders) if all(os.access(path, os.W_OK) for path in folders) else []
+        ), dict(_V1)
+    if (
+        "" in entries
+    ):  # a group with processes cannot contain others: use this process's own or its parent
         here = root / entries[""].lstrip("/")
         for place in (here, here.parent):
             with suppress(OSError):
@@ -183,7 +214,9 @@ def end(processes: Iterable[int], seconds: float) -> None:
 def status(pid: int, name: bytes) -> int:
     """A number of /proc/PID/status, such as that of its threads; 0 if unknown."""
     with suppress(OSError, ValueError, IndexError):
-        return int(_read(f"/proc/{pid}/status").split(b"\n" + name + b":")[1].split()[0])
+        return int(
+            _read(f"/proc/{pid}/status").split(b"\n" + name + b":")[1].split()[0]
+        )
     return 0
 
 

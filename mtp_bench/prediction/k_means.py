@@ -25,7 +25,14 @@ def _axis(point: Floats, axis: int) -> float:
 
 
 @part
-def _closer(transposed: Floats, centre: Floats, j: int, distance: Floats, least: Floats, nearest: Ints) -> None:
+def _closer(
+    transposed: Floats,
+    centre: Floats,
+    j: int,
+    distance: Floats,
+    least: Floats,
+    nearest: Ints,
+) -> None:
     """Give centre ``j`` [d] the points [D, S] that are nearer to it than the squared distances ``least`` [S].
 
     The long axis is innermost, for vector units; D is d, filled up to a multiple of six with zeros.
@@ -33,12 +40,30 @@ def _closer(transposed: Floats, centre: Floats, j: int, distance: Floats, least:
     for s in range(len(distance)):
         distance[s] = np.float32(0.0)
     for axis in range(0, len(transposed), _AT_ONCE):
-        c0, c1, c2 = _axis(centre, axis), _axis(centre, axis + 1), _axis(centre, axis + 2)
-        c3, c4, c5 = _axis(centre, axis + 3), _axis(centre, axis + 4), _axis(centre, axis + 5)
+        c0, c1, c2 = (
+            _axis(centre, axis),
+            _axis(centre, axis + 1),
+            _axis(centre, axis + 2),
+        )
+        c3, c4, c5 = (
+            _axis(centre, axis + 3),
+            _axis(centre, axis + 4),
+            _axis(centre, axis + 5),
+        )
         for s in range(len(distance)):
-            d0, d1, d2 = transposed[axis, s] - c0, transposed[axis + 1, s] - c1, transposed[axis + 2, s] - c2
-            d3, d4, d5 = transposed[axis + 3, s] - c3, transposed[axis + 4, s] - c4, transposed[axis + 5, s] - c5
-            distance[s] += (d0 * d0 + d1 * d1) + (d2 * d2 + d3 * d3) + (d4 * d4 + d5 * d5)
+            d0, d1, d2 = (
+                transposed[axis, s] - c0,
+                transposed[axis + 1, s] - c1,
+                transposed[axis + 2, s] - c2,
+            )
+            d3, d4, d5 = (
+                transposed[axis + 3, s] - c3,
+                transposed[axis + 4, s] - c4,
+                transposed[axis + 5, s] - c5,
+            )
+            distance[s] += (
+                (d0 * d0 + d1 * d1) + (d2 * d2 + d3 * d3) + (d4 * d4 + d5 * d5)
+            )
     number = np.int32(j)  # as wide as the distances, for vector units
     for s in range(len(distance)):
         nearer = distance[s] < least[s]
@@ -67,7 +92,9 @@ def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
             continue
         for s in range(_BLOCK * b, _BLOCK * (b + 1)):
             partial += chance[s]
-            chosen = s if chance[s] > 0.0 else chosen  # the last one, where sums round otherwise than the block's
+            chosen = (
+                s if chance[s] > 0.0 else chosen
+            )  # the last one, where sums round otherwise than the block's
             if partial > mark:
                 break
         break
@@ -76,9 +103,17 @@ def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
 
 @part
 def _seed(
-    points: Floats, transposed: Floats, weight: Floats, uniform: Floats, centre: Floats,
-    distance: Floats, least: Floats, nearest: Ints, chance: Floats, block: Floats,
-) -> None:  # fmt: skip
+    points: Floats,
+    transposed: Floats,
+    weight: Floats,
+    uniform: Floats,
+    centre: Floats,
+    distance: Floats,
+    least: Floats,
+    nearest: Ints,
+    chance: Floats,
+    block: Floats,
+) -> None:
     """Draw centres [k, d] in proportion to weight x squared distance from the centres so far, by ``uniform`` [k].
 
     ``points`` [n, d], weighted [n], and ``transposed`` [D, n]. Every point then belongs to its ``nearest`` centre [n],
@@ -89,7 +124,9 @@ def _seed(
         chance[s] = weight[s]
     for j in range(len(centre)):
         chosen = _drawn(chance, block, uniform[j])
-        if chosen < 0:  # all points sit on a centre already: draw by weight, the centre repeats
+        if (
+            chosen < 0
+        ):  # all points sit on a centre already: draw by weight, the centre repeats
             for s in range(len(weight)):
                 chance[s] = weight[s]
             chosen = _drawn(chance, block, uniform[j])
@@ -101,7 +138,9 @@ def _seed(
 
 
 @part
-def _assign(transposed: Floats, centre: Floats, distance: Floats, least: Floats, nearest: Ints) -> bool:
+def _assign(
+    transposed: Floats, centre: Floats, distance: Floats, least: Floats, nearest: Ints
+) -> bool:
     """Assign every point to its nearest centre, the first of equally near ones; True if any changed.
 
     ``nearest`` [2, S]: centres of the points now, and before.
@@ -128,7 +167,9 @@ def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
 
 
 @part
-def _move(points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: Floats) -> None:
+def _move(
+    points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: Floats
+) -> None:
     """Move every centre to the mean of its points; a centre without points stays. ``share``: their weight."""
     _shares(weight, nearest, share)
     for j in range(len(centre)):
@@ -206,7 +247,14 @@ def _from_motions(motion: Floats, basis: Floats, origin: Floats, found: Floats) 
 
 
 @part
-def _clusters(points: Floats, weight: Floats, uniform: Floats, iterations: int, centre: Floats, share: Floats) -> None:
+def _clusters(
+    points: Floats,
+    weight: Floats,
+    uniform: Floats,
+    iterations: int,
+    centre: Floats,
+    share: Floats,
+) -> None:
     """Write centres [k, d] and shares of the weight [k] of points [n, d] weighted [n], relative to one of them."""
     n, d = points.shape
     transposed = np.empty(((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n), np.float32)
@@ -215,7 +263,18 @@ def _clusters(points: Floats, weight: Floats, uniform: Floats, iterations: int, 
     blocks = (n + _BLOCK - 1) // _BLOCK
     chance, block = np.zeros(_BLOCK * blocks), np.empty(blocks)
     _transpose(points, transposed)
-    _seed(points, transposed, weight, uniform, centre, distance, least, nearest[0], chance, block)
+    _seed(
+        points,
+        transposed,
+        weight,
+        uniform,
+        centre,
+        distance,
+        least,
+        nearest[0],
+        chance,
+        block,
+    )
     for _ in range(iterations):
         _move(points, weight, nearest[0], centre, share)
         if not _assign(transposed, centre, distance, least, nearest):
@@ -225,9 +284,15 @@ def _clusters(points: Floats, weight: Floats, uniform: Floats, iterations: int, 
 
 @part
 def _clusters_of(
-    points: Floats, rows: Ints, weight: Floats, uniform: Floats, iterations: int, basis: Floats, centre: Floats,
+    points: Floats,
+    rows: Ints,
+    weight: Floats,
+    uniform: Floats,
+    iterations: int,
+    basis: Floats,
+    centre: Floats,
     share: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Write centres [k, d] and shares [k] of the points in ``rows`` [n], weighted [n]; ``basis``: [3, T] or [3, 0]."""
     origin = points[rows[0]]
     motion = np.zeros((len(rows), 2 * _DEGREES))
@@ -244,9 +309,17 @@ def _clusters_of(
             centre[j, axis] += origin[axis]
 
 
-@kernel("void(f8[:, :, ::1], f8[:, ::1], f8[:, ::1], i8, f8[:, ::1], f8[:, :, ::1], f8[:, ::1])")
+@kernel(
+    "void(f8[:, :, ::1], f8[:, ::1], f8[:, ::1], i8, f8[:, ::1], f8[:, :, ::1], f8[:, ::1])"
+)
 def k_means(
-    pool: Floats, log_weight: Floats, uniform: Floats, iterations: int, basis: Floats, centre: Floats, log_share: Floats
+    pool: Floats,
+    log_weight: Floats,
+    uniform: Floats,
+    iterations: int,
+    basis: Floats,
+    centre: Floats,
+    log_share: Floats,
 ) -> None:
     """Write centres [O, k, d] and log-shares of the weight [O, k], of pools [O, S, d] weighted [O, S].
 
@@ -261,7 +334,16 @@ def k_means(
             pass_on(pool[o], log_weight[o], rows, n, centre[o], log_share[o])
             continue
         masses(log_weight[o], rows, n, mass)
-        _clusters_of(pool[o], rows[:n], mass[:n], uniform[crowded], iterations, basis, centre[o], share)
+        _clusters_of(
+            pool[o],
+            rows[:n],
+            mass[:n],
+            uniform[crowded],
+            iterations,
+            basis,
+            centre[o],
+            share,
+        )
         crowded += 1
         for j in range(k):
             log_share[o, j] = np.log(share[j]) if share[j] > 0.0 else -np.inf
@@ -276,7 +358,9 @@ class KMeansSampler:
     def __init__(self, iterations: int = 3) -> None:
         self._iterations = iterations
 
-    def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    def reduce(
+        self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator
+    ) -> tuple[Floats, Floats]:
         """``k`` centres [O, k, T, 2] and log-weights [O, k] for the pool [O, S, T, 2] weighted ``log_weight`` [O, S].
 
         A sample with log-weight -inf does not exist. A pool of at most k existing samples is copied, and filled up with
@@ -284,7 +368,16 @@ class KMeansSampler:
         """
         objects, _, future, _ = pool.shape
         centre, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))
-        uniform = rng.random((np.count_nonzero(np.isfinite(log_weight).sum(axis=1) > k), k))
+        uniform = rng.random(
+            (np.count_nonzero(np.isfinite(log_weight).sum(axis=1) > k), k)
+        )
         basis = polynomials(future) if future > _DEGREES else np.zeros((_DEGREES, 0))
-        k_means(*as_points(pool, log_weight), uniform, self._iterations, basis, centre, weight)
+        k_means(
+            *as_points(pool, log_weight),
+            uniform,
+            self._iterations,
+            basis,
+            centre,
+            weight,
+        )
         return centre.reshape(objects, k, future, 2), weight

@@ -32,20 +32,29 @@ class NoiseTable:
     measurement: Floats  # [C] m, standard deviation of a detected position
     jerkiness: Floats  # [C, 2] m/s^1.5, white acceleration while the past is filtered
     speed: Floats  # [C, 2] m/s, prior standard deviation of a velocity never seen
-    acceleration: Floats  # [C, 2] m/s^2, standard deviation of the acceleration over the future
+    acceleration: (
+        Floats  # [C, 2] m/s^2, standard deviation of the acceleration over the future
+    )
 
 
 def require_noise(noise: NoiseTable) -> None:
     """Raise ShapeError unless the covariances of all states can be positive definite."""
     classes = len(noise.measurement)
-    for name, shape in (("measurement", ()), ("jerkiness", (2,)), ("speed", (2,)), ("acceleration", (2,))):
+    for name, shape in (
+        ("measurement", ()),
+        ("jerkiness", (2,)),
+        ("speed", (2,)),
+        ("acceleration", (2,)),
+    ):
         values = getattr(noise, name)
         require_shape(f"noise.{name}", values, (classes, *shape))
         require_finite(f"noise.{name}", values)
         positive = name in ("measurement", "speed")  # others may be 0
         if not (values > 0 if positive else values >= 0).all():
             expected = "above 0" if positive else "of at least 0"
-            raise ShapeError(f"noise.{name} contains {values.min()}, expected numbers {expected}")
+            raise ShapeError(
+                f"noise.{name} contains {values.min()}, expected numbers {expected}"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +79,9 @@ def rotation(heading: Floats) -> Floats:
     return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
 
 
-def filtered(position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, dt: float) -> Posterior:
+def filtered(
+    position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, dt: float
+) -> Posterior:
     """Position, velocity and covariance of tracks now, from their pasts.
 
     ``position`` [N, P, 2] m, heading frame, oldest first; ``valid`` [N, P]: where a detection was taken; ``class_id``
@@ -79,8 +90,19 @@ def filtered(position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, 
     n = len(position)
     state = np.empty((n, 2, _STATE))
     # Copies: compiled code takes arrays that may be written, in one order.
-    place, seen = np.array(position, dtype=np.float64, order="C"), np.array(valid, dtype=bool, order="C")
-    filter_pasts(place, seen, noise.measurement[class_id], noise.jerkiness[class_id], noise.speed[class_id], dt, state)
+    place, seen = (
+        np.array(position, dtype=np.float64, order="C"),
+        np.array(valid, dtype=bool, order="C"),
+    )
+    filter_pasts(
+        place,
+        seen,
+        noise.measurement[class_id],
+        noise.jerkiness[class_id],
+        noise.speed[class_id],
+        dt,
+        state,
+    )
     covariance = np.stack([state[..., 2:4], state[..., 3:5]], axis=-2)
     return Posterior(state[..., 0].copy(), state[..., 1].copy(), covariance)
 
@@ -88,14 +110,26 @@ def filtered(position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, 
 _STATE = 5  # of an axis: position, velocity, and variance of position, covariance, variance of velocity
 
 
-@kernel("void(f8[:, :, ::1], b1[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8, f8[:, :, ::1])")
+@kernel(
+    "void(f8[:, :, ::1], b1[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8, f8[:, :, ::1])"
+)
 def filter_pasts(
-    position: Floats, valid: Bools, measurement: Floats, jerkiness: Floats, speed: Floats, dt: float, state: Floats
+    position: Floats,
+    valid: Bools,
+    measurement: Floats,
+    jerkiness: Floats,
+    speed: Floats,
+    dt: float,
+    state: Floats,
 ) -> None:
     """The states [N, 2, 5] after positions [N, P, 2], with the noise of each track: [N], [N, 2], [N, 2]."""
     for i in range(len(state)):
         for axis in range(2):
-            r2, q, prior = measurement[i] ** 2, jerkiness[i, axis] ** 2, speed[i, axis] ** 2
+            r2, q, prior = (
+                measurement[i] ** 2,
+                jerkiness[i, axis] ** 2,
+                speed[i, axis] ** 2,
+            )
             p, v, pp, pv, vv, started = 0.0, 0.0, 0.0, 0.0, prior, False
             for step in range(position.shape[1]):
                 p += v * dt
@@ -104,10 +138,22 @@ def filter_pasts(
                 vv += q * dt
                 if not valid[i, step]:
                     continue
-                if not started:  # the state begins at the first detection, with the prior
-                    p, pp, pv, vv, started = position[i, step, axis], r2, 0.0, prior, True
+                if (
+                    not started
+                ):  # the state begins at the first detection, with the prior
+                    p, pp, pv, vv, started = (
+                        position[i, step, axis],
+                        r2,
+                        0.0,
+                        prior,
+                        True,
+                    )
                     continue
-                residual, gain_p, gain_v = position[i, step, axis] - p, pp / (pp + r2), pv / (pp + r2)
+                residual, gain_p, gain_v = (
+                    position[i, step, axis] - p,
+                    pp / (pp + r2),
+                    pv / (pp + r2),
+                )
                 p += gain_p * residual
                 v += gain_v * residual
                 vv -= gain_v * pv
@@ -130,9 +176,14 @@ def stored_noise(task: Task) -> NoiseTable:
     stored = _read_folder(FOLDER)
     similar = [name for name in stored if _similarity(name, task) > 0]
     if not similar:
-        raise UnknownNameError("motion noise", condition(task), stored, "fit it with `mtp-bench train`")
+        raise UnknownNameError(
+            "motion noise", condition(task), stored, "fit it with `mtp-bench train`"
+        )
     known = {
-        name: sum(kind in stored[name] or of_kind(kind, stored[name]) is not None for kind in task.classes)
+        name: sum(
+            kind in stored[name] or of_kind(kind, stored[name]) is not None
+            for kind in task.classes
+        )
         for name in similar
     }
     best = max(similar, key=lambda name: (known[name], _similarity(name, task)))
@@ -140,7 +191,9 @@ def stored_noise(task: Task) -> NoiseTable:
     for class_name in task.classes:
         like = similar_class(class_name, stored[best])
         if like is None:
-            raise UnknownNameError(f"class of motion noise {best!r}", class_name, stored[best])
+            raise UnknownNameError(
+                f"class of motion noise {best!r}", class_name, stored[best]
+            )
         rows.append(stored[best][like])
     return noise_table(rows)
 
@@ -148,7 +201,12 @@ def stored_noise(task: Task) -> NoiseTable:
 def noise_table(rows: Sequence[Noise]) -> NoiseTable:
     """A noise table from the noise of each class."""
     names = [field.name for field in fields(NoiseTable)]
-    return NoiseTable(**{name: np.array([row[name] for row in rows], dtype=np.float64) for name in names})
+    return NoiseTable(
+        **{
+            name: np.array([row[name] for row in rows], dtype=np.float64)
+            for name in names
+        }
+    )
 
 
 def observed(task: Task) -> str:
@@ -171,14 +229,19 @@ def _similarity(name: str, task: Task) -> int:
     same_family = pasts.split("_")[-1] == wanted.split("_")[-1]
     mine = task.motion_noise
     # A name before "_" is a domain of its own: nuScenes_mini is like nuScenes.
-    near = 4 * (stored_domain.split("_")[0] == mine.split("_")[0]) + 2 * (stored_domain == mine)
+    near = 4 * (stored_domain.split("_")[0] == mine.split("_")[0]) + 2 * (
+        stored_domain == mine
+    )
     return 1 + same_family + 2 * (pasts == wanted) + near
 
 
 @cache
 def _read_folder(folder: Path) -> dict[str, dict[str, Noise]]:
     """The noise of each class under each condition, in the order that the files state."""
-    files = {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.toml"))}
+    files = {
+        path.stem: tomllib.loads(path.read_text(encoding="utf-8"))
+        for path in sorted(folder.glob("*.toml"))
+    }
     order = {name: content.pop("order", math.inf) for name, content in files.items()}
     return {
         f"{name}-{fit}": rows

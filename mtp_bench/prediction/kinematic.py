@@ -22,11 +22,19 @@ class KinematicPredictor:
     Raises ShapeError for noise that no motion can have, and at ``reset`` for noise of another number of classes.
     """
 
-    def __init__(self, noise: NoiseTable | None = None, past: int | None = None, draws: int = 1) -> None:
+    def __init__(
+        self, noise: NoiseTable | None = None, past: int | None = None, draws: int = 1
+    ) -> None:
         if past is not None and past < 1:
             raise ShapeError(f"past is {past}, expected 1 or more frames")
-        if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < 1:
-            raise ShapeError(f"draws is {draws!r}, expected a whole number of at least 1")
+        if (
+            isinstance(draws, bool)
+            or not isinstance(draws, int | np.integer)
+            or draws < 1
+        ):
+            raise ShapeError(
+                f"draws is {draws!r}, expected a whole number of at least 1"
+            )
         if noise is not None:
             require_noise(noise)
         self._given, self._draws = noise, draws
@@ -38,7 +46,9 @@ class KinematicPredictor:
         self._noise = self._given or stored_noise(task)
         if len(self._noise.measurement) != len(task.classes):
             got, expected = len(self._noise.measurement), len(task.classes)
-            raise ShapeError(f"noise has {got} classes, expected {expected}, the classes of {task.env_id}")
+            raise ShapeError(
+                f"noise has {got} classes, expected {expected}, the classes of {task.env_id}"
+            )
 
     def predict(self, frame: Frame) -> Forecasts:
         """A row of draws x k samples for each track in each hypothesis that holds it."""
@@ -48,7 +58,9 @@ class KinematicPredictor:
         futures = self.futures(frame, np.repeat(track, draws), draw.ravel(), k)
         row = np.full(frame.tracks.member.shape, -1)
         row[hypothesis, track] = np.arange(len(track))
-        return Forecasts(futures.reshape(len(track), draws * k, self._task.future, 2), row=row)
+        return Forecasts(
+            futures.reshape(len(track), draws * k, self._task.future, 2), row=row
+        )
 
     def futures(self, frame: Frame, track: Ints, draw: Ints, samples: int) -> Floats:
         """Futures [Q, samples, T, 2], absolute x y, of tracks ``track`` [Q]; ``draw`` [Q] picks the random numbers."""
@@ -56,7 +68,14 @@ class KinematicPredictor:
         tau = task.dt * np.arange(1, task.future + 1)
         normal = self._normal(frame, int(draw.max(initial=-1)) + 1, samples)
         future = np.empty((len(track), samples, task.future, 2))
-        expand(self.states(frame.tracks), track.astype(np.int64), draw.astype(np.int64), normal, tau, future)
+        expand(
+            self.states(frame.tracks),
+            track.astype(np.int64),
+            draw.astype(np.int64),
+            normal,
+            tau,
+            future,
+        )
         return future
 
     def _normal(self, frame: Frame, draws: int, samples: int) -> Floats:
@@ -77,12 +96,24 @@ class KinematicPredictor:
         """
         heading, past = tracks.box[:, 3], tracks.past[:, -self._past :]
         position = heading_frame(past, heading)
-        state = filtered(position, tracks.past_valid[:, -self._past :], tracks.class_id, self._noise, self._task.dt)
+        state = filtered(
+            position,
+            tracks.past_valid[:, -self._past :],
+            tracks.class_id,
+            self._noise,
+            self._task.dt,
+        )
         low, axis = np.linalg.cholesky(state.covariance), np.empty((len(heading), 2, 6))
         axis[..., 0], axis[..., 1] = state.position, state.velocity
-        axis[..., 2], axis[..., 3], axis[..., 4] = low[..., 0, 0], low[..., 1, 0], low[..., 1, 1]
+        axis[..., 2], axis[..., 3], axis[..., 4] = (
+            low[..., 0, 0],
+            low[..., 1, 0],
+            low[..., 1, 1],
+        )
         axis[..., 5] = self._noise.acceleration[tracks.class_id]
-        origin = np.stack([np.cos(heading), np.sin(heading), *past[:, -1, :2].T], axis=1)
+        origin = np.stack(
+            [np.cos(heading), np.sin(heading), *past[:, -1, :2].T], axis=1
+        )
         return np.concatenate([axis.reshape(-1, 12), origin], axis=1)
 
 
@@ -90,7 +121,9 @@ def absolute(state: Floats) -> tuple[Floats, Floats]:
     """Positions and velocities [N, 2] of the rows [N, 16] of `KinematicPredictor.states`, not turned with the track."""
     (c, s), place, velocity = state[:, 12:14].T, state[:, [0, 6]], state[:, [1, 7]]
     turn = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
-    place, velocity = (np.einsum("nij,nj->ni", turn, vector) for vector in (place, velocity))
+    place, velocity = (
+        np.einsum("nij,nj->ni", turn, vector) for vector in (place, velocity)
+    )
     return place + state[:, 14:], velocity
 
 
@@ -130,7 +163,9 @@ class HedgedPredictor:
 
 
 @kernel("void(f8[:, ::1], i8[::1], i8[::1], f8[:, :, ::1], f8[::1], f8[:, :, :, ::1])")
-def expand(table: Floats, track: Ints, draw: Ints, normal: Floats, tau: Floats, future: Floats) -> None:
+def expand(
+    table: Floats, track: Ints, draw: Ints, normal: Floats, tau: Floats, future: Floats
+) -> None:
     """Positions [Q, S, T, 2] at the times ``tau`` [T] of motions with constant acceleration, drawn by ``normal``.
 
     ``table`` [N, 16]: states of tracks; ``track`` [Q]: its rows; ``draw`` [Q]: rows of the normal numbers [D, S, 7].

@@ -11,9 +11,14 @@ STEP = 2.0  # m, between the points of a path
 _ASIDE = 3.0  # m, farthest middle line of a lane that an object may be on
 _TURNED = 0.9  # rad, largest angle between an object and its lane
 _BEYOND = 0.5  # m, before the beginning or behind the end of a piece of a lane
-_SPREAD = (1.0, 0.3)  # m and rad, usual distance and angle between an object and its lane
+_SPREAD = (
+    1.0,
+    0.3,
+)  # m and rad, usual distance and angle between an object and its lane
 _STARTS = 16  # pieces of lanes that an object may be on
-_BRANCHES = 16  # paths from the beginning of a piece, at most: each has a share of `_LEAST`
+_BRANCHES = (
+    16  # paths from the beginning of a piece, at most: each has a share of `_LEAST`
+)
 _LEAST = 1 / _BRANCHES - 1e-9
 _DEPTH = 40  # pieces of a path
 _SAME = 1.0  # m, paths that stay as near are one
@@ -33,7 +38,11 @@ class LanePaths:
 
 
 def lane_paths(
-    observation: Observation, place: Floats, heading: Floats, most: int, metres: float | Floats
+    observation: Observation,
+    place: Floats,
+    heading: Floats,
+    most: int,
+    metres: float | Floats,
 ) -> LanePaths:
     """Up to ``most`` paths of objects at ``place`` [n, 2] with direction of travel ``heading`` [n], rad.
 
@@ -50,7 +59,9 @@ def lane_paths(
     offset, chance = np.zeros((len(place), most)), np.zeros((len(place), most))
     there = np.arange(point.shape[1]) < count[:, None]
     low, high = (np.where(there[..., None], point, sign * np.inf) for sign in (1, -1))
-    bound = np.concatenate([low.min(axis=1) - _ASIDE, high.max(axis=1) + _ASIDE], axis=1)
+    bound = np.concatenate(
+        [low.min(axis=1) - _ASIDE, high.max(axis=1) + _ASIDE], axis=1
+    )
     length = (np.linalg.norm(np.diff(point, axis=1), axis=2) * there[:, 1:]).sum(axis=1)
     find_paths(point, count, follow, bound, length, object_pose, paths, offset, chance)
     return LanePaths(paths, chance > 0, offset, chance)
@@ -76,7 +87,9 @@ def _nearest(line: Floats, x: float, y: float) -> tuple[float, float, float, flo
         if distance < least:
             least, arc, direction = distance, length + along, np.arctan2(uy, ux)
             offset = distance if ux * ry - uy * rx >= 0 else -distance
-            beyond = max(-ahead if q == 0 else 0.0, ahead - long if q == len(line) - 2 else 0.0)
+            beyond = max(
+                -ahead if q == 0 else 0.0, ahead - long if q == len(line) - 2 else 0.0
+            )
         length += long
     return arc, offset, direction, beyond
 
@@ -94,17 +107,34 @@ def _write(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
                 continue
             cos, sin, begin = ux / long, uy / long, begin + long
             while STEP * g <= begin and g < len(path):
-                path[g, 0], path[g, 1] = x - (begin - STEP * g) * cos, y - (begin - STEP * g) * sin
+                path[g, 0], path[g, 1] = (
+                    x - (begin - STEP * g) * cos,
+                    y - (begin - STEP * g) * sin,
+                )
                 g += 1
     for s in range(g, len(path)):
-        path[s, 0], path[s, 1] = x + (STEP * s - begin) * cos, y + (STEP * s - begin) * sin
+        path[s, 0], path[s, 1] = (
+            x + (STEP * s - begin) * cos,
+            y + (STEP * s - begin) * sin,
+        )
 
 
 @part
-def _trace(first: int, point: Floats, count: Ints, length: Floats, follow: Ints, path: Floats, share: Floats) -> int:
+def _trace(
+    first: int,
+    point: Floats,
+    count: Ints,
+    length: Floats,
+    follow: Ints,
+    path: Floats,
+    share: Floats,
+) -> int:
     """Write the paths [B, G, 2] from the beginning of piece ``first`` and their shares [B]; return their number."""
     reach, found, waiting = STEP * (path.shape[1] - 1), 0, 1
-    stack_row, stack_depth = np.zeros(4 * _DEPTH, np.int64), np.zeros(4 * _DEPTH, np.int64)
+    stack_row, stack_depth = (
+        np.zeros(4 * _DEPTH, np.int64),
+        np.zeros(4 * _DEPTH, np.int64),
+    )
     chain, end, part_of = np.zeros(_DEPTH, np.int64), np.zeros(_DEPTH), np.ones(_DEPTH)
     stack_row[0] = first
     while waiting:
@@ -120,7 +150,9 @@ def _trace(first: int, point: Floats, count: Ints, length: Floats, follow: Ints,
             share[found] = part_of[depth]
             found += 1
             continue
-        if part_of[depth] < branches * _LEAST:  # far away after many branches: on along the first one alone
+        if (
+            part_of[depth] < branches * _LEAST
+        ):  # far away after many branches: on along the first one alone
             branches = 1
         part_of[depth + 1] = part_of[depth] / branches
         for after in follow[row]:
@@ -131,19 +163,34 @@ def _trace(first: int, point: Floats, count: Ints, length: Floats, follow: Ints,
 
 
 @part
-def _on_lanes(point: Floats, count: Ints, bound: Floats, pose: Floats, row: Ints, match: Floats) -> int:
+def _on_lanes(
+    point: Floats, count: Ints, bound: Floats, pose: Floats, row: Ints, match: Floats
+) -> int:
     """Write the pieces [16] that an object may be on and arc length, distance and weight of each [16, 3]."""
     found = 0
     for i in range(len(count)):
         x, y = pose[0], pose[1]
-        if count[i] < 2 or x < bound[i, 0] or y < bound[i, 1] or x > bound[i, 2] or y > bound[i, 3]:
+        if (
+            count[i] < 2
+            or x < bound[i, 0]
+            or y < bound[i, 1]
+            or x > bound[i, 2]
+            or y > bound[i, 3]
+        ):
             continue
         arc, offset, direction, beyond = _nearest(point[i, : count[i]], x, y)
         turned = abs((direction - pose[2] + np.pi) % (2 * np.pi) - np.pi)
         if abs(offset) > _ASIDE or turned > _TURNED or beyond > _BEYOND:
             continue
-        weight = np.exp(-0.5 * ((offset / _SPREAD[0]) ** 2 + (turned / _SPREAD[1]) ** 2))
-        row[found], match[found, 0], match[found, 1], match[found, 2] = i, arc, offset, weight
+        weight = np.exp(
+            -0.5 * ((offset / _SPREAD[0]) ** 2 + (turned / _SPREAD[1]) ** 2)
+        )
+        row[found], match[found, 0], match[found, 1], match[found, 2] = (
+            i,
+            arc,
+            offset,
+            weight,
+        )
         found += 1
         if found == len(row):
             break
@@ -175,9 +222,16 @@ def _same(a: Floats, arc_a: float, b: Floats, arc_b: float, metres: float) -> bo
     "f8[:, ::1], f8[:, :, :, ::1], f8[:, ::1], f8[:, ::1])"
 )
 def find_paths(
-    point: Floats, count: Ints, follow: Ints, bound: Floats, length: Floats, pose: Floats,
-    paths: Floats, offset: Floats, chance: Floats,
-) -> None:  # fmt: skip
+    point: Floats,
+    count: Ints,
+    follow: Ints,
+    bound: Floats,
+    length: Floats,
+    pose: Floats,
+    paths: Floats,
+    offset: Floats,
+    chance: Floats,
+) -> None:
     """Write paths [n, most, S, 2], offsets and chances [n, most] of objects at ``pose`` [n, 4]: x y heading metres.
 
     ``point`` [L, Q, 2], ``count``, ``follow`` [L, 4], ``bound`` [L, 4], ``length``: pieces of lanes, successors, and
@@ -186,9 +240,16 @@ def find_paths(
     pieces, most, size = len(count), paths.shape[1], paths.shape[2]
     grid = size + int(length.max() / STEP) + 2 if pieces else 0
     traced, slot = np.zeros(pieces, np.int64), np.zeros(pieces, np.int64)
-    table, share, used = np.empty((pieces, _BRANCHES, grid, 2)), np.empty((pieces, _BRANCHES)), 0
+    table, share, used = (
+        np.empty((pieces, _BRANCHES, grid, 2)),
+        np.empty((pieces, _BRANCHES)),
+        0,
+    )
     row, match = np.empty(_STARTS, np.int64), np.empty((_STARTS, 3))
-    kept, arc = np.empty((_STARTS * _BRANCHES, 2), np.int64), np.empty(_STARTS * _BRANCHES)
+    kept, arc = (
+        np.empty((_STARTS * _BRANCHES, 2), np.int64),
+        np.empty(_STARTS * _BRANCHES),
+    )
     aside, weight = np.empty(_STARTS * _BRANCHES), np.empty(_STARTS * _BRANCHES)
     for n in range(len(pose)):
         starts, different = _on_lanes(point, count, bound, pose[n], row, match), 0
@@ -196,18 +257,38 @@ def find_paths(
             i = int(row[place])
             if traced[i] == 0:
                 slot[i], used = used, used + 1
-                traced[i] = _trace(i, point, count, length, follow, table[slot[i]], share[slot[i]])
+                traced[i] = _trace(
+                    i, point, count, length, follow, table[slot[i]], share[slot[i]]
+                )
             for b in range(traced[i]):
-                path, own, before = table[slot[i], b], match[place, 2] * share[slot[i], b], -1
+                path, own, before = (
+                    table[slot[i], b],
+                    match[place, 2] * share[slot[i], b],
+                    -1,
+                )
                 for d in range(different):
-                    if _same(table[kept[d, 0], kept[d, 1]], arc[d], path, match[place, 0], pose[n, 3]):
+                    if _same(
+                        table[kept[d, 0], kept[d, 1]],
+                        arc[d],
+                        path,
+                        match[place, 0],
+                        pose[n, 3],
+                    ):
                         before = d
                         break
-                if before >= 0:  # branches add up; of lanes over each other the likelier one counts
+                if (
+                    before >= 0
+                ):  # branches add up; of lanes over each other the likelier one counts
                     same_piece = kept[before, 0] == slot[i]
-                    weight[before] = weight[before] + own if same_piece else max(weight[before], own)
+                    weight[before] = (
+                        weight[before] + own if same_piece else max(weight[before], own)
+                    )
                     continue
-                kept[different, 0], kept[different, 1], arc[different] = slot[i], b, match[place, 0]
+                kept[different, 0], kept[different, 1], arc[different] = (
+                    slot[i],
+                    b,
+                    match[place, 0],
+                )
                 aside[different], weight[different] = match[place, 1], own
                 different += 1
         order = np.argsort(-weight[:different])[:most]

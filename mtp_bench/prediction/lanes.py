@@ -13,11 +13,17 @@ _ON_FOOT = ("pedestrian",)  # classes that do not follow lanes
 _PATHS = 6  # per track
 _MOVING = 1.0  # m/s; slower tracks point where their box does
 _LONGEST = 200.0  # m, of a path
-_EVEN = (0.5698402909980532, 0.7548776662466927)  # steps of a sequence that fills the unit square evenly (Roberts)
+_EVEN = (
+    0.5698402909980532,
+    0.7548776662466927,
+)  # steps of a sequence that fills the unit square evenly (Roberts)
 _FADING = 12.0  # m of the lane, over which the distance to its middle fades
 _SWERVE = 2.0  # m/s2, usual lateral acceleration in bends
 _BRAKING = 1.5  # m/s2, before bends
-_PEDAL = (0.5, 0.08)  # m/s2 and 1/s: deviation of the acceleration of one who stands, and what each m/s adds
+_PEDAL = (
+    0.5,
+    0.08,
+)  # m/s2 and 1/s: deviation of the acceleration of one who stands, and what each m/s adds
 _FASTEST = 2.5  # deviations of the fastest profile, at most
 _HARDEST = 3.0  # m/s2, braking in samples that come to a bend too fast
 
@@ -33,13 +39,23 @@ class LanePredictor(KinematicPredictor):
 
     def futures(self, frame: Frame, track: Ints, draw: Ints, samples: int) -> Floats:
         """Futures [Q, samples, T, 2], absolute x y, of tracks ``track`` [Q]; ``draw`` [Q] picks the random numbers."""
-        futures, along = super().futures(frame, track, draw, samples), round(ALONG * samples)
+        futures, along = (
+            super().futures(frame, track, draw, samples),
+            round(ALONG * samples),
+        )
         if not self._task.lanes or not along or not len(track):
             return futures
-        state, tau = self.states(frame.tracks), self._task.dt * np.arange(1, self._task.future + 1)
+        state, tau = (
+            self.states(frame.tracks),
+            self._task.dt * np.arange(1, self._task.future + 1),
+        )
         place, velocity = absolute(state)
         speed = np.linalg.norm(velocity, axis=1)
-        heading = np.where(speed > _MOVING, np.arctan2(velocity[:, 1], velocity[:, 0]), frame.tracks.box[:, 3])
+        heading = np.where(
+            speed > _MOVING,
+            np.arctan2(velocity[:, 1], velocity[:, 0]),
+            frame.tracks.box[:, 3],
+        )
         spread = _spread(state, speed, tau)
         metres = np.clip(speed * tau[-1] + _FASTEST * spread[:, -1], 2 * STEP, _LONGEST)
         on_foot = np.array([name in _ON_FOOT for name in self._task.classes])
@@ -48,15 +64,34 @@ class LanePredictor(KinematicPredictor):
         limit = np.empty(found.points.shape[:3])
         bend_limits(found.points, found.chance, limit)
         among = futures[:, :along]
-        drive(found.points, found.chance, found.offset, limit, speed, spread, track, draw, tau, among)
+        drive(
+            found.points,
+            found.chance,
+            found.offset,
+            limit,
+            speed,
+            spread,
+            track,
+            draw,
+            tau,
+            among,
+        )
         return futures
 
 
 def _spread(state: Floats, speed: Floats, tau: Floats) -> Floats:
     """Standard deviations [N, T] of the distance along the lane at the times ``tau`` [T]."""
-    place, cross, velocity = (state[:, i, None] for i in (2, 3, 4))  # Cholesky factor along the heading
+    place, cross, velocity = (
+        state[:, i, None] for i in (2, 3, 4)
+    )  # Cholesky factor along the heading
     pedal = np.maximum(state[:, 5], _PEDAL[0] + _PEDAL[1] * speed)[:, None]
-    return np.asarray(np.sqrt((place + tau * cross) ** 2 + (tau * velocity) ** 2 + (0.5 * tau**2 * pedal) ** 2))
+    return np.asarray(
+        np.sqrt(
+            (place + tau * cross) ** 2
+            + (tau * velocity) ** 2
+            + (0.5 * tau**2 * pedal) ** 2
+        )
+    )
 
 
 @kernel("void(f8[:, :, :, ::1], f8[:, ::1], f8[:, :, ::1])")
@@ -71,14 +106,26 @@ def bend_limits(paths: Floats, chance: Floats, limit: Floats) -> None:
                 a, b, c = path[max(s - 2, 0)], path[s], path[min(s + 2, len(path) - 1)]
                 ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - b[0], c[1] - b[1]
                 turn = abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
-                bend = turn / (2 * STEP) if 0 < s < len(path) - 1 else 0.0  # atan2(0, -0) is pi
+                bend = (
+                    turn / (2 * STEP) if 0 < s < len(path) - 1 else 0.0
+                )  # atan2(0, -0) is pi
                 speed[s] = np.sqrt(_SWERVE / max(bend, 1e-4))
             for s in range(len(path) - 2, -1, -1):
-                speed[s] = min(speed[s], np.sqrt(speed[s + 1] ** 2 + 2 * _BRAKING * STEP))
+                speed[s] = min(
+                    speed[s], np.sqrt(speed[s + 1] ** 2 + 2 * _BRAKING * STEP)
+                )
 
 
 @part
-def _follow(path: Floats, limit: Floats, offset: Floats, speed: float, ahead: Floats, tau: Floats, out: Floats) -> None:
+def _follow(
+    path: Floats,
+    limit: Floats,
+    offset: Floats,
+    speed: float,
+    ahead: Floats,
+    tau: Floats,
+    out: Floats,
+) -> None:
     """Write places [T, 2] on a path [S, 2] for distances ``ahead`` [T] on a straight road, slower where it bends."""
     arc, before, last, now = 0.0, 0.0, 0.0, speed
     for t in range(len(tau)):
@@ -89,7 +136,10 @@ def _follow(path: Floats, limit: Floats, offset: Floats, speed: float, ahead: Fl
         now = max(min(wanted, limit[g]), min(wanted, now - _HARDEST * period))
         arc += now * period
         g = min(int(arc / STEP), len(path) - 2)
-        ux, uy = (path[g + 1, 0] - path[g, 0]) / STEP, (path[g + 1, 1] - path[g, 1]) / STEP
+        ux, uy = (
+            (path[g + 1, 0] - path[g, 0]) / STEP,
+            (path[g + 1, 1] - path[g, 1]) / STEP,
+        )
         aside = offset * np.exp(-arc / _FADING)
         out[t, 0] = path[g, 0] + (arc - STEP * g) * ux - aside * uy
         out[t, 1] = path[g, 1] + (arc - STEP * g) * uy + aside * ux
@@ -100,9 +150,17 @@ def _follow(path: Floats, limit: Floats, offset: Floats, speed: float, ahead: Fl
     "f8[:, :, :, :])"
 )
 def drive(
-    paths: Floats, chance: Floats, offset: Floats, limit: Floats, speed: Floats, spread: Floats,
-    track: Ints, draw: Ints, tau: Floats, samples: Floats,
-) -> None:  # fmt: skip
+    paths: Floats,
+    chance: Floats,
+    offset: Floats,
+    limit: Floats,
+    speed: Floats,
+    spread: Floats,
+    track: Ints,
+    draw: Ints,
+    tau: Floats,
+    samples: Floats,
+) -> None:
     """Write samples [Q, A, T, 2] of tracks ``track`` [Q] that have paths: shares of paths, quantiles of the distance.
 
     ``paths`` [N, M, S, 2] with ``chance``, ``offset`` and ``limit``; ``speed`` [N], ``spread`` [N, T]: of the distance.
@@ -110,7 +168,10 @@ def drive(
     count, ahead = samples.shape[1], np.empty(len(tau))
     for q in range(len(track)):
         n, total, done = track[q], 0.0, 0
-        share, level = (0.5 + draw[q] * _EVEN[0]) % 1.0, (0.5 + draw[q] * _EVEN[1]) % 1.0
+        share, level = (
+            (0.5 + draw[q] * _EVEN[0]) % 1.0,
+            (0.5 + draw[q] * _EVEN[1]) % 1.0,
+        )
         for m in range(paths.shape[1]):
             if chance[n, m] <= 0:
                 break
@@ -118,8 +179,18 @@ def drive(
             upto = min(max(int(np.ceil(total * count - share - 1e-9)), done), count)
             for j in range(upto - done):
                 quantile = (j + level) / (upto - done)
-                z = min(max(np.log(quantile / (1 - quantile)) / 1.702, -_FASTEST), _FASTEST)  # nearly normal
+                z = min(
+                    max(np.log(quantile / (1 - quantile)) / 1.702, -_FASTEST), _FASTEST
+                )  # nearly normal
                 for t in range(len(tau)):
                     ahead[t] = tau[t] * speed[n] + z * spread[n, t]
-                _follow(paths[n, m], limit[n, m], offset[n, m], float(speed[n]), ahead, tau, samples[q, done + j])
+                _follow(
+                    paths[n, m],
+                    limit[n, m],
+                    offset[n, m],
+                    float(speed[n]),
+                    ahead,
+                    tau,
+                    samples[q, done + j],
+                )
             done = upto

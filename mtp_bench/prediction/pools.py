@@ -18,7 +18,14 @@ def existing(log_weight: Floats, rows: Ints) -> int:
 
 
 @part
-def pass_on(points: Floats, log_weight: Floats, rows: Ints, n: int, chosen: Floats, chosen_log_weight: Floats) -> None:
+def pass_on(
+    points: Floats,
+    log_weight: Floats,
+    rows: Ints,
+    n: int,
+    chosen: Floats,
+    chosen_log_weight: Floats,
+) -> None:
     """Copy the ``n`` samples in ``rows`` to the first rows of ``chosen`` [k, d]; mark the others absent."""
     for j in range(len(chosen)):
         for axis in range(chosen.shape[1]):
@@ -45,5 +52,7 @@ def masses(log_weight: Floats, rows: Ints, n: int, mass: Floats) -> float:
 
 def as_points(pool: Floats, log_weight: Floats) -> tuple[Floats, Floats]:
     """The pool [O, S, T, 2] as points [O, S, 2 T] and its log-weights [O, S], contiguous and writable for kernels."""
-    points = np.require(pool.reshape(*pool.shape[:2], 2 * pool.shape[2]), np.float64, ["C", "W"])
+    points = np.require(
+        pool.reshape(*pool.shape[:2], 2 * pool.shape[2]), np.float64, ["C", "W"]
+    )
     return points, np.require(log_weight, np.float64, ["C", "W"])

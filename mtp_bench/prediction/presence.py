@@ -65,7 +65,9 @@ def history_of(tracks: Tracks, observation: Observation, dt: float) -> TrackHist
     lifetime = last - first  # frames
     hits = np.maximum(valid.sum(axis=1), 1) if tracks.hits is None else tracks.hits
     age = lifetime + 1 if tracks.age is None else tracks.age
-    longer = np.minimum(np.maximum(age - hits, 0), valid.shape[1])  # not seen in all the past that is kept
+    longer = np.minimum(
+        np.maximum(age - hits, 0), valid.shape[1]
+    )  # not seen in all the past that is kept
     moved = tracks.past[:, -1, :2] - tracks.past[np.arange(n), first, :2]
     ego = np.asarray(observation.get("ego_pose", np.zeros(2)), dtype=np.float64)
     return TrackHistory(
@@ -101,26 +103,39 @@ class PresenceModel:
     def standardised(self, history: TrackHistory) -> Floats:
         """Standardised features z [N, F] of N tracks."""
         raw = np.stack([FEATURES[name](history) for name in self.features], axis=1)
-        return np.asarray((np.clip(raw, self.low, self.high) - self.center) / self.scale)
+        return np.asarray(
+            (np.clip(raw, self.low, self.high) - self.center) / self.scale
+        )
 
     def logits(self, z: Floats, class_id: Ints, classes: Sequence[str]) -> Floats:
         """Logits [N] before calibration; ``class_id`` [N] counts in ``classes``."""
         f = len(self.features)
-        own = np.array([self.classes.get(name, np.zeros(1 + f)) for name in classes])[class_id]
-        logit = self.shared[0] + z @ self.shared[1 : 1 + f] + own[:, 0] + (own[:, 1:] * z).sum(axis=1)
+        own = np.array([self.classes.get(name, np.zeros(1 + f)) for name in classes])[
+            class_id
+        ]
+        logit = (
+            self.shared[0]
+            + z @ self.shared[1 : 1 + f]
+            + own[:, 0]
+            + (own[:, 1:] * z).sum(axis=1)
+        )
         if len(self.shared) > 1 + f:
             product = np.zeros((f, f))
             product[_upper(f)] = self.shared[1 + f :]
             logit += (z @ product * z).sum(axis=1)
         return np.asarray(logit)
 
-    def probability(self, history: TrackHistory, class_id: Ints, classes: Sequence[str]) -> Floats:
+    def probability(
+        self, history: TrackHistory, class_id: Ints, classes: Sequence[str]
+    ) -> Floats:
         """Calibrated probabilities [N] of N tracks."""
         raw = logistic(self.logits(self.standardised(history), class_id, classes))
         return np.asarray(np.interp(raw, *self.knots))
 
 
-def map_scores(score: Floats, tables: ScoreTables, class_id: Ints, classes: Sequence[str]) -> Floats:
+def map_scores(
+    score: Floats, tables: ScoreTables, class_id: Ints, classes: Sequence[str]
+) -> Floats:
     """Scores [N] of another detector in place of these; those of a class without a table stay as they are."""
     mapped = np.array(score, dtype=np.float64)
     for number, name in enumerate(classes):
@@ -155,14 +170,18 @@ class LearnedPresence:
         self._task = task
         self._by_score = self._file is None and task.presence == SCORES
         if not self._by_score:
-            self._model, self._scores = read_model(self._file or Path(task.presence or file_of(task.detector)))
+            self._model, self._scores = read_model(
+                self._file or Path(task.presence or file_of(task.detector))
+            )
 
     def probability(self, tracks: Tracks, observation: Observation) -> Floats:
         """Probability [N] that each track's object is there."""
         class_id, classes = tracks.class_id, self._task.classes
         history = history_of(tracks, observation, self._task.dt)
         if self._by_score:
-            outside = history.last_score[(history.last_score < 0) | (history.last_score > 1)]
+            outside = history.last_score[
+                (history.last_score < 0) | (history.last_score > 1)
+            ]
             if len(outside):
                 raise SubmissionError(
                     f"a detection has the score {outside[0]:g}, expected [0, 1], as presence takes scores as they are; "
@@ -171,18 +190,24 @@ class LearnedPresence:
             return np.asarray(history.last_score, dtype=np.float64)
         last = map_scores(history.last_score, self._scores, class_id, classes)
         mean = map_scores(history.mean_score, self._scores, class_id, classes)
-        return self._model.probability(replace(history, last_score=last, mean_score=mean), class_id, classes)
+        return self._model.probability(
+            replace(history, last_score=last, mean_score=mean), class_id, classes
+        )
 
 
 def _increasing(rows: list[list[float]]) -> list[list[float]]:
     if len(rows) != 2 or len(rows[0]) != len(rows[1]) or len(rows[0]) < 2:
-        raise ValueError(f"lengths {[len(row) for row in rows]}, expected two lists of one length, at least 2")
+        raise ValueError(
+            f"lengths {[len(row) for row in rows]}, expected two lists of one length, at least 2"
+        )
     if any(later <= earlier for earlier, later in pairwise(rows[0])):
         raise ValueError("expected a first list whose numbers rise")
     return rows
 
 
-Table = Annotated[list[list[float]], AfterValidator(_increasing)]  # [2, n] input and output, n >= 2
+Table = Annotated[
+    list[list[float]], AfterValidator(_increasing)
+]  # [2, n] input and output, n >= 2
 _Probability = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -200,7 +225,9 @@ class ModelFile(Section):
 
     detector: str = ""
     terms: str = ""
-    fitted_on: list[Origin] = Field(default_factory=list)  # manifests of agents state those that are scored
+    fitted_on: list[Origin] = Field(
+        default_factory=list
+    )  # manifests of agents state those that are scored
     features: Annotated[list[str], Field(min_length=1)]  # F
     low: list[float]  # [F]
     high: list[float]  # [F]
@@ -209,25 +236,38 @@ class ModelFile(Section):
     shared: list[float]  # [1 + F] or [1 + F + F (F + 1) / 2]
     classes: dict[str, list[float]]  # [1 + F] each
     knots: Annotated[list[list[_Probability]], AfterValidator(_increasing)]
-    held_out: dict[str, Any] = Field(default_factory=dict)  # quality on scenes outside its fit
-    score_map: dict[str, Table] = Field(default_factory=dict)  # per class; scores are mapped by it first
+    held_out: dict[str, Any] = Field(
+        default_factory=dict
+    )  # quality on scenes outside its fit
+    score_map: dict[str, Table] = Field(
+        default_factory=dict
+    )  # per class; scores are mapped by it first
 
     @model_validator(mode="after")
     def _lengths_fit(self) -> Self:
         f = len(self.features)
-        rows = {name: (getattr(self, name), [f]) for name in ("low", "high", "center", "scale")}
+        rows = {
+            name: (getattr(self, name), [f])
+            for name in ("low", "high", "center", "scale")
+        }
         rows["shared"] = (self.shared, [1 + f, 1 + f + f * (f + 1) // 2])
-        rows |= {f"classes.{name}": (row, [1 + f]) for name, row in self.classes.items()}
+        rows |= {
+            f"classes.{name}": (row, [1 + f]) for name, row in self.classes.items()
+        }
         for name, (row, lengths) in rows.items():
             if len(row) not in lengths:
                 expected = " or ".join(map(str, lengths))
-                raise ValueError(f"{name} has {len(row)} numbers, expected {expected} for {f} features")
+                raise ValueError(
+                    f"{name} has {len(row)} numbers, expected {expected} for {f} features"
+                )
         return self
 
 
 def read_file(path: Path) -> ModelFile:
     """The content of a file; raises SubmissionError, naming the file and the key, if it is not a presence model."""
-    return validate(ModelFile, read_json(path, SubmissionError), str(path), SubmissionError)
+    return validate(
+        ModelFile, read_json(path, SubmissionError), str(path), SubmissionError
+    )
 
 
 def file_of(detector: str) -> Path:
@@ -250,8 +290,15 @@ def _read_state(path: Path, changed: int) -> tuple[PresenceModel, ScoreTables]:
     content = read_file(path)
     for name in content.features:
         if name not in FEATURES:
-            raise SubmissionError(f"{path}: unknown feature {name!r}{nearest(name, tuple(FEATURES))}")
-    arrays = {key: np.array(getattr(content, key)) for key in ("low", "high", "center", "scale", "shared", "knots")}
+            raise SubmissionError(
+                f"{path}: unknown feature {name!r}{nearest(name, tuple(FEATURES))}"
+            )
+    arrays = {
+        key: np.array(getattr(content, key))
+        for key in ("low", "high", "center", "scale", "shared", "knots")
+    }
     classes = {name: np.array(row) for name, row in content.classes.items()}
     tables = {name: np.array(rows) for name, rows in content.score_map.items()}
-    return PresenceModel(features=tuple(content.features), classes=classes, **arrays), tables
+    return PresenceModel(
+        features=tuple(content.features), classes=classes, **arrays
+    ), tables

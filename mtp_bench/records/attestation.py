@@ -50,7 +50,9 @@ class Attestation(Section):
     signature: Annotated[str, Field(max_length=MOST_SIGNATURE)]
 
 
-class _Attested(Section, extra="ignore"):  # the file of a record, of which the level alone is read
+class _Attested(
+    Section, extra="ignore"
+):  # the file of a record, of which the level alone is read
     level: Attestation | None = None
 
 
@@ -92,8 +94,18 @@ class Checked:
         env, scenes = self.record.env, (scene.scene for scene in self.record.per_scene)
         public = (env.split, env.data_manifest, *scenes)
         of = (sums.commitment, sums.weights) if isinstance(sums, HiddenPart) else public
-        rows = tuple((row.targets, row.objects, round(row.effective_objects, 6)) for row in sums.rows[: len(SUBSETS)])
-        return (*of, rows, tuple(tuple(round(w, 6) for w in sums.unit_weight(subset)) for subset in SUBSETS))
+        rows = tuple(
+            (row.targets, row.objects, round(row.effective_objects, 6))
+            for row in sums.rows[: len(SUBSETS)]
+        )
+        return (
+            *of,
+            rows,
+            tuple(
+                tuple(round(w, 6) for w in sums.unit_weight(subset))
+                for subset in SUBSETS
+            ),
+        )
 
     def sums_on(self, subset: Subset) -> UnitSums:
         """Return the ranking sums over the units of the targets of a subset."""
@@ -115,12 +127,20 @@ def write_level(path: Path, statement: Statement, key: Path, signer: str) -> Non
     Raises MtpBenchError if ssh-keygen is missing or refuses the key, or the file cannot be read or written.
     """
     said = statement.model_dump(mode="json")
-    level = {"statement": said, "signer": signer, "signature": sign(canonical(said), key)}
-    content = read_json(path, RecordError, most=MOST_BYTES) | {"level": level}  # now: to sign may have taken minutes
+    level = {
+        "statement": said,
+        "signer": signer,
+        "signature": sign(canonical(said), key),
+    }
+    content = read_json(path, RecordError, most=MOST_BYTES) | {
+        "level": level
+    }  # now: to sign may have taken minutes
     write_text(path.resolve(), text_of(content, path))
 
 
-def read_level(path: Path, record: Record, trust: Trust) -> tuple[SignedLevel | None, str]:
+def read_level(
+    path: Path, record: Record, trust: Trust
+) -> tuple[SignedLevel | None, str]:
     """The level in the file ``path`` of a record, or None and the reason; the reason is empty without a level.
 
     Never raises for what the file holds: a level that cannot be trusted is not a level.
@@ -130,7 +150,11 @@ def read_level(path: Path, record: Record, trust: Trust) -> tuple[SignedLevel | 
         if (signed := parse_as(_Attested, text, name).level) is None:
             return None, ""
         trust.check_once(lambda: _require_signed(signed, text, name, trust), text)
-        return SignedLevel(signed.statement, signed.signer, _seal_of(name, signed.statement, record, trust)), ""
+        return SignedLevel(
+            signed.statement,
+            signed.signer,
+            _seal_of(name, signed.statement, record, trust),
+        ), ""
     except RecordError as error:
         return None, str(error)
 
@@ -138,24 +162,41 @@ def read_level(path: Path, record: Record, trust: Trust) -> tuple[SignedLevel | 
 def _require_signed(signed: Attestation, text: str, name: str, trust: Trust) -> None:
     """Raise RecordError unless the level in the ``text`` of a record is signed, and of that record."""
     content = parse_json(text, name, RecordError)
-    why = trust.why_not_signed(canonical(content["level"]["statement"]), signed.signature, signed.signer)
+    why = trust.why_not_signed(
+        canonical(content["level"]["statement"]), signed.signature, signed.signer
+    )
     if why:
         raise RecordError(f"{name}: level: not signed by a trusted key: {why}")
-    if (signed.statement.record, signed.statement.measured) != (content_digest(content), measured_digest(content)):
-        raise RecordError(f"{name}: level: of another record, or of an earlier version of it")
+    if (signed.statement.record, signed.statement.measured) != (
+        content_digest(content),
+        measured_digest(content),
+    ):
+        raise RecordError(
+            f"{name}: level: of another record, or of an earlier version of it"
+        )
 
 
-def _seal_of(name: str, statement: Statement, record: Record, trust: Trust) -> ListedSeal | None:
+def _seal_of(
+    name: str, statement: Statement, record: Record, trust: Trust
+) -> ListedSeal | None:
     """The seal of hidden scenes; RecordError if the results do not fit it, or each other."""
     hidden = statement.hidden
     if (hidden is None) != (statement.level != "hidden"):
-        raise RecordError(f"{name}: level {statement.level!r} {'with' if hidden else 'without'} hidden scenes")
+        raise RecordError(
+            f"{name}: level {statement.level!r} {'with' if hidden else 'without'} hidden scenes"
+        )
     if hidden is None:
         return None
     listed = trust.listed.get(hidden.commitment)
     if listed is None:
-        raise RecordError(f"{name}: level: its hidden scenes are of no seal in {trust.seals}")
-    if (listed.env, listed.card_digest, listed.count) != (record.env.id, record.env.card_digest, hidden.scenes):
+        raise RecordError(
+            f"{name}: level: its hidden scenes are of no seal in {trust.seals}"
+        )
+    if (listed.env, listed.card_digest, listed.count) != (
+        record.env.id,
+        record.env.card_digest,
+        hidden.scenes,
+    ):
         raise RecordError(
             f"{name}: level: {hidden.scenes} hidden scenes of {record.env.id} with card {record.env.card_digest}, the "
             f"seal {listed.name!r} is of {listed.count} of {listed.env} with card {listed.card_digest}"

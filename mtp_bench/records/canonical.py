@@ -12,12 +12,22 @@ from pydantic import AfterValidator, Field
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 _YYYY_MM_DD = Field(pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}$")
-Date = Annotated[str, _YYYY_MM_DD, AfterValidator(lambda text: datetime.date.fromisoformat(text).isoformat())]
+Date = Annotated[
+    str,
+    _YYYY_MM_DD,
+    AfterValidator(lambda text: datetime.date.fromisoformat(text).isoformat()),
+]
 
 
 def canonical(content: Any) -> bytes:
     """JSON with sorted keys and no spaces, UTF-8. Raises ValueError for NaN and for half of a surrogate pair."""
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    text = json.dumps(
+        content,
+        sort_keys=True,
+        separators=(",", ":"),
+        ensure_ascii=False,
+        allow_nan=False,
+    )
     return text.encode()
 
 
@@ -28,7 +38,9 @@ def digest_of(content: Any) -> str:
 
 def today(days: int = 0) -> str:
     """Today's date in UTC, as YYYY-MM-DD, or that of some ``days`` later."""
-    return (datetime.datetime.now(datetime.UTC).date() + datetime.timedelta(days)).isoformat()
+    return (
+        datetime.datetime.now(datetime.UTC).date() + datetime.timedelta(days)
+    ).isoformat()
 
 
 def rounded(value: Any) -> Any:
@@ -57,7 +69,11 @@ def differences(where: str, recorded: Any, found: Any) -> Iterator[Difference]:
         for name in dict.fromkeys([*recorded, *found]):
             path = f"{where}.{name}" if where else name
             yield from differences(path, recorded.get(name), found.get(name))
-    elif isinstance(recorded, list) and isinstance(found, list) and len(recorded) == len(found):
+    elif (
+        isinstance(recorded, list)
+        and isinstance(found, list)
+        and len(recorded) == len(found)
+    ):
         for index, (one, other) in enumerate(zip(recorded, found, strict=True)):
             yield from differences(f"{where}[{index}]", one, other)
     elif not _equal(recorded, found):
@@ -65,6 +81,9 @@ def differences(where: str, recorded: Any, found: Any) -> Iterator[Difference]:
 
 
 def _equal(recorded: Any, found: Any) -> bool:
-    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in (recorded, found)):
+    if all(
+        isinstance(value, int | float) and not isinstance(value, bool)
+        for value in (recorded, found)
+    ):
         return math.isclose(recorded, found, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
     return type(recorded) is type(found) and bool(recorded == found)

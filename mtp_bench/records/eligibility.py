@@ -18,7 +18,14 @@ from ..scoring.weights import scene_key
 from .attestation import Checked, SignedLevel
 from .evaluation import scorer_digest
 from .record import LimitsPart, Record, ScenePart
-from .shipped import FOR_BASELINES, Shipped, baseline_digest, baselines, earlier_scorers, shipped
+from .shipped import (
+    FOR_BASELINES,
+    Shipped,
+    baseline_digest,
+    baselines,
+    earlier_scorers,
+    shipped,
+)
 
 SEEDS = (0, 1, 2)
 LEAST_HIDDEN = 50  # hidden scenes that rank
@@ -27,7 +34,9 @@ MOST_SETTINGS = 100  # characters of a reason that quotes settings
 Ships = Callable[[str], Shipped | None]
 
 
-def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships = shipped) -> str | None:
+def why_unranked(
+    record: Record, level: SignedLevel | None = None, ships: Ships = shipped
+) -> str | None:
     """Reason why a record is shown without a rank, in a few words; None if it is ranked.
 
     ``level``: its signed level; ``ships``: the shipped env of an id.
@@ -56,7 +65,10 @@ def why_not_genuine(record: Record) -> str | None:
 def why_scored_otherwise(record: Record) -> str | None:
     """Reason why the scorer of a record gives other numbers than today's; None if it gives the same."""
     definitions = record.scorer.definitions
-    if (definitions, record.scorer.source_digest) == (DEFINITIONS, scorer_digest()) or _scored_before(record):
+    if (definitions, record.scorer.source_digest) == (
+        DEFINITIONS,
+        scorer_digest(),
+    ) or _scored_before(record):
         return None
     if definitions != DEFINITIONS:
         return f"scored by definitions {definitions}, today's are {DEFINITIONS}"
@@ -65,7 +77,11 @@ def why_scored_otherwise(record: Record) -> str | None:
 
 def _scored_before(record: Record) -> bool:
     """Return True if an earlier scorer with today's numbers made the record."""
-    return (record.env.id, record.scorer.source_digest, record.reference.hash) in earlier_scorers()
+    return (
+        record.env.id,
+        record.scorer.source_digest,
+        record.reference.hash,
+    ) in earlier_scorers()
 
 
 def may_observe(record: Record) -> bool:
@@ -74,13 +90,22 @@ def may_observe(record: Record) -> bool:
     return record.env.observe != "associated" or known == record.submission.digest
 
 
-def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) -> dict[str, str]:
+def taken_names(
+    records: Sequence[Record], levels: Mapping[str, SignedLevel]
+) -> dict[str, str]:
     """Reason why records of one env are not ranked because another submission has their name: by digest of the record.
 
     Of several submissions with one name, the only one with a signed level keeps it; without such a one, none does.
     """
-    genuine = [(each.submission.name, each) for each in records if why_not_genuine(each) is None]
-    owners, signed = defaultdict[str, set[str]](set), defaultdict[str, set[str]](set)  # digests of submissions by name
+    genuine = [
+        (each.submission.name, each)
+        for each in records
+        if why_not_genuine(each) is None
+    ]
+    owners, signed = (
+        defaultdict[str, set[str]](set),
+        defaultdict[str, set[str]](set),
+    )  # digests of submissions by name
     for name, record in genuine:
         owners[name].add(record.submission.digest)
         signed[name] |= {record.submission.digest} if record.digest in levels else set()
@@ -101,7 +126,9 @@ def held_back(one: Checked, truths: Sequence[Checked]) -> str | None:
     looked_at = one.signed is not None and one.signed.statement.looked_at
     if one.on_hidden or looked_at or not truths:
         return None
-    ranked: Iterator[Subset] = (subset for subset in SUBSETS if why_not_on(subset, one.sums_on(subset)) is None)
+    ranked: Iterator[Subset] = (
+        subset for subset in SUBSETS if why_not_on(subset, one.sums_on(subset)) is None
+    )
 
     def is_better(truth: Checked, subset: Subset) -> bool:
         difference = one.minus(truth, subset)
@@ -114,7 +141,9 @@ def held_back(one: Checked, truths: Sequence[Checked]) -> str | None:
 def _reasons(record: Record, ships: Ships) -> Iterator[str]:
     env, known = record.env, ships(record.env.id)
     yield from _unlike_shipped(record, known)
-    if not record.reference.frozen and not _scored_before(record):  # some weights were frozen later
+    if not record.reference.frozen and not _scored_before(
+        record
+    ):  # some weights were frozen later
         yield "other event weights than the frozen ones"
     if record.seeds != list(SEEDS):
         yield f"seeds {', '.join(map(str, record.seeds))}, ranks need {', '.join(map(str, SEEDS))}"
@@ -131,7 +160,11 @@ def _why_not_on_hidden(known: Shipped | None, level: SignedLevel | None) -> str 
     if level is None or (hidden := level.statement.hidden) is None:
         return NOT_ON_HIDDEN
     few = hidden.scenes < LEAST_HIDDEN
-    return f"scored on {hidden.scenes} hidden scenes, ranks need {LEAST_HIDDEN}" if few else None
+    return (
+        f"scored on {hidden.scenes} hidden scenes, ranks need {LEAST_HIDDEN}"
+        if few
+        else None
+    )
 
 
 def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
@@ -153,16 +186,29 @@ def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
     if env.card_digest != known.card:
         yield f"card {env.card_digest}, the one that ships is {known.card}"
     given = env.keywords.items()
-    other = [f"{name} {value!r}" for name, value in given if (name, value) != ("samples", known.samples)]
+    other = [
+        f"{name} {value!r}"
+        for name, value in given
+        if (name, value) != ("samples", known.samples)
+    ]
     if other:
         yield f"other settings of the env: {clean_text(', '.join(other), MOST_SETTINGS)}"
-    if record.samples != known.samples or any(row.budget != "equal" for row in record.rows):
+    if record.samples != known.samples or any(
+        row.budget != "equal" for row in record.rows
+    ):
         yield f"{record.samples} samples per object, not the env's own k"
     if record.reference.hash != known.weights:
         yield "other event weights than the frozen ones"
     if env.scenes != len(known.sums):
         yield f"{env.scenes} of {len(known.sums)} scenes"
-    unlike = next((scene for scene in record.per_scene if not _has_weights_of(known, env.id, scene)), None)
+    unlike = next(
+        (
+            scene
+            for scene in record.per_scene
+            if not _has_weights_of(known, env.id, scene)
+        ),
+        None,
+    )
     if unlike is not None:
         yield f"scene {unlike.scene!r} has other targets than its frozen event weights"
 
@@ -170,5 +216,8 @@ def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
 def _has_weights_of(known: Shipped, env_id: str, scene: ScenePart) -> bool:
     sums = known.sums.get(scene_key(env_id, scene.scene))
     return sums is not None and all(
-        math.isclose(sum(scene.weight[subset]), sums[subset], rel_tol=1e-6, abs_tol=1e-6) for subset in SUBSETS
+        math.isclose(
+            sum(scene.weight[subset]), sums[subset], rel_tol=1e-6, abs_tol=1e-6
+        )
+        for subset in SUBSETS
     )

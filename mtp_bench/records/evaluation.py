@@ -10,7 +10,14 @@ import numpy as np
 from ..cards import Card
 from ..parallel import Workers, parallel_map
 from ..running.options import RunOptions
-from ..scoring import AgentScores, Reference, SceneScore, score_scene, stated_hypotheses, summarise
+from ..scoring import (
+    AgentScores,
+    Reference,
+    SceneScore,
+    score_scene,
+    stated_hypotheses,
+    summarise,
+)
 from ..scoring.definitions import DEFINITIONS, GOLDEN, KNOWN_SUBSETS, SUBSETS, Subset
 from ..scoring.driving import AgentDrives, driving_rows, scene_score
 from ..scoring.rows import Row
@@ -20,15 +27,45 @@ from ..sources import open_source
 from ..sources.cache import scene_digest
 from ..types import Rollout
 from .canonical import rounded
-from .record import DrivingPart, MissedPart, ReferencePart, ScenePart, ScorerPart, Status
+from .record import (
+    DrivingPart,
+    MissedPart,
+    ReferencePart,
+    ScenePart,
+    ScorerPart,
+    Status,
+)
 
-_OF_RECORD = ("hypotheses", "rows", "nothing_predicted", "details", "per_scene", "driving")  # same name
+_OF_RECORD = (
+    "hypotheses",
+    "rows",
+    "nothing_predicted",
+    "details",
+    "per_scene",
+    "driving",
+)  # same name
 LEFT_OUT = (  # fields of a row that depend on other records, or are measured
-    "place", "rank_range", "unranked_because", "gap_closed", "gap_interval", "gap_closed_same_predictor",
-    "gap_same_predictor_interval", "association_gap_closed", "association_gap_interval", "gap_blank_because",
-    "association_gap_blank_because", "ms_per_frame",
-)  # fmt: skip
-_COUNTS = ("targets", "effective_targets", "objects", "effective_objects", "scenes", "effective_units")  # of a row
+    "place",
+    "rank_range",
+    "unranked_because",
+    "gap_closed",
+    "gap_interval",
+    "gap_closed_same_predictor",
+    "gap_same_predictor_interval",
+    "association_gap_closed",
+    "association_gap_interval",
+    "gap_blank_because",
+    "association_gap_blank_because",
+    "ms_per_frame",
+)
+_COUNTS = (
+    "targets",
+    "effective_targets",
+    "objects",
+    "effective_objects",
+    "scenes",
+    "effective_units",
+)  # of a row
 Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same order
 
 
@@ -41,7 +78,9 @@ class Evaluation:
     details: dict[str, Any]  # as JSON
     per_scene: list[ScenePart]
     reference: Reference
-    scene_digests: tuple[str, ...]  # of the data that was scored, in the order of the scenes
+    scene_digests: tuple[
+        str, ...
+    ]  # of the data that was scored, in the order of the scenes
     truth_complete: bool
     hypotheses: int
     ms_per_frame: float | None
@@ -52,7 +91,9 @@ class Evaluation:
         """Hex sha256 over the digests of the scenes, in their order."""
         return hashlib.sha256("\n".join(self.scene_digests).encode()).hexdigest()
 
-    def record_parts(self, missed: MissedPart, runs: int, scenes_of_split: int) -> dict[str, Any]:
+    def record_parts(
+        self, missed: MissedPart, runs: int, scenes_of_split: int
+    ) -> dict[str, Any]:
         """Fields of a record that follow from the evaluation, under today's scorer: its numbers and its status.
 
         ``missed`` in ``runs`` (scenes x seeds); ``scenes_of_split``: number of scenes of the split.
@@ -61,9 +102,14 @@ class Evaluation:
         weights = self.reference
         return {
             "reference": ReferencePart(
-                name=weights.agent, hash=weights.digest, origin=weights.origin, frozen=weights.frozen
+                name=weights.agent,
+                hash=weights.digest,
+                origin=weights.origin,
+                frozen=weights.frozen,
             ),
-            "scorer": ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
+            "scorer": ScorerPart(
+                definitions=DEFINITIONS, source_digest=scorer_digest()
+            ),
             "status": status,
             "status_reason": reason,
             **{name: getattr(self, name) for name in _OF_RECORD},
@@ -89,10 +135,15 @@ def evaluate(
     """
     if card.drive is not None:
         return _evaluate_drives(agent, card, runs, reference, hypotheses)
-    calls = [(card, options.data, rollouts) for rollouts in zip(*runs.values(), strict=True)]
+    calls = [
+        (card, options.data, rollouts) for rollouts in zip(*runs.values(), strict=True)
+    ]
     workers = Workers(options.workers.count)
     scored: list[tuple[str, tuple[SceneScore, ...]]] = parallel_map(
-        _score_scene, calls, workers, lambda place: options.progress.done(calls[place][2][0].scene)
+        _score_scene,
+        calls,
+        workers,
+        lambda place: options.progress.done(calls[place][2][0].scene),
     )
     seeds = tuple(zip(*(scores for _, scores in scored), strict=True))
     samples = next(iter(runs.values()))[0].forecast.shape[1]
@@ -120,42 +171,76 @@ def evaluate(
     )
 
 
-def _evaluate_drives(agent: str, card: Card, runs: Runs, reference: Reference, hypotheses: int | None) -> Evaluation:
+def _evaluate_drives(
+    agent: str, card: Card, runs: Runs, reference: Reference, hypotheses: int | None
+) -> Evaluation:
     """Score the drives of rollouts by the ways of ``reference``. Worlds react to agents: digests are of ways alone."""
     every = [rollout for rollouts in runs.values() for rollout in rollouts]
     ways = reference.ways(rollout.scene for rollout in every)
-    drives = {name: [each.drive for each in every if each.scene == name and each.drive is not None] for name in ways}
+    drives = {
+        name: [
+            each.drive
+            for each in every
+            if each.scene == name and each.drive is not None
+        ]
+        for name in ways
+    }
     (driving,) = driving_rows([AgentDrives(agent, drives)], ways)
-    scores = [[scene_score(drive, ways[name]) for drive in own] for name, own in drives.items()]
+    scores = [
+        [scene_score(drive, ways[name]) for drive in own]
+        for name, own in drives.items()
+    ]
     errors = rounded([1.0 - float(np.mean(own)) for own in scores])
-    stated = max(int(np.isfinite(each.hypothesis_log_weight).sum(axis=1).max(initial=0)) for each in every)
+    stated = max(
+        int(np.isfinite(each.hypothesis_log_weight).sum(axis=1).max(initial=0))
+        for each in every
+    )
     samples = every[0].forecast.shape[1]
     blank = {**dict.fromkeys(Row.model_fields), **dict.fromkeys(_COUNTS, 0)} | {
-        "agent": agent, "hypotheses": hypotheses or stated, "samples": samples, "seeds": len(runs),
+        "agent": agent,
+        "hypotheses": hypotheses or stated,
+        "samples": samples,
+        "seeds": len(runs),
         "budget": "equal" if samples == card.task.samples else "free",
-    }  # fmt: skip
+    }
     interval = bootstrap_interval(errors, np.ones(len(errors)))
-    of_all = {**dict.fromkeys(_COUNTS, len(errors)), "error": float(np.mean(errors)), "interval": interval}
-    rows = [Row.model_validate({**blank, "subset": each, **(of_all if each == "all" else {})}) for each in SUBSETS]
+    of_all = {
+        **dict.fromkeys(_COUNTS, len(errors)),
+        "error": float(np.mean(errors)),
+        "interval": interval,
+    }
+    rows = [
+        Row.model_validate(
+            {**blank, "subset": each, **(of_all if each == "all" else {})}
+        )
+        for each in SUBSETS
+    ]
     none: dict[Subset, list[float]] = {subset: [0.0] for subset in SUBSETS}
     return Evaluation(
         rows=[_stored(row) for row in rows],
         nothing_predicted=None,
         details={},
         per_scene=[
-            ScenePart(scene=name, weight={**none, "all": [1.0]}, error={**none, "all": [error]})
+            ScenePart(
+                scene=name,
+                weight={**none, "all": [1.0]},
+                error={**none, "all": [error]},
+            )
             for name, error in zip(ways, errors, strict=True)
         ],
         reference=reference,
         scene_digests=tuple(f"{name} {way}" for name, way in ways.items()),
         truth_complete=True,
         hypotheses=hypotheses or stated,
-        ms_per_frame=1e3 * float(np.concatenate([rollout.seconds for rollout in every]).mean()),
+        ms_per_frame=1e3
+        * float(np.concatenate([rollout.seconds for rollout in every]).mean()),
         driving=DrivingPart(**rounded(driving.model_dump()), scores=rounded(scores)),
     )
 
 
-def status_of(scenes: int, scenes_of_split: int, missed: MissedPart, runs: int) -> tuple[Status, str]:
+def status_of(
+    scenes: int, scenes_of_split: int, missed: MissedPart, runs: int
+) -> tuple[Status, str]:
     """Status of a record of ``scenes`` of a split and its reason, by what was ``missed`` in ``runs`` (scenes x seeds).
 
     An agent that broke the rules of the gateway in any run is rejected.
@@ -164,7 +249,9 @@ def status_of(scenes: int, scenes_of_split: int, missed: MissedPart, runs: int) 
         if reason.startswith("rejected: "):
             return "rejected", f"{key}: {reason.removeprefix('rejected: ')}"
     if runs and missed.crashed_scenes == runs:
-        return "crashed", ": ".join(["no scene was finished", *list(missed.reasons.values())[:1]])
+        return "crashed", ": ".join(
+            ["no scene was finished", *list(missed.reasons.values())[:1]]
+        )
     if scenes < scenes_of_split:
         return "partial", f"{scenes} of {scenes_of_split} scenes"
     return "finished", ""
@@ -175,7 +262,9 @@ def scorer_digest(definitions: str = DEFINITIONS, golden: str = GOLDEN) -> str:
     return hashlib.sha256(f"{definitions}\n{golden}".encode()).hexdigest()
 
 
-def per_scene_of(table: AgentTable, subsets: Sequence[Subset] = SUBSETS) -> list[ScenePart]:
+def per_scene_of(
+    table: AgentTable, subsets: Sequence[Subset] = SUBSETS
+) -> list[ScenePart]:
     """Sums of each unit on ``subsets``; the units of a scene are consecutive."""
     scores = table.setting.seeds[0]
     ends = np.cumsum([score.units for score in scores])[:-1]
@@ -192,10 +281,14 @@ def per_scene_of(table: AgentTable, subsets: Sequence[Subset] = SUBSETS) -> list
     ]
 
 
-def _score_scene(card: Card, data: str | None, rollouts: Sequence[Rollout]) -> tuple[str, tuple[SceneScore, ...]]:
+def _score_scene(
+    card: Card, data: str | None, rollouts: Sequence[Rollout]
+) -> tuple[str, tuple[SceneScore, ...]]:
     """Digest and scores, one per seed, of one scene."""
     scene = open_source(card, data).load(rollouts[0].scene)
-    return scene_digest(scene), tuple(score_scene(scene, rollout, card) for rollout in rollouts)
+    return scene_digest(scene), tuple(
+        score_scene(scene, rollout, card) for rollout in rollouts
+    )
 
 
 def _stored(row: Row) -> Row:

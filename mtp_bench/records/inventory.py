@@ -33,7 +33,9 @@ class Piece:
         return sum(path.stat().st_size for path in files if path.is_file())
 
 
-def inventory(env_ids: Sequence[str] = (), names: Sequence[str] = (), folder: Path | None = None) -> list[Piece]:
+def inventory(
+    env_ids: Sequence[str] = (), names: Sequence[str] = (), folder: Path | None = None
+) -> list[Piece]:
     """The records of a leaderboard as they are made: recorded envs first; STP and ground-truth tracks before others.
 
     Submissions that observe stored tracks are left out. ``env_ids``: only these environments, ``names``: only these
@@ -43,10 +45,16 @@ def inventory(env_ids: Sequence[str] = (), names: Sequence[str] = (), folder: Pa
     shipped = {env_id: load_card(env_id) for env_id in card_ids()}
     recordable = [env_id for env_id, card in shipped.items() if card.drive is None]
     cards = {env_id: load_card(env_id) for env_id in env_ids or recordable}
-    ordered = sorted(names or baseline_names(), key=lambda name: (name != STP, name != TRUTH, name))
+    ordered = sorted(
+        names or baseline_names(), key=lambda name: (name != STP, name != TRUTH, name)
+    )
     submissions = [load_submission(name) for name in ordered]
     return [
-        Piece(each, env_id, record_path(each, cards[env_id], (folder or RECORDS) / each.name))
+        Piece(
+            each,
+            env_id,
+            record_path(each, cards[env_id], (folder or RECORDS) / each.name),
+        )
         for env_id in sorted(cards, key=lambda env_id: cards[env_id].simulated)
         for each in submissions
         if each.compare.observe != "tracks"
@@ -71,7 +79,12 @@ def why_impossible(piece: Piece, data: str | None = None) -> str | None:
     submission = piece.submission
     if submission.path.parent != bundled("baselines"):
         return None
-    task = agent_task(MTPEnv(piece.env, evaluation=True, data=data, observe=submission.compare.observe), 0)
+    task = agent_task(
+        MTPEnv(
+            piece.env, evaluation=True, data=data, observe=submission.compare.observe
+        ),
+        0,
+    )
     try:
         submission.build(task, **submission.parameters).reset(task)
     except MtpBenchError as error:

@@ -16,7 +16,15 @@ import numpy as np
 
 from ..env.rollouts import ARRAYS, drive_arrays, drive_of
 from ..errors import MtpBenchError, RecordError
-from ..files import clean_text, describe_write_error, file_stem, locked, make_folder, remove_leftovers, write_text
+from ..files import (
+    clean_text,
+    describe_write_error,
+    file_stem,
+    locked,
+    make_folder,
+    remove_leftovers,
+    write_text,
+)
 from ..gateway import Isolation, SceneRun
 from ..sources.cache import read_arrays, write_arrays
 from ..strict import read_json
@@ -42,7 +50,9 @@ class Parts:
         further = {name: arrays.pop(name) for name in arrays.keys() - ARRAYS.keys()}
         try:
             rollout = Rollout(scene, **arrays, drive=drive_of(further))
-            return SceneRun(rollout, **{**fields, "isolation": Isolation(**fields["isolation"])})
+            return SceneRun(
+                rollout, **{**fields, "isolation": Isolation(**fields["isolation"])}
+            )
         except (KeyError, TypeError, ValueError):  # other fields
             return None
 
@@ -51,13 +61,21 @@ class Parts:
         path = self._path(seed, run.rollout.scene)
         fields = {**vars(run), "isolation": run.isolation.model_dump()}
         del fields["rollout"]
-        arrays = {name: np.asarray(getattr(run.rollout, name), dtype) for name, (dtype, _) in ARRAYS.items()}
+        arrays = {
+            name: np.asarray(getattr(run.rollout, name), dtype)
+            for name, (dtype, _) in ARRAYS.items()
+        }
         try:
             path.parent.mkdir(exist_ok=True)
-            arrays |= {**drive_arrays(run.rollout.drive), _OTHER_FIELDS: np.array(json.dumps(fields))}
+            arrays |= {
+                **drive_arrays(run.rollout.drive),
+                _OTHER_FIELDS: np.array(json.dumps(fields)),
+            }
             write_arrays(path, arrays, level=0)  # kept for minutes
         except OSError as error:
-            raise MtpBenchError(f"cannot write {path}: {describe_write_error(error)}") from None
+            raise MtpBenchError(
+                f"cannot write {path}: {describe_write_error(error)}"
+            ) from None
 
     def _path(self, seed: int, scene: str) -> Path:
         return seed_folder(self.folder, seed) / f"{file_stem(scene)}.npz"
@@ -81,7 +99,9 @@ def open_parts(target: Path, plan: dict[str, Any], resume: bool) -> Iterator[Par
             yield Parts(folder)
         except BaseException as error:
             if count_parts(target):
-                error.add_note("the scenes finished before are kept: --resume continues")
+                error.add_note(
+                    "the scenes finished before are kept: --resume continues"
+                )
             else:
                 _remove(folder)
             raise
@@ -101,7 +121,10 @@ def require_new(target: Path) -> None:
 
 def count_parts(target: Path) -> int:
     """Number of finished scenes, over all seeds, that an interrupted command left beside the record at ``target``."""
-    return sum(not path.name.startswith(".") for path in target.with_suffix(PARTS).glob("seed-*/*.npz"))
+    return sum(
+        not path.name.startswith(".")
+        for path in target.with_suffix(PARTS).glob("seed-*/*.npz")
+    )
 
 
 def _remove(folder: Path) -> None:
@@ -123,7 +146,9 @@ def _require_plan(folder: Path, plan: dict[str, Any]) -> None:
     stored = read_json(path, RecordError)
     for name in {**stored, **wanted}:
         if stored.get(name) != wanted.get(name):
-            got, expected = (clean_text(json.dumps(side.get(name)), 100) for side in (wanted, stored))
+            got, expected = (
+                clean_text(json.dumps(side.get(name)), 100) for side in (wanted, stored)
+            )
             raise RecordError(
                 f"{folder} was begun with another plan: {name} is {got}, there it is {expected}; submit as then, or "
                 "delete that folder"

@@ -12,11 +12,29 @@ from typing import Any, TypeVar
 from .. import notice
 from .._bundle import baseline_names
 from ..scoring.definitions import SUBSETS, Subset
-from ..scoring.rank import NO_GAP, NOT_KINEMATIC, SAW_TRUTH, UNSTATED, GapPairs, Pair, Place, guard, places_on
+from ..scoring.rank import (
+    NO_GAP,
+    NOT_KINEMATIC,
+    SAW_TRUTH,
+    UNSTATED,
+    GapPairs,
+    Pair,
+    Place,
+    guard,
+    places_on,
+)
 from ..scoring.statistics import PairedDifference
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
-from .eligibility import NOT_ON_HIDDEN, Ships, held_back, taken_names, why_not_comparable, why_not_genuine, why_unranked
+from .eligibility import (
+    NOT_ON_HIDDEN,
+    Ships,
+    held_back,
+    taken_names,
+    why_not_comparable,
+    why_not_genuine,
+    why_unranked,
+)
 from .record import Record, SubmissionPart
 from .shipped import baselines, learned_truths, network_references, shipped
 
@@ -32,12 +50,18 @@ class Standing:
 
     places: Mapping[Subset, Place]
     compared: bool = False  # part of the main ranking of its environment, even if that has too few recordings or waits
-    gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between STP and ground-truth tracks
-    own_gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between references of its predictor
+    gaps: Mapping[Subset, float] = field(
+        default_factory=dict
+    )  # gap_closed between STP and ground-truth tracks
+    own_gaps: Mapping[Subset, float] = field(
+        default_factory=dict
+    )  # gap_closed between references of its predictor
     association_gaps: Mapping[Subset, float] = field(default_factory=dict)
     gap_blank: str = UNSTATED  # why one of the ``gaps`` is missing
     association_gap_blank: str = UNSTATED
-    differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)  # of bADE, to STP's
+    differences: Mapping[Subset, PairedDifference] = field(
+        default_factory=dict
+    )  # of bADE, to STP's
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +69,9 @@ class _Entrant(Checked):
     """A record among others of its env."""
 
     unranked: str | None = None  # why it is not ranked
-    not_comparable: str | None = None  # why its numbers cannot be compared with those of others
+    not_comparable: str | None = (
+        None  # why its numbers cannot be compared with those of others
+    )
 
     @cached_property  # it reads the submission of that name
     def baseline(self) -> str:
@@ -53,7 +79,9 @@ class _Entrant(Checked):
         return "" if why_not_genuine(self.record) else self.record.submission.name
 
 
-_Best = Mapping[str, _Entrant]  # by the name of a genuine submission: its finished record with the highest level
+_Best = Mapping[
+    str, _Entrant
+]  # by the name of a genuine submission: its finished record with the highest level
 
 
 def standings(
@@ -84,7 +112,9 @@ def standings(
     return standing
 
 
-def own_ends(submission: SubmissionPart, observe: str = "truth") -> tuple[str, str] | None:
+def own_ends(
+    submission: SubmissionPart, observe: str = "truth"
+) -> tuple[str, str] | None:
     """Names of the records that bound a gap for the submission's predictor; None if unknown.
 
     ``observe``: "truth" for gap_closed, "associated" for the association gap.
@@ -96,20 +126,30 @@ def own_ends(submission: SubmissionPart, observe: str = "truth") -> tuple[str, s
     shipped = () if baseline is None else baseline.networks
     names = () if submission.gap_references is None else submission.networks or shipped
     # predictors that were trained on tracklets have the references of ground-truth tracks in gap_closed
-    known = {name.split("-")[0] + "-truth" if observe == "truth" else "-".join(name.split("-")[:2]) for name in names}
+    known = {
+        name.split("-")[0] + "-truth"
+        if observe == "truth"
+        else "-".join(name.split("-")[:2])
+        for name in names
+    }
     pairs = (network_references(network, observe) for network in sorted(known))
     return next((pair for pair in pairs if pair is not None), None)
 
 
 def _standings_of_env(
-    records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships, subsets: Sequence[Subset]
+    records: Sequence[Record],
+    levels: Mapping[str, SignedLevel],
+    ships: Ships,
+    subsets: Sequence[Subset],
 ) -> dict[str, Standing]:
     taken = taken_names(records, levels)
     entrants = []
     for record in records:
         level, other = levels.get(record.digest), taken.get(record.digest)
         reasons = why_unranked(record, level, ships), why_not_comparable(record, ships)
-        entrants.append(_Entrant(record, level, *(reason or other for reason in reasons)))
+        entrants.append(
+            _Entrant(record, level, *(reason or other for reason in reasons))
+        )
     ranked = [each for each in entrants if each.unranked is None]
     comparable = [each for each in entrants if each.not_comparable is None]
     main = _main_conditions(ranked or comparable)  # before a round: on public scenes
@@ -120,7 +160,9 @@ def _standings_of_env(
     candidates = [each for each in ranked if each.conditions == main]
     held = [held_back(each, truths) for each in candidates]
     guards = [_guarded(each, best) for each in candidates]
-    places = dict(zip(candidates, places_on(subsets, candidates, held, guards), strict=True))
+    places = dict(
+        zip(candidates, places_on(subsets, candidates, held, guards), strict=True)
+    )
     group = [each for each, why in zip(candidates, held, strict=True) if why is None]
     compared = group or [each for each in peers if each.unranked == NOT_ON_HIDDEN]
     standing = {}
@@ -129,14 +171,18 @@ def _standings_of_env(
         beside: dict[str, Any] = {}
         if each in peers:
             beside = _beside(each, best, subsets if each in finished else ())
-        standing[each.record.digest] = Standing(places.get(each, unplaced), each in compared, **beside)
+        standing[each.record.digest] = Standing(
+            places.get(each, unplaced), each in compared, **beside
+        )
     return standing
 
 
 def _main_conditions(ranked: Sequence[_Entrant]) -> tuple[object, ...] | None:
     """Conditions of the main ranking, from the ranked entrants or others that compare; None without any."""
     with_stp = {each.conditions for each in ranked if each.baseline == STP}
-    leading = [each for each in ranked if each.conditions in with_stp] or ranked  # a seal without STP yet
+    leading = [
+        each for each in ranked if each.conditions in with_stp
+    ] or ranked  # a seal without STP yet
     return max(leading, key=_precedence).conditions if leading else None
 
 
@@ -144,26 +190,42 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
     """Sort key: the largest decides on the main ranking, and among records of one name."""
     signed, name = entrant.signed, entrant.baseline
     made = signed.seal.made if signed is not None and signed.seal is not None else ""
-    return made, LEVELS.index(entrant.level), name == STP, name in baseline_names(), entrant.record.digest
+    return (
+        made,
+        LEVELS.index(entrant.level),
+        name == STP,
+        name in baseline_names(),
+        entrant.record.digest,
+    )
 
 
 def _guarded(entrant: _Entrant, best: _Best) -> str | None:
     """Return why a record is not ranked on event subsets, from those of STP and of STP with its own predictor."""
     stp = best.get(STP)
-    return "no record of stp beside it" if stp is None else guard(entrant, stp, _pairs(entrant, best).own.stp)
+    return (
+        "no record of stp beside it"
+        if stp is None
+        else guard(entrant, stp, _pairs(entrant, best).own.stp)
+    )
 
 
 def _pairs(entrant: _Entrant, best: _Best) -> GapPairs:
     """Return the records between which the gaps of a record are closed; ``best`` holds the reference agents."""
     submission = entrant.record.submission
     other = submission.gap_references == "own"
-    unstated = Pair(missing="no reference with its predictor ships" if other else UNSTATED)
+    unstated = Pair(
+        missing="no reference with its predictor ships" if other else UNSTATED
+    )
 
     def pair_of(names: tuple[str, str] | None) -> Pair:
         if names is None:
             return unstated
         stp, truth = map(best.get, names)
-        return Pair(stp, truth, f"no record of {names[0] if stp is None else names[1]} beside it")
+        return Pair(
+            stp,
+            truth,
+            f"no record of {names[0] if stp is None else names[1]} beside it",
+        )
 
     own = pair_of(own_ends(submission))
     kinematic = Pair(missing=NOT_KINEMATIC) if other else own
@@ -172,22 +234,32 @@ def _pairs(entrant: _Entrant, best: _Best) -> GapPairs:
     return GapPairs(kinematic, own, pair_of(own_ends(submission, "associated")))
 
 
-def _beside(entrant: _Entrant, best: _Best, subsets: Sequence[Subset]) -> dict[str, Any]:
+def _beside(
+    entrant: _Entrant, best: _Best, subsets: Sequence[Subset]
+) -> dict[str, Any]:
     """Return fields of a `Standing`: gaps with reasons of missing ones, and differences to STP."""
     pairs = _pairs(entrant, best)
     gaps, own_gaps, association_gaps = (
-        _defined({subset: pair.closed_by(entrant, subset).closed for subset in subsets}) for pair in pairs
+        _defined({subset: pair.closed_by(entrant, subset).closed for subset in subsets})
+        for pair in pairs
     )
     stp = best.get(STP)
     differences: dict[Subset, PairedDifference] = {}
-    if stp is not None and stp is not entrant and stp.record.samples == entrant.record.samples:
-        differences = _defined({subset: entrant.minus(stp, subset) for subset in subsets})
+    if (
+        stp is not None
+        and stp is not entrant
+        and stp.record.samples == entrant.record.samples
+    ):
+        differences = _defined(
+            {subset: entrant.minus(stp, subset) for subset in subsets}
+        )
     return {
         "gaps": gaps,
         "gap_blank": pairs.kinematic.closed_by(entrant, "all").why or NO_GAP,
         "own_gaps": own_gaps,
         "association_gaps": association_gaps,
-        "association_gap_blank": pairs.association.closed_by(entrant, "all").why or NO_GAP,
+        "association_gap_blank": pairs.association.closed_by(entrant, "all").why
+        or NO_GAP,
         "differences": differences,
     }
 
@@ -199,6 +271,10 @@ def _defined(values: Mapping[Subset, Value | None]) -> dict[Subset, Value]:
 def _truths(best: _Best) -> list[_Entrant]:
     """Records of ground-truth tracks and of the best learned predictor on them; empty unless there are both."""
     truth, *learned = map(best.get, (TRUTH, *learned_truths()))
-    errors = [(each.sums.row.error, each) for each in learned if each is not None and each.sums.row.error is not None]
+    errors = [
+        (each.sums.row.error, each)
+        for each in learned
+        if each is not None and each.sums.row.error is not None
+    ]
     least = min(errors, key=itemgetter(0), default=None)
     return [] if truth is None or least is None else [truth, least[1]]

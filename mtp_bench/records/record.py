@@ -20,16 +20,25 @@ from .canonical import Date, Sha256
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
 Observed = Literal["detections", "truth", "associated"]
-MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
+MOST_NAME, MOST_TEXT = (
+    100,
+    2000,
+)  # characters of a name, and of a description or a reason
 MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
 _LARGEST = 1 << 53  # larger whole numbers are not the same in every reader of JSON
 
 
 def _visible(text: str) -> str:
-    if not (text.isascii() and text.isprintable()):  # letters are looked at one by one only where needed
-        letter = next((letter for letter in text if unseen(letter) and letter not in "\n\t"), None)
+    if not (
+        text.isascii() and text.isprintable()
+    ):  # letters are looked at one by one only where needed
+        letter = next(
+            (letter for letter in text if unseen(letter) and letter not in "\n\t"), None
+        )
         if letter is not None:
-            raise ValueError(f"contains U+{ord(letter):04X}, expected no invisible and no control characters")
+            raise ValueError(
+                f"contains U+{ord(letter):04X}, expected no invisible and no control characters"
+            )
     return text
 
 
@@ -40,37 +49,63 @@ if TYPE_CHECKING:
 else:  # finite numbers, bounded whole numbers and texts, however deep; chosen by type, so that errors name one type
     _Whole = Annotated[int, Field(ge=-_LARGEST, le=_LARGEST)]
     _KINDS = {
-        "NoneType": None, "bool": bool, "int": _Whole, "float": float, "str": Text, "list": list["Json"],
+        "NoneType": None,
+        "bool": bool,
+        "int": _Whole,
+        "float": float,
+        "str": Text,
+        "list": list["Json"],
         "dict": dict[Text, "Json"],
-    }  # fmt: skip
-    _any_kind = reduce(or_, (Annotated[kind, Tag(name)] for name, kind in _KINDS.items()))
-    Json = TypeAliasType("Json", Annotated[_any_kind, Discriminator(lambda value: type(value).__name__)])
-_FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)]  # part of a path
-_Url = Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT), AfterValidator(_visible)]
+    }
+    _any_kind = reduce(
+        or_, (Annotated[kind, Tag(name)] for name, kind in _KINDS.items())
+    )
+    Json = TypeAliasType(
+        "Json", Annotated[_any_kind, Discriminator(lambda value: type(value).__name__)]
+    )
+_FileName = Annotated[
+    str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)
+]  # part of a path
+_Url = Annotated[
+    str,
+    Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT),
+    AfterValidator(_visible),
+]
 _CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
-_Digest = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the record is stored
+_Digest = Annotated[
+    str, Field(pattern=r"^([0-9a-f]{64})?$")
+]  # empty until the record is stored
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
 _Bytes = Annotated[int, Field(gt=0, le=1 << 40)]
 _NotNegative = Annotated[float, Field(ge=0)]
-UnitSums = dict[Subset, Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)]]
+UnitSums = dict[
+    Subset,
+    Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)],
+]
 
 
 def _each_subset(rows: list[Row]) -> list[Row]:
     subsets = tuple(row.subset for row in rows)
     if subsets not in (SUBSETS, KNOWN_SUBSETS):
-        raise ValueError(f"holds rows of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}")
+        raise ValueError(
+            f"holds rows of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}"
+        )
     return rows
 
 
 def _equally_long(sums: UnitSums) -> UnitSums:
     lengths = {*map(len, sums.values())}
     if len(lengths) != 1 or 0 in lengths or not sums.keys() >= {*SUBSETS}:
-        raise ValueError("expected one sum or more of every subset, equally many of each")
+        raise ValueError(
+            "expected one sum or more of every subset, equally many of each"
+        )
     return sums
 
 
 Rows = Annotated[list[Row], Field(max_length=MOST_NAMES), AfterValidator(_each_subset)]
-_Scores = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(max_length=MOST_NAMES)]  # one per seed
+_Scores = Annotated[
+    list[Annotated[float, Field(ge=0, le=1)]], Field(max_length=MOST_NAMES)
+]  # one per seed
 _SceneSums = Annotated[UnitSums, AfterValidator(_equally_long)]
 
 
@@ -85,10 +120,16 @@ class SubmissionPart(Section):
     paper: _Url
     license: Name
     digest: Sha256  # over all files that ran: those of the folder, and these weights
-    networks: dict[Name, Sha256]  # weights outside the folder, trained on the machine where it ran: file, its sha256
+    networks: dict[
+        Name, Sha256
+    ]  # weights outside the folder, trained on the machine where it ran: file, its sha256
     parameters: dict[Text, Json]
-    hypotheses: Count | None = None  # as declared by a parameter; None: the answers state them
-    gap_references: Literal["controls", "own"] | None  # reference pair: STP and ground-truth tracks, or others
+    hypotheses: Count | None = (
+        None  # as declared by a parameter; None: the answers state them
+    )
+    gap_references: (
+        Literal["controls", "own"] | None
+    )  # reference pair: STP and ground-truth tracks, or others
 
 
 class EnvPart(Section):
@@ -200,7 +241,9 @@ class ScenePart(Section):
 class DrivingPart(DrivingRow):
     """Row of an agent in a closed loop, with the score of each scene; differences need other records, and are null."""
 
-    scores: Annotated[list[_Scores], Field(max_length=MOST_SCENES)]  # of each scene, in the order of the sums
+    scores: Annotated[
+        list[_Scores], Field(max_length=MOST_SCENES)
+    ]  # of each scene, in the order of the sums
 
 
 class Results(Section):
@@ -239,7 +282,9 @@ class Record(Results):
     env: EnvPart
     scorer: ScorerPart
     reference: ReferencePart
-    seeds: Annotated[list[Annotated[int, Field(ge=0, le=MOST_SEED)]], Field(max_length=MOST_NAMES)]
+    seeds: Annotated[
+        list[Annotated[int, Field(ge=0, le=MOST_SEED)]], Field(max_length=MOST_NAMES)
+    ]
     status: Status
     status_reason: Text
     versions: Annotated[dict[Name, Name], Field(max_length=MOST_NAMES)]
@@ -256,7 +301,9 @@ class Record(Results):
     measured: MeasuredPart
     plan: _Digest = ""  # of all that was decided before the runs, see `parts`
     digest: _Digest = ""
-    level: Annotated[None, BeforeValidator(lambda _: None)] = Field(None, exclude=True)  # left out
+    level: Annotated[None, BeforeValidator(lambda _: None)] = Field(
+        None, exclude=True
+    )  # left out
 
     @property
     def runs(self) -> int:
@@ -269,15 +316,23 @@ class Record(Results):
         if self.status != "finished":
             return f"{self.status}: {self.status_reason}"
         crashed = self.missed.crashed_scenes
-        return f"{crashed} of {self.runs} scenes and seeds were not finished" if crashed else ""
+        return (
+            f"{crashed} of {self.runs} scenes and seeds were not finished"
+            if crashed
+            else ""
+        )
 
     def unit_weight(self, subset: Subset) -> list[float]:
         """Weight of the targets of each unit, over all scenes."""
-        return [value for scene in self.per_scene for value in scene.weight.get(subset, ())]
+        return [
+            value for scene in self.per_scene for value in scene.weight.get(subset, ())
+        ]
 
     def unit_error(self, subset: Subset) -> list[float]:
         """Weighted bADE per unit [U], metres."""
-        return [value for scene in self.per_scene for value in scene.error.get(subset, ())]
+        return [
+            value for scene in self.per_scene for value in scene.error.get(subset, ())
+        ]
 
 
 class HiddenPart(Results):

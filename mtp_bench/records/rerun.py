@@ -47,21 +47,34 @@ def drive_again(card: Card, rollout: Rollout) -> Rollout:
     """The rollout with the drive that its answers give, without the agent; MtpBenchError for answers of no env."""
     from ..env.driven import DrivenEpisode
 
-    episode = DrivenEpisode.start(card, MTPEnv(card, evaluation=True).task, rollout.scene, 0, None)
-    check_rollout(replace(episode.scene, time=rollout.seconds), rollout, card)  # of as many frames
-    if not (np.exp(np.minimum(rollout.forecast_log_weight, 1.0)).sum(axis=1) < 1.001).all():  # NaN is not
-        raise RecordError(f"{rollout.scene}: weights of the samples of a forecast add up to more than 1")
+    episode = DrivenEpisode.start(
+        card, MTPEnv(card, evaluation=True).task, rollout.scene, 0, None
+    )
+    check_rollout(
+        replace(episode.scene, time=rollout.seconds), rollout, card
+    )  # of as many frames
+    if not (
+        np.exp(np.minimum(rollout.forecast_log_weight, 1.0)).sum(axis=1) < 1.001
+    ).all():  # NaN is not
+        raise RecordError(
+            f"{rollout.scene}: weights of the samples of a forecast add up to more than 1"
+        )
     for action in actions_of(rollout):
         if not episode.over:
             episode.take(action)
     if not episode.over or episode.t < rollout.frames:
-        raise RecordError(f"{rollout.scene}: its {rollout.frames} stored answers do not end with the drive")
+        raise RecordError(
+            f"{rollout.scene}: its {rollout.frames} stored answers do not end with the drive"
+        )
     return replace(rollout, drive=episode.drive)
 
 
 def run_again(plan: Plan, seeds: Sequence[int]) -> Runs:
     """Run seeds and scenes in a random order; the result has the order of ``seeds`` and of the plan."""
-    runs = {seed: _run_shuffled(plan, seed) for seed in _random.sample(list(seeds), len(seeds))}
+    runs = {
+        seed: _run_shuffled(plan, seed)
+        for seed in _random.sample(list(seeds), len(seeds))
+    }
     return {seed: runs[seed] for seed in seeds}
 
 
@@ -84,23 +97,38 @@ def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
         ranked = record.row_of(row.subset)
         if row.error is None or ranked.error is None:
             continue
-        if row.subset != "all" and why_not_on(row.subset, Checked(record).sums_on(row.subset)):
+        if row.subset != "all" and why_not_on(
+            row.subset, Checked(record).sums_on(row.subset)
+        ):
             continue
         most = ranked.error * (1 + ALIKE) + _NEGLIGIBLE
-        if record.driving is not None and ranked.interval is not None:  # one collision costs a whole scene
+        if (
+            record.driving is not None and ranked.interval is not None
+        ):  # one collision costs a whole scene
             most = max(most, ranked.interval[1])
         if row.error > most:
-            return Difference(f"error of {row.subset} under another motion", ranked.error, row.error)
+            return Difference(
+                f"error of {row.subset} under another motion", ranked.error, row.error
+            )
     return None
 
 
 def why_unsandboxed(record: Record, now: Isolation) -> str:
     """Reason why another run does not confirm a record; empty if the agent was sandboxed then and ``now``."""
     parts = ("when the record was made", record.isolation), ("in this run", now)
-    return next((f"the agent was unsandboxed {when}" for when, part in parts if part.mechanism == "none"), "")
+    return next(
+        (
+            f"the agent was unsandboxed {when}"
+            for when, part in parts
+            if part.mechanism == "none"
+        ),
+        "",
+    )
 
 
-def run_hidden(plan: Plan, record: Record, sealed: Sealed, ends: ExitStack) -> HiddenPart:
+def run_hidden(
+    plan: Plan, record: Record, sealed: Sealed, ends: ExitStack
+) -> HiddenPart:
     """Results of the submission of ``plan`` on the hidden scenes, under a secret seed in place of those of ``record``.
 
     The scenes are made if they are missing, and deleted when ``ends`` is closed. Raises RecordError if the seal is of
@@ -116,12 +144,26 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, ends: ExitStack) -> H
     ends.callback(package_of(hidden).discard, hidden)
     package_of(hidden).keep_private(hidden)
     shown = plan.options.progress
-    progress = Progress(shown.started, lambda _: shown.done("a hidden scene"))  # a name would tell its seed
-    names, options = sealed.shuffled(open_source(hidden).names), replace(plan.options, data=None, progress=progress)
-    hidden_plan = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
+    progress = Progress(
+        shown.started, lambda _: shown.done("a hidden scene")
+    )  # a name would tell its seed
+    names, options = (
+        sealed.shuffled(open_source(hidden).names),
+        replace(plan.options, data=None, progress=progress),
+    )
+    hidden_plan = replace(
+        plan,
+        env=hidden,
+        card=hidden,
+        scenes=names,
+        scenes_of_split=len(names),
+        options=options,
+    )
     runs = run_again(hidden_plan, [sealed.run_seed(record.seeds[0])])
     if why := why_unsandboxed(record, isolation(runs)):
-        raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with bubblewrap")
+        raise RecordError(
+            f"hidden scenes would not stay hidden: {why}; run it on Linux with bubblewrap"
+        )
     require_answered(runs, plan.submission.name, "of hidden scenes")
     reference = sealed.reference(hidden, names, options)
     evaluation = evaluate_plan(hidden_plan, runs, reference)
@@ -133,8 +175,14 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, ends: ExitStack) -> H
         rows=evaluation.rows,
         nothing_predicted=evaluation.nothing_predicted,
         driving=evaluation.driving,
-        weight={subset: [w for scene in evaluation.per_scene for w in scene.weight[subset]] for subset in subsets},
-        error={subset: [e for scene in evaluation.per_scene for e in scene.error[subset]] for subset in subsets},
+        weight={
+            subset: [w for scene in evaluation.per_scene for w in scene.weight[subset]]
+            for subset in subsets
+        },
+        error={
+            subset: [e for scene in evaluation.per_scene for e in scene.error[subset]]
+            for subset in subsets
+        },
     )
 
 
@@ -142,11 +190,18 @@ def require_answered(runs: Runs, agent: str, where: str) -> None:
     """Raise RecordError unless the agent finished every scene; it names no scenes."""
     missed = unanswered(runs)
     if missed.crashed_scenes:
-        kinds = ", ".join(sorted({reason.partition(":")[0] for reason in missed.reasons.values()}))
-        raise RecordError(f"{agent}: {missed.crashed_scenes} runs {where} were not finished ({kinds}), expected 0")
+        kinds = ", ".join(
+            sorted({reason.partition(":")[0] for reason in missed.reasons.values()})
+        )
+        raise RecordError(
+            f"{agent}: {missed.crashed_scenes} runs {where} were not finished ({kinds}), expected 0"
+        )
 
 
 def _run_shuffled(plan: Plan, seed: int) -> list[SceneRun]:
     order = _random.sample(plan.scenes, len(plan.scenes))
-    runs = {run.rollout.scene: run for run in run_seed(replace(plan, scenes=tuple(order)), seed)}
+    runs = {
+        run.rollout.scene: run
+        for run in run_seed(replace(plan, scenes=tuple(order)), seed)
+    }
     return [runs[scene] for scene in plan.scenes]

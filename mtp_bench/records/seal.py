@@ -33,7 +33,11 @@ from .storage import read_as
 FIRST, LAST = SECRET_SEEDS, 2**62
 MOST_SCENES = 1000
 SEALS = Path("leaderboard", "seals")  # below the working folder: the checkout
-COMMITMENT, RETIRED, WEIGHTS = ".commitment.json", ".retired.json", ".weights.json"  # suffixes of the files
+COMMITMENT, RETIRED, WEIGHTS = (
+    ".commitment.json",
+    ".retired.json",
+    ".weights.json",
+)  # suffixes of the files
 _ABSENT = "no such file; `mtp-bench maintain seal` makes a secret and its commitment"
 
 
@@ -45,7 +49,9 @@ class SecretSeeds(Section):
     card_digest: str
     first: Annotated[int, Field(ge=FIRST, lt=LAST)]
     count: Annotated[int, Field(ge=1, le=MOST_SCENES)]
-    salt: Annotated[str, Field(min_length=64)]  # else the seeds could be found by trying all of them
+    salt: Annotated[
+        str, Field(min_length=64)
+    ]  # else the seeds could be found by trying all of them
 
 
 class Commitment(Section):
@@ -71,7 +77,9 @@ class Retired(Section):
 
     format: Literal[1] = 1
     secret: SecretSeeds
-    weights: Sha256 | None  # hash of the event weights, in a file beside it; None: the seal was never used
+    weights: (
+        Sha256 | None
+    )  # hash of the event weights, in a file beside it; None: the seal was never used
     retired: Date
 
 
@@ -90,7 +98,9 @@ class Sealed:
     def card(self, card: Card) -> Card:
         """``card`` with the hidden scenes as its test split."""
         source = _simulated_source(card)
-        ranges = source.seeds.model_copy(update={"test": (self.seeds.first, self.seeds.first + self.seeds.count)})
+        ranges = source.seeds.model_copy(
+            update={"test": (self.seeds.first, self.seeds.first + self.seeds.count)}
+        )
         hidden = source.model_copy(update={"split": "test", "seeds": ranges})
         return card.model_copy(update={"source": hidden})
 
@@ -108,7 +118,9 @@ class Sealed:
     def _drawn(self, purpose: str) -> str:
         return hashlib.sha256(f"{self.seeds.salt}|{purpose}".encode()).hexdigest()
 
-    def reference(self, hidden: Card, scenes: Sequence[str], options: RunOptions) -> Reference:
+    def reference(
+        self, hidden: Card, scenes: Sequence[str], options: RunOptions
+    ) -> Reference:
         """Event weights of the hidden scenes of `card`, made once per seal and kept beside the secret."""
         if self.weights.is_file():
             known = read_reference(self.weights)
@@ -138,11 +150,23 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
     for file in (path, public):
         require_file(file)
         if file.exists():
-            raise MtpBenchError(f"{file} exists: a seal is never replaced, name another file")
+            raise MtpBenchError(
+                f"{file} exists: a seal is never replaced, name another file"
+            )
     first = FIRST + secrets.randbelow(LAST - FIRST - count)
-    seeds = SecretSeeds(env=card.id, card_digest=card.digest, first=first, count=count, salt=secrets.token_hex(32))
+    seeds = SecretSeeds(
+        env=card.id,
+        card_digest=card.digest,
+        first=first,
+        count=count,
+        salt=secrets.token_hex(32),
+    )
     promise = Commitment(
-        env=card.id, card_digest=card.digest, count=count, commitment=commitment_of(seeds), made=today()
+        env=card.id,
+        card_digest=card.digest,
+        count=count,
+        commitment=commitment_of(seeds),
+        made=today(),
     )
     path.touch(mode=0o600)  # unreadable for others, also while it is written
     path.write_bytes(canonical(seeds.model_dump()) + b"\n")
@@ -150,7 +174,9 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
     return promise
 
 
-def open_seal(path: str | Path, listed: Mapping[str, ListedSeal] | None = None) -> Sealed:
+def open_seal(
+    path: str | Path, listed: Mapping[str, ListedSeal] | None = None
+) -> Sealed:
     """Read the secret seeds at ``path`` and check them against the commitment in the file beside it.
 
     Raises RecordError if a file is missing or wrong or the secret does not fit its commitment, RetiredSealError if the
@@ -187,7 +213,9 @@ def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed
                 )
             seals[sealed.seeds.env] = sealed
     if not seals:
-        raise RecordError(f"{path}: no secret of a seal in use, expected NAME.json beside NAME{COMMITMENT}")
+        raise RecordError(
+            f"{path}: no secret of a seal in use, expected NAME.json beside NAME{COMMITMENT}"
+        )
     return seals
 
 
@@ -213,10 +241,19 @@ def retire(path: str | Path, folder: str | Path = SEALS) -> Path:
 def _committed(path: Path) -> tuple[SecretSeeds, Commitment]:
     """The secret at ``path`` and its commitment; RecordError if one is missing or they do not fit."""
     public = beside(path, COMMITMENT)
-    seeds, promise = read_as(SecretSeeds, path, _ABSENT), read_as(Commitment, public, _ABSENT)
+    seeds, promise = (
+        read_as(SecretSeeds, path, _ABSENT),
+        read_as(Commitment, public, _ABSENT),
+    )
     sha256 = commitment_of(seeds)
-    if (promise.commitment, promise.env, promise.count) != (sha256, seeds.env, seeds.count):
-        raise RecordError(f"{path}: has the sha256 {sha256[:12]}, expected {promise.commitment[:12]} as in {public}")
+    if (promise.commitment, promise.env, promise.count) != (
+        sha256,
+        seeds.env,
+        seeds.count,
+    ):
+        raise RecordError(
+            f"{path}: has the sha256 {sha256[:12]}, expected {promise.commitment[:12]} as in {public}"
+        )
     return seeds, promise
 
 
@@ -231,5 +268,7 @@ def _publish(path: Path, content: Section) -> None:
 
 def _simulated_source(card: Card) -> HighwaySource:
     if not isinstance(card.source, HighwaySource):
-        raise MtpBenchError(f"{card.id} is recorded, expected a simulated env: only those have scenes for any seed")
+        raise MtpBenchError(
+            f"{card.id} is recorded, expected a simulated env: only those have scenes for any seed"
+        )
     return card.source

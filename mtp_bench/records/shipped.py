@@ -28,7 +28,9 @@ class Shipped:
     samples: int  # k, per object
     most: float  # m, the largest error of a target: that of a missed one; 1 of a drive
     weights: str  # hash of the frozen event weights
-    sums: Mapping[str, Mapping[Subset, float]]  # `scene_key` -> weight of the targets of a scene on each subset
+    sums: Mapping[
+        str, Mapping[Subset, float]
+    ]  # `scene_key` -> weight of the targets of a scene on each subset
 
 
 @cache
@@ -41,7 +43,14 @@ def shipped(env_id: str) -> Shipped | None:
     if frozen is None:
         return None
     most = max(card.per_class(card.task.miss_error)) if card.drive is None else 1.0
-    return Shipped(card.digest, card.simulated, card.task.samples, most, frozen.digest, _sums(frozen))
+    return Shipped(
+        card.digest,
+        card.simulated,
+        card.task.samples,
+        most,
+        frozen.digest,
+        _sums(frozen),
+    )
 
 
 @cache
@@ -50,7 +59,9 @@ def earlier_scorers() -> frozenset[tuple[str, str, str]]:
 
     Raises DataError if the file that lists them cannot be read.
     """
-    listed = read_toml(bundled("envs") / "reference" / "earlier.toml", DataError)["earlier"]
+    listed = read_toml(bundled("envs") / "reference" / "earlier.toml", DataError)[
+        "earlier"
+    ]
     return frozenset(
         (env_id, scorer_digest(each["definitions"], each["golden"]), weights)
         for each in listed
@@ -92,7 +103,11 @@ def network_references(network: str, observe: str) -> tuple[str, str] | None:
 
 def learned_truths() -> tuple[str, ...]:
     """Names of the baselines that predict with a network from ground-truth tracks."""
-    return tuple(name for name, each in baselines().items() if each.networks and each.compare.observe == "truth")
+    return tuple(
+        name
+        for name, each in baselines().items()
+        if each.networks and each.compare.observe == "truth"
+    )
 
 
 def _is_single(user: Submission, observe: str) -> bool:

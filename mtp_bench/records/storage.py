@@ -38,7 +38,9 @@ def usable_record(path: Path) -> Record | None:
 
 def read_as(model: type[SectionT], path: Path, absent: str = ABSENT) -> SectionT:
     """Read a JSON file as ``model``; raises RecordError, with the reason ``absent`` if there is no such file."""
-    return parse_as(model, read_bounded(path, MOST_BYTES, RecordError, absent), str(path))
+    return parse_as(
+        model, read_bounded(path, MOST_BYTES, RecordError, absent), str(path)
+    )
 
 
 def parse_as(model: type[SectionT], text: str, where: str) -> SectionT:
@@ -46,24 +48,32 @@ def parse_as(model: type[SectionT], text: str, where: str) -> SectionT:
     try:
         return model.model_validate_json(text)
     except ValidationError as error:
-        raise RecordError(f"{where}: {explain(error.errors(), model).removeprefix(': got ')}") from None
+        raise RecordError(
+            f"{where}: {explain(error.errors(), model).removeprefix(': got ')}"
+        ) from None
 
 
 def content_digest(content: Mapping[str, Any]) -> str:
     """Hex sha256 of the canonical JSON of a record, without its digest, measurements and level."""
-    return digest_of({name: value for name, value in content.items() if name not in _NOT_DIGESTED})
+    return digest_of(
+        {name: value for name, value in content.items() if name not in _NOT_DIGESTED}
+    )
 
 
 def measured_digest(content: Mapping[str, Any]) -> str:
     """Hex sha256 of the measurements of a record: it shows accidental changes only."""
-    return digest_of({name: value for name, value in content["measured"].items() if name != "digest"})
+    return digest_of(
+        {name: value for name, value in content["measured"].items() if name != "digest"}
+    )
 
 
 def sealed(record: Record) -> Record:
     """``record`` with the digests of its content and of its measurements."""
     content = record.model_dump(mode="json")
     measured = record.measured.model_copy(update={"digest": measured_digest(content)})
-    return record.model_copy(update={"digest": content_digest(content), "measured": measured})
+    return record.model_copy(
+        update={"digest": content_digest(content), "measured": measured}
+    )
 
 
 def record_text(record: Record, path: Path) -> tuple[Record, str]:
@@ -75,14 +85,18 @@ def record_text(record: Record, path: Path) -> tuple[Record, str]:
         record = sealed(record)
         return record, text_of(record.model_dump(mode="json"), path)
     except (TypeError, ValueError, RecursionError) as error:
-        raise RecordError(f"{path}: the record cannot be stored as JSON: {error}") from None
+        raise RecordError(
+            f"{path}: the record cannot be stored as JSON: {error}"
+        ) from None
 
 
 def text_of(content: Mapping[str, Any], path: Path) -> str:
     """The text of the file ``path`` with this record as JSON; RecordError if it would be too large to be read again."""
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     if (size := len(text.encode())) > MOST_BYTES:
-        raise RecordError(f"{path}: the record has {size >> 10} KiB, expected at most {MOST_BYTES >> 10} KiB")
+        raise RecordError(
+            f"{path}: the record has {size >> 10} KiB, expected at most {MOST_BYTES >> 10} KiB"
+        )
     return text
 
 
@@ -93,8 +107,16 @@ def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
     """
     folder = Path(folder)
     aside = (ROLLOUTS, PARTS)  # ends of names
-    paths = {path: path.relative_to(folder).parts for path in folder.rglob("*.json") if env_id in ("", path.stem)}
-    return sorted(path for path, parts in paths.items() if not any(p[0] == "." or p.endswith(aside) for p in parts))
+    paths = {
+        path: path.relative_to(folder).parts
+        for path in folder.rglob("*.json")
+        if env_id in ("", path.stem)
+    }
+    return sorted(
+        path
+        for path, parts in paths.items()
+        if not any(p[0] == "." or p.endswith(aside) for p in parts)
+    )
 
 
 def seed_folder(folder: Path, seed: int) -> Path:
@@ -123,10 +145,14 @@ def stored_rollouts(path: Path, record: Record) -> dict[int, list[Rollout]]:
             ("observe", run.info.observe, record.env.observe),
         ):
             if stored != expected:
-                raise RecordError(f"{folder}: made with {what} {stored!r}, the record {path.name} says {expected!r}")
+                raise RecordError(
+                    f"{folder}: made with {what} {stored!r}, the record {path.name} says {expected!r}"
+                )
         rollouts = {rollout.scene: rollout for rollout in run.rollouts}
         if sorted(names) != sorted(rollouts):
             others = ", ".join(sorted(set(names) ^ set(rollouts))[:5])
-            raise RecordError(f"{folder}: its scenes are not those of the record: {others or 'one occurs twice'}")
+            raise RecordError(
+                f"{folder}: its scenes are not those of the record: {others or 'one occurs twice'}"
+            )
         runs[seed] = [rollouts[name] for name in names]
     return runs

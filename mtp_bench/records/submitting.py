@@ -6,7 +6,13 @@ from typing import Any, cast
 
 from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, RecordError, SubmissionError
-from ..files import describe_write_error, require_file, require_folder, whole_file, whole_folder
+from ..files import (
+    describe_write_error,
+    require_file,
+    require_folder,
+    whole_file,
+    whole_folder,
+)
 from ..gateway import Limits
 from ..parallel import parallel_map
 from ..running.options import DEFAULTS, RunOptions
@@ -67,7 +73,9 @@ def submit(
         return record
     with open_parts(target, content, resume) as parts:
         reference = reference_for(plan.card, plan.scenes, options)
-        options.progress.started((len(options.seeds) + (plan.card.drive is None)) * len(plan.scenes))
+        options.progress.started(
+            (len(options.seeds) + (plan.card.drive is None)) * len(plan.scenes)
+        )
         runs = {seed: running.run_seed(plan, seed, parts) for seed in options.seeds}
         evaluation = running.evaluate_plan(plan, runs, reference, with_progress=True)
         if plan.card.drive is None:  # worlds react to the agent
@@ -93,7 +101,9 @@ def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
     }
 
 
-def finished_record(target: Path, content: dict[str, Any], rollouts: bool = True) -> Record | None:
+def finished_record(
+    target: Path, content: dict[str, Any], rollouts: bool = True
+) -> Record | None:
     """The record at ``target`` if complete, by default with its rollouts, and of the plan ``content``, else None."""
     if count_parts(target) or (rollouts and not target.with_suffix(ROLLOUTS).is_dir()):
         return None
@@ -103,7 +113,11 @@ def finished_record(target: Path, content: dict[str, Any], rollouts: bool = True
 
 def is_of_plan(record: Record, content: dict[str, Any]) -> bool:
     """Return True if a record was made by the plan ``content``, under today's definitions or earlier equal ones."""
-    earlier = {} if why_scored_otherwise(record) else {"definitions": record.scorer.definitions}
+    earlier = (
+        {}
+        if why_scored_otherwise(record)
+        else {"definitions": record.scorer.definitions}
+    )
     return record.plan == digest_of(content | earlier)
 
 
@@ -135,10 +149,18 @@ def submission_part(plan: Plan, commit: str = "") -> SubmissionPart:
         "hypotheses": plan.setting.hypotheses,
         "gap_references": "own" if isinstance(ends, dict) else ends,
     }
-    return validate(SubmissionPart, content, f"{submission.path.name}/{MANIFEST}", SubmissionError)
+    return validate(
+        SubmissionPart, content, f"{submission.path.name}/{MANIFEST}", SubmissionError
+    )
 
 
-def require_target(target: Path, submission: Submission, options: RunOptions, resume: bool, replace: bool) -> None:
+def require_target(
+    target: Path,
+    submission: Submission,
+    options: RunOptions,
+    resume: bool,
+    replace: bool,
+) -> None:
     """Raise MtpBenchError if a record cannot be written at ``target``, or work that is stored there would be lost.
 
     Lost would be: scenes of an interrupted submit, unless ``resume``; and unless ``replace``, a finished record whose
@@ -184,16 +206,24 @@ def _save(target: Path, plan: Plan, runs: Runs, record: Record) -> Record:
             file.write_text(text, encoding="utf-8")
             with whole_folder(target.with_suffix(ROLLOUTS)) as folder:
                 for seed, rollouts in running.rollouts_of(runs).items():
-                    save_run(seed_folder(folder, seed), running.info_of(plan, seed), rollouts)
+                    save_run(
+                        seed_folder(folder, seed), running.info_of(plan, seed), rollouts
+                    )
     except OSError as error:
-        raise MtpBenchError(f"cannot write {target}: {describe_write_error(error)}") from None
+        raise MtpBenchError(
+            f"cannot write {target}: {describe_write_error(error)}"
+        ) from None
     return record
 
 
-def _require_one_data(plan: Plan, runs: Runs, evaluation: Evaluation, target: Path) -> None:
+def _require_one_data(
+    plan: Plan, runs: Runs, evaluation: Evaluation, target: Path
+) -> None:
     """Raise DataError if the data of scenes changed after an interrupted command ran them."""
     for results in runs.values():
-        for name, run, digest in zip(plan.scenes, results, evaluation.scene_digests, strict=True):
+        for name, run, digest in zip(
+            plan.scenes, results, evaluation.scene_digests, strict=True
+        ):
             if run.scene_digest not in ("", digest):
                 raise DataError(
                     f"{name}: its data changed after {plan.submission.name} was run on it, expected the same data in "
@@ -211,12 +241,18 @@ def _require_recordable(plan: Plan, planned: dict[str, Any]) -> None:
         "seeds": list(plan.options.seeds),
         "per_scene": [{"scene": name} for name in plan.scenes],
     }
-    require_part(Record, content, f"a record of {plan.submission.name} on {card.id}", RecordError)
+    require_part(
+        Record, content, f"a record of {plan.submission.name} on {card.id}", RecordError
+    )
 
 
-def _record(plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, Any]) -> Record:
+def _record(
+    plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, Any]
+) -> Record:
     missed, card = running.unanswered(runs), plan.card
-    every = [rollout for results in running.rollouts_of(runs).values() for rollout in results]
+    every = [
+        rollout for results in running.rollouts_of(runs).values() for rollout in results
+    ]
     return Record(
         submission=submission_part(plan, content["commit"]),
         training_data=content["training_data"],
@@ -239,10 +275,15 @@ def _record(plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, A
         samples=every[0].forecast.shape[1],
         hashes=running.hashes(runs),
         measured=MeasuredPart(
-            hardware=parallel_map(running.hardware, [()], plan.options.workers)[0],  # with a scheduler: of a worker
+            hardware=parallel_map(running.hardware, [()], plan.options.workers)[
+                0
+            ],  # with a scheduler: of a worker
             latency=running.latency(every),
             ms_per_frame=evaluation.ms_per_frame,
-            peak_memory_mib=max(run.peak_memory for results in runs.values() for run in results) / 2**20,
+            peak_memory_mib=max(
+                run.peak_memory for results in runs.values() for run in results
+            )
+            / 2**20,
             made=today(),
         ),
         plan=digest_of(content),

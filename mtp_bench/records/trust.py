@@ -21,7 +21,15 @@ from ..errors import MtpBenchError, RecordError
 from ..files import cache_root
 from ..strict import Section, read_toml, validate
 from ..submission.manifest import SubmissionName
-from .seal import COMMITMENT, RETIRED, Commitment, ListedSeal, Retired, Sealed, commitment_of
+from .seal import (
+    COMMITMENT,
+    RETIRED,
+    Commitment,
+    ListedSeal,
+    Retired,
+    Sealed,
+    commitment_of,
+)
 from .storage import read_as
 
 OWNERS = "owners.toml"
@@ -31,11 +39,16 @@ MOST_SIGNATURE = 20_000  # characters
 MISSING = "ssh-keygen is not installed, so signatures can be neither made nor checked; install OpenSSH"
 _SECONDS = 30
 _MOST_OUTPUT = 200  # characters
-_EXPIRING = (b"valid-before", b"cert-authority")  # in lower case, options of keys that are not trusted for ever
+_EXPIRING = (
+    b"valid-before",
+    b"cert-authority",
+)  # in lower case, options of keys that are not trusted for ever
 
 
 class _Owners(Section):
-    owners: dict[SubmissionName, Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,39}$")]]  # -> login
+    owners: dict[
+        SubmissionName, Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,39}$")]
+    ]  # -> login
 
 
 @dataclass(frozen=True)
@@ -56,8 +69,13 @@ class Trust:
 
     def check_once(self, check: Callable[[], object], *texts: str) -> None:
         """Call ``check`` of signed ``texts``, which may raise, unless a private file says that they passed before."""
-        keys = [path.read_bytes() if path.is_file() else b"" for path in (self.keys, self.revoked)]
-        content = hashlib.sha256(repr([__version__, *keys, *texts]).encode()).hexdigest()
+        keys = [
+            path.read_bytes() if path.is_file() else b""
+            for path in (self.keys, self.revoked)
+        ]
+        content = hashlib.sha256(
+            repr([__version__, *keys, *texts]).encode()
+        ).hexdigest()
         passed = cache_root() / "signed" / content
         if _is_private(passed.parent) and _is_private(passed):
             return
@@ -80,7 +98,9 @@ class Trust:
             promise = read_as(Commitment, path)
             name = path.name.removesuffix(COMMITMENT)
             retired = _retired(path.with_name(name + RETIRED), promise)
-            seals[promise.commitment] = ListedSeal(**promise.model_dump(), name=name, retired=retired)
+            seals[promise.commitment] = ListedSeal(
+                **promise.model_dump(), name=name, retired=retired
+            )
         return seals
 
     @cached_property
@@ -115,7 +135,16 @@ class Trust:
         with tempfile.NamedTemporaryFile(suffix=".sig") as file:
             file.write(signature.encode(errors="replace"))
             file.flush()
-            which = ["-f", str(self.keys), "-I", signer, "-n", NAMESPACE, "-s", file.name]
+            which = [
+                "-f",
+                str(self.keys),
+                "-I",
+                signer,
+                "-n",
+                NAMESPACE,
+                "-s",
+                file.name,
+            ]
             which += ["-r", str(self.revoked)] if self.revoked.is_file() else []
             return _ssh_keygen(["-Y", "verify", *which], message, _SECONDS)[1]
 
@@ -126,9 +155,13 @@ def sign(message: bytes, key: Path) -> str:
     Raises MtpBenchError if ssh-keygen is missing or refuses the key.
     """
     if not key.is_file():
-        raise MtpBenchError(f"{key}: no such key; `ssh-keygen -t ed25519 -f {key}` makes one")
+        raise MtpBenchError(
+            f"{key}: no such key; `ssh-keygen -t ed25519 -f {key}` makes one"
+        )
     # without a limit of time: it may ask for a passphrase
-    signature, why = _ssh_keygen(["-Y", "sign", "-n", NAMESPACE, "-f", str(key)], message, None)
+    signature, why = _ssh_keygen(
+        ["-Y", "sign", "-n", NAMESPACE, "-f", str(key)], message, None
+    )
     if why:
         raise MtpBenchError(f"{key}: ssh-keygen did not sign: {why}")
     return signature
@@ -138,13 +171,17 @@ def read_owners(path: Path) -> dict[str, str]:
     """Login by the name of a submission; empty without a file. Raises RecordError if it is broken."""
     if not path.is_file():
         return {}
-    return validate(_Owners, read_toml(path, RecordError), str(path), RecordError).owners
+    return validate(
+        _Owners, read_toml(path, RecordError), str(path), RecordError
+    ).owners
 
 
 def trusted(folder: Path | None = None) -> Trust:
     """The leaderboard at ``folder``; None: the one that ships. Raises RecordError if there is no such folder."""
     if folder is not None and not folder.is_dir():
-        raise RecordError(f"{folder}: no such folder, expected a leaderboard with keys/allowed_signers and seals/")
+        raise RecordError(
+            f"{folder}: no such folder, expected a leaderboard with keys/allowed_signers and seals/"
+        )
     return Trust(folder or bundled("leaderboard"))
 
 
@@ -154,7 +191,9 @@ def _retired(path: Path, promise: Commitment) -> str:
         return ""
     published = read_as(Retired, path)
     if commitment_of(published.secret) != promise.commitment:
-        raise RecordError(f"{path}: its secret does not have the commitment {promise.commitment[:12]}")
+        raise RecordError(
+            f"{path}: its secret does not have the commitment {promise.commitment[:12]}"
+        )
     return published.retired
 
 
@@ -163,15 +202,23 @@ def _is_private(path: Path) -> bool:
     with suppress(OSError):
         found = path.lstat()
         owner = getattr(os, "geteuid", lambda: found.st_uid)()
-        return found.st_uid == owner and not found.st_mode & 0o022 and not stat.S_ISLNK(found.st_mode)
+        return (
+            found.st_uid == owner
+            and not found.st_mode & 0o022
+            and not stat.S_ISLNK(found.st_mode)
+        )
     return False
 
 
-def _ssh_keygen(arguments: Sequence[str], message: bytes, seconds: float | None) -> tuple[str, str]:
+def _ssh_keygen(
+    arguments: Sequence[str], message: bytes, seconds: float | None
+) -> tuple[str, str]:
     """Output of ssh-keygen on ``message``, and the reason why it failed; empty if it did not."""
     try:
         command = ["ssh-keygen", *arguments]
-        done = subprocess.run(command, input=message, capture_output=True, timeout=seconds, check=False)
+        done = subprocess.run(
+            command, input=message, capture_output=True, timeout=seconds, check=False
+        )
     except FileNotFoundError:
         raise MtpBenchError(MISSING) from None
     except subprocess.TimeoutExpired:

@@ -12,7 +12,14 @@ from ..errors import MtpBenchError, SubmissionError, UnknownNameError
 from ..files import cache_root
 from ..parallel import reported
 from ..scoring import DEFINITIONS, AgentScores, score_scene
-from ..scoring.parts import PARTS, SceneParts, blame, error_parts, reference_errors, thresholds_of
+from ..scoring.parts import (
+    PARTS,
+    SceneParts,
+    blame,
+    error_parts,
+    reference_errors,
+    thresholds_of,
+)
 from ..scoring.table import agent_table
 from ..sources.cache import Arrays, read_arrays, write_arrays
 from ..submission.loader import load_submission
@@ -24,10 +31,15 @@ from .run import jobs_of, run_jobs
 from .settings import Setting, references_of, setting_of
 from .stored import OpenedRun, run_scores
 
-_SPLIT = ("associated", "tracks")  # references that split the error of a forecast, fields of `References`
+_SPLIT = (
+    "associated",
+    "tracks",
+)  # references that split the error of a forecast, fields of `References`
 
 
-def run_parts(opened: OpenedRun, options: RunOptions = DEFAULTS, again: bool = False) -> dict[str, SceneParts]:
+def run_parts(
+    opened: OpenedRun, options: RunOptions = DEFAULTS, again: bool = False
+) -> dict[str, SceneParts]:
     """Parts of the errors of a stored run by scene: they add up to the bADE of each target of the run.
 
     Made once, which runs two references on all scenes of the run, and kept in the cache. Without references, the error
@@ -36,20 +48,31 @@ def run_parts(opened: OpenedRun, options: RunOptions = DEFAULTS, again: bool = F
     """
     runs, why = _references(opened)
     content = f"{__version__}|{DEFINITIONS}|{why}|{(opened.folder / RUN_FILE).read_text(encoding='utf-8')}"
-    path = cache_root() / "causes" / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.npz"
+    path = (
+        cache_root()
+        / "causes"
+        / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.npz"
+    )
     names = [rollout.scene for rollout in opened.run.rollouts]
     stored = None if again else read_arrays(path)
     if stored is None:
         stored, failed = _made(opened, names, runs, options)
         why = why or failed
         if not failed:  # tried again the next time
-            with suppress(OSError, MtpBenchError):  # without a cache it is made each time
+            with suppress(
+                OSError, MtpBenchError
+            ):  # without a cache it is made each time
                 path.parent.mkdir(parents=True, exist_ok=True)
                 write_arrays(path, stored)
     part, ends = stored["part"], np.cumsum(stored["count"])[:-1]
     usual = float(blame(part).mean()) if len(part) else 0.0
-    rows = zip(names, np.split(part, ends), np.split(stored["distance"], ends), strict=True)
-    return {name: SceneParts(own, usual, distance, why, stored["thresholds"]) for name, own, distance in rows}
+    rows = zip(
+        names, np.split(part, ends), np.split(stored["distance"], ends), strict=True
+    )
+    return {
+        name: SceneParts(own, usual, distance, why, stored["thresholds"])
+        for name, own, distance in rows
+    }
 
 
 def _references(opened: OpenedRun) -> tuple[dict[str, Setting], str]:
@@ -64,18 +87,37 @@ def _references(opened: OpenedRun) -> tuple[dict[str, Setting], str]:
     if submission.digest != info.submission_digest:
         return {}, "its submission has changed since the run"
     own = setting_of(submission, card)
-    setting = replace(own, parameters=info.parameters, hypotheses=info.hypotheses, samples=info.samples)
+    setting = replace(
+        own,
+        parameters=info.parameters,
+        hypotheses=info.hypotheses,
+        samples=info.samples,
+    )
     found = references_of(setting, card)
-    return (found, "") if {*_SPLIT} <= found.keys() else ({}, "its manifest states no gap_references")
+    return (
+        (found, "")
+        if {*_SPLIT} <= found.keys()
+        else ({}, "its manifest states no gap_references")
+    )
 
 
-def _made(opened: OpenedRun, names: Sequence[str], runs: dict[str, Setting], options: RunOptions) -> tuple[Arrays, str]:
+def _made(
+    opened: OpenedRun,
+    names: Sequence[str],
+    runs: dict[str, Setting],
+    options: RunOptions,
+) -> tuple[Arrays, str]:
     """Parts [n, len(PARTS)] and distances [n] of all targets, m, their numbers by scene; why a reference failed."""
     split, failed = None, ""
-    with reported("finding causes: scoring the run, and the two references that split its errors"):
+    with reported(
+        "finding causes: scoring the run, and the two references that split its errors"
+    ):
         scores = run_scores(opened, options)
         try:
-            associated, tracks = (_scores(runs[name], opened, names, options) if runs else None for name in _SPLIT)
+            associated, tracks = (
+                _scores(runs[name], opened, names, options) if runs else None
+                for name in _SPLIT
+            )
             split = reference_errors(associated, tracks, opened.run.info.samples)
         except SubmissionError as error:  # such as weights that are not there
             failed = f"a reference failed: {error}"
@@ -84,11 +126,25 @@ def _made(opened: OpenedRun, names: Sequence[str], runs: dict[str, Setting], opt
     count = [len(score) for score in scores.seeds[0]]
     part = np.stack([found.get(name, np.zeros(sum(count))) for name in PARTS], axis=1)
     distance = np.concatenate([score.distance for score in scores.seeds[0]])
-    arrays = {"part": part, "count": np.array(count), "distance": distance, "thresholds": thresholds_of(table)}
+    arrays = {
+        "part": part,
+        "count": np.array(count),
+        "distance": distance,
+        "thresholds": thresholds_of(table),
+    }
     return arrays, failed
 
 
-def _scores(setting: Setting, opened: OpenedRun, names: Sequence[str], options: RunOptions) -> AgentScores:
+def _scores(
+    setting: Setting, opened: OpenedRun, names: Sequence[str], options: RunOptions
+) -> AgentScores:
     keywords = {"data": opened.data, **setting.env_keywords(opened.card)}
-    jobs = jobs_of(setting.submission, opened.card, keywords, names, opened.run.info.seed, setting.parameters)
+    jobs = jobs_of(
+        setting.submission,
+        opened.card,
+        keywords,
+        names,
+        opened.run.info.seed,
+        setting.parameters,
+    )
     return scores_of(setting, [tuple(run_jobs(jobs, options, score_scene))])

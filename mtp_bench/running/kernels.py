@@ -6,14 +6,19 @@ from typing import Any
 from .. import notice
 from ..parallel import SERIAL, Workers, parallel_map
 
-PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")  # packages whose import registers all kernels
+PLAYERS = (
+    "mtp_bench.tracking",
+    "mtp_bench.prediction",
+)  # packages whose import registers all kernels
 
 
 def all_kernels() -> list[Any]:
     """All kernels; imported here, since the judge itself does not import trackers and predictors."""
     for package in PLAYERS:
         importlib.import_module(package)
-    kernels: list[Any] = importlib.import_module("mtp_bench.tracking.kernels.compile").KERNELS
+    kernels: list[Any] = importlib.import_module(
+        "mtp_bench.tracking.kernels.compile"
+    ).KERNELS
     return kernels
 
 
@@ -25,7 +30,9 @@ def compile_kernels(workers: Workers = SERIAL) -> None:
     missing = [kernel for kernel in all_kernels() if not kernel.is_cached]
     if not missing or not missing[0].can_be_cached():
         return
-    calls = [(kernel.function.__module__, kernel.function.__qualname__) for kernel in missing]
+    calls = [
+        (kernel.function.__module__, kernel.function.__qualname__) for kernel in missing
+    ]
     if workers.count == 1 or len(missing) < 2:  # each kernel prints its own line
         parallel_map(_compile, calls)
         return

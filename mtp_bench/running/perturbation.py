@@ -17,7 +17,10 @@ from ..types import Bools, Floats, Ints, Scene, joined
 from .run import derived_seed
 
 RUNS = 48
-QUANTILES = (0.1, 0.25)  # of the scores of matched detections: the score thresholds of two thirds of the runs
+QUANTILES = (
+    0.1,
+    0.25,
+)  # of the scores of matched detections: the score thresholds of two thirds of the runs
 DROPPED = 0.05  # share of the detections
 LOG_SIZE = 0.05
 MOST_YAW = 0.1  # rad
@@ -54,12 +57,22 @@ class Perturbation:
         found = joined(parts)
         own = [found.class_id == c for c in range(classes)]
         return cls(
-            sigma_xy=_rounded(_quantiles(found.distance, own, 0.5) / _MEDIAN_OF_RAYLEIGH),
-            sigma_yaw=_rounded(np.minimum(MOST_YAW, _quantiles(found.turn, own, 0.5) / _MEDIAN_OF_NORMAL)),
-            cuts=tuple(_rounded(_quantiles(found.score, own, share)) for share in QUANTILES),
+            sigma_xy=_rounded(
+                _quantiles(found.distance, own, 0.5) / _MEDIAN_OF_RAYLEIGH
+            ),
+            sigma_yaw=_rounded(
+                np.minimum(
+                    MOST_YAW, _quantiles(found.turn, own, 0.5) / _MEDIAN_OF_NORMAL
+                )
+            ),
+            cuts=tuple(
+                _rounded(_quantiles(found.score, own, share)) for share in QUANTILES
+            ),
         )
 
-    def parameters(self, classes: Sequence[str], seeds: Sequence[int]) -> dict[str, Any]:
+    def parameters(
+        self, classes: Sequence[str], seeds: Sequence[int]
+    ) -> dict[str, Any]:
         """All parameters of the runs, as the file of weights stores them."""
         return {
             "seeds": f"{min(seeds)} to {max(seeds)}",
@@ -69,7 +82,10 @@ class Perturbation:
             "sigma_xy": dict(zip(classes, self.sigma_xy, strict=True)),
             "sigma_yaw": dict(zip(classes, self.sigma_yaw, strict=True)),
             "quantiles": [None, *QUANTILES],
-            "cuts": [None, *(dict(zip(classes, cut, strict=True)) for cut in self.cuts)],
+            "cuts": [
+                None,
+                *(dict(zip(classes, cut, strict=True)) for cut in self.cuts),
+            ],
         }
 
     def perturbed(self, scene: Scene, run: int) -> Scene:
@@ -91,7 +107,9 @@ class Perturbation:
 def matched_detections(scene: Scene, card: Card) -> MatchedDetections:
     """The detections of ``scene`` inside the forecast gate of an evaluated object, matched one to one."""
     truth, seen = evaluated(scene).truth, scene.detections
-    matched = match_objects(truth, seen.frame_of_rows, seen.box, seen.class_id, card).object_of_truth
+    matched = match_objects(
+        truth, seen.frame_of_rows, seen.box, seen.class_id, card
+    ).object_of_truth
     row = np.flatnonzero((matched >= 0) & ~truth.neutral)
     box, true_box = seen.box[matched[row]], truth.box[row]
     turn = box[:, 3] - true_box[:, 3]
@@ -108,10 +126,17 @@ def assignment_of(run: int) -> str:
     return ASSIGNMENTS[run % len(ASSIGNMENTS)]
 
 
-def _quantiles(values: Floats, of_class: Sequence[Bools], share: float) -> NDArray[np.float64]:
+def _quantiles(
+    values: Floats, of_class: Sequence[Bools], share: float
+) -> NDArray[np.float64]:
     """Quantile of ``values`` [n] per class [C]; of all values for a class without any, 0 without values."""
     overall = float(np.quantile(values, share)) if len(values) else 0.0
-    return np.array([float(np.quantile(values[own], share)) if own.any() else overall for own in of_class])
+    return np.array(
+        [
+            float(np.quantile(values[own], share)) if own.any() else overall
+            for own in of_class
+        ]
+    )
 
 
 def _rounded(values: NDArray[np.float64]) -> tuple[float, ...]:

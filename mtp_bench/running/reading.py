@@ -35,12 +35,20 @@ def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
 def skipped_line(skipped: Mapping[str, int]) -> str | None:
     """One or two sentences for the user; None if no row was skipped and no target lies across a hole in time."""
     sentences = []
-    if rows := {reason: number for reason, number in skipped.items() if reason not in (HOLES, LOST_TARGETS)}:
+    if rows := {
+        reason: number
+        for reason, number in skipped.items()
+        if reason not in (HOLES, LOST_TARGETS)
+    }:
         reasons = ", ".join(f"{reason} ({number})" for reason, number in rows.items())
-        sentences.append(f"{counted(sum(rows.values()), 'row')} of the data skipped or completed: {reasons}")
+        sentences.append(
+            f"{counted(sum(rows.values()), 'row')} of the data skipped or completed: {reasons}"
+        )
     if holes := skipped.get(HOLES, 0):
         left = f"{counted(skipped[LOST_TARGETS], 'target')} across {'it' if holes == 1 else 'them'} left out"
-        sentences.append(f"{counted(holes, 'hole')} in time, steps of more than 1.5 frame periods: {left}")
+        sentences.append(
+            f"{counted(holes, 'hole')} in time, steps of more than 1.5 frame periods: {left}"
+        )
     return "; ".join(sentences) or None
 
 
@@ -54,7 +62,9 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
         return status
     kept = cache_root() / "counts" / f"{card.digest}-{_state_of(status.root)}.json"
     with suppress(MtpBenchError):  # missing, or not what was written
-        known = validate(_Counts, read_json(kept, MtpBenchError), str(kept), MtpBenchError)
+        known = validate(
+            _Counts, read_json(kept, MtpBenchError), str(kept), MtpBenchError
+        )
         status.counts.update(known.counts)
         status.notes += known.notes
         return status
@@ -63,7 +73,10 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
         with status.noted():
             scene = source.load(name)
             skipped.append(scene.skipped | left_out(scene, card))
-            rows = {"true boxes": len(scene.truth.box), "detections": len(scene.detections.box)}
+            rows = {
+                "true boxes": len(scene.truth.box),
+                "detections": len(scene.detections.box),
+            }
             status.counts.update({"scenes": 1, "frames": scene.frames, **rows})
     notes = [*filter(None, [skipped_line(total_skipped(skipped))])]
     status.notes += notes
@@ -81,5 +94,7 @@ def _state_of(root: Path) -> str:
         for path in (Path(folder, name) for name in names):
             if path.suffix not in (".jpg", ".png", ".bin") and path.exists():
                 found = path.stat()
-                state.append((str(path), found.st_size, found.st_mtime_ns, found.st_ctime_ns))
+                state.append(
+                    (str(path), found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+                )
     return hashlib.sha256(repr((__version__, sorted(state))).encode()).hexdigest()[:16]

@@ -15,7 +15,13 @@ from ..cards import Card, load_card, with_presence
 from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
 from ..env.rollouts import empty_rollout
-from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, require_known
+from ..errors import (
+    CardError,
+    DataError,
+    MtpBenchError,
+    UnknownNameError,
+    require_known,
+)
 from ..files import require_file, write_text
 from ..parallel import parallel_map, reported
 from ..scoring import score_scene
@@ -37,7 +43,14 @@ from ..strict import read_json
 from ..submission.loader import Submission, controls, load_submission
 from ..types import Bools, Rollout, Scene, Task, starts_of
 from .options import DEFAULTS, RunOptions
-from .perturbation import ASSIGNMENTS, RUNS, MatchedDetections, Perturbation, assignment_of, matched_detections
+from .perturbation import (
+    ASSIGNMENTS,
+    RUNS,
+    MatchedDetections,
+    Perturbation,
+    assignment_of,
+    matched_detections,
+)
 from .run import jobs_of, run_jobs, run_scene
 
 _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
@@ -68,7 +81,11 @@ def frozen_reference(card: Card) -> Reference | None:
     broken or of other definitions.
     """
     reference = _frozen_file(card.id)
-    return reference if reference is not None and reference.card == with_presence(card, None).digest else None
+    return (
+        reference
+        if reference is not None and reference.card == with_presence(card, None).digest
+        else None
+    )
 
 
 def card_budget(env_id: str) -> CardBudget:
@@ -89,7 +106,11 @@ def _frozen_file(env_id: str) -> Reference | None:
     if reference.env != env_id:
         raise DataError(f"{path}: env is {reference.env!r}, expected {env_id!r}")
     live = _live_frames().get(env_id)
-    constants = None if live is None else CardBudget(env_id, reference.totals["forecasts"], live, false_known=False)
+    constants = (
+        None
+        if live is None
+        else CardBudget(env_id, reference.totals["forecasts"], live, false_known=False)
+    )
     return replace(reference, frozen=True, constants=constants)
 
 
@@ -109,10 +130,14 @@ def ranked_scenes(card: Card, names: Sequence[str]) -> tuple[str, ...]:
     those that all agents are ranked on.
     """
     frozen = frozen_reference(card)
-    return tuple(name for name in names if frozen is not None and frozen.holds([name])) or tuple(names)
+    return tuple(
+        name for name in names if frozen is not None and frozen.holds([name])
+    ) or tuple(names)
 
 
-def reference_for(card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS) -> Reference:
+def reference_for(
+    card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS
+) -> Reference:
     """The frozen event weights of ``card`` if they cover the scenes, else weights made from these scenes.
 
     ``card``: with all changes. ``options``: data, workers and progress. Raises DataError if the frozen file is broken.
@@ -120,7 +145,10 @@ def reference_for(card: Card, scenes: Sequence[str], options: RunOptions = DEFAU
     frozen = frozen_reference(card)
     if frozen is not None and frozen.holds(scenes):
         return frozen
-    return replace(make_reference(with_presence(card, None), scenes, options), constants=card_budget(card.id))
+    return replace(
+        make_reference(with_presence(card, None), scenes, options),
+        constants=card_budget(card.id),
+    )
 
 
 def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, Reference]:
@@ -128,20 +156,33 @@ def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, Reference
 
     Raises UnknownNameError for the path of a card: only weights of shipped ids are looked up.
     """
-    require_known("environment", env_id, card_ids(), "only those that ship have frozen event weights")
+    require_known(
+        "environment",
+        env_id,
+        card_ids(),
+        "only those that ship have frozen event weights",
+    )
     card, path = load_card(env_id), frozen_path(env_id)
     path.parent.mkdir(exist_ok=True)
     require_file(path)
-    reference = make_reference(card, MTPEnv(card, data=options.data).scene_names, options)
+    reference = make_reference(
+        card, MTPEnv(card, data=options.data).scene_names, options
+    )
     write_reference(path, reference)
     if not reference.budget.false_known:
         live = {**_live_frames(), env_id: reference.budget.divisor}
-        write_text(frozen_path("live_frames"), json.dumps(live, indent=1, sort_keys=True) + "\n")
+        write_text(
+            frozen_path("live_frames"),
+            json.dumps(live, indent=1, sort_keys=True) + "\n",
+        )
     return path, replace(reference, frozen=True)
 
 
 def make_reference(
-    card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS, seeds: Sequence[int] = range(RUNS)
+    card: Card,
+    scenes: Sequence[str],
+    options: RunOptions = DEFAULTS,
+    seeds: Sequence[int] = range(RUNS),
 ) -> Reference:
     """Event weights from runs of the card's reference baseline on ``scenes``, one per seed; budgets are theirs, too.
 
@@ -149,23 +190,44 @@ def make_reference(
     and ``forecasts``.
     """
     if len(seeds) > _MOST_SEEDS:
-        raise MtpBenchError(f"got {len(seeds)} seeds of event weights, expected at most {_MOST_SEEDS}")
+        raise MtpBenchError(
+            f"got {len(seeds)} seeds of event weights, expected at most {_MOST_SEEDS}"
+        )
     if card.drive is not None:
         return _driven_reference(card, scenes, options)
     submission = load_submission(card.reference or controls()["single"])
-    parts = [seeds[low : low + _RUNS_PER_CALL] for low in range(0, len(seeds), _RUNS_PER_CALL)]
+    parts = [
+        seeds[low : low + _RUNS_PER_CALL]
+        for low in range(0, len(seeds), _RUNS_PER_CALL)
+    ]
     plain: list[_PlainRun]
     counts: list[NDArray[np.uint8]]
-    with reported(f"event weights from runs of {submission.name}", own=options.progress) as progress:
+    with reported(
+        f"event weights from runs of {submission.name}", own=options.progress
+    ) as progress:
         progress.started(len(scenes) * (1 + len(parts)))
         known = [(card, options.data, name, submission) for name in scenes]
-        plain = parallel_map(_plain_run, known, options.workers, lambda place: progress.done(scenes[place]))
-        perturbation = Perturbation.fit([run.detections for run in plain], len(card.task.classes))
+        plain = parallel_map(
+            _plain_run,
+            known,
+            options.workers,
+            lambda place: progress.done(scenes[place]),
+        )
+        perturbation = Perturbation.fit(
+            [run.detections for run in plain], len(card.task.classes)
+        )
         calls = [(*call, perturbation, part) for call in known for part in parts]
-        counts = parallel_map(_perturbed_runs, calls, options.workers, lambda i: progress.done(scenes[i // len(parts)]))
+        counts = parallel_map(
+            _perturbed_runs,
+            calls,
+            options.workers,
+            lambda i: progress.done(scenes[i // len(parts)]),
+        )
     weights = {}
     for i, (name, run) in enumerate(zip(scenes, plain, strict=True)):
-        total = np.stack(counts[i * len(parts) : (i + 1) * len(parts)]).sum(axis=0, dtype=np.uint8)
+        total = np.stack(counts[i * len(parts) : (i + 1) * len(parts)]).sum(
+            axis=0, dtype=np.uint8
+        )
         weights[scene_key(card.id, name)] = SceneWeights(
             total, run.stp, run.stp_events, run.false_forecasts, run.forecasts
         )
@@ -186,31 +248,55 @@ def _counted(env_id: str, runs: Sequence[_PlainRun]) -> CardBudget | None:
     if all(run.truth_complete for run in runs):
         return None
     live = sum(run.live for run in runs)
-    return CardBudget(env_id, sum(run.forecasts for run in runs), max(live, 1), false_known=False)
+    return CardBudget(
+        env_id, sum(run.forecasts for run in runs), max(live, 1), false_known=False
+    )
 
 
-def _driven_reference(card: Card, scenes: Sequence[str], options: RunOptions) -> Reference:
+def _driven_reference(
+    card: Card, scenes: Sequence[str], options: RunOptions
+) -> Reference:
     """Ways of the ego of a closed loop with ground-truth tracks, one run; each scene counts as one target."""
     submission = load_submission(controls()["ground_truth"])
-    drives = run_jobs(jobs_of(submission, card, {"data": options.data}, scenes), options, _way)
-    none = np.zeros((1, len(COUNTED)), dtype=np.uint8), np.zeros((1, len(EVENTS)), dtype=bool), (0, 0, 0), 0, 0
-    weights = {scene_key(card.id, name): SceneWeights(*none, way) for name, way in zip(scenes, drives, strict=True)}
-    return Reference(card.id, card.digest, WEIGHTS_DEFINITIONS, submission.name, 1, {}, weights)
+    drives = run_jobs(
+        jobs_of(submission, card, {"data": options.data}, scenes), options, _way
+    )
+    none = (
+        np.zeros((1, len(COUNTED)), dtype=np.uint8),
+        np.zeros((1, len(EVENTS)), dtype=bool),
+        (0, 0, 0),
+        0,
+        0,
+    )
+    weights = {
+        scene_key(card.id, name): SceneWeights(*none, way)
+        for name, way in zip(scenes, drives, strict=True)
+    }
+    return Reference(
+        card.id, card.digest, WEIGHTS_DEFINITIONS, submission.name, 1, {}, weights
+    )
 
 
 def _way(scene: Scene, rollout: Rollout, card: Card) -> float:
     assert rollout.drive is not None
-    return float(np.floor(1e6 * rollout.drive.way)) / 1e6  # machines differ in the last bits
+    return (
+        float(np.floor(1e6 * rollout.drive.way)) / 1e6
+    )  # machines differ in the last bits
 
 
-def _plain_run(card: Card, data: str | None, name: str, submission: Submission) -> _PlainRun:
+def _plain_run(
+    card: Card, data: str | None, name: str, submission: Submission
+) -> _PlainRun:
     """Run the reference baseline on a scene as it is; its matched detections and event weights but the counts."""
     env = MTPEnv(card, data=data, evaluation=True)
     rollout = run_scene(submission.build(env.task), env, name, 0, submission.name)
     scene = env.scene
     events = events_of(scene, rollout, card)
     ids, lost, reacquired = events[~evaluated(scene).truth.neutral].sum(axis=0).tolist()
-    score, flags = score_scene(scene, rollout, card), events[find_targets(scene, card).row]
+    score, flags = (
+        score_scene(scene, rollout, card),
+        events[find_targets(scene, card).row],
+    )
     return _PlainRun(
         matched_detections(scene, card),
         flags,
@@ -223,15 +309,33 @@ def _plain_run(card: Card, data: str | None, name: str, submission: Submission) 
 
 
 def _perturbed_runs(
-    card: Card, data: str | None, name: str, submission: Submission, perturbation: Perturbation, runs: Sequence[int]
+    card: Card,
+    data: str | None,
+    name: str,
+    submission: Submission,
+    perturbation: Perturbation,
+    runs: Sequence[int],
 ) -> NDArray[np.uint8]:
     """Counts [n, 4] of the events of the perturbed ``runs`` on the targets of a scene."""
     env = MTPEnv(card, data=data, samples=1, hypotheses=1, objects=1, evaluation=True)
     env.reset(options={"scene": name})
     scene, row = env.scene, find_targets(env.scene, card).row
-    agents = {assignment: _tracker(submission, env.task, assignment) for assignment in ASSIGNMENTS}
-    rollouts = (track(agents[assignment_of(run)], perturbation.perturbed(scene, run), env.task, card) for run in runs)
-    return count_runs((events_of(scene, rollout, card)[row] for rollout in rollouts), len(row))
+    agents = {
+        assignment: _tracker(submission, env.task, assignment)
+        for assignment in ASSIGNMENTS
+    }
+    rollouts = (
+        track(
+            agents[assignment_of(run)],
+            perturbation.perturbed(scene, run),
+            env.task,
+            card,
+        )
+        for run in runs
+    )
+    return count_runs(
+        (events_of(scene, rollout, card)[row] for rollout in rollouts), len(row)
+    )
 
 
 def _tracker(submission: Submission, task: Task, assignment: str) -> Agent:
@@ -239,7 +343,9 @@ def _tracker(submission: Submission, task: Task, assignment: str) -> Agent:
     try:
         return submission.build(task, assignment=assignment, forecasts=False)
     except UnknownNameError as error:
-        raise CardError(f"{submission.name!r} cannot be the reference of a card: {error}") from None
+        raise CardError(
+            f"{submission.name!r} cannot be the reference of a card: {error}"
+        ) from None
 
 
 def track(agent: Agent, scene: Scene, task: Task, card: Card) -> Rollout:
@@ -256,8 +362,17 @@ def track(agent: Agent, scene: Scene, task: Task, card: Card) -> Rollout:
         rows = np.flatnonzero(action["track_valid"])
         box = frame.to_scene(action["track_box"][rows]).astype(np.float32)
         columns.append((action["track_id"][rows], box, action["track_class"][rows]))
-    track_id, box, class_id = (np.concatenate(column) for column in zip(*columns, strict=True))
-    empty = empty_rollout(scene.name, scene.frames, H=1, K=task.samples, T=task.future, C1=len(task.classes) + 1)
+    track_id, box, class_id = (
+        np.concatenate(column) for column in zip(*columns, strict=True)
+    )
+    empty = empty_rollout(
+        scene.name,
+        scene.frames,
+        H=1,
+        K=task.samples,
+        T=task.future,
+        C1=len(task.classes) + 1,
+    )
     return replace(
         empty,
         track_start=starts_of([len(ids) for ids, *_ in columns]),

@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 
 from ..env.rollouts import ARRAYS, digest, drive_arrays, drive_of
 from ..errors import RolloutError
-from ..files import clean_text, file_stem, open_regular, require_replaceable, whole_folder
+from ..files import (
+    clean_text,
+    file_stem,
+    open_regular,
+    require_replaceable,
+    whole_folder,
+)
 from ..parallel import cores
 from ..sources.cache import write_npz
 from ..strict import Section, read_json, validate
@@ -41,7 +47,9 @@ class RunInfo(Section):
     agent: str
     folder: str = ""  # of its submission; empty: an object of a program
     parameters: dict[str, Any]
-    hypotheses: int | None = None  # as the submission declares; None: as many as the agent states
+    hypotheses: int | None = (
+        None  # as the submission declares; None: as many as the agent states
+    )
     submission_digest: str
     note: str = ""  # on training with scenes that are scored
     seed: int
@@ -82,14 +90,25 @@ def save_run(folder: str | Path, info: RunInfo, rollouts: Iterable[Rollout]) -> 
         by_name: dict[str, Rollout] = {}
         for rollout in rollouts:
             if by_name.setdefault(rollout.scene, rollout) is not rollout:
-                raise RolloutError(f"scene {rollout.scene!r} occurs twice among the rollouts of a run, expected once")
-        with ThreadPoolExecutor(cores()) as pool:  # zlib, which takes most of the time, releases the interpreter lock
-            entries = list(pool.map(lambda each: _write_scene(part, each), by_name.values()))
+                raise RolloutError(
+                    f"scene {rollout.scene!r} occurs twice among the rollouts of a run, expected once"
+                )
+        with ThreadPoolExecutor(
+            cores()
+        ) as pool:  # zlib, which takes most of the time, releases the interpreter lock
+            entries = list(
+                pool.map(lambda each: _write_scene(part, each), by_name.values())
+            )
         content = _RunFile(format=FORMAT, info=info, scenes=entries).model_dump()
         try:
             text = f"{json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)}\n".encode()
-        except (TypeError, ValueError) as error:  # also text that is not UTF-8, such as the name of a file
-            raise RolloutError(f"the run of {info.agent!r} cannot be stored as JSON: {error}") from None
+        except (
+            TypeError,
+            ValueError,
+        ) as error:  # also text that is not UTF-8, such as the name of a file
+            raise RolloutError(
+                f"the run of {info.agent!r} cannot be stored as JSON: {error}"
+            ) from None
         (part / RUN_FILE).write_bytes(text)
 
 
@@ -99,10 +118,16 @@ def load_run(folder: str | Path) -> Run:
     Raises RolloutError if a file is missing, truncated or was changed.
     """
     path = Path(folder) / RUN_FILE
-    content = read_json(path, RolloutError, f"no {RUN_FILE} there, expected a folder written by `mtp-bench run`")
+    content = read_json(
+        path,
+        RolloutError,
+        f"no {RUN_FILE} there, expected a folder written by `mtp-bench run`",
+    )
     if content.get("format", FORMAT) != FORMAT:
         got = f"has the format {clean_text(str(content['format']), 20)}"
-        raise RolloutError(f"{path}: {got}, and this version of the library reads format {FORMAT}: run the agent again")
+        raise RolloutError(
+            f"{path}: {got}, and this version of the library reads format {FORMAT}: run the agent again"
+        )
     run = validate(_RunFile, content, str(path), RolloutError)
     rollouts: list[Rollout] = []
     size = 0
@@ -110,7 +135,9 @@ def load_run(folder: str | Path) -> Run:
         rollout = _read_scene(Path(folder), entry)
         size += sum(getattr(rollout, name).nbytes for name in ARRAYS)
         if size > MOST_RUN:
-            raise RolloutError(f"{folder}: its scenes hold more than {MOST_RUN >> 30} GiB, the limit")
+            raise RolloutError(
+                f"{folder}: its scenes hold more than {MOST_RUN >> 30} GiB, the limit"
+            )
         rollouts.append(rollout)
     return Run(run.info, tuple(rollouts))
 
@@ -121,12 +148,18 @@ def require_run_folder(folder: Path) -> None:
         return
     require_replaceable(folder)
     if not folder.is_dir():
-        raise RolloutError(f"{folder} is a file, expected a new folder or that of an earlier run")
+        raise RolloutError(
+            f"{folder} is a file, expected a new folder or that of an earlier run"
+        )
     names = {path.name for path in folder.iterdir()}
-    foreign = sorted(name for name in names if name != RUN_FILE and not name.endswith(".npz"))
+    foreign = sorted(
+        name for name in names if name != RUN_FILE and not name.endswith(".npz")
+    )
     if names and (RUN_FILE not in names or foreign):
         what = f"holds {foreign[0]!r}" if foreign else f"has no {RUN_FILE}"
-        raise RolloutError(f"{folder} is not empty and {what}, so it is not a run: choose another folder")
+        raise RolloutError(
+            f"{folder} is not empty and {what}, so it is not a run: choose another folder"
+        )
 
 
 def _scene_file(scene: str) -> str:
@@ -136,8 +169,15 @@ def _scene_file(scene: str) -> str:
 def _write_scene(folder: Path, rollout: Rollout) -> _Entry:
     """Write an NPZ file: 2 % larger than at the level of `numpy.savez_compressed`, in 0.3 to 0.7 of its time."""
     entry = _Entry(scene=rollout.scene, frames=rollout.frames, digest=digest(rollout))
-    arrays = {name: np.asarray(getattr(rollout, name), dtype=dtype) for name, (dtype, _) in ARRAYS.items()}
-    stored = {**arrays, "forecast": differences(arrays["forecast"]), **drive_arrays(rollout.drive)}
+    arrays = {
+        name: np.asarray(getattr(rollout, name), dtype=dtype)
+        for name, (dtype, _) in ARRAYS.items()
+    }
+    stored = {
+        **arrays,
+        "forecast": differences(arrays["forecast"]),
+        **drive_arrays(rollout.drive),
+    }
     write_npz(folder / _scene_file(rollout.scene), stored, _LEVEL)
     return entry
 
@@ -145,7 +185,9 @@ def _write_scene(folder: Path, rollout: Rollout) -> _Entry:
 def differences(forecast: NDArray[np.int16]) -> NDArray[np.int16]:
     """Second differences over time [T, S, K, 2] of forecasts [S, K, T, 2], wrapping around on overflow."""
     by_time = np.moveaxis(forecast, 2, 0)
-    return np.diff(by_time, n=2, axis=0, prepend=np.zeros((2, *by_time.shape[1:]), by_time.dtype))
+    return np.diff(
+        by_time, n=2, axis=0, prepend=np.zeros((2, *by_time.shape[1:]), by_time.dtype)
+    )
 
 
 def undone(steps: NDArray[np.int16]) -> NDArray[np.int16]:
@@ -161,38 +203,63 @@ def _read_scene(folder: Path, entry: _Entry) -> Rollout:
     try:
         with open_regular(path) as file, np.load(file, allow_pickle=False) as stored:
             if sum(entry.file_size for entry in stored.zip.infolist()) > MOST_BYTES:
-                raise RolloutError(f"{path}: unpacks to more than {MOST_BYTES >> 20} MiB, the limit")
-            arrays = {name: np.asarray(stored[name]) for name in ARRAYS}  # np.load gives bytes for odd members
+                raise RolloutError(
+                    f"{path}: unpacks to more than {MOST_BYTES >> 20} MiB, the limit"
+                )
+            arrays = {
+                name: np.asarray(stored[name]) for name in ARRAYS
+            }  # np.load gives bytes for odd members
             arrays["forecast"] = undone(arrays["forecast"])
-            drive = drive_of({name: np.asarray(stored[name]) for name in stored.files if name not in ARRAYS})
+            drive = drive_of(
+                {
+                    name: np.asarray(stored[name])
+                    for name in stored.files
+                    if name not in ARRAYS
+                }
+            )
     except FileNotFoundError:
-        raise RolloutError(f"{path} is missing, {RUN_FILE} names it; run the agent again") from None
+        raise RolloutError(
+            f"{path} is missing, {RUN_FILE} names it; run the agent again"
+        ) from None
     except RolloutError:
         raise
     except Exception as error:  # NumPy raises many kinds for changed or missing bytes
-        raise RolloutError(f"{path}: truncated or not a rollout ({error}); run the agent again") from None
+        raise RolloutError(
+            f"{path}: truncated or not a rollout ({error}); run the agent again"
+        ) from None
     _check_arrays(path, arrays, entry.frames)
     rollout = Rollout(scene=entry.scene, **arrays, drive=drive)
     got = digest(rollout)
     if got != entry.digest:
-        raise RolloutError(f"{path}: digest {got[:12]}, expected {entry.digest[:12]}: it was changed after the run")
+        raise RolloutError(
+            f"{path}: digest {got[:12]}, expected {entry.digest[:12]}: it was changed after the run"
+        )
     return rollout
 
 
 def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]], frames: int) -> None:
     """Raise RolloutError unless all arrays have the dtypes and the shapes of one rollout."""
-    sizes: dict[str | int, int] = {"F": frames, "F1": frames + 1}  # the first array with a letter sets its size
+    sizes: dict[str | int, int] = {
+        "F": frames,
+        "F1": frames + 1,
+    }  # the first array with a letter sets its size
     for name, (dtype, letters) in ARRAYS.items():
         array = arrays[name]
         if array.dtype != np.dtype(dtype):
-            raise RolloutError(f"{path}: {name} has dtype {array.dtype}, expected {np.dtype(dtype)}")
+            raise RolloutError(
+                f"{path}: {name} has dtype {array.dtype}, expected {np.dtype(dtype)}"
+            )
         if array.ndim == len(letters):
             for letter, size in zip(letters, array.shape, strict=True):
                 sizes.setdefault(letter, letter if isinstance(letter, int) else size)
         expected = tuple(sizes.get(letter, letter) for letter in letters)
         if array.shape != expected:
-            raise RolloutError(f"{path}: {name} has shape {array.shape}, expected {expected}")
+            raise RolloutError(
+                f"{path}: {name} has shape {array.shape}, expected {expected}"
+            )
     for kind, rows in (("track", sizes["R"]), ("object", sizes["S"])):
         start = arrays[f"{kind}_start"]
         if start[0] != 0 or start[-1] != rows or (np.diff(start) < 0).any():
-            raise RolloutError(f"{path}: {kind}_start does not divide the {rows} rows into frames")
+            raise RolloutError(
+                f"{path}: {kind}_start does not divide the {rows} rows into frames"
+            )

@@ -40,14 +40,18 @@ class AgentFailedError(SubmissionError):
         return f"agent {self.args[0]!r} {self.reason}"
 
 
-def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None) -> Rollout:
+def run_scene(
+    agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None
+) -> Rollout:
     """Rollout of ``agent`` on one scene of ``env``, with the seconds that ``act`` took per frame.
 
     ``scene_name``: one of ``env.scene_names``. Raises AgentFailedError, naming the agent (``name``, else its class),
     scene and frame, if the agent raises; the rollout counts invalid rows of actions (ActionError of a strict env).
     """
     name = name or type(agent).__name__
-    observation, _ = env.reset(seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name})
+    observation, _ = env.reset(
+        seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name}
+    )
     seconds: list[float] = []
     over, place = False, "reset"
     try:
@@ -62,7 +66,9 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
     except BaseException as error:
         if not place or isinstance(error, KeyboardInterrupt):  # of the user
             raise
-        raise AgentFailedError(name, f"failed on scene {scene_name!r} at {place}: {_text(error)}") from error
+        raise AgentFailedError(
+            name, f"failed on scene {scene_name!r} at {place}: {_text(error)}"
+        ) from error
     return replace(env.rollout(), seconds=np.array(seconds))
 
 
@@ -92,9 +98,14 @@ def jobs_of(
     ``keywords``: of `MTPEnv`; without ``observe`` the env observes what the manifest states. ``parameters``: of the
     agent, else those of the manifest. ``label``: name of the agent in errors, else that of the submission.
     """
-    make = submission.factory(submission.parameters if parameters is None else parameters)
+    make = submission.factory(
+        submission.parameters if parameters is None else parameters
+    )
     keywords = {"observe": submission.compare.observe, **keywords, "evaluation": True}
-    return [Job(make, env, keywords, scene, seed, label or submission.name) for scene in scenes]
+    return [
+        Job(make, env, keywords, scene, seed, label or submission.name)
+        for scene in scenes
+    ]
 
 
 def run_jobs(
@@ -110,13 +121,19 @@ def run_jobs(
     path on every worker. ``finished`` is called in this process with every result. Raises AgentFailedError; with
     ``caught`` the error is the result of its job, and the others go on.
     """
-    if options.workers.count > 1 and any(isinstance(job.make_agent, SubmissionFactory) for job in jobs):
+    if options.workers.count > 1 and any(
+        isinstance(job.make_agent, SubmissionFactory) for job in jobs
+    ):
         compile_kernels(options.workers)
     agents, results = {job.agent for job in jobs}, dict[int, Any]()
-    label = "running " + (f"{len(agents)} agents" if len(agents) > 1 else "".join(agents))
+    label = "running " + (
+        f"{len(agents)} agents" if len(agents) > 1 else "".join(agents)
+    )
     with reported(label, own=options.progress) as told:
         told.started(len(jobs))
-        for place, result in _outcomes(_one_scene, [(job, finish, caught) for job in jobs], options.workers, caught):
+        for place, result in _outcomes(
+            _one_scene, [(job, finish, caught) for job in jobs], options.workers, caught
+        ):
             results[place] = result
             told.done(jobs[place].scene)
             if finished is not None:
@@ -125,7 +142,10 @@ def run_jobs(
 
 
 def _outcomes(
-    function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: Workers, caught: bool
+    function: Callable[..., Any],
+    calls: Sequence[tuple[Any, ...]],
+    workers: Workers,
+    caught: bool,
 ) -> Iterator[tuple[int, Any]]:
     """Index and result of each call of ``function``, whose first argument is a job.
 
@@ -142,17 +162,27 @@ def _outcomes(
     for agent in dict.fromkeys(calls[place][0].agent for place in left):
         places = [place for place in left if calls[place][0].agent == agent]
         try:
-            for index, result in unordered_map(function, [calls[place] for place in places], workers, own_process=True):
+            for index, result in unordered_map(
+                function, [calls[place] for place in places], workers, own_process=True
+            ):
                 del left[places[index]]
                 yield places[index], result
         except WorkerDiedError:
             reason = "ended its process: it exited, crashed, or memory ran out (then take fewer processes, --jobs)"
-            yield from ((place, AgentFailedError(agent, reason)) for place in places if place in left)
+            yield from (
+                (place, AgentFailedError(agent, reason))
+                for place in places
+                if place in left
+            )
 
 
-def first_errors(jobs: Sequence[Job], options: RunOptions = DEFAULTS) -> list[AgentFailedError | None]:
+def first_errors(
+    jobs: Sequence[Job], options: RunOptions = DEFAULTS
+) -> list[AgentFailedError | None]:
     """Errors of building the agent of each job and resetting it once for its scene; None for an agent that is ready."""
-    results = dict(_outcomes(_first_error, [(job,) for job in jobs], options.workers, caught=True))
+    results = dict(
+        _outcomes(_first_error, [(job,) for job in jobs], options.workers, caught=True)
+    )
     return [results[place] for place in range(len(jobs))]
 
 
@@ -185,7 +215,10 @@ def library_versions() -> dict[str, str]:
 def _one_scene(job: Job, finish: Finish | None, caught: bool) -> Any:
     env = MTPEnv(job.env, **job.env_keywords)
     try:
-        with np.errstate(), warnings.catch_warnings():  # an agent that changes them changes them for itself
+        with (
+            np.errstate(),
+            warnings.catch_warnings(),
+        ):  # an agent that changes them changes them for itself
             rollout = run_scene(_built(job, env), env, job.scene, job.seed, job.agent)
     except AgentFailedError as error:
         if not caught:
@@ -216,7 +249,9 @@ def _built(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt):
             raise
-        raise AgentFailedError(job.agent, f"cannot be {step}: {_text(error)}") from error
+        raise AgentFailedError(
+            job.agent, f"cannot be {step}: {_text(error)}"
+        ) from error
     return agent
 
 

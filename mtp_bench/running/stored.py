@@ -12,7 +12,14 @@ from ..env.observation import shown_boxes
 from ..errors import RolloutError, UnknownNameError, require_known
 from ..files import require_folder
 from ..parallel import SERIAL, parallel_map
-from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
+from ..scoring import (
+    AgentScores,
+    Report,
+    SceneScore,
+    score_scene,
+    stated_hypotheses,
+    summarise,
+)
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.rows import Budget
 from ..scoring.targets import left_out
@@ -77,7 +84,9 @@ class OpenedRun:
         if info.observe == "tracks":
             file = _text(self.folder, info, "track_file")
             if file is None:
-                raise RolloutError(f"{self.folder}: does not name the stored tracks that its agent was given")
+                raise RolloutError(
+                    f"{self.folder}: does not name the stored tracks that its agent was given"
+                )
             scene = with_tracks(self.source, self.card, self.data, file).load(name)
         return replace(scene, detections=shown_boxes(scene, info.observe)[0])
 
@@ -116,11 +125,17 @@ def run(
     settings = {**setting.env_keywords(env.card), **shown, **options.changes}
     names = options.chosen(env.scene_names)
     jobs = jobs_of(submission, env_id, {"data": options.data, **settings}, names, seed)
-    info = run_info(env, setting, seed, settings).model_copy(update={"card": env.card.stored()})
-    results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _with_skipped)
+    info = run_info(env, setting, seed, settings).model_copy(
+        update={"card": env.card.stored()}
+    )
+    results: list[tuple[Rollout, dict[str, int]]] = run_jobs(
+        jobs, options, _with_skipped
+    )
     save_run(folder, info, [rollout for rollout, _ in results])
     rejected = sum(int(rollout.invalid.sum()) for rollout, _ in results)
-    return StoredRun(len(results), total_skipped(skipped for _, skipped in results), rejected)
+    return StoredRun(
+        len(results), total_skipped(skipped for _, skipped in results), rejected
+    )
 
 
 def require_free(folder: Path, replace: bool) -> None:
@@ -132,7 +147,9 @@ def require_free(folder: Path, replace: bool) -> None:
     require_folder(folder)
 
 
-def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any]) -> RunInfo:
+def run_info(
+    env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any]
+) -> RunInfo:
     """Description of a run on ``env``, without its card; ``keywords`` are further settings of the env."""
     submission = setting.submission
     return RunInfo(
@@ -141,7 +158,11 @@ def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any])
         observe=env.task.observe,
         samples=env.task.samples,
         split=env.card.source.split,
-        keywords={name: value for name, value in keywords.items() if name not in ("samples", "observe")},
+        keywords={
+            name: value
+            for name, value in keywords.items()
+            if name not in ("samples", "observe")
+        },
         agent=submission.name,
         folder=str(submission.path) if submission.digest else "",
         parameters=setting.parameters,
@@ -155,7 +176,10 @@ def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any])
 
 
 def score(
-    folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | Card | None = None, data: str | Path | None = None
+    folder: str | Path,
+    options: RunOptions = DEFAULTS,
+    env_id: str | Card | None = None,
+    data: str | Path | None = None,
 ) -> StoredScore:
     """Report of a run that `run` stored in ``folder``.
 
@@ -168,7 +192,9 @@ def score(
     info, card = opened.run.info, opened.card
     options.progress.started(len(opened.run.rollouts))
     agent = run_scores(opened, options)
-    reference = reference_for(card, [rollout.scene for rollout in opened.run.rollouts], options)
+    reference = reference_for(
+        card, [rollout.scene for rollout in opened.run.rollouts], options
+    )
     report = summarise([agent], card, reference)
     if info.note:
         report.condition["trained"] = f"{info.note}: {info.agent}"
@@ -180,13 +206,22 @@ def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores
     info, rollouts = opened.run.info, opened.run.rollouts
     source = opened.source if options.workers == SERIAL else None
     calls = [(opened.card, opened.data, rollout, source) for rollout in rollouts]
-    scores = parallel_map(_scored, calls, options.workers, lambda i: options.progress.done(rollouts[i].scene))
+    scores = parallel_map(
+        _scored,
+        calls,
+        options.workers,
+        lambda i: options.progress.done(rollouts[i].scene),
+    )
     hypotheses = info.hypotheses or stated_hypotheses([scores])
     budget: Budget = "equal" if info.samples == opened.card.task.samples else "free"
-    return AgentScores(info.agent, hypotheses, info.samples, budget, (tuple(scores),), info.observe)
+    return AgentScores(
+        info.agent, hypotheses, info.samples, budget, (tuple(scores),), info.observe
+    )
 
 
-def open_run(folder: Path, data: str | None = None, env: str | Card | None = None) -> OpenedRun:
+def open_run(
+    folder: Path, data: str | None = None, env: str | Card | None = None
+) -> OpenedRun:
     """The run stored in ``folder``, with the card that it keeps, or the one that ``env`` (id, path or card) names.
 
     Raises RolloutError if the run was made for another version of the card, or contradicts its rollouts, and DataError
@@ -200,11 +235,17 @@ def open_run(folder: Path, data: str | None = None, env: str | Card | None = Non
     return OpenedRun(folder, stored, card, open_source(card, data), data)
 
 
-def _scored(card: Card, data: str | None, rollout: Rollout, source: SceneSource | None) -> SceneScore:
-    return score_scene((source or open_source(card, data)).load(rollout.scene), rollout, card)
+def _scored(
+    card: Card, data: str | None, rollout: Rollout, source: SceneSource | None
+) -> SceneScore:
+    return score_scene(
+        (source or open_source(card, data)).load(rollout.scene), rollout, card
+    )
 
 
-def _with_skipped(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, dict[str, int]]:
+def _with_skipped(
+    scene: Scene, rollout: Rollout, card: Card
+) -> tuple[Rollout, dict[str, int]]:
     return rollout, scene.skipped | left_out(scene, card)
 
 
@@ -218,10 +259,14 @@ def _card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
             raise RolloutError(f"{folder}: made for {info.env_id!r}, {advice}")
         card = env if isinstance(env, Card) else load_card(env or info.env_id)
         if card.digest != info.card_digest:
-            card = changed_card(card, **{key: _text(folder, info, key) for key in CHANGES})
+            card = changed_card(
+                card, **{key: _text(folder, info, key) for key in CHANGES}
+            )
     if card.digest != info.card_digest:
         made = f"made for {info.env_id} with card digest {info.card_digest}"
-        raise RolloutError(f"{folder}: {made}, {card.id} now has {card.digest}; run the agent again")
+        raise RolloutError(
+            f"{folder}: {made}, {card.id} now has {card.digest}; run the agent again"
+        )
     return card
 
 
@@ -236,7 +281,9 @@ def _check(folder: Path, stored: Run) -> None:
     """Raise RolloutError if the description of the run contradicts its rollouts."""
     scenes = [rollout.scene for rollout in stored.rollouts]
     if not scenes or len(set(scenes)) < len(scenes):
-        raise RolloutError(f"{folder}: holds the scenes {scenes}, expected at least one, and each once")
+        raise RolloutError(
+            f"{folder}: holds the scenes {scenes}, expected at least one, and each once"
+        )
     for rollout in stored.rollouts:
         stated, samples = stored.info.samples, rollout.forecast.shape[1]
         if samples != stated:

@@ -16,7 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..types import Bools, Floats, Ints
-from .definitions import BUDGETS, FALSE_FORECAST_SHARE, FORECASTS_PER_FRAME, FREE_FORECASTS, SURE
+from .definitions import (
+    BUDGETS,
+    FALSE_FORECAST_SHARE,
+    FORECASTS_PER_FRAME,
+    FREE_FORECASTS,
+    SURE,
+)
 from .incremental_matching import last_of
 from .pairs import Rows
 
@@ -70,11 +76,17 @@ class CardBudget:
     env: str = ""  # id of the card; empty: its scored split has no frozen counts
     forecasts: int = 1  # false ones of STP; all of them if false ones are unknown
     divisor: int = 1  # targets; live frames if false forecasts are unknown
-    false_known: bool = True  # False: the truth of the scored split holds prediction targets alone
+    false_known: bool = (
+        True  # False: the truth of the scored split holds prediction targets alone
+    )
 
     def fit_for(self, false_known: bool) -> "CardBudget":
         """Return the constants for scenes whose false forecasts are known or not; without such, one per target."""
-        return self if self.false_known == false_known else CardBudget(false_known=false_known)
+        return (
+            self
+            if self.false_known == false_known
+            else CardBudget(false_known=false_known)
+        )
 
     def budgets(self, targets: int, false_known: bool = True) -> Budgets:
         """Return the budgets of a run with this number of targets.
@@ -83,9 +95,16 @@ class CardBudget:
         """
         own = self.fit_for(false_known)
         if false_known:
-            limit = own.forecasts * targets / own.divisor  # multiplied first: exact on the scored split
-            return Budgets(np.arange(1, BUDGETS + 1) * min(float(targets), limit) / BUDGETS, limit)
-        per_frame = [*FORECASTS_PER_FRAME, *([own.forecasts / own.divisor] if own.env else [])]
+            limit = (
+                own.forecasts * targets / own.divisor
+            )  # multiplied first: exact on the scored split
+            return Budgets(
+                np.arange(1, BUDGETS + 1) * min(float(targets), limit) / BUDGETS, limit
+            )
+        per_frame = [
+            *FORECASTS_PER_FRAME,
+            *([own.forecasts / own.divisor] if own.env else []),
+        ]
         return Budgets(np.array(per_frame), per_frame[-1], false_known=False)
 
     def text(self, false_known: bool = True) -> str:
@@ -111,12 +130,18 @@ class BudgetErrors:
     missed: Floats  # [b, n] m, the part from targets without a forecast
 
 
-def errors_at(cuts: Sequence[Cuts], budgets: Sequence[float] | Floats, live_frames: int | None = None) -> BudgetErrors:
+def errors_at(
+    cuts: Sequence[Cuts],
+    budgets: Sequence[float] | Floats,
+    live_frames: int | None = None,
+) -> BudgetErrors:
     """Errors of one run, the ``cuts`` of all its scenes, at each of the ``budgets``.
 
     ``live_frames``: of the run, if a budget is a number of forecasts per live frame; None: of false forecasts.
     """
-    both = at_budgets(cuts, budgets, lambda scene, least: np.stack(cuts[scene].at(least)), live_frames)
+    both = at_budgets(
+        cuts, budgets, lambda scene, least: np.stack(cuts[scene].at(least)), live_frames
+    )
     return BudgetErrors(both[:, 0], both[:, 1])
 
 
@@ -135,20 +160,28 @@ def at_budgets(
     order = np.argsort(-confidence, kind="stable")
     level, first = np.unique(-confidence[order], return_index=True)
     last = np.append(first[1:], len(confidence)) - 1 if len(level) else first
-    count = np.cumsum(false[order]) if live_frames is None else np.arange(1, len(order) + 1) / max(live_frames, 1)
+    count = (
+        np.cumsum(false[order])
+        if live_frames is None
+        else np.arange(1, len(order) + 1) / max(live_frames, 1)
+    )
     computed: dict[int, Floats] = {}
 
     def at(cut: int) -> Floats:
         """Values at the cut whose least confidence is level ``cut``; -1 keeps no forecast."""
         if cut not in computed:
             least = -float(level[cut]) if cut >= 0 else np.inf
-            computed[cut] = np.concatenate([value(scene, least) for scene in range(len(cuts))], axis=1)
+            computed[cut] = np.concatenate(
+                [value(scene, least) for scene in range(len(cuts))], axis=1
+            )
         return computed[cut]
 
     reached = count[last] if len(level) else np.zeros(0)
     rows = []
     for budget in np.asarray(budgets, dtype=np.float64).tolist():
-        beyond = int(np.searchsorted(reached, budget, side="right"))  # the first cut above the budget
+        beyond = int(
+            np.searchsorted(reached, budget, side="right")
+        )  # the first cut above the budget
         row = at(beyond - 1)
         if beyond < len(level):
             before = float(reached[beyond - 1]) if beyond else 0.0
@@ -163,7 +196,9 @@ def capped_error(min_ade: Floats, miss_error: Floats) -> Floats:
     return np.minimum(min_ade, miss_error)
 
 
-def fixed_error(cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete: bool) -> float:
+def fixed_error(
+    cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete: bool
+) -> float:
     """Error at the fixed operating point, summed over the targets of a scene, m: c-GOSPA.
 
     A target costs min(minADE, c), and c without a forecast of confidence 0.5 or more. A false forecast of such a
@@ -196,5 +231,12 @@ def fixed_parts(
     beyond = kept[order[place >= FREE_FORECASTS]]
     free = np.maximum(0, FREE_FORECASTS - np.bincount(frame, minlength=len(malformed)))
     count = malformed.sum(axis=1)
-    part = np.divide(np.maximum(0, count - free), count, out=np.zeros(len(count)), where=count > 0)
-    return error, missed, float(share[cuts.class_id[beyond]].sum()), float((part * broken).sum())
+    part = np.divide(
+        np.maximum(0, count - free), count, out=np.zeros(len(count)), where=count > 0
+    )
+    return (
+        error,
+        missed,
+        float(share[cuts.class_id[beyond]].sum()),
+        float((part * broken).sum()),
+    )

@@ -17,11 +17,15 @@ from .events import History, clear_identity, find_events, history
 from .matching import match, match_sticky
 from .pairs import Pairs, near_pairs
 
-Frame = tuple[Hashable, float, ArrayLike, ArrayLike, ArrayLike, ArrayLike]  # scene, t, true ids, xy, track ids, xy
+Frame = tuple[
+    Hashable, float, ArrayLike, ArrayLike, ArrayLike, ArrayLike
+]  # scene, t, true ids, xy, track ids, xy
 Mode = Literal["frame", "sticky"]
 
 
-def tracking_counts(frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "frame") -> dict[str, int | float | None]:
+def tracking_counts(
+    frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "frame"
+) -> dict[str, int | float | None]:
     """``TP FP FN IDS FRAG MOTA MOTP ids lost reacquired`` of tracks against truth, by BEV centre distance.
 
     ``frames`` iterates (scene, t, true ids [M], true xy [M, 2], track ids [N], track xy [N, 2]) in metres; ids are
@@ -39,7 +43,9 @@ def tracking_counts(frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "fr
     if mode == "frame":
         matched = match(pairs, len(truth))
     elif mode == "sticky":
-        matched = match_sticky(pairs, len(truth), truth.history.previous(), tracks.history.previous())
+        matched = match_sticky(
+            pairs, len(truth), truth.history.previous(), tracks.history.previous()
+        )
     else:
         raise ShapeError(f"mode is {mode!r}, expected 'frame' or 'sticky'")
     events = find_events(truth.history, matched, tracks.history, tracks.identity)
@@ -83,7 +89,9 @@ def _read_frames(frames: Iterable[Frame]) -> tuple[_Positions, _Positions]:
     order = sorted(range(len(given)), key=keys.__getitem__)
     for before, after in pairwise(order):
         if keys[before] == keys[after]:
-            raise ShapeError(f"frame {_where(given[after])} is given twice, expected once")
+            raise ShapeError(
+                f"frame {_where(given[after])} is given twice, expected once"
+            )
     ordered = [given[i] for i in order]
     return _positions(ordered, 2, "true"), _positions(ordered, 4, "track")
 
@@ -91,16 +99,23 @@ def _read_frames(frames: Iterable[Frame]) -> tuple[_Positions, _Positions]:
 def _positions(frames: Sequence[Frame], place: int, name: str) -> _Positions:
     """The ids at ``place`` of each frame, and the positions behind them."""
     unused = count()
-    codes: dict[Hashable, dict[Hashable, int]] = defaultdict(lambda: defaultdict(unused.__next__))
+    codes: dict[Hashable, dict[Hashable, int]] = defaultdict(
+        lambda: defaultdict(unused.__next__)
+    )
     identity, points = list[int](), list[Floats]()
     for frame in frames:
         ids = _ids(frame, place, name)
         if len(set(ids)) < len(ids):
-            raise ShapeError(f"{name} ids of {_where(frame)} are {ids}, expected each id once")
+            raise ShapeError(
+                f"{name} ids of {_where(frame)} are {ids}, expected each id once"
+            )
         identity += map(codes[frame[0]].__getitem__, ids)
         points.append(_points(frame, place + 1, len(ids), name))
     rows = np.repeat(np.arange(len(frames)), [len(each) for each in points])
-    numbers, xy = np.array(identity, dtype=np.int64), np.concatenate([np.zeros((0, 2)), *points])
+    numbers, xy = (
+        np.array(identity, dtype=np.int64),
+        np.concatenate([np.zeros((0, 2)), *points]),
+    )
     if not np.isfinite(xy).all():
         for frame, each in zip(frames, points, strict=True):
             _points(frame, place + 1, len(each), name, finite=True)
@@ -113,7 +128,9 @@ def _where(frame: Frame) -> str:
 
 def _time(frame: Frame) -> float:
     if not isinstance(frame[1], Real) or not np.isfinite(frame[1]):
-        raise ShapeError(f"t of frame {_where(frame)} is {frame[1]!r}, expected a finite number")
+        raise ShapeError(
+            f"t of frame {_where(frame)} is {frame[1]!r}, expected a finite number"
+        )
     return float(frame[1])
 
 
@@ -121,17 +138,31 @@ def _ids(frame: Frame, place: int, name: str) -> list[int | str]:
     """Ids [M] of a frame."""
     given: Any = frame[place]
     try:
-        ids: list[Any] = list(given.tolist() if isinstance(given, np.ndarray) else given)
+        ids: list[Any] = list(
+            given.tolist() if isinstance(given, np.ndarray) else given
+        )
     except TypeError:
         ids = [given]
     plain = {int, str}.issuperset(map(type, ids))
-    odd = [] if plain else [i for i in ids if isinstance(i, bool) or not isinstance(i, int | str | np.integer)]
+    odd = (
+        []
+        if plain
+        else [
+            i
+            for i in ids
+            if isinstance(i, bool) or not isinstance(i, int | str | np.integer)
+        ]
+    )
     if odd:
-        raise ShapeError(f"{name} ids of {_where(frame)} hold {odd[0]!r}, expected a list of integers or strings")
+        raise ShapeError(
+            f"{name} ids of {_where(frame)} hold {odd[0]!r}, expected a list of integers or strings"
+        )
     return ids
 
 
-def _points(frame: Frame, place: int, count: int, name: str, finite: bool = False) -> Floats:
+def _points(
+    frame: Frame, place: int, count: int, name: str, finite: bool = False
+) -> Floats:
     """Positions [M, 2] of a frame with ``count`` ids, m; ``finite``: they must be."""
     try:
         xy = np.asarray(frame[place], dtype=np.float64)

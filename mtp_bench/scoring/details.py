@@ -10,7 +10,13 @@ from numpy.typing import ArrayLike
 from ..cards import Card
 from ..errors import ShapeError
 from ..types import Bools, Floats
-from .definitions import CURVE_BUDGETS, DISTANCE_BINS, EPA_ALPHA, FORECAST_AP_GATES, PLANNING_SIGMA
+from .definitions import (
+    CURVE_BUDGETS,
+    DISTANCE_BINS,
+    EPA_ALPHA,
+    FORECAST_AP_GATES,
+    PLANNING_SIGMA,
+)
 from .rows import Bin, Clear, Details, Errors, Reliability, Tracking
 from .score import KINDS, Outcome, SceneScore
 from .statistics import ratio
@@ -32,7 +38,9 @@ def details(table: AgentTable, card: Card) -> Details:
     setting = table.setting
     first = setting.seeds[0]
     count = len(table.miss_error)
-    nearness = np.exp(-(table.approach**2) / (2.0 * PLANNING_SIGMA**2))  # of a target to the ego
+    nearness = np.exp(
+        -(table.approach**2) / (2.0 * PLANNING_SIGMA**2)
+    )  # of a target to the ego
     invalid = np.sum([score.invalid for score in table.scores], axis=0).tolist()
     everything = np.ones(count, dtype=bool)
     stated = _stated(table, table.scores)
@@ -42,20 +50,33 @@ def details(table: AgentTable, card: Card) -> Details:
         **setting.key,
         seeds=len(setting.seeds),
         nothing_predicted=ratio(table.miss_error.sum(), count),
-        miss_rate=ratio(count * len(setting.seeds) - table.hit.sum(), count * len(setting.seeds)),
-        PI_ADE=ratio((nearness * table.capped).sum(), nearness.sum()) if card.has_ego else None,
+        miss_rate=ratio(
+            count * len(setting.seeds) - table.hit.sum(), count * len(setting.seeds)
+        ),
+        PI_ADE=ratio((nearness * table.capped).sum(), nearness.sum())
+        if card.has_ego
+        else None,
         EPA=_accuracy(table, everything, false),
         AP_f=_average_precision(table, card),
         brier=brier,
         reliability=reliability,
-        forecasts_per_frame=sum(score.forecasts for score in table.scores) / max(table.live, 1),
+        forecasts_per_frame=sum(score.forecasts for score in table.scores)
+        / max(table.live, 1),
         false_per_frame=ratio(false, table.live) if table.complete else None,
         curve=_curve(table),
-        k_curve={str(k): ratio(table.curve[:, i].sum(), table.covered.sum()) for i, k in enumerate(first[0].ks)},
+        k_curve={
+            str(k): ratio(table.curve[:, i].sum(), table.covered.sum())
+            for i, k in enumerate(first[0].ks)
+        },
         bins=_bins(table, card),
         own={name: _own(table, name) for name in OWN},
-        own_events={kind: sum(score.own_events[kind] for score in first) for kind in KINDS},
-        guessed_parents=ratio(sum(score.guessed_parents for score in first), sum(score.frames for score in first)),
+        own_events={
+            kind: sum(score.own_events[kind] for score in first) for kind in KINDS
+        },
+        guessed_parents=ratio(
+            sum(score.guessed_parents for score in first),
+            sum(score.frames for score in first),
+        ),
         tracking=_tracking([score.counts for score in first], card, table.complete),
         invalid=dict(zip(("tracks", "hypotheses", "objects"), invalid, strict=True)),
         dropped_detections=sum(score.dropped for score in table.scores),
@@ -68,20 +89,29 @@ def _curve(table: AgentTable) -> list[tuple[float, float]]:
     if not count:
         return []
     allowed = (
-        np.array(CURVE_BUDGETS) * count if budgets.false_known else np.array([1.0, 2, 5, 10, 15, 20, 30, 40, 60, 80])
+        np.array(CURVE_BUDGETS) * count
+        if budgets.false_known
+        else np.array([1.0, 2, 5, 10, 15, 20, 30, 40, 60, 80])
     )
-    runs = [run_errors(run, allowed, budgets.false_known, "cuts").error.mean(axis=1) for run in table.setting.seeds]
+    runs = [
+        run_errors(run, allowed, budgets.false_known, "cuts").error.mean(axis=1)
+        for run in table.setting.seeds
+    ]
     at = allowed / count if budgets.false_known else allowed
     return list(zip(at.tolist(), np.mean(runs, axis=0).tolist(), strict=True))
 
 
-def _stated(table: AgentTable, scores: Sequence[SceneScore]) -> tuple[Floats, Bools] | None:
+def _stated(
+    table: AgentTable, scores: Sequence[SceneScore]
+) -> tuple[Floats, Bools] | None:
     """Confidences [n] of forecasts that are not neutral, and whether each is of a true object; None if unknown."""
     outcome = np.concatenate([score.outcome for score in scores])
     counted = outcome != Outcome.NEUTRAL
     if not table.complete or not counted.any():
         return None
-    confidence = np.concatenate([score.cuts.confidence for score in scores])[counted].astype(float)
+    confidence = np.concatenate([score.cuts.confidence for score in scores])[
+        counted
+    ].astype(float)
     return confidence, outcome[counted] > Outcome.NEUTRAL
 
 
@@ -91,7 +121,9 @@ def calibration(confidence: Floats, there: Bools) -> tuple[float, list[Reliabili
     ranges = [place == i for i in range(_RANGES)]
     curve = [
         Reliability(
-            confidence=float(confidence[here].mean()), matched=float(there[here].mean()), forecasts=int(here.sum())
+            confidence=float(confidence[here].mean()),
+            matched=float(there[here].mean()),
+            forecasts=int(here.sum()),
         )
         for here in ranges
         if here.any()
@@ -113,17 +145,27 @@ def misstated(table: AgentTable) -> tuple[float, float] | None:
     if stated is None or not table.covered.any():
         return None
     confidence, there = stated
-    frames = sum(score.live for score in run) / max(4 * sum(score.units for score in run), 1)
-    chance = np.sqrt((confidence * (1 - confidence)).sum() * max(1.0, frames)) / len(there)
+    frames = sum(score.live for score in run) / max(
+        4 * sum(score.units for score in run), 1
+    )
+    chance = np.sqrt((confidence * (1 - confidence)).sum() * max(1.0, frames)) / len(
+        there
+    )
     mean, matched = float(confidence.mean()), float(there.mean())
-    return (mean, matched) if abs(mean - matched) > max(MOST_OFF, _BEYOND_CHANCE * chance) else None
+    return (
+        (mean, matched)
+        if abs(mean - matched) > max(MOST_OFF, _BEYOND_CHANCE * chance)
+        else None
+    )
 
 
 def _accuracy(table: AgentTable, mask: Bools, false_forecasts: int) -> float | None:
     if not table.complete:
         return None
     seeds = len(table.setting.seeds)
-    return end_to_end_accuracy(table.hit[mask].sum() / seeds, false_forecasts / seeds, int(mask.sum()))
+    return end_to_end_accuracy(
+        table.hit[mask].sum() / seeds, false_forecasts / seeds, int(mask.sum())
+    )
 
 
 def _average_precision(table: AgentTable, card: Card) -> float | None:
@@ -132,9 +174,15 @@ def _average_precision(table: AgentTable, card: Card) -> float | None:
         return None
     class_id, sure, outcome = (
         np.concatenate(part)
-        for part in zip(*((s.cuts.class_id, s.cuts.confidence, s.outcome) for s in table.scores), strict=True)
+        for part in zip(
+            *((s.cuts.class_id, s.cuts.confidence, s.outcome) for s in table.scores),
+            strict=True,
+        )
     )
-    near = np.concatenate([score.final_error for score in table.scores]) <= FORECAST_AP_GATES[1]
+    near = (
+        np.concatenate([score.final_error for score in table.scores])
+        <= FORECAST_AP_GATES[1]
+    )
     counted = (outcome == Outcome.FALSE_POSITIVE) | (outcome == Outcome.TARGET)
     values = []
     for c in range(len(card.task.classes)):
@@ -155,9 +203,14 @@ def _bins(table: AgentTable, card: Card) -> list[Bin]:
         bins.append(Bin(by="distance", bin=name, errors=_errors(table, mask)))
     for c, name in enumerate(card.task.classes):
         mask = table.class_id == c
-        false = sum(int((s.cuts.class_id[s.outcome == Outcome.FALSE_POSITIVE] == c).sum()) for s in table.scores)
+        false = sum(
+            int((s.cuts.class_id[s.outcome == Outcome.FALSE_POSITIVE] == c).sum())
+            for s in table.scores
+        )
         accuracy = _accuracy(table, mask, false)
-        bins.append(Bin(by="class", bin=name, errors=_errors(table, mask), EPA=accuracy))
+        bins.append(
+            Bin(by="class", bin=name, errors=_errors(table, mask), EPA=accuracy)
+        )
     for name, mask in (("moving", table.moving), ("static", ~table.moving)):
         bins.append(Bin(by="motion", bin=name, errors=_errors(table, mask)))
     return bins
@@ -183,7 +236,10 @@ def _errors(table: AgentTable, mask: Bools) -> Errors:
 
 def _own(table: AgentTable, name: str) -> Errors:
     """Errors where the agent itself (its first seed) has the event."""
-    return _errors(table, np.concatenate([getattr(score, name) for score in table.setting.seeds[0]]))
+    return _errors(
+        table,
+        np.concatenate([getattr(score, name) for score in table.setting.seeds[0]]),
+    )
 
 
 def _tracking(counts: list[StreamCounts], card: Card, complete: bool) -> Tracking:
@@ -191,19 +247,34 @@ def _tracking(counts: list[StreamCounts], card: Card, complete: bool) -> Trackin
 
     A false track without a class is false in every class and in none, so then a single class has none of these numbers.
     """
-    summed = {name: np.sum([getattr(count, name) for count in counts], axis=0) for name in _COUNTS}
-    summed |= {name: np.sum([getattr(count.identity, name) for count in counts], axis=0) for name in _IDENTITY}
+    summed = {
+        name: np.sum([getattr(count, name) for count in counts], axis=0)
+        for name in _COUNTS
+    }
+    summed |= {
+        name: np.sum([getattr(count.identity, name) for count in counts], axis=0)
+        for name in _IDENTITY
+    }
     classes, known = enumerate(card.task.classes), complete and not summed["fp"][-1]
     return Tracking(
-        all=_clear({name: value.sum(axis=0) for name, value in summed.items()}, card, complete),
-        classes={name: _clear({k: v[i] for k, v in summed.items()}, card, known) for i, name in classes},
-        false_positives=sum(count.false_positives for count in counts) if complete else None,
+        all=_clear(
+            {name: value.sum(axis=0) for name, value in summed.items()}, card, complete
+        ),
+        classes={
+            name: _clear({k: v[i] for k, v in summed.items()}, card, known)
+            for i, name in classes
+        },
+        false_positives=sum(count.false_positives for count in counts)
+        if complete
+        else None,
         false_tracks=sum(count.false_tracks for count in counts) if complete else None,
     )
 
 
 def _clear(count: dict[str, Any], card: Card, complete: bool) -> Clear:
-    truth, tp, fp, fn, switches, fragments, cost = (float(count[name]) for name in _COUNTS)
+    truth, tp, fp, fn, switches, fragments, cost = (
+        float(count[name]) for name in _COUNTS
+    )
     mean = ratio(cost, tp)
     return Clear(
         TP=int(tp),
@@ -212,22 +283,34 @@ def _clear(count: dict[str, Any], card: Card, complete: bool) -> Clear:
         IDS=int(switches),
         FRAG=int(fragments),
         MOTA=1.0 - (fn + fp + switches) / truth if complete and truth else None,
-        MOTP=None if mean is None else 1.0 - mean if card.task.event_gate.measure == "iou_3d" else mean,
+        MOTP=None
+        if mean is None
+        else 1.0 - mean
+        if card.task.event_gate.measure == "iou_3d"
+        else mean,
         IDF1=idf1(float(count["shared"]), truth, tp + fp) if complete else None,
-        HOTA=hota(count["hits"], count["association"], truth, tp + fp) if complete else None,
+        HOTA=hota(count["hits"], count["association"], truth, tp + fp)
+        if complete
+        else None,
     )
 
 
-def end_to_end_accuracy(hits: float, false_forecasts: float, targets: float) -> float | None:
+def end_to_end_accuracy(
+    hits: float, false_forecasts: float, targets: float
+) -> float | None:
     """EPA (ViP3D, Gu et al. 2023): (hits - alpha x false forecasts) / targets; None without a target.
 
     A hit is a target with a matched forecast and a minFDE of at most 2 m. ViP3D matches within 2 m; the benchmark uses
     the forecast gate of its card, which is 2 m for vehicles.
     """
-    return float((hits - EPA_ALPHA * false_forecasts) / targets) if targets > 0 else None
+    return (
+        float((hits - EPA_ALPHA * false_forecasts) / targets) if targets > 0 else None
+    )
 
 
-def forecast_average_precision(correct: ArrayLike, score: ArrayLike, targets: int) -> float | None:
+def forecast_average_precision(
+    correct: ArrayLike, score: ArrayLike, targets: int
+) -> float | None:
     """AP_f (Peri et al. 2022; Xu et al. 2024) of forecasts with a confidence; None without a target.
 
     ``correct`` [n]: matched to a target now (2 m), and the best final point within 4 m; ``score`` [n]. The mean of the
@@ -235,11 +318,18 @@ def forecast_average_precision(correct: ArrayLike, score: ArrayLike, targets: in
     one point of the curve, so the order of the rows does not matter; an agent without confidences has one point.
     Raises ShapeError for arrays that do not fit or more correct forecasts than targets.
     """
-    right, confidence = np.asarray(correct, dtype=bool), np.asarray(score, dtype=np.float64)
+    right, confidence = (
+        np.asarray(correct, dtype=bool),
+        np.asarray(score, dtype=np.float64),
+    )
     if right.ndim != 1 or right.shape != confidence.shape:
-        raise ShapeError(f"correct has shape {right.shape} and score {confidence.shape}, expected one length for both")
+        raise ShapeError(
+            f"correct has shape {right.shape} and score {confidence.shape}, expected one length for both"
+        )
     if right.sum() > targets:
-        raise ShapeError(f"{int(right.sum())} correct forecasts of {targets} targets, expected at most one each")
+        raise ShapeError(
+            f"{int(right.sum())} correct forecasts of {targets} targets, expected at most one each"
+        )
     if targets == 0:
         return None
     if len(right) == 0:

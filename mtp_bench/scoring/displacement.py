@@ -30,7 +30,9 @@ class Displacement:
     ade: Floats  # [n, S] m per sample, inf where absent
 
 
-def displacement(samples: ArrayLike, truth: ArrayLike, weights: ArrayLike | None = None) -> Displacement:
+def displacement(
+    samples: ArrayLike, truth: ArrayLike, weights: ArrayLike | None = None
+) -> Displacement:
     """Errors of ``samples`` [n, S, T, 2] against ``truth`` [n, T, 2], in metres.
 
     ``weights`` [n, S] are at least 0 and need not sum to 1; None weighs all samples alike. Samples of next to no weight
@@ -38,16 +40,28 @@ def displacement(samples: ArrayLike, truth: ArrayLike, weights: ArrayLike | None
     positive weight, or with a non-finite coordinate in one, is invalid: its errors are inf, never NaN and never less.
     Raises ShapeError for shapes that do not fit, a truth that is not finite, or weights below 0.
     """
-    guess, true = np.asarray(samples, dtype=np.float64), np.asarray(truth, dtype=np.float64)
+    guess, true = (
+        np.asarray(samples, dtype=np.float64),
+        np.asarray(truth, dtype=np.float64),
+    )
     weight = floored(_checked(guess, true, weights))
     ade, fde, valid = sample_errors(guess, true, weight)
     min_fde = fde.min(axis=1, initial=np.inf)
     score = np.full(len(true), np.inf)
     share = weight[valid]
     clean = np.where((share > 0)[:, :, None, None], guess[valid], true[valid][:, None])
-    score[valid] = energy_score(clean, true[valid], share / share.sum(axis=1, keepdims=True))
+    score[valid] = energy_score(
+        clean, true[valid], share / share.sum(axis=1, keepdims=True)
+    )
     min_ade, miss = ade.min(axis=1, initial=np.inf), ~(min_fde <= MISS_RATE_GATE)
-    return Displacement(min_ade=min_ade, min_fde=min_fde, miss=miss, energy_score=score, valid=valid, ade=ade)
+    return Displacement(
+        min_ade=min_ade,
+        min_fde=min_fde,
+        miss=miss,
+        energy_score=score,
+        valid=valid,
+        ade=ade,
+    )
 
 
 def floored(weights: NDArray[Any]) -> Floats:
@@ -62,7 +76,9 @@ def floored(weights: NDArray[Any]) -> Floats:
     return np.where(weight < floor, 0.0, weight)
 
 
-def sample_errors(guess: NDArray[Any], true: NDArray[Any], weight: NDArray[Any]) -> tuple[Floats, Floats, Bools]:
+def sample_errors(
+    guess: NDArray[Any], true: NDArray[Any], weight: NDArray[Any]
+) -> tuple[Floats, Floats, Bools]:
     """Mean and final error [n, S] of each sample, inf if absent or in an invalid target; valid [n]. Unchecked input."""
     present = weight > 0
     broken = (present & ~np.isfinite(guess).all(axis=(2, 3))).any(axis=1)
@@ -71,7 +87,11 @@ def sample_errors(guess: NDArray[Any], true: NDArray[Any], weight: NDArray[Any])
     gap = np.where(used[:, :, None, None], guess - true[:, None], 0.0)
     x, y = gap[..., 0], gap[..., 1]
     step = np.sqrt(x * x + y * y)  # an eighth of the time of np.hypot
-    return np.where(used, step.mean(axis=2), np.inf), np.where(used, step[:, :, -1], np.inf), valid
+    return (
+        np.where(used, step.mean(axis=2), np.inf),
+        np.where(used, step[:, :, -1], np.inf),
+        valid,
+    )
 
 
 def k_curve(errors: ArrayLike, ks: Sequence[int]) -> NDArray[np.float64]:
@@ -93,7 +113,9 @@ def k_curve(errors: ArrayLike, ks: Sequence[int]) -> NDArray[np.float64]:
     for count in np.unique(present[present > 0]):
         rows = present == count
         for i, k in enumerate(ks):
-            curve[rows, i] = ordered[rows, :count] @ _least_of_subset(int(count), min(k, int(count)))
+            curve[rows, i] = ordered[rows, :count] @ _least_of_subset(
+                int(count), min(k, int(count))
+            )
     return curve
 
 
@@ -108,18 +130,28 @@ def _least_of_subset(m: int, k: int) -> NDArray[np.float64]:
     return probability
 
 
-def _checked(guess: NDArray[np.float64], true: NDArray[np.float64], weights: ArrayLike | None) -> NDArray[np.float64]:
+def _checked(
+    guess: NDArray[np.float64], true: NDArray[np.float64], weights: ArrayLike | None
+) -> NDArray[np.float64]:
     """The weights, after a check of everything."""
     require_shape("samples", guess, (None, None, None, 2))
     require_shape("truth", true, (len(guess), guess.shape[2], 2))
     if guess.shape[2] == 0:
-        raise ShapeError(f"samples have shape {guess.shape}, expected at least one future step")
+        raise ShapeError(
+            f"samples have shape {guess.shape}, expected at least one future step"
+        )
     require_finite("truth", true)
-    weight = np.ones(guess.shape[:2]) if weights is None else np.asarray(weights, dtype=np.float64)
+    weight = (
+        np.ones(guess.shape[:2])
+        if weights is None
+        else np.asarray(weights, dtype=np.float64)
+    )
     require_shape("weights", weight, guess.shape[:2])
     require_finite("weights", weight)
     if (weight < 0).any():
-        raise ShapeError(f"weights reach down to {weight.min()}, expected 0 (absent) or more")
+        raise ShapeError(
+            f"weights reach down to {weight.min()}, expected 0 (absent) or more"
+        )
     return weight
 
 
@@ -132,7 +164,9 @@ def energy_score(samples: Floats, truth: Floats, weights: Floats) -> Floats:
     """
     n, count, steps, _ = samples.shape
     flat = (samples - truth[:, None]).reshape(n, count, 2 * steps)
-    first = np.einsum("ns,ns->n", weights, np.sqrt(np.einsum("nsd,nsd->ns", flat, flat)))
+    first = np.einsum(
+        "ns,ns->n", weights, np.sqrt(np.einsum("nsd,nsd->ns", flat, flat))
+    )
     if count < 2:
         return np.asarray(first / np.sqrt(steps))
     spread = np.empty(n)
@@ -146,7 +180,9 @@ def energy_score(samples: Floats, truth: Floats, weights: Floats) -> Floats:
 
 def _pair_term(flat: Floats, weight: Floats) -> Floats:
     """Sum over unordered pairs of w_a w_b |x_a - x_b|, for [n, S, d] and [n, S]."""
-    flat = flat - np.einsum("ns,nsd->nd", weight, flat)[:, None]  # centred, the Gram matrix loses least to cancellation
+    flat = (
+        flat - np.einsum("ns,nsd->nd", weight, flat)[:, None]
+    )  # centred, the Gram matrix loses least to cancellation
     square = np.einsum("nsd,nsd->ns", flat, flat)
     total = np.zeros(len(flat))
     for low in range(0, flat.shape[1] - 1, _BLOCK):
@@ -159,5 +195,7 @@ def _pair_term(flat: Floats, weight: Floats) -> Floats:
         np.sqrt(distance, out=distance)
         size = distance.shape[1]
         distance[:, :, :size] *= np.triu(np.ones((size, size)), 1)
-        total += np.einsum("na,na->n", (distance @ weight[:, rest, None])[:, :, 0], weight[:, rows])
+        total += np.einsum(
+            "na,na->n", (distance @ weight[:, rest, None])[:, :, 0], weight[:, rows]
+        )
     return total

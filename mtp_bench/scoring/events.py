@@ -13,7 +13,10 @@ from ..types import Bools, Ints, Rollout, Scene, Truth, pieces_of
 from .matching import Matched
 from .pairs import Rows
 
-HOLES, LOST_TARGETS = "holes in time", "targets across holes in time"  # counts beside the skipped rows of a scene
+HOLES, LOST_TARGETS = (
+    "holes in time",
+    "targets across holes in time",
+)  # counts beside the skipped rows of a scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +51,19 @@ def history(frame: Ints, identity: Ints) -> History:
     """History of a table [R] that is sorted by frame; an identity occurs once per frame, else ShapeError."""
     order = np.argsort(identity, kind="stable")
     who, when = identity[order], frame[order]
-    follows, consecutive = np.zeros(len(order), dtype=bool), np.zeros(len(order), dtype=bool)
+    follows, consecutive = (
+        np.zeros(len(order), dtype=bool),
+        np.zeros(len(order), dtype=bool),
+    )
     follows[1:] = who[1:] == who[:-1]
     step = when[1:] - when[:-1]
     consecutive[1:] = follows[1:] & (step == 1)
     twice = np.flatnonzero(follows[1:] & (step == 0))
     if len(twice):
         i = int(twice[0])
-        raise ShapeError(f"identity {who[i]} occurs twice in frame {when[i]}, expected once per frame")
+        raise ShapeError(
+            f"identity {who[i]} occurs twice in frame {when[i]}, expected once per frame"
+        )
     return History(order, who, when, follows, consecutive)
 
 
@@ -66,7 +74,9 @@ def object_history(truth: Truth) -> History:
     return history(truth.frame_of_rows, np.where(truth.neutral, alone, identity))
 
 
-def find_events(objects: History, matched: Matched, tracks: History, track_id: Ints) -> Events:
+def find_events(
+    objects: History, matched: Matched, tracks: History, track_id: Ints
+) -> Events:
     """Events of one stream of tracks.
 
     ``objects`` and ``tracks`` are the histories of the true boxes [R] and the tracks; ``matched`` [R] the row of the
@@ -78,7 +88,9 @@ def find_events(objects: History, matched: Matched, tracks: History, track_id: I
     ids = np.append(np.asarray(track_id, dtype=np.int64), -1)  # row -1: no track
     follows_match = objects.consecutive & (before >= 0)
     lost = np.flatnonzero(follows_match & ~held)
-    went_on = np.zeros(len(tracks.order), dtype=bool)  # tracks that are output in the next frame too
+    went_on = np.zeros(
+        len(tracks.order), dtype=bool
+    )  # tracks that are output in the next frame too
     went_on[tracks.order[np.flatnonzero(tracks.consecutive) - 1]] = True
     return Events(
         ids=np.sort(objects.order[follows_match & held & (ids[before] != ids[column])]),
@@ -88,13 +100,19 @@ def find_events(objects: History, matched: Matched, tracks: History, track_id: I
     )
 
 
-def clear_identity(objects: History, matched: Matched, track_id: Ints) -> tuple[Rows, Rows]:
+def clear_identity(
+    objects: History, matched: Matched, track_id: Ints
+) -> tuple[Rows, Rows]:
     """Rows of CLEAR-IDS (the id differs from the last matched one) and of CLEAR-FRAG (matched again after a gap)."""
     column = matched[objects.order]
     place = np.flatnonzero(column >= 0)
     same = objects.identity[place[1:]] == objects.identity[place[:-1]]
-    switched = place[1:][same & (track_id[column[place[1:]]] != track_id[column[place[:-1]]])]
-    return objects.order[switched], objects.order[np.flatnonzero(_matched_again(objects.follows, column >= 0))]
+    switched = place[1:][
+        same & (track_id[column[place[1:]]] != track_id[column[place[:-1]]])
+    ]
+    return objects.order[switched], objects.order[
+        np.flatnonzero(_matched_again(objects.follows, column >= 0))
+    ]
 
 
 def _matched_again(follows: Bools, held: Bools) -> Bools:
@@ -112,7 +130,9 @@ def counted_in_run(follows: Bools, flags: Bools) -> Ints:
     ``follows`` [R]: the row continues the run of the row before.
     """
     count = np.cumsum(flags)
-    return np.asarray(count - np.maximum.accumulate(np.where(follows, 0, count - flags)))
+    return np.asarray(
+        count - np.maximum.accumulate(np.where(follows, 0, count - flags))
+    )
 
 
 def pieces(scene: Scene, card: Card) -> Ints:
@@ -129,7 +149,10 @@ def separated(identity: Ints, piece: Ints) -> Ints:
 def separated_truth(scene: Scene, card: Card) -> Truth:
     """The truth of ``scene``, whose objects have another identity after a hole."""
     truth = scene.truth
-    return replace(truth, object_id=separated(truth.object_id, pieces(scene, card)[truth.frame_of_rows]))
+    return replace(
+        truth,
+        object_id=separated(truth.object_id, pieces(scene, card)[truth.frame_of_rows]),
+    )
 
 
 def separated_tracks(rollout: Rollout, scene: Scene, card: Card) -> Rollout:

@@ -8,7 +8,13 @@ import numpy as np
 from ..cards import Card
 from ..types import Ints, Scene
 from .bade import fixed_parts
-from .forecasts import Candidates, RecordedForecasts, cuts, match_by_confidence, target_errors
+from .forecasts import (
+    Candidates,
+    RecordedForecasts,
+    cuts,
+    match_by_confidence,
+    target_errors,
+)
 from .incremental_matching import last_of
 from .neutral import evaluated
 from .targets import find_targets, live_frames
@@ -26,8 +32,12 @@ class FrameScore:
     covered: int = 0  # targets with a forecast
     min_ade: float = 0.0  # m, mean over the covered targets; 0 without one
     false_forecasts: int = 0
-    cost_missed: float = 0.0  # m, of targets without a forecast of confidence 0.5 or more
-    cost_false: float = 0.0  # m, of false forecasts of such a confidence, and of invalid objects
+    cost_missed: float = (
+        0.0  # m, of targets without a forecast of confidence 0.5 or more
+    )
+    cost_false: float = (
+        0.0  # m, of false forecasts of such a confidence, and of invalid objects
+    )
     cost_error: float = 0.0  # m, of targets with a forecast of such a confidence
 
     @property
@@ -43,10 +53,14 @@ class FrameScore:
     @classmethod
     def total(cls, frames: Sequence["FrameScore"]) -> "FrameScore":
         """Sums over ``frames``, and the mean minADE over all covered targets."""
-        table = np.array([list(vars(frame).values()) for frame in frames]).reshape(-1, 7)
+        table = np.array([list(vars(frame).values()) for frame in frames]).reshape(
+            -1, 7
+        )
         table[:, 2] *= table[:, 1]
         targets, covered, min_ade, false, *costs = table.sum(axis=0).tolist()
-        return cls(int(targets), int(covered), min_ade / max(covered, 1.0), int(false), *costs)
+        return cls(
+            int(targets), int(covered), min_ade / max(covered, 1.0), int(false), *costs
+        )
 
 
 class FrameScorer:
@@ -54,23 +68,35 @@ class FrameScorer:
 
     def __init__(self, scene: Scene, card: Card) -> None:
         self._scene, self._card = evaluated(scene), card
-        targets = find_targets(replace(self._scene, image=None), card)  # evaluated already
-        self._targets = replace(targets, row=targets.row - scene.truth.start[targets.frame])
+        targets = find_targets(
+            replace(self._scene, image=None), card
+        )  # evaluated already
+        self._targets = replace(
+            targets, row=targets.row - scene.truth.start[targets.frame]
+        )
         self.live = live_frames(scene, card)
         self._miss_error = np.asarray(card.per_class(card.task.miss_error))
 
-    def score(self, t: int, forecasts: RecordedForecasts, malformed: Ints) -> FrameScore:
+    def score(
+        self, t: int, forecasts: RecordedForecasts, malformed: Ints
+    ) -> FrameScore:
         """Score of the ``forecasts`` and the invalid objects ``malformed`` [C + 1] by class of frame ``t``."""
         scene, card = self._scene, self._card
         if not self.live[t]:
             return FrameScore()
         here = self._targets.only(t)
-        found = Candidates.of(replace(scene, truth=scene.truth.only(t)), here, forecasts, self.live, card)
+        found = Candidates.of(
+            replace(scene, truth=scene.truth.only(t)), here, forecasts, self.live, card
+        )
         matching = match_by_confidence(found, forecasts.confidence)
         broken = np.zeros((scene.frames, len(malformed)), dtype=np.int64)
         broken[t] = malformed
-        kept = cuts(found, matching, forecasts.confidence, self._miss_error[here.class_id])
-        error, missed, *false = fixed_parts(kept, broken, self._miss_error, scene.truth_complete)
+        kept = cuts(
+            found, matching, forecasts.confidence, self._miss_error[here.class_id]
+        )
+        error, missed, *false = fixed_parts(
+            kept, broken, self._miss_error, scene.truth_complete
+        )
         _, target, min_ade = target_errors(found, matching)
         final = min_ade[last_of(target)]
         final = final[np.isfinite(final)]

@@ -14,7 +14,9 @@ from .matching import Matched
 from .pairs import Pairs, Rows
 
 NEVER = np.iinfo(np.intp).max  # the step of a column that is not added
-_MICRO = 1e6  # costs are integers in micrometres, so that the order of a sum does not matter
+_MICRO = (
+    1e6  # costs are integers in micrometres, so that the order of a sum does not matter
+)
 _TIE_BITS = 40
 _UNMATCHED = 1 << 120  # outweighs every sum of costs
 
@@ -32,7 +34,9 @@ class Additions:
     dropped: Rows  # [columns] the step from which each column is unmatched, NEVER where it stays matched
 
 
-def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> Additions:
+def add_in_order(
+    pairs: Pairs, step: Rows, confidence: Floats, tie: Floats
+) -> Additions:
     """Extend the matching by each column at its ``step`` [columns].
 
     It has maximum cardinality, then the surest columns, then least cost, then the larger ``tie`` [E] of the pairs, m.
@@ -45,7 +49,10 @@ def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> A
         return Additions(nothing, nothing, nothing, step)
     come = step[pairs.column] != NEVER
     pairs, tie = pairs.keep(come), tie[come]
-    of_row, of_column = np.bincount(pairs.row), np.bincount(pairs.column, minlength=len(step))
+    of_row, of_column = (
+        np.bincount(pairs.row),
+        np.bincount(pairs.column, minlength=len(step)),
+    )
     dropped = np.where(of_column > 0, NEVER, step)
     alone = (of_row[pairs.row] == 1) & (of_column[pairs.column] == 1)
     single, contested = pairs.keep(alone), pairs.keep(~alone)
@@ -58,7 +65,10 @@ def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> A
     grown = np.array(changes, dtype=np.intp).reshape(-1, 3)
     at = np.concatenate([step[single.column], grown[:, 0]])
     order = np.argsort(at, kind="stable")
-    row, column = np.concatenate([single.row, grown[:, 1]]), np.concatenate([single.column, grown[:, 2]])
+    row, column = (
+        np.concatenate([single.row, grown[:, 1]]),
+        np.concatenate([single.column, grown[:, 2]]),
+    )
     return Additions(at[order], row[order], column[order], dropped)
 
 
@@ -82,12 +92,21 @@ def _whole_costs(cost: Floats, tie: Floats) -> list[int]:
     a sum of ties may carry over into the bits above.
     """
     main = np.rint(cost * _MICRO).astype(np.int64).tolist()
-    far = np.rint(np.minimum(np.where(np.isfinite(tie), tie, 1e3), 1e3) * _MICRO).astype(np.int64).tolist()
+    far = (
+        np.rint(np.minimum(np.where(np.isfinite(tie), tie, 1e3), 1e3) * _MICRO)
+        .astype(np.int64)
+        .tolist()
+    )
     return [(m << _TIE_BITS) - f for m, f in zip(main, far, strict=True)]
 
 
 def _grow(
-    pairs: Pairs, cost: list[int], step: Rows, group: Ints, changes: list[tuple[int, int, int]], dropped: Rows
+    pairs: Pairs,
+    cost: list[int],
+    step: Rows,
+    group: Ints,
+    changes: list[tuple[int, int, int]],
+    dropped: Rows,
 ) -> None:
     """Add the columns by their ``step``: append (step, row, column) to ``changes`` and fill in ``dropped``.
 
@@ -97,9 +116,16 @@ def _grow(
     """
     edges: dict[int, list[tuple[int, int]]] = {}
     part = np.argsort(step[pairs.column], kind="stable")
-    for place, row, column in zip(part.tolist(), pairs.row[part].tolist(), pairs.column[part].tolist(), strict=True):
+    for place, row, column in zip(
+        part.tolist(),
+        pairs.row[part].tolist(),
+        pairs.column[part].tolist(),
+        strict=True,
+    ):
         edges.setdefault(column, []).append((row, cost[place]))
-    state = _Matching(edges, {column: _UNMATCHED * (1 + int(group[column])) for column in edges})
+    state = _Matching(
+        edges, {column: _UNMATCHED * (1 + int(group[column])) for column in edges}
+    )
     for column in edges:
         path, left_out = state.add(column)
         changes += [(int(step[column]), row, taker) for row, taker in path]
@@ -110,7 +136,9 @@ def _grow(
 class _Matching:
     """The optimal matching of the columns added so far, with the dual potentials."""
 
-    def __init__(self, edges: dict[int, list[tuple[int, int]]], unmatched: dict[int, int]) -> None:
+    def __init__(
+        self, edges: dict[int, list[tuple[int, int]]], unmatched: dict[int, int]
+    ) -> None:
         self._edges = edges  # column -> rows inside the gate and their costs
         self._unmatched = unmatched  # column -> cost of leaving it out
         self._row_of: dict[int, int] = {}
@@ -120,7 +148,9 @@ class _Matching:
 
     def add(self, new: int) -> tuple[list[tuple[int, int]], int]:
         """Changed rows with their new columns, and the column that becomes unmatched, -1 for none."""
-        self._of_column[new] = min(cost - self._of_row[row] for row, cost in self._edges[new])
+        self._of_column[new] = min(
+            cost - self._of_row[row] for row, cost in self._edges[new]
+        )
         done, before, end, left_out, total = self._shortest_path(new)
         self._of_column[new] += total
         for row, distance in done.items():
@@ -138,13 +168,22 @@ class _Matching:
             end = earlier
         return path, left_out
 
-    def _shortest_path(self, new: int) -> tuple[dict[int, int], dict[int, int], int, int, int]:
+    def _shortest_path(
+        self, new: int
+    ) -> tuple[dict[int, int], dict[int, int], int, int, int]:
         """Distances and preceding columns of reached rows, the free row or -1, the unmatched column, the cost."""
         distance: dict[int, int] = {}
         before: dict[int, int] = {}
         done: dict[int, int] = {}
-        waiting: list[tuple[int, int]] = []  # a heap of distances and rows; a row may be in it twice
-        column, base, left_out, least = new, 0, new, self._unmatched[new] - self._of_column[new]
+        waiting: list[
+            tuple[int, int]
+        ] = []  # a heap of distances and rows; a row may be in it twice
+        column, base, left_out, least = (
+            new,
+            0,
+            new,
+            self._unmatched[new] - self._of_column[new],
+        )
         while True:
             for row, cost in self._edges[column]:
                 far = base + cost - self._of_column[column] - self._of_row[row]

@@ -61,8 +61,12 @@ class LineageEvents:
         """The events [R, 1] of one hypothesis per row."""
         index = np.asarray(hypothesis)[:, None]
         kinds = (self.ids, self.lost, self.wrong, self.reacquired)
-        ids, lost, wrong, reacquired = (np.take_along_axis(kind, index, axis=1) for kind in kinds)
-        return LineageEvents(ids, lost, wrong, reacquired, np.take_along_axis(self.old, index, axis=1))
+        ids, lost, wrong, reacquired = (
+            np.take_along_axis(kind, index, axis=1) for kind in kinds
+        )
+        return LineageEvents(
+            ids, lost, wrong, reacquired, np.take_along_axis(self.old, index, axis=1)
+        )
 
 
 def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
@@ -70,7 +74,10 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
     weight = np.asarray(rollout.hypothesis_log_weight, dtype=np.float64)
     alive = np.isfinite(weight)
     if alive.shape[1] == 0:
-        alive, weight = np.zeros((len(weight), 1), dtype=bool), np.full((len(weight), 1), -np.inf)
+        alive, weight = (
+            np.zeros((len(weight), 1), dtype=bool),
+            np.full((len(weight), 1), -np.inf),
+        )
     member = np.zeros((len(rollout.track_id), alive.shape[1]), dtype=bool)
     member[:, : rollout.member.shape[1]] = rollout.member
     member &= alive[rollout.tracks.frame_of_rows]
@@ -104,23 +111,33 @@ def _stated_parents(rollout: Rollout, alive: Bools) -> tuple[Rows, Bools]:
     return parent, stated
 
 
-def match_hypotheses(truth: Truth, rollout: Rollout, member: Bools, card: Card) -> NDArray[np.intp]:
+def match_hypotheses(
+    truth: Truth, rollout: Rollout, member: Bools, card: Card
+) -> NDArray[np.intp]:
     """Track row of each evaluated true box in each hypothesis [R, H], -1 none; ``frame`` mode, event gate."""
     pairs = event_pairs(truth, rollout, card)
     pairs = pairs.keep(~truth.neutral[pairs.row])
     count = member.shape[1]
     pair, hypothesis = np.nonzero(member[pairs.column])
-    spread = Pairs(pairs.row[pair] * count + hypothesis, pairs.column[pair] * count + hypothesis, pairs.cost[pair])
+    spread = Pairs(
+        pairs.row[pair] * count + hypothesis,
+        pairs.column[pair] * count + hypothesis,
+        pairs.cost[pair],
+    )
     matched = match(spread, len(truth.box) * count).reshape(-1, count)
     return np.where(matched >= 0, matched // count, -1)
 
 
 def event_pairs(truth: Truth, rollout: Rollout, card: Card) -> Pairs:
     """Pairs of true boxes and tracks inside the event gate of the card."""
-    return gated_pairs(truth, rollout.track_start, rollout.track_box, rollout.track_class, card)
+    return gated_pairs(
+        truth, rollout.track_start, rollout.track_box, rollout.track_class, card
+    )
 
 
-def gated_pairs(truth: Truth, start: Ints, box: Floats, class_id: Ints, card: Card) -> Pairs:
+def gated_pairs(
+    truth: Truth, start: Ints, box: Floats, class_id: Ints, card: Card
+) -> Pairs:
     """Pairs of the boxes of ``truth`` and other boxes inside the event gate of ``card``.
 
     ``box`` [n, 7] and ``class_id`` [n] of the others; ``start`` [F + 1]: where the rows of each frame start.
@@ -131,7 +148,9 @@ def gated_pairs(truth: Truth, start: Ints, box: Floats, class_id: Ints, card: Ca
     return box_pairs(*at, *others, gate.measure, card.per_class(gate.threshold))
 
 
-def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched: NDArray[np.intp]) -> LineageEvents:
+def lineage_events(
+    truth: Truth, rollout: Rollout, lineage: Hypotheses, matched: NDArray[np.intp]
+) -> LineageEvents:
     """Events [R, H] of all hypotheses; ``matched`` [R, H] as `match_hypotheses` gives it.
 
     An object is absent where it is neutral: it has no event there, and none across such frames.
@@ -141,7 +160,9 @@ def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched:
     earlier = np.full(shape, -1, dtype=np.intp)
     objects, number = np.unique(truth.object_id, return_inverse=True)
     track_id = np.append(rollout.track_id, -1)  # row -1: no track, never compared
-    before = np.full((len(objects), shape[1]), -1, dtype=np.intp)  # track row in the frame before
+    before = np.full(
+        (len(objects), shape[1]), -1, dtype=np.intp
+    )  # track row in the frame before
     last = before.copy()  # track row of the last match since the object is there
     evaluated = truth.select(~truth.neutral)
     place = np.flatnonzero(~truth.neutral)
@@ -156,28 +177,49 @@ def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched:
         reacquired[rows] = held & (last[who] >= 0) & (old < 0)
         if lost[rows].any():
             tracks = rollout.tracks.rows(t)
-            same = (rollout.track_id[tracks][:, None, None] == track_id[old]) & lineage.member[tracks][:, None]
+            same = (
+                rollout.track_id[tracks][:, None, None] == track_id[old]
+            ) & lineage.member[tracks][:, None]
             wrong[rows] = lost[rows] & same.any(axis=0)
         matches = np.where(held, now, last[who])
-        before, last = np.full_like(before, -1), np.full_like(last, -1)  # forget objects that are absent in this frame
+        before, last = (
+            np.full_like(before, -1),
+            np.full_like(last, -1),
+        )  # forget objects that are absent in this frame
         before[who], last[who] = now, matches
     alive = lineage.alive[truth.frame_of_rows]
-    return LineageEvents(ids, lost & alive, wrong & alive, reacquired, earlier)  # absent hypotheses have no events
+    return LineageEvents(
+        ids, lost & alive, wrong & alive, reacquired, earlier
+    )  # absent hypotheses have no events
 
 
-def in_all(truth: Truth, lineage: Hypotheses, events: LineageEvents, kind: str) -> Bools:
+def in_all(
+    truth: Truth, lineage: Hypotheses, events: LineageEvents, kind: str
+) -> Bools:
     """True boxes [R] that have the event, a field of `LineageEvents`, in every hypothesis that exists."""
-    return np.asarray((getattr(events, kind) | ~lineage.alive[truth.frame_of_rows]).all(axis=1))
+    return np.asarray(
+        (getattr(events, kind) | ~lineage.alive[truth.frame_of_rows]).all(axis=1)
+    )
 
 
-def _parents(rollout: Rollout, member: Bools, alive: Bools, weight: Floats, t: int, reach: NDArray[np.float64]) -> Rows:
+def _parents(
+    rollout: Rollout,
+    member: Bools,
+    alive: Bools,
+    weight: Floats,
+    t: int,
+    reach: NDArray[np.float64],
+) -> Rows:
     """Parent [H] of the hypotheses of frame ``t``, by index.
 
     Cost of a parent: capped BEV distance summed over the tracks that both hold (same id and class), plus the cap for
     every track that one of them lacks. Equal costs: the heavier, then the lower index.
     """
     now, past = rollout.tracks.rows(t), rollout.tracks.rows(t - 1)
-    cap_now, cap_past = reach[rollout.track_class[now]], reach[rollout.track_class[past]]
+    cap_now, cap_past = (
+        reach[rollout.track_class[now]],
+        reach[rollout.track_class[past]],
+    )
     row, column = np.nonzero(
         (rollout.track_id[now][:, None] == rollout.track_id[past])
         & (rollout.track_class[now][:, None] == rollout.track_class[past])
@@ -186,8 +228,13 @@ def _parents(rollout: Rollout, member: Bools, alive: Bools, weight: Floats, t: i
     moved = np.minimum(np.hypot(gap[:, 0], gap[:, 1]), cap_now[row])
     saved = np.zeros((len(cap_now), len(cap_past)))
     saved[row, column] = cap_now[row] + cap_past[column] - moved
-    holds_now, holds_past = member[now].astype(np.float64), member[past].astype(np.float64)
-    cost = (cap_past @ holds_past)[None] - holds_now.T @ saved @ holds_past  # [H now, H past], less what all share
+    holds_now, holds_past = (
+        member[now].astype(np.float64),
+        member[past].astype(np.float64),
+    )
+    cost = (cap_past @ holds_past)[
+        None
+    ] - holds_now.T @ saved @ holds_past  # [H now, H past], less what all share
     order = np.lexsort((np.arange(len(weight)), -weight))
     order = order[alive[order]]
     # sums of the same terms in another order differ by rounding: such costs are equal

@@ -15,7 +15,9 @@ from ..types import Bools, Floats, Ints
 from .pairs import Pairs, Rows
 
 Matched = NDArray[np.intp]
-_MOST_CELLS = 1 << 20  # of a dense table of costs: a few boxes that touch many objects must not choose the memory
+_MOST_CELLS = (
+    1 << 20
+)  # of a dense table of costs: a few boxes that touch many objects must not choose the memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +34,16 @@ class _Contested:
     def keep(self, mask: Bools) -> "_Contested":
         """The components where ``mask`` [components] holds."""
         inside = mask[self.label]
-        label, row, column = (part[inside] for part in (self.label, self.local_row, self.local_column))
-        return replace(self, pairs=self.pairs.keep(inside), label=label, local_row=row, local_column=column)
+        label, row, column = (
+            part[inside] for part in (self.label, self.local_row, self.local_column)
+        )
+        return replace(
+            self,
+            pairs=self.pairs.keep(inside),
+            label=label,
+            local_row=row,
+            local_column=column,
+        )
 
     def parts(self) -> list[tuple[int, int]]:
         """First and last place of each component."""
@@ -54,7 +64,9 @@ def match_best(pairs: Pairs, rows: int) -> Matched:
     return _match(pairs, rows, _cheapest_below_zero, squares=False)
 
 
-def _match(pairs: Pairs, rows: int, assign: Callable[[Rows, Rows, Floats], Rows], squares: bool) -> Matched:
+def _match(
+    pairs: Pairs, rows: int, assign: Callable[[Rows, Rows, Floats], Rows], squares: bool
+) -> Matched:
     """Column matched to each row [rows]; ``assign`` solves large components, with ``squares`` not those of 2 x 2."""
     matched = np.full(rows, -1, dtype=np.intp)
     rest = _settle_single(pairs, matched)
@@ -69,12 +81,16 @@ def _match(pairs: Pairs, rows: int, assign: Callable[[Rows, Rows, Floats], Rows]
         large = contested.keep(~small)
         row, column, cost = large.pairs.row, large.pairs.column, large.pairs.cost
         for low, high in large.parts():
-            chosen = low + assign(large.local_row[low:high], large.local_column[low:high], cost[low:high])
+            chosen = low + assign(
+                large.local_row[low:high], large.local_column[low:high], cost[low:high]
+            )
             matched[row[chosen]] = column[chosen]
     return matched
 
 
-def match_sticky(pairs: Pairs, rows: int, earlier_row: Ints, earlier_column: Ints) -> Matched:
+def match_sticky(
+    pairs: Pairs, rows: int, earlier_row: Ints, earlier_column: Ints
+) -> Matched:
     """Column matched to each row [rows], -1 for none; pairs of the previous frame that are still inside are kept first.
 
     ``earlier_row`` [rows] and ``earlier_column`` [columns] give the row of the same object, the column of the same
@@ -85,13 +101,19 @@ def match_sticky(pairs: Pairs, rows: int, earlier_row: Ints, earlier_column: Int
     if len(rest) == 0:
         return matched
     contested = _components(rest)
-    row, column, cost = contested.pairs.row, contested.pairs.column, contested.pairs.cost
+    row, column, cost = (
+        contested.pairs.row,
+        contested.pairs.column,
+        contested.pairs.cost,
+    )
     before, old = earlier_row[row], earlier_column[column]
     known = (before >= 0) & (old >= 0)
     i, j = contested.local_row, contested.local_column
     # a component lies inside one frame; components in the order of their first row follow time
     for low, high in sorted(contested.parts(), key=lambda part: int(row[part[0]])):
-        kept = low + np.flatnonzero(known[low:high] & (matched[before[low:high]] == old[low:high]))
+        kept = low + np.flatnonzero(
+            known[low:high] & (matched[before[low:high]] == old[low:high])
+        )
         part = np.arange(low, high)
         if len(kept):
             matched[row[kept]] = column[kept]
@@ -129,14 +151,21 @@ def _components(pairs: Pairs) -> _Contested:
     _, row_of = np.unique(pairs.row, return_inverse=True)
     _, column_of = np.unique(pairs.column, return_inverse=True)
     rows, nodes = int(row_of.max()) + 1, int(row_of.max() + column_of.max()) + 2
-    graph = coo_array((np.ones(len(row_of), dtype=np.int8), (row_of, rows + column_of)), shape=(nodes, nodes))
-    label_of_row, label_of_column = np.split(connected_components(graph, directed=False)[1], [rows])
+    graph = coo_array(
+        (np.ones(len(row_of), dtype=np.int8), (row_of, rows + column_of)),
+        shape=(nodes, nodes),
+    )
+    label_of_row, label_of_column = np.split(
+        connected_components(graph, directed=False)[1], [rows]
+    )
     label, count = label_of_row[row_of].astype(np.intp), int(label_of_row.max()) + 1
     order = np.argsort(label, kind="stable")
     row_count, local_row = _numbered(label_of_row, count)
     columns, local_column = _numbered(label_of_column, count)
     local_row, local_column = local_row[row_of][order], local_column[column_of][order]
-    return _Contested(pairs.keep(order), label[order], row_count, columns, local_row, local_column)
+    return _Contested(
+        pairs.keep(order), label[order], row_count, columns, local_row, local_column
+    )
 
 
 def _numbered(label: Ints, count: int) -> tuple[Ints, Rows]:
@@ -163,8 +192,16 @@ def _settle_square(contested: _Contested, matched: Matched) -> None:
         return
     _, group = np.unique(contested.label, return_inverse=True)
     count = int(group[-1]) + 1
-    row, column, cost = np.empty((count, 2), np.intp), np.empty((count, 2), np.intp), np.full((count, 2, 2), np.inf)
-    row[group, i], column[group, j], cost[group, i, j] = pairs.row, pairs.column, pairs.cost
+    row, column, cost = (
+        np.empty((count, 2), np.intp),
+        np.empty((count, 2), np.intp),
+        np.full((count, 2, 2), np.inf),
+    )
+    row[group, i], column[group, j], cost[group, i, j] = (
+        pairs.row,
+        pairs.column,
+        pairs.cost,
+    )
     crossed = cost[:, 0, 1] + cost[:, 1, 0] < cost[:, 0, 0] + cost[:, 1, 1]
     matched[row] = np.where(crossed[:, None], column[:, ::-1], column)
 
@@ -179,7 +216,12 @@ def _assign(row: Rows, column: Rows, cost: Floats) -> Rows:
     least = float(cost.min())
     spread = float(cost.max()) - least
     # one more pair always outweighs any sum of costs, without the rounding that a fixed huge number brings
-    return _cheapest(row, column, cost - least, (min(rows, columns) + 1) * spread if spread > 0 else 1.0)
+    return _cheapest(
+        row,
+        column,
+        cost - least,
+        (min(rows, columns) + 1) * spread if spread > 0 else 1.0,
+    )
 
 
 def _cheapest(row: Rows, column: Rows, cost: Floats, absent: float = 0.0) -> Rows:

@@ -12,9 +12,17 @@ from ..types import Bools, Floats, ImageField, Ints, Scene
 from .definitions import CAMERA_HEIGHT, LEAST_IMAGE_HEIGHT, MOST_IN_REGION
 
 _NEAR = 0.1  # m before the camera: what is nearer or behind is cut off
-_CORNER = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)]) - [0.5, 0.5, 0.0]  # along, across, up
-_EDGE = np.array([(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]).T  # [2, 12] corners
-_ENDS = np.concatenate([_EDGE, _EDGE[::-1]], axis=1)  # [2, 24] every edge from both ends
+_CORNER = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)]) - [
+    0.5,
+    0.5,
+    0.0,
+]  # along, across, up
+_EDGE = np.array(
+    [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
+).T  # [2, 12] corners
+_ENDS = np.concatenate(
+    [_EDGE, _EDGE[::-1]], axis=1
+)  # [2, 24] every edge from both ends
 
 
 def evaluated(scene: Scene) -> Scene:
@@ -23,7 +31,12 @@ def evaluated(scene: Scene) -> Scene:
     if image is None:
         return scene
     hidden = unconfirmable(image, truth.frame_of_rows, truth.box[:, :2], truth.class_id)
-    return replace(scene, truth=replace(truth, eligible=truth.eligible & ~hidden, neutral=truth.neutral | hidden))
+    return replace(
+        scene,
+        truth=replace(
+            truth, eligible=truth.eligible & ~hidden, neutral=truth.neutral | hidden
+        ),
+    )
 
 
 def neutral_places(scene: Scene, frame: Ints, xy: Floats, class_id: Ints) -> Bools:
@@ -49,7 +62,10 @@ def unconfirmable(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) ->
 def _image_boxes(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) -> Floats:
     """Left, top, right, bottom [n, 4] of objects in the image, pixels; right is left of left where nothing is seen."""
     offset = _CORNER * image.box_size[class_id][:, None]  # [n, 8, 3]
-    cos, sin = np.cos(image.heading[frame])[:, None], np.sin(image.heading[frame])[:, None]
+    cos, sin = (
+        np.cos(image.heading[frame])[:, None],
+        np.sin(image.heading[frame])[:, None],
+    )
     corner = np.ones((len(xy), 8, 4))
     corner[..., 0] = xy[:, :1] + cos * offset[..., 0] - sin * offset[..., 1]
     corner[..., 1] = xy[:, 1:] + sin * offset[..., 0] + cos * offset[..., 1]
@@ -58,13 +74,17 @@ def _image_boxes(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) -> 
     start, end = point[:, _ENDS[0]], point[:, _ENDS[1]]  # [n, 24, 3]
     depth, other = start[..., 2], end[..., 2]
     seen = np.maximum(depth, other) >= _NEAR
-    cut = seen & (depth < _NEAR)  # the edge comes out in front of the camera: it starts there
+    cut = seen & (
+        depth < _NEAR
+    )  # the edge comes out in front of the camera: it starts there
     along = np.where(cut, (_NEAR - depth) / np.where(cut, other - depth, 1.0), 0.0)
     start = start + along[..., None] * (end - start)
     pixel = start[..., :2] / np.where(seen, start[..., 2], 1.0)[..., None]
     least = np.where(seen[..., None], pixel, np.inf).min(axis=1)
     most = np.where(seen[..., None], pixel, -np.inf).max(axis=1)
-    return np.concatenate([np.maximum(least, 0.0), np.minimum(most, image.size)], axis=1)
+    return np.concatenate(
+        [np.maximum(least, 0.0), np.minimum(most, image.size)], axis=1
+    )
 
 
 def _share_in_region(image: ImageField, frame: Ints, box: Floats) -> Floats:
@@ -78,5 +98,7 @@ def _share_in_region(image: ImageField, frame: Ints, box: Floats) -> Floats:
     area = np.maximum(own[:, 2:] - own[:, :2], 0.0).prod(axis=1)
     common = np.maximum(side, 0.0).prod(axis=1)
     share = np.zeros(len(box))
-    np.maximum.at(share, row, np.divide(common, area, out=np.zeros(len(row)), where=area > 0))
+    np.maximum.at(
+        share, row, np.divide(common, area, out=np.zeros(len(row)), where=area > 0)
+    )
     return share

@@ -52,7 +52,11 @@ def near_pairs(
     left = min(float(xa.min()), float(xb.min()))
     span = max(float(xa.max()), float(xb.max())) - left + 2.0 * reach + 1.0
     key_a, key_b = frame_a * span + (xa - left), frame_b * span + (xb - left)
-    slack = 8.0 * np.finfo(np.float64).eps * max(float(np.abs(key_a).max()), float(np.abs(key_b).max()), 1.0)
+    slack = (
+        8.0
+        * np.finfo(np.float64).eps
+        * max(float(np.abs(key_a).max()), float(np.abs(key_b).max()), 1.0)
+    )
     order = np.argsort(key_b, kind="stable")
     sorted_b = key_b[order]
     low = np.searchsorted(sorted_b, key_a - (reach + slack), side="left")
@@ -64,7 +68,9 @@ def near_pairs(
     b = order[np.arange(len(a)) + np.repeat(low - ends + count, count)]
     gap = xy_a[a] - xy_b[b]
     distance = np.sqrt(gap[:, 0] * gap[:, 0] + gap[:, 1] * gap[:, 1])
-    close = distance <= reach  # rows of different frames differ by more than this in the key
+    close = (
+        distance <= reach
+    )  # rows of different frames differ by more than this in the key
     return a[close], b[close], distance[close]
 
 
@@ -87,10 +93,15 @@ def box_pairs(
     limit = np.asarray(threshold, dtype=np.float64)
     if measure == "iou_3d":
         # boxes overlap only if their centres are nearer than the sum of their half diagonals
-        reach = sum(0.5 * float(np.hypot(b[:, 4], b[:, 5]).max(initial=0.0)) for b in (box_a, box_b))
+        reach = sum(
+            0.5 * float(np.hypot(b[:, 4], b[:, 5]).max(initial=0.0))
+            for b in (box_a, box_b)
+        )
     else:
         reach = float(limit.max(initial=0.0))
-    row, column, distance = near_pairs(frame_a, box_a[:, :2], frame_b, box_b[:, :2], reach)
+    row, column, distance = near_pairs(
+        frame_a, box_a[:, :2], frame_b, box_b[:, :2], reach
+    )
     fits = (class_a[row] == class_b[column]) | (class_b[column] == -1)
     row, column, distance = row[fits], column[fits], distance[fits]
     if measure == "iou_3d":
@@ -98,7 +109,9 @@ def box_pairs(
     return Pairs(row, column, distance).keep(distance <= limit[class_a[row]])
 
 
-def _overlapping(row: Rows, column: Rows, box_a: Floats, box_b: Floats, least: Floats) -> Pairs:
+def _overlapping(
+    row: Rows, column: Rows, box_a: Floats, box_b: Floats, least: Floats
+) -> Pairs:
     """The pairs of boxes with an IoU of ``least`` [A] or more.
 
     Block by block: an agent that states boxes of 100 m makes every pair a candidate, and must not choose the memory.
@@ -108,4 +121,9 @@ def _overlapping(row: Rows, column: Rows, box_a: Floats, box_b: Floats, least: F
         a, b = row[at : at + _BLOCK], column[at : at + _BLOCK]
         overlap = iou_3d(box_a[a], box_b[b])
         kept.append(Pairs(a, b, 1.0 - overlap).keep(overlap >= least[a]))
-    return Pairs(*(np.concatenate([getattr(part, name) for part in kept]) for name in ("row", "column", "cost")))
+    return Pairs(
+        *(
+            np.concatenate([getattr(part, name) for part in kept])
+            for name in ("row", "column", "cost")
+        )
+    )

@@ -31,13 +31,22 @@ PARTS = {  # key of `Row` without "cost_" -> printed name; the first four are of
 }
 LEAST_SHOWN = 0.05  # m, of a part in a text
 FAULTS = {  # part of the stack -> parts of the error that it causes; what a forecast starts from is measured
-    "detector": ("localisation", "history", "other class", "off place", "never detected so far", "not detected now"),
+    "detector": (
+        "localisation",
+        "history",
+        "other class",
+        "off place",
+        "never detected so far",
+        "not detected now",
+    ),
     "tracker": ("association", "no forecast"),
     "predictor": ("predictor",),
     "forecast": ("rest",),  # of tracker or predictor
     "confidence": ("below threshold",),
 }
-FAULT_NAMES = {who: "not split" if who == "forecast" else who for who in FAULTS}  # in tables of all parts
+FAULT_NAMES = {
+    who: "not split" if who == "forecast" else who for who in FAULTS
+}  # in tables of all parts
 BELOW = PARTS["below_threshold"]
 # Plain errors [n] m of perfect association, of the same with the present place moved to the truth, and of ground-truth
 # tracks: means over the seeds that cover a target, NaN without one
@@ -50,8 +59,12 @@ class SceneParts(NamedTuple):
     part: Floats  # [n, len(PARTS)] m
     usual: float  # m, mean of `blame` over the targets of all scenes
     distance: Floats  # [n] m, of the targets to the ego: shows whether the truth is that of the run
-    unsplit: str = ""  # reason why the error of forecasts is its rest; empty: it is split
-    thresholds: Floats | None = None  # [b] of the run, see `thresholds_of`; None: not known
+    unsplit: str = (
+        ""  # reason why the error of forecasts is its rest; empty: it is split
+    )
+    thresholds: Floats | None = (
+        None  # [b] of the run, see `thresholds_of`; None: not known
+    )
 
 
 def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
@@ -59,7 +72,10 @@ def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
 
     ``absent_cause`` [n]: of `AbsentCause`; -1 for a target with a forecast, whose error is its rest.
     """
-    columns = [list(PARTS).index(name) for name in (*(cause.name.lower() for cause in AbsentCause), "rest")]
+    columns = [
+        list(PARTS).index(name)
+        for name in (*(cause.name.lower() for cause in AbsentCause), "rest")
+    ]
     part = np.zeros((len(error), len(PARTS)))
     part[np.arange(len(error)), np.array(columns)[absent_cause]] = error
     return part
@@ -67,12 +83,18 @@ def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
 
 def blame(part: Floats) -> Floats:
     """Sum [...] of the ``part`` [..., len(PARTS)], m, but below threshold, which depends on all other forecasts."""
-    return np.asarray(part.sum(axis=-1) - part[..., list(PARTS).index("below_threshold")])
+    return np.asarray(
+        part.sum(axis=-1) - part[..., list(PARTS).index("below_threshold")]
+    )
 
 
 def named_parts(part: Floats) -> dict[str, float]:
     """Parts [len(PARTS)] by name, m, without those of 0: the largest first, below threshold last."""
-    named = {name: float(value) for name, value in zip(PARTS.values(), part, strict=True) if value}
+    named = {
+        name: float(value)
+        for name, value in zip(PARTS.values(), part, strict=True)
+        if value
+    }
     return dict(sorted(named.items(), key=lambda each: (each[0] == BELOW, -each[1])))
 
 
@@ -87,14 +109,19 @@ def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
     few = [name for name in shown if name != BELOW][:most]
     others = sum(value for name, value in shown.items() if name not in (*few, BELOW))
     kept = {name: shown[name] for name in few}
-    kept |= ({"others": others} if abs(others) >= LEAST_SHOWN else {}) | {n: v for n, v in shown.items() if n == BELOW}
+    kept |= ({"others": others} if abs(others) >= LEAST_SHOWN else {}) | {
+        n: v for n, v in shown.items() if n == BELOW
+    }
     texts = [f"{name} {value:.1f}" for name, value in kept.items()]
     return ", ".join([f"{texts[0]} m", *texts[1:]]) if texts else "nothing"
 
 
 def by_fault(parts: Mapping[str, float]) -> dict[str, float]:
     """Sums of `named_parts` by the part of the stack, m, the largest first."""
-    size = {who: sum(parts.get(name, 0.0) for name in names) for who, names in FAULTS.items()}
+    size = {
+        who: sum(parts.get(name, 0.0) for name in names)
+        for who, names in FAULTS.items()
+    }
     return dict(sorted(size.items(), key=lambda each: -each[1]))
 
 
@@ -113,7 +140,11 @@ def reference_errors(
     associated: AgentScores | None, tracks: AgentScores | None, samples: int
 ) -> ReferenceErrors | None:
     """Errors of the references that split the error of an agent of so many ``samples``; None if one has others."""
-    if associated is None or tracks is None or {associated.samples, tracks.samples} != {samples}:
+    if (
+        associated is None
+        or tracks is None
+        or {associated.samples, tracks.samples} != {samples}
+    ):
         return None
     p, centred = (_covered_mean(associated, name) for name in ("capped", "centred"))
     return p, centred, _covered_mean(tracks, "capped")
@@ -121,11 +152,18 @@ def reference_errors(
 
 def _covered_mean(scores: AgentScores, name: str) -> Floats:
     seeds = over_seeds(scores, "covered")
-    mean: Floats = np.divide(over_seeds(scores, name), seeds, out=np.full(len(seeds), np.nan), where=seeds > 0)
+    mean: Floats = np.divide(
+        over_seeds(scores, name),
+        seeds,
+        out=np.full(len(seeds), np.nan),
+        where=seeds > 0,
+    )
     return mean
 
 
-def error_parts(table: AgentTable, subset: str, references: ReferenceErrors | None) -> dict[str, Floats]:
+def error_parts(
+    table: AgentTable, subset: str, references: ReferenceErrors | None
+) -> dict[str, Floats]:
     """Parts [n] of bADE on a subset, m, by the keys of `PARTS`; those that are unknown are left out.
 
     ``references``: with the agent's own predictor and as many samples. Without them, and where one of them has no
@@ -138,10 +176,21 @@ def error_parts(table: AgentTable, subset: str, references: ReferenceErrors | No
         known = np.isfinite(sum(references))
         p, centred, g = (np.where(known, error, 0.0) for error in references)
         covered = 1.0 - ranked.missed / table.miss_error  # share of budgets and seeds
-        split = (covered * g, covered * (p - centred), covered * (centred - g), rest - covered * p)
-        parts = {name: np.where(known, part, 0.0) for name, part in zip(PARTS, split, strict=False)}
+        split = (
+            covered * g,
+            covered * (p - centred),
+            covered * (centred - g),
+            rest - covered * p,
+        )
+        parts = {
+            name: np.where(known, part, 0.0)
+            for name, part in zip(PARTS, split, strict=False)
+        }
         rest = np.where(known, 0.0, rest)
-    causes = {cause.name.lower(): np.where(table.absent_cause == cause, absent, 0.0) for cause in AbsentCause}
+    causes = {
+        cause.name.lower(): np.where(table.absent_cause == cause, absent, 0.0)
+        for cause in AbsentCause
+    }
     return {**parts, "rest": rest, "below_threshold": ranked.below_threshold, **causes}
 
 
@@ -156,11 +205,18 @@ def thresholds_of(table: AgentTable) -> Floats:
     def threshold(scene: int, least: float) -> Floats:
         return np.full((1, int(scene == 0)), least)  # one number for all scenes
 
-    return at_budgets([score.cuts for score in run], budgets.all, threshold, live)[:, 0, 0]
+    return at_budgets([score.cuts for score in run], budgets.all, threshold, live)[
+        :, 0, 0
+    ]
 
 
-def mean_costs(table: AgentTable, subset: str, references: ReferenceErrors | None) -> dict[str, Any]:
+def mean_costs(
+    table: AgentTable, subset: str, references: ReferenceErrors | None
+) -> dict[str, Any]:
     """Fields ``cost_*`` of a `Row`: means over the targets of a subset, m; of unknown parts they are missing."""
     weight, parts = table.weight[subset], error_parts(table, subset, references)
     total = float(weight.sum())
-    return {f"cost_{name}": ratio(float((part * weight).sum()), total) for name, part in parts.items()}
+    return {
+        f"cost_{name}": ratio(float((part * weight).sum()), total)
+        for name, part in parts.items()
+    }

@@ -11,15 +11,33 @@ from numpy.typing import ArrayLike
 
 from ..errors import require_finite, require_shape
 from ..types import Floats
-from .definitions import GUARD, GUARD_SIGNIFICANT, LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS, Subset
+from .definitions import (
+    GUARD,
+    GUARD_SIGNIFICANT,
+    LARGEST_SHARE,
+    RANKED_OBJECTS,
+    RANKED_SUBSETS,
+    RANKED_UNITS,
+    Subset,
+)
 from .rows import Budget
-from .statistics import UnitSums, beyond_rounding, effective_number, share_interval, significant_pairs
+from .statistics import (
+    UnitSums,
+    beyond_rounding,
+    effective_number,
+    share_interval,
+    significant_pairs,
+)
 from .table import AgentScores, AgentTable
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
 ASSOCIATED = "saw which detections are of one object"
 SAW_TRUTH = "saw the truth"
-_NEVER = {"truth": SAW_TRUTH, "associated": ASSOCIATED, "tracks": NOT_CAUSAL}  # modes that are never ranked
+_NEVER = {
+    "truth": SAW_TRUTH,
+    "associated": ASSOCIATED,
+    "tracks": NOT_CAUSAL,
+}  # modes that are never ranked
 ALONE = "one agent alone is not ranked"
 _DIGITS = 1e-9  # share of a weight or a number of objects by which the digits in a record may differ from it
 UNSTATED = "its manifest does not state gap_references"
@@ -34,7 +52,11 @@ def why_unranked(budget: Budget, samples: int, observe: str) -> str | None:
 
     ``samples``: per object; ``observe``: the mode of the env.
     """
-    free = None if budget == "equal" else f"{samples} samples per object, not the env's own k"
+    free = (
+        None
+        if budget == "equal"
+        else f"{samples} samples per object, not the env's own k"
+    )
     return _NEVER.get(observe, free)
 
 
@@ -51,7 +73,9 @@ def why_not_on(subset: Subset, sums: UnitSums) -> str | None:
     units = effective_number(weight)
     if units < RANKED_UNITS * (1.0 - _DIGITS):
         return f"too few recordings to rank: {units:.1f} effective units, fewer than {RANKED_UNITS}"
-    if subset != "all" and weight.max() > LARGEST_SHARE * weight.sum() * (1.0 + _DIGITS):
+    if subset != "all" and weight.max() > LARGEST_SHARE * weight.sum() * (
+        1.0 + _DIGITS
+    ):
         return f"one unit has more than {LARGEST_SHARE:.0%} of the weight"
     return None
 
@@ -64,7 +88,9 @@ class HasSums(Protocol):
         ...
 
 
-def guard(agent: HasSums, stp: HasSums | None, own: HasSums | None = None) -> str | None:
+def guard(
+    agent: HasSums, stp: HasSums | None, own: HasSums | None = None
+) -> str | None:
     """Return why an agent is not ranked on event subsets; None if it is.
 
     Over all targets it is worse than ``stp`` or ``own``, STP with the agent's own predictor: significantly and by more
@@ -78,7 +104,11 @@ def guard(agent: HasSums, stp: HasSums | None, own: HasSums | None = None) -> st
         difference = sums.minus(limit_sums)
         if difference is None:
             continue
-        excess = difference.mean * float(sums.weight.sum()) / max(float(limit_sums.error.sum()), 1e-300)
+        excess = (
+            difference.mean
+            * float(sums.weight.sum())
+            / max(float(limit_sums.error.sum()), 1e-300)
+        )
         if excess > GUARD or (excess > GUARD_SIGNIFICANT and difference.significant):
             return f"over all targets its bADE is above that of {whose}"
     return None
@@ -88,7 +118,9 @@ class Place(NamedTuple):
     """The place of an agent on one subset, and the ranks that the tests leave open."""
 
     place: int | None = None  # by bADE, from 1 on; agents of equal bADE share it
-    span: tuple[int, int] | None = None  # 1 + number of significantly better agents; n - number of worse ones
+    span: tuple[int, int] | None = (
+        None  # 1 + number of significantly better agents; n - number of worse ones
+    )
     why: str = ""  # it has no place
 
     @property
@@ -96,7 +128,11 @@ class Place(NamedTuple):
         """The place with its span, "2 (1–3)"; the place alone where the span is that place; None without a place."""
         if self.place is None or self.span is None:
             return None
-        return str(self.place) if self.span[0] == self.span[1] else f"{self.place} ({span_text(self.span)})"
+        return (
+            str(self.place)
+            if self.span[0] == self.span[1]
+            else f"{self.place} ({span_text(self.span)})"
+        )
 
 
 def rank_by_error(sums: ArrayLike, weight: ArrayLike) -> list[Place]:
@@ -110,11 +146,18 @@ def rank_by_error(sums: ArrayLike, weight: ArrayLike) -> list[Place]:
     require_finite("sums", errors)
     pairs, total = np.array(np.triu_indices(len(errors), 1)), errors.sum(axis=1)
     less = beyond_rounding(total[pairs[0]], total[pairs[1]])
-    pairs = np.where(less < 0, pairs, pairs[::-1])[:, less != 0]  # the smaller error first
+    pairs = np.where(less < 0, pairs, pairs[::-1])[
+        :, less != 0
+    ]  # the smaller error first
     sure = pairs[:, significant_pairs(errors, weight, pairs)]
-    smaller, better, worse = (np.bincount(each, minlength=len(errors)) for each in (pairs[1], sure[1], sure[0]))
+    smaller, better, worse = (
+        np.bincount(each, minlength=len(errors))
+        for each in (pairs[1], sure[1], sure[0])
+    )
     ends = zip((1 + better).tolist(), (len(errors) - worse).tolist(), strict=True)
-    return [Place(1 + int(place), span) for place, span in zip(smaller, ends, strict=True)]
+    return [
+        Place(1 + int(place), span) for place, span in zip(smaller, ends, strict=True)
+    ]
 
 
 def places_on(
@@ -133,8 +176,13 @@ def places_on(
         of_all = why_not_on(subset, sums[0])
         why = [own or of_all for own in unranked]
         if subset != "all":
-            why = [reason or of_guard for reason, of_guard in zip(why, guarded, strict=True)]
-        errors = [own.error for own, reason in zip(sums, why, strict=True) if reason is None]
+            why = [
+                reason or of_guard
+                for reason, of_guard in zip(why, guarded, strict=True)
+            ]
+        errors = [
+            own.error for own, reason in zip(sums, why, strict=True) if reason is None
+        ]
         ranks = iter(rank_by_error(np.array(errors), sums[0].weight) if errors else ())
         for place, reason in zip(places, why, strict=True):
             place[subset] = next(ranks) if reason is None else Place(why=reason)
@@ -151,17 +199,27 @@ class References(NamedTuple):
 
     single: AgentScores | None = None  # one hypothesis
     ground_truth: AgentScores | None = None  # the same on ground-truth tracks
-    same_samples: AgentScores | None = None  # one hypothesis, all samples that several draw, reduced to k
-    associated_same_samples: AgentScores | None = None  # the same with perfect association of the detections
-    associated: AgentScores | None = None  # perfect association, with as many samples as the agent draws
-    tracks: AgentScores | None = None  # ground-truth tracks, with as many samples as the agent draws
+    same_samples: AgentScores | None = (
+        None  # one hypothesis, all samples that several draw, reduced to k
+    )
+    associated_same_samples: AgentScores | None = (
+        None  # the same with perfect association of the detections
+    )
+    associated: AgentScores | None = (
+        None  # perfect association, with as many samples as the agent draws
+    )
+    tracks: AgentScores | None = (
+        None  # ground-truth tracks, with as many samples as the agent draws
+    )
 
 
 class Gap(NamedTuple):
     """Share of a gap that is closed, or the reason why it is undefined."""
 
     closed: float | None = None  # 0: as STP, 1: as from ground-truth tracks
-    parts: tuple[Floats, Floats] | None = None  # [U], [U] what is closed of each unit, and the gap
+    parts: tuple[Floats, Floats] | None = (
+        None  # [U], [U] what is closed of each unit, and the gap
+    )
     why: str | None = None  # it is undefined
 
     @property
@@ -177,7 +235,9 @@ def gap_closed(agent: UnitSums, stp: UnitSums, truth: UnitSums) -> Gap:
     targets, where numbers of samples differ, and unless STP is significantly worse than ground-truth tracks.
     """
     if len({agent.samples, stp.samples, truth.samples}) > 1:
-        return Gap(why=f"{agent.samples} samples per object, its references have {stp.samples}")
+        return Gap(
+            why=f"{agent.samples} samples per object, its references have {stp.samples}"
+        )
     difference = stp.minus(truth)
     if difference is None:
         return Gap(why=NO_TARGETS)
@@ -199,13 +259,17 @@ class Pair(NamedTuple):
         """Return the share of the gap that an agent closes, or the reason why it is undefined."""
         if self.stp is None or self.truth is None:
             return Gap(why=self.missing)
-        return gap_closed(*(each.sums_on(subset) for each in (agent, self.stp, self.truth)))
+        return gap_closed(
+            *(each.sums_on(subset) for each in (agent, self.stp, self.truth))
+        )
 
 
 class GapPairs(NamedTuple):
     """The pairs between which an agent's gaps are closed."""
 
-    kinematic: Pair = Pair()  # stp and gt_tracks, unless the agent has another predictor
+    kinematic: Pair = (
+        Pair()
+    )  # stp and gt_tracks, unless the agent has another predictor
     own: Pair = Pair()
     association: Pair = Pair()
 
@@ -225,11 +289,17 @@ def pairs_of(
     if runs is None:
         return GapPairs(*[Pair(missing=UNSTATED)] * 3)
     ends = [None if run is None else tables[id(run)] for run in runs]
-    kinematic = runs.single is not None and stp is not None and runs.single.agent == stp.setting.agent
+    kinematic = (
+        runs.single is not None
+        and stp is not None
+        and runs.single.agent == stp.setting.agent
+    )
     return GapPairs(
         kinematic=Pair(stp, truth) if kinematic else Pair(missing=NOT_KINEMATIC),
         own=Pair(ends[0], ends[1]),
-        association=Pair(missing=SAW_TRUTH) if table.setting.observe == "truth" else Pair(ends[2], ends[3]),
+        association=Pair(missing=SAW_TRUTH)
+        if table.setting.observe == "truth"
+        else Pair(ends[2], ends[3]),
     )
 
 

@@ -17,14 +17,28 @@ from .bade import ONE_PER_TARGET
 from .definitions import DEFINITIONS, Subset
 from .details import details
 from .parts import ReferenceErrors, mean_costs, reference_errors
-from .rank import ALONE, GapPairs, Place, References, gap_columns, guard, pairs_of, places_on, why_unranked
+from .rank import (
+    ALONE,
+    GapPairs,
+    Place,
+    References,
+    gap_columns,
+    guard,
+    pairs_of,
+    places_on,
+    why_unranked,
+)
 from .rows import Details, PairedRow, Row
 from .scenes import rows_per_scene
 from .statistics import bootstrap_interval, effective_number, paired_difference, ratio
 from .table import AgentScores, AgentTable, agent_table, require_same_targets
 from .weights import Reference
 
-CONTROLS = ("stp", "stp_same_samples", "stp_neighbours")  # agents that differences are given to
+CONTROLS = (
+    "stp",
+    "stp_same_samples",
+    "stp_neighbours",
+)  # agents that differences are given to
 
 
 def rejected_line(agent: str, rejected: int) -> str:
@@ -46,7 +60,9 @@ class Report:
     )  # source, split, detector, card, detections, truth, weights, budget, presence; of own scenes their folder
     tables: Sequence[AgentTable] = ()  # sources of the rows, per agent
     shown: Sequence[str] = ()  # names of the agents of the main table; empty: all
-    failures: Mapping[str, str] = field(default_factory=dict)  # agents that failed, which have no rows: where and why
+    failures: Mapping[str, str] = field(
+        default_factory=dict
+    )  # agents that failed, which have no rows: where and why
 
     def __repr__(self) -> str:
         agents = len({row.agent.split(" ")[0] for row in self.rows})
@@ -70,7 +86,9 @@ class Report:
         yield from misstated_lines(self)
 
     def _repr_html_(self) -> str:
-        lines = (f"<p>{escape(' '.join(failure))}</p>" for failure in self.failures.items())
+        lines = (
+            f"<p>{escape(' '.join(failure))}</p>" for failure in self.failures.items()
+        )
         return to_html(self._main_table()) + "".join(lines)
 
     def _main_table(self) -> Table:
@@ -86,8 +104,12 @@ class Report:
         try:
             import pandas
         except ImportError:
-            raise MtpBenchError("to_frame needs pandas, which is not installed: pip install pandas") from None
-        return pandas.DataFrame([row.model_dump() for row in self.rows], columns=list(Row.model_fields))
+            raise MtpBenchError(
+                "to_frame needs pandas, which is not installed: pip install pandas"
+            ) from None
+        return pandas.DataFrame(
+            [row.model_dump() for row in self.rows], columns=list(Row.model_fields)
+        )
 
     def per_scene(self) -> list[dict[str, Any]]:
         """Numbers of single scenes, as plain values: a row per agent, seed and scene; see `rows_per_scene`."""
@@ -98,7 +120,11 @@ class Report:
         content: dict[str, Any] = {"env": self.env, "definitions": self.definitions}
         for name in ("rows", *further):
             part = getattr(self, name)
-            content[name] = part if name in ("condition", "failures") else [row.model_dump(mode="json") for row in part]
+            content[name] = (
+                part
+                if name in ("condition", "failures")
+                else [row.model_dump(mode="json") for row in part]
+            )
         return content
 
 
@@ -134,14 +160,23 @@ def summarise(
     stp_table = _with_equal_budget(tables, stp)
     truth_table = _with_equal_budget(tables, truth)
     pairs = [pairs_of(table, stp_table, truth_table, known, beside) for table in tables]
-    others = [table for name in CONTROLS if (table := _with_equal_budget(tables, name)) is not None]
+    others = [
+        table
+        for name in CONTROLS
+        if (table := _with_equal_budget(tables, name)) is not None
+    ]
     rows = []
-    for table, gaps, places in zip(tables, pairs, _places(tables, stp_table, pairs), strict=True):
+    for table, gaps, places in zip(
+        tables, pairs, _places(tables, stp_table, pairs), strict=True
+    ):
         runs = known.get(table.setting.agent) or References()
         # the truth has no detections to associate
         associated = None if table.setting.observe == "truth" else runs.associated
         split = reference_errors(associated, runs.tracks, table.setting.samples)
-        rows += [_row(table, subset, stp_table, gaps, split, places[subset]) for subset in table.subsets]
+        rows += [
+            _row(table, subset, stp_table, gaps, split, places[subset])
+            for subset in table.subsets
+        ]
     return Report(
         env=card.id,
         definitions=DEFINITIONS,
@@ -159,7 +194,9 @@ def summarise(
     )
 
 
-def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | None) -> dict[str, str]:
+def _condition(
+    tables: Sequence[AgentTable], card: Card, reference: Reference | None
+) -> dict[str, str]:
     """Conditions of the numbers: card, detector, completeness of the truth, event weights."""
     scenes = tables[0].setting.seeds[0] if tables else ()
     made = Counter(score.detections for score in scenes)
@@ -176,8 +213,12 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
         "presence": card.presence or "",
         "detector": card.detector_name,
         "card": card.digest,
-        "detections": "; ".join(f"{label} ({counted(n, 'scene')})" for label, n in sorted(made.items())),
-        "truth": "complete" if complete else "prediction targets only: false forecasts cannot be known",
+        "detections": "; ".join(
+            f"{label} ({counted(n, 'scene')})" for label, n in sorted(made.items())
+        ),
+        "truth": "complete"
+        if complete
+        else "prediction targets only: false forecasts cannot be known",
         "weights": reference.origin if reference else "none",
         "budget": (reference.budget if reference else ONE_PER_TARGET).text(complete),
     }
@@ -188,7 +229,9 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
     setting, weight = table.setting, table.weight[subset]
     error = table.sums_on(subset).minus(other.sums_on(subset))
     both = weight * ((table.covered > 0) & (other.covered > 0))
-    means = (each.min_ade / np.maximum(each.covered, 1) for each in (table, other))  # over the seeds that cover
+    means = (
+        each.min_ade / np.maximum(each.covered, 1) for each in (table, other)
+    )  # over the seeds that cover
     ade = table.per_unit(next(means) - next(means), both)
     shared = table.unit_weight(both)
     of_ade = paired_difference(ade, np.zeros(len(ade)), shared)
@@ -219,7 +262,10 @@ def _row(
     total, some = float(weight.sum()), weight > 0
     covered = float((weight * table.covered).sum())
     sums = table.sums_on(subset)
-    fixed = ratio(sum(score.fixed_error for score in table.scores) / len(setting.seeds), len(table.unit))
+    fixed = ratio(
+        sum(score.fixed_error for score in table.scores) / len(setting.seeds),
+        len(table.unit),
+    )
     to_stp = None
     if stp is not None and stp.setting.samples == setting.samples:
         to_stp = sums.minus(stp.sums_on(subset))
@@ -272,13 +318,29 @@ def _places(
 ) -> list[dict[Subset, Place]]:
     """Return the places of agents by subset, or the reasons why they have none."""
     settings = [table.setting for table in tables]
-    unranked = [why_unranked(setting.budget, setting.samples, setting.observe) for setting in settings]
-    guards = [guard(table, stp, gaps.own.stp) for table, gaps in zip(tables, pairs, strict=True)]
+    unranked = [
+        why_unranked(setting.budget, setting.samples, setting.observe)
+        for setting in settings
+    ]
+    guards = [
+        guard(table, stp, gaps.own.stp)
+        for table, gaps in zip(tables, pairs, strict=True)
+    ]
     places = places_on(tables[0].subsets if tables else (), tables, unranked, guards)
-    if len(tables) == 1:  # alone, even an agent that predicts nothing would be the first
-        return [{subset: Place(why=place.why or ALONE) for subset, place in places[0].items()}]
+    if (
+        len(tables) == 1
+    ):  # alone, even an agent that predicts nothing would be the first
+        return [
+            {
+                subset: Place(why=place.why or ALONE)
+                for subset, place in places[0].items()
+            }
+        ]
     return places
 
 
 def _with_equal_budget(tables: Sequence[AgentTable], name: str) -> AgentTable | None:
-    return next((t for t in tables if t.setting.agent == name and t.setting.budget == "equal"), None)
+    return next(
+        (t for t in tables if t.setting.agent == name and t.setting.budget == "equal"),
+        None,
+    )

@@ -13,7 +13,9 @@ from ..tables import Column
 from .definitions import Subset
 
 Count = Annotated[int, Field(ge=0)]
-Interval = Annotated[tuple[float, float], Field(strict=False)]  # 95 %; JSON has a list of two
+Interval = Annotated[
+    tuple[float, float], Field(strict=False)
+]  # 95 %; JSON has a list of two
 Point = Annotated[tuple[float, float], Field(strict=False)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Budget = Literal["equal", "free"]
@@ -24,13 +26,19 @@ Share = Annotated[float | None, Column(unit="share", better="higher")]
 ErrorPart = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
 Difference = Annotated[float | None, Column(unit="m", better="lower", format="+.3f")]
 Cost = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
-IntervalColumn = Annotated[Interval | None, Column(interval=True, help="95 % interval of the number before.")]
+IntervalColumn = Annotated[
+    Interval | None, Column(interval=True, help="95 % interval of the number before.")
+]
 Score = Annotated[float | None, Column(better="higher")]
-_SUBSET = Column(help="Subset of the targets: all, those that turn, or weighted by how often an event happens there.")
+_SUBSET = Column(
+    help="Subset of the targets: all, those that turn, or weighted by how often an event happens there."
+)
 _SEEDS = "Runs with different random draws, of which numbers are means."
 _TARGETS = Annotated[Count, Column(help="Targets with a weight above 0.")]
 _SCENES = Annotated[Count, Column(help="Scenes that have these targets.")]
-PValue = Annotated[float | None, Column(format=".3f", help="p of the sign-flip test over units.")]
+PValue = Annotated[
+    float | None, Column(format=".3f", help="p of the sign-flip test over units.")
+]
 
 
 def told(meaning: str) -> Any:
@@ -41,10 +49,17 @@ def told(meaning: str) -> Any:
 class AgentSetting(Section):
     """An agent in one setting."""
 
-    agent: Annotated[str, Column(help="Name of the submission, with the parameters that are not its default ones.")]
+    agent: Annotated[
+        str,
+        Column(
+            help="Name of the submission, with the parameters that are not its default ones."
+        ),
+    ]
     hypotheses: Annotated[Count, Column("H", help="Hypotheses of the tracker.")]
     samples: Annotated[Count, Column("K", help="Samples per object.")]
-    budget: Annotated[Budget, Column("samples allowed", help="equal: k of the task; free: more.")]
+    budget: Annotated[
+        Budget, Column("samples allowed", help="equal: k of the task; free: more.")
+    ]
 
 
 class Row(AgentSetting):
@@ -54,60 +69,138 @@ class Row(AgentSetting):
     """
 
     subset: Annotated[Subset, _SUBSET]
-    minADE: Annotated[Metres, Column(help="Mean distance of the best sample, over covered targets.")]  # noqa: N815
-    minFDE: Annotated[Metres, Column(help="Final distance of the best sample, over covered targets.")]  # noqa: N815
-    error: Annotated[float | None, Column("bADE", "m", "lower", help="Budgeted ADE, which decides the place.")]
+    minADE: Annotated[
+        Metres, Column(help="Mean distance of the best sample, over covered targets.")
+    ]
+    minFDE: Annotated[
+        Metres, Column(help="Final distance of the best sample, over covered targets.")
+    ]
+    error: Annotated[
+        float | None,
+        Column("bADE", "m", "lower", help="Budgeted ADE, which decides the place."),
+    ]
     interval: IntervalColumn
-    localisation: Annotated[ErrorPart, Column("with forecast", help="Part of bADE: covered targets.")] = None
-    missed: Annotated[ErrorPart, Column("without forecast", help="Part of bADE: other targets.")] = None
-    error_by_score: Annotated[
-        ErrorPart, Column(help="bADE with the score of the nearest detection as the confidence.")
+    localisation: Annotated[
+        ErrorPart, Column("with forecast", help="Part of bADE: covered targets.")
     ] = None
-    cost_ground_truth: Annotated[Cost, Column("predictor", help="Part of bADE: error on ground-truth tracks.")] = None
-    cost_localisation: Annotated[Cost, Column("localisation", help="Part of bADE: present position.")] = None
-    cost_history: Annotated[Cost, Column("history", help="Part of bADE: past positions are measured.")] = None
-    cost_association: Annotated[Cost, Column("association", help="Part of bADE: beyond perfect association.")] = None
-    cost_rest: Annotated[Cost, Column("rest", help="Part of bADE: forecasts that no reference splits.")] = None
-    cost_below_threshold: Annotated[Cost, Column("below threshold", help="Part of bADE: left out by budgets.")] = None
-    cost_no_forecast: Annotated[Cost, Column("no forecast", help="Part of bADE: only detected.")] = None
-    cost_other_class: Annotated[Cost, Column("other class", help="Part of bADE: detected as another class.")] = None
-    cost_off_place: Annotated[Cost, Column("off place", help="Part of bADE: detected within two gates.")] = None
-    cost_undetected_new: Annotated[Cost, Column("never detected so far", help="Part of bADE.")] = None
-    cost_undetected_seen: Annotated[Cost, Column("not detected now", help="Part of bADE: detected earlier.")] = None
-    plain_error: Annotated[ErrorPart, Column(help="Error with every forecast kept.")] = None
-    fixed_error: Annotated[ErrorPart, Column(help="Per target, forecasts of confidence 0.5 or more.")] = None
-    energy_score: Annotated[ErrorPart, Column(help="Energy score, over covered targets.")] = None
-    coverage: Annotated[Share, Column(help="Share of the targets that have a forecast.")]
-    difference_to_stp: Annotated[Difference, Column(help="bADE less that of stp on the same targets.")]
+    missed: Annotated[
+        ErrorPart, Column("without forecast", help="Part of bADE: other targets.")
+    ] = None
+    error_by_score: Annotated[
+        ErrorPart,
+        Column(help="bADE with the score of the nearest detection as the confidence."),
+    ] = None
+    cost_ground_truth: Annotated[
+        Cost, Column("predictor", help="Part of bADE: error on ground-truth tracks.")
+    ] = None
+    cost_localisation: Annotated[
+        Cost, Column("localisation", help="Part of bADE: present position.")
+    ] = None
+    cost_history: Annotated[
+        Cost, Column("history", help="Part of bADE: past positions are measured.")
+    ] = None
+    cost_association: Annotated[
+        Cost, Column("association", help="Part of bADE: beyond perfect association.")
+    ] = None
+    cost_rest: Annotated[
+        Cost, Column("rest", help="Part of bADE: forecasts that no reference splits.")
+    ] = None
+    cost_below_threshold: Annotated[
+        Cost, Column("below threshold", help="Part of bADE: left out by budgets.")
+    ] = None
+    cost_no_forecast: Annotated[
+        Cost, Column("no forecast", help="Part of bADE: only detected.")
+    ] = None
+    cost_other_class: Annotated[
+        Cost, Column("other class", help="Part of bADE: detected as another class.")
+    ] = None
+    cost_off_place: Annotated[
+        Cost, Column("off place", help="Part of bADE: detected within two gates.")
+    ] = None
+    cost_undetected_new: Annotated[
+        Cost, Column("never detected so far", help="Part of bADE.")
+    ] = None
+    cost_undetected_seen: Annotated[
+        Cost, Column("not detected now", help="Part of bADE: detected earlier.")
+    ] = None
+    plain_error: Annotated[
+        ErrorPart, Column(help="Error with every forecast kept.")
+    ] = None
+    fixed_error: Annotated[
+        ErrorPart, Column(help="Per target, forecasts of confidence 0.5 or more.")
+    ] = None
+    energy_score: Annotated[
+        ErrorPart, Column(help="Energy score, over covered targets.")
+    ] = None
+    coverage: Annotated[
+        Share, Column(help="Share of the targets that have a forecast.")
+    ]
+    difference_to_stp: Annotated[
+        Difference, Column(help="bADE less that of stp on the same targets.")
+    ]
     difference_interval: IntervalColumn
     p: PValue
-    gap_closed: Annotated[Share, Column(help="Share closed of the gap from stp to prediction on ground-truth tracks.")]
+    gap_closed: Annotated[
+        Share,
+        Column(
+            help="Share closed of the gap from stp to prediction on ground-truth tracks."
+        ),
+    ]
     gap_interval: IntervalColumn
-    gap_closed_same_predictor: Annotated[Share, Column(help="The same gap with the agent's own predictor.")]
+    gap_closed_same_predictor: Annotated[
+        Share, Column(help="The same gap with the agent's own predictor.")
+    ]
     gap_same_predictor_interval: IntervalColumn
     association_gap_closed: Annotated[
-        Share, Column(help="Share closed of the gap from the same samples to perfect association.")
+        Share,
+        Column(
+            help="Share closed of the gap from the same samples to perfect association."
+        ),
     ] = None
     association_gap_interval: IntervalColumn = None
-    gap_blank_because: Annotated[str | None, Column(help="Reason of a missing gap_closed.")] = None
-    association_gap_blank_because: Annotated[str | None, Column(help="The same of association_gap_closed.")] = None
-    place: Annotated[int | None, Column(better="lower", help="Position by bADE. Missing: shown, not ranked.")] = None
+    gap_blank_because: Annotated[
+        str | None, Column(help="Reason of a missing gap_closed.")
+    ] = None
+    association_gap_blank_because: Annotated[
+        str | None, Column(help="The same of association_gap_closed.")
+    ] = None
+    place: Annotated[
+        int | None,
+        Column(better="lower", help="Position by bADE. Missing: shown, not ranked."),
+    ] = None
     rank_range: Annotated[
         tuple[int, int] | None,
-        Column("ranks", help="1 + the number of agents that are significantly better, to n - the number worse."),
+        Column(
+            "ranks",
+            help="1 + the number of agents that are significantly better, to n - the number worse.",
+        ),
         Field(strict=False),
     ] = None
     unranked_because: Annotated[str | None, Column(help="Reason of a missing rank.")]
     targets: _TARGETS
-    effective_targets: Annotated[float, Column(format=".1f", help="Effective number of targets (Kish).")]
+    effective_targets: Annotated[
+        float, Column(format=".1f", help="Effective number of targets (Kish).")
+    ]
     # expected number in a run of the reference tracker; of "paper_" subsets those of plain STP
-    events: Annotated[float | None, Column(format=".1f", help="Expected number of events of the reference tracker.")]
+    events: Annotated[
+        float | None,
+        Column(
+            format=".1f", help="Expected number of events of the reference tracker."
+        ),
+    ]
     objects: Annotated[Count, Column(help="Objects that have these targets.")]
-    effective_objects: Annotated[float, Column(format=".1f", help="Effective number of objects (Kish).")]
+    effective_objects: Annotated[
+        float, Column(format=".1f", help="Effective number of objects (Kish).")
+    ]
     scenes: _SCENES
-    effective_units: Annotated[float, Column(format=".1f", help="Effective number of blocks of at most 20 s.")]
+    effective_units: Annotated[
+        float, Column(format=".1f", help="Effective number of blocks of at most 20 s.")
+    ]
     seeds: Annotated[Count, Column(help=_SEEDS)]
-    ms_per_frame: Annotated[float | None, Column("ms per frame", "ms", "lower", ".1f", help="Mean time of `act`.")]
+    ms_per_frame: Annotated[
+        float | None,
+        Column("ms per frame", "ms", "lower", ".1f", help="Mean time of `act`."),
+    ]
 
 
 class PairedRow(AgentSetting):
@@ -118,8 +211,11 @@ class PairedRow(AgentSetting):
     error: Annotated[Difference, Column("bADE", help="bADE less that of the control.")]
     interval: IntervalColumn
     p: PValue
-    minADE: Annotated[Difference, Column(help="minADE less that of the control, over targets that both cover.")]  # noqa: N815
-    minADE_interval: IntervalColumn  # noqa: N815
+    minADE: Annotated[
+        Difference,
+        Column(help="minADE less that of the control, over targets that both cover."),
+    ]
+    minADE_interval: IntervalColumn
     targets: _TARGETS
     shared: Annotated[Count, Column(help="Targets that both cover.")]
     scenes: _SCENES
@@ -128,8 +224,12 @@ class PairedRow(AgentSetting):
 class Errors(Section):
     """Errors over some of the targets."""
 
-    minADE: float | None = told("Mean distance of the best sample, over covered targets, metres.")  # noqa: N815
-    minFDE: float | None = told("Final distance of the best sample, over covered targets, metres.")  # noqa: N815
+    minADE: float | None = told(
+        "Mean distance of the best sample, over covered targets, metres."
+    )
+    minFDE: float | None = told(
+        "Final distance of the best sample, over covered targets, metres."
+    )
     error: float | None = told("bADE at the budgets of all targets, metres.")
     plain_error: float | None = told("Error with every forecast kept, metres.")
     coverage: float | None = told("Share of the targets that have a forecast.")
@@ -141,10 +241,14 @@ class Errors(Section):
 class Bin(Section):
     """Errors over the targets of one distance, class or motion."""
 
-    by: Literal["distance", "class", "motion"] = told("What the bins divide the targets by.")
+    by: Literal["distance", "class", "motion"] = told(
+        "What the bins divide the targets by."
+    )
     bin: str = told("Metres to the ego, a class, or moving and static.")
     errors: Errors
-    EPA: float | None = Field(default=None, description="End-to-end prediction accuracy, of classes alone.")
+    EPA: float | None = Field(
+        default=None, description="End-to-end prediction accuracy, of classes alone."
+    )
 
     @model_serializer
     def _flat(self) -> dict[str, Any]:
@@ -156,12 +260,20 @@ class Clear(Section):
     """Tracking numbers; None where a false positive cannot be known because the truth is not complete."""
 
     TP: Count = told("Matched tracks (true positives), summed over frames.")
-    FP: Count | None = told("Tracks of no object (false positives), summed over frames.")
+    FP: Count | None = told(
+        "Tracks of no object (false positives), summed over frames."
+    )
     FN: Count = told("Objects without a track (false negatives), summed over frames.")
-    IDS: Annotated[Count, Column("IDS", better="lower", group="CLEAR", help="Identity switches.")]
-    FRAG: Annotated[Count, Column("FRAG", better="lower", group="CLEAR", help="Fragmentations.")]
+    IDS: Annotated[
+        Count, Column("IDS", better="lower", group="CLEAR", help="Identity switches.")
+    ]
+    FRAG: Annotated[
+        Count, Column("FRAG", better="lower", group="CLEAR", help="Fragmentations.")
+    ]
     MOTA: Annotated[Score, Column(help="Multi-object tracking accuracy.")]
-    MOTP: float | None = told("Mean IoU or mean distance in metres of the matches, as the gate measures.")
+    MOTP: float | None = told(
+        "Mean IoU or mean distance in metres of the matches, as the gate measures."
+    )
     IDF1: Annotated[Score, Column(help="F1 of the identities.")]
     HOTA: Annotated[Score, Column(help="Higher order tracking accuracy.")]
 
@@ -172,12 +284,17 @@ class Tracking(Section):
     all: Clear = told("Numbers over all classes; those of each class stand beside.")
     classes: dict[str, Clear]
     false_positives: Count | None = told("Tracks of no object, summed over frames.")
-    false_tracks: Count | None = told("Tracks that are matched in no frame of their life.")
+    false_tracks: Count | None = told(
+        "Tracks that are matched in no frame of their life."
+    )
 
     @model_serializer
     def _flat(self) -> dict[str, Any]:
         classes = {name: clear.model_dump() for name, clear in self.classes.items()}
-        false = {"false_positives": self.false_positives, "false_tracks": self.false_tracks}
+        false = {
+            "false_positives": self.false_positives,
+            "false_tracks": self.false_tracks,
+        }
         return {"all": self.all.model_dump(), **classes, **false}
 
 
@@ -194,22 +311,48 @@ class Details(AgentSetting):
 
     seeds: Count = told(_SEEDS)
     nothing_predicted: float | None = told("Error if nothing is predicted, metres.")
-    miss_rate: Annotated[float | None, Column("MR", "", "lower", help="Miss rate; uncovered targets are missed.")]
-    PI_ADE: Annotated[float | None, Column("PI-ADE", better="lower", help="Error, metres, near the ego weighing more.")]
+    miss_rate: Annotated[
+        float | None,
+        Column("MR", "", "lower", help="Miss rate; uncovered targets are missed."),
+    ]
+    PI_ADE: Annotated[
+        float | None,
+        Column(
+            "PI-ADE", better="lower", help="Error, metres, near the ego weighing more."
+        ),
+    ]
     EPA: Annotated[Score, Column(help="End-to-end prediction accuracy.")]
     AP_f: Annotated[Score, Column("AP_f", help="Forecasting average precision.")]
-    brier: Annotated[float | None, Column("Brier", "", "lower", help="Brier score of the confidences in live frames.")]
+    brier: Annotated[
+        float | None,
+        Column(
+            "Brier", "", "lower", help="Brier score of the confidences in live frames."
+        ),
+    ]
     reliability: list[Reliability] = told("Calibration by range of confidence.")
-    forecasts_per_frame: Annotated[float, Column("forecasts", format=".1f", help="Forecasts per live frame.")]
-    false_per_frame: Annotated[float | None, Column("false", "", "lower", ".1f", help="False ones per live frame.")]
+    forecasts_per_frame: Annotated[
+        float, Column("forecasts", format=".1f", help="Forecasts per live frame.")
+    ]
+    false_per_frame: Annotated[
+        float | None,
+        Column("false", "", "lower", ".1f", help="False ones per live frame."),
+    ]
     curve: list[Point] = told(
         "False forecasts per target (forecasts per live frame where those cannot be known), and the error in metres."
     )
-    k_curve: dict[str, float | None] = told("Expected minADE of k samples by k, metres.")
+    k_curve: dict[str, float | None] = told(
+        "Expected minADE of k samples by k, metres."
+    )
     bins: list[Bin] = told("Errors by distance, class and motion.")
-    own: dict[str, Errors] = told("Errors where the agent itself has an event: shown, never ranked.")
+    own: dict[str, Errors] = told(
+        "Errors where the agent itself has an event: shown, never ranked."
+    )
     own_events: dict[str, int] = told("Number of the agent's own events, by kind.")
-    guessed_parents: float | None = told("Share of frames in which the lineage of own events had to be guessed.")
+    guessed_parents: float | None = told(
+        "Share of frames in which the lineage of own events had to be guessed."
+    )
     tracking: Tracking = told("Tracking numbers of the first seed.")
     invalid: dict[str, int] = told("Rejected rows of the agent's actions, by table.")
-    dropped_detections: Count = told("Detections beyond the range or the number of the task, not shown to the agent.")
+    dropped_detections: Count = told(
+        "Detections beyond the range or the number of the task, not shown to the agent."
+    )

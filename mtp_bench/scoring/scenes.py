@@ -29,7 +29,10 @@ class SceneResult:
     def of(cls, agent: str, seed: int, score: SceneScore) -> "SceneResult":
         """The numbers of a scored scene."""
         targets, covered = len(score), int(score.covered.sum())
-        ade, fde = (float(error[score.covered].sum()) for error in (score.min_ade, score.min_fde))
+        ade, fde = (
+            float(error[score.covered].sum())
+            for error in (score.min_ade, score.min_fde)
+        )
         means = ratio(ade, covered), ratio(fde, covered), ratio(covered, targets)
         return cls(agent, score.scene, seed, score.frames, targets, covered, *means)
 
@@ -43,7 +46,9 @@ def rows_per_scene(tables: Sequence[AgentTable]) -> Iterator[dict[str, Any]]:
     for table in tables:
         budgets = table.budgets
         for seed, run in enumerate(table.setting.seeds):
-            error = run_errors(run, budgets.all, budgets.false_known, "cuts").error.mean(axis=0)
+            error = run_errors(
+                run, budgets.all, budgets.false_known, "cuts"
+            ).error.mean(axis=0)
             sums = np.bincount(table.scene, weights=error, minlength=len(run)).tolist()
             for score, bade in zip(run, sums, strict=True):
                 result = SceneResult.of(table.setting.agent, seed, score)

@@ -11,7 +11,14 @@ from ..errors import RolloutError
 from ..types import Bools, Floats, Ints, Rollout, Scene
 from .bade import Cuts, capped_error, fixed_error
 from .events import separated_tracks, separated_truth
-from .forecasts import Candidates, ForecastErrors, IncrementalMatching, RecordedForecasts, cuts, match_by_confidence
+from .forecasts import (
+    Candidates,
+    ForecastErrors,
+    IncrementalMatching,
+    RecordedForecasts,
+    cuts,
+    match_by_confidence,
+)
 from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated
@@ -54,15 +61,21 @@ class SceneScore(ForecastErrors):
     moving: Bools  # [n]
     turning: Bools  # [n]
     miss_error: Floats  # [n] m, c
-    capped: Floats  # [n] m, min(min_ade, c), c where not covered; every forecast is kept
+    capped: (
+        Floats  # [n] m, min(min_ade, c), c where not covered; every forecast is kept
+    )
     absent_cause: Ints  # [n] values of `AbsentCause`, whether it has a forecast or not
     own_ids: Bools  # [n] along the lineage of the best hypothesis
     own_lost: Bools  # [n]
     own_reacquired: Bools  # [n]
     all_h_ids: Bools  # [n] in every hypothesis
     all_h_frag: Bools  # [n]
-    own_events: dict[str, int]  # on all evaluated true boxes, targets or not, by KINDS; "wrong" are among the "lost"
-    guessed_parents: int  # frames whose lineage was guessed, since the agent does not state it
+    own_events: dict[
+        str, int
+    ]  # on all evaluated true boxes, targets or not, by KINDS; "wrong" are among the "lost"
+    guessed_parents: (
+        int  # frames whose lineage was guessed, since the agent does not state it
+    )
     cuts: Cuts  # of the forecasts in live frames, by their confidence
     score_cuts: Cuts  # the same by the score of the nearest detection
     outcome: Ints  # [A] values of `Outcome`, in the order of ``cuts``
@@ -71,7 +84,9 @@ class SceneScore(ForecastErrors):
     counts: StreamCounts
     invalid: Ints  # [3] rows rejected: tracks, hypotheses, objects
     dropped: int  # detections that did not fit into the observation
-    skipped: dict[str, int]  # rows of the scene that could not be read, by reason; holes in time and their targets
+    skipped: dict[
+        str, int
+    ]  # rows of the scene that could not be read, by reason; holes in time and their targets
     seconds: float  # per frame, mean without the first frame, in which agents start, unless it is the only one
 
     def __len__(self) -> int:
@@ -105,7 +120,11 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     """
     check_rollout(scene, rollout, card)
     scene = evaluated(scene)
-    truth, targets, live = separated_truth(scene, card), find_targets(scene, card), live_frames(scene, card)
+    truth, targets, live = (
+        separated_truth(scene, card),
+        find_targets(scene, card),
+        live_frames(scene, card),
+    )
     forecasts = RecordedForecasts.of(rollout)
     found = Candidates.of(scene, targets, forecasts, live, card)
     matching = match_by_confidence(found, forecasts.confidence)
@@ -115,7 +134,9 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     by_confidence = cuts(found, matching, forecasts.confidence, of_targets)
     score = nearest_score(scene, forecasts)
     lineage = hypotheses(rollout, card)
-    events = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
+    events = lineage_events(
+        truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card)
+    )
     of_best = events.of(lineage.best[truth.frame_of_rows])
     unit = units(scene, card)
     outcome, final_error = _outcomes(found, matching, object_of_truth, errors)
@@ -124,7 +145,9 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         recording=scene.recording or scene.name,
         frames=scene.frames,
         live=int(live.sum()),
-        hypotheses=int(np.isfinite(rollout.hypothesis_log_weight).sum(axis=1).max(initial=0)),
+        hypotheses=int(
+            np.isfinite(rollout.hypothesis_log_weight).sum(axis=1).max(initial=0)
+        ),
         samples=rollout.forecast.shape[1],
         truth_complete=scene.truth_complete,
         detections=scene.detector,
@@ -153,19 +176,34 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         score_cuts=cuts(found, match_by_confidence(found, score), score, of_targets),
         outcome=outcome,
         final_error=final_error,
-        fixed_error=fixed_error(by_confidence, rollout.malformed * live[:, None], miss_error, scene.truth_complete),
-        counts=stream_counts(truth, separated_tracks(rollout, scene, card), lineage, card),
+        fixed_error=fixed_error(
+            by_confidence,
+            rollout.malformed * live[:, None],
+            miss_error,
+            scene.truth_complete,
+        ),
+        counts=stream_counts(
+            truth, separated_tracks(rollout, scene, card), lineage, card
+        ),
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
         skipped=scene.skipped | left_out(scene, card),
-        seconds=float(rollout.seconds[1:].mean() if len(rollout.seconds) > 1 else rollout.seconds.sum()),
+        seconds=float(
+            rollout.seconds[1:].mean()
+            if len(rollout.seconds) > 1
+            else rollout.seconds.sum()
+        ),
     )
 
 
 def mean_plain_error(scores: Sequence[SceneScore]) -> float | None:
     """Mean plain error over the targets of some scenes, m; None without a target."""
     targets = sum(len(score) for score in scores)
-    return sum(float(score.capped.sum()) for score in scores) / targets if targets else None
+    return (
+        sum(float(score.capped.sum()) for score in scores) / targets
+        if targets
+        else None
+    )
 
 
 def nearest_score(scene: Scene, forecasts: RecordedForecasts) -> Floats:
@@ -180,7 +218,9 @@ def nearest_score(scene: Scene, forecasts: RecordedForecasts) -> Floats:
         return np.full(len(forecasts.frame), -1.0)
     apart = 1e7  # m between two frames or classes
     tree = KDTree(_places(seen.box, seen.frame_of_rows, seen.class_id, apart))
-    distance, nearest = tree.query(_places(forecasts.box, forecasts.frame, forecasts.class_id, apart))
+    distance, nearest = tree.query(
+        _places(forecasts.box, forecasts.frame, forecasts.class_id, apart)
+    )
     score = seen.score[nearest]
     return np.where(distance < apart / 2, score / (1.0 + np.abs(score)), -1.0)
 
@@ -190,7 +230,10 @@ def _places(box: Floats, frame: Ints, class_id: Ints, apart: float) -> Floats:
 
 
 def _outcomes(
-    found: Candidates, matching: IncrementalMatching, object_of_truth: Matched, errors: ForecastErrors
+    found: Candidates,
+    matching: IncrementalMatching,
+    object_of_truth: Matched,
+    errors: ForecastErrors,
 ) -> tuple[Ints, Floats]:
     """Outcome and minFDE of the forecasts in live frames [A], in the order in which they were added."""
     outcome = np.where(matching.false, Outcome.FALSE_POSITIVE, Outcome.NEUTRAL)
@@ -215,11 +258,18 @@ def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
         ("number of classes", rollout.malformed.shape[1] - 1, classes),
     ):
         if got != wanted:
-            raise RolloutError(f"{where}: the {what} is {got!r}, expected {wanted!r}; was it run on another card?")
+            raise RolloutError(
+                f"{where}: the {what} is {got!r}, expected {wanted!r}; was it run on another card?"
+            )
     parents = rollout.hypothesis_parent.shape[1]
     for name, least, most, expected in (
         ("track_box", -_MOST, _MOST, "finite numbers"),
-        ("track_class", -1, classes - 1, f"-1 to {classes - 1}"),  # -1: not stated, fits every class
+        (
+            "track_class",
+            -1,
+            classes - 1,
+            f"-1 to {classes - 1}",
+        ),  # -1: not stated, fits every class
         ("hypothesis_parent", -1, parents - 1, f"-1 to {parents - 1}"),
         ("object_box", -_MOST, _MOST, "finite numbers"),
         ("object_class", 0, classes - 1, f"0 to {classes - 1}"),
@@ -233,6 +283,10 @@ def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
         bad = ~((array >= least) & (array <= most))  # NaN is bad
         if bad.any():
             row = int(np.argwhere(bad)[0][0])
-            table = {"track": rollout.tracks, "object": rollout.objects}.get(name.split("_")[0])
+            table = {"track": rollout.tracks, "object": rollout.objects}.get(
+                name.split("_")[0]
+            )
             frame = row if table is None else table.frame_of_rows[row]
-            raise RolloutError(f"{where}: {name} contains {array[bad][0]} (frame {frame}); expected {expected}")
+            raise RolloutError(
+                f"{where}: {name} contains {array[bad][0]} (frame {frame}); expected {expected}"
+            )

@@ -26,7 +26,9 @@ _SEED = 20_250_101
 _TOGETHER = 64  # differences whose sums are flipped in one product
 
 
-def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[float, float] | None:
+def bootstrap_interval(
+    numerator: ArrayLike, denominator: ArrayLike
+) -> tuple[float, float] | None:
     """Studentised bootstrap interval (95 %) of sum(numerator) / sum(denominator) over resampled units.
 
     The error of each resample's mean is taken in units of that resample's own standard error, so that the interval is
@@ -38,18 +40,24 @@ def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[fl
     top, bottom = as_sums("numerator", numerator), as_sums("denominator", denominator)
     require_shape("numerator", top, bottom.shape)
     if (bottom < 0).any():
-        raise ShapeError(f"denominator reaches down to {bottom.min()}, expected weights of 0 or more")
+        raise ShapeError(
+            f"denominator reaches down to {bottom.min()}, expected weights of 0 or more"
+        )
     return _interval(top[bottom > 0].tobytes(), bottom[bottom > 0].tobytes())
 
 
-@lru_cache(maxsize=8192)  # a leaderboard needs the difference of the same reference pair with every agent
+@lru_cache(
+    maxsize=8192
+)  # a leaderboard needs the difference of the same reference pair with every agent
 def _interval(numerator: bytes, denominator: bytes) -> tuple[float, float] | None:
     top, bottom = np.frombuffer(numerator), np.frombuffer(denominator)
     if len(bottom) < LEAST_UNITS:
         return None
     mean, error = _mean_and_error(np.ones((1, len(bottom))), top, bottom)
     means, errors = _mean_and_error(_resamples(len(bottom)), top, bottom)
-    known = errors > 1e-9 * max(float(error[0]), 1e-300)  # not those that drew one unit again and again
+    known = errors > 1e-9 * max(
+        float(error[0]), 1e-300
+    )  # not those that drew one unit again and again
     if error[0] == 0 or not known.any():
         return float(mean[0]), float(mean[0])
     t = (means[known] - mean[0]) / errors[known]
@@ -67,7 +75,9 @@ def _widest(units: int) -> float:
     return float(stdtrit(units - 1, _WIDEST))
 
 
-def _mean_and_error(counts: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats]:
+def _mean_and_error(
+    counts: Floats, top: Floats, bottom: Floats
+) -> tuple[Floats, Floats]:
     """Mean and its standard error [B] of resamples that hold each unit ``counts`` [B, U] times."""
     weight = counts @ bottom
     mean = (counts @ top) / weight
@@ -105,14 +115,19 @@ class PairedDifference(NamedTuple):
         return _test_interval(*self.units)
 
 
-def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> PairedDifference | None:
+def paired_difference(
+    a: ArrayLike, b: ArrayLike, denominator: ArrayLike
+) -> PairedDifference | None:
     """Return the difference a - b of two means, and test its sum under random signs of the units.
 
     Numerators ``a`` and ``b`` [U], ``denominator`` [U]: the weight of the units; None where that is 0 in all of them.
     The test takes all 2^U signs up to EXACT_UNITS units, else FLIPS random ones and the observed one. Units without a
     difference and a weight do not matter; p is 1 without any other unit.
     """
-    gap, weight = beyond_rounding(as_sums("a", a), as_sums("b", b)), as_sums("denominator", denominator)
+    gap, weight = (
+        beyond_rounding(as_sums("a", a), as_sums("b", b)),
+        as_sums("denominator", denominator),
+    )
     require_shape("denominator", weight, gap.shape)
     mean = ratio(gap.sum(), weight.sum())
     if mean is None:
@@ -142,7 +157,9 @@ def beyond_rounding(one: Floats, other: Floats) -> Floats:
     Sums of the same terms in another order, or means of other numbers of equal seeds, differ by rounding alone.
     """
     gap = one - other
-    return np.where(np.abs(gap) <= ROUNDING * np.maximum(np.abs(one), np.abs(other)), 0.0, gap)
+    return np.where(
+        np.abs(gap) <= ROUNDING * np.maximum(np.abs(one), np.abs(other)), 0.0, gap
+    )
 
 
 def ratio(top: float, bottom: float) -> float | None:
@@ -164,11 +181,15 @@ def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | N
     if (total <= 0).mean() > (1 - LEVEL) / 2:
         return None
     positive = total > 0
-    low, high = np.quantile((counts @ top)[positive] / total[positive], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    low, high = np.quantile(
+        (counts @ top)[positive] / total[positive], [(1 - LEVEL) / 2, (1 + LEVEL) / 2]
+    )
     return float(low), float(high)
 
 
-@lru_cache(maxsize=8192)  # a leaderboard needs a pair of agents for ranks and for differences
+@lru_cache(
+    maxsize=8192
+)  # a leaderboard needs a pair of agents for ranks and for differences
 def _test_interval(difference: bytes, weight: bytes) -> tuple[float, float] | None:
     """Return the means m for which the differences minus m times the weights have p >= 0.05."""
     gap, share = np.frombuffer(difference), np.frombuffer(weight)
@@ -178,7 +199,10 @@ def _test_interval(difference: bytes, weight: bytes) -> tuple[float, float] | No
     low, high = _ends(gap, share, signs @ np.stack([gap, share], axis=1))
     # as many flips must hold a mean for its p to be 0.05 or more
     least = int(np.ceil(SIGNIFICANT * (len(low) + observed) - 1e-9)) - observed
-    interval = float(np.partition(low, least - 1)[least - 1]), float(np.partition(high, -least)[-least])
+    interval = (
+        float(np.partition(low, least - 1)[least - 1]),
+        float(np.partition(high, -least)[-least]),
+    )
     return interval if np.isfinite(interval).all() else None
 
 
@@ -188,22 +212,30 @@ def _chance(difference: bytes) -> float:
     return float(_chances(np.frombuffer(difference)[None])[0])
 
 
-def significant_pairs(errors: Floats, weight: ArrayLike, pairs: NDArray[np.int64]) -> Bools:
+def significant_pairs(
+    errors: Floats, weight: ArrayLike, pairs: NDArray[np.int64]
+) -> Bools:
     """True where the differences of ``pairs`` [2, P] of rows of ``errors`` [A, U] are significant, many at once."""
     share = as_sums("weight", weight)
     require_shape("weight", share, (errors.shape[1],))
     # of the weight alone: a forged error without any must not change the flips of other pairs
     errors, starts = errors[:, share != 0], range(0, pairs.shape[1], _TOGETHER)
-    chances = [_chances(beyond_rounding(*errors[pairs[:, i : i + _TOGETHER]])) for i in starts]
+    chances = [
+        _chances(beyond_rounding(*errors[pairs[:, i : i + _TOGETHER]])) for i in starts
+    ]
     return (np.concatenate([np.zeros(0), *chances]) < SIGNIFICANT) & share.any()
 
 
 def _chances(gap: Floats) -> Floats:
     """The p [P] of differences [P, U] in units that count."""
     signs, observed = _flips(gap.shape[1])
-    slack = ROUNDING * np.abs(gap).sum(axis=1, keepdims=True)  # the same terms may be summed in another order
+    slack = ROUNDING * np.abs(gap).sum(
+        axis=1, keepdims=True
+    )  # the same terms may be summed in another order
     beyond = np.abs(gap.sum(axis=1, keepdims=True)) - np.abs(gap @ signs.T)
-    return np.asarray(((beyond <= slack).sum(axis=1) + observed) / (len(signs) + observed))
+    return np.asarray(
+        ((beyond <= slack).sum(axis=1) + observed) / (len(signs) + observed)
+    )
 
 
 def _ends(gap: Floats, share: Floats, flipped: Floats) -> tuple[Floats, Floats]:
@@ -213,11 +245,15 @@ def _ends(gap: Floats, share: Floats, flipped: Floats) -> tuple[Floats, Floats]:
     |A - m B| >= |D - m W|: between (D + A) / (W + B) and (D - A) / (W - B), which always include D / W.
     """
     total = np.array([gap.sum(), share.sum()])
-    slack = ROUNDING * np.abs(np.stack([gap, share])).sum(axis=1)  # the same terms may be summed in another order
+    slack = ROUNDING * np.abs(np.stack([gap, share])).sum(
+        axis=1
+    )  # the same terms may be summed in another order
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.stack([_end(total + flipped, slack), _end(total - flipped, slack)])
     unbounded = np.isnan(ends).any(axis=0)  # the observed signs, or all turned
-    return np.where(unbounded, -np.inf, ends.min(axis=0)), np.where(unbounded, np.inf, ends.max(axis=0))
+    return np.where(unbounded, -np.inf, ends.min(axis=0)), np.where(
+        unbounded, np.inf, ends.max(axis=0)
+    )
 
 
 def _end(sums: Floats, slack: Floats) -> Floats:
@@ -241,10 +277,16 @@ def _flips(units: int) -> tuple[Floats, int]:
     return 1.0 - 2.0 * ((np.arange(1 << units)[:, None] >> np.arange(units)) & 1), 0
 
 
-@lru_cache(maxsize=64)  # a comparison of many agents uses the same signs again and again
+@lru_cache(
+    maxsize=64
+)  # a comparison of many agents uses the same signs again and again
 def _signs(units: int) -> NDArray[np.int8]:
     """Random signs [FLIPS, U], as bytes since they are cached."""
-    return np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(FLIPS, units)).astype(np.int8)
+    return (
+        np.random.default_rng(_SEED)
+        .choice([-1.0, 1.0], size=(FLIPS, units))
+        .astype(np.int8)
+    )
 
 
 @lru_cache(maxsize=8)

@@ -50,13 +50,17 @@ class StreamCounts:
     fn: Ints
     ids: Ints  # CLEAR-IDS
     frag: Ints  # CLEAR-FRAG
-    cost: NDArray[np.float64]  # summed over matched pairs: m, or 1 - IoU, as the event gate measures
+    cost: NDArray[
+        np.float64
+    ]  # summed over matched pairs: m, or 1 - IoU, as the event gate measures
     false_positives: int  # unmatched boxes in frame mode
     false_tracks: int  # ids matched in no frame of their life, in frame mode
     identity: IdentityCounts
 
 
-def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Card) -> StreamCounts:
+def stream_counts(
+    truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Card
+) -> StreamCounts:
     """CLEAR counts (sticky mode) and false output (frame mode) of the best hypothesis of every frame."""
     frame = rollout.tracks.frame_of_rows
     chosen = np.flatnonzero(lineage.member[np.arange(len(frame)), lineage.best[frame]])
@@ -76,7 +80,9 @@ def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Car
     ids, number = np.unique(rollout.track_id[chosen], return_inverse=True)
     count = len(card.task.classes) + 1
     excused = ~wrong & (columns_to_rows(matched, len(chosen)) < 0)
-    object_of = np.where(truth.neutral, -1, np.unique(truth.object_id, return_inverse=True)[1])
+    object_of = np.where(
+        truth.neutral, -1, np.unique(truth.object_id, return_inverse=True)[1]
+    )
     track_of = np.where(excused, -1, number)
     counted = (object_of[near.row] >= 0) & (track_of[near.column] >= 0)
 
@@ -88,24 +94,43 @@ def stream_counts(truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Car
     return StreamCounts(
         truth=per_class(evaluated),
         tp=per_class(row),
-        fp=np.bincount(np.where(track_class < 0, count - 1, track_class)[wrong], minlength=count),
+        fp=np.bincount(
+            np.where(track_class < 0, count - 1, track_class)[wrong], minlength=count
+        ),
         fn=per_class(evaluated) - per_class(row),
         ids=per_class(switched),
         frag=per_class(begun),
-        cost=np.bincount(truth.class_id[row], weights=cost[row], minlength=count).astype(np.float64),
+        cost=np.bincount(
+            truth.class_id[row], weights=cost[row], minlength=count
+        ).astype(np.float64),
         false_positives=int(in_frame.sum()),
-        false_tracks=int((np.bincount(number, weights=~in_frame, minlength=len(ids)) == 0).sum()),
+        false_tracks=int(
+            (np.bincount(number, weights=~in_frame, minlength=len(ids)) == 0).sum()
+        ),
         identity=identity_counts(
-            near.keep(counted), similarity[counted], inside[counted], object_of, track_of, truth.class_id, count
+            near.keep(counted),
+            similarity[counted],
+            inside[counted],
+            object_of,
+            track_of,
+            truth.class_id,
+            count,
         ),
     )
 
 
-def _near_pairs(truth: Truth, rollout: Rollout, frame: Ints, chosen: Rows, card: Card) -> tuple[Pairs, Floats, Bools]:
+def _near_pairs(
+    truth: Truth, rollout: Rollout, frame: Ints, chosen: Rows, card: Card
+) -> tuple[Pairs, Floats, Bools]:
     """Pairs of true boxes and the ``chosen`` tracks, their similarity, which is above 0, and which are in the gate."""
-    gate, limit = card.task.event_gate, np.array(card.per_class(card.task.event_gate.threshold))
+    gate, limit = (
+        card.task.event_gate,
+        np.array(card.per_class(card.task.event_gate.threshold)),
+    )
     overlap = gate.measure == "iou_3d"
-    reach = np.full(len(limit), 1e-9) if overlap else 2.0 * limit  # half as similar as can be at the gate
+    reach = (
+        np.full(len(limit), 1e-9) if overlap else 2.0 * limit
+    )  # half as similar as can be at the gate
     boxes = frame[chosen], rollout.track_box[chosen], rollout.track_class[chosen]
     at = truth.frame_of_rows, truth.box, truth.class_id
     near = box_pairs(*at, *boxes, gate.measure, tuple(reach.tolist()))
@@ -118,7 +143,13 @@ def _near_pairs(truth: Truth, rollout: Rollout, frame: Ints, chosen: Rows, card:
 
 
 def identity_counts(
-    pairs: Pairs, similarity: Floats, inside: Bools, objects: Rows, tracks: Rows, class_id: Ints, classes: int
+    pairs: Pairs,
+    similarity: Floats,
+    inside: Bools,
+    objects: Rows,
+    tracks: Rows,
+    class_id: Ints,
+    classes: int,
 ) -> IdentityCounts:
     """Counts of one scene.
 
@@ -126,15 +157,32 @@ def identity_counts(
     ``inside`` [E] the gate. ``objects`` [R] and ``tracks`` [columns]: numbers from 0 on that name the identity of each
     box, -1 for boxes that do not count, which are in no pair. ``class_id`` [R] of the true boxes, below ``classes``.
     """
-    life_of_object, life_of_track = (np.bincount(ids[ids >= 0], minlength=1) for ids in (objects, tracks))
-    code, of = np.unique(objects[pairs.row] * len(life_of_track) + tracks[pairs.column], return_inverse=True)
+    life_of_object, life_of_track = (
+        np.bincount(ids[ids >= 0], minlength=1) for ids in (objects, tracks)
+    )
+    code, of = np.unique(
+        objects[pairs.row] * len(life_of_track) + tracks[pairs.column],
+        return_inverse=True,
+    )
     first, second = np.divmod(code, len(life_of_track))
-    known = _Identities(of, first, second, (life_of_object[first] + life_of_track[second]).astype(np.float64))
+    known = _Identities(
+        of,
+        first,
+        second,
+        (life_of_object[first] + life_of_track[second]).astype(np.float64),
+    )
     class_of = np.zeros(len(life_of_object), dtype=np.intp)
     class_of[objects[pairs.row]] = class_id[pairs.row]
-    is_class = (class_of[first] == np.arange(classes)[:, None]).astype(np.float64)  # [C, P]
+    is_class = (class_of[first] == np.arange(classes)[:, None]).astype(
+        np.float64
+    )  # [C, P]
     frames = np.bincount(of[inside], minlength=len(code)).astype(np.float64)
-    paired = match_best(Pairs(first, second, -frames).keep(frames > 0), len(life_of_object))[first] == second
+    paired = (
+        match_best(Pairs(first, second, -frames).keep(frames > 0), len(life_of_object))[
+            first
+        ]
+        == second
+    )
     together = _together(pairs, similarity, known, len(objects), len(tracks))
     return IdentityCounts(
         shared=is_class @ (frames * paired),
@@ -143,7 +191,9 @@ def identity_counts(
     )
 
 
-def _together(pairs: Pairs, similarity: Floats, known: _Identities, rows: int, columns: int) -> Floats:
+def _together(
+    pairs: Pairs, similarity: Floats, known: _Identities, rows: int, columns: int
+) -> Floats:
     """Hits [P, 19] of every pair of identities, per threshold."""
     of_row = np.bincount(pairs.row, weights=similarity, minlength=rows)
     of_column = np.bincount(pairs.column, weights=similarity, minlength=columns)
@@ -151,10 +201,17 @@ def _together(pairs: Pairs, similarity: Floats, known: _Identities, rows: int, c
     joint = similarity / (of_row[pairs.row] + of_column[pairs.column] - similarity)
     total = np.bincount(known.of, weights=joint, minlength=len(known.lives))
     score = (total / (known.lives - total))[known.of] * similarity
-    hit = match_best(Pairs(pairs.row, pairs.column, -score), rows)[pairs.row] == pairs.column
+    hit = (
+        match_best(Pairs(pairs.row, pairs.column, -score), rows)[pairs.row]
+        == pairs.column
+    )
     steps = len(THRESHOLDS) + 1
-    level = np.searchsorted(THRESHOLDS - _EPSILON, similarity[hit], side="right")  # thresholds that it reaches
-    table = np.bincount(known.of[hit] * steps + level, minlength=len(known.lives) * steps).reshape(-1, steps)
+    level = np.searchsorted(
+        THRESHOLDS - _EPSILON, similarity[hit], side="right"
+    )  # thresholds that it reaches
+    table = np.bincount(
+        known.of[hit] * steps + level, minlength=len(known.lives) * steps
+    ).reshape(-1, steps)
     return np.asarray(table[:, :0:-1].cumsum(axis=1)[:, ::-1], dtype=np.float64)
 
 
@@ -163,8 +220,14 @@ def idf1(shared: float, truth: float, tracks: float) -> float | None:
     return 2.0 * shared / (truth + tracks) if truth + tracks else None
 
 
-def hota(hits: Floats, association: Floats, truth: float, tracks: float) -> float | None:
+def hota(
+    hits: Floats, association: Floats, truth: float, tracks: float
+) -> float | None:
     """HOTA from counts per threshold [19] and the numbers of boxes; None without any."""
     if not truth + tracks:
         return None
-    return float(np.sqrt(hits / (truth + tracks - hits) * association / np.maximum(hits, 1.0)).mean())
+    return float(
+        np.sqrt(
+            hits / (truth + tracks - hits) * association / np.maximum(hits, 1.0)
+        ).mean()
+    )

@@ -11,7 +11,15 @@ from ..errors import DataError, ShapeError
 from ..geometry import rotate, wrap_angle
 from ..types import Bools, Floats, Ints, Ragged, Scene
 from .definitions import BLOCK_SECONDS, MOVING_SPEED, TURNING
-from .events import HOLES, LOST_TARGETS, counted_in_run, history, pieces, separated, separated_truth
+from .events import (
+    HOLES,
+    LOST_TARGETS,
+    counted_in_run,
+    history,
+    pieces,
+    separated,
+    separated_truth,
+)
 from .neutral import evaluated
 from .pairs import near_pairs
 
@@ -55,7 +63,11 @@ def find_targets(scene: Scene, card: Card) -> Targets:
         raise DataError(f"scene {scene.name!r}: {error}") from None
     window = past + future
     place = _windows(objects.identity, objects.frame, window)
-    rows = objects.order[place[:, None] + np.arange(window)] if len(place) else np.zeros((0, window), dtype=np.intp)
+    rows = (
+        objects.order[place[:, None] + np.arange(window)]
+        if len(place)
+        else np.zeros((0, window), dtype=np.intp)
+    )
     now = rows[:, past - 1]
     wanted = truth.eligible[now] & ~truth.neutral[now]
     rows = rows[wanted][np.argsort(now[wanted])]
@@ -66,7 +78,10 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     ego = np.asarray(scene.ego[:, :2], dtype=np.float64)
     end = rows[:, -1]
     seconds = scene.time[frame[end]] - scene.time[frame[now]]
-    travelled = np.linalg.norm(_in_world(scene, xy[end], frame[end]) - _in_world(scene, xy[now], frame[now]), axis=-1)
+    travelled = np.linalg.norm(
+        _in_world(scene, xy[end], frame[end]) - _in_world(scene, xy[now], frame[now]),
+        axis=-1,
+    )
     return Targets(
         start=np.searchsorted(frame[now], np.arange(scene.frames + 1)),
         row=now,
@@ -75,7 +90,9 @@ def find_targets(scene: Scene, card: Card) -> Targets:
         class_id=np.asarray(truth.class_id)[now],
         future=xy[ahead],
         distance=np.linalg.norm(xy[now] - ego[frame[now]], axis=-1),
-        approach=np.linalg.norm(xy[ahead] - ego[steps], axis=-1).min(axis=1, initial=np.inf),
+        approach=np.linalg.norm(xy[ahead] - ego[steps], axis=-1).min(
+            axis=1, initial=np.inf
+        ),
         moving=travelled > MOVING_SPEED * seconds,
         turning=_turned(scene, end, now, card.source.traits.places_only),
     )
@@ -87,7 +104,9 @@ class AbsentCause(IntEnum):
     NO_FORECAST = 0  # a detection of its class lies inside the forecast gate
     OTHER_CLASS = 1  # one of another class does
     OFF_PLACE = 2  # one of its class lies within two gates
-    UNDETECTED_NEW = 3  # none of its class lay inside the gate in any earlier frame of the object
+    UNDETECTED_NEW = (
+        3  # none of its class lay inside the gate in any earlier frame of the object
+    )
     UNDETECTED_SEEN = 4
 
 
@@ -99,7 +118,9 @@ def absent_causes(scene: Scene, targets: Targets, card: Card) -> Ints:
     truth, seen = separated_truth(scene, card), scene.detections
     gate = np.asarray(card.per_class(card.task.forecast_gate), dtype=np.float64)
     at = truth.frame_of_rows, truth.box[:, :2]
-    row, column, distance = near_pairs(*at, seen.frame_of_rows, seen.box[:, :2], 2 * float(gate.max()))
+    row, column, distance = near_pairs(
+        *at, seen.frame_of_rows, seen.box[:, :2], 2 * float(gate.max())
+    )
     limit = gate[truth.class_id[row]]
     own, inside = truth.class_id[row] == seen.class_id[column], distance <= limit
 
@@ -110,15 +131,24 @@ def absent_causes(scene: Scene, targets: Targets, card: Card) -> Ints:
     now = np.bincount(row[own & inside], minlength=len(truth.box))[objects.order] > 0
     ever = np.zeros(len(now), dtype=bool)
     ever[objects.order] = counted_in_run(objects.follows, now) > 0
-    holds = [of_targets(own & inside), of_targets(~own & inside), of_targets(own & (distance <= 2 * limit))]
-    return np.select([*holds, ~ever[targets.row]], list(AbsentCause)[:4], AbsentCause.UNDETECTED_SEEN)
+    holds = [
+        of_targets(own & inside),
+        of_targets(~own & inside),
+        of_targets(own & (distance <= 2 * limit)),
+    ]
+    return np.select(
+        [*holds, ~ever[targets.row]], list(AbsentCause)[:4], AbsentCause.UNDETECTED_SEEN
+    )
 
 
 def live_frames(scene: Scene, card: Card) -> Bools:
     """The frames [F] in which a target can exist: only there false forecasts count (docs/definitions, "Targets")."""
     past, future = 0 if scene.listed_targets else card.task.past - 1, card.task.future
     t, piece = np.arange(scene.frames), pieces(scene, card)
-    whole = piece[np.maximum(t - past, 0)] == piece[np.minimum(t + future, scene.frames - 1)]
+    whole = (
+        piece[np.maximum(t - past, 0)]
+        == piece[np.minimum(t + future, scene.frames - 1)]
+    )
     return np.asarray((t >= past) & (t < scene.frames - future) & whole)
 
 
@@ -131,12 +161,19 @@ def left_out(scene: Scene, card: Card) -> dict[str, int]:
     if not holes:
         return {}
     even = replace(scene, time=np.arange(scene.frames) / card.task.rate)
-    return {HOLES: holes, LOST_TARGETS: len(find_targets(even, card)) - len(find_targets(scene, card))}
+    return {
+        HOLES: holes,
+        LOST_TARGETS: len(find_targets(even, card)) - len(find_targets(scene, card)),
+    }
 
 
 def _in_world(scene: Scene, xy: Floats, frame: Ints) -> Floats:
     """Places [n, 2] m of ``frame`` [n] in a frame of reference that all frames of the scene share."""
-    return xy if scene.world is None else rotate(xy, scene.world[frame, 3]) + scene.world[frame, :2]
+    return (
+        xy
+        if scene.world is None
+        else rotate(xy, scene.world[frame, 3]) + scene.world[frame, :2]
+    )
 
 
 def _turned(scene: Scene, end: Ints, now: Ints, nominal: bool) -> Bools:
@@ -152,7 +189,9 @@ def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
     if len(ids) < length:
         return np.zeros(0, dtype=np.intp)
     first, last = slice(0, len(ids) - length + 1), slice(length - 1, len(ids))
-    return np.flatnonzero((ids[first] == ids[last]) & (frames[last] - frames[first] == length - 1))
+    return np.flatnonzero(
+        (ids[first] == ids[last]) & (frames[last] - frames[first] == length - 1)
+    )
 
 
 def units(scene: Scene, card: Card) -> Ints:
@@ -163,7 +202,15 @@ def units(scene: Scene, card: Card) -> Ints:
     """
     if scene.frames < 2:
         return np.zeros(scene.frames, dtype=np.int64)
-    missing = (np.diff(scene.time) - 1.0 / card.task.rate)[np.diff(pieces(scene, card)) > 0].sum()
-    seconds = float(scene.time[-1] - scene.time[0] - missing) * scene.frames / (scene.frames - 1)
-    count = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))  # times are sums of rounded periods
+    missing = (np.diff(scene.time) - 1.0 / card.task.rate)[
+        np.diff(pieces(scene, card)) > 0
+    ].sum()
+    seconds = (
+        float(scene.time[-1] - scene.time[0] - missing)
+        * scene.frames
+        / (scene.frames - 1)
+    )
+    count = max(
+        1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9)))
+    )  # times are sums of rounded periods
     return np.arange(scene.frames) * count // scene.frames

@@ -39,7 +39,9 @@ class SceneWeights:
     stp_events: tuple[int, int, int]  # of that run, on all evaluated true boxes
     false_forecasts: int  # of that run, in live frames
     forecasts: int  # of that run, in live frames
-    way: float | None = None  # m that the ego of a closed loop drives with ground-truth tracks, in place of events
+    way: float | None = (
+        None  # m that the ego of a closed loop drives with ground-truth tracks, in place of events
+    )
 
     @property
     def targets(self) -> int:
@@ -58,15 +60,26 @@ class Reference:
     runs: int
     parameters: dict[str, Any]  # differences of the runs, as in the file
     scenes: dict[str, SceneWeights]  # by `scene_key`
-    frozen: bool = field(default=False, kw_only=True)  # read from the file of a shipped env; not part of the content
-    constants: CardBudget | None = field(default=None, kw_only=True)  # None: of these scenes; not part of the content
+    frozen: bool = field(
+        default=False, kw_only=True
+    )  # read from the file of a shipped env; not part of the content
+    constants: CardBudget | None = field(
+        default=None, kw_only=True
+    )  # None: of these scenes; not part of the content
 
     @cached_property
     def digest(self) -> str:
         """The sha256 of the content."""
-        sha = hashlib.sha256(json.dumps(header_of(self), sort_keys=True, separators=(",", ":")).encode())
+        sha = hashlib.sha256(
+            json.dumps(header_of(self), sort_keys=True, separators=(",", ":")).encode()
+        )
         for key, scene in sorted(self.scenes.items()):
-            numbers: list[float] = [scene.targets, *scene.stp_events, scene.false_forecasts, scene.forecasts]
+            numbers: list[float] = [
+                scene.targets,
+                *scene.stp_events,
+                scene.false_forecasts,
+                scene.forecasts,
+            ]
             numbers += [] if scene.way is None else [scene.way]
             sha.update(f"\n{key} {' '.join(map(str, numbers))}\n".encode())
             sha.update(scene.counts.tobytes() + scene.stp.tobytes())
@@ -76,8 +89,15 @@ class Reference:
     def totals(self) -> dict[str, Any]:
         """Totals over the scenes, shown at the head of the file."""
         scenes = list(self.scenes.values())
-        events = np.array([scene.stp_events for scene in scenes], dtype=np.int64).reshape(-1, len(EVENTS)).sum(axis=0)
-        counts = sum((scene.counts.sum(axis=0, dtype=np.int64) for scene in scenes), np.zeros(len(COUNTED), np.int64))
+        events = (
+            np.array([scene.stp_events for scene in scenes], dtype=np.int64)
+            .reshape(-1, len(EVENTS))
+            .sum(axis=0)
+        )
+        counts = sum(
+            (scene.counts.sum(axis=0, dtype=np.int64) for scene in scenes),
+            np.zeros(len(COUNTED), np.int64),
+        )
         weights = np.round(counts / self.runs, 2).tolist()
         return {
             **{name: sum(getattr(scene, name) for scene in scenes) for name in NUMBERS},
@@ -91,15 +111,23 @@ class Reference:
         if self.constants is not None:
             return self.constants
         totals = self.totals
-        if totals["targets"] == 0 or any(scene.way is not None for scene in self.scenes.values()):
+        if totals["targets"] == 0 or any(
+            scene.way is not None for scene in self.scenes.values()
+        ):
             return ONE_PER_TARGET
         return CardBudget(self.env, totals["false_forecasts"], totals["targets"])
 
     @property
     def origin(self) -> str:
         """Origin of the weights in one sentence, for a report."""
-        kind = "distances driven in" if any(s.way is not None for s in self.scenes.values()) else "event weights of"
-        text = f"{kind} {self.runs} run{'' if self.runs == 1 else 's'} of {self.agent!r}"
+        kind = (
+            "distances driven in"
+            if any(s.way is not None for s in self.scenes.values())
+            else "event weights of"
+        )
+        text = (
+            f"{kind} {self.runs} run{'' if self.runs == 1 else 's'} of {self.agent!r}"
+        )
         if self.frozen:
             return f"frozen {text} (hash {self.digest[:12]})"
         return f"{text} on these scenes (hash {self.digest[:12]}), not the frozen ones of a ranking"
@@ -112,7 +140,9 @@ class Reference:
         """Weights of the scene of this name; raises DataError for a scene without weights."""
         key = scene_key(self.env, scene)
         if key not in self.scenes:
-            raise DataError(f"no event weights of scene {scene!r} of {self.env} (key {key}): make them from this scene")
+            raise DataError(
+                f"no event weights of scene {scene!r} of {self.env} (key {key}): make them from this scene"
+            )
         return self.scenes[key]
 
     def ways(self, scenes: Iterable[str]) -> dict[str, float]:
@@ -147,7 +177,9 @@ def tracking_events(scene: Scene, rollout: Rollout, card: Card) -> Bools:
     lineage = hypotheses(rollout, card)
     matched = match_hypotheses(scene.truth, rollout, lineage.member, card)
     best = lineage.best[scene.truth.frame_of_rows]
-    events = lineage_events(separated_truth(scene, card), rollout, lineage, matched).of(best)
+    events = lineage_events(separated_truth(scene, card), rollout, lineage, matched).of(
+        best
+    )
     return np.concatenate([getattr(events, kind) for kind in EVENTS], axis=1)
 
 

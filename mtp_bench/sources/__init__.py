@@ -9,7 +9,14 @@ from .. import notice
 from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, require_known
 from ..types import Scene
-from .base import CameraImage as CameraImage, ChangedScenes, DataRoot, SceneSource as SceneSource, SourcePackage, usable
+from .base import (
+    CameraImage as CameraImage,
+    ChangedScenes,
+    DataRoot,
+    SceneSource as SceneSource,
+    SourcePackage,
+    usable,
+)
 from .dataset import DataStatus as DataStatus
 from .simulated import detected as detected
 from .stored_tracks import find_tracks
@@ -26,7 +33,9 @@ class _Drives:
 
     def load(self, name: str) -> Scene:
         """Raise DataError."""
-        raise DataError(f"{self.env_id} has no scene {name!r} before an agent drives in it: run one, and open its run")
+        raise DataError(
+            f"{self.env_id} has no scene {name!r} before an agent drives in it: run one, and open its run"
+        )
 
 
 def open_source(card: Card, data: DataRoot = None) -> SceneSource:
@@ -39,21 +48,32 @@ def open_source(card: Card, data: DataRoot = None) -> SceneSource:
         found = package_of(card).open(card, data)
     if card.drive is not None:
         return _Drives(card.id, found.names)
-    with_lanes = (lambda scene: scene) if card.lanes is None else (lambda scene: _with_lanes(scene, card, data))
+    with_lanes = (
+        (lambda scene: scene)
+        if card.lanes is None
+        else (lambda scene: _with_lanes(scene, card, data))
+    )
     return ChangedScenes(found, lambda scene: with_lanes(detected(usable(scene), card)))
 
 
-def with_tracks(source: SceneSource, card: Card, data: DataRoot, path: str | Path) -> SceneSource:
+def with_tracks(
+    source: SceneSource, card: Card, data: DataRoot, path: str | Path
+) -> SceneSource:
     """The scenes of ``source`` with the stored tracks of another program, in a form of `sources.stored_tracks`.
 
     ``card`` and ``data``: those that ``source`` was opened with. Raises DataError if ``path`` holds no tracks for it.
     """
-    card.require_same_scenes("which takes no stored tracks", "they are of other scenes than those that agents drive in")
+    card.require_same_scenes(
+        "which takes no stored tracks",
+        "they are of other scenes than those that agents drive in",
+    )
     read = find_tracks(package_of(card), card, data, path)
     return ChangedScenes(source, lambda scene: usable(read(scene)))
 
 
-def load_scenes(card: str | Card, data: DataRoot = None, names: Iterable[str] | None = None) -> Iterator[Scene]:
+def load_scenes(
+    card: str | Card, data: DataRoot = None, names: Iterable[str] | None = None
+) -> Iterator[Scene]:
     """Read the scenes of an env, ground truth included, one after the other as they are asked for.
 
     ``card``: an env id, the path of a card, or a card (`with_split` chooses another split). ``data``: the data root,
@@ -61,14 +81,18 @@ def load_scenes(card: str | Card, data: DataRoot = None, names: Iterable[str] | 
     """
     source = open_source(card if isinstance(card, Card) else load_card(card), data)
     if isinstance(names, str):
-        raise MtpBenchError(f"names is the text {names!r}, expected a list: names=[{names!r}]")
+        raise MtpBenchError(
+            f"names is the text {names!r}, expected a list: names=[{names!r}]"
+        )
     chosen = tuple(source.names if names is None else names)
     for name in chosen:
         require_known("scene", name, source.names)
     return (source.load(name) for name in chosen)
 
 
-def with_map(scene: Scene, card: Card, data: DataRoot = None, note: Note = lambda text: None) -> Scene:
+def with_map(
+    scene: Scene, card: Card, data: DataRoot = None, note: Note = lambda text: None
+) -> Scene:
     """``scene`` with the road for pictures of it: that of the map expansion of nuScenes, if it is there.
 
     Runs, scores and trainings read no map, so `SceneSource.load` leaves it out. A broken one is a message to ``note``.
@@ -103,7 +127,9 @@ def describe(card: Card, data: DataRoot = None) -> DataStatus:
     return status
 
 
-def prepare(card: Card, data: DataRoot = None, scenes: int | None = None, workers: int = 1) -> None:
+def prepare(
+    card: Card, data: DataRoot = None, scenes: int | None = None, workers: int = 1
+) -> None:
     """Do now the work that is done once per machine: simulate scenes, or make the compact copy of nuScenes tables.
 
     ``scenes``: number of simulated scenes to make, None for all; those in the cache are not made again. ``workers``:

@@ -63,7 +63,9 @@ class CameraImage:
     projection: Floats  # [3, 4] from the scene's frame of reference, homogeneous, to pixels; its third row gives metres
 
 
-Work = tuple[int, Iterable[str]]  # number of pieces of work, and their names, each when it is done
+Work = tuple[
+    int, Iterable[str]
+]  # number of pieces of work, and their names, each when it is done
 ReadTracks = Callable[[Scene], Scene]  # with ``tracks`` and ``track_names``
 
 
@@ -82,20 +84,34 @@ class SourcePackage:
 
     open: Callable[[Card, DataRoot], SceneSource]
     dataset: Dataset  # such as its licence
-    locate: Callable[[Card, DataRoot], DataStatus]  # where the files are, see `Dataset.status`
-    tracks: TrackForm | None = None  # in which trackers store their tracks of this dataset
-    prepare: Callable[[Card, DataRoot, int | None, int], Work] = lambda card, data, scenes, workers: (0, ())
-    discard: Callable[[Card], None] = lambda card: None  # removes simulated scenes of the card's split from the cache
+    locate: Callable[
+        [Card, DataRoot], DataStatus
+    ]  # where the files are, see `Dataset.status`
+    tracks: TrackForm | None = (
+        None  # in which trackers store their tracks of this dataset
+    )
+    prepare: Callable[[Card, DataRoot, int | None, int], Work] = (
+        lambda card, data, scenes, workers: (0, ())
+    )
+    discard: Callable[[Card], None] = lambda card: (
+        None
+    )  # removes simulated scenes of the card's split from the cache
     # lets no other user of this machine read the simulated scenes of the card, or their names, which hold the seeds
     keep_private: Callable[[Card], None] = lambda card: None
-    lanes: Callable[[Card, DataRoot, Scene], Sequence[Lane]] = lambda card, data, scene: scene.lanes
-    images: Callable[[Card, DataRoot, Scene], Sequence[CameraImage]] = lambda card, data, scene: ()  # for pictures
+    lanes: Callable[[Card, DataRoot, Scene], Sequence[Lane]] = (
+        lambda card, data, scene: scene.lanes
+    )
+    images: Callable[[Card, DataRoot, Scene], Sequence[CameraImage]] = (
+        lambda card, data, scene: ()
+    )  # for pictures
 
 
 def section_of(card: Card, kind: type[SectionT]) -> SectionT:
     """The card's source section, which must be of ``kind``; raises CardError for that of another source."""
     if not isinstance(card.source, kind):
-        raise CardError(f"{card.id}: source is {card.source.name!r}, expected the section of {kind.__name__}")
+        raise CardError(
+            f"{card.id}: source is {card.source.name!r}, expected the section of {kind.__name__}"
+        )
     return card.source
 
 
@@ -111,13 +127,19 @@ def own_detections(card: Card) -> Path | None:
     if section.detections_file is None:
         if expected is None:
             return None
-        raise DataError(f"{card.id} has the detections with sha256 {expected}: name their file or folder, --detections")
+        raise DataError(
+            f"{card.id} has the detections with sha256 {expected}: name their file or folder, --detections"
+        )
     path = Path(section.detections_file).expanduser()
     if not path.exists():
-        raise MissingDataError(f"no file or folder {path}, expected {section.traits.detection_file}")
+        raise MissingDataError(
+            f"no file or folder {path}, expected {section.traits.detection_file}"
+        )
     digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
     if expected not in (None, digest):
-        raise DataError(f"{path} has the sha256 {digest}, expected {expected}: the detections of {card.id}")
+        raise DataError(
+            f"{path} has the sha256 {digest}, expected {expected}: the detections of {card.id}"
+        )
     return path
 
 
@@ -125,19 +147,30 @@ def require_classes(card: Card, dataset: str, known: Collection[str]) -> None:
     """Raise CardError for a class of the task that the dataset does not have."""
     for name in card.task.classes:
         if name not in known:
-            raise CardError(f"{card.id}: {dataset} has no class {name!r}{nearest(name, known)}")
+            raise CardError(
+                f"{card.id}: {dataset} has no class {name!r}{nearest(name, known)}"
+            )
 
 
 def require_rate(card: Card, dataset: str, rate: float, stride: int = 1) -> None:
     """Raise CardError unless every ``stride``-th frame of a dataset with ``rate`` Hz gives the rate of the task."""
     if not np.isclose(card.task.rate * stride, rate):
-        thinned = f", which with stride {stride} gives {rate / stride:g} Hz" if stride > 1 else ""
-        raise CardError(f"{card.id}: task.rate is {card.task.rate:g} Hz, but {dataset} has {rate:g} Hz{thinned}")
+        thinned = (
+            f", which with stride {stride} gives {rate / stride:g} Hz"
+            if stride > 1
+            else ""
+        )
+        raise CardError(
+            f"{card.id}: task.rate is {card.task.rate:g} Hz, but {dataset} has {rate:g} Hz{thinned}"
+        )
 
 
 def class_ids(known: Sequence[str], classes: Sequence[str]) -> Ints:
     """Index of each of the ``known`` classes of a dataset among those of a task, -1 for a class that is not in it."""
-    return np.array([classes.index(name) if name in classes else -1 for name in known], dtype=np.int64)
+    return np.array(
+        [classes.index(name) if name in classes else -1 for name in known],
+        dtype=np.int64,
+    )
 
 
 def names_by_number(number: Ints, name: NDArray[Any]) -> dict[int, str]:
@@ -177,12 +210,23 @@ def usable(scene: Scene) -> Scene:
         unscored = np.isnan(boxes.score) & sized
         skipped[f"{kind} size not above 0"] += int((~sized).sum())
         skipped[f"{kind} without a score, taken as 1"] += int(unscored.sum())
-        changes[name] = replace(boxes, score=np.where(unscored, 1.0, boxes.score)).select(sized)
+        changes[name] = replace(
+            boxes, score=np.where(unscored, 1.0, boxes.score)
+        ).select(sized)
     counted = dict(+skipped)
-    return replace(scene, skipped=counted, **changes) if counted != scene.skipped else scene
+    return (
+        replace(scene, skipped=counted, **changes)
+        if counted != scene.skipped
+        else scene
+    )
 
 
 def require_separate(truth: Truth, where: str) -> None:
     """Raise DataError if objects of a frame have one and the same x and y: their places were not measured."""
     frame = truth.frame_of_rows
-    refuse_shared_place(frame, truth.box[:, :2], truth.object_id, lambda row: f"{where}, frame {frame[row]}")
+    refuse_shared_place(
+        frame,
+        truth.box[:, :2],
+        truth.object_id,
+        lambda row: f"{where}, frame {frame[row]}",
+    )

@@ -56,10 +56,14 @@ def scene_digest(scene: Scene) -> str:
 
     Lengths count to DECIMALS decimals.
     """
-    sha = hashlib.sha256(f"{scene.name}|{scene.frames}|{scene.truth_complete}|{scene.listed_targets}".encode())
+    sha = hashlib.sha256(
+        f"{scene.name}|{scene.frames}|{scene.truth_complete}|{scene.listed_targets}".encode()
+    )
     arrays = {"time": scene.time, "ego": scene.ego}
     for part in (scene.truth, scene.detections):
-        arrays |= {f"{type(part).__name__}.{name}": value for name, value in vars(part).items()}
+        arrays |= {
+            f"{type(part).__name__}.{name}": value for name, value in vars(part).items()
+        }
     for name, array in arrays.items():
         if array.dtype.kind == "f":
             values = np.round(array.astype("<f8"), DECIMALS) + 0.0  # -0.0 becomes 0.0

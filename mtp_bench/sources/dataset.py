@@ -34,12 +34,16 @@ class Dataset:
     """Facts about a dataset, of the file ``dataset.toml`` in the package of its source."""
 
     name: str
-    folders: tuple[str, ...]  # of the data root in which it may lie, best first; the data root may be that folder, too
+    folders: tuple[
+        str, ...
+    ]  # of the data root in which it may lie, best first; the data root may be that folder, too
     layout: str
     licence: str
     citation: str
     how_to_get: str
-    optional: Mapping[str, str] = field(default_factory=dict)  # pattern of files -> note if there are none
+    optional: Mapping[str, str] = field(
+        default_factory=dict
+    )  # pattern of files -> note if there are none
     generated: bool = False  # made by the library: there are no files to read and check
 
     @classmethod
@@ -70,8 +74,17 @@ class Dataset:
             root = self.find(data, holds)
         except DataError:
             return DataStatus(self, None, self.searched(data))
-        absent = [(pattern, note) for pattern, note in self.optional.items() if not any(root.glob(pattern))]
-        return DataStatus(self, root, (root,), notes=[f"{pattern} is missing: {note}" for pattern, note in absent])
+        absent = [
+            (pattern, note)
+            for pattern, note in self.optional.items()
+            if not any(root.glob(pattern))
+        ]
+        return DataStatus(
+            self,
+            root,
+            (root,),
+            notes=[f"{pattern} is missing: {note}" for pattern, note in absent],
+        )
 
 
 @dataclass
@@ -81,10 +94,16 @@ class DataStatus:
     about: Dataset
     root: Path | None  # None: not found
     searched: tuple[Path, ...]  # folders in which the root was looked for
-    missing: list[str] = field(default_factory=list)  # files and folders that the card needs, one sentence each
+    missing: list[str] = field(
+        default_factory=list
+    )  # files and folders that the card needs, one sentence each
     notes: list[str] = field(default_factory=list)  # on optional files
-    problems: list[str] = field(default_factory=list)  # files that cannot be read, one sentence each
-    counts: Counter[str] = field(default_factory=Counter)  # scenes, frames and rows of the card that were read
+    problems: list[str] = field(
+        default_factory=list
+    )  # files that cannot be read, one sentence each
+    counts: Counter[str] = field(
+        default_factory=Counter
+    )  # scenes, frames and rows of the card that were read
 
     @property
     def usable(self) -> bool:
@@ -97,6 +116,8 @@ class DataStatus:
         try:
             yield
         except DataError as error:
-            lines = self.missing if isinstance(error, MissingDataError) else self.problems
+            lines = (
+                self.missing if isinstance(error, MissingDataError) else self.problems
+            )
             if str(error) not in lines:
                 lines.append(str(error))

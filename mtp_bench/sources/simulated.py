@@ -24,7 +24,9 @@ _LOCK = Lock()
 RowsT = TypeVar("RowsT", Truth, Detections)
 
 
-def detected(scene: Scene, card: Card, seed: int | None = None, going_on: OpenScene | None = None) -> Scene:
+def detected(
+    scene: Scene, card: Card, seed: int | None = None, going_on: OpenScene | None = None
+) -> Scene:
     """``scene`` with the detections of the card's simulated detector; unchanged if it has stored ones.
 
     The noise depends on the scene's name and the detector's seed, or on ``seed`` alone if it is given. Measured
@@ -42,34 +44,62 @@ def detected(scene: Scene, card: Card, seed: int | None = None, going_on: OpenSc
     if area is None and card.source.traits.bounded_by_truth:
         area = extent(scene.truth.box)
     sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)), area)
-    visible = scene.visible if scene.visible is not None else visible_fractions(scene.truth, scene.ego)
+    visible = (
+        scene.visible
+        if scene.visible is not None
+        else visible_fractions(scene.truth, scene.ego)
+    )
     truth, period = scene.truth, 1.0 / card.task.rate
     if card.velocity and card.source.traits.velocity_ahead:
         truth = looking_back(truth, scene.time, period)
     once = seed is not None or going_on is not None
     if seed is None:  # equal in every process and on every machine
-        digest = hashlib.sha256(f"{section.seed}|detector|{scene.name}".encode()).digest()
+        digest = hashlib.sha256(
+            f"{section.seed}|detector|{scene.name}".encode()
+        ).digest()
         seed = int.from_bytes(digest[:8], "big")
     world = in_world(replace(scene, truth=truth))
     if card.velocity:
-        moving = world.truth if scene.world is None else looking_back(world.truth, scene.time, period)
-        world = replace(world, truth=replace(moving, velocity=np.nan_to_num(moving.velocity)))
+        moving = (
+            world.truth
+            if scene.world is None
+            else looking_back(world.truth, scene.time, period)
+        )
+        world = replace(
+            world, truth=replace(moving, velocity=np.nan_to_num(moving.velocity))
+        )
     noise = card.task.classes, profile, sensor, seed, period
 
     def simulated() -> Detections:
         seen = visibility_of(world.truth, world.ego, sensor, visible)
         return simulate(world.truth, world.ego, *noise, seen, going_on)
 
-    found = simulated() if once else _remembered(noise, [visible, world.ego, *vars(world.truth).values()], simulated)
+    found = (
+        simulated()
+        if once
+        else _remembered(
+            noise, [visible, world.ego, *vars(world.truth).values()], simulated
+        )
+    )
     if scene.world is not None:
         found = in_frames(found, scene.world, scene.time, period)
     if card.source.traits.places_only:
         found = as_places(found)
     label = f"{profile.name}, simulated detections"
-    return replace(scene, truth=truth, detections=found, detector=label, simulated=True, skipped={}, visible=visible)
+    return replace(
+        scene,
+        truth=truth,
+        detections=found,
+        detector=label,
+        simulated=True,
+        skipped={},
+        visible=visible,
+    )
 
 
-def _remembered(noise: object, arrays: Sequence[Any], simulate: Callable[[], Detections]) -> Detections:
+def _remembered(
+    noise: object, arrays: Sequence[Any], simulate: Callable[[], Detections]
+) -> Detections:
     """Detections of ``noise`` and ``arrays``, simulated once: all settings of a comparison play the same scenes."""
     digest = hashlib.sha256(repr(noise).encode())
     for array in arrays:
@@ -81,7 +111,9 @@ def _remembered(noise: object, arrays: Sequence[Any], simulate: Callable[[], Det
         _KEPT[digest.digest()] = found
         while sum(each.box.nbytes for each in _KEPT.values()) > KEPT_BYTES:
             del _KEPT[next(iter(_KEPT))]  # not asked for for longest
-    return replace(found, **{name: np.array(column) for name, column in vars(found).items()})
+    return replace(
+        found, **{name: np.array(column) for name, column in vars(found).items()}
+    )
 
 
 def in_world(scene: Scene) -> Scene:
@@ -91,11 +123,18 @@ def in_world(scene: Scene) -> Scene:
     """
     if scene.world is None:
         return scene
-    truth, detections = _moved(scene.truth, scene.world), _moved(scene.detections, scene.world)
-    return replace(scene, ego=scene.world, world=None, truth=truth, detections=detections)
+    truth, detections = (
+        _moved(scene.truth, scene.world),
+        _moved(scene.detections, scene.world),
+    )
+    return replace(
+        scene, ego=scene.world, world=None, truth=truth, detections=detections
+    )
 
 
-def in_frames(seen: Detections, world: Floats, time: Floats, period: float) -> Detections:
+def in_frames(
+    seen: Detections, world: Floats, time: Floats, period: float
+) -> Detections:
     """Detections of the world in the frames ``world`` ``[F, 4]`` x y z yaw, which are at the times ``time`` ``[F]`` s.
 
     Velocities are those in the frames: an object that stands in the world moves against a frame that drives. In the
@@ -106,8 +145,14 @@ def in_frames(seen: Detections, world: Floats, time: Floats, period: float) -> D
     before = np.where(first, frame, frame - 1)
     passed = np.where(first, 1.0, time[frame] - time[before])[:, None]
     box = _placed(seen.box, world[frame])
-    back = np.concatenate([seen.box[:, :2] - passed * seen.velocity, seen.box[:, 2:]], axis=1)
-    return replace(seen, box=box, velocity=(box[:, :2] - _placed(back, world[before])[:, :2]) / passed)
+    back = np.concatenate(
+        [seen.box[:, :2] - passed * seen.velocity, seen.box[:, 2:]], axis=1
+    )
+    return replace(
+        seen,
+        box=box,
+        velocity=(box[:, :2] - _placed(back, world[before])[:, :2]) / passed,
+    )
 
 
 def _moved(rows: RowsT, world: Floats) -> RowsT:

@@ -17,18 +17,34 @@ from ..cards import Card
 from ..errors import DataError
 from ..files import file_stem, new_folder
 from ..types import Floats, Ints, Scene, StoredTracks, starts_of_sorted
-from .base import DataRoot, ReadTracks, SceneSource, SourcePackage, TrackForm, names_by_number
+from .base import (
+    DataRoot,
+    ReadTracks,
+    SceneSource,
+    SourcePackage,
+    TrackForm,
+    names_by_number,
+)
 from .files.checks import check_boxes
 from .files.columns import FORMS
 from .files.save import box_columns
-from .files.scene import boxes_of, class_ids_of, find_table, ids_of, scores_of, velocities_of
+from .files.scene import (
+    boxes_of,
+    class_ids_of,
+    find_table,
+    ids_of,
+    scores_of,
+    velocities_of,
+)
 from .files.table import read_table, write_table
 from .text import RowTable, repeated
 
 FEWER = "--scenes N (scenes= in Python) takes the first N alone"  # advice if only some scenes have tracks
 
 
-def find_tracks(package: SourcePackage, card: Card, data: DataRoot, path: str | Path) -> ReadTracks:
+def find_tracks(
+    package: SourcePackage, card: Card, data: DataRoot, path: str | Path
+) -> ReadTracks:
     """A function that reads the tracks at ``path`` for a scene of ``card``, in the form that they have.
 
     Raises DataError if ``path`` does not exist, or has no form that the card's source knows.
@@ -41,11 +57,19 @@ def find_tracks(package: SourcePackage, card: Card, data: DataRoot, path: str | 
         if form.fits(where):
             return form.open(card, data, where)
     known = " or ".join(form.name for form in forms)
-    raise DataError(f"{where} holds no stored tracks that fit {card.id}, expected {known}")
+    raise DataError(
+        f"{where} holds no stored tracks that fit {card.id}, expected {known}"
+    )
 
 
 def with_stored(
-    scene: Scene, frame: Ints, identity: NDArray[Any], class_id: Ints, box: Floats, score: Floats, velocity: Floats
+    scene: Scene,
+    frame: Ints,
+    identity: NDArray[Any],
+    class_id: Ints,
+    box: Floats,
+    score: Floats,
+    velocity: Floats,
 ) -> Scene:
     """The scene with stored tracks, from R rows in any order.
 
@@ -58,7 +82,9 @@ def with_stored(
     _, number = np.unique(np.stack([name, class_id]), axis=1, return_inverse=True)
     number = number.reshape(-1)
     start = starts_of_sorted(frame[order], scene.frames)
-    tracks = StoredTracks(start, box[order], velocity[order], class_id[order], score[order], number[order])
+    tracks = StoredTracks(
+        start, box[order], velocity[order], class_id[order], score[order], number[order]
+    )
     return replace(scene, tracks=tracks, track_names=names_by_number(number, identity))
 
 
@@ -68,7 +94,11 @@ def table_path(folder: Path, scene: str) -> Path:
 
 
 def import_tracks(
-    source: SceneSource, names: Sequence[str], card: Card, folder: Path, done: Callable[[str], object] = lambda _: None
+    source: SceneSource,
+    names: Sequence[str],
+    card: Card,
+    folder: Path,
+    done: Callable[[str], object] = lambda _: None,
 ) -> tuple[int, int]:
     """Write the stored tracks of the scenes ``names`` of ``source`` into ``folder``, a table for each scene.
 
@@ -83,8 +113,16 @@ def import_tracks(
             if tracks is None:
                 continue
             columns = box_columns(tracks, classes)
-            identity = np.array([scene.track_names.get(i, str(i)) for i in tracks.object_id.tolist()], dtype=np.str_)
-            table = {"frame": columns["frame"], "id": identity, **columns, "score": tracks.score}
+            identity = np.array(
+                [scene.track_names.get(i, str(i)) for i in tracks.object_id.tolist()],
+                dtype=np.str_,
+            )
+            table = {
+                "frame": columns["frame"],
+                "id": identity,
+                **columns,
+                "score": tracks.score,
+            }
             write_table(table_path(part, scene.name), table)
             count, boxes = count + 1, boxes + len(tracks.box)
             done(scene.name)
@@ -94,16 +132,30 @@ def import_tracks(
 def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
     """The scene with the tracks in a table; DataError names the line that is wrong."""
     table = read_table(path, "tracks")
-    frame, number, class_id = table.whole("frame"), ids_of(table), class_ids_of(table, classes)
+    frame, number, class_id = (
+        table.whole("frame"),
+        ids_of(table),
+        class_ids_of(table, classes),
+    )
     check_boxes(table, frame, scene.frames, true=False)
     _refuse_misspelt(table, classes)
     kind = table.words["class"]
     twice = repeated(frame, kind, number)  # an id in another class is another track
-    table.refuse(twice, lambda row: f"a second box of this {kind[row]} in frame {frame[row]}", "id")
+    table.refuse(
+        twice,
+        lambda row: f"a second box of this {kind[row]} in frame {frame[row]}",
+        "id",
+    )
     kept, words = class_id >= 0, table.words["id"]
     identity = number if np.array_equal(number.astype(np.str_), words) else words
-    box, score, velocity = boxes_of(table)[kept], scores_of(table)[kept], velocities_of(table)[kept]
-    return with_stored(scene, frame[kept], identity[kept], class_id[kept], box, score, velocity)
+    box, score, velocity = (
+        boxes_of(table)[kept],
+        scores_of(table)[kept],
+        velocities_of(table)[kept],
+    )
+    return with_stored(
+        scene, frame[kept], identity[kept], class_id[kept], box, score, velocity
+    )
 
 
 def _refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
@@ -111,10 +163,19 @@ def _refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
     kind = table.words["class"]
     for got in np.unique(kind[~np.isin(kind, classes)]).tolist():
         word = got.lower().rsplit(".", maxsplit=1)[-1]
-        meant = next((name for name in classes if name.lower() in (word, word.removesuffix("s"))), None)
+        meant = next(
+            (
+                name
+                for name in classes
+                if name.lower() in (word, word.removesuffix("s"))
+            ),
+            None,
+        )
         if meant is not None:
             where = table.where(int(np.argmax(kind == got)), "class")
-            raise DataError(f"{where}: {got!r} is not a class of the task; did you mean {meant!r}?")
+            raise DataError(
+                f"{where}: {got!r} is not a class of the task; did you mean {meant!r}?"
+            )
 
 
 def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
@@ -122,7 +183,9 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
         path = find_table(folder, file_stem(scene.name))
         if path is None:
             lost = table_path(folder, scene.name)
-            raise DataError(f"no file {lost}, expected the tracks of each scene that is run; {FEWER}")
+            raise DataError(
+                f"no file {lost}, expected the tracks of each scene that is run; {FEWER}"
+            )
         return read_track_table(path, scene, card.task.classes)
 
     return read

@@ -19,9 +19,17 @@ from ..types import Bools, Floats, Ints
 LIMIT = 1e9  # of a number: far beyond metres, pixels, frames and identities
 SMALLEST = 1e-6  # m, of a side of a box
 TURN = 8 * np.pi  # rad; an angle that is never wrapped may be some turns beyond one
-RADIANS = "expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees"
+RADIANS = (
+    "expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees"
+)
 MOST_LETTERS = 200  # of a word: an array has room for the longest in every row
-_SEPARATORS = {"commas": ",", "semicolons": ";", "tabs": "\t", "bars": "|", "blanks": None}
+_SEPARATORS = {
+    "commas": ",",
+    "semicolons": ";",
+    "tabs": "\t",
+    "bars": "|",
+    "blanks": None,
+}
 _NAN = re.compile(rb'(?<![\w"])NaN(?![\w"])')
 _INFINITY = re.compile(rb'(?<![\w"])Infinity(?![\w"])')
 
@@ -55,16 +63,28 @@ class RowTable:
 
     def select(self, rows: Bools) -> "RowTable":
         """The table of some of the rows [R]."""
-        numbers, words = ({name: own[rows] for name, own in part.items()} for part in (self.numbers, self.words))
+        numbers, words = (
+            {name: own[rows] for name, own in part.items()}
+            for part in (self.numbers, self.words)
+        )
         return RowTable(self.source, self.unit, self.line[rows], numbers, words)  # type: ignore[arg-type]
 
     def where(self, row: int, column: str = "") -> str:
         """Name of a row, or of a cell, for messages."""
-        return f"{self.source}, {self.unit} {self.line[row]}" + (f", column {column!r}" if column else "")
+        return f"{self.source}, {self.unit} {self.line[row]}" + (
+            f", column {column!r}" if column else ""
+        )
 
-    def refuse(self, bad: Bools, problem: str | Callable[[int], str], column: str = "") -> None:
+    def refuse(
+        self, bad: Bools, problem: str | Callable[[int], str], column: str = ""
+    ) -> None:
         """Raise DataError for the first row of ``bad`` [R]; ``problem``: the message, or a function of the row."""
-        refuse(bad, lambda row: f"{self.where(row, column)}: {problem if isinstance(problem, str) else problem(row)}")
+        refuse(
+            bad,
+            lambda row: (
+                f"{self.where(row, column)}: {problem if isinstance(problem, str) else problem(row)}"
+            ),
+        )
 
     def refuse_not_finite(self, columns: str) -> None:
         """Raise DataError for NaN, infinity or a number beyond `LIMIT` in these columns."""
@@ -75,21 +95,34 @@ class RowTable:
     def refuse_degrees(self, column: str, rows: Bools | None = None) -> None:
         """Raise DataError for an angle of some turns, in all ``rows`` or in these: it is in degrees."""
         value = self[column]
-        bad = np.isfinite(value) & (np.abs(value) > TURN) & (True if rows is None else rows)
+        bad = (
+            np.isfinite(value)
+            & (np.abs(value) > TURN)
+            & (True if rows is None else rows)
+        )
         self.refuse(bad, lambda row: f"{value[row]:g}, {RADIANS}", column)
 
     def whole(self, column: str) -> Ints:
         """A column as integers; raises DataError for a number that is not whole."""
         value = self[column]
         bad = ~((np.abs(value) <= LIMIT) & (value == np.round(value)))
-        self.refuse(bad, lambda row: f"{value[row]:g}, expected a whole number up to {LIMIT:g}", column)
+        self.refuse(
+            bad,
+            lambda row: f"{value[row]:g}, expected a whole number up to {LIMIT:g}",
+            column,
+        )
         return value.astype(np.int64)
 
     def refuse_second_box(self, frame: Ints, object_id: Ints, rows: Ints) -> None:
         """Raise DataError if an object has two boxes in a frame, among these ``rows``."""
         twice = np.zeros(len(frame), dtype=bool)
         twice[rows] = repeated(frame[rows], object_id[rows])
-        self.refuse(twice, lambda row: f"a second box of object {object_id[row]} in frame {frame[row]}")
+        self.refuse(
+            twice,
+            lambda row: (
+                f"a second box of object {object_id[row]} in frame {frame[row]}"
+            ),
+        )
 
 
 def refuse(bad: Bools, what: Callable[[int], str]) -> None:
@@ -102,15 +135,22 @@ def repeated(*keys: NDArray[Any]) -> Bools:
     """Rows [R] that have all the ``keys`` [R] of an earlier row."""
     order = np.lexsort(keys)  # rows that are alike stay in their order
     again = np.zeros(len(order), dtype=bool)
-    again[order[1:]] = np.all([key[order[1:]] == key[order[:-1]] for key in keys], axis=0)
+    again[order[1:]] = np.all(
+        [key[order[1:]] == key[order[:-1]] for key in keys], axis=0
+    )
     return again
 
 
-def refuse_shared_place(frame: Ints, place: Floats, name: NDArray[Any], where: Callable[[int], str]) -> None:
+def refuse_shared_place(
+    frame: Ints, place: Floats, name: NDArray[Any], where: Callable[[int], str]
+) -> None:
     """Raise DataError if two rows [R] of a frame have the same ``place`` [R, 2]; ``name`` [R]: of the objects."""
 
     def problem(row: int) -> str:
-        *others, last = (str(each) for each in name[(frame == frame[row]) & (place == place[row]).all(axis=1)])
+        *others, last = (
+            str(each)
+            for each in name[(frame == frame[row]) & (place == place[row]).all(axis=1)]
+        )
         both = f"the objects {', '.join(others)} and {last} are all at x {place[row, 0]:g}, y {place[row, 1]:g}"
         return f"{where(row)}: {both}; expected a place of its own for each: leave out objects whose place is unknown"
 
@@ -122,7 +162,9 @@ def read_text(path: Path) -> str:
     try:
         return _content(path).decode("utf-8")
     except UnicodeDecodeError as error:
-        raise DataError(f"{path} cannot be read as text: {error}; save it as UTF-8") from None
+        raise DataError(
+            f"{path} cannot be read as text: {error}; save it as UTF-8"
+        ) from None
 
 
 def _content(path: Path) -> bytes:
@@ -143,7 +185,13 @@ def numbered_lines(path: Path) -> tuple[Ints, list[str]]:
     return np.array(kept, dtype=np.int64), [lines[number - 1] for number in kept]
 
 
-def read_table(path: Path, columns: str, delimiter: str | None = None, text: str = "", optional: str = "") -> RowTable:
+def read_table(
+    path: Path,
+    columns: str,
+    delimiter: str | None = None,
+    text: str = "",
+    optional: str = "",
+) -> RowTable:
     """Numbers in the named ``columns`` of a file; an empty file gives no rows.
 
     ``columns``: their names, blanks between them. ``delimiter`` of the file: None for blanks. ``text``: the column that
@@ -155,22 +203,33 @@ def read_table(path: Path, columns: str, delimiter: str | None = None, text: str
         names.remove(optional)
     kinds: list[Any] = [(name, "U16" if name == text else "f8") for name in names]
     try:
-        rows = np.loadtxt(lines, kinds, comments=None, delimiter=delimiter, ndmin=1) if lines else np.empty(0, kinds)
+        rows = (
+            np.loadtxt(lines, kinds, comments=None, delimiter=delimiter, ndmin=1)
+            if lines
+            else np.empty(0, kinds)
+        )
     except ValueError as error:
         where, what = _first_problem(lines, names, delimiter, text) or (0, str(error))
         raise DataError(f"{path}, line {number[where]}{what}") from None
     numbers = {name: np.ascontiguousarray(rows[name]) for name in names if name != text}
-    return RowTable(str(path), "line", number, numbers, {text: rows[text]} if text else {})
+    return RowTable(
+        str(path), "line", number, numbers, {text: rows[text]} if text else {}
+    )
 
 
-def _first_problem(lines: list[str], columns: list[str], delimiter: str | None, text: str) -> tuple[int, str] | None:
+def _first_problem(
+    lines: list[str], columns: list[str], delimiter: str | None, text: str
+) -> tuple[int, str] | None:
     """Index of the first line that does not fit the columns, and the end of the message about it."""
     for index, line in enumerate(lines):
         cells = line.split(delimiter)
         if other := other_separator(line, cells, delimiter):
             return index, f": {other}"
         if len(cells) != len(columns):
-            return index, f": {wrong_count(cells, columns, last=index == len(lines) - 1)}"
+            return (
+                index,
+                f": {wrong_count(cells, columns, last=index == len(lines) - 1)}",
+            )
         for place, (name, cell) in enumerate(zip(columns, cells, strict=True), 1):
             try:
                 float("0" if name == text else cell.encode("ascii").replace(b"_", b"?"))
@@ -180,9 +239,15 @@ def _first_problem(lines: list[str], columns: list[str], delimiter: str | None, 
     return None
 
 
-def other_separator(line: str, cells: Sequence[str], delimiter: str | None) -> str | None:
+def other_separator(
+    line: str, cells: Sequence[str], delimiter: str | None
+) -> str | None:
     """The message about a line that another separator divides; None if ``delimiter`` may be right."""
-    counts = {word: len(line.split(own)) for word, own in _SEPARATORS.items() if own != delimiter}
+    counts = {
+        word: len(line.split(own))
+        for word, own in _SEPARATORS.items()
+        if own != delimiter
+    }
     other = max(counts, key=lambda word: counts[word])
     if counts[other] == 1 or (len(cells) > 1 and not cells[0].endswith((",", ";"))):
         return None
@@ -196,7 +261,9 @@ def wrong_count(cells: Sequence[str], columns: Sequence[str], last: bool) -> str
     if got > count:
         advice = f"column {count + 1} is {reprlib.repr(cells[count].strip())}: remove what is not listed"
     else:
-        advice = f"column {got + 1} ({columns[got]}) is missing" + (": is the file cut off?" if last else "")
+        advice = f"column {got + 1} ({columns[got]}) is missing" + (
+            ": is the file cut off?" if last else ""
+        )
     return f"{got} columns, expected {count} ({', '.join(columns)}); {advice}"
 
 
@@ -208,7 +275,11 @@ def read_json(path: Path, kind: type[Content]) -> Content:
     """
     content = _content(path)
     content = _NAN.sub(b"null", content) if b"NaN" in content else content
-    return decode(_INFINITY.sub(b"1e300", content) if b"Infinity" in content else content, kind, path)
+    return decode(
+        _INFINITY.sub(b"1e300", content) if b"Infinity" in content else content,
+        kind,
+        path,
+    )
 
 
 def decode(content: bytes | msgspec.Raw, kind: type[Content], where: object) -> Content:
@@ -219,7 +290,9 @@ def decode(content: bytes | msgspec.Raw, kind: type[Content], where: object) -> 
         raise DataError(f"{where} cannot be read as JSON: nested too deeply") from None
     except msgspec.ValidationError as error:
         what, _, place = str(error).partition(" - at `$")
-        raise DataError(f"{where}{', ' * bool(place)}{place.rstrip('`')}: {what[0].lower()}{what[1:]}") from None
+        raise DataError(
+            f"{where}{', ' * bool(place)}{place.rstrip('`')}: {what[0].lower()}{what[1:]}"
+        ) from None
     except (msgspec.DecodeError, ValueError) as error:
         cut = "; is the file cut off?" if "truncated" in str(error) else ""
         raise DataError(f"{where} cannot be read as JSON: {error}{cut}") from None

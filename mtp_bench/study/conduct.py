@@ -67,7 +67,9 @@ def study(
     place = Path(options.files).name if options.files else getattr(env_id, "id", env_id)
     with reported(f"studying {place}", own=options.progress) as progress:
         options = replace(options, progress=progress)
-        findings = find(names, env_id, folder, quick_options(options) if quick else options, quick)
+        findings = find(
+            names, env_id, folder, quick_options(options) if quick else options, quick
+        )
         progress.started(4)  # drawing takes a while, too
         tables = make_tables(findings)
         progress.done("tables")
@@ -77,27 +79,46 @@ def study(
 
 def quick_options(options: RunOptions) -> RunOptions:
     """Options for the first scenes and one seed."""
-    return replace(options, seeds=options.seeds[:1], scenes=min(options.scenes or QUICK_SCENES, QUICK_SCENES))
+    return replace(
+        options,
+        seeds=options.seeds[:1],
+        scenes=min(options.scenes or QUICK_SCENES, QUICK_SCENES),
+    )
 
 
-def find(names: Sequence[str], env_id: str | Card, folder: Path, options: RunOptions, quick: bool = False) -> Findings:
+def find(
+    names: Sequence[str],
+    env_id: str | Card,
+    folder: Path,
+    options: RunOptions,
+    quick: bool = False,
+) -> Findings:
     """Run and score everything that a study needs; the progress counts all of it."""
     hypotheses = QUICK_HYPOTHESES if quick else HYPOTHESES
     card = options.card(env_id)
     card.require_same_scenes("of which there is no study")
-    plan = make_plan(names, card, hypotheses, hypotheses[-1:] if quick else hypotheses[1:])
+    plan = make_plan(
+        names, card, hypotheses, hypotheses[-1:] if quick else hypotheses[1:]
+    )
     options.require_usable([setting.submission for setting in plan.equal])
     scenes = options.chosen(open_source(card, options.data).names)
     frozen = frozen_reference(card)
     weights = 0 if frozen is not None and frozen.holds(scenes) else _OF_WEIGHTS
     runs = len(plan.equal) * len(options.seeds) + len(plan.free)
     options.progress.started(len(scenes) * (1 + weights + runs))
-    options = replace(options, progress=Progress(done=options.progress.done))  # the parts are counted already
+    options = replace(
+        options, progress=Progress(done=options.progress.done)
+    )  # the parts are counted already
     bench = open_bench(env_id, folder, options)
     make_folder(folder)
     reference = reference_for(bench.card, bench.scenes, options)
-    work = [(s, options.seeds) for s in plan.equal] + [(s, options.seeds[:1]) for s in plan.free]
-    measured = {key_of(setting): measure(bench, setting, seeds, options.progress.done) for setting, seeds in work}
+    work = [(s, options.seeds) for s in plan.equal] + [
+        (s, options.seeds[:1]) for s in plan.free
+    ]
+    measured = {
+        key_of(setting): measure(bench, setting, seeds, options.progress.done)
+        for setting, seeds in work
+    }
     return Findings(bench, plan, reference, measured)
 
 
@@ -106,12 +127,20 @@ def require_study_folder(folder: Path) -> None:
     require_folder(folder)
     if not folder.is_dir() or (folder / _MARK).is_file():
         return
-    other = sorted(path.name for path in folder.iterdir() if path.name != RUNS and path.name[0] != ".")
+    other = sorted(
+        path.name
+        for path in folder.iterdir()
+        if path.name != RUNS and path.name[0] != "."
+    )
     if other:
-        raise MtpBenchError(f"{folder} holds {other[0]!r}, which is not of a study: choose another folder with -o")
+        raise MtpBenchError(
+            f"{folder} holds {other[0]!r}, which is not of a study: choose another folder with -o"
+        )
 
 
-def write_study(folder: Path, findings: Findings, tables: dict[str, Table], command: str, done: Done) -> int:
+def write_study(
+    folder: Path, findings: Findings, tables: dict[str, Table], command: str, done: Done
+) -> int:
     """Write all files of a study; returns the number of figures. ``done`` is called after each kind of file."""
     (folder / _MARK).touch()
     for name in (TABLES, FIGURES, MOMENTS):  # an earlier study may have had others
@@ -123,7 +152,10 @@ def write_study(folder: Path, findings: Findings, tables: dict[str, Table], comm
     figures = make_figures(findings, tables)
     done("figures")
     for name, figure in figures.items():
-        write_text(folder / FIGURES / f"{name}.svg", f'<?xml version="1.0" encoding="utf-8"?>\n{figure.svg}')
+        write_text(
+            folder / FIGURES / f"{name}.svg",
+            f'<?xml version="1.0" encoding="utf-8"?>\n{figure.svg}',
+        )
         write_bytes(folder / FIGURES / f"{name}.png", figure.png)
     pictures = draw_worst_moments(findings, folder / MOMENTS)
     done("pictures of moments")

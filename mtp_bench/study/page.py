@@ -51,16 +51,35 @@ def study_page(
         "base-uri 'none'; form-action 'none'"
     )
     filled = {GALLERY: bool(pictures)}
-    chapters = [c for c in TEXTS["chapters"] if filled.get(c["key"], not {*tables}.isdisjoint(c["tables"]))]
+    chapters = [
+        c
+        for c in TEXTS["chapters"]
+        if filled.get(c["key"], not {*tables}.isdisjoint(c["tables"]))
+    ]
     few = f"{findings.units:.3g}" if findings.few else ""
     if few:
         chapters.sort(key=lambda chapter: chapter["key"] not in LEADING)
-    content = _templates().get_template("page.html").render(
-        env=place_of(findings.report), subject=findings.subject.name, summary=summary(findings), facts=facts(findings),
-        relations=None if few else tables.get("relations"), figures=figures, tables=tables, pictures=pictures,
-        command=command, chapters=chapters, style=style, policy=policy, few=few, needed=RANKED_UNITS,
-        paper=bool(figures_of(findings.bench.of_paper, "single", "equal", 1)),
-    )  # fmt: skip
+    content = (
+        _templates()
+        .get_template("page.html")
+        .render(
+            env=place_of(findings.report),
+            subject=findings.subject.name,
+            summary=summary(findings),
+            facts=facts(findings),
+            relations=None if few else tables.get("relations"),
+            figures=figures,
+            tables=tables,
+            pictures=pictures,
+            command=command,
+            chapters=chapters,
+            style=style,
+            policy=policy,
+            few=few,
+            needed=RANKED_UNITS,
+            paper=bool(figures_of(findings.bench.of_paper, "single", "equal", 1)),
+        )
+    )
     return f"{content.replace(' %', UNBROKEN)}\n"
 
 
@@ -82,17 +101,29 @@ def relation_value(row: Any) -> str:
 def summary(findings: Findings) -> list[str]:
     """Results in a few sentences: with intervals, or, of few recordings, the causes of the error."""
     if findings.few:
-        return [cause_sentence(findings, subject).replace(" %", UNBROKEN) for subject in findings.plan.subjects]
-    return verdict(findings.report, [subject.name for subject in findings.plan.subjects])
+        return [
+            cause_sentence(findings, subject).replace(" %", UNBROKEN)
+            for subject in findings.plan.subjects
+        ]
+    return verdict(
+        findings.report, [subject.name for subject in findings.plan.subjects]
+    )
 
 
 def cause_sentence(findings: Findings, subject: StudiedAgent) -> str:
     """Shares of bADE of an agent with the most hypotheses by part of the stack, then by cause; largest first."""
     row = findings.row(subject.most, "all")
-    causes = named_parts(np.array([getattr(row, f"cost_{key}") or 0.0 for key in PARTS]) / (row.error or 1.0))
+    causes = named_parts(
+        np.array([getattr(row, f"cost_{key}") or 0.0 for key in PARTS])
+        / (row.error or 1.0)
+    )
     faults = {FAULT_NAMES[who]: part for who, part in by_fault(causes).items()}
     texts = [
-        ", ".join(f"{name} {_SHARE.text(part)}" for name, part in shares.items() if abs(part) >= LEAST_SHARE)
+        ", ".join(
+            f"{name} {_SHARE.text(part)}"
+            for name, part in shares.items()
+            if abs(part) >= LEAST_SHARE
+        )
         for shares in (faults, causes)
     ]
     parts = ". By cause: ".join(texts) if all(texts) else "no error"
@@ -103,11 +134,17 @@ def facts(findings: Findings) -> list[tuple[str, str]]:
     """Conditions of the study, as names and texts."""
     condition, card = findings.report.condition, findings.bench.card
     own = "folder" in condition
-    notes = {s.submission.name: training_note(s.submission, card) for s in findings.plan.equal}
+    notes = {
+        s.submission.name: training_note(s.submission, card)
+        for s in findings.plan.equal
+    }
     trained = "; ".join(f"{name}: {note}" for name, note in notes.items() if note)
     facts = [
         ("own scenes", place_of(findings.report) if own else ""),
-        ("settings of" if own else "environment", f"{card.id}, split {condition['split']}"),
+        (
+            "settings of" if own else "environment",
+            f"{card.id}, split {condition['split']}",
+        ),
         ("agents", ", ".join(subject.name for subject in findings.plan.subjects)),
         ("targets", n_of(findings)),
         ("detections", condition["detections"]),

@@ -25,7 +25,15 @@ from ..running.rollout_files import load_run, save_run
 from ..running.run import run_jobs
 from ..running.settings import Setting, references_of
 from ..running.stored import run_info
-from ..scoring import AgentScores, Reference, References, Report, SceneScore, score_scene, summarise
+from ..scoring import (
+    AgentScores,
+    Reference,
+    References,
+    Report,
+    SceneScore,
+    score_scene,
+    summarise,
+)
 from ..scoring.definitions import RANKED_UNITS, Subset
 from ..scoring.events import separated_truth
 from ..scoring.lineage import hypotheses, in_all, lineage_events, match_hypotheses
@@ -43,9 +51,18 @@ KINDS = ("ids", "lost", "reacquired", "frag")  # the last: lost or reacquired
 _LIBRARY = Path(__file__).resolve().parent.parent
 # Parts of the library that only judge and show; baselines have digests of their own.
 _NO_MAKERS = {
-    "_bundled", "__pycache__", "commands", "gateway", "records", "scoring", "study", "tables", "testing", "training",
+    "_bundled",
+    "__pycache__",
+    "commands",
+    "gateway",
+    "records",
+    "scoring",
+    "study",
+    "tables",
+    "testing",
+    "training",
     "viz",
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
@@ -65,7 +82,9 @@ class Measured:
     setting: Setting
     scores: tuple[tuple[SceneScore, ...], ...]
     events: tuple[tuple[EventCounts, ...], ...]  # empty for runs of more than k samples
-    folders: tuple[Path, ...]  # of the stored runs; empty for runs of more than k samples
+    folders: tuple[
+        Path, ...
+    ]  # of the stored runs; empty for runs of more than k samples
 
 
 @dataclass(frozen=True)
@@ -86,15 +105,30 @@ def open_bench(env_id: str | Card, folder: Path, options: RunOptions) -> Bench:
     env = MTPEnv(env_id, **options.env_keywords)
     scenes = options.chosen(ranked_scenes(env.card, env.scene_names))
     calls = [(env.card, options.data, name) for name in scenes]
-    digests = parallel_map(_scene_digest, calls, options.workers, lambda i: options.progress.done(scenes[i]))
-    return Bench(env_id, options, env.card, scenes, "", digest_of([env.card.digest, *digests]), folder)
+    digests = parallel_map(
+        _scene_digest,
+        calls,
+        options.workers,
+        lambda i: options.progress.done(scenes[i]),
+    )
+    return Bench(
+        env_id,
+        options,
+        env.card,
+        scenes,
+        "",
+        digest_of([env.card.digest, *digests]),
+        folder,
+    )
 
 
 def _scene_digest(card: Card, data: str | None, name: str) -> str:
     return scenes_digest([open_source(card, data).load(name)])
 
 
-def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable[[str], object]) -> Measured:
+def measure(
+    bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable[[str], object]
+) -> Measured:
     """Scores of a setting: of its stored runs if these are up to date, else of new runs.
 
     ``done`` is called with the name of every scene. Runs of more than k samples are not stored: they are large.
@@ -114,10 +148,17 @@ def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable
             env = MTPEnv(bench.env, **{**bench.options.env_keywords, **changes})
             info = run_info(env, setting, seed, {**changes, **bench.options.changes})
             rollouts = [rollout for rollout, *_ in judged]
-            save_run(folder, info.model_copy(update={"card": env.card.stored()}), rollouts)
+            save_run(
+                folder, info.model_copy(update={"card": env.card.stored()}), rollouts
+            )
         else:
             calls = [(bench.card, rollout, bench.options.data) for rollout in stored]
-            judged = parallel_map(_judge_stored, calls, bench.options.workers, lambda i: done(bench.scenes[i]))
+            judged = parallel_map(
+                _judge_stored,
+                calls,
+                bench.options.workers,
+                lambda i: done(bench.scenes[i]),
+            )
         scores.append(tuple(score for _, score, _ in judged))
         events.append(tuple(counts for *_, counts in judged))
         folders.append(folder)
@@ -128,21 +169,33 @@ def count_events(scene: Scene, rollout: Rollout, card: Card) -> EventCounts:
     """Count the events of a rollout that `score_scene` takes."""
     scene = evaluated(scene)
     truth, lineage = separated_truth(scene, card), hypotheses(rollout, card)
-    events = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
+    events = lineage_events(
+        truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card)
+    )
     own = events.of(lineage.best[truth.frame_of_rows])
     return EventCounts(
         own={kind: int(getattr(own, kind)[:, 0].sum()) for kind in KINDS},
-        shared={kind: int(in_all(truth, lineage, events, kind).sum()) for kind in KINDS},
+        shared={
+            kind: int(in_all(truth, lineage, events, kind).sum()) for kind in KINDS
+        },
         objects=len(np.unique(scene.truth.object_id[~truth.neutral])),
         frames=scene.frames,
     )
 
 
-def _judge(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, SceneScore, EventCounts]:
-    return rollout, score_scene(scene, rollout, card), count_events(scene, rollout, card)
+def _judge(
+    scene: Scene, rollout: Rollout, card: Card
+) -> tuple[Rollout, SceneScore, EventCounts]:
+    return (
+        rollout,
+        score_scene(scene, rollout, card),
+        count_events(scene, rollout, card),
+    )
 
 
-def _judge_stored(card: Card, rollout: Rollout, data: str | None) -> tuple[None, SceneScore, EventCounts]:
+def _judge_stored(
+    card: Card, rollout: Rollout, data: str | None
+) -> tuple[None, SceneScore, EventCounts]:
     return None, *_judge(open_source(card, data).load(rollout.scene), rollout, card)[1:]
 
 
@@ -152,18 +205,43 @@ def _stored(folder: Path, scenes: Sequence[str]) -> Sequence[Rollout] | None:
         run = load_run(folder) if folder.is_dir() else None
     except RolloutError:
         return None
-    return None if run is None or [r.scene for r in run.rollouts] != list(scenes) else run.rollouts
+    return (
+        None
+        if run is None or [r.scene for r in run.rollouts] != list(scenes)
+        else run.rollouts
+    )
 
 
 def _folder_name(bench: Bench, setting: Setting, seed: int) -> str:
     """Name of the folder of a run; its digest is of everything that decides what the agent answers."""
-    files = network_files(setting.submission.networks, bench.card.id, bench.card.weights_of)
+    files = network_files(
+        setting.submission.networks, bench.card.id, bench.card.weights_of
+    )
     if setting.observe == "tracks":
         given = Path(bench.options.track_file or "")
-        files = [*files, *(sorted(path for path in given.rglob("*") if path.is_file()) if given.is_dir() else [given])]
-    parts = [bench.content, key_of(setting), str(seed), *map(file_digest, files), library_digest()]
+        files = [
+            *files,
+            *(
+                sorted(path for path in given.rglob("*") if path.is_file())
+                if given.is_dir()
+                else [given]
+            ),
+        ]
+    parts = [
+        bench.content,
+        key_of(setting),
+        str(seed),
+        *map(file_digest, files),
+        library_digest(),
+    ]
     digest = digest_of(parts)[:12]
-    shown = "-truth" if setting.observe == "truth" else f"-H{setting.hypotheses}" if setting.hypotheses else ""
+    shown = (
+        "-truth"
+        if setting.observe == "truth"
+        else f"-H{setting.hypotheses}"
+        if setting.hypotheses
+        else ""
+    )
     return f"{setting.submission.name}{shown}-k{setting.samples}-seed{seed}-{digest}"
 
 
@@ -175,8 +253,12 @@ def library_digest() -> str:
 
 def library_files() -> list[str]:
     """Paths in the library that `library_digest` covers."""
-    names = (path.relative_to(_LIBRARY) for path in _LIBRARY.rglob("*") if path.is_file())
-    return sorted(name.as_posix() for name in names if not _NO_MAKERS.intersection(name.parts))
+    names = (
+        path.relative_to(_LIBRARY) for path in _LIBRARY.rglob("*") if path.is_file()
+    )
+    return sorted(
+        name.as_posix() for name in names if not _NO_MAKERS.intersection(name.parts)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,23 +302,44 @@ class Findings:
     @cached_property
     def report(self) -> Report:
         """The report over all settings, with the references of every subject and of controls."""
-        found = [(each, references_of(each, self.bench.card)) for each in self.plan.controls]
-        found = [(each, runs) for each, runs in found if all(key_of(run) in self.measured for run in runs.values())]
-        found += [(s.equal[count], runs) for s in self.plan.subjects for count, runs in s.references.items()]
+        found = [
+            (each, references_of(each, self.bench.card)) for each in self.plan.controls
+        ]
+        found = [
+            (each, runs)
+            for each, runs in found
+            if all(key_of(run) in self.measured for run in runs.values())
+        ]
+        found += [
+            (s.equal[count], runs)
+            for s in self.plan.subjects
+            for count, runs in s.references.items()
+        ]
         own = {
-            self.of(setting).setting.label: References(**{name: self._scores(run) for name, run in runs.items()})
+            self.of(setting).setting.label: References(
+                **{name: self._scores(run) for name, run in runs.items()}
+            )
             if runs
             else None
             for setting, runs in found
         }
         settings = [*self.plan.equal, *self.plan.free]
-        return summarise([self._scores(s) for s in settings], self.bench.card, self.reference, references=own)
+        return summarise(
+            [self._scores(s) for s in settings],
+            self.bench.card,
+            self.reference,
+            references=own,
+        )
 
     def row(self, setting: Setting, subset: Subset) -> Row:
         """Row of the report for a setting and a subset."""
         own = self._scores(setting)
         key = own.agent, own.hypotheses, own.samples, own.budget, subset
-        return next(r for r in self.report.rows if (r.agent, r.hypotheses, r.samples, r.budget, r.subset) == key)
+        return next(
+            r
+            for r in self.report.rows
+            if (r.agent, r.hypotheses, r.samples, r.budget, r.subset) == key
+        )
 
     def difference(self, setting: Setting, other: Setting, subset: Subset) -> PairedRow:
         """A setting minus another one: bADE, and minADE over targets that both cover."""
@@ -244,4 +347,6 @@ class Findings:
 
     def _scores(self, setting: Setting) -> AgentScores:
         measured = self.of(setting)
-        return scores_of(setting, measured.scores, measured.setting.label)  # equal runs have one name in the report
+        return scores_of(
+            setting, measured.scores, measured.setting.label
+        )  # equal runs have one name in the report

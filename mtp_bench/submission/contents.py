@@ -53,7 +53,9 @@ def files_of(folder: Path) -> list[Path]:
     return sorted(paths)
 
 
-def digest_of(folder: Path, files: Iterable[Path], networks: Mapping[str, str] | None = None) -> str:
+def digest_of(
+    folder: Path, files: Iterable[Path], networks: Mapping[str, str] | None = None
+) -> str:
     """Hex sha256 over names and contents of ``files`` of ``folder``; SubmissionError for an unreadable one.
 
     ``networks``: names and hex sha256 of weights elsewhere; unlike those of files here, their names get a slash.
@@ -63,7 +65,9 @@ def digest_of(folder: Path, files: Iterable[Path], networks: Mapping[str, str] |
         try:
             content = file_digest(path, MOST_BYTES)
         except OSError as error:
-            raise SubmissionError(f"{path}: cannot be read: {error.strerror or error}") from None
+            raise SubmissionError(
+                f"{path}: cannot be read: {error.strerror or error}"
+            ) from None
         total.update(f"{path.relative_to(folder).as_posix()}\0{content}\n".encode())
     for name, content in sorted((networks or {}).items()):
         total.update(f"/networks/{name}\0{content}\n".encode())
@@ -75,7 +79,12 @@ def import_from(folder: Path, module: str, name: str) -> ModuleType:
     if _Finder not in sys.meta_path:
         sys.meta_path.insert(0, _Finder)
     sources = [path for path in files_of(folder) if path.suffix == ".py"]
-    package = PREFIX + hashlib.sha256(f"{folder} {digest_of(folder, sources)}".encode()).hexdigest()[:16]
+    package = (
+        PREFIX
+        + hashlib.sha256(f"{folder} {digest_of(folder, sources)}".encode()).hexdigest()[
+            :16
+        ]
+    )
     if package not in sys.modules:
         sys.modules[package] = ModuleType(package)
         sys.modules[package].__path__ = [str(folder)]
@@ -84,9 +93,14 @@ def import_from(folder: Path, module: str, name: str) -> ModuleType:
         return importlib.import_module(f"{package}.{module}")
     except (Exception, SystemExit) as error:
         hint = ""
-        if isinstance(error, ModuleNotFoundError) and (folder / f"{error.name}.py").is_file():
+        if (
+            isinstance(error, ModuleNotFoundError)
+            and (folder / f"{error.name}.py").is_file()
+        ):
             hint = f"; {error.name}.py is a file of the submission: write `from .{error.name} import ...`"
-        raise SubmissionError(f"{name}: importing {module}.py failed: {type(error).__name__}: {error}{hint}") from error
+        raise SubmissionError(
+            f"{name}: importing {module}.py failed: {type(error).__name__}: {error}{hint}"
+        ) from error
 
 
 def new_submission(name: str, parent: Path) -> Path:
@@ -97,12 +111,18 @@ def new_submission(name: str, parent: Path) -> Path:
     if not is_name(name):
         plain = re.sub(r"[^a-z0-9_-]+", "-", name.lower()).strip("-_")[:MOST_NAME]
         near = plain if is_name(plain) else f"my-{plain or 'agent'}"
-        raise SubmissionError(f"{name!r} is not a name for a submission: {NAME_RULE}; choose another, such as {near!r}")
+        raise SubmissionError(
+            f"{name!r} is not a name for a submission: {NAME_RULE}; choose another, such as {near!r}"
+        )
     if name in baseline_names():
-        raise SubmissionError(f"{name!r} is the name of a baseline, which commands would take instead: choose another")
+        raise SubmissionError(
+            f"{name!r} is the name of a baseline, which commands would take instead: choose another"
+        )
     folder = parent / name
     if folder.exists() or folder.is_symlink():
-        raise SubmissionError(f"{folder} exists already, expected a new folder: choose another name, or remove it")
+        raise SubmissionError(
+            f"{folder} exists already, expected a new folder: choose another name, or remove it"
+        )
     require_folder(folder)
     with whole_folder(folder) as part:
         for file in FILES:
@@ -123,11 +143,16 @@ class _Finder:
     """Finds the modules of all submissions."""
 
     @staticmethod
-    def find_spec(name: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
+    def find_spec(
+        name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
         if not name.startswith(PREFIX) or path is None:
             return None
         if any(part in FOLDERS for part in name.split(".")):
-            raise ModuleNotFoundError(f"{name.rsplit('.', maxsplit=1)[-1]} is not part of a submission", name=name)
+            raise ModuleNotFoundError(
+                f"{name.rsplit('.', maxsplit=1)[-1]} is not part of a submission",
+                name=name,
+            )
         spec = PathFinder.find_spec(name, path, target)
         if spec is not None and isinstance(spec.loader, SourceFileLoader):
             spec.loader = _SourceLoader(spec.loader.name, spec.loader.path)
@@ -138,16 +163,22 @@ class _Finder:
 def _entries(folder: Path, depth: int) -> Iterator[os.DirEntry[str]]:
     """Regular files below ``folder``, each checked before it is used."""
     if depth > MOST_DEPTH:
-        raise SubmissionError(f"{folder}: folders are nested deeper than {MOST_DEPTH} levels, the limit")
+        raise SubmissionError(
+            f"{folder}: folders are nested deeper than {MOST_DEPTH} levels, the limit"
+        )
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
                 if _is_folder(entry):
                     yield from _entries(Path(entry.path), depth + 1)
-                elif entry.name not in FOLDERS or not entry.is_dir(follow_symlinks=False):
+                elif entry.name not in FOLDERS or not entry.is_dir(
+                    follow_symlinks=False
+                ):
                     yield entry
     except OSError as error:
-        raise SubmissionError(f"{error.filename or folder}: cannot be read: {error.strerror or error}") from None
+        raise SubmissionError(
+            f"{error.filename or folder}: cannot be read: {error.strerror or error}"
+        ) from None
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:
@@ -164,7 +195,9 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
             f"{entry.path} is a link to a {target}; a submission holds its files itself: copy the {target}"
         )
     if kind not in ("", "folder"):
-        raise SubmissionError(f"{entry.path} is a {kind}, expected files and folders only: remove it")
+        raise SubmissionError(
+            f"{entry.path} is a {kind}, expected files and folders only: remove it"
+        )
     if kind == "" and entry.name in FOLDERS:
         raise SubmissionError(
             f"{entry.path} is a file, and only a folder may have this name: remove it, or copy the submission without "

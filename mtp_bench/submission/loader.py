@@ -79,9 +79,18 @@ class Submission(Manifest):
         module = import_from(self.path, module_name, self.name)
         function = getattr(module, name, None)
         if not callable(function):
-            names = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
+            names = [
+                key
+                for key, value in vars(module).items()
+                if callable(value) and not key.startswith("_")
+            ]
             file = f"{self.path.name}/{module_name}.py"
-            raise UnknownNameError(f"function of {file}", name, names, f"the name behind ':' in agent of {MANIFEST}")
+            raise UnknownNameError(
+                f"function of {file}",
+                name,
+                names,
+                f"the name behind ':' in agent of {MANIFEST}",
+            )
         return function  # type: ignore[no-any-return]
 
 
@@ -94,7 +103,9 @@ class SubmissionFactory:
 
     def __call__(self, task: "Task") -> "Agent":
         """A new agent for ``task``."""
-        return load_submission(self.path).build(task, **deepcopy(self.parameters))  # an agent may change its own
+        return load_submission(self.path).build(
+            task, **deepcopy(self.parameters)
+        )  # an agent may change its own
 
 
 def load_submission(name: str | Path) -> Submission:
@@ -103,7 +114,9 @@ def load_submission(name: str | Path) -> Submission:
     Raises UnknownNameError for a name that no baseline has, SubmissionError for another path or a manifest's wrong key.
     """
     if not isinstance(name, (str, os.PathLike)):
-        raise SubmissionError(f"the submission is {name!r}, expected its folder or the name of a baseline")
+        raise SubmissionError(
+            f"the submission is {name!r}, expected its folder or the name of a baseline"
+        )
     path = _find(name)
     return Submission.model_construct(path=path, **dict(read_manifest(path)))
 
@@ -112,7 +125,11 @@ def load_submission(name: str | Path) -> Submission:
 def controls() -> dict[Role, str]:
     """Names of the shipped baselines that have a role in comparisons, by the role that their manifest states."""
     submissions = [load_submission(name) for name in baseline_names()]
-    return {each.compare.role: each.name for each in submissions if each.compare.role is not None}
+    return {
+        each.compare.role: each.name
+        for each in submissions
+        if each.compare.role is not None
+    }
 
 
 def _find(name: str | Path) -> Path:
@@ -123,14 +140,20 @@ def _find(name: str | Path) -> Path:
     if (path / MANIFEST).exists():
         return path.resolve()
     if "," in str(name):
-        raise SubmissionError(f"{str(name)!r} is not a submission: put blanks between agents, not commas")
+        raise SubmissionError(
+            f"{str(name)!r} is not a submission: put blanks between agents, not commas"
+        )
     if path.exists() or "/" in str(name) or os.sep in str(name):
-        raise SubmissionError(f"{name} is not a submission, expected a folder with {MANIFEST}")
+        raise SubmissionError(
+            f"{name} is not a submission, expected a folder with {MANIFEST}"
+        )
     hint = f"name a baseline, or a folder with {MANIFEST}"
     raise UnknownNameError("submission", str(name), baseline_names(), hint)
 
 
-def _check_parameters(name: str, function: Callable[..., Any], given: dict[str, Any]) -> None:
+def _check_parameters(
+    name: str, function: Callable[..., Any], given: dict[str, Any]
+) -> None:
     signature = list(inspect.signature(function).parameters.values())
     if not signature:
         raise SubmissionError(
@@ -139,13 +162,19 @@ def _check_parameters(name: str, function: Callable[..., Any], given: dict[str, 
     kinds = {parameter.kind for parameter in signature[1:]}
     if inspect.Parameter.VAR_KEYWORD in kinds:
         return
-    known = {each.name: each for each in signature[1:] if each.kind is not each.VAR_POSITIONAL}
+    known = {
+        each.name: each
+        for each in signature[1:]
+        if each.kind is not each.VAR_POSITIONAL
+    }
     hint = f"parameters stand in {MANIFEST} and behind the task in build"
     for key in given:
         require_known(f"parameter of {name}", key, known, hint)
     for key, parameter in known.items():
         if parameter.default is parameter.empty and key not in given:
-            raise SubmissionError(f"{name}: parameter {key!r} has no value; give one in {MANIFEST} under [parameters]")
+            raise SubmissionError(
+                f"{name}: parameter {key!r} has no value; give one in {MANIFEST} under [parameters]"
+            )
 
 
 class ObjectSubmission(Submission):
@@ -169,7 +198,12 @@ class ObjectSubmission(Submission):
             copied = cloudpickle.dumps(given)
         except Exception as error:  # whatever the object raises
             obstacle = " ".join(f"{type(error).__name__}: {error}".split())
-        own: dict[str, Any] = {"name": name or _name_of(given), "authors": (), "agent": _name_of(given), "path": Path()}
+        own: dict[str, Any] = {
+            "name": name or _name_of(given),
+            "authors": (),
+            "agent": _name_of(given),
+            "path": Path(),
+        }
         return cls.model_construct(**own, given=given, copied=copied, obstacle=obstacle)
 
     @cached_property
@@ -179,7 +213,9 @@ class ObjectSubmission(Submission):
 
     def factory(self, parameters: dict[str, Any]) -> "Callable[[Task], Agent]":
         """A function that makes agents of it; in other processes only if it can be copied."""
-        return partial(_make, self.name, self.copied, self.given if self.copied is None else None)
+        return partial(
+            _make, self.name, self.copied, self.given if self.copied is None else None
+        )
 
     def require_copy(self) -> None:
         """Raise MtpBenchError unless it can be sent to another process."""
@@ -197,7 +233,9 @@ class ObjectSubmission(Submission):
 
 def _make(name: str, copied: bytes | None, given: object, task: "Task") -> "Agent":
     given = given if copied is None else pickle.loads(copied)
-    return ObjectSubmission.model_construct(name=name, agent=name, given=given).build(task)
+    return ObjectSubmission.model_construct(name=name, agent=name, given=given).build(
+        task
+    )
 
 
 def submission_of(agent: object) -> Submission:
@@ -207,13 +245,17 @@ def submission_of(agent: object) -> Submission:
     if isinstance(agent, str | os.PathLike):
         return load_submission(Path(agent) if isinstance(agent, os.PathLike) else agent)
     if not _is_agent(agent) and not callable(agent):
-        raise MtpBenchError(f"agent is of type {type(agent).__name__}, expected {_EXPECTED}")
+        raise MtpBenchError(
+            f"agent is of type {type(agent).__name__}, expected {_EXPECTED}"
+        )
     return ObjectSubmission.of(agent)
 
 
 def missing_methods(agent: object) -> list[str]:
     """Names of the methods of an agent that an object lacks."""
-    return [name for name in ("reset", "act") if not callable(getattr(agent, name, None))]
+    return [
+        name for name in ("reset", "act") if not callable(getattr(agent, name, None))
+    ]
 
 
 def _is_agent(given: object) -> bool:
@@ -223,7 +265,11 @@ def _is_agent(given: object) -> bool:
 def _without_task(kind: type) -> Callable[..., Any]:
     """A class as a build function: it gets the task if its first parameter has no default."""
     first = next(iter(inspect.signature(kind).parameters.values()), None)
-    needs_task = first is not None and first.default is first.empty and first.kind is not first.VAR_KEYWORD
+    needs_task = (
+        first is not None
+        and first.default is first.empty
+        and first.kind is not first.VAR_KEYWORD
+    )
     return kind if needs_task else lambda task: kind()
 
 

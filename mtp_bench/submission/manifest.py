@@ -25,10 +25,21 @@ _NAME = re.compile(
 MOST_SETTINGS = 1000  # of a comparison
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 Role = Literal[
-    "ground_truth", "single", "several", "same_samples", "neighbours", "bends", "hedged", "associated",
-    "associated_same_samples", "standing", "blind",
-]  # fmt: skip
-NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and its training data
+    "ground_truth",
+    "single",
+    "several",
+    "same_samples",
+    "neighbours",
+    "bends",
+    "hedged",
+    "associated",
+    "associated_same_samples",
+    "standing",
+    "blind",
+]
+NetworkName = Annotated[
+    str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")
+]  # network and its training data
 
 
 def is_name(text: str) -> bool:
@@ -51,12 +62,20 @@ _Values = Annotated[tuple[Value, ...], _NOT_EMPTY]
 class CompareSection(Section):
     """Settings that a comparison runs, and the parameters that are counts."""
 
-    sweep: dict[str, _Values] = Field(default_factory=dict)  # parameter of the agent -> values to run it with
-    samples: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = ("equal",)  # k per object, or all drawn
+    sweep: dict[str, _Values] = Field(
+        default_factory=dict
+    )  # parameter of the agent -> values to run it with
+    samples: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = (
+        "equal",
+    )  # k per object, or all drawn
     # of the env; only "detections" is ranked, and "associated" is for baselines alone
     observe: Literal["detections", "truth", "associated", "tracks"] = "detections"
-    hypotheses: str | None = None  # parameter for the number H of hypotheses; None: as many as the agent states
-    draws: str | None = None  # parameter for how often k samples are drawn per hypothesis; None: once
+    hypotheses: str | None = (
+        None  # parameter for the number H of hypotheses; None: as many as the agent states
+    )
+    draws: str | None = (
+        None  # parameter for how often k samples are drawn per hypothesis; None: once
+    )
     # Parameters of the reference pair of its gap: a single-hypothesis pipeline, which takes ground-truth tracks if the
     # env observes the truth; "controls": the baselines with these roles have its predictor; None: not known
     gap_references: Literal["controls"] | dict[str, Value] | None = None
@@ -69,16 +88,28 @@ class Manifest(Section):
     """Content of ``submission.toml``."""
 
     name: SubmissionName
-    authors: Annotated[tuple[_Author, ...], Field(min_length=1, max_length=50, strict=False)]
-    agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]  # "module:function"
+    authors: Annotated[
+        tuple[_Author, ...], Field(min_length=1, max_length=50, strict=False)
+    ]
+    agent: Annotated[
+        str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")
+    ]  # "module:function"
     description: Annotated[str, Field(max_length=2000), _Shown] = ""
     source: _Url = ""  # of its code
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")] = ""  # of its code
     paper: _Url = ""  # that describes it
-    license: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .+()-]*$", max_length=100)] = ""  # as SPDX names it
-    training_data: Annotated[tuple[_Sentence, ...], Field(max_length=50, strict=False)] = ()
-    trained_on_scored: dict[str, _Sentence] = Field(default_factory=dict)  # env id -> parts trained on its scenes
-    networks: Annotated[tuple[NetworkName, ...], Field(max_length=50, strict=False)] = ()  # trained on this machine
+    license: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .+()-]*$", max_length=100)] = (
+        ""  # as SPDX names it
+    )
+    training_data: Annotated[
+        tuple[_Sentence, ...], Field(max_length=50, strict=False)
+    ] = ()
+    trained_on_scored: dict[str, _Sentence] = Field(
+        default_factory=dict
+    )  # env id -> parts trained on its scenes
+    networks: Annotated[
+        tuple[NetworkName, ...], Field(max_length=50, strict=False)
+    ] = ()  # trained on this machine
     parameters: dict[str, Value] = Field(default_factory=dict)
     compare: CompareSection = CompareSection()
 
@@ -86,7 +117,9 @@ class Manifest(Section):
 def read_manifest(folder: Path) -> Manifest:
     """The manifest of the submission in ``folder``; raises SubmissionError, naming the key that is wrong."""
     where = f"{folder.name}/{MANIFEST}"
-    manifest = validate(Manifest, read_toml(folder / MANIFEST, SubmissionError), where, SubmissionError)
+    manifest = validate(
+        Manifest, read_toml(folder / MANIFEST, SubmissionError), where, SubmissionError
+    )
     code = folder.joinpath(*manifest.agent.split(":")[0].split(".")).with_suffix(".py")
     if not code.is_file():
         expected = f"but there is no {code}"
@@ -107,4 +140,6 @@ def _check_compare(manifest: Manifest, where: str) -> None:
             )
     settings = math.prod(map(len, compare.sweep.values())) * len(compare.samples)
     if settings > MOST_SETTINGS:
-        raise SubmissionError(f"{where}: compare.sweep makes {settings} settings, expected at most {MOST_SETTINGS}")
+        raise SubmissionError(
+            f"{where}: compare.sweep makes {settings} settings, expected at most {MOST_SETTINGS}"
+        )

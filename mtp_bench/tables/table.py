@@ -27,7 +27,9 @@ class Column:
     optional: bool = False  # left out where no row has a value
     interval: bool = False  # values are pairs (low, high)
     key: str = ""
-    read: Callable[[Any], Value] | None = None  # value of a row; None: its attribute or item of the key
+    read: Callable[[Any], Value] | None = (
+        None  # value of a row; None: its attribute or item of the key
+    )
 
     @property
     def title(self) -> str:
@@ -43,7 +45,9 @@ class Column:
         """Value of one row; None where it is missing, also in rows that are older than the column."""
         if self.read is not None:
             return self.read(row)
-        return row.get(self.key) if isinstance(row, dict) else getattr(row, self.key, None)
+        return (
+            row.get(self.key) if isinstance(row, dict) else getattr(row, self.key, None)
+        )
 
     def text(self, value: Value) -> str:
         """A value as it is shown; a dash where it is missing."""
@@ -80,7 +84,12 @@ def columns_of(kind: type) -> tuple[Column, ...]:
         declared = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
         parts = [vars(part) for part in declared if isinstance(part, Column)]
         if parts:
-            given = {key: value for part in parts for key, value in part.items() if value != _DEFAULTS[key]}
+            given = {
+                key: value
+                for part in parts
+                for key, value in part.items()
+                if value != _DEFAULTS[key]
+            }
             columns.append(Column(**{"key": name, **given}))
     return tuple(columns)
 
@@ -134,7 +143,9 @@ class Table:
 
     def is_text(self, column: Column) -> bool:
         """Return True for a column of words, which is aligned left; a text with a unit holds numbers."""
-        return not column.unit and any(isinstance(column.value(row), str) for row in self.rows)
+        return not column.unit and any(
+            isinstance(column.value(row), str) for row in self.rows
+        )
 
     def cells(self, row: Any) -> list[str]:
         """Texts of one row, an interval in brackets behind its number."""
@@ -143,7 +154,10 @@ class Table:
     @property
     def records(self) -> list[dict[str, Value]]:
         """The rows as dictionaries, by the keys of all columns."""
-        return [{column.key: column.value(row) for column in self.columns} for row in self.rows]
+        return [
+            {column.key: column.value(row) for column in self.columns}
+            for row in self.rows
+        ]
 
 
 def cell_text(column: Column, interval: Column | None, row: Any) -> str:

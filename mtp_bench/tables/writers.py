@@ -13,12 +13,30 @@ from typing import Any
 from .table import SHARE, Column, Table, Value
 
 SUFFIXES = (".csv", ".json", ".md", ".tex")
-_FORMULA = ("=", "+", "-", "@", "'")  # first characters of a text that a spreadsheet would run
+_FORMULA = (
+    "=",
+    "+",
+    "-",
+    "@",
+    "'",
+)  # first characters of a text that a spreadsheet would run
 _LATEX = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
-    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "−": "$-$", "–": "--", "↑": r"$\uparrow$",
-    "↓": r"$\downarrow$", "\n": " ",
-}  # fmt: skip
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "−": "$-$",
+    "–": "--",
+    "↑": r"$\uparrow$",
+    "↓": r"$\downarrow$",
+    "\n": " ",
+}
 WIDTH = 80
 _HEADING = 10  # columns of a heading; longer ones are broken between words
 _LEAST = 8  # columns of a text that is folded
@@ -34,7 +52,9 @@ def tables_text(suffix: str, shown: Sequence[Table], data: Table) -> str:
     writers: dict[str, Callable[[], str]] = {
         ".csv": lambda: to_csv(data),
         ".json": lambda: to_json(data),
-        ".md": lambda: "\n".join(f"**{table.title}**\n\n{to_markdown(table)}" for table in shown),
+        ".md": lambda: "\n".join(
+            f"**{table.title}**\n\n{to_markdown(table)}" for table in shown
+        ),
         ".tex": lambda: "\n".join(map(to_latex, shown)),
     }
     return writers[suffix]()
@@ -51,7 +71,13 @@ def to_csv(table: Table) -> str:
         headings += [f"{column.key}{end}{unit}" for end in ends]
     writer.writerow(headings)
     for row in table.rows:
-        writer.writerow([cell for column in table.columns for cell in _csv_cells(column, column.value(row))])
+        writer.writerow(
+            [
+                cell
+                for column in table.columns
+                for cell in _csv_cells(column, column.value(row))
+            ]
+        )
     return text.getvalue()
 
 
@@ -67,7 +93,14 @@ def _csv_cells(column: Column, value: Value) -> Sequence[Value]:
 def to_json(table: Table) -> str:
     """JSON with title, sentence, columns and rows; null where a value is missing."""
     columns = [
-        {"key": c.key, "heading": c.title, "unit": c.unit, "better": c.better, "help": c.help} for c in table.columns
+        {
+            "key": c.key,
+            "heading": c.title,
+            "unit": c.unit,
+            "better": c.better,
+            "help": c.help,
+        }
+        for c in table.columns
     ]
     about = {key: getattr(table, key) for key in ("name", "title", "sentence")}
     content = {**about, "columns": columns, "rows": table.records}
@@ -140,8 +173,13 @@ def _heading(column: Column) -> str:
 
 def to_text(table: Table, width: int = WIDTH) -> str:
     """Plain text with the title above and the sentence below, both wrapped at ``width``; see `table_lines`."""
-    title, sentence = (textwrap.wrap(text, width) for text in (table.title, table.sentence))
-    return "\n".join([*title, *(line for _, line in table_lines(table, width)), *sentence]) + "\n"
+    title, sentence = (
+        textwrap.wrap(text, width) for text in (table.title, table.sentence)
+    )
+    return (
+        "\n".join([*title, *(line for _, line in table_lines(table, width)), *sentence])
+        + "\n"
+    )
 
 
 def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
@@ -159,16 +197,26 @@ def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
     left = [place == 0 or table.is_text(column) for place, column in enumerate(columns)]
     free = [place for place, text in enumerate(left) if text]
     _groups(columns, widths)  # their names may need more width than their columns
-    while sum(widths) + len(widths) - 1 > width and (wide := [place for place in free if widths[place] > _LEAST]):
-        widths[max(wide, key=lambda place: widths[place] - (_NAME if place == 0 else 0))] -= 1
+    while sum(widths) + len(widths) - 1 > width and (
+        wide := [place for place in free if widths[place] > _LEAST]
+    ):
+        widths[
+            max(wide, key=lambda place: widths[place] - (_NAME if place == 0 else 0))
+        ] -= 1
     for line in cells:
         for place in free:
-            line[place] = [part for text in line[place] for part in _folded(text, widths[place])]
+            line[place] = [
+                part for text in line[place] for part in _folded(text, widths[place])
+            ]
     widths[0] = _width([heads[0], *(line[0] for line in cells)])
     height = max(map(len, heads))
     heads = [[""] * (height - len(head)) + head for head in heads]
     groups = _groups(columns, widths)
-    for text in [*groups, *_block(heads, widths, left), "─" * (sum(widths) + len(widths) - 1)]:
+    for text in [
+        *groups,
+        *_block(heads, widths, left),
+        "─" * (sum(widths) + len(widths) - 1),
+    ]:
         yield None, text
     for row, line in zip(table.rows, cells, strict=True):
         yield from ((row, text) for text in _block(line, widths, left))
@@ -193,14 +241,23 @@ def _folded(text: str, width: int) -> Lines:
     """Lines of a text, broken before a blank, an underscore or a hyphen where that is possible."""
     lines = [""]
     for part in re.findall(r"[ _-]*[^ _-]*", text):
-        lines += [part] if lines[-1] and len(lines[-1] + part) > width else [lines.pop() + part]
+        lines += (
+            [part]
+            if lines[-1] and len(lines[-1] + part) > width
+            else [lines.pop() + part]
+        )
     return [piece for line in lines for piece in textwrap.wrap(line, width)] or [""]
 
 
-def _block(cells: Sequence[Lines], widths: Sequence[int], left: Sequence[bool]) -> Iterator[str]:
+def _block(
+    cells: Sequence[Lines], widths: Sequence[int], left: Sequence[bool]
+) -> Iterator[str]:
     for at in range(max(map(len, cells), default=0)):
         texts = [cell[at] if at < len(cell) else "" for cell in cells]
-        padded = [t.ljust(w) if first else t.rjust(w) for t, w, first in zip(texts, widths, left, strict=True)]
+        padded = [
+            t.ljust(w) if first else t.rjust(w)
+            for t, w, first in zip(texts, widths, left, strict=True)
+        ]
         yield " ".join(padded).rstrip()
 
 
@@ -209,7 +266,9 @@ def _groups(columns: Sequence[Column], widths: list[int]) -> Lines:
     parts, first = [], 0
     for name, members in groupby(columns, key=lambda column: column.group):
         last = first + len(list(members))
-        widths[last - 1] += max(0, len(name) - sum(widths[first:last]) - (last - first - 1))
+        widths[last - 1] += max(
+            0, len(name) - sum(widths[first:last]) - (last - first - 1)
+        )
         parts.append(name.center(sum(widths[first:last]) + last - first - 1))
         first = last
     return [" ".join(parts).rstrip()] if any(column.group for column in columns) else []
@@ -219,10 +278,19 @@ def to_html(table: Table) -> str:
     """An HTML table with the title as its caption and the sentence below; every text is escaped."""
     columns = [column for column, _ in table.pairs]
     groups = groupby(columns, key=lambda column: column.group)
-    above = "".join(f'<th colspan="{len(list(members))}">{escape(name)}</th>' for name, members in groups)
-    heads = "".join(f'<th title="{escape(column.help)}">{escape(column.title)}</th>' for column in columns)
+    above = "".join(
+        f'<th colspan="{len(list(members))}">{escape(name)}</th>'
+        for name, members in groups
+    )
+    heads = "".join(
+        f'<th title="{escape(column.help)}">{escape(column.title)}</th>'
+        for column in columns
+    )
     rows = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in table.cells(row)) + "</tr>\n" for row in table.rows
+        "<tr>"
+        + "".join(f"<td>{escape(cell)}</td>" for cell in table.cells(row))
+        + "</tr>\n"
+        for row in table.rows
     )
     grouped = f"<tr>{above}</tr>" if any(column.group for column in columns) else ""
     return (

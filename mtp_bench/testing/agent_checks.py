@@ -17,7 +17,9 @@ from .playing import AgentError, Finding, Suite, first_difference, play, play_ma
 
 Findings = Iterator[Finding]
 SCENES = 2  # checked unless scenes are named
-MOTION_TOLERANCE = 0.05  # of the score, for the rounding of forecasts and for draws along the axes
+MOTION_TOLERANCE = (
+    0.05  # of the score, for the rounding of forecasts and for draws along the axes
+)
 _SPACING = 6.0  # m between detections
 _SPEED = 2.0  # m/s along x
 _FULL = np.array([False, True, True, True, False, False, True])
@@ -45,7 +47,9 @@ def check_agent(
     for scene in chosen:
         require_known("scene", scene, env.scene_names)
     if not chosen:
-        raise MtpBenchError("no scene to check on: expected at least one name in scenes")
+        raise MtpBenchError(
+            "no scene to check on: expected at least one name in scenes"
+        )
     suite = Suite(make_agent, env_id, keywords, seed, env, chosen)
     findings: list[Finding] = []
     for name, check, passed in _CHECKS:
@@ -88,7 +92,9 @@ def _contract(suite: Suite) -> Findings:
     for kind, field in (("track", "track_id"), ("forecast", "object_class")):
         if not any(len(getattr(action, field)) for action in actions):
             expected = f"{kind}s of the detected objects"
-            yield Finding("warning", "", f"no sound {kind} in any frame", expected, suite.where)
+            yield Finding(
+                "warning", "", f"no sound {kind} in any frame", expected, suite.where
+            )
 
 
 def _deterministic(suite: Suite) -> Findings:
@@ -106,15 +112,30 @@ def _forgets(suite: Suite) -> Findings:
         play(agent, suite.env, scene, suite.seed)
     where = first_difference(suite.passes[0], play(agent, suite.env, first, suite.seed))
     if where and suite.deterministic:
-        got, expected = "after another scene the actions differ", "the actions of a new agent"
-        yield Finding("error", "", got, expected, where, "make everything that changes anew in reset")
+        got, expected = (
+            "after another scene the actions differ",
+            "the actions of a new agent",
+        )
+        yield Finding(
+            "error",
+            "",
+            got,
+            expected,
+            where,
+            "make everything that changes anew in reset",
+        )
 
 
 def _leaves_observations(suite: Suite) -> Findings:
     written = next((played.written for played in suite.passes if played.written), "")
     if written:
-        expected, advice = "an unchanged observation", "copy arrays before you change them"
-        yield Finding("warning", "", "writes into the observation", expected, written, advice)
+        expected, advice = (
+            "an unchanged observation",
+            "copy arrays before you change them",
+        )
+        yield Finding(
+            "warning", "", "writes into the observation", expected, written, advice
+        )
     where = first_difference(suite.passes[0], suite.play(scribble=True))
     if where and suite.deterministic:
         got = "actions change when an earlier observation is overwritten"
@@ -125,8 +146,12 @@ def _leaves_observations(suite: Suite) -> Findings:
 def _extremes(suite: Suite) -> Findings:
     """Play frames without detections and full of them."""
     task = agent_task(suite.env, suite.seed)
-    faulty = {name for name, _ in suite.problems}  # fields that were wrong in the first passes already
-    for (name, _), seen in play_made_up(suite.agent(), task, extreme_frames(task)).problems.items():
+    faulty = {
+        name for name, _ in suite.problems
+    }  # fields that were wrong in the first passes already
+    for (name, _), seen in play_made_up(
+        suite.agent(), task, extreme_frames(task)
+    ).problems.items():
         if name not in faulty:
             yield seen.finding()
 
@@ -144,7 +169,14 @@ def _unmoved(suite: Suite) -> Findings:
     if abs(moved - suite.score) > MOTION_TOLERANCE * max(moved, suite.score):
         got = f"the plain error is {moved:.3f} m with turned and shifted coordinates, {suite.score:.3f} m without"
         advice = "do not depend on the position of the scene or on the axes"
-        yield Finding("error", "", got, f"the same within {MOTION_TOLERANCE:.0%}", suite.where, advice)
+        yield Finding(
+            "error",
+            "",
+            got,
+            f"the same within {MOTION_TOLERANCE:.0%}",
+            suite.where,
+            advice,
+        )
 
 
 def _latency(suite: Suite) -> Findings:
@@ -160,7 +192,10 @@ def _latency(suite: Suite) -> Findings:
 def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
     """Pairs of description and observation: frames without detections (3 of 7), and with as many as fit."""
     frames, size = len(_FULL), task.detections
-    frame, column = np.repeat(np.flatnonzero(_FULL), size), np.tile(np.arange(size), int(_FULL.sum()))
+    frame, column = (
+        np.repeat(np.flatnonzero(_FULL), size),
+        np.tile(np.arange(size), int(_FULL.sum())),
+    )
     side = int(np.ceil(np.sqrt(size)))
     box = np.tile([0.0, 0, 0, 0, 4.0, 1.8, 1.5], (len(column), 1))
     box[:, 0] = _SPACING * (column % side) + _SPEED * frame * task.dt
@@ -179,10 +214,14 @@ def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
         dropped=np.zeros(frames, dtype=np.int64),
     )
     words = {True: "as many detections as fit", False: "no detections"}
-    return [(f"frame {t} ({words[bool(_FULL[t])]})", feed.observe(t)) for t in range(frames)]
+    return [
+        (f"frame {t} ({words[bool(_FULL[t])]})", feed.observe(t)) for t in range(frames)
+    ]
 
 
-_CHECKS: tuple[tuple[str, Callable[[Suite], Findings], str], ...] = (  # name, check, text shown if it finds nothing
+_CHECKS: tuple[
+    tuple[str, Callable[[Suite], Findings], str], ...
+] = (  # name, check, text shown if it finds nothing
     ("build", _builds, "builds an agent"),
     ("contract", _contract, "every row of every action is sound"),
     ("determinism", _deterministic, "same seed, same actions"),

@@ -31,7 +31,12 @@ def check_card(path: str | Path, data: str | None = None) -> list[Finding]:
     except DataError as error:
         status = describe(card, data)
         if status.root is not None and not status.missing:
-            return [*findings, Finding("error", "data", str(error), "data that can be read", str(path))]
+            return [
+                *findings,
+                Finding(
+                    "error", "data", str(error), "data that can be read", str(path)
+                ),
+            ]
         got = "the env was not checked: its data is missing"
         return [*findings, Finding("warning", "data", got, "", str(path), str(error))]
     except MtpBenchError as error:
@@ -48,9 +53,22 @@ def _gymnasium(env: MTPEnv) -> list[Finding]:
         warnings.simplefilter("always")
         try:
             check_env(untyped, skip_render_check=True)
-        except Exception as error:  # the checker asserts, and raises what the env raises
-            return [Finding("error", "gymnasium", f"{type(error).__name__}: {error}", "a sound env", where)]
-    found = [Finding("warning", "gymnasium", str(item.message), "no warning", where) for item in caught]
+        except (
+            Exception
+        ) as error:  # the checker asserts, and raises what the env raises
+            return [
+                Finding(
+                    "error",
+                    "gymnasium",
+                    f"{type(error).__name__}: {error}",
+                    "a sound env",
+                    where,
+                )
+            ]
+    found = [
+        Finding("warning", "gymnasium", str(item.message), "no warning", where)
+        for item in caught
+    ]
     return found or [Finding("ok", "gymnasium", "Gymnasium's checker passes")]
 
 
@@ -62,12 +80,41 @@ def _content(env: MTPEnv) -> list[Finding]:
     found: list[Finding] = []
     most = int(scene.detections.counts.max(initial=0))
     if most > card.size.detections:
-        got, advice = f"{most} detections in a frame", "raise detections in [size]: the lowest scores are dropped"
-        found.append(Finding("warning", "sizes", got, f"at most {card.size.detections}", where, advice))
+        got, advice = (
+            f"{most} detections in a frame",
+            "raise detections in [size]: the lowest scores are dropped",
+        )
+        found.append(
+            Finding(
+                "warning",
+                "sizes",
+                got,
+                f"at most {card.size.detections}",
+                where,
+                advice,
+            )
+        )
     if not most:
-        found.append(Finding("warning", "detections", "0 in this scene", "at least 1", where))
+        found.append(
+            Finding("warning", "detections", "0 in this scene", "at least 1", where)
+        )
     targets = len(find_targets(scene, card).frame)
     if not targets:
         advice = "compare past and future in [task] with the length of the scenes"
-        found.append(Finding("warning", "targets", "0 in this scene", "objects to forecast", where, advice))
-    return found or [Finding("ok", "content", f"{scene.frames} frames, {targets} targets, at most {most} detections")]
+        found.append(
+            Finding(
+                "warning",
+                "targets",
+                "0 in this scene",
+                "objects to forecast",
+                where,
+                advice,
+            )
+        )
+    return found or [
+        Finding(
+            "ok",
+            "content",
+            f"{scene.frames} frames, {targets} targets, at most {most} detections",
+        )
+    ]

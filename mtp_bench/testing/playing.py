@@ -19,7 +19,9 @@ from ..errors import MtpBenchError, describe_problem
 from ..running.run import MakeAgent, agent_task, derived_seed
 from ..types import Observation, Task
 
-Steps = Generator[tuple[str, Observation] | None, Any, None]  # yields (description, observation), receives the action
+Steps = Generator[
+    tuple[str, Observation] | None, Any, None
+]  # yields (description, observation), receives the action
 Level = Literal["ok", "warning", "error"]
 
 _OWN = Path(__file__).resolve().parent  # frames of these files are not the agent's
@@ -38,7 +40,9 @@ class Finding:
     expected: str = ""
     where: str = ""  # scene, frame, field
     advice: str = ""
-    traceback: tuple[str, ...] = ()  # the last calls, innermost last: 'agent.py, line 12, in act: x = 1 / 0'
+    traceback: tuple[
+        str, ...
+    ] = ()  # the last calls, innermost last: 'agent.py, line 12, in act: x = 1 / 0'
 
     def __str__(self) -> str:
         return f"{self.check}: {describe_problem(self.got, self.expected, self.where, self.advice)}"
@@ -66,8 +70,14 @@ def failure(error: BaseException, where: str, expected: str) -> AgentError:
     lines = []
     for frame in traceback.extract_tb(root.__traceback__):
         path = Path(frame.filename).resolve()
-        if not (frame.filename.startswith("<frozen") or path in _LOADERS or path.parent == _OWN):
-            lines.append(f"{path.name}, line {frame.lineno}, in {frame.name}: {frame.line}")
+        if not (
+            frame.filename.startswith("<frozen")
+            or path in _LOADERS
+            or path.parent == _OWN
+        ):
+            lines.append(
+                f"{path.name}, line {frame.lineno}, in {frame.name}: {frame.line}"
+            )
     advice, last = "see the lines of its code" if lines else "", tuple(lines[-_LINES:])
     return AgentError(Finding("error", "", text, expected, where, advice, last))
 
@@ -86,7 +96,11 @@ class ProblemCount:
         problem = self.problem
         rows = f", {self.rows} rows" if problem.kind and self.rows > 1 else ""
         got = f"{problem.field}: {problem.reason} in {self.frames} frame{'s' * (self.frames > 1)}{rows}"
-        advice = f"the env takes such {problem.kind} out: they count as missing" if problem.kind else problem.advice
+        advice = (
+            f"the env takes such {problem.kind} out: they count as missing"
+            if problem.kind
+            else problem.advice
+        )
         return Finding(problem.level, "", got, problem.expected, self.where, advice)
 
 
@@ -98,24 +112,43 @@ class Played:
     """Actions of an agent in one pass, their problems and times."""
 
     where: str
-    actions: list[RecordedAction] = field(default_factory=list)  # in the frame of the observations
+    actions: list[RecordedAction] = field(
+        default_factory=list
+    )  # in the frame of the observations
     seconds: list[float] = field(default_factory=list)
     problems: ProblemCounts = field(default_factory=dict)
     written: str = ""  # first observation that it wrote into; empty: none
 
 
-def play(agent: Agent, env: MTPEnv, scene: str, seed: int, scribble: bool = False, turn: int = 0) -> Played:
+def play(
+    agent: Agent,
+    env: MTPEnv,
+    scene: str,
+    seed: int,
+    scribble: bool = False,
+    turn: int = 0,
+) -> Played:
     """Run the agent on a ``scene`` of ``env``; raises AgentError.
 
     ``seed``: of the run, from which those of env and agent are derived. ``scribble``: overwrite every observation after
     the action, as an env with buffers would do. ``turn``: number of the rigid motion, in an env with rigid motions.
     """
     place = "" if turn == 0 else f"|{turn}"
-    first, _ = env.reset(seed=derived_seed(seed, scene + place, "env"), options={"scene": scene})
-    return _play(agent, agent_task(env, seed, scene), _episode(env, first), f"scene {scene}", scribble)
+    first, _ = env.reset(
+        seed=derived_seed(seed, scene + place, "env"), options={"scene": scene}
+    )
+    return _play(
+        agent,
+        agent_task(env, seed, scene),
+        _episode(env, first),
+        f"scene {scene}",
+        scribble,
+    )
 
 
-def play_made_up(agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]) -> Played:
+def play_made_up(
+    agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]
+) -> Played:
     """Run the agent on observations made up for a check, each with its description; raises AgentError."""
     steps = (step for step in [*frames, None])
     return _play(agent, task, steps, "made-up scene", scribble=False)
@@ -127,7 +160,11 @@ def first_difference(a: Played, b: Played) -> str:
         for name, value in vars(x).items():
             if not np.array_equal(value, getattr(y, name), equal_nan=True):
                 return f"{a.where}, frame {number}, {name}"
-    return "" if len(a.actions) == len(b.actions) else f"{a.where}, frame {min(len(a.actions), len(b.actions))}"
+    return (
+        ""
+        if len(a.actions) == len(b.actions)
+        else f"{a.where}, frame {min(len(a.actions), len(b.actions))}"
+    )
 
 
 def _episode(env: MTPEnv, observation: Observation) -> Steps:
@@ -157,12 +194,21 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
         except (Exception, SystemExit) as error:
             raise failure(error, place, "an action") from error
         _note_action(played, action, task, place)
-        changed = [name for name, array in before.items() if not _same(array, observation.get(name))]
+        changed = [
+            name
+            for name, array in before.items()
+            if not _same(array, observation.get(name))
+        ]
         if changed and not played.written:
             played.written = f"{place}, {changed[0]}"
         if scribble:
-            if isinstance(action, Mapping):  # its arrays may be those of the observation
-                action = {k: value.copy() if isinstance(value, np.ndarray) else value for k, value in action.items()}
+            if isinstance(
+                action, Mapping
+            ):  # its arrays may be those of the observation
+                action = {
+                    k: value.copy() if isinstance(value, np.ndarray) else value
+                    for k, value in action.items()
+                }
             for array in shown.values():
                 if array.flags.writeable:  # an agent may have made it read-only
                     array[...] = 1
@@ -176,13 +222,17 @@ def _note_action(played: Played, action: object, task: Task, place: str) -> None
     played.actions.append(record_action(examined, task))
     for problem in examined.problems:
         where = f"{place}, {problem.example}" if problem.example else place
-        seen = played.problems.setdefault((problem.field, problem.reason), ProblemCount(problem, where))
+        seen = played.problems.setdefault(
+            (problem.field, problem.reason), ProblemCount(problem, where)
+        )
         seen.rows += problem.rows
         seen.frames += 1
 
 
 def _same(array: NDArray[Any], other: object) -> bool:
-    return isinstance(other, np.ndarray) and np.array_equal(array, other, equal_nan=array.dtype.kind == "f")
+    return isinstance(other, np.ndarray) and np.array_equal(
+        array, other, equal_nan=array.dtype.kind == "f"
+    )
 
 
 @dataclass
@@ -209,7 +259,9 @@ class Suite:
         """Problems of the first passes, each where it first occurred."""
         first: ProblemCounts = {}
         for played in self.passes:
-            first |= {key: seen for key, seen in played.problems.items() if key not in first}
+            first |= {
+                key: seen for key, seen in played.problems.items() if key not in first
+            }
         return first
 
     def agent(self, env: MTPEnv | None = None) -> Agent:

@@ -21,13 +21,17 @@ class TrackReport(NamedTuple):
     class_id: int
     score: float  # used until the track takes a detection
     detection: int  # row of the observation, -1 for none
-    measured: Floats  # [7] box of the detection taken; of a track that took none, its own
+    measured: (
+        Floats  # [7] box of the detection taken; of a track that took none, its own
+    )
 
 
 @dataclass
 class _History:
     first: int  # frame in which it was first reported
-    reports: deque[tuple[int, int, Floats]]  # frame, detection, measured box; the last P
+    reports: deque[
+        tuple[int, int, Floats]
+    ]  # frame, detection, measured box; the last P
     hits: int = 0
     scores: float = 0.0  # sum over the detections that it took
     last_score: float = 0.0
@@ -54,7 +58,9 @@ class Histories:
         """Tracks of one hypothesis after the next frame; ``detection_score`` [D] of all rows of its observation."""
         self._frame += 1
         for report in reports:
-            history = self._by_id.setdefault(report.id, _History(self._frame, deque(maxlen=self._past)))
+            history = self._by_id.setdefault(
+                report.id, _History(self._frame, deque(maxlen=self._past))
+            )
             history.append(self._frame, report, detection_score)
         histories = [self._by_id[report.id] for report in reports]
         past, taken = self._window(histories)
@@ -62,14 +68,23 @@ class Histories:
             np.array([report.id for report in reports], dtype=np.int64),
             np.array([report.box for report in reports]).reshape(-1, 7),
             np.array([report.class_id for report in reports], dtype=np.int64),
-            score=np.array([one.scores / one.hits if one.hits else one.last_score for one in histories]),
-            detection=np.array([report.detection for report in reports], dtype=np.int64),
+            score=np.array(
+                [
+                    one.scores / one.hits if one.hits else one.last_score
+                    for one in histories
+                ]
+            ),
+            detection=np.array(
+                [report.detection for report in reports], dtype=np.int64
+            ),
             past=past,
             past_valid=taken >= 0,
             parent=np.zeros(1, dtype=np.int64),
             last_score=np.array([one.last_score for one in histories]),
             hits=np.array([max(one.hits, 1) for one in histories], dtype=np.int64),
-            age=np.array([self._frame - one.first + 1 for one in histories], dtype=np.int64),
+            age=np.array(
+                [self._frame - one.first + 1 for one in histories], dtype=np.int64
+            ),
             past_detection=taken,
         )
 
@@ -80,7 +95,10 @@ class Histories:
         track counts as unborn, also if there was a report earlier: the way from there is unknown.
         """
         length = self._past
-        past, taken = np.zeros((len(histories), length, 7)), np.full((len(histories), length), UNBORN)
+        past, taken = (
+            np.zeros((len(histories), length, 7)),
+            np.full((len(histories), length), UNBORN),
+        )
         reported = np.zeros(taken.shape, dtype=bool)
         for i, history in enumerate(histories):
             for frame, row, box in history.reports:
@@ -98,7 +116,9 @@ def bridged(past: Floats, valid: Bools) -> Floats:
     length = valid.shape[1]
     frame = np.arange(length)
     before = np.maximum.accumulate(np.where(valid, frame, -1), axis=1)
-    after = np.minimum.accumulate(np.where(valid, frame, length)[:, ::-1], axis=1)[:, ::-1]
+    after = np.minimum.accumulate(np.where(valid, frame, length)[:, ::-1], axis=1)[
+        :, ::-1
+    ]
     row, gap = np.nonzero((before >= 0) & (after < length) & ~valid)
     low, high = before[row, gap], after[row, gap]
     share = ((gap - low) / (high - low))[:, None]
@@ -127,10 +147,15 @@ class GivenTracker:
         if self._task.after_hole(observation):
             self._histories = Histories(self._task.past)
         rows = np.flatnonzero(observation["detection_valid"])
-        ids, class_id = (observation[f"detection_{name}"].tolist() for name in ("id", "class"))
+        ids, class_id = (
+            observation[f"detection_{name}"].tolist() for name in ("id", "class")
+        )
         box = observation["detection_box"].astype(np.float64)
         score = observation["detection_score"].astype(np.float64)
-        reports = [TrackReport(ids[i], box[i], class_id[i], float(score[i]), i, box[i]) for i in rows.tolist()]
+        reports = [
+            TrackReport(ids[i], box[i], class_id[i], float(score[i]), i, box[i])
+            for i in rows.tolist()
+        ]
         return self._histories.after(reports, score)
 
 
@@ -140,7 +165,9 @@ class TruthTracker:
     def reset(self, task: Task) -> None:
         """Forget everything."""
         if task.observe != "truth":
-            raise SubmissionError(f'TruthTracker needs an env made with observe="truth", got observe={task.observe!r}')
+            raise SubmissionError(
+                f'TruthTracker needs an env made with observe="truth", got observe={task.observe!r}'
+            )
         self._task = task
         self._frames: deque[tuple[Ints, Floats]] = deque(maxlen=task.past)
 
@@ -159,7 +186,9 @@ class TruthTracker:
             mine, then = np.nonzero(ids[:, None] == then_ids[None, :])
             past[mine, length - 1 - back] = then_box[then]
             taken[mine, length - 1 - back] = then
-        taken[(np.maximum.accumulate(taken, axis=1) >= 0) & (taken < 0)] = -1  # hidden for a while
+        taken[
+            (np.maximum.accumulate(taken, axis=1) >= 0) & (taken < 0)
+        ] = -1  # hidden for a while
         return Tracks.of_one_hypothesis(
             ids,
             box,
@@ -188,9 +217,13 @@ class GivenIdentities:
         """Take the objects [D] of the detections of the next frame; none of them occurs twice."""
         self._detection = detection_id
 
-    def free_pairs(self, indptr: Ints, column: Ints, gain: Floats) -> tuple[Ints, Ints, Floats]:
+    def free_pairs(
+        self, indptr: Ints, column: Ints, gain: Floats
+    ) -> tuple[Ints, Ints, Floats]:
         """The pairs of tracks and detections that are both without an object; arguments as of `sparse_gains`."""
-        free = (np.repeat(self._track, np.diff(indptr)) < 0) & (self._detection[column] < 0)
+        free = (np.repeat(self._track, np.diff(indptr)) < 0) & (
+            self._detection[column] < 0
+        )
         return np.append(0, np.cumsum(free))[indptr], column[free], gain[free]
 
     def assign(self, column: Ints) -> Ints:

@@ -35,14 +35,19 @@ class BirdsEye:
 
     def __post_init__(self) -> None:
         if not 0 < self.scale < np.inf:
-            raise ShapeError(f"scale is {self.scale}, expected pixels per metre, a number above 0")
+            raise ShapeError(
+                f"scale is {self.scale}, expected pixels per metre, a number above 0"
+            )
         if not 0 <= self.padding < np.inf:
             raise ShapeError(f"padding is {self.padding}, expected metres, 0 or more")
 
     def rectangles(self, box: Floats) -> Floats:
         """The rectangles [D, 4] x1 y1 x2 y2, pixels, around boxes [D, 7] x y z yaw l w h, metres."""
         corners = bev_corners(np.asarray(box, dtype=np.float64))
-        low, high = corners.min(axis=-2) - self.padding, corners.max(axis=-2) + self.padding
+        low, high = (
+            corners.min(axis=-2) - self.padding,
+            corners.max(axis=-2) + self.padding,
+        )
         return self.scale * np.concatenate([low, high], axis=-1)
 
     def centres(self, rectangle: Floats) -> Floats:
@@ -55,7 +60,9 @@ class OnlineDetections:
     """The detections of a frame, as an online tracker is given them."""
 
     box: Floats  # [D, 7] x y z yaw l w h, metres and radians
-    rectangle: Floats  # [D, 4] x1 y1 x2 y2 around the box, pixels of the adapter's `BirdsEye`
+    rectangle: (
+        Floats  # [D, 4] x1 y1 x2 y2 around the box, pixels of the adapter's `BirdsEye`
+    )
     class_id: Ints  # [D] index into task.classes
     score: Floats  # [D] as the detector gives it, a logit may be negative
     velocity: Floats  # [D, 2] m/s; zeros where it is not measured
@@ -113,16 +120,33 @@ class OnlineTracker:
     Raises SubmissionError for what cannot be updated, and ShapeError, naming frame and row, for a wrong answer.
     """
 
-    def __init__(self, make: Make, per_class: bool = False, view: BirdsEye | None = None, gate: float = 2.0) -> None:
+    def __init__(
+        self,
+        make: Make,
+        per_class: bool = False,
+        view: BirdsEye | None = None,
+        gate: float = 2.0,
+    ) -> None:
         if not 0 < gate < np.inf:
-            raise ShapeError(f"gate is {gate}, expected metres, a finite number above 0")
-        self._make, self._per_class, self._view, self._gate = make, per_class, view or BirdsEye(), gate
+            raise ShapeError(
+                f"gate is {gate}, expected metres, a finite number above 0"
+            )
+        self._make, self._per_class, self._view, self._gate = (
+            make,
+            per_class,
+            view or BirdsEye(),
+            gate,
+        )
 
     def reset(self, task: Task) -> None:
         """Forget everything, and make new trackers."""
-        self._groups: list[int | None] = list(range(len(task.classes))) if self._per_class else [None]
+        self._groups: list[int | None] = (
+            list(range(len(task.classes))) if self._per_class else [None]
+        )
         self._frame, self._piece, self._task = -1, 0, task
-        self._number: dict[tuple[Hashable, int], int] = {}  # identity of an id (and its tracker) in a class
+        self._number: dict[
+            tuple[Hashable, int], int
+        ] = {}  # identity of an id (and its tracker) in a class
         self._begin()
 
     def _begin(self) -> None:
@@ -141,7 +165,11 @@ class OnlineTracker:
         seen = self._seen(observation, rows)
         reports: list[TrackReport] = []
         for group, update in zip(self._groups, self._updates, strict=True):
-            mine = np.ones(len(seen), dtype=bool) if group is None else seen.class_id == group
+            mine = (
+                np.ones(len(seen), dtype=bool)
+                if group is None
+                else seen.class_id == group
+            )
             answer = read_rows(update(seen.select(mine)), int(mine.sum()), self._frame)
             reports += self._reports(answer, seen.select(mine), rows[mine], group)
         return self._histories.after(reports, observation["detection_score"])
@@ -159,11 +187,17 @@ class OnlineTracker:
         )
 
     def _reports(
-        self, answer: list[TrackRow], seen: OnlineDetections, row: Ints, group: int | None
+        self,
+        answer: list[TrackRow],
+        seen: OnlineDetections,
+        row: Ints,
+        group: int | None,
     ) -> list[TrackReport]:
         """Rows of one tracker with their classes; ``row`` [D]: its detections in the observation."""
         reports = []
-        for track, taken in zip(answer, self._taken(answer, seen, group).tolist(), strict=True):
+        for track, taken in zip(
+            answer, self._taken(answer, seen, group).tolist(), strict=True
+        ):
             key = (self._piece, group, track.id)
             if taken >= 0:
                 class_id, measured = int(seen.class_id[taken]), seen.box[taken]
@@ -177,21 +211,37 @@ class OnlineTracker:
             self._last[key] = class_id, box
             number = self._number.setdefault((key, class_id), len(self._number))
             detection = int(row[taken]) if taken >= 0 else -1
-            reports.append(TrackReport(number, box, class_id, track.score, detection, measured))
+            reports.append(
+                TrackReport(number, box, class_id, track.score, detection, measured)
+            )
         return reports
 
-    def _taken(self, answer: list[TrackRow], seen: OnlineDetections, group: int | None) -> Ints:
+    def _taken(
+        self, answer: list[TrackRow], seen: OnlineDetections, group: int | None
+    ) -> Ints:
         """The detection that each row took, -1 for none: the stated one, else the nearest free one, one to one."""
-        taken = np.array([-1 if row.detection is None else row.detection for row in answer], dtype=np.int64)
+        taken = np.array(
+            [-1 if row.detection is None else row.detection for row in answer],
+            dtype=np.int64,
+        )
         free = np.setdiff1d(np.arange(len(seen)), taken)
-        unstated = np.array([i for i, row in enumerate(answer) if row.detection is None], dtype=np.int64)
+        unstated = np.array(
+            [i for i, row in enumerate(answer) if row.detection is None], dtype=np.int64
+        )
         if not len(free) or not len(unstated):
             return taken
         centre = np.array([self._centre(answer[i].box) for i in unstated])
         distance = np.linalg.norm(centre[:, None] - seen.box[None, free, :2], axis=-1)
-        known = [self._last.get((self._piece, group, answer[i].id), (-1,))[0] for i in unstated]
-        other_class = np.array([[k not in (-1, c) for c in seen.class_id[free].tolist()] for k in known])
-        cost = distance + self._gate * other_class - 3 * self._gate  # its own class first
+        known = [
+            self._last.get((self._piece, group, answer[i].id), (-1,))[0]
+            for i in unstated
+        ]
+        other_class = np.array(
+            [[k not in (-1, c) for c in seen.class_id[free].tolist()] for k in known]
+        )
+        cost = (
+            distance + self._gate * other_class - 3 * self._gate
+        )  # its own class first
         column = k_best(np.where(distance <= self._gate, cost, np.inf), 1)[1][0]
         taken[unstated] = np.append(free, -1)[column]
         return taken
@@ -220,10 +270,15 @@ def read_rows(answer: Any, detections: int, frame: int) -> list[TrackRow]:
     where = f"frame {frame}: the tracker gave"
     if not isinstance(answer, Iterable) or isinstance(answer, str | bytes):
         raise ShapeError(f"{where} {_short(answer)}, expected a list of {FORM}")
-    rows = [_row(row, detections, f"{where} {_short(row)} as row {place}:") for place, row in enumerate(answer)]
+    rows = [
+        _row(row, detections, f"{where} {_short(row)} as row {place}:")
+        for place, row in enumerate(answer)
+    ]
     for name, count in Counter(row.id for row in rows).items():
         if count > 1:
-            raise ShapeError(f"{where} id {name!r} twice, expected each id once; leave out what has no id yet")
+            raise ShapeError(
+                f"{where} id {name!r} twice, expected each id once; leave out what has no id yet"
+            )
     for taken, count in Counter(row.detection for row in rows).items():
         if count > 1 and taken not in (None, -1):
             raise ShapeError(f"{where} detection {taken} to two tracks, expected one")
@@ -237,16 +292,23 @@ def _row(row: Any, detections: int, where: str) -> TrackRow:
         track = TrackRow(name, box, float(score), *(rest or [None]))
         hash(name)
     except (TypeError, ValueError):
-        raise ShapeError(f"{where} expected {FORM}: a number or a text, 7 numbers or 4, a number, a row") from None
+        raise ShapeError(
+            f"{where} expected {FORM}: a number or a text, 7 numbers or 4, a number, a row"
+        ) from None
     taken, sizes = track.detection, box[4:]
-    known = not rest or (isinstance(taken, int | np.integer) and not isinstance(taken, bool))
+    known = not rest or (
+        isinstance(taken, int | np.integer) and not isinstance(taken, bool)
+    )
     wrong = {
-        f"the id is {name}, expected a number or a text; leave out what has no id yet": name is None
+        f"the id is {name}, expected a number or a text; leave out what has no id yet": name
+        is None
         or (isinstance(name, float) and np.isnan(name)),
         f"the box is {box.tolist()}, expected {_BOX}": len(box) not in (4, 7)
         or not np.isfinite(box).all()
         or not (sizes > 0).all(),
-        f"the score is {track.score}, expected a finite number": not np.isfinite(track.score),
+        f"the score is {track.score}, expected a finite number": not np.isfinite(
+            track.score
+        ),
         f"the detection is {_short(taken)}, expected -1 or one of the {detections} rows of the detections": not known
         or not -1 <= (taken if taken is not None else -1) < detections,
     }

@@ -56,26 +56,40 @@ def recommended_parameters(task: Task) -> tuple[ClassParameters, ...]:
     return _of_classes(table, task.classes, f"[tracker] of {task.env_id}")
 
 
-def detector_parameters(detector: str, classes: Sequence[str]) -> tuple[ClassParameters, ...]:
+def detector_parameters(
+    detector: str, classes: Sequence[str]
+) -> tuple[ClassParameters, ...]:
     """Parameters of each class for a detector or a variant of it; raises as `recommended_parameters`."""
     table = _tracker_table(family_of(detector))
     if not table:
         known = [name for name in detector_names() if _tracker_table(name)]
-        raise UnknownNameError("detector", detector, known, "pass `parameters`, or give the card a [tracker] table")
+        raise UnknownNameError(
+            "detector",
+            detector,
+            known,
+            "pass `parameters`, or give the card a [tracker] table",
+        )
     return _of_classes(table, classes, f"detector {detector!r}")
 
 
 def score_thresholds(task: Task) -> dict[str, float]:
     """The least detection score per class for the task's detector; classes without a threshold are missing."""
     content = read_detector(family_of(task.detector)) or {}
-    return {name: least for name, least in content.get("min_detection_score", {}).items() if name in task.classes}
+    return {
+        name: least
+        for name, least in content.get("min_detection_score", {}).items()
+        if name in task.classes
+    }
 
 
 def _tracker_table(name: str) -> dict[str, ClassParameters]:
     """Parameters by class in the file of a detector, on top of those of ``tracker_like``; empty without any."""
     content = read_detector(name) or {}
     like = _tracker_table(content["tracker_like"]) if "tracker_like" in content else {}
-    return like | {class_name: ClassParameters(**row) for class_name, row in content.get("tracker", {}).items()}
+    return like | {
+        class_name: ClassParameters(**row)
+        for class_name, row in content.get("tracker", {}).items()
+    }
 
 
 def _of_classes(
@@ -85,6 +99,8 @@ def _of_classes(
     for name in classes:
         similar = similar_class(name, table)
         if similar is None:
-            raise UnknownNameError(f"class for {where}", name, table, "pass `parameters` for your own")
+            raise UnknownNameError(
+                f"class for {where}", name, table, "pass `parameters` for your own"
+            )
         parameters.append(table[similar])
     return tuple(parameters)

@@ -10,7 +10,16 @@ import numpy as np
 
 from ..types import NO_ROWS, Floats, Ints
 from .kernels.motion_kernels import STATE, predict, update_pairs
-from .kernels.tree_kernels import AGE, CLASS, HITS, ID, descend, distinct_rows, grow, histories
+from .kernels.tree_kernels import (
+    AGE,
+    CLASS,
+    HITS,
+    ID,
+    descend,
+    distinct_rows,
+    grow,
+    histories,
+)
 
 
 class Seen(NamedTuple):
@@ -39,9 +48,14 @@ class HypothesisTree:
         self.detection = NO_ROWS  # taken in the last frame, -1: none
         self.before = NO_ROWS  # [N] the leaf of the frame before, -1 at birth
         self.member = np.ones((1, 0), dtype=bool)  # [H, N]
-        self._name: Ints = np.zeros(1, dtype=np.int64)  # [H] equal for hypotheses that hold the same leaves
+        self._name: Ints = np.zeros(
+            1, dtype=np.int64
+        )  # [H] equal for hypotheses that hold the same leaves
         self.next_id = next_id
-        self._last, self._filled = -1, 0  # place of the last layer in the rings, and layers in them
+        self._last, self._filled = (
+            -1,
+            0,
+        )  # place of the last layer in the rings, and layers in them
         self._measured = np.zeros((past, 0, 7))
         self._detections = np.zeros((past, 0), dtype=np.int64)
         self._parents = np.zeros((past, 0), dtype=np.int64)
@@ -50,13 +64,19 @@ class HypothesisTree:
         """Take ``state`` [N, STATE], see motion_kernels, and ``memory`` [4, N], see tree_kernels, of all leaves."""
         self.state, self._memory = state, memory
         self.box = state[:, :7]
-        self.class_id, self.track_id, self.hits = memory[CLASS], memory[ID], memory[HITS]  # [N], detections taken
+        self.class_id, self.track_id, self.hits = (
+            memory[CLASS],
+            memory[ID],
+            memory[HITS],
+        )  # [N], detections taken
 
     def predict(self) -> None:
         """Move all leaves one frame on."""
         predict(self.state)
 
-    def grow(self, column: Ints, parent: Ints, seen: Seen, max_age: Ints, dt: float) -> None:
+    def grow(
+        self, column: Ints, parent: Ints, seen: Seen, max_age: Ints, dt: float
+    ) -> None:
         """Replace the leaves by those of the new hypotheses.
 
         ``column`` [K, N]: the detection that each leaf takes in each new hypothesis, -1 for none; ``parent`` [K]: the
@@ -67,10 +87,31 @@ class HypothesisTree:
             column, parent, self.member, self._memory[AGE], max_age, len(seen.box)
         )
         n, layer = len(leaf), self._new_layer(len(leaf))
-        state, memory, score = np.empty((n, STATE)), np.empty((4, n), dtype=np.int64), np.empty(n)
-        update_pairs(self.state, leaf, detection, seen.box, seen.velocity, dt, state, self._measured[layer])
+        state, memory, score = (
+            np.empty((n, STATE)),
+            np.empty((4, n), dtype=np.int64),
+            np.empty(n),
+        )
+        update_pairs(
+            self.state,
+            leaf,
+            detection,
+            seen.box,
+            seen.velocity,
+            dt,
+            state,
+            self._measured[layer],
+        )
         self.next_id = descend(
-            leaf, detection, self._memory, self.score, seen.class_id, seen.score, self.next_id, memory, score
+            leaf,
+            detection,
+            self._memory,
+            self.score,
+            seen.class_id,
+            seen.score,
+            self.next_id,
+            memory,
+            score,
         )
         old, taken = leaf >= 0, detection >= 0
         age, last_score = np.ones(n, dtype=np.int64), np.zeros(n)
@@ -99,16 +140,29 @@ class HypothesisTree:
 
         Where a track took none the row is -1 and the box that of its state; before its birth UNBORN and zeros.
         """
-        return histories(leaf, self._measured, self._detections, self._parents, self._last, self._filled)
+        return histories(
+            leaf,
+            self._measured,
+            self._detections,
+            self._parents,
+            self._last,
+            self._filled,
+        )
 
     def _new_layer(self, leaves: int) -> int:
         """Place of a new layer in the rings, which are made wide enough for it."""
         layers, width = self._parents.shape
         if leaves > width:
             more = max(leaves, 2 * width) - width
-            self._measured = np.concatenate([self._measured, np.zeros((layers, more, 7))], axis=1)
-            self._detections = np.concatenate([self._detections, np.full((layers, more), -1)], axis=1)
-            self._parents = np.concatenate([self._parents, np.full((layers, more), -1)], axis=1)
+            self._measured = np.concatenate(
+                [self._measured, np.zeros((layers, more, 7))], axis=1
+            )
+            self._detections = np.concatenate(
+                [self._detections, np.full((layers, more), -1)], axis=1
+            )
+            self._parents = np.concatenate(
+                [self._parents, np.full((layers, more), -1)], axis=1
+            )
         self._last = (self._last + 1) % layers
         self._filled = min(self._filled + 1, layers)
         return self._last

@@ -40,7 +40,10 @@ def fit_noise(
     card = split.card
     floor = _floor(min_score, card)
     section = card.detector or DetectorSection(field_of_view=card.source.traits.view)
-    reach, field_of_view = reach or section.reach, field_of_view or section.field_of_view
+    reach, field_of_view = (
+        reach or section.reach,
+        field_of_view or section.field_of_view,
+    )
     profile = fit_profile(
         map(_complete_scene, split.scenes()),
         card.task.classes,
@@ -52,11 +55,19 @@ def fit_noise(
         floor,
         _alike(alike, card),
     )
-    missing = [one for one in card.task.classes if one not in (*profile.classes, *profile.alike)]
-    lines = [f"# too few detections to fit: {', '.join(missing)}; --alike names a class whose noise they have"]
+    missing = [
+        one
+        for one in card.task.classes
+        if one not in (*profile.classes, *profile.alike)
+    ]
+    lines = [
+        f"# too few detections to fit: {', '.join(missing)}; --alike names a class whose noise they have"
+    ]
     lines = lines if missing else []
     lines += ["[detector]", f"reach = {reach}", f"field_of_view = {field_of_view}", ""]
-    nested = re.sub(r"^\[", "[detector.noise.", profile_text(profile), flags=re.MULTILINE)  # headings start a line
+    nested = re.sub(
+        r"^\[", "[detector.noise.", profile_text(profile), flags=re.MULTILINE
+    )  # headings start a line
     return "\n".join([*lines, "[detector.noise]", nested])
 
 
@@ -91,6 +102,8 @@ def _floor(texts: Sequence[str], card: Card) -> dict[str, float] | None:
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
-            raise MtpBenchError(f"--min-score is {text!r}, expected a number or class=number")
+            raise MtpBenchError(
+                f"--min-score is {text!r}, expected a number or class=number"
+            )
         floor |= {name: number} if name else dict.fromkeys(card.task.classes, number)
     return floor or None

@@ -15,7 +15,14 @@ from ..prediction.learned.network import Network, Sizes, network_of, require_lan
 from ..prediction.learned.predictor import StoredWeights, write_weights
 from ..running.options import DEFAULTS, Fold, RunOptions, held_out
 from ..types import Bools, Task
-from .fitting import EpochCallback, FittedNetwork, TrainingPlan, TrainingSet, device_of, fit
+from .fitting import (
+    EpochCallback,
+    FittedNetwork,
+    TrainingPlan,
+    TrainingSet,
+    device_of,
+    fit,
+)
 from .split import open_split
 from .tracklets import TRUTH, Windows, concatenate, windows
 
@@ -33,15 +40,22 @@ class TrainingRequest:
     on: str = "truth"
     hypotheses: int = HYPOTHESES
     fold: Fold | None = None  # whose scenes are left out, see `open_split`
-    also: tuple[str, ...] = ()  # further envs to learn from, with the same rate and sizes
+    also: tuple[
+        str, ...
+    ] = ()  # further envs to learn from, with the same rate and sizes
     plan: TrainingPlan | None = None  # None: the plan of the network's recipe
     device: str = "auto"
 
     def __post_init__(self) -> None:
-        stages, epochs = len(network_of(self.network).recipe.stages), self.chosen_plan.epochs
+        stages, epochs = (
+            len(network_of(self.network).recipe.stages),
+            self.chosen_plan.epochs,
+        )
         require_known("value of --on", self.on, ON)
         if epochs < stages:
-            raise MtpBenchError(f"epochs is {epochs}, expected at least {stages}: {self.network} has {stages} stages")
+            raise MtpBenchError(
+                f"epochs is {epochs}, expected at least {stages}: {self.network} has {stages} stages"
+            )
 
     @property
     def chosen_plan(self) -> TrainingPlan:
@@ -49,27 +63,42 @@ class TrainingRequest:
         return self.plan or TrainingPlan(network_of(self.network).recipe.epochs)
 
 
-def training_windows(request: TrainingRequest, options: RunOptions = DEFAULTS) -> Windows:
+def training_windows(
+    request: TrainingRequest, options: RunOptions = DEFAULTS
+) -> Windows:
     """The windows that a request learns from: those that follow an object with a known future.
 
     For a network that sees whole frames, also the windows that the others see. Raises MtpBenchError for an env that is
     named twice, for further envs beside own files, and for envs of different rates, sizes or classes.
     """
     if request.also and options.files is not None:
-        raise MtpBenchError(f"--also {request.also[0]} cannot go with --files: its scenes would be learnt once per env")
+        raise MtpBenchError(
+            f"--also {request.also[0]} cannot go with --files: its scenes would be learnt once per env"
+        )
     cards = [options.card(env_id) for env_id in (request.env_id, *request.also)]
     for card in cards:
         require_lanes(network_of(request.network), card.id, card.lanes is not None)
     env_ids = [card.id for card in cards]
-    twice = next((env_id for place, env_id in enumerate(env_ids) if env_id in env_ids[:place]), None)
+    twice = next(
+        (env_id for place, env_id in enumerate(env_ids) if env_id in env_ids[:place]),
+        None,
+    )
     if twice is not None:  # its scenes would count twice
         raise MtpBenchError(
             f"{twice} is named twice among the envs to learn from ({', '.join(env_ids)}), expected each once"
         )
-    away: tuple[str, ...] = ()  # another run scores them, so they are left out of every env
+    away: tuple[
+        str, ...
+    ] = ()  # another run scores them, so they are left out of every env
     if request.fold is not None:
-        away = held_out(open_split(request.env_id, options.on_split("train")).source.names, request.fold)
-    parts = [_windows_of_env(env_id, request, options, away) for env_id in (request.env_id, *request.also)]
+        away = held_out(
+            open_split(request.env_id, options.on_split("train")).source.names,
+            request.fold,
+        )
+    parts = [
+        _windows_of_env(env_id, request, options, away)
+        for env_id in (request.env_id, *request.also)
+    ]
     for part in parts[1:]:
         _require_same_task(parts[0].task, part.task)
     return concatenate(parts)
@@ -89,14 +118,22 @@ def _require_same_task(task: Task, other: Task) -> None:
         )
 
 
-def _windows_of_env(env_id: str, request: TrainingRequest, options: RunOptions, away: Sequence[str]) -> Windows:
+def _windows_of_env(
+    env_id: str, request: TrainingRequest, options: RunOptions, away: Sequence[str]
+) -> Windows:
     split = open_split(env_id, options.on_split("train"), request.fold, away)
     tracker: str | int = TRUTH if request.on == TRUTH else request.hypotheses
     found = windows(env_id, split.card.source.split, tracker, split.names, options)
     labelled = has_future(found)
     if not labelled.any():
-        raise MtpBenchError(f"{env_id}: no track of its training scenes follows an object with a known future")
-    return found.select(labelled | found.best if network_of(request.network).recipe.by_frame else labelled)
+        raise MtpBenchError(
+            f"{env_id}: no track of its training scenes follows an object with a known future"
+        )
+    return found.select(
+        labelled | found.best
+        if network_of(request.network).recipe.by_frame
+        else labelled
+    )
 
 
 def has_future(found: Windows) -> Bools:
@@ -110,7 +147,9 @@ def training_set(network: Network, found: Windows, sizes: Sizes) -> TrainingSet:
     Windows without a known future have weight 0: they are there for the others to see.
     """
     validation = validation_rows(found)
-    whole = found.future_known.all(axis=1) | ~validation  # near the end of a scene only slow errors could be seen
+    whole = (
+        found.future_known.all(axis=1) | ~validation
+    )  # near the end of a scene only slow errors could be seen
     return TrainingSet(
         inputs=network.inputs(found, found.moment, found.seen, sizes),
         future=local_future(found, found.future),
@@ -127,7 +166,9 @@ def validation_rows(found: Windows) -> np.ndarray:
     Scenes of several envs that show the same traffic count as one scene, which is on one side only. The last fifth is
     of the frames in which whole futures are known.
     """
-    names = tuple(dict.fromkeys(found.own_names[number] for number in np.unique(found.scene)))
+    names = tuple(
+        dict.fromkeys(found.own_names[number] for number in np.unique(found.scene))
+    )
     if len(names) >= FEW_SCENES:
         return found.of_scenes(held_out(names, (1, min(10, len(names)))))
     rows = np.zeros(len(found), dtype=bool)
@@ -140,7 +181,10 @@ def validation_rows(found: Windows) -> np.ndarray:
 
 
 def train_predictor(
-    found: Windows, request: TrainingRequest, output: Path | None = None, callback: EpochCallback = lambda *_: None
+    found: Windows,
+    request: TrainingRequest,
+    output: Path | None = None,
+    callback: EpochCallback = lambda *_: None,
 ) -> tuple[Path, dict[str, Any]]:
     """Train on windows and write the weights: the file that was written, and its model card.
 
@@ -150,12 +194,16 @@ def train_predictor(
     network, sizes = network_of(request.network), Sizes.of(found.task)
     data = training_set(network, found, sizes)
     _require_both_parts(network, found, data)
-    path = output or weights_folder() / file_name(request.network, request.on, found.task.env_id)
+    path = output or weights_folder() / file_name(
+        request.network, request.on, found.task.env_id
+    )
     try:
         make_folder(path.parent)
     except WriteError as error:
         raise MtpBenchError(f"{error} for weights with {WEIGHTS_VARIABLE}") from None
-    end = fit(network, sizes, data, request.chosen_plan, device_of(request.device), callback)
+    end = fit(
+        network, sizes, data, request.chosen_plan, device_of(request.device), callback
+    )
     card = model_card(request, found, data, end)
     write_weights(path, StoredWeights(end.best, network.name, sizes, card))
     return path, card
@@ -176,10 +224,14 @@ def _require_both_parts(network: Network, found: Windows, data: TrainingSet) -> 
 def _counts(data: TrainingSet) -> tuple[int, int]:
     """Numbers of windows with weight, to learn from and to validate on."""
     weighted = data.weight > 0
-    return int((weighted & ~data.validation).sum()), int((weighted & data.validation).sum())
+    return int((weighted & ~data.validation).sum()), int(
+        (weighted & data.validation).sum()
+    )
 
 
-def model_card(request: TrainingRequest, found: Windows, data: TrainingSet, end: FittedNetwork) -> dict[str, Any]:
+def model_card(
+    request: TrainingRequest, found: Windows, data: TrainingSet, end: FittedNetwork
+) -> dict[str, Any]:
     """The model card of a file of weights: data, plan and validation error of its training."""
     learnt, validated = _counts(data)
     return {
@@ -188,7 +240,9 @@ def model_card(request: TrainingRequest, found: Windows, data: TrainingSet, end:
         "on": request.on,
         "hypotheses": request.hypotheses if request.on != TRUTH else 1,
         "present": request.on != TRUTH,  # of true boxes the present position is known
-        "fold": None if request.fold is None else f"{request.fold[0]}/{request.fold[1]}",
+        "fold": None
+        if request.fold is None
+        else f"{request.fold[0]}/{request.fold[1]}",
         "scenes": list(found.names),
         "windows": learnt,
         "validation_windows": validated,

@@ -29,7 +29,9 @@ RIDGE = 0.1  # inverse weight of the squares of all coefficients
 FOLDS = 5  # of scenes
 DIGITS = 6  # of stored numbers: the same on every machine
 KNOT_BINS = 100  # of held-out rows, of equal size, for the isotonic regression
-OWN = PresenceRecipe((), ("mean_score", "log_hits", "coasting"), products=False, calibrated=False)  # logs are short
+OWN = PresenceRecipe(
+    (), ("mean_score", "log_hits", "coasting"), products=False, calibrated=False
+)  # logs are short
 
 
 def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floats]:
@@ -41,12 +43,16 @@ def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floa
     held_out = np.zeros(len(rows.present))
     parts = folds(rows)
     for away in parts:
-        held_out[away] = probabilities(fit_logistic(select(rows, ~away), recipe), select(rows, away))
+        held_out[away] = probabilities(
+            fit_logistic(select(rows, ~away), recipe), select(rows, away)
+        )
     if not recipe.calibrated:
         return model, held_out
     calibrated = np.zeros(len(held_out))
     for away in parts:
-        calibrated[away] = np.interp(held_out[away], *isotonic_knots(held_out[~away], rows.present[~away]))
+        calibrated[away] = np.interp(
+            held_out[away], *isotonic_knots(held_out[~away], rows.present[~away])
+        )
     return replace(model, knots=isotonic_knots(held_out, rows.present)), calibrated
 
 
@@ -60,7 +66,9 @@ def fit_logistic(rows: PresenceRows, recipe: PresenceRecipe) -> PresenceModel:
     return replace(model, shared=shared, classes=dict(zip(names, own, strict=True)))
 
 
-def logistic_regression(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[Any, PresenceModel]:
+def logistic_regression(
+    rows: PresenceRows, recipe: PresenceRecipe
+) -> tuple[Any, PresenceModel]:
     """scikit-learn's estimator on `design`, and a model with its standardisation and no coefficients yet."""
     from sklearn.linear_model import LogisticRegression
 
@@ -83,8 +91,12 @@ def logistic_regression(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[Any
         classes={},
         knots=np.array([[0.0, 1.0], [0.0, 1.0]]),
     )
-    estimator = LogisticRegression(C=RIDGE, solver="newton-cholesky", tol=1e-9, max_iter=200)
-    return estimator.fit(design(model.standardised(rows), rows.class_name, recipe.products), rows.present), model
+    estimator = LogisticRegression(
+        C=RIDGE, solver="newton-cholesky", tol=1e-9, max_iter=200
+    )
+    return estimator.fit(
+        design(model.standardised(rows), rows.class_name, recipe.products), rows.present
+    ), model
 
 
 def design(z: Floats, class_name: Any, products: bool) -> Floats:
@@ -94,7 +106,10 @@ def design(z: Floats, class_name: Any, products: bool) -> Floats:
         first, second = np.triu_indices(z.shape[1])
         parts.append(z[:, first] * z[:, second])
     for name in sorted(set(class_name)):
-        parts.append((class_name == name)[:, None] * np.concatenate([np.ones((len(z), 1)), z], axis=1))
+        parts.append(
+            (class_name == name)[:, None]
+            * np.concatenate([np.ones((len(z), 1)), z], axis=1)
+        )
     return np.concatenate(parts, axis=1)
 
 
@@ -120,10 +135,17 @@ def isotonic_knots(probability: Floats, present: Bools) -> Floats:
     from sklearn.isotonic import IsotonicRegression
 
     order = np.argsort(probability, kind="stable")
-    bins = [part for part in np.array_split(order, min(KNOT_BINS, len(order))) if len(part)]
-    x, y = (np.array([values[part].mean() for part in bins]) for values in (probability, present))
+    bins = [
+        part for part in np.array_split(order, min(KNOT_BINS, len(order))) if len(part)
+    ]
+    x, y = (
+        np.array([values[part].mean() for part in bins])
+        for values in (probability, present)
+    )
     weight = np.array([len(part) for part in bins])
-    level = IsotonicRegression(y_min=0, y_max=1).fit_transform(x, y, sample_weight=weight)
+    level = IsotonicRegression(y_min=0, y_max=1).fit_transform(
+        x, y, sample_weight=weight
+    )
     value, step = np.unique(level, return_inverse=True)
     center = np.bincount(step, x * weight) / np.bincount(step, weight)
     inside = (value > 0) & (value < 1) & (center > 0) & (center < 1)
@@ -139,9 +161,17 @@ def quality(probability: Floats, present: Bools) -> dict[str, Any]:
     from sklearn.metrics import roc_auc_score
 
     brier, curve = calibration(probability, present)
-    table = [[round(bin.confidence, 3), round(bin.matched, 3), bin.forecasts] for bin in curve]
+    table = [
+        [round(bin.confidence, 3), round(bin.matched, 3), bin.forecasts]
+        for bin in curve
+    ]
     auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else 0.5
-    return {"rows": len(present), "brier": round(brier, 4), "auc": round(auc, 4), "reliability": table}
+    return {
+        "rows": len(present),
+        "brier": round(brier, 4),
+        "auc": round(auc, 4),
+        "reliability": table,
+    }
 
 
 def score_probability(rows: PresenceRows) -> Floats:
@@ -167,28 +197,44 @@ def fit_split(split: Split) -> tuple[str, dict[str, Any]]:
 
 
 def _fitted(
-    detector: str, recipe: PresenceRecipe, rows: PresenceRows, origin: list[dict[str, Any]]
+    detector: str,
+    recipe: PresenceRecipe,
+    rows: PresenceRows,
+    origin: list[dict[str, Any]],
 ) -> tuple[str, dict[str, Any]]:
     """The text of a presence file, and the qualities of the score and of the held-out probabilities."""
     n = len(rows.present)
     rows = select(rows, np.arange(0, n, -(-n // MOST_ROWS)))
     model, held_out = fit(rows, recipe)
-    qualities = {"score": quality(score_probability(rows), rows.present), "presence": quality(held_out, rows.present)}
+    qualities = {
+        "score": quality(score_probability(rows), rows.present),
+        "presence": quality(held_out, rows.present),
+    }
     return model_text(detector, recipe, model, origin, qualities), qualities
 
 
 def model_text(
-    detector: str, recipe: PresenceRecipe, model: PresenceModel, origin: list[dict[str, Any]], held_out: dict[str, Any]
+    detector: str,
+    recipe: PresenceRecipe,
+    model: PresenceModel,
+    origin: list[dict[str, Any]],
+    held_out: dict[str, Any],
 ) -> str:
     """The text of a model's file."""
     content: dict[str, Any] = {"detector": detector}
     if recipe.terms:
         content["terms"] = recipe.terms
     content |= {"fitted_on": origin, "features": list(model.features)}
-    content |= {key: getattr(model, key).tolist() for key in ("low", "high", "center", "scale", "shared")}
+    content |= {
+        key: getattr(model, key).tolist()
+        for key in ("low", "high", "center", "scale", "shared")
+    }
     content["classes"] = {name: row.tolist() for name, row in model.classes.items()}
     content |= {"knots": model.knots.tolist(), "held_out": held_out}
-    rows = [f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items()]
+    rows = [
+        f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}"
+        for key, value in content.items()
+    ]
     return "{\n" + ",\n".join(rows) + "\n}\n"
 
 
@@ -199,4 +245,6 @@ def probabilities(model: PresenceModel, rows: PresenceRows) -> Floats:
 
 
 def _rounded(values: Floats) -> Floats:
-    return np.array([float(f"{value:.{DIGITS}g}") for value in values.ravel()]).reshape(values.shape)
+    return np.array([float(f"{value:.{DIGITS}g}") for value in values.ravel()]).reshape(
+        values.shape
+    )

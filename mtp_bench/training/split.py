@@ -31,7 +31,12 @@ class Split:
             self.options.progress.done(name)
 
 
-def open_split(env_id: str, options: RunOptions, without: Fold | None = None, away: Sequence[str] = ()) -> Split:
+def open_split(
+    env_id: str,
+    options: RunOptions,
+    without: Fold | None = None,
+    away: Sequence[str] = (),
+) -> Split:
     """The first scenes of the split that ``options`` names; raises MtpBenchError for a split without scenes.
 
     ``without``: a fold of the whole split, for another run scores it; ``away``: further scenes to leave out. The first
@@ -40,7 +45,9 @@ def open_split(env_id: str, options: RunOptions, without: Fold | None = None, aw
     card = options.card(env_id).model_copy(update={"drive": None})
     source = open_source(card, options.data)
     fold = () if without is None else held_out(source.names, without)
-    names = options.chosen([name for name in source.names if name not in fold and name not in away])
+    names = options.chosen(
+        [name for name in source.names if name not in fold and name not in away]
+    )
     if not names:
         raise MtpBenchError(f"{env_id} has no scene in its split {card.source.split!r}")
     return Split(card, source, names, options)
@@ -48,7 +55,9 @@ def open_split(env_id: str, options: RunOptions, without: Fold | None = None, aw
 
 def observations(scene: Scene, observe: str = "detections") -> Iterator[Observation]:
     """Observations of a scene as far as trackers read them, unpadded and in the scene's own frame."""
-    shown, ids = true_detections(scene) if observe == "truth" else (scene.detections, None)
+    shown, ids = (
+        true_detections(scene) if observe == "truth" else (scene.detections, None)
+    )
     for t in range(scene.frames):
         rows = shown.rows(t)
         seen: Observation = {
@@ -74,7 +83,9 @@ class SceneChoice:
 
     def options(self, options: RunOptions) -> RunOptions:
         """``options`` on these scenes."""
-        return replace(options, split=self.split, detector=self.detector, scenes=self.first)
+        return replace(
+            options, split=self.split, detector=self.detector, scenes=self.first
+        )
 
     def open(self, options: RunOptions) -> Split:
         """The scenes themselves."""

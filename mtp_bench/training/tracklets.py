@@ -40,7 +40,9 @@ class Windows(TrackWindows):
     object_id: Ints  # [n] the true object that the track follows; -1: none
     present: Floats  # [n, 2] where that object is
     future: Floats  # [n, T, 2] and where it is in the next T frames
-    future_known: Bools  # [n, T] its place then is known; futures that are cut short are kept
+    future_known: (
+        Bools  # [n, T] its place then is known; futures that are cut short are kept
+    )
     target: Bools  # [n] the object is a target of the scorer in this frame
     scene: Ints  # [n] place in ``names``
     frame: Ints  # [n]
@@ -54,7 +56,10 @@ class Windows(TrackWindows):
     envs: tuple[str, ...]  # ids
 
     def __repr__(self) -> str:
-        shapes = (f"{name} {list(getattr(self, name).shape)}" for name in ("box", "future", "future_known"))
+        shapes = (
+            f"{name} {list(getattr(self, name).shape)}"
+            for name in ("box", "future", "future_known")
+        )
         size = f"{len(self.frame)} windows of {len(self.names)} scenes, {int(self.target.sum())} at targets"
         return f"Windows of {', '.join(self.envs)}: {size}\n{', '.join(shapes)}"
 
@@ -73,10 +78,18 @@ class Windows(TrackWindows):
 
     def of_scenes(self, own_names: Sequence[str]) -> Bools:
         """Mask [n] of the windows of the scenes that have one of these names in their own env."""
-        return np.asarray(np.isin(np.array(self.own_names), list(own_names))[self.scene])
+        return np.asarray(
+            np.isin(np.array(self.own_names), list(own_names))[self.scene]
+        )
 
 
-_OF_ALL = ("names", "own_names", "seen", "task", "envs")  # fields without a value per window
+_OF_ALL = (
+    "names",
+    "own_names",
+    "seen",
+    "task",
+    "envs",
+)  # fields without a value per window
 BY_WINDOW = tuple(f.name for f in fields(Windows) if f.name not in _OF_ALL)
 
 
@@ -101,25 +114,47 @@ def windows(
     ``tracker`` and if there is no track to learn from.
     """
     played, given = _tracker_of(tracker), {"data": data, "jobs": jobs}
-    _, options = asked(env_id, options, {name: value for name, value in given.items() if value is not None})
+    _, options = asked(
+        env_id,
+        options,
+        {name: value for name, value in given.items() if value is not None},
+    )
     count = int(scenes) if isinstance(scenes, int | np.integer) else None
-    if isinstance(scenes, str | bool) or not (scenes is None or count is not None or isinstance(scenes, Sequence)):
-        raise MtpBenchError(f"scenes is {scenes!r}, expected a number of scenes or a list of their names")
-    opened = open_split(env_id, replace(options, split=split, scenes=options.scenes if count is None else count))
+    if isinstance(scenes, str | bool) or not (
+        scenes is None or count is not None or isinstance(scenes, Sequence)
+    ):
+        raise MtpBenchError(
+            f"scenes is {scenes!r}, expected a number of scenes or a list of their names"
+        )
+    opened = open_split(
+        env_id,
+        replace(
+            options, split=split, scenes=options.scenes if count is None else count
+        ),
+    )
     names = opened.names if scenes is None or count is not None else tuple(scenes)  # type: ignore[arg-type]
     for place, name in enumerate(names):
         require_known(f"scene of {env_id}", name, opened.source.names)
         if name in names[:place]:
-            raise MtpBenchError(f"scene {name!r} is named twice, expected each once: it would be learnt twice")
+            raise MtpBenchError(
+                f"scene {name!r} is named twice, expected each once: it would be learnt twice"
+            )
     observe = "truth" if isinstance(played, TruthTracker) else "detections"
     task = MTPEnv(opened.card, data=options.data, observe=observe).task
     calls = [(opened.card, options.data, task, played, name) for name in names]
     with reported(f"reading windows of {env_id}", own=options.progress) as progress:
         progress.started(len(names))
-        parts = parallel_map(_load_windows, calls, options.workers, lambda place: progress.done(names[place]))
+        parts = parallel_map(
+            _load_windows,
+            calls,
+            options.workers,
+            lambda place: progress.done(names[place]),
+        )
     found = concatenate(parts) if parts else None
     if not found:
-        raise MtpBenchError(f"{env_id}: no track of the {len(names)} scenes of split {split!r} can be learnt from")
+        raise MtpBenchError(
+            f"{env_id}: no track of the {len(names)} scenes of split {split!r} can be learnt from"
+        )
     return found
 
 
@@ -127,9 +162,15 @@ def _tracker_of(tracker: Any) -> Tracker:
     """The tracker that the argument of `windows` stands for; raises MtpBenchError for anything else."""
     if isinstance(tracker, str) and tracker == TRUTH:
         return TruthTracker()
-    if isinstance(tracker, int | np.integer) and not isinstance(tracker, bool) and tracker >= 1:
+    if (
+        isinstance(tracker, int | np.integer)
+        and not isinstance(tracker, bool)
+        and tracker >= 1
+    ):
         return HypothesisTracker(int(tracker))
-    if not isinstance(tracker, type) and all(callable(getattr(tracker, name, None)) for name in ("reset", "step")):
+    if not isinstance(tracker, type) and all(
+        callable(getattr(tracker, name, None)) for name in ("reset", "step")
+    ):
         return tracker  # type: ignore[no-any-return]
     raise MtpBenchError(
         f"tracker is {tracker!r}, expected {TRUTH!r}, a number of hypotheses of at least 1, or a tracker of your own, "
@@ -145,19 +186,43 @@ def concatenate(parts: Sequence[Windows]) -> Windows:
         replace(part, scene=part.scene + scene, moment=part.moment + frame)
         for part, scene, frame in zip(parts, scenes, frames, strict=False)
     ]
-    rows = {name: np.concatenate([getattr(part, name) for part in moved]) for name in BY_WINDOW}
+    rows = {
+        name: np.concatenate([getattr(part, name) for part in moved])
+        for name in BY_WINDOW
+    }
     columns = [f.name for f in fields(Surroundings) if f.name not in ("start", "lanes")]
-    around: dict[str, Any] = {name: np.concatenate([getattr(part.seen, name) for part in parts]) for name in columns}
+    around: dict[str, Any] = {
+        name: np.concatenate([getattr(part.seen, name) for part in parts])
+        for name in columns
+    }
     shown = parts[0].seen.lanes  # by all or by none
-    around["lanes"] = {name: np.concatenate([part.seen.lanes[name] for part in parts]) for name in shown}
-    seen = Surroundings(starts_of(np.concatenate([part.seen.counts for part in parts])), **around)
+    around["lanes"] = {
+        name: np.concatenate([part.seen.lanes[name] for part in parts])
+        for name in shown
+    }
+    seen = Surroundings(
+        starts_of(np.concatenate([part.seen.counts for part in parts])), **around
+    )
     envs = tuple(dict.fromkeys(env_id for part in parts for env_id in part.envs))
-    names = tuple(name if len(envs) == 1 else f"{part.task.env_id} {name}" for part in parts for name in part.names)
+    names = tuple(
+        name if len(envs) == 1 else f"{part.task.env_id} {name}"
+        for part in parts
+        for name in part.names
+    )
     own_names = tuple(name for part in parts for name in part.own_names)
-    return Windows(**rows, names=names, own_names=own_names, seen=seen, task=parts[0].task, envs=envs)
+    return Windows(
+        **rows,
+        names=names,
+        own_names=own_names,
+        seen=seen,
+        task=parts[0].task,
+        envs=envs,
+    )
 
 
-def _load_windows(card: Card, data: str | None, task: Task, tracker: Tracker, name: str) -> Windows:
+def _load_windows(
+    card: Card, data: str | None, task: Task, tracker: Tracker, name: str
+) -> Windows:
     return windows_of_scene(open_source(card, data).load(name), card, task, tracker)
 
 
@@ -167,7 +232,11 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
     feed = make_feed(scene, local, task, card)
     labels = SceneLabels(scene, card, local, feed)
     tracker.reset(task)
-    parts, seen, road = [_no_windows(task)], deque[Observation](maxlen=task.past), list[Observation]()
+    parts, seen, road = (
+        [_no_windows(task)],
+        deque[Observation](maxlen=task.past),
+        list[Observation](),
+    )
     for t in range(scene.frames):
         if task.after_hole(observation := feed.observe(t)):
             seen.clear()
@@ -175,35 +244,57 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
         road.append({name: observation[name] for name in LANES if name in observation})
         tracks = tracker.step(seen[-1])
         if not np.isfinite(tracks.box).all():
-            raise MtpBenchError(f"scene {scene.name!r}, frame {t}: the tracker gave a box that is not finite")
+            raise MtpBenchError(
+                f"scene {scene.name!r}, frame {t}: the tracker gave a box that is not finite"
+            )
         frame_windows, _ = windows_of(Frame(t, tracks, tuple(seen)), task.past)
         parts.append(_labelled(frame_windows, labels.of(t, frame_windows), t))
     rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    box, velocity, score = (_single_precision(values) for values in (feed.box, feed.velocity, feed.score))
+    box, velocity, score = (
+        _single_precision(values) for values in (feed.box, feed.velocity, feed.score)
+    )
     piece = pieces(scene, card)
     before = np.arange(scene.frames) - np.searchsorted(piece, piece)
-    around = Surroundings(feed.start, box, velocity, feed.class_id, score, before, lanes_of(road))
+    around = Surroundings(
+        feed.start, box, velocity, feed.class_id, score, before, lanes_of(road)
+    )
     scene_number, names = np.zeros(len(rows["frame"]), dtype=np.int64), (scene.name,)
     return Windows(
-        **rows, scene=scene_number, moment=rows["frame"], names=names, own_names=names, seen=around, task=task,
+        **rows,
+        scene=scene_number,
+        moment=rows["frame"],
+        names=names,
+        own_names=names,
+        seen=around,
+        task=task,
         envs=(task.env_id,),
-    )  # fmt: skip
+    )
 
 
-def _labelled(frame_windows: TrackWindows, labels: TrackLabels, t: int) -> dict[str, np.ndarray]:
+def _labelled(
+    frame_windows: TrackWindows, labels: TrackLabels, t: int
+) -> dict[str, np.ndarray]:
     """The windows of frame ``t`` whose object is known, or known to be none, with their labels."""
     known = labels.object_id != UNKNOWN
-    columns = {f.name: getattr(frame_windows, f.name) for f in fields(TrackWindows)} | labels._asdict()
+    columns = {
+        f.name: getattr(frame_windows, f.name) for f in fields(TrackWindows)
+    } | labels._asdict()
     rows = {name: _single_precision(value[known]) for name, value in columns.items()}
     return {**rows, "frame": np.full(known.sum(), t)}
 
 
 def _no_windows(task: Task) -> dict[str, np.ndarray]:
     """Columns without rows, for a scene without windows."""
-    no_tracks = Tracks.of_one_hypothesis(np.zeros(0, dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64))
+    no_tracks = Tracks.of_one_hypothesis(
+        np.zeros(0, dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64)
+    )
     empty, _ = windows_of(Frame(0, no_tracks, ({},)), task.past)
     ids, future = np.zeros(0, dtype=np.int64), np.zeros((0, task.future, 2))
-    return _labelled(empty, TrackLabels(ids, np.zeros((0, 2)), future, future[:, :, 0] > 0, ids > 0), 0)
+    return _labelled(
+        empty,
+        TrackLabels(ids, np.zeros((0, 2)), future, future[:, :, 0] > 0, ids > 0),
+        0,
+    )
 
 
 def _single_precision(values: np.ndarray) -> np.ndarray:

@@ -28,7 +28,9 @@ class Answers:
     def shown(self) -> Bools:
         """Mask [N] of the tracks in the best hypothesis of their frame."""
         frame = self.rollout.tracks.frame_of_rows
-        return self.hypotheses.member[np.arange(len(frame)), self.hypotheses.best[frame]]
+        return self.hypotheses.member[
+            np.arange(len(frame)), self.hypotheses.best[frame]
+        ]
 
     @cached_property
     def object_track(self) -> Ints:
@@ -37,8 +39,16 @@ class Answers:
         The matching is one-to-one. An action does not say which track a forecast belongs to: this is only for names.
         """
         rollout, chosen = self.rollout, np.flatnonzero(self.shown)
-        objects = rollout.objects.frame_of_rows, rollout.object_box, rollout.object_class
-        tracks = rollout.tracks.frame_of_rows[chosen], rollout.track_box[chosen], rollout.track_class[chosen]
+        objects = (
+            rollout.objects.frame_of_rows,
+            rollout.object_box,
+            rollout.object_class,
+        )
+        tracks = (
+            rollout.tracks.frame_of_rows[chosen],
+            rollout.track_box[chosen],
+            rollout.track_class[chosen],
+        )
         gates = self.card.per_class(self.card.task.forecast_gate)
         pairs = box_pairs(*objects, *tracks, "center_distance", gates)
         return np.append(chosen, -1)[match(pairs, len(rollout.object_box))]
@@ -56,7 +66,9 @@ class Answers:
         for t in range(1, rollout.frames):
             now, past = rollout.tracks.rows(t), rollout.tracks.rows(t - 1)
             i, j = np.nonzero(rollout.track_id[now][:, None] == rollout.track_id[past])
-            pair, hypothesis = np.nonzero(member[now][i] & member[past][j][:, self.hypotheses.parent[t]])
+            pair, hypothesis = np.nonzero(
+                member[now][i] & member[past][j][:, self.hypotheses.parent[t]]
+            )
             earlier[now.start + i[pair], hypothesis] = past.start + j[pair]
         return earlier
 
@@ -71,6 +83,8 @@ class Answers:
         lineage = np.full(len(rows), hypothesis)
         for k in range(1, frames + 1):
             before = self.earlier[row, lineage]
-            lineage = np.where(before >= 0, self.hypotheses.parent[frame[row], lineage], lineage)
+            lineage = np.where(
+                before >= 0, self.hypotheses.parent[frame[row], lineage], lineage
+            )
             past[:, k] = row = np.where(before >= 0, before, row)
         return past

@@ -22,7 +22,9 @@ class ObjectForecast:
     track_id: int  # of the hypothesis that is looked at, -1 for none
     start: Floats  # [2] m
     path: Floats  # [K, T, 2] m, one per frame after ``frame``
-    nearest: int  # the sample nearest to the true future; the heaviest if that is unknown
+    nearest: (
+        int  # the sample nearest to the true future; the heaviest if that is unknown
+    )
 
     @property
     def nearest_path(self) -> Floats:
@@ -39,7 +41,9 @@ class Focus:
 
     replay: Replay
     at: Incident
-    facing: float | None = None  # rad, direction that points to the right; None: that of the object's way
+    facing: float | None = (
+        None  # rad, direction that points to the right; None: that of the object's way
+    )
 
     @property
     def noun(self) -> str:
@@ -54,7 +58,11 @@ class Focus:
     @property
     def gate(self) -> float:
         """Forecast gate of the object's class, m."""
-        return float(self.replay.card.per_class(self.replay.card.task.forecast_gate)[self.at.class_id])
+        return float(
+            self.replay.card.per_class(self.replay.card.task.forecast_gate)[
+                self.at.class_id
+            ]
+        )
 
     @property
     def near(self) -> float:
@@ -65,21 +73,38 @@ class Focus:
     def named_tracks(self) -> tuple[int, ...]:
         """Ids of the tracks that texts name: of the event, the frames around it and the next one, and at the object."""
         at, last = self.at, self.replay.frames - 1
-        frames = [t for t in (*range(at.frame - 1, at.frame + 2), self.regained) if 0 <= t <= last]
-        named = dict.fromkeys([at.old_id, at.new_id, *map(self.follower, frames), *self.tracks_at(at.frame)])
+        frames = [
+            t
+            for t in (*range(at.frame - 1, at.frame + 2), self.regained)
+            if 0 <= t <= last
+        ]
+        named = dict.fromkeys(
+            [
+                at.old_id,
+                at.new_id,
+                *map(self.follower, frames),
+                *self.tracks_at(at.frame),
+            ]
+        )
         return tuple(track_id for track_id in named if track_id >= 0)
 
     @cached_property
     def regained(self) -> int:
         """First frame after the event's in which a track follows the object; -1 if it is gone before, or a log ends."""
-        followed = np.flatnonzero(self.followers(self.at.frame, self.replay.frames - 1)[1:] >= 0)
+        followed = np.flatnonzero(
+            self.followers(self.at.frame, self.replay.frames - 1)[1:] >= 0
+        )
         return self.at.frame + 1 + int(followed[0]) if len(followed) else -1
 
     def name_of(self, row: int) -> str:
         """Name of the object of a row of the truth; empty for row -1."""
         truth, classes = self.replay.scene.truth, self.replay.card.task.classes
         name = self.replay.scene.short_name(int(truth.object_id[row]))
-        return f"{classes[truth.class_id[row]].replace('_', ' ')} {name}" if row >= 0 else ""
+        return (
+            f"{classes[truth.class_id[row]].replace('_', ' ')} {name}"
+            if row >= 0
+            else ""
+        )
 
     def seconds(self, t: int) -> float:
         """Time of a frame since the first one."""
@@ -89,13 +114,20 @@ class Focus:
     def rows(self) -> Ints:
         """Row [F] of the object in the truth, -1 in frames without it; all -1 for a false forecast."""
         truth = self.replay.scene.truth
-        own = (truth.object_id == self.at.object_id) & ~truth.neutral & (self.at.object_id >= 0)
+        own = (
+            (truth.object_id == self.at.object_id)
+            & ~truth.neutral
+            & (self.at.object_id >= 0)
+        )
         return self._by_frame(own, truth.frame_of_rows)
 
     def until_gap(self, rows: Ints, first: int, last: int) -> Ints:
         """The ``rows`` [F] of the frames from ``first`` until a gap (-1), a hole in time or ``last``, or backwards."""
         step = 1 if last >= first else -1
-        frames, piece = np.arange(first, last + step, step), pieces(self.replay.scene, self.replay.card)
+        frames, piece = (
+            np.arange(first, last + step, step),
+            pieces(self.replay.scene, self.replay.card),
+        )
         frames = frames[(frames >= 0) & (frames < len(rows))]
         gap = np.flatnonzero((rows[frames] < 0) | (piece[frames] != piece[frames[:1]]))
         return rows[frames[: gap[0]]] if len(gap) else rows[frames]
@@ -113,7 +145,11 @@ class Focus:
             nearest = known[np.argmin(np.abs(known - t))]
             return self.replay.scene.truth.box[self.rows[nearest], :2]
         row = self.track_rows(self.at.new_id)[t]
-        return np.array(self.at.position[:2]) if row < 0 else self.replay.rollout.track_box[row, :2].astype(np.float64)
+        return (
+            np.array(self.at.position[:2])
+            if row < 0
+            else self.replay.rollout.track_box[row, :2].astype(np.float64)
+        )
 
     def path(self, first: int, last: int) -> Floats:
         """Places [n, 2] of the object from frame ``first`` on until a gap or ``last``, forwards or backwards."""
@@ -132,7 +168,9 @@ class Focus:
     def shown(self) -> Bools:
         """Tracks [N] that this hypothesis holds."""
         frame = self.replay.rollout.tracks.frame_of_rows
-        return self.replay.answers.hypotheses.member[np.arange(len(frame)), self.hypothesis[frame]]
+        return self.replay.answers.hypotheses.member[
+            np.arange(len(frame)), self.hypothesis[frame]
+        ]
 
     def track_rows(self, track_id: int) -> Ints:
         """Row [F] of a track in each frame, -1 where it is not output."""
@@ -143,7 +181,10 @@ class Focus:
     @cached_property
     def track_of_truth(self) -> Ints:
         """Track [R] matched to each true box in this hypothesis, -1 without one."""
-        frame, chosen = self.replay.scene.truth.frame_of_rows, self.hypothesis[self.replay.scene.truth.frame_of_rows]
+        frame, chosen = (
+            self.replay.scene.truth.frame_of_rows,
+            self.hypothesis[self.replay.scene.truth.frame_of_rows],
+        )
         matched = self.replay.matched[np.arange(len(frame)), chosen]
         best = chosen == self.replay.answers.hypotheses.best[frame]
         return np.where(best, self.replay.truth_track, matched)
@@ -158,28 +199,52 @@ class Focus:
 
     def follower(self, t: int) -> int:
         """Id of the track that follows the object at frame ``t``, -1 without one."""
-        return int(np.append(self.replay.rollout.track_id, -1)[np.append(self.track_of_truth, -1)[self.rows[t]]])
+        return int(
+            np.append(self.replay.rollout.track_id, -1)[
+                np.append(self.track_of_truth, -1)[self.rows[t]]
+            ]
+        )
 
     def followers(self, first: int, last: int) -> Ints:
         """Ids [n] of the tracks that follow the object from ``first`` until a gap or ``last``, or backwards."""
-        return np.append(self.replay.rollout.track_id, -1)[self.track_of_truth[self.until_gap(self.rows, first, last)]]
+        return np.append(self.replay.rollout.track_id, -1)[
+            self.track_of_truth[self.until_gap(self.rows, first, last)]
+        ]
 
     def rival(self, t: int) -> int:
         """Id of the nearest track in the event gate of the object that follows another one; -1 if one follows it."""
-        run, card, row, truth = self.replay.rollout, self.replay.card, self.rows[t], self.replay.scene.truth
+        run, card, row, truth = (
+            self.replay.rollout,
+            self.replay.card,
+            self.rows[t],
+            self.replay.scene.truth,
+        )
         if row < 0 or self.follower(t) >= 0:
             return -1
         rows, own, gate = run.tracks.rows(t), slice(row, row + 1), card.task.event_gate
-        tracks = rows.start + np.flatnonzero(self.shown[rows] & (self.truth_of_track[:-1][rows] >= 0))
-        frames, others = np.zeros(1 + len(tracks), dtype=np.int64), (run.track_box[tracks], run.track_class[tracks])
-        one, rule = (truth.box[own], truth.class_id[own]), (gate.measure, card.per_class(gate.threshold))
+        tracks = rows.start + np.flatnonzero(
+            self.shown[rows] & (self.truth_of_track[:-1][rows] >= 0)
+        )
+        frames, others = (
+            np.zeros(1 + len(tracks), dtype=np.int64),
+            (run.track_box[tracks], run.track_class[tracks]),
+        )
+        one, rule = (
+            (truth.box[own], truth.class_id[own]),
+            (gate.measure, card.per_class(gate.threshold)),
+        )
         pairs = box_pairs(frames[:1], *one, frames[1:], *others, *rule)
-        return int(np.append(run.track_id[tracks[pairs.column[np.argsort(pairs.cost)]]], -1)[0])
+        return int(
+            np.append(run.track_id[tracks[pairs.column[np.argsort(pairs.cost)]]], -1)[0]
+        )
 
     @cached_property
     def doubled(self) -> int:
         """Row of the true object that a false forecast is a second one of: of its class in its gate; -1 without one."""
-        truth, rows = self.replay.scene.truth, self.replay.scene.truth.rows(self.at.frame)
+        truth, rows = (
+            self.replay.scene.truth,
+            self.replay.scene.truth.rows(self.at.frame),
+        )
         far = np.hypot(*(truth.box[rows, :2] - self.place(self.at.frame)).T)
         far[truth.class_id[rows] != self.at.class_id] = np.inf
         near = self.at.kind == "spurious" and far.min(initial=np.inf) <= self.gate
@@ -187,11 +252,19 @@ class Focus:
 
     def counted(self, row: int) -> int:
         """Id of the track whose forecast counts for a true box, -1 without one."""
-        return int(np.append(self.replay.answers.object_track_id, -1)[np.append(self.replay.truth_forecast, -1)[row]])
+        return int(
+            np.append(self.replay.answers.object_track_id, -1)[
+                np.append(self.replay.truth_forecast, -1)[row]
+            ]
+        )
 
     def tracks_at(self, t: int) -> tuple[int, ...]:
         """Ids of the tracks at the object in a picture of frame ``t``: of its forecasts, and its `rival`; -1: none."""
-        return (*(each.track_id for _, each in self.forecasts(t)), self.rival(t), self.counted(self.doubled))
+        return (
+            *(each.track_id for _, each in self.forecasts(t)),
+            self.rival(t),
+            self.counted(self.doubled),
+        )
 
     def other(self, track_id: int, t: int) -> int:
         """Row of the true box, other than the object, that a track follows at frame ``t``, -1 without one."""
@@ -201,7 +274,11 @@ class Focus:
     def forecast(self, t: int) -> ObjectForecast | None:
         """The forecast of frame ``t`` that the scorer matches to the object, else that of its track then."""
         row, rollout = self._forecast_row(t), self.replay.rollout
-        weight = floored(sample_weights(rollout.forecast_log_weight[row : row + 1]))[0] if row >= 0 else np.zeros(0)
+        weight = (
+            floored(sample_weights(rollout.forecast_log_weight[row : row + 1]))[0]
+            if row >= 0
+            else np.zeros(0)
+        )
         stated = weight > 0
         if not stated.any():
             return None
@@ -211,17 +288,27 @@ class Focus:
         gap = np.hypot(*np.moveaxis(path[:, : len(future)] - future, -1, 0)).sum(axis=1)
         nearest = int(np.argmin(gap) if len(future) else np.argmax(weight[stated]))
         track_id = int(self.replay.answers.object_track_id[row])
-        return ObjectForecast(t, track_id if self.track_rows(track_id)[t] >= 0 else -1, start, path, nearest)
+        return ObjectForecast(
+            t,
+            track_id if self.track_rows(track_id)[t] >= 0 else -1,
+            start,
+            path,
+            nearest,
+        )
 
     def _forecast_row(self, t: int) -> int:
         row = int(np.append(self.replay.truth_forecast, -1)[self.rows[t]])
         if row >= 0:
             return row
         own = self.at.old_id if t < self.at.frame else self.at.new_id
-        if self.at.kind == "spurious" and own < 0:  # a forecast without a track stands alone
+        if (
+            self.at.kind == "spurious" and own < 0
+        ):  # a forecast without a track stands alone
             return self.at.row if t == self.at.frame else -1
         objects = self.replay.rollout.objects.rows(t)
-        rows = np.flatnonzero((self.replay.answers.object_track_id[objects] == own) & (own >= 0))
+        rows = np.flatnonzero(
+            (self.replay.answers.object_track_id[objects] == own) & (own >= 0)
+        )
         return objects.start + int(rows[0]) if len(rows) else -1
 
     def forecasts(self, t: int) -> list[tuple[str, ObjectForecast]]:
@@ -230,6 +317,13 @@ class Focus:
         From the event on the one before it stays in sight: the switch has spoilt it.
         """
         at, after = self.at, t >= self.at.frame
-        frames = [("before", min(t, at.frame - 1))] if not after or (at.frame > 0 and at.kind != "spurious") else []
-        shown = ((role, self.forecast(frame)) for role, frame in [*frames, *[("now", t)] * after])
+        frames = (
+            [("before", min(t, at.frame - 1))]
+            if not after or (at.frame > 0 and at.kind != "spurious")
+            else []
+        )
+        shown = (
+            (role, self.forecast(frame))
+            for role, frame in [*frames, *[("now", t)] * after]
+        )
         return [(role, forecast) for role, forecast in shown if forecast is not None]

@@ -6,7 +6,13 @@ from dataclasses import dataclass, replace
 
 from ..scoring.parts import BELOW
 
-KINDS = ("ids", "lost", "reacquired", "spurious", "collision")  # spurious: false forecasts; collision: of the ego
+KINDS = (
+    "ids",
+    "lost",
+    "reacquired",
+    "spurious",
+    "collision",
+)  # spurious: false forecasts; collision: of the ego
 MOMENT = "moment"  # kind of the incident of an object in a frame without an event
 
 
@@ -19,16 +25,26 @@ class Incident:
     until: int  # last frame: that of the event itself, but of a run its end
     row: int  # of the truth; of a run: of its first forecast object
     class_id: int
-    position: tuple[float, float, float]  # m, of the true box or of the first false forecast, frame of the scene
+    position: tuple[
+        float, float, float
+    ]  # m, of the true box or of the first false forecast, frame of the scene
     name: str = ""  # kind and number within the scene, in the order of frames: "ids-0"; of a moment "car_turn@17"
     object_id: int = -1  # -1 for a run
-    old_id: int = -1  # track that matched the object last, before this frame; -1 without one
-    new_id: int = -1  # track that matches it now; of a run its own track; -1 without one
+    old_id: int = (
+        -1
+    )  # track that matched the object last, before this frame; -1 without one
+    new_id: int = (
+        -1
+    )  # track that matches it now; of a run its own track; -1 without one
     wrong: bool = False  # a loss whose old track is still output, but outside the gate
     minADE: float | None = None  # noqa: N815  (m, of the target's forecast then; None: not a target, or not covered)
-    parts: Mapping[str, float] | None = None  # m, by name, those of the target's error; None: not a target
+    parts: Mapping[str, float] | None = (
+        None  # m, by name, those of the target's error; None: not a target
+    )
     error_before: float | None = None  # m, error of the object a frame before
-    confidence: float | None = None  # of the object's forecast then; of a run the highest; None: no forecast
+    confidence: float | None = (
+        None  # of the object's forecast then; of a run the highest; None: no forecast
+    )
     first: int = -1  # of a moment that lasts: its first frame; -1: ``frame``
 
     @property
@@ -44,8 +60,14 @@ class Incident:
     @property
     def label(self) -> str:
         """The event in as few words as a marker has room for."""
-        ids = [str(track_id) for track_id in dict.fromkeys((self.old_id, self.new_id)) if track_id >= 0]
-        words = {"reacquired": "again", "spurious": "false forecast"}.get(self.kind, self.kind)
+        ids = [
+            str(track_id)
+            for track_id in dict.fromkeys((self.old_id, self.new_id))
+            if track_id >= 0
+        ]
+        words = {"reacquired": "again", "spurious": "false forecast"}.get(
+            self.kind, self.kind
+        )
         return f"{words} {' > '.join(ids)}".strip()
 
 
@@ -53,7 +75,9 @@ def named(incidents: Iterable[Incident]) -> tuple[Incident, ...]:
     """The incidents in the order of frames, kinds and rows, each with its name."""
     count: Counter[str] = Counter()
     named = []
-    for incident in sorted(incidents, key=lambda i: (i.frame, KINDS.index(i.kind), i.row)):
+    for incident in sorted(
+        incidents, key=lambda i: (i.frame, KINDS.index(i.kind), i.row)
+    ):
         named.append(replace(incident, name=f"{incident.kind}-{count[incident.kind]}"))
         count[incident.kind] += 1
     return tuple(named)

@@ -21,5 +21,8 @@ EVENT = YELLOW
 EGO = BLACK
 
 # an event alone: its own parts are bright, all others dim
-BEFORE, NOW = BLUE, VERMILLION  # the track and the forecast before the event, and from it on
+BEFORE, NOW = (
+    BLUE,
+    VERMILLION,
+)  # the track and the forecast before the event, and from it on
 DIM = (190, 190, 190)

@@ -23,7 +23,9 @@ CAPTION, TEXT, GAP = 26, 15, 12
 AROUND = 2.5  # times the object that a small image shows
 LEAST = 90.0  # pixels of the image that it shows at least
 _BOTTOM = np.array([[i, (i + 1) % 4] for i in range(4)])  # by corner
-EDGES = np.concatenate([_BOTTOM, _BOTTOM + 4, np.column_stack([np.arange(4), np.arange(4) + 4])])  # [12, 2] of a box
+EDGES = np.concatenate(
+    [_BOTTOM, _BOTTOM + 4, np.column_stack([np.arange(4), np.arange(4) + 4])]
+)  # [12, 2] of a box
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,9 @@ class Photo:
 def photo_of(focus: Focus) -> Photo | None:
     """The image of the event's frame in which most of the object is seen; None if no camera sees it."""
     shown, at = frame_of(focus, focus.at.frame), focus.at
-    boxes = [("truth", box) for box in shown.object_box] + [(track.role, track.box) for track in shown.tracks]
+    boxes = [("truth", box) for box in shown.object_box] + [
+        (track.role, track.box) for track in shown.tracks
+    ]
     if not boxes and at.kind == "spurious":  # a forecast without a track
         boxes = [("now", focus.replay.rollout.object_box[at.row].astype(np.float64))]
     boxes += [("detection", box) for box in shown.detection_box if boxes]
@@ -48,10 +52,19 @@ def photo_of(focus: Focus) -> Photo | None:
         if image.frame == at.frame:
             edges = [(role, projected(image.projection, box)) for role, box in boxes]
             points = np.clip(edges[0][1].reshape(-1, 2), 0, image.size)
-            low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+            low, high = (
+                (points.min(axis=0), points.max(axis=0))
+                if len(points)
+                else (np.zeros(2), np.zeros(2))
+            )
             area = float(np.prod(high - low))  # of the part in the image
             if area > most:
-                best, most = Photo(image, tuple(edges), (low + high) / 2, float((high - low).max())), area
+                best, most = (
+                    Photo(
+                        image, tuple(edges), (low + high) / 2, float((high - low).max())
+                    ),
+                    area,
+                )
     return best
 
 
@@ -72,21 +85,46 @@ def projected(projection: Floats, box: Floats) -> Floats:
 def photo_row(photo: Photo, wide: int) -> Image.Image:
     """A row of ``wide`` x HEIGHT pixels: the whole image, and the object from near."""
     row, high = Image.new("RGB", (wide, HEIGHT), PAPER), HEIGHT - CAPTION
-    ink, whole = ImageDraw.Draw(row), min(round(high * photo.image.size[0] / photo.image.size[1]), (wide - GAP) // 2)
+    ink, whole = (
+        ImageDraw.Draw(row),
+        min(round(high * photo.image.size[0] / photo.image.size[1]), (wide - GAP) // 2),
+    )
     try:
-        with warnings.catch_warnings(action="ignore"), Image.open(photo.image.path) as file:
-            picture = file.convert("RGB").resize(photo.image.size)  # that its projection is for
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):  # SyntaxError: a broken PNG
-        ink.text((10, CAPTION + 6), f"{photo.image.path.name} cannot be read", fill=BLACK, font=font(TEXT))
+        with (
+            warnings.catch_warnings(action="ignore"),
+            Image.open(photo.image.path) as file,
+        ):
+            picture = file.convert("RGB").resize(
+                photo.image.size
+            )  # that its projection is for
+    except (
+        OSError,
+        ValueError,
+        SyntaxError,
+        Image.DecompressionBombError,
+    ):  # SyntaxError: a broken PNG
+        ink.text(
+            (10, CAPTION + 6),
+            f"{photo.image.path.name} cannot be read",
+            fill=BLACK,
+            font=font(TEXT),
+        )
         return row
     near = max(LEAST, AROUND * photo.extent) / 2
-    for left, right, reach, view in ((0, whole, np.inf, "whole"), (whole + GAP, wide, near, "near the object")):
+    for left, right, reach, view in (
+        (0, whole, np.inf, "whole"),
+        (whole + GAP, wide, near, "near the object"),
+    ):
         row.paste(_drawn(photo, picture, (right - left, high), reach), (left, CAPTION))
-        ink.text((left + 10, 4), f"{photo.image.camera}, {view}", fill=BLACK, font=font(TEXT))
+        ink.text(
+            (left + 10, 4), f"{photo.image.camera}, {view}", fill=BLACK, font=font(TEXT)
+        )
     return row
 
 
-def _drawn(photo: Photo, picture: Image.Image, size: tuple[int, int], reach: float) -> Image.Image:
+def _drawn(
+    photo: Photo, picture: Image.Image, size: tuple[int, int], reach: float
+) -> Image.Image:
     """The ``picture`` of a photo with its boxes in ``size`` pixels, at most ``reach`` pixels of it around the event."""
     whole = np.array(picture.size, dtype=np.float64)
     half = np.minimum(reach * np.array(size) / min(size), whole / 2)
@@ -98,7 +136,11 @@ def _drawn(photo: Photo, picture: Image.Image, size: tuple[int, int], reach: flo
     ink = ImageDraw.Draw(part)
     for role, edges in photo.edges[::-1]:  # the object lies above its tracks
         for line in (edges - low) * scale * FINER:
-            ink.line([tuple(point) for point in line.tolist()], fill=ROLES[role], width=2 * FINER)
+            ink.line(
+                [tuple(point) for point in line.tolist()],
+                fill=ROLES[role],
+                width=2 * FINER,
+            )
     drawn = Image.new("RGB", size, PAPER)
     drawn.paste(part.reduce(FINER), tuple(((np.array(size) - inner) // 2).tolist()))
     return drawn

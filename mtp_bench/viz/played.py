@@ -21,19 +21,35 @@ class PlayedRun:
     def __init__(self, opened: OpenedRun, options: RunOptions | None = None) -> None:
         self.opened = opened
         few = len(opened.run.rollouts) <= _FEW
-        self._options = options or RunOptions(data=opened.data, workers=SERIAL if few else Workers(cores()))
+        self._options = options or RunOptions(
+            data=opened.data, workers=SERIAL if few else Workers(cores())
+        )
         self.parts = run_parts(opened, self._options)  # by scene
 
-    def replay(self, rollout: Rollout, scene: Scene | None = None, agent: str = "") -> Replay:
+    def replay(
+        self, rollout: Rollout, scene: Scene | None = None, agent: str = ""
+    ) -> Replay:
         """The replay of one rollout; ``scene``: with a road; ``agent``: in place of its name."""
         opened, name = self.opened, rollout.scene
         content = opened.scene(name) if scene is None else scene
-        if not np.array_equal(self.parts[name].distance, find_targets(content, opened.card).distance):
-            self.parts = run_parts(opened, self._options, again=True)  # the data is another one
-        return replay(content, rollout, opened.card, agent or opened.run.info.agent, self.parts[name])
+        if not np.array_equal(
+            self.parts[name].distance, find_targets(content, opened.card).distance
+        ):
+            self.parts = run_parts(
+                opened, self._options, again=True
+            )  # the data is another one
+        return replay(
+            content,
+            rollout,
+            opened.card,
+            agent or opened.run.info.agent,
+            self.parts[name],
+        )
 
 
-def replays(opened: OpenedRun, scene: str | None, progress: Progress) -> Iterator[Replay]:
+def replays(
+    opened: OpenedRun, scene: str | None, progress: Progress
+) -> Iterator[Replay]:
     """Replays of all scenes of a stored run, or of one ``scene``."""
     run, rollouts = PlayedRun(opened), opened.rollouts(scene)
     progress.started(len(rollouts))

@@ -12,7 +12,12 @@ from ..env.observation import true_ids
 from ..errors import RolloutError, require_known
 from ..scoring.bade import capped_error
 from ..scoring.events import object_history, pieces, separated_truth
-from ..scoring.forecasts import Candidates, RecordedForecasts, match_by_confidence, match_neutral_last
+from ..scoring.forecasts import (
+    Candidates,
+    RecordedForecasts,
+    match_by_confidence,
+    match_neutral_last,
+)
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
@@ -24,7 +29,11 @@ from ..types import Bools, Floats, Ints, Rollout, Scene
 from .answers import Answers
 from .incident import MOMENT, Incident, named
 
-EGO_SIZE = (4.6, 1.9, 1.6)  # m, l w h of a usual car: sources do not state the size of their vehicle
+EGO_SIZE = (
+    4.6,
+    1.9,
+    1.6,
+)  # m, l w h of a usual car: sources do not state the size of their vehicle
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +57,9 @@ class Replay:
     part: Floats  # [R, len(PARTS)] m, of the error of each true box; NaN: not a target
     usual: float = 0.0  # m, mean blame of a target of the run
     unsplit: str = ""  # reason why the error of forecasts is "rest"; empty: it is split
-    thresholds: Floats | None = None  # [b] least confidence that each budget of the run keeps; None: not known
+    thresholds: Floats | None = (
+        None  # [b] least confidence that each budget of the run keeps; None: not known
+    )
     incidents: tuple[Incident, ...] = ()  # in the order of frames
     agent: str = ""  # name
     images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
@@ -93,32 +104,50 @@ class Replay:
     @cached_property
     def matched(self) -> NDArray[np.intp]:
         """Track [R, H] of every hypothesis matched to each true box, -1 without one and for neutral boxes."""
-        return match_hypotheses(self.scene.truth, self.rollout, self.answers.hypotheses.member, self.card)
+        return match_hypotheses(
+            self.scene.truth, self.rollout, self.answers.hypotheses.member, self.card
+        )
 
     @cached_property
     def detected(self) -> Ints:
         """True object [D] that each detection is matched to, one-to-one inside the forecast gate, -1 for none."""
         seen = self.scene.detections
-        return true_ids(self.scene, seen.frame_of_rows, seen.box, seen.class_id, self.card)
+        return true_ids(
+            self.scene, seen.frame_of_rows, seen.box, seen.class_id, self.card
+        )
 
     @cached_property
     def events(self) -> tuple[Incident, ...]:
         """The incidents that are events of a true object, not runs of false forecasts."""
-        return tuple(incident for incident in self.incidents if incident.kind != "spurious")
+        return tuple(
+            incident for incident in self.incidents if incident.kind != "spurious"
+        )
 
     @cached_property
     def counts(self) -> dict[str, Ints]:
         """True positives, false negatives and false positives of the best hypothesis in each frame: TP, FN, FP [F]."""
         evaluated, tracked = ~self.scene.truth.neutral, self.truth_track >= 0
-        frame, track_frame = self.scene.truth.frame_of_rows, self.rollout.tracks.frame_of_rows
-        rows = (frame[evaluated & tracked], frame[evaluated & ~tracked], track_frame[self.track_false])
+        frame, track_frame = (
+            self.scene.truth.frame_of_rows,
+            self.rollout.tracks.frame_of_rows,
+        )
+        rows = (
+            frame[evaluated & tracked],
+            frame[evaluated & ~tracked],
+            track_frame[self.track_false],
+        )
         counts = [np.bincount(each, minlength=self.frames) for each in rows]
         return dict(zip(("TP", "FN", "FP"), counts, strict=True))
 
     def incident(self, name: str) -> Incident:
         """The incident of this name; raises UnknownNameError."""
         incidents = {incident.name: incident for incident in self.incidents}
-        require_known(f"event of scene {self.scene.name}", name, incidents, "`mtp-bench events` lists them")
+        require_known(
+            f"event of scene {self.scene.name}",
+            name,
+            incidents,
+            "`mtp-bench events` lists them",
+        )
         return incidents[name]
 
     @cached_property
@@ -128,8 +157,15 @@ class Replay:
 
     def moment(self, row: int) -> Incident:
         """The object of a true box in its frame, without an event."""
-        truth, track_id, before = self.scene.truth, np.append(self.rollout.track_id, -1), int(self.previous[row])
-        frame, object_id = int(np.searchsorted(truth.start, row, side="right")) - 1, int(truth.object_id[row])
+        truth, track_id, before = (
+            self.scene.truth,
+            np.append(self.rollout.track_id, -1),
+            int(self.previous[row]),
+        )
+        frame, object_id = (
+            int(np.searchsorted(truth.start, row, side="right")) - 1,
+            int(truth.object_id[row]),
+        )
         error_before = self.part[before].sum() if before >= 0 else np.nan
         return Incident(
             kind=MOMENT,
@@ -150,10 +186,18 @@ class Replay:
 
     def recent(self, t: int, frames: float) -> list[Incident]:
         """The newest event of each object in the last ``frames`` frames until frame ``t``."""
-        return list({e.object_id: e for e in self.events if t - frames < e.frame <= t}.values())
+        return list(
+            {e.object_id: e for e in self.events if t - frames < e.frame <= t}.values()
+        )
 
 
-def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "", parts: SceneParts | None = None) -> Replay:
+def replay(
+    scene: Scene,
+    rollout: Rollout,
+    card: Card,
+    agent: str = "",
+    parts: SceneParts | None = None,
+) -> Replay:
     """The run of a scene with its judgement.
 
     ``parts``: of the errors of its targets, in their order; None: of their plain errors, without references.
@@ -165,11 +209,17 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "", parts: S
     answers = Answers(rollout, card)
     chosen = np.flatnonzero(answers.shown)
     of_track = match_neutral_last(
-        of_columns(event_pairs(truth, rollout, card), chosen, len(answers.shown)), truth.neutral, len(chosen)
+        of_columns(event_pairs(truth, rollout, card), chosen, len(answers.shown)),
+        truth.neutral,
+        len(chosen),
     )
-    detection_pairs = gated_pairs(truth, detected.start, detected.box, detected.class_id, card)
+    detection_pairs = gated_pairs(
+        truth, detected.start, detected.box, detected.class_id, card
+    )
     of_detection = match_neutral_last(detection_pairs, truth.neutral, len(detected.box))
-    worth, parts, truth_forecast, forecast_false = _forecasts(scene, rollout, card, parts)
+    worth, parts, truth_forecast, forecast_false = _forecasts(
+        scene, rollout, card, parts
+    )
     track_false = answers.shown.copy()
     track_false[chosen] = of_track.unmatched
     run = Replay(
@@ -187,7 +237,10 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "", parts: S
         unsplit=parts.unsplit,
         thresholds=parts.thresholds,
     )
-    return replace(run, incidents=named([*_identity_incidents(run), *_runs(run), *_collisions(run)]))
+    return replace(
+        run,
+        incidents=named([*_identity_incidents(run), *_runs(run), *_collisions(run)]),
+    )
 
 
 def ego_boxes(ego: Floats) -> Floats:
@@ -203,17 +256,25 @@ def _forecasts(
     Raises RolloutError if ``parts`` are of other targets.
     """
     targets = find_targets(scene, card)
-    pairs = Candidates.of(scene, targets, RecordedForecasts.of(rollout), live_frames(scene, card), card)
+    pairs = Candidates.of(
+        scene, targets, RecordedForecasts.of(rollout), live_frames(scene, card), card
+    )
     matching = match_by_confidence(pairs, rollout.object_confidence)
     errors, forecast = pairs.final_errors(matching)
     if parts is None:
         worst = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
         cause = np.where(errors.covered, -1, absent_causes(scene, targets, card))
         plain = plain_parts(capped_error(errors.min_ade, worst), cause)
-        parts = SceneParts(plain, float(blame(plain).mean()) if len(plain) else 0.0, targets.distance)
+        parts = SceneParts(
+            plain, float(blame(plain).mean()) if len(plain) else 0.0, targets.distance
+        )
     if not np.array_equal(parts.distance, targets.distance):
-        raise RolloutError(f"scene {scene.name!r} has other targets than when its run was scored: run the agent again")
-    worth, part = (np.full((len(scene.truth.box), size), np.nan) for size in (2, len(PARTS)))
+        raise RolloutError(
+            f"scene {scene.name!r} has other targets than when its run was scored: run the agent again"
+        )
+    worth, part = (
+        np.full((len(scene.truth.box), size), np.nan) for size in (2, len(PARTS))
+    )
     worth[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
     worth[:, 1] = np.append(rollout.object_confidence, np.nan)[forecast]
     part[targets.row] = parts.part
@@ -224,11 +285,16 @@ def _identity_incidents(run: Replay) -> list[Incident]:
     """Switches, losses and re-acquisitions."""
     truth, rollout, hypotheses = run.scene.truth, run.rollout, run.answers.hypotheses
     frame, separate = truth.frame_of_rows, separated_truth(run.scene, run.card)
-    events = lineage_events(separate, rollout, hypotheses, run.matched).of(hypotheses.best[frame])
+    events = lineage_events(separate, rollout, hypotheses, run.matched).of(
+        hypotheses.best[frame]
+    )
     track_id = np.append(rollout.track_id, -1)  # row -1: no track
     return [
         replace(
-            run.moment(int(row)), kind=kind, old_id=int(track_id[events.old[row, 0]]), wrong=bool(events.wrong[row, 0])
+            run.moment(int(row)),
+            kind=kind,
+            old_id=int(track_id[events.old[row, 0]]),
+            wrong=bool(events.wrong[row, 0]),
         )
         for kind in ("ids", "lost", "reacquired")
         for row in np.flatnonzero(getattr(events, kind)[:, 0])
@@ -242,8 +308,15 @@ def _runs(run: Replay) -> list[Incident]:
     row = np.flatnonzero(run.forecast_false)
     row = row[np.lexsort((frame[row], track_id[row], rollout.object_class[row]))]
     classes, tracks, frames = rollout.object_class[row], track_id[row], frame[row]
-    step = np.diff(frames) + np.diff(pieces(run.scene, run.card)[frames])  # over a hole in time more than 1
-    continues = (np.diff(classes) == 0) & (np.diff(tracks) == 0) & (step == 1) & (tracks[1:] >= 0)
+    step = np.diff(frames) + np.diff(
+        pieces(run.scene, run.card)[frames]
+    )  # over a hole in time more than 1
+    continues = (
+        (np.diff(classes) == 0)
+        & (np.diff(tracks) == 0)
+        & (step == 1)
+        & (tracks[1:] >= 0)
+    )
     first = np.flatnonzero(np.append(True, ~continues)[: len(row)])
     last = np.append(first[1:], len(row))[: len(first)] - 1
     return [
@@ -264,7 +337,11 @@ def _runs(run: Replay) -> list[Incident]:
 def _collisions(run: Replay) -> list[Incident]:
     """The collision of the ego of a closed loop, in the last frame before it."""
     truth, drive = run.scene.truth, run.rollout.drive
-    rows = [] if drive is None else np.flatnonzero(truth.object_id == drive.hit)[-1:].tolist()
+    rows = (
+        []
+        if drive is None
+        else np.flatnonzero(truth.object_id == drive.hit)[-1:].tolist()
+    )
     return [replace(run.moment(row), kind="collision") for row in rows]
 
 

@@ -18,7 +18,9 @@ from .associator import CONTINUE, MOST_TRACKS, Associator, Numbers, nearest
 
 
 @final
-class AssociationOnly(gymnasium.Wrapper[Numbers, Ints, Observation, Action], RecordConstructorArgs):
+class AssociationOnly(
+    gymnasium.Wrapper[Numbers, Ints, Observation, Action], RecordConstructorArgs
+):
     """The agent only associates: the tracks are kept and forecast for it.
 
     The action is a MultiDiscrete: for each of the M detections of the frame with the highest scores, in that order, 0
@@ -66,28 +68,56 @@ class AssociationOnly(gymnasium.Wrapper[Numbers, Ints, Observation, Action], Rec
     ) -> None:
         from ..prediction import KinematicPredictor
 
-        given: dict[str, Any] = {"detections": detections, "choices": choices, "near": near}
+        given: dict[str, Any] = {
+            "detections": detections,
+            "choices": choices,
+            "near": near,
+        }
         for name, value in given.items():
-            kinds = (int, float, np.integer, np.floating) if name == "near" else (int, np.integer)
-            if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < np.inf:
+            kinds = (
+                (int, float, np.integer, np.floating)
+                if name == "near"
+                else (int, np.integer)
+            )
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, kinds)
+                or not 0 < value < np.inf
+            ):
                 expected = f"a {'finite' if name == 'near' else 'whole'} number above 0"
-                raise MtpBenchError(f"{name} is {value!r}, expected {expected} (AssociationOnly)")
+                raise MtpBenchError(
+                    f"{name} is {value!r}, expected {expected} (AssociationOnly)"
+                )
         if choices > MOST_TRACKS:
             most = f"at most {MOST_TRACKS}, the number of tracks at a time"
-            raise MtpBenchError(f"choices is {choices}, expected {most} (AssociationOnly)")
-        RecordConstructorArgs.__init__(self, predictor=predictor, presence=presence, relative=relative, **given)
+            raise MtpBenchError(
+                f"choices is {choices}, expected {most} (AssociationOnly)"
+            )
+        RecordConstructorArgs.__init__(
+            self, predictor=predictor, presence=presence, relative=relative, **given
+        )
         untyped: Any = env  # Gymnasium types the inner env like the outer one
         gymnasium.Wrapper.__init__(self, untyped)
         self._env, self._inner = env, _inner_of(env)
         self._started = False
         parts = predictor or KinematicPredictor(), presence
         self._players = [  # the agent's tracks, and those of `nearest`
-            Associator(self._inner.task, *copy.deepcopy(parts), detections, choices, near) for _ in range(1 + relative)
+            Associator(
+                self._inner.task, *copy.deepcopy(parts), detections, choices, near
+            )
+            for _ in range(1 + relative)
         ]
         self._own = self._players[0]
-        self.shape, self.options = self._own.shape, CONTINUE + choices  # of the table; choices of a detection
-        self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.shape[0] * self.shape[1],), np.float32)
-        self.action_space = gymnasium.spaces.MultiDiscrete(np.full(detections, self.options))
+        self.shape, self.options = (
+            self._own.shape,
+            CONTINUE + choices,
+        )  # of the table; choices of a detection
+        self.observation_space = gymnasium.spaces.Box(
+            -1.0, 1.0, (self.shape[0] * self.shape[1],), np.float32
+        )
+        self.action_space = gymnasium.spaces.MultiDiscrete(
+            np.full(detections, self.options)
+        )
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -102,7 +132,9 @@ class AssociationOnly(gymnasium.Wrapper[Numbers, Ints, Observation, Action], Rec
                 player.act(player.nearest)
         return self._shown(seen), {**info, "absolute_reward": 0.0}
 
-    def step(self, action: Ints) -> tuple[Numbers, SupportsFloat, bool, bool, dict[str, Any]]:
+    def step(
+        self, action: Ints
+    ) -> tuple[Numbers, SupportsFloat, bool, bool, dict[str, Any]]:
         """Associate the detections that were shown, forecast the tracks, and show the next frame.
 
         Raises ActionError unless ``action`` is an array of choices, and ResetNeeded before the first `reset`.
@@ -110,7 +142,10 @@ class AssociationOnly(gymnasium.Wrapper[Numbers, Ints, Observation, Action], Rec
         if not self._started:
             raise ResetNeeded("no scene yet: call reset() first")
         whole = self._own.act(self._read(action))
-        usual = sum(self._inner.reward_of(player.act(player.nearest)) for player in self._players[1:])
+        usual = sum(
+            self._inner.reward_of(player.act(player.nearest))
+            for player in self._players[1:]
+        )
         seen, reward, terminated, truncated, info = self._env.step(whole)
         info["absolute_reward"] = float(reward)
         return self._shown(seen), float(reward) - usual, terminated, truncated, info
@@ -140,7 +175,9 @@ class AssociationOnly(gymnasium.Wrapper[Numbers, Ints, Observation, Action], Rec
         if not self.action_space.contains(choice):
             shown = action.tolist() if isinstance(action, np.ndarray) else action
             expected = f"{self.shape[0]} whole numbers from 0 to {self.options - 1}"
-            raise ActionError(f"the choices are {reprlib.repr(shown)}, expected {expected}")
+            raise ActionError(
+                f"the choices are {reprlib.repr(shown)}, expected {expected}"
+            )
         return choice
 
 
@@ -149,17 +186,24 @@ def _inner_of(env: gymnasium.Env[Any, Any]) -> MTPEnv:
     inner = env.unwrapped
     if not isinstance(inner, MTPEnv):
         expected = 'one of mtp_bench, such as gym.make("MTP-Roundabout-v0")'
-        raise MtpBenchError(f"the env is a {type(inner).__name__}, expected {expected} (AssociationOnly)")
+        raise MtpBenchError(
+            f"the env is a {type(inner).__name__}, expected {expected} (AssociationOnly)"
+        )
     for name in ("observation_space", "action_space"):
         space = getattr(env, name)
         if not isinstance(space, gymnasium.spaces.Dict):
-            got, expected = f"the {name} of the env is a {type(space).__name__}", "the Dict that it has unwrapped"
+            got, expected = (
+                f"the {name} of the env is a {type(space).__name__}",
+                "the Dict that it has unwrapped",
+            )
             raise MtpBenchError(f"{got}, expected {expected} (AssociationOnly)")
     return inner
 
 
 @final
-class PerDetection(gymnasium.Wrapper[Numbers, np.int64, Numbers, Ints], RecordConstructorArgs):
+class PerDetection(
+    gymnasium.Wrapper[Numbers, np.int64, Numbers, Ints], RecordConstructorArgs
+):
     """One detection of `AssociationOnly` per step, so that one network decides for each detection alike.
 
     The observation is the detection's row of `AssociationOnly.table`, the action its choice. Detections come by falling
@@ -180,7 +224,9 @@ class PerDetection(gymnasium.Wrapper[Numbers, np.int64, Numbers, Ints], RecordCo
         gymnasium.Wrapper.__init__(self, untyped)
         self._env = env
         self._place, self._earned = 0, 0.0
-        self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, env.shape[1:], np.float32)
+        self.observation_space = gymnasium.spaces.Box(
+            -1.0, 1.0, env.shape[1:], np.float32
+        )
         self.action_space = gymnasium.spaces.Discrete(env.options)
 
     def reset(
@@ -190,7 +236,9 @@ class PerDetection(gymnasium.Wrapper[Numbers, np.int64, Numbers, Ints], RecordCo
         observation, info = self._env.reset(seed=seed, options=options)
         return self._begin(observation), {**info, "detection": 0}
 
-    def step(self, action: np.int64) -> tuple[Numbers, SupportsFloat, bool, bool, dict[str, Any]]:
+    def step(
+        self, action: np.int64
+    ) -> tuple[Numbers, SupportsFloat, bool, bool, dict[str, Any]]:
         """Choose for the detection that was shown; ActionError unless ``action`` is a choice."""
         if not self.action_space.contains(action):
             expected = f"a whole number from 0 to {self._env.options - 1}"
@@ -201,10 +249,22 @@ class PerDetection(gymnasium.Wrapper[Numbers, np.int64, Numbers, Ints], RecordCo
             changed = self._choice[here] != before[here]
             earned = self._worth(self._choice) - self._worth(before) if changed else 0.0
             self._earned, self._place = self._earned + earned, here + 1
-            return self._table[self._place], earned, False, False, {"detection": self._place}
+            return (
+                self._table[self._place],
+                earned,
+                False,
+                False,
+                {"detection": self._place},
+            )
         observation, reward, terminated, truncated, info = self._env.step(self._choice)
         reward = float(reward) - self._earned
-        return self._begin(observation), reward, terminated, truncated, {**info, "detection": 0}
+        return (
+            self._begin(observation),
+            reward,
+            terminated,
+            truncated,
+            {**info, "detection": 0},
+        )
 
     def nearest(self, observation: Numbers) -> np.int64:
         """The obvious choice: the nearest track if there is one, else a new one."""
@@ -218,6 +278,9 @@ class PerDetection(gymnasium.Wrapper[Numbers, np.int64, Numbers, Ints], RecordCo
         return self._worths[key]
 
     def _begin(self, observation: Numbers) -> Numbers:
-        self._table, self._choice = self._env.table(observation), self._env.nearest(observation)
+        self._table, self._choice = (
+            self._env.table(observation),
+            self._env.nearest(observation),
+        )
         self._place, self._earned, self._worths = 0, 0.0, dict[bytes, float]()
         return np.asarray(self._table[0])

@@ -10,7 +10,9 @@ from ..geometry import rotate
 from ..tracks import UNBORN, Tracks
 from ..types import NO_ROWS, Action, Floats, Ints, Observation, Task
 
-Numbers = NDArray[np.float32]  # from -1 to 1: an observation, the table of a frame, or a row of it
+Numbers = NDArray[
+    np.float32
+]  # from -1 to 1: an observation, the table of a frame, or a row of it
 FREE = -1  # identity of a slot without a track; as a slot: a new track
 IGNORE = 0  # the choice that leaves a detection out
 NEW = 1  # the choice that begins a track
@@ -18,7 +20,10 @@ CONTINUE = 2  # CONTINUE + i: the choice of the i-th nearest track
 MOST_TRACKS = 64  # at a time
 _PATIENCE = 2  # frames without a detection before a track ends
 _REACH = 100.0  # m; unit of observed positions
-OWN, _OF_TRACK = 4, 4  # columns of a detection beside its class, and of each track near it
+OWN, _OF_TRACK = (
+    4,
+    4,
+)  # columns of a detection beside its class, and of each track near it
 
 
 def nearest(table: Numbers, task: Task) -> Ints:
@@ -30,14 +35,22 @@ class Associator:
     """Tracks of one scene and their forecasts, by the rules and with the table of `AssociationOnly`."""
 
     def __init__(
-        self, task: Task, predictor: Predictor, presence: Presence | None, rows: int, choices: int, near: float
+        self,
+        task: Task,
+        predictor: Predictor,
+        presence: Presence | None,
+        rows: int,
+        choices: int,
+        near: float,
     ) -> None:
         from ..prediction import KMeansSampler
 
         self._task, self._choices, self._near = task, choices, near
         self.shape = rows, OWN + len(task.classes) + _OF_TRACK * choices  # of the table
         self._slots = Slots()
-        self._agent = Pipeline(self._slots, predictor, KMeansSampler(), presence=presence)
+        self._agent = Pipeline(
+            self._slots, predictor, KMeansSampler(), presence=presence
+        )
 
     def reset(self) -> None:
         """Begin a scene."""
@@ -49,19 +62,37 @@ class Associator:
         if self._task.after_hole(observation):
             slots.begin(self._task)
         valid = np.flatnonzero(observation["detection_valid"])
-        self._rows = valid[np.argsort(-observation["detection_score"][valid], kind="stable")][: self.shape[0]]
-        box, score = observation["detection_box"][self._rows], observation["detection_score"][self._rows]
-        class_id, pose = observation["detection_class"][self._rows], observation["ego_pose"]
-        distance = np.linalg.norm(box[:, None, :2] - slots.expected[None, :, :2], axis=2)
-        distance[(class_id[:, None] != slots.class_id) | (slots.identity == FREE) | (distance >= self._near)] = np.inf
+        self._rows = valid[
+            np.argsort(-observation["detection_score"][valid], kind="stable")
+        ][: self.shape[0]]
+        box, score = (
+            observation["detection_box"][self._rows],
+            observation["detection_score"][self._rows],
+        )
+        class_id, pose = (
+            observation["detection_class"][self._rows],
+            observation["ego_pose"],
+        )
+        distance = np.linalg.norm(
+            box[:, None, :2] - slots.expected[None, :, :2], axis=2
+        )
+        distance[
+            (class_id[:, None] != slots.class_id)
+            | (slots.identity == FREE)
+            | (distance >= self._near)
+        ] = np.inf
         order = np.argsort(distance, axis=1, kind="stable")[:, : self._choices]
         self._distance = np.take_along_axis(distance, order, axis=1)
-        self._order = np.where(np.isfinite(self._distance), order, FREE)  # [m, choices] slots
+        self._order = np.where(
+            np.isfinite(self._distance), order, FREE
+        )  # [m, choices] slots
         exists, slot = self._order != FREE, self._order
         nearness = np.maximum(0, 1 - self._distance / self._near)
         certainty = 1 - 1 / np.maximum(slots.hits[slot], 1)
         waited = slots.unseen[slot] / (_PATIENCE + 1)
-        columns = np.where(exists, np.stack([exists, nearness, certainty, waited]), 0).transpose(1, 2, 0)
+        columns = np.where(
+            exists, np.stack([exists, nearness, certainty, waited]), 0
+        ).transpose(1, 2, 0)
         table = np.zeros(self.shape)
         table[: len(box)] = np.concatenate(
             [
@@ -84,7 +115,9 @@ class Associator:
 
     def preview(self, choice: Ints) -> Action:
         """The action of the frame after these choices [M], which are not taken."""
-        return copy.deepcopy(self, {id(part): part for part in (self._task, self._seen)}).act(choice)
+        return copy.deepcopy(
+            self, {id(part): part for part in (self._task, self._seen)}
+        ).act(choice)
 
     def _resolved(self, choice: Ints) -> tuple[Ints, Ints]:
         """Detections that join a track, and the slot of each, or FREE."""
@@ -117,10 +150,19 @@ class Slots:
         n, past = MOST_TRACKS, task.past
         self.identity = np.full(n, FREE)  # [N]
         self.class_id = np.zeros(n, dtype=np.int64)  # [N]
-        self.unseen, self._age = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)  # [N] frames
+        self.unseen, self._age = (
+            np.zeros(n, dtype=np.int64),
+            np.zeros(n, dtype=np.int64),
+        )  # [N] frames
         self.hits = np.zeros(n, dtype=np.int64)  # [N] detections
-        self._score, self._last_score = np.zeros(n), np.zeros(n)  # [N] sum, and that of the last one
-        self._past, self._taken = np.zeros((n, past, 7)), np.full((n, past), UNBORN)  # the last row is the last frame
+        self._score, self._last_score = (
+            np.zeros(n),
+            np.zeros(n),
+        )  # [N] sum, and that of the last one
+        self._past, self._taken = (
+            np.zeros((n, past, 7)),
+            np.full((n, past), UNBORN),
+        )  # the last row is the last frame
         self.choose(NO_ROWS, NO_ROWS)
 
     @property
@@ -147,7 +189,10 @@ class Slots:
         """Apply the assignment; the tracks after this frame."""
         slots, rows = self._taking, self._rows
         expected = self.expected
-        self._past, self._taken = np.roll(self._past, -1, axis=1), np.roll(self._taken, -1, axis=1)
+        self._past, self._taken = (
+            np.roll(self._past, -1, axis=1),
+            np.roll(self._taken, -1, axis=1),
+        )
         self._past[:, -1], self._taken[:, -1] = expected, -1
         self._age += 1
         self.unseen += 1
@@ -165,7 +210,10 @@ class Slots:
 
     def _take(self, slots: Ints, rows: Ints, observation: Observation) -> None:
         """Add the detections ``rows`` to the tracks in the ``slots``."""
-        self._past[slots, -1], self._taken[slots, -1] = observation["detection_box"][rows], rows
+        self._past[slots, -1], self._taken[slots, -1] = (
+            observation["detection_box"][rows],
+            rows,
+        )
         self.class_id[slots] = observation["detection_class"][rows]
         self._last_score[slots] = observation["detection_score"][rows]
         self._score[slots] += self._last_score[slots]

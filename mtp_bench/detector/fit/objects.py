@@ -16,12 +16,20 @@ from .samples import HEADING, HEIGHT, RADIAL, SIZE, TANGENTIAL, ObjectSamples
 Axis = tuple[float, float, float]  # s0, s1, gain
 
 _LAGS = (1, 2, 3, 4, 6, 8, 12, 16)  # frames
-_FEW_PAIRS, _FEW = 50, 30  # least pairs for a correlation, least values for other figures
+_FEW_PAIRS, _FEW = (
+    50,
+    30,
+)  # least pairs for a correlation, least values for other figures
 _CLOSE = 5.0  # m between neighbours whose errors are compared
 _DRAWS = 100_000
 _MIXES = 50  # draws of shared numbers
-_BOUND, _SIZE_BOUND = 3.0, 4.0  # of latent numbers, so that one large error does not make a correlation
-_NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal number
+_BOUND, _SIZE_BOUND = (
+    3.0,
+    4.0,
+)  # of latent numbers, so that one large error does not make a correlation
+_NORMAL_MAD = (
+    1.4826  # standard deviation over median absolute deviation of a normal number
+)
 
 
 def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
@@ -37,15 +45,31 @@ def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
         latent = error[:, column] / ((s0 + s1 * distance) * np.exp(-gain * random))
         memory = _position_memory(objects, latent)
         lasting = (1.0 - memory["white"]) * _attenuation(nu)
-        shared = _shared_weight(np.clip(latent, -_BOUND, _BOUND), near, objects, lasting)
-        axes.append(PositionNoise(s0=round(s0, 4), s1=round(s1, 4), quality=round(gain, 4), shared=shared, **memory))
+        shared = _shared_weight(
+            np.clip(latent, -_BOUND, _BOUND), near, objects, lasting
+        )
+        axes.append(
+            PositionNoise(
+                s0=round(s0, 4),
+                s1=round(s1, 4),
+                quality=round(gain, 4),
+                shared=shared,
+                **memory,
+            )
+        )
     velocity = objects.velocity_error[np.isfinite(objects.velocity_error).all(axis=1)]
     return ClassNoise(
-        quality=quality, radial=axes[0], tangential=axes[1], nu=round(nu, 4), heading=_heading(objects),
+        quality=quality,
+        radial=axes[0],
+        tangential=axes[1],
+        nu=round(nu, 4),
+        heading=_heading(objects),
         size=_size(objects),
-        velocity=round(robust_deviation(velocity.ravel()) or 0.0, 4) if len(velocity) >= _FEW else None,
+        velocity=round(robust_deviation(velocity.ravel()) or 0.0, 4)
+        if len(velocity) >= _FEW
+        else None,
         z=_height(objects),
-    )  # fmt: skip
+    )
 
 
 def _heading(objects: ObjectSamples) -> HeadingNoise:
@@ -62,25 +86,39 @@ def _heading(objects: ObjectSamples) -> HeadingNoise:
     again = float(np.mean(flipped[later][after])) if after.sum() >= _FEW / 3 else share
     flip = min(share * (1.0 - again) / max(1.0 - share, 1e-9), 1.0)
     scale = robust_deviation(upright[objects.hit]) or 0.0
-    return HeadingNoise(scale=round(scale, 4), flip=round(flip, 4), flip_again=round(again, 4))
+    return HeadingNoise(
+        scale=round(scale, 4), flip=round(flip, 4), flip_again=round(again, 4)
+    )
 
 
 def _size(objects: ObjectSamples) -> SizeNoise:
     """Fit mean and deviation of the errors of length, width and height, and their share that is new in every frame."""
     error = objects.error[:, SIZE]
     mean, deviation = error[objects.hit].mean(axis=0), error[objects.hit].std(axis=0)
-    latent = np.clip((error - mean) / np.maximum(deviation, 1e-9), -_SIZE_BOUND, _SIZE_BOUND)
+    latent = np.clip(
+        (error - mean) / np.maximum(deviation, 1e-9), -_SIZE_BOUND, _SIZE_BOUND
+    )
     product = [latent[a] * latent[b] for a, b in map(objects.hit_pairs, range(1, 9))]
-    lasting = float(np.mean(np.concatenate(product))) if sum(map(len, product)) >= _FEW else 0.0
+    lasting = (
+        float(np.mean(np.concatenate(product)))
+        if sum(map(len, product)) >= _FEW
+        else 0.0
+    )
     white = min(max(1.0 - lasting, 0.0), 1.0)
     return SizeNoise(
-        mean=tuple(mean.round(4).tolist()), deviation=tuple(deviation.round(4).tolist()), white=round(white, 4)
+        mean=tuple(mean.round(4).tolist()),
+        deviation=tuple(deviation.round(4).tolist()),
+        white=round(white, 4),
     )
 
 
 def robust_deviation(value: Floats) -> float | None:
     """Standard deviation from the median absolute deviation; None without values."""
-    return float(_NORMAL_MAD * np.median(np.abs(value - np.median(value)))) if len(value) else None
+    return (
+        float(_NORMAL_MAD * np.median(np.abs(value - np.median(value))))
+        if len(value)
+        else None
+    )
 
 
 def _height(objects: ObjectSamples) -> tuple[float, float]:
@@ -91,27 +129,54 @@ def _height(objects: ObjectSamples) -> tuple[float, float]:
     return round(float(error[objects.hit].mean()), 4), round(change / np.sqrt(2.0), 4)
 
 
-def _position_margins(error: Floats, distance: Floats, random: Floats, hit: Bools) -> tuple[tuple[Axis, Axis], float]:
+def _position_margins(
+    error: Floats, distance: Floats, random: Floats, hit: Bools
+) -> tuple[tuple[Axis, Axis], float]:
     """Parameters of both axes and nu of errors ``[R, 2]`` distributed as ``(s0 + s1 d) exp(-gain q) T_nu``."""
     size = np.abs(error[hit])
     typical = np.log(np.maximum(1.4826 * np.median(size, axis=0), 1e-3))
     bounds = [(-7.0, 1.0), (-10.0, 1.0), (-1.0, 2.0)] * 2 + [(-2.0, 4.0)]
-    start = [typical[0] - 0.7, typical[0] - 2.0, 0.1, typical[1] - 0.7, typical[1] - 2.0, 0.1, 1.0]
-    loss = partial(_student_loss, size=size, distance=distance[hit], quality=random[hit])
-    best = minimize(loss, np.clip(start, *np.transpose(bounds)), method="L-BFGS-B", bounds=bounds).x
-    axes = [(float(np.exp(a)), float(np.exp(b)), float(c)) for a, b, c in (best[:3], best[3:6])]
+    start = [
+        typical[0] - 0.7,
+        typical[0] - 2.0,
+        0.1,
+        typical[1] - 0.7,
+        typical[1] - 2.0,
+        0.1,
+        1.0,
+    ]
+    loss = partial(
+        _student_loss, size=size, distance=distance[hit], quality=random[hit]
+    )
+    best = minimize(
+        loss, np.clip(start, *np.transpose(bounds)), method="L-BFGS-B", bounds=bounds
+    ).x
+    axes = [
+        (float(np.exp(a)), float(np.exp(b)), float(c))
+        for a, b, c in (best[:3], best[3:6])
+    ]
     return (axes[0], axes[1]), float(1.05 + np.exp(best[6]))
 
 
-def _student_loss(unknown: Floats, size: Floats, distance: Floats, quality: Floats) -> float:
+def _student_loss(
+    unknown: Floats, size: Floats, distance: Floats, quality: Floats
+) -> float:
     """Negative log-likelihood of Student's t for absolute errors ``size`` ``[R, 2]``: sum over axes of the mean."""
     nu = 1.05 + np.exp(unknown[6])
     norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
     total = 0.0
     for column in (0, 1):
-        s0, s1, gain = np.exp(unknown[3 * column]), np.exp(unknown[3 * column + 1]), unknown[3 * column + 2]
+        s0, s1, gain = (
+            np.exp(unknown[3 * column]),
+            np.exp(unknown[3 * column + 1]),
+            unknown[3 * column + 2],
+        )
         log_scale = np.log(s0 + s1 * distance) - gain * quality
-        each = norm - log_scale - (nu + 1) / 2 * np.log1p((size[:, column] / np.exp(log_scale)) ** 2 / nu)
+        each = (
+            norm
+            - log_scale
+            - (nu + 1) / 2 * np.log1p((size[:, column] / np.exp(log_scale)) ** 2 / nu)
+        )
         total -= float(each.mean())
     return total
 
@@ -125,7 +190,11 @@ def _position_memory(objects: ObjectSamples, latent: Floats) -> dict[str, float]
     lags, correlation, weight = [], [], []
     for lag in _LAGS:
         earlier, later = objects.hit_pairs(lag)
-        typical = float(np.median(np.abs(latent[np.append(earlier, later)]))) if len(earlier) >= _FEW_PAIRS else 0.0
+        typical = (
+            float(np.median(np.abs(latent[np.append(earlier, later)])))
+            if len(earlier) >= _FEW_PAIRS
+            else 0.0
+        )
         if typical > 0:
             change = float(np.median(np.abs(latent[later] - latent[earlier]))) / typical
             lags.append(lag)
@@ -136,9 +205,14 @@ def _position_memory(objects: ObjectSamples, latent: Floats) -> dict[str, float]
 
     def loss(unknown: Floats) -> Floats:
         last, stay, phi = unknown  # lasting share, and the constant share of that
-        return np.asarray(np.array(weight) * (last * (stay + (1 - stay) * phi ** np.array(lags)) - correlation))
+        return np.asarray(
+            np.array(weight)
+            * (last * (stay + (1 - stay) * phi ** np.array(lags)) - correlation)
+        )
 
-    last, stay, phi = least_squares(loss, (0.7, 0.5, 0.7), bounds=(0.0, (1.0, 1.0, 0.98))).x.tolist()
+    last, stay, phi = least_squares(
+        loss, (0.7, 0.5, 0.7), bounds=(0.0, (1.0, 1.0, 0.98))
+    ).x.tolist()
     return memory_of(last, stay, phi)
 
 
@@ -147,11 +221,17 @@ def _attenuation(nu: float) -> float:
     rng = np.random.default_rng(0)
     first, second = rng.standard_normal((2, _DRAWS))
     tails = np.sqrt(nu / rng.chisquare(nu, (2, _DRAWS)))
-    one, other = np.clip(tails * [first, (first + np.sqrt(3.0) * second) / 2], -_BOUND, _BOUND)
-    return float(2.0 * np.mean(one * other) / np.sqrt(np.mean(one**2) * np.mean(other**2)))
+    one, other = np.clip(
+        tails * [first, (first + np.sqrt(3.0) * second) / 2], -_BOUND, _BOUND
+    )
+    return float(
+        2.0 * np.mean(one * other) / np.sqrt(np.mean(one**2) * np.mean(other**2))
+    )
 
 
-def _shared_weight(latent: Floats, near: Neighbours, objects: ObjectSamples, lasting: float) -> float:
+def _shared_weight(
+    latent: Floats, near: Neighbours, objects: ObjectSamples, lasting: float
+) -> float:
     """Weight of close neighbours, from the correlation of errors of pairs nearer than 5 m."""
     distance = np.hypot(*(objects.place[near.row] - objects.place[near.other]).T)
     pair = (distance <= _CLOSE) & objects.hit[near.row] & objects.hit[near.other]
@@ -164,5 +244,9 @@ def _shared_weight(latent: Floats, near: Neighbours, objects: ObjectSamples, las
     for number in np.random.default_rng(0).standard_normal((_MIXES, len(latent))):
         for i, share in enumerate(shares):
             mixed = near.mixed(number[None], np.full((1, len(number)), share))[0]
-            implied[i] += lasting * np.mean(mixed[near.row[pair]] * mixed[near.other[pair]]) / _MIXES
+            implied[i] += (
+                lasting
+                * np.mean(mixed[near.row[pair]] * mixed[near.other[pair]])
+                / _MIXES
+            )
     return round(float(shares[int(np.argmin(np.abs(implied - real)))]), 4)

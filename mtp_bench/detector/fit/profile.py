@@ -20,9 +20,16 @@ LEAST_HITS = 100  # detected true boxes that a class needs
 
 
 def fit_profile(
-    scenes: Iterable[Scene], classes: Sequence[str], dt: float, sensor: Sensor, name: str, summary: str,
-    source: str, floor: Mapping[str, float] | None = None, alike: Mapping[str, str] | None = None,
-) -> Profile:  # fmt: skip
+    scenes: Iterable[Scene],
+    classes: Sequence[str],
+    dt: float,
+    sensor: Sensor,
+    name: str,
+    summary: str,
+    source: str,
+    floor: Mapping[str, float] | None = None,
+    alike: Mapping[str, str] | None = None,
+) -> Profile:
     """Fit a profile of the detector that made the detections of ``scenes``, whose truth must be complete.
 
     ``dt``: s between frames; ``sensor``: its coverage; ``floor``: least score per class of the detections that count,
@@ -42,8 +49,12 @@ def fit_profile(
     with notice.work("fitting what the detector reports of objects"):
         for one in fitted:
             objects, false = samples[one]
-            lowest = min(objects.score[objects.hit].min(), false.score.min(initial=np.inf))
-            noise[one] = fit_objects(objects, (floor or {}).get(one, math.floor(1e4 * float(lowest)) / 1e4))
+            lowest = min(
+                objects.score[objects.hit].min(), false.score.min(initial=np.inf)
+            )
+            noise[one] = fit_objects(
+                objects, (floor or {}).get(one, math.floor(1e4 * float(lowest)) / 1e4)
+            )
     profile = Profile(
         name=name,
         summary=summary,
@@ -56,12 +67,17 @@ def fit_profile(
     )
     known = [one for one in classes if profile.alike.get(one, one) in profile.classes]
     if len(known) < len(classes):
-        scenes = [_of_classes(scene, [classes.index(one) for one in known]) for scene in scenes]
+        scenes = [
+            _of_classes(scene, [classes.index(one) for one in known])
+            for scene in scenes
+        ]
     complete = {}
     with notice.work("fitting false positives by class") as work:
         work.started(len(profile.classes))
         for one in profile.classes:
-            complete[one] = fit_false_positives(scenes, known, profile, one, samples[one][1], sensor)
+            complete[one] = fit_false_positives(
+                scenes, known, profile, one, samples[one][1], sensor
+            )
             work.done(one)
     return profile.model_copy(update={"classes": complete})
 
@@ -71,4 +87,8 @@ def _of_classes(scene: Scene, ids: Sequence[int]) -> Scene:
     kept = np.isin(scene.truth.class_id, ids)
     truth = scene.truth.select(kept)
     truth = replace(truth, class_id=np.searchsorted(ids, truth.class_id))
-    return replace(scene, truth=truth, visible=None if scene.visible is None else scene.visible[kept])
+    return replace(
+        scene,
+        truth=truth,
+        visible=None if scene.visible is None else scene.visible[kept],
+    )

@@ -15,7 +15,21 @@ from ..quality import random_quality
 from .samples import ObjectSamples
 
 NEIGHBOUR_LENGTH = 20.0  # m; objects farther apart share no noise
-_SHARES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.995)  # of the scores below the cuts
+_SHARES = (
+    0.05,
+    0.1,
+    0.2,
+    0.3,
+    0.4,
+    0.5,
+    0.6,
+    0.7,
+    0.8,
+    0.9,
+    0.95,
+    0.98,
+    0.995,
+)  # of the scores below the cuts
 _BEST = 1.5  # quality of the highest score above the last cut
 _LAPSES = (0.3, 0.5, 0.7)  # candidate shares of the variance
 _LAGS = (1, 3, 8)  # frames
@@ -42,7 +56,9 @@ def fit_quality(objects: ObjectSamples, floor: float) -> Quality:
         quality = _margins(objects, floor, share)
         simulation = _QualitySimulation(objects, quality)
         real = simulation.correlations(objects.hit, objects.score)
-        unknown = nearest_parameters(simulation.simulated, real, np.full(len(real), _SCALE), _START)
+        unknown = nearest_parameters(
+            simulation.simulated, real, np.full(len(real), _SCALE), _START
+        )
         difference = (simulation.simulated(unknown) - real)[np.isfinite(real)] / _SCALE
         if float(difference @ difference) < least:
             best, least = _with_memory(quality, unknown), float(difference @ difference)
@@ -55,7 +71,9 @@ def fit_quality(objects: ObjectSamples, floor: float) -> Quality:
 def random_part(objects: ObjectSamples, quality: Quality) -> Floats:
     """Random part of the quality that the scores show ``[R]``, NaN where undetected."""
     value = np.full(len(objects.hit), np.nan)
-    value[objects.hit] = np.interp(objects.score[objects.hit], quality.score, quality.latent)
+    value[objects.hit] = np.interp(
+        objects.score[objects.hit], quality.score, quality.latent
+    )
     return np.asarray(value - objects.feature @ np.array(quality.location))
 
 
@@ -63,16 +81,23 @@ def _margins(objects: ObjectSamples, floor: float, lapses: float) -> Quality:
     """Quality with fitted mean and scores, where a miss is the lowest level; the memory is a placeholder."""
     score = objects.score[objects.hit]
     cut = np.unique(np.append(np.quantile(score, _SHARES), floor))
-    cut = cut[cut >= floor][: 1 if score.min() == score.max() else None]  # without scores only the floor
+    cut = cut[cut >= floor][
+        : 1 if score.min() == score.max() else None
+    ]  # without scores only the floor
     level = np.zeros(len(objects.hit), dtype=np.int64)
     level[objects.hit] = np.maximum(np.searchsorted(cut, score, side="right"), 1)
     weight, latent = fit_ordered_levels(objects.feature, level, len(cut) + 1, lapses)
     return Quality(
-        bias=0.5, ar=0.3, phi=0.7, white=0.2, location=rounded(weight),
+        bias=0.5,
+        ar=0.3,
+        phi=0.7,
+        white=0.2,
+        location=rounded(weight),
         lapses=Lapses(share=lapses, bias=0.5, phi=0.7, shared=0.5),
-        latent=rounded(np.append(latent, latent[-1] + _BEST)), score=rounded(np.append(cut, score.max())),
+        latent=rounded(np.append(latent, latent[-1] + _BEST)),
+        score=rounded(np.append(cut, score.max())),
         floor=floor,
-    )  # fmt: skip
+    )
 
 
 def rounded(values: Floats) -> tuple[float, ...]:
@@ -82,17 +107,30 @@ def rounded(values: Floats) -> tuple[float, ...]:
 
 def _with_memory(quality: Quality, unknown: Floats) -> Quality:
     """The quality with the memory given by log-odds ``unknown`` ``[7]``."""
-    lasting, constant, phi, shared, *lapse = (from_log_odds(float(value)) for value in unknown)
+    lasting, constant, phi, shared, *lapse = (
+        from_log_odds(float(value)) for value in unknown
+    )
     names = ("bias", "phi", "shared")
-    lapses = quality.lapses.model_copy(update=dict(zip(names, rounded(np.array(lapse)), strict=True)))
-    update = {**memory_of(lasting, constant, phi), "shared": round(shared, 4), "lapses": lapses}
+    lapses = quality.lapses.model_copy(
+        update=dict(zip(names, rounded(np.array(lapse)), strict=True))
+    )
+    update = {
+        **memory_of(lasting, constant, phi),
+        "shared": round(shared, 4),
+        "lapses": lapses,
+    }
     return quality.model_copy(update=update)
 
 
 def memory_of(lasting: float, constant: float, phi: float) -> dict[str, float]:
     """Fields of `Shares` from the lasting share of the variance, and the constant share of that."""
     bias, ar = round(lasting * constant, 4), round(lasting * (1 - constant), 4)
-    return {"bias": bias, "ar": ar, "phi": round(phi, 4), "white": round(1.0 - bias - ar, 4)}
+    return {
+        "bias": bias,
+        "ar": ar,
+        "phi": round(phi, 4),
+        "white": round(1.0 - bias - ar, 4),
+    }
 
 
 class _QualitySimulation:
@@ -102,15 +140,34 @@ class _QualitySimulation:
         """``quality``: with fitted margins."""
         width = int(objects.frame.max(initial=0)) + 1
         ids, column = np.unique(objects.object, return_inverse=True)
-        self.grid = Grid(width, ids, objects.frame, column, (), np.zeros(len(ids), dtype=np.int64), 1.0)
+        self.grid = Grid(
+            width,
+            ids,
+            objects.frame,
+            column,
+            (),
+            np.zeros(len(ids), dtype=np.int64),
+            1.0,
+        )
         moment = objects.scene * width + objects.frame
-        near = self.neighbours = Neighbours.within(NEIGHBOUR_LENGTH, objects.place, moment, objects.object)
+        near = self.neighbours = Neighbours.within(
+            NEIGHBOUR_LENGTH, objects.place, moment, objects.object
+        )
         distance = np.hypot(*(objects.place[near.row] - objects.place[near.other]).T)
-        bands = [(distance > low) & (distance <= high) & (near.row < near.other) for low, high in _BANDS]
+        bands = [
+            (distance > low) & (distance <= high) & (near.row < near.other)
+            for low, high in _BANDS
+        ]
         # rows of one object by `_LAGS`, then of neighbours by `_BANDS`
-        self.pairs = [*map(objects.pairs, _LAGS), *((near.row[band], near.other[band]) for band in bands)]
+        self.pairs = [
+            *map(objects.pairs, _LAGS),
+            *((near.row[band], near.other[band]) for band in bands),
+        ]
         self.second_threshold = float(np.quantile(objects.score[objects.hit], _SECOND))
-        self.location, self.quality = objects.feature @ np.array(quality.location), quality
+        self.location, self.quality = (
+            objects.feature @ np.array(quality.location),
+            quality,
+        )
 
     def simulated(self, unknown: Floats) -> Floats:
         """Mean `correlations` over seeds, with the memory given by log-odds."""
@@ -128,7 +185,10 @@ class _QualitySimulation:
 
         ``hit`` [R]; ``score`` [R], NaN where undetected.
         """
-        value = np.interp(np.nan_to_num(score), self.quality.score, self.quality.latent) - self.location
+        value = (
+            np.interp(np.nan_to_num(score), self.quality.score, self.quality.latent)
+            - self.location
+        )
         strong = hit & (np.nan_to_num(score, nan=-np.inf) >= self.second_threshold)
         missed, weak = self._residual(~hit), self._residual(~strong)
         result = []
@@ -142,7 +202,9 @@ class _QualitySimulation:
         """Misses less their mean among rows of similar mean quality ``[R]``."""
         end = np.quantile(self.location, np.linspace(0.0, 1.0, 11)[1:-1])
         group = np.searchsorted(end, self.location)
-        mean = np.bincount(group, miss, 10) / np.maximum(np.bincount(group, minlength=10), 1)
+        mean = np.bincount(group, miss, 10) / np.maximum(
+            np.bincount(group, minlength=10), 1
+        )
         return np.asarray(miss - mean[group])
 
 
@@ -156,7 +218,9 @@ def _correlation(value: Floats, one: Ints, other: Ints) -> float:
     return float(2.0 * (first @ second) / square) if square > 0 else 0.0
 
 
-def fit_ordered_levels(feature: Floats, level: Ints, levels: int, lapses: float) -> tuple[Floats, Floats]:
+def fit_ordered_levels(
+    feature: Floats, level: Ints, levels: int, lapses: float
+) -> tuple[Floats, Floats]:
     """Weights ``[n]`` of a mean over ``feature`` ``[R, n]``, and cuts ``[levels - 1]``, by maximum likelihood.
 
     ``level`` ``[R]`` 0, 1, ... is the number of cuts below a number with this mean and variance 1, whose lower tail has
@@ -169,13 +233,20 @@ def fit_ordered_levels(feature: Floats, level: Ints, levels: int, lapses: float)
     weight[0] = -start[0]
     arguments = feature, level, lapses
     fitted = minimize(
-        _level_loss, np.concatenate([weight, gaps]), arguments, jac=True, method="L-BFGS-B", options={"maxiter": 1000}
+        _level_loss,
+        np.concatenate([weight, gaps]),
+        arguments,
+        jac=True,
+        method="L-BFGS-B",
+        options={"maxiter": 1000},
     )
     weight, gaps = np.split(fitted.x, [feature.shape[1]])
     return weight, np.concatenate([[0.0], np.cumsum(np.exp(gaps) + _LEAST_STEP)])
 
 
-def _level_loss(unknown: Floats, feature: Floats, level: Ints, lapses: float) -> tuple[float, Floats]:
+def _level_loss(
+    unknown: Floats, feature: Floats, level: Ints, lapses: float
+) -> tuple[float, Floats]:
     """Mean negative log-likelihood and its gradient, over weights and logarithms of the gaps between cuts."""
     weight, gaps = np.split(unknown, [feature.shape[1]])
     cut = np.concatenate([[-1e3, 0.0], np.cumsum(np.exp(gaps) + _LEAST_STEP), [1e3]])
@@ -185,15 +256,21 @@ def _level_loss(unknown: Floats, feature: Floats, level: Ints, lapses: float) ->
     chance = np.maximum(skewed_cdf(-low, lapses) - skewed_cdf(-high, lapses), _TINY)
     at_low, at_high = (skewed_density(-x, lapses) / chance for x in (low, high))
     weight_slope = feature.T @ (at_high - at_low)
-    cut_slope = np.bincount(level, at_low, len(cut)) - np.bincount(level + 1, at_high, len(cut))
+    cut_slope = np.bincount(level, at_low, len(cut)) - np.bincount(
+        level + 1, at_high, len(cut)
+    )
     gap_slope = np.cumsum(cut_slope[2:-1][::-1])[::-1] * np.exp(gaps)
     penalty = 0.5 * _RIDGE * float(weight[1:] @ weight[1:])
     weight_slope[1:] += _RIDGE * weight[1:]
     count = len(level)
-    return (penalty - float(np.log(chance).sum())) / count, np.concatenate([weight_slope, gap_slope]) / count
+    return (penalty - float(np.log(chance).sum())) / count, np.concatenate(
+        [weight_slope, gap_slope]
+    ) / count
 
 
-def nearest_parameters(figures: Callable[[Floats], Floats], real: Floats, scale: Floats, start: Floats) -> Floats:
+def nearest_parameters(
+    figures: Callable[[Floats], Floats], real: Floats, scale: Floats, start: Floats
+) -> Floats:
     """Unknowns with ``figures`` nearest to the ``real`` ones that are known, in units of ``scale``."""
     finite = np.isfinite(real)
 
@@ -203,9 +280,24 @@ def nearest_parameters(figures: Callable[[Floats], Floats], real: Floats, scale:
 
     def slope(unknown: Floats) -> Floats:
         current = loss(unknown)
-        return np.stack([loss(unknown + step) - current for step in _STEP * np.eye(len(start))], axis=-1) / _STEP
+        return (
+            np.stack(
+                [loss(unknown + step) - current for step in _STEP * np.eye(len(start))],
+                axis=-1,
+            )
+            / _STEP
+        )
 
-    return np.asarray(least_squares(loss, start, slope, (-_FARTHEST, _FARTHEST), "dogbox", max_nfev=_SEARCH_ROUNDS).x)
+    return np.asarray(
+        least_squares(
+            loss,
+            start,
+            slope,
+            (-_FARTHEST, _FARTHEST),
+            "dogbox",
+            max_nfev=_SEARCH_ROUNDS,
+        ).x
+    )
 
 
 def from_log_odds(log_odds: float) -> float:

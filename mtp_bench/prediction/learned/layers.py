@@ -55,17 +55,24 @@ def lstm_states(weights: Weights, name: str, steps: Array, mask: Array) -> Array
     Schmidhuber 1997; Gers et al. 2000).
     """
     xp, bias = namespace(steps), weights[f"{name}.bias"]
-    hidden = cell = xp.zeros_like(steps[:, 0, :1]) + xp.zeros_like(bias[: len(bias) // 4])  # [n, h]
+    hidden = cell = xp.zeros_like(steps[:, 0, :1]) + xp.zeros_like(
+        bias[: len(bias) // 4]
+    )  # [n, h]
     states = []
     for step in range(steps.shape[1]):
         new = lstm_cell(weights, name, steps[:, step], hidden, cell)
         alive = mask[:, step, None]
-        hidden, cell = (alive * now + (1 - alive) * old for now, old in zip(new, (hidden, cell), strict=True))
+        hidden, cell = (
+            alive * now + (1 - alive) * old
+            for now, old in zip(new, (hidden, cell), strict=True)
+        )
         states.append(hidden)
     return xp.stack(states, 1)
 
 
-def lstm_cell(weights: Weights, name: str, x: Array, hidden: Array, cell: Array) -> tuple[Array, Array]:
+def lstm_cell(
+    weights: Weights, name: str, x: Array, hidden: Array, cell: Array
+) -> tuple[Array, Array]:
     """Hidden state and cell [n, h] after the input ``x`` [n, in]."""
     xp, size = namespace(x), hidden.shape[1]
     gates = linear(weights, name, xp.concatenate([x, hidden], 1))
@@ -78,20 +85,29 @@ def linear_shapes(name: str, *sizes: int) -> dict[str, tuple[int, ...]]:
     """Shapes of the weights of `mlp` (several layers) for these sizes, the input's first."""
     shapes: dict[str, tuple[int, ...]] = {}
     for i, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
-        shapes |= {f"{name}.{i}.weight": (inputs, outputs), f"{name}.{i}.bias": (outputs,)}
+        shapes |= {
+            f"{name}.{i}.weight": (inputs, outputs),
+            f"{name}.{i}.bias": (outputs,),
+        }
     return shapes
 
 
 def lstm_shapes(name: str, inputs: int, hidden: int) -> dict[str, tuple[int, ...]]:
     """Shapes of the weights of `lstm`."""
-    return {f"{name}.weight": (inputs + hidden, 4 * hidden), f"{name}.bias": (4 * hidden,)}
+    return {
+        f"{name}.weight": (inputs + hidden, 4 * hidden),
+        f"{name}.bias": (4 * hidden,),
+    }
 
 
-def initial(shapes: Mapping[str, tuple[int, ...]], rng: np.random.Generator) -> dict[str, np.ndarray]:
+def initial(
+    shapes: Mapping[str, tuple[int, ...]], rng: np.random.Generator
+) -> dict[str, np.ndarray]:
     """Initial weights: uniform in +-1 / sqrt(inputs) as in torch's linear layers; biases are 0."""
     return {
         name: np.zeros(shape, np.float32)
         if len(shape) == 1
-        else rng.uniform(-1, 1, shape).astype(np.float32) / np.float32(np.sqrt(shape[0]))
+        else rng.uniform(-1, 1, shape).astype(np.float32)
+        / np.float32(np.sqrt(shape[0]))
         for name, shape in shapes.items()
     }

@@ -21,7 +21,9 @@ def local_inputs(windows: TrackWindows) -> Arrays:
     """
     turn = rotation(windows.box[:, -1, 3])
     inputs = {
-        "position": np.einsum("npi,nij->npj", windows.box[:, :, :2] - windows.box[:, -1:, :2], turn),
+        "position": np.einsum(
+            "npi,nij->npj", windows.box[:, :, :2] - windows.box[:, -1:, :2], turn
+        ),
         "yaw": wrap_angle(windows.box[:, :, 3] - windows.box[:, -1:, 3]),
         "velocity": np.einsum("npi,nij->npj", windows.velocity, turn),
         "score": windows.score,
@@ -30,13 +32,19 @@ def local_inputs(windows: TrackWindows) -> Arrays:
         "size": windows.box[:, -1, 4:],
         "counts": np.log(np.stack([windows.hits, windows.age], axis=-1)),
     }
-    return {**{name: value.astype(np.float32) for name, value in inputs.items()}, "class_id": windows.class_id}
+    return {
+        **{name: value.astype(np.float32) for name, value in inputs.items()},
+        "class_id": windows.class_id,
+    }
 
 
 def local_future(windows: TrackWindows, xy: Floats) -> Floats:
     """Positions [n, T, 2] in the heading frame of each window, float32."""
     offset = xy - windows.box[:, -1:, :2]
-    return np.asarray(np.einsum("nti,nij->ntj", offset, rotation(windows.box[:, -1, 3])), dtype=np.float32)
+    return np.asarray(
+        np.einsum("nti,nij->ntj", offset, rotation(windows.box[:, -1, 3])),
+        dtype=np.float32,
+    )
 
 
 def to_absolute(windows: TrackWindows, xy: Floats) -> Floats:
@@ -52,10 +60,18 @@ def history(inputs: dict[str, Array]) -> Array:
     """
     xp, alive = namespace(inputs["position"]), inputs["alive"]
     position, yaw = inputs["position"], inputs["yaw"]
-    step = xp.concatenate([xp.zeros_like(position[:, :1]), position[:, 1:] - position[:, :-1]], 1)
-    born = xp.concatenate([xp.zeros_like(alive[:, :1]), alive[:, :-1]], 1)  # a first box has no step
+    step = xp.concatenate(
+        [xp.zeros_like(position[:, :1]), position[:, 1:] - position[:, :-1]], 1
+    )
+    born = xp.concatenate(
+        [xp.zeros_like(alive[:, :1]), alive[:, :-1]], 1
+    )  # a first box has no step
     columns = [position, step * born[:, :, None], inputs["velocity"]]
-    columns += [xp.sin(yaw)[:, :, None], xp.cos(yaw)[:, :, None] - 1, inputs["score"][:, :, None]]
+    columns += [
+        xp.sin(yaw)[:, :, None],
+        xp.cos(yaw)[:, :, None] - 1,
+        inputs["score"][:, :, None],
+    ]
     numbers = xp.concatenate(columns, 2) * alive[:, :, None]
     return xp.concatenate([numbers, inputs["taken"][:, :, None]], 2)
 
@@ -64,11 +80,15 @@ def mean_velocity(inputs: dict[str, Array], dt: float) -> Array:
     """Velocities [n, 2] m/s: slope of a straight line through the past; of a single box the measured velocity."""
     xp, alive = namespace(inputs["position"]), inputs["alive"]
     frames = alive.shape[1]
-    time = (xp.cumsum(xp.ones_like(alive), 1) - frames) * dt  # in the precision of the weights
+    time = (
+        xp.cumsum(xp.ones_like(alive), 1) - frames
+    ) * dt  # in the precision of the weights
     count = xp.clip(alive.sum(1), 1, None)
     center = time - ((time * alive).sum(1) / count)[:, None]
     spread = (center * center * alive).sum(1)
-    slope = ((center * alive)[:, :, None] * inputs["position"]).sum(1) / xp.clip(spread, 1e-6, None)[:, None]
+    slope = ((center * alive)[:, :, None] * inputs["position"]).sum(1) / xp.clip(
+        spread, 1e-6, None
+    )[:, None]
     several = (spread > 1e-6)[:, None]
     return xp.where(several, slope, inputs["velocity"][:, -1])
 
@@ -76,5 +96,7 @@ def mean_velocity(inputs: dict[str, Array], dt: float) -> Array:
 def one_hot(class_id: Array, classes: int, like: Array) -> Array:
     """One-hot classes [n, C], in the precision of ``like``."""
     xp = namespace(like)
-    known = xp.arange(classes) if xp is np else xp.arange(classes, device=class_id.device)
+    known = (
+        xp.arange(classes) if xp is np else xp.arange(classes, device=class_id.device)
+    )
     return (class_id[:, None] == known[None]) + xp.zeros_like(like[:, :1])

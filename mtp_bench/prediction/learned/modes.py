@@ -25,7 +25,9 @@ class Modes:
     around = False
     recipe = Recipe()
 
-    def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
+    def inputs(
+        self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes
+    ) -> Arrays:
         """The past of each window alone: tracks that share a window share its forecasts."""
         return local_inputs(windows)
 
@@ -34,24 +36,50 @@ class Modes:
         inputs = self.features(sizes)
         outputs = sizes.modes * (2 * sizes.future + 1) + 2
         trained = linear_shapes("net", inputs, *[HIDDEN] * (LAYERS - 1), outputs)
-        return {**trained, "input.mean": (inputs,), "input.spread": (inputs,), "output.spread": (sizes.future, 1)}
+        return {
+            **trained,
+            "input.mean": (inputs,),
+            "input.spread": (inputs,),
+            "output.spread": (sizes.future, 1),
+        }
 
-    def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
+    def start(
+        self,
+        inputs: Arrays,
+        future: np.ndarray,
+        known: np.ndarray,
+        sizes: Sizes,
+        seed: int,
+    ) -> Arrays:
         """Random layers; inputs are standardised, and outputs are in units of the error of constant velocity."""
         seen = self.encoded(inputs, sizes)
         error = np.linalg.norm(future - straight(inputs, sizes), axis=-1)
-        trained = {name: shape for name, shape in self.shapes(sizes).items() if name.startswith("net.")}
+        trained = {
+            name: shape
+            for name, shape in self.shapes(sizes).items()
+            if name.startswith("net.")
+        }
         weights = initial(trained, np.random.default_rng(seed))
-        weights |= {"input.mean": seen.mean(axis=0), "input.spread": np.maximum(seen.std(axis=0), LEAST_SPREAD)}
+        weights |= {
+            "input.mean": seen.mean(axis=0),
+            "input.spread": np.maximum(seen.std(axis=0), LEAST_SPREAD),
+        }
         return {**weights, "output.spread": spread_of(error, known)}
 
-    def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
+    def forward(
+        self, weights: Weights, inputs: dict[str, Array], sizes: Sizes
+    ) -> dict[str, Array]:
         """Modes, their log-weights (not normalised) and the present position."""
         xp = namespace(inputs["position"])
-        x = (self.encoded(inputs, sizes) - weights["input.mean"]) / weights["input.spread"]
+        x = (self.encoded(inputs, sizes) - weights["input.mean"]) / weights[
+            "input.spread"
+        ]
         out = mlp(weights, "net", xp.clip(x, -10, 10), LAYERS)
         split = sizes.modes * 2 * sizes.future
-        residual = out[:, :split].reshape(-1, sizes.modes, sizes.future, 2) * weights["output.spread"]
+        residual = (
+            out[:, :split].reshape(-1, sizes.modes, sizes.future, 2)
+            * weights["output.spread"]
+        )
         return {
             "modes": self.moved(inputs, residual, sizes),
             "log_weight": out[:, split : split + sizes.modes],
@@ -89,5 +117,10 @@ def straight(inputs: dict[str, Array], sizes: Sizes) -> Array:
 def spread_of(value: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Root mean square [T, 1] of each step, over the rows of ``value`` [n, T, ...] that are ``known`` [n, T]."""
     steps = range(value.shape[1])
-    spread = np.array([np.sqrt(np.mean(value[known[:, t], t] ** 2)) if known[:, t].any() else 0.0 for t in steps])
+    spread = np.array(
+        [
+            np.sqrt(np.mean(value[known[:, t], t] ** 2)) if known[:, t].any() else 0.0
+            for t in steps
+        ]
+    )
     return np.asarray(np.maximum(spread, LEAST_SPREAD)[:, None], dtype=np.float32)

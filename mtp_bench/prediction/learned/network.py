@@ -59,7 +59,9 @@ class Network(Protocol):
     around: bool  # its input is the detections around an object, not its track
     recipe: Recipe
 
-    def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
+    def inputs(
+        self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes
+    ) -> Arrays:
         """Its input for n windows, each array [n, ...]; ``moment`` [n]: the frame of each in ``seen``."""
         ...
 
@@ -67,11 +69,20 @@ class Network(Protocol):
         """Names and shapes of its weights."""
         ...
 
-    def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
+    def start(
+        self,
+        inputs: Arrays,
+        future: np.ndarray,
+        known: np.ndarray,
+        sizes: Sizes,
+        seed: int,
+    ) -> Arrays:
         """Weights to start from; statistics of the training data (``future`` [n, T, 2], local) are among them."""
         ...
 
-    def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
+    def forward(
+        self, weights: Weights, inputs: dict[str, Array], sizes: Sizes
+    ) -> dict[str, Array]:
         """Output in the heading frame: ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n, 2] m."""
         ...
 
@@ -79,9 +90,15 @@ class Network(Protocol):
 @cache
 def networks() -> dict[str, Network]:
     """The networks by name: those of the modules of this folder that have one."""
-    names = [module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)])]
+    names = [
+        module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)])
+    ]
     modules = [import_module(f"{__package__}.{name}") for name in names]
-    return {module.NETWORK.name: module.NETWORK for module in modules if hasattr(module, "NETWORK")}
+    return {
+        module.NETWORK.name: module.NETWORK
+        for module in modules
+        if hasattr(module, "NETWORK")
+    }
 
 
 def network_of(name: str) -> Network:

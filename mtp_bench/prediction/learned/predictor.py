@@ -27,7 +27,15 @@ from .around import detections_of_tracks
 from .local import Arrays, to_absolute
 from .network import Network, Sizes, network_of, require_lanes
 
-_FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 0, "lp": 1, "pb": 1}]  # pairs of bytes
+_FILTERS = [
+    {
+        "id": lzma.FILTER_LZMA2,
+        "preset": 9 | lzma.PRESET_EXTREME,
+        "lc": 0,
+        "lp": 1,
+        "pb": 1,
+    }
+]  # pairs of bytes
 FORMAT = "mtp-bench weights 1"
 MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
 ASSOCIATIONS = ("network", "track")
@@ -40,7 +48,9 @@ class StoredWeights:
     weights: Arrays  # float32
     network: str
     sizes: Sizes
-    card: Mapping[str, Any]  # how they were trained, see `training.predictors.model_card`
+    card: Mapping[
+        str, Any
+    ]  # how they were trained, see `training.predictors.model_card`
 
 
 def find_weights(network: str, on: str, task: Task) -> Path:
@@ -54,7 +64,11 @@ def find_weights(network: str, on: str, task: Task) -> Path:
             if path.is_file():
                 return path
     (state,) = states_of([f"{network}-{on}"], task.env_id, task.weights_of)
-    how = state.command if state.minutes is None else f"{state.command} (about {state.minutes} min on two cores)"
+    how = (
+        state.command
+        if state.minutes is None
+        else f"{state.command} (about {state.minutes} min on two cores)"
+    )
     raise SubmissionError(
         f"{task.env_id}: no weights {file_name(network, on, task.env_id)} in {weights_folder()}, and none ship; train "
         f"them: {how}"
@@ -69,13 +83,23 @@ def write_weights(path: Path, stored: StoredWeights) -> None:
     """
     from safetensors.numpy import save
 
-    content = {"format": FORMAT, "network": stored.network, "sizes": asdict(stored.sizes), "card": stored.card}
-    halves = {name: np.asarray(value, dtype=np.float16) for name, value in sorted(stored.weights.items())}
+    content = {
+        "format": FORMAT,
+        "network": stored.network,
+        "sizes": asdict(stored.sizes),
+        "card": stored.card,
+    }
+    halves = {
+        name: np.asarray(value, dtype=np.float16)
+        for name, value in sorted(stored.weights.items())
+    }
     if path.suffix == PACKED:
         halves = {name: rounded(value) for name, value in halves.items()}
     data = save(halves, {"mtp_bench": json.dumps(content, sort_keys=True)})
     with whole_file(path) as part:
-        part.write_bytes(lzma.compress(data, filters=_FILTERS) if path.suffix == PACKED else data)
+        part.write_bytes(
+            lzma.compress(data, filters=_FILTERS) if path.suffix == PACKED else data
+        )
 
 
 def rounded(values: NDArray[np.float16]) -> NDArray[np.float16]:
@@ -83,7 +107,11 @@ def rounded(values: NDArray[np.float16]) -> NDArray[np.float16]:
     bits = values.view(np.uint16).astype(np.uint32)
     near = (bits + 3 + (bits >> 3 & 1)) & ~np.uint32(7)
     infinite = (near & 0x7C00) == 0x7C00
-    return np.where(infinite, bits & ~np.uint32(7), near).astype(np.uint16).view(np.float16)
+    return (
+        np.where(infinite, bits & ~np.uint32(7), near)
+        .astype(np.uint16)
+        .view(np.float16)
+    )
 
 
 def read_weights(path: Path, network: Network) -> StoredWeights:
@@ -91,12 +119,18 @@ def read_weights(path: Path, network: Network) -> StoredWeights:
     tensors, content = _read_tensors(path)
     found = content.get("network")
     if content.get("format") != FORMAT or found != network.name:
-        raise SubmissionError(f"{path}: weights of {found!r}, expected {network.name!r} in format {FORMAT!r}")
+        raise SubmissionError(
+            f"{path}: weights of {found!r}, expected {network.name!r} in format {FORMAT!r}"
+        )
     card = content.get("card", {})
     if not isinstance(card, dict):
-        raise SubmissionError(f"{path}: its card is {type(card).__name__}, expected a table")
+        raise SubmissionError(
+            f"{path}: its card is {type(card).__name__}, expected a table"
+        )
     try:
-        sizes = Sizes(**{**content["sizes"], "classes": tuple(content["sizes"]["classes"])})
+        sizes = Sizes(
+            **{**content["sizes"], "classes": tuple(content["sizes"]["classes"])}
+        )
         shapes = network.shapes(sizes)
     except (KeyError, TypeError, ValueError) as error:
         raise SubmissionError(f"{path}: does not state its sizes ({error})") from None
@@ -118,7 +152,9 @@ def require_fit(sizes: Sizes, task: Task, path: Path) -> None:
     for class_name in expected.classes:
         if class_name not in sizes.classes:
             known = ", ".join(sizes.classes)
-            raise SubmissionError(f"{path}: made for {known}, but {task.env_id} has the class {class_name!r}")
+            raise SubmissionError(
+                f"{path}: made for {known}, but {task.env_id} has the class {class_name!r}"
+            )
     for name in ("past", "future", "dt"):
         if getattr(sizes, name) != getattr(expected, name):
             raise SubmissionError(
@@ -133,11 +169,20 @@ def _read_tensors(path: Path) -> tuple[Arrays, dict[str, Any]]:
 
     try:
         content = _read_bytes(path)
-        arrays = {name: value.astype(np.float32) for name, value in load(content).items()}
+        arrays = {
+            name: value.astype(np.float32) for name, value in load(content).items()
+        }
         header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
         metadata = header.get("__metadata__", {}).get("mtp_bench", "{}")
         return arrays, parse_json(metadata, str(path), SubmissionError)
-    except (OSError, lzma.LZMAError, SafetensorError, ValueError, TypeError, KeyError) as error:
+    except (
+        OSError,
+        lzma.LZMAError,
+        SafetensorError,
+        ValueError,
+        TypeError,
+        KeyError,
+    ) as error:
         raise SubmissionError(f"{path}: not a file of weights ({error})") from None
 
 
@@ -147,7 +192,9 @@ def _read_bytes(path: Path) -> bytes:
         size = os.fstat(stream.fileno()).st_size
         content = stream.read(MOST_BYTES)
     if path.suffix == PACKED:
-        content = lzma.LZMADecompressor(lzma.FORMAT_XZ).decompress(content, MOST_BYTES + 1)
+        content = lzma.LZMADecompressor(lzma.FORMAT_XZ).decompress(
+            content, MOST_BYTES + 1
+        )
         size = len(content)
     if size > MOST_BYTES:
         raise SubmissionError(f"{path}: {size} bytes, expected at most {MOST_BYTES}")
@@ -170,10 +217,16 @@ class LearnedPredictor:
     """
 
     def __init__(
-        self, network: str = "modes", on: str = "truth", weights: str | Path | None = None, association: str = "network"
+        self,
+        network: str = "modes",
+        on: str = "truth",
+        weights: str | Path | None = None,
+        association: str = "network",
     ) -> None:
         if association not in ASSOCIATIONS:
-            raise SubmissionError(f"association is {association!r}, expected one of: {', '.join(ASSOCIATIONS)}")
+            raise SubmissionError(
+                f"association is {association!r}, expected one of: {', '.join(ASSOCIATIONS)}"
+            )
         self._network, self._by_track = network_of(network), association == "track"
         if self._by_track and not self._network.around:
             raise SubmissionError(
@@ -185,10 +238,14 @@ class LearnedPredictor:
         """Begin a new scene."""
         require_lanes(self._network, task.env_id, task.lanes > 0)
         path = self._given or find_weights(self._network.name, self._on, task)
-        stored = _read(path, path.stat().st_mtime_ns if path.is_file() else 0, self._network.name)
+        stored = _read(
+            path, path.stat().st_mtime_ns if path.is_file() else 0, self._network.name
+        )
         require_fit(stored.sizes, task, path)
         self._stored, self._as_truth = stored, stored.card.get("on") == "truth"
-        self._class = np.array([stored.sizes.classes.index(name) for name in task.classes])
+        self._class = np.array(
+            [stored.sizes.classes.index(name) for name in task.classes]
+        )
 
     def predict(self, frame: Frame) -> Forecasts:
         """Forecasts of the distinct windows of ``frame``."""
@@ -200,13 +257,29 @@ class LearnedPredictor:
         windows = replace(windows, class_id=self._class[windows.class_id])
         seen = replace(seen, class_id=self._class[seen.class_id])
         if self._as_truth:
-            windows, seen = shown_as_truth(windows), replace(seen, score=np.ones_like(seen.score))
+            windows, seen = (
+                shown_as_truth(windows),
+                replace(seen, score=np.ones_like(seen.score)),
+            )
         moment = np.full(len(windows), seen.frames - 1)
         if self._by_track:
             seen, moment = detections_of_tracks(windows, moment, seen)
-        output = self._network.forward(self._stored.weights, self._network.inputs(windows, moment, seen, sizes), sizes)
-        present = to_absolute(windows, output["present"]) if self._stored.card.get("present") else None
-        return Forecasts(to_absolute(windows, output["modes"]), output["log_weight"], present, row=row)
+        output = self._network.forward(
+            self._stored.weights,
+            self._network.inputs(windows, moment, seen, sizes),
+            sizes,
+        )
+        present = (
+            to_absolute(windows, output["present"])
+            if self._stored.card.get("present")
+            else None
+        )
+        return Forecasts(
+            to_absolute(windows, output["modes"]),
+            output["log_weight"],
+            present,
+            row=row,
+        )
 
 
 @lru_cache(maxsize=4)  # an agent begins many scenes with the same file

@@ -6,4 +6,10 @@ from .road import scene_lanes
 from .source import Argoverse2
 from .submission import FORM
 
-PACKAGE = SourcePackage(Argoverse2, DATASET, lambda card, data: DATASET.status(data, LOGS), FORM, lanes=scene_lanes)
+PACKAGE = SourcePackage(
+    Argoverse2,
+    DATASET,
+    lambda card, data: DATASET.status(data, LOGS),
+    FORM,
+    lanes=scene_lanes,
+)

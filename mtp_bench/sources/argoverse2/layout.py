@@ -19,8 +19,16 @@ DETECTIONS = "detections/*.feather"
 DATASET = Dataset.of(__file__)
 NEUTRAL = "neutral "  # before the class that a detector reports
 # official -> class, neutral or skipped
-CATEGORIES: Mapping[str, str] = MappingProxyType(toml_beside(__file__, "categories.toml"))
-CLASSES = tuple(dict.fromkeys(word for word in CATEGORIES.values() if word != "skipped" and NEUTRAL not in word))
+CATEGORIES: Mapping[str, str] = MappingProxyType(
+    toml_beside(__file__, "categories.toml")
+)
+CLASSES = tuple(
+    dict.fromkeys(
+        word
+        for word in CATEGORIES.values()
+        if word != "skipped" and NEUTRAL not in word
+    )
+)
 
 
 class Argoverse2Source(DetectionsSection):
@@ -34,8 +42,12 @@ class Argoverse2Source(DetectionsSection):
     detector: Annotated[str, Field(pattern=STORED_DETECTOR)] | None = "megvii-av2"
     # of the files of detections: one whose settings agents know, a hyphen and a word; None: simulated everywhere
     stride: Annotated[int, Field(ge=1, le=20)] = 5  # keep every n-th sweep of 10 Hz
-    reach: Annotated[float, Field(gt=0, le=300)] = 60.0  # m from the ego: what lies beyond is neither true nor detected
-    min_detection_score: float = 0.1  # least score in ``detections/``; a file that is named has its own
+    reach: Annotated[float, Field(gt=0, le=300)] = (
+        60.0  # m from the ego: what lies beyond is neither true nor detected
+    )
+    min_detection_score: float = (
+        0.1  # least score in ``detections/``; a file that is named has its own
+    )
 
     @property
     def traits(self) -> Traits:
@@ -53,9 +65,16 @@ def log_folders(root: Path, split: str) -> dict[str, Path]:
     """Folders of the logs of a split by name; raises DataError for a split without logs."""
     paths = sorted((root / "sensor" / split).glob("*/annotations.feather"))
     if not paths:
-        splits = sorted({path.parents[1].name for path in root.glob(f"{LOGS}/*/annotations.feather")})
+        splits = sorted(
+            {
+                path.parents[1].name
+                for path in root.glob(f"{LOGS}/*/annotations.feather")
+            }
+        )
         found = f"splits with logs: {', '.join(splits) or 'none'}"
-        raise DataError(f"{root / 'sensor' / split} has no folder with annotations.feather; {found}")
+        raise DataError(
+            f"{root / 'sensor' / split} has no folder with annotations.feather; {found}"
+        )
     return {path.parent.name: path.parent for path in paths}
 
 
@@ -64,7 +83,11 @@ def detection_files(root: Path, card: Card) -> tuple[Path, ...]:
     own = own_detections(card)
     if own is not None:
         return (own,)
-    return tuple(sorted(root.glob(DETECTIONS))) if section_of(card, Argoverse2Source).detector else ()
+    return (
+        tuple(sorted(root.glob(DETECTIONS)))
+        if section_of(card, Argoverse2Source).detector
+        else ()
+    )
 
 
 def log_folder(card: Card, data: DataRoot, log: str) -> Path:

@@ -51,10 +51,15 @@ def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
     if not paths:
         return ()
     parts = read_json(paths[0], _Map).lane_segments.values()
-    lanes, origin = [lane for lane in parts if lane.lane_type != "BIKE"], Sweeps.read(folder, 1).origin
+    lanes, origin = (
+        [lane for lane in parts if lane.lane_type != "BIKE"],
+        Sweeps.read(folder, 1).origin,
+    )
     index = {lane.id: i for i, lane in enumerate(lanes)}
     if len(index) < len(lanes):
-        raise DataError(f"{paths[0]}: two lanes have the same id, expected one of its own for each")
+        raise DataError(
+            f"{paths[0]}: two lanes have the same id, expected one of its own for each"
+        )
     return tuple(_lane(lane, index, origin) for lane in lanes)
 
 
@@ -63,8 +68,12 @@ def _lane(lane: _Lane, index: dict[int, int], origin: Floats) -> Lane:
         np.array([(point.x, point.y, point.z) for point in border]) - origin
         for border in (lane.left_lane_boundary, lane.right_lane_boundary)
     )
-    following = tuple(index[after] for after in lane.successors if after in index)  # others leave the map
-    return replace(lane_between(left, right), following=following, junction=lane.is_intersection)
+    following = tuple(
+        index[after] for after in lane.successors if after in index
+    )  # others leave the map
+    return replace(
+        lane_between(left, right), following=following, junction=lane.is_intersection
+    )
 
 
 def lane_between(*borders: Floats) -> Lane:

@@ -8,12 +8,28 @@ import numpy as np
 from ...cards import Card
 from ...errors import DataError
 from ...types import Detections, Scene, Truth, starts_of_sorted
-from ..base import DataRoot, names_by_number, no_detections, require_classes, require_rate, section_of
+from ..base import (
+    DataRoot,
+    names_by_number,
+    no_detections,
+    require_classes,
+    require_rate,
+    section_of,
+)
 from ..motion import looking_back, unknown_velocity
 from ..stored_tracks import FEWER
 from ..text import SMALLEST, repeated
 from .feather import ANNOTATIONS, RATE, Sweeps
-from .layout import CATEGORIES, CLASSES, DATASET, LOGS, NEUTRAL, Argoverse2Source, detection_files, log_folders
+from .layout import (
+    CATEGORIES,
+    CLASSES,
+    DATASET,
+    LOGS,
+    NEUTRAL,
+    Argoverse2Source,
+    detection_files,
+    log_folders,
+)
 from .submission import read_boxes, read_detections
 
 
@@ -47,38 +63,69 @@ class Argoverse2:
 
         A file of ``detections/`` with boxes in less than half of the frames has another rate and is passed over.
         """
-        own, having = self.section.detections_sha256 is not None, dict[str, Detections]()
+        own, having = (
+            self.section.detections_sha256 is not None,
+            dict[str, Detections](),
+        )
         for path in self._files:
             seen = read_detections(path, sweeps, self.card)
             frames = int((seen.counts > 0).sum())
             if 2 * frames >= scene.frames:
-                having[str(path)] = seen if own else seen.select(seen.score >= self.section.min_detection_score)
+                having[str(path)] = (
+                    seen
+                    if own
+                    else seen.select(seen.score >= self.section.min_detection_score)
+                )
             elif own:
                 few = f"{path} has detections in {frames} of the {scene.frames} frames of log {scene.name}"
                 raise DataError(f"{few}, expected most; {FEWER}")
         if len(having) > 1:
             both = " and ".join(having)
-            raise DataError(f"{both} both have detections of log {scene.name}; name one of them with --detections")
+            raise DataError(
+                f"{both} both have detections of log {scene.name}; name one of them with --detections"
+            )
         for file, seen in having.items():
-            return replace(scene, detections=seen, detector=f"{Path(file).stem}, stored detections")
+            return replace(
+                scene, detections=seen, detector=f"{Path(file).stem}, stored detections"
+            )
         return scene
 
 
 def scene_truth(sweeps: Sweeps, card: Card) -> tuple[Truth, dict[int, str]]:
     """Truth of a log, and the names of its objects; raises DataError for annotations that are wrong."""
     path = sweeps.folder / ANNOTATIONS
-    table, frame, class_id, box, near = read_boxes(path, sweeps, card, "num_interior_pts", "track_uuid")
+    table, frame, class_id, box, near = read_boxes(
+        path, sweeps, card, "num_interior_pts", "track_uuid"
+    )
     name = table.words["track_uuid"]
-    table.refuse(repeated(frame, name), "a second box of this object in its sweep, expected one", "track_uuid")
-    table.refuse(np.asarray((box[:, 4:] < SMALLEST).any(axis=1)), "a side of the box is not above 0 m")
+    table.refuse(
+        repeated(frame, name),
+        "a second box of this object in its sweep, expected one",
+        "track_uuid",
+    )
+    table.refuse(
+        np.asarray((box[:, 4:] < SMALLEST).any(axis=1)),
+        "a side of the box is not above 0 m",
+    )
     uuid, number = np.unique(name, return_inverse=True)
     first = np.full(len(uuid), len(sweeps.stamp))
     np.minimum.at(first, number[near], frame[near])
     like = [word for word, meaning in CATEGORIES.items() if meaning.startswith(NEUTRAL)]
-    neutral = ~near | (table["num_interior_pts"] == 0) | np.isin(table.words["category"], like)
+    neutral = (
+        ~near
+        | (table["num_interior_pts"] == 0)
+        | np.isin(table.words["category"], like)
+    )
     row = np.argsort(frame, kind="stable")
     row = row[(frame >= first[number])[row]]
-    start, velocity = starts_of_sorted(frame[row], len(sweeps.time)), unknown_velocity(len(row))
+    start, velocity = (
+        starts_of_sorted(frame[row], len(sweeps.time)),
+        unknown_velocity(len(row)),
+    )
     eligible = np.ones(len(row), dtype=bool)
-    truth = Truth(start, box[row], velocity, class_id[row], number[row], eligible, neutral[row])
-    return looking_back(truth, sweeps.time, sweeps.stride / RATE), names_by_number(number[row], name[row])
+    truth = Truth(
+        start, box[row], velocity, class_id[row], number[row], eligible, neutral[row]
+    )
+    return looking_back(truth, sweeps.time, sweeps.stride / RATE), names_by_number(
+        number[row], name[row]
+    )

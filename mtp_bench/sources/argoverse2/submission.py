@@ -22,22 +22,40 @@ def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
 
     Raises DataError for a cell that is wrong, and for a time at which the log has no sweep.
     """
-    table, frame, class_id, box, near = read_boxes(path, sweeps, card, "score", log=sweeps.folder.name)
+    table, frame, class_id, box, near = read_boxes(
+        path, sweeps, card, "score", log=sweeps.folder.name
+    )
     row = np.argsort(frame, kind="stable")
     row = row[near[row]]
     start = starts_of_sorted(frame[row], len(sweeps.time))
-    return Detections(start, box[row], unknown_velocity(len(row)), class_id[row], table["score"][row])
+    return Detections(
+        start, box[row], unknown_velocity(len(row)), class_id[row], table["score"][row]
+    )
 
 
 def read_tracks(path: Path, sweeps: Sweeps, card: Card, scene: Scene) -> Scene:
     """The scene with the tracks of its log within reach; raises DataError as `read_detections`, or without any."""
-    table, frame, class_id, box, near = read_boxes(path, sweeps, card, "score", "track_id", scene.name)
+    table, frame, class_id, box, near = read_boxes(
+        path, sweeps, card, "score", "track_id", scene.name
+    )
     if not near.any():
-        raise DataError(f"{path} has no tracks of log {scene.name}, expected those of each log that is run; {FEWER}")
+        raise DataError(
+            f"{path} has no tracks of log {scene.name}, expected those of each log that is run; {FEWER}"
+        )
     identity, velocity = table.words["track_id"], unknown_velocity(int(near.sum()))
     twice = repeated(frame, identity, class_id)
-    table.refuse(twice, "a second box of this track in its sweep, expected one", "track_id")
-    return with_stored(scene, frame[near], identity[near], class_id[near], box[near], table["score"][near], velocity)
+    table.refuse(
+        twice, "a second box of this track in its sweep, expected one", "track_id"
+    )
+    return with_stored(
+        scene,
+        frame[near],
+        identity[near],
+        class_id[near],
+        box[near],
+        table["score"][near],
+        velocity,
+    )
 
 
 def read_boxes(
@@ -58,18 +76,33 @@ def read_boxes(
     table.refuse(~np.isin(category, tuple(CATEGORIES)), problem, "category")
     kind, place = np.unique(category, return_inverse=True)
     names = [CATEGORIES[word].removeprefix(NEUTRAL) for word in kind.tolist()]
-    frame, class_id = sweeps.frame_of(table, stamp), class_ids(names, card.task.classes)[place]
+    frame, class_id = (
+        sweeps.frame_of(table, stamp),
+        class_ids(names, card.task.classes)[place],
+    )
     used = (frame >= 0) & (class_id >= 0)
     table, frame = table.select(used), frame[used]
     box = sweeps.boxes(table, frame)
     away = np.linalg.norm(box[:, :2] - sweeps.ego[frame, :2], axis=1)
-    return table, frame, class_id[used], box, away <= section_of(card, Argoverse2Source).reach
+    return (
+        table,
+        frame,
+        class_id[used],
+        box,
+        away <= section_of(card, Argoverse2Source).reach,
+    )
 
 
 def tracking_submission(
-    card: Card, data: DataRoot, scene: Scene, frame: Ints, track_id: Ints, classes: NDArray[np.str_], box: Floats,
+    card: Card,
+    data: DataRoot,
+    scene: Scene,
+    frame: Ints,
+    track_id: Ints,
+    classes: NDArray[np.str_],
+    box: Floats,
     score: Floats,
-) -> dict[str, NDArray[Any]]:  # fmt: skip
+) -> dict[str, NDArray[Any]]:
     """Columns of a tracking submission for boxes [R, 7] of a scene; ``classes`` [R]: names of the task's classes."""
     sweeps = _sweeps(card, data, scene)
     category = {name: word for word, name in reversed(list(CATEGORIES.items()))}
@@ -77,15 +110,25 @@ def tracking_submission(
     return {
         "log_id": np.full(len(box), scene.name),
         TIME: sweeps.stamp[frame * sweeps.stride],
-        "category": np.array([category[name] for name in classes.tolist()], dtype=np.str_),
-        **dict(zip(f"{PLACE} {SIZE} {ROTATION}".split(), np.hstack([place, box[:, 4:], rotation]).T, strict=True)),
+        "category": np.array(
+            [category[name] for name in classes.tolist()], dtype=np.str_
+        ),
+        **dict(
+            zip(
+                f"{PLACE} {SIZE} {ROTATION}".split(),
+                np.hstack([place, box[:, 4:], rotation]).T,
+                strict=True,
+            )
+        ),
         "score": score,
         "track_id": track_id,
     }
 
 
 def _sweeps(card: Card, data: DataRoot, scene: Scene) -> Sweeps:
-    return Sweeps.read(log_folder(card, data, scene.name), section_of(card, Argoverse2Source).stride)
+    return Sweeps.read(
+        log_folder(card, data, scene.name), section_of(card, Argoverse2Source).stride
+    )
 
 
 def _open(card: Card, data: DataRoot, path: Path) -> ReadTracks:

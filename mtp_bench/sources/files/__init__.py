@@ -5,5 +5,8 @@ from .save import save_scene as save_scene
 from .source import DATASET, OwnScenes, files_status
 
 PACKAGE = SourcePackage(
-    OwnScenes, DATASET, files_status, images=lambda card, data, scene: OwnScenes(card).images(scene.name)
+    OwnScenes,
+    DATASET,
+    files_status,
+    images=lambda card, data, scene: OwnScenes(card).images(scene.name),
 )

@@ -11,7 +11,16 @@ import numpy as np
 from ...cards import Card, FilesSource, instead_of_stored
 from ...errors import DataError, closest
 from ...similar import class_hint
-from ...types import ID_LIMIT, NO_ROWS, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
+from ...types import (
+    ID_LIMIT,
+    NO_ROWS,
+    Detections,
+    Floats,
+    Ints,
+    Scene,
+    Truth,
+    starts_of_sorted,
+)
 from ..base import CameraImage, class_ids, names_by_number, no_detections, section_of
 from ..motion import backward_velocity, unknown_velocity
 from ..text import RowTable
@@ -32,9 +41,13 @@ def read_scene(folder: Path, card: Card) -> Scene:
     _refuse_misspelt(folder)
     tables = _read_tables(folder, (*TABLES, "lanes"))
     if "truth" not in tables:
-        raise DataError(f"{folder}: no table truth.csv or truth.parquet, which the score needs")
+        raise DataError(
+            f"{folder}: no table truth.csv or truth.parquet, which the score needs"
+        )
     if not len(tables["truth"]):
-        raise DataError(f"{tables['truth'].source} has no rows, expected one per object and frame")
+        raise DataError(
+            f"{tables['truth'].source} has no rows, expected one per object and frame"
+        )
     lanes = lanes_of(tables.pop("lanes")) if "lanes" in tables else ()
     number, time = scene_frames(str(folder), tables, card.task.rate)
     ego = np.zeros((len(time), 4))
@@ -43,12 +56,20 @@ def read_scene(folder: Path, card: Card) -> Scene:
             ego[:, i] = tables["ego"].numbers[column]
     check_frames(time, ego, card, str(folder))
     index = frame_index(tables["truth"], number)
-    scene = replace(_true_scene(unquote(folder.name), tables["truth"], index, time, ego, card), lanes=lanes)
+    scene = replace(
+        _true_scene(unquote(folder.name), tables["truth"], index, time, ego, card),
+        lanes=lanes,
+    )
     if "detections" not in tables:
         return _for_card(scene, card, str(folder), detected=False)
     if card.detector is None:
         index = frame_index(tables["detections"], number)
-        scene = replace(scene, detections=_detections(tables["detections"], index, len(time), card, scene.skipped))
+        scene = replace(
+            scene,
+            detections=_detections(
+                tables["detections"], index, len(time), card, scene.skipped
+            ),
+        )
     return _for_card(scene, card, str(folder), detected=True)
 
 
@@ -57,7 +78,9 @@ def read_images(folder: Path, card: Card) -> tuple[CameraImage, ...]:
     images = _read_tables(folder, ["images"])
     if not images:
         return ()
-    tables = _read_tables(folder, ["ego"]) or _read_tables(folder, TABLES)  # the rows of an ego table are the frames
+    tables = _read_tables(folder, ["ego"]) or _read_tables(
+        folder, TABLES
+    )  # the rows of an ego table are the frames
     number, _ = scene_frames(str(folder), tables, card.task.rate)
     return images_of(images["images"], folder, number)
 
@@ -71,36 +94,51 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
         if name in columns:
             words = {"class": columns[name].pop("class")}
             rows = np.arange(len(words["class"]))
-            numbers: dict[str, Floats] = {key: np.asarray(own, dtype=np.float64) for key, own in columns[name].items()}
+            numbers: dict[str, Floats] = {
+                key: np.asarray(own, dtype=np.float64)
+                for key, own in columns[name].items()
+            }
             table = RowTable(f"{where}: {name}", "row", rows, numbers, words)
             check_boxes(table, table.whole("frame"), scene.frames, name == "truth")
             if name == "truth":
-                check_objects(table, table.whole("frame"), table.whole("id"), card.task.classes)
+                check_objects(
+                    table, table.whole("frame"), table.whole("id"), card.task.classes
+                )
     return _for_card(scene, card, where, detected="detections" in columns)
 
 
 def find_table(folder: Path, name: str) -> Path | None:
     """The file of a table; None without one. Raises DataError if there are two."""
-    paths = [path for form in FORMS if os.path.lexists(path := folder / f"{name}.{form}")]
+    paths = [
+        path for form in FORMS if os.path.lexists(path := folder / f"{name}.{form}")
+    ]
     if len(paths) > 1:
-        raise DataError(f"{folder} has {paths[0].name} and {paths[1].name}, expected only one of them")
+        raise DataError(
+            f"{folder} has {paths[0].name} and {paths[1].name}, expected only one of them"
+        )
     return paths[0] if paths else None
 
 
 def _read_tables(folder: Path, names: Iterable[str]) -> dict[str, RowTable]:
     """Tables of the folder by name; of ``names``, those that it has."""
     paths = {name: find_table(folder, name) for name in names}
-    return {name: read_table(path, name) for name, path in paths.items() if path is not None}
+    return {
+        name: read_table(path, name) for name, path in paths.items() if path is not None
+    }
 
 
 def _refuse_misspelt(folder: Path) -> None:
     """Raise DataError for a file with nearly the name of a missing table (``detection.csv``)."""
-    missing = [name for name in (*TABLES, *PICTURES) if find_table(folder, name) is None]
+    missing = [
+        name for name in (*TABLES, *PICTURES) if find_table(folder, name) is None
+    ]
     for path in sorted(folder.iterdir()):
         form = path.suffix.lower().removeprefix(".")
         meant = closest(path.stem, missing, _SIMILAR)
         if form in FORMS and meant:
-            raise DataError(f"{path} is not a known table; did you mean {meant}.{form}?")
+            raise DataError(
+                f"{path} is not a known table; did you mean {meant}.{form}?"
+            )
 
 
 def _for_card(scene: Scene, card: Card, where: str, detected: bool) -> Scene:
@@ -110,14 +148,22 @@ def _for_card(scene: Scene, card: Card, where: str, detected: bool) -> Scene:
     if card.detector is None and not detected:
         raise DataError(f"{where}: no detections{instead_of_stored(card)}")
     if card.detector is None:
-        return replace(scene, detector=scene.detector or f"{section_of(card, FilesSource).detector}, stored detections")
+        return replace(
+            scene,
+            detector=scene.detector
+            or f"{section_of(card, FilesSource).detector}, stored detections",
+        )
     if not scene.truth_complete:
         got = "its truth has prediction targets only, so a simulated detector would miss all other objects"
         raise DataError(f"{where}: {got}; use the detections of the files")
-    return replace(scene, detections=no_detections(scene.frames), detector="", simulated=False)
+    return replace(
+        scene, detections=no_detections(scene.frames), detector="", simulated=False
+    )
 
 
-def _true_scene(name: str, table: RowTable, frame: Ints, time: Floats, ego: Floats, card: Card) -> Scene:
+def _true_scene(
+    name: str, table: RowTable, frame: Ints, time: Floats, ego: Floats, card: Card
+) -> Scene:
     """Scene without detections, from the table of its truth."""
     skipped: dict[str, int] = {}
     row = _usable_rows(table, frame, len(time), "truth", card.task.classes, skipped)
@@ -129,33 +175,79 @@ def _true_scene(name: str, table: RowTable, frame: Ints, time: Floats, ego: Floa
     class_id = class_ids_of(table, card.task.classes)[row]
     eligible = table.numbers.get("eligible", np.ones(len(table)))[row] == 1
     neutral = table.numbers.get("neutral", np.zeros(len(table)))[row] == 1
-    truth = Truth(starts_of_sorted(frame, len(time)), box, velocity, class_id, number, eligible, neutral)
-    none, names = no_detections(len(time)), names_by_number(number, table.words["id"][row])
+    truth = Truth(
+        starts_of_sorted(frame, len(time)),
+        box,
+        velocity,
+        class_id,
+        number,
+        eligible,
+        neutral,
+    )
+    none, names = (
+        no_detections(len(time)),
+        names_by_number(number, table.words["id"][row]),
+    )
     visible = table.numbers["visible"][row] if table.has("visible") else None
-    return Scene(name, time, ego, truth, none, visible=visible, skipped=skipped, object_names=names)
+    return Scene(
+        name,
+        time,
+        ego,
+        truth,
+        none,
+        visible=visible,
+        skipped=skipped,
+        object_names=names,
+    )
 
 
-def _detections(table: RowTable, frame: Ints, frames: int, card: Card, skipped: dict[str, int]) -> Detections:
+def _detections(
+    table: RowTable, frame: Ints, frames: int, card: Card, skipped: dict[str, int]
+) -> Detections:
     row = _usable_rows(table, frame, frames, "detections", card.task.classes, skipped)
-    start, class_id = starts_of_sorted(frame[row], frames), class_ids_of(table, card.task.classes)[row]
-    return Detections(start, boxes_of(table)[row], velocities_of(table)[row], class_id, scores_of(table)[row])
+    start, class_id = (
+        starts_of_sorted(frame[row], frames),
+        class_ids_of(table, card.task.classes)[row],
+    )
+    return Detections(
+        start,
+        boxes_of(table)[row],
+        velocities_of(table)[row],
+        class_id,
+        scores_of(table)[row],
+    )
 
 
 def _usable_rows(
-    table: RowTable, frame: Ints, frames: int, name: str, classes: Sequence[str], skipped: dict[str, int]
+    table: RowTable,
+    frame: Ints,
+    frames: int,
+    name: str,
+    classes: Sequence[str],
+    skipped: dict[str, int],
 ) -> Ints:
     """Rows of ``classes``, sorted by frame and otherwise in their order; all rows are checked."""
     check_boxes(table, frame, frames, name == "truth")
     kind = table.words["class"]
     used = np.isin(kind, classes)
-    others, count = (column.tolist() for column in np.unique(kind[~used], return_counts=True))
+    others, count = (
+        column.tolist() for column in np.unique(kind[~used], return_counts=True)
+    )
     if others and not used.any():
         first = str(kind[0])
-        advice = class_hint(first, classes) or "`mtp-bench envs` shows the classes of each environment"
+        advice = (
+            class_hint(first, classes)
+            or "`mtp-bench envs` shows the classes of each environment"
+        )
         got = f"{first!r}, and no other row of the {name} has a class of the task"
-        raise DataError(f"{table.where(0, 'class')}: {got}, one of {', '.join(classes)}; {advice}")
+        raise DataError(
+            f"{table.where(0, 'class')}: {got}, one of {', '.join(classes)}; {advice}"
+        )
     for other, number in zip(others, count, strict=True):
-        parts = f"{name} of class {other!r}, which the task does not have", class_hint(other, classes)
+        parts = (
+            f"{name} of class {other!r}, which the task does not have",
+            class_hint(other, classes),
+        )
         skipped[": ".join(filter(None, parts))] = number
     row = np.flatnonzero(used)
     return row[np.argsort(frame[row], kind="stable")]
@@ -192,7 +284,9 @@ def ids_of(table: RowTable) -> Ints:
     try:
         number = words.astype(np.int64) if len(words) else NO_ROWS
         fits = not ((number < 0) | (number > ID_LIMIT)).any()
-        if fits and np.array_equal(number.astype(np.str_), words):  # otherwise 1 and 01 would be one object
+        if fits and np.array_equal(
+            number.astype(np.str_), words
+        ):  # otherwise 1 and 01 would be one object
             return number
     except (ValueError, OverflowError):
         pass

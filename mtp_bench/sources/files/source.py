@@ -30,7 +30,9 @@ class OwnScenes:
         self.card = card
         self.section = section_of(card, FilesSource)
         self._scenes = {scene.name: scene for scene in self.section.scenes or ()}
-        self._folders = _card_folder(self.section, card) if self.section.scenes is None else {}
+        self._folders = (
+            _card_folder(self.section, card) if self.section.scenes is None else {}
+        )
         self.names = (*self._folders, *self._scenes)
         if not self.names:
             raise DataError(f"{card.id}: no scene in the list, expected at least one")
@@ -43,13 +45,20 @@ class OwnScenes:
             scene = checked_scene(self._scenes[name], self.card)
         else:
             scene = read_scene(self._folders[name], self.card)
-        if self.card.velocity and self.section.traits.velocity_ahead:  # agents must not see future positions
-            return replace(scene, truth=looking_back(scene.truth, scene.time, 1 / self.card.task.rate))
+        if (
+            self.card.velocity and self.section.traits.velocity_ahead
+        ):  # agents must not see future positions
+            return replace(
+                scene,
+                truth=looking_back(scene.truth, scene.time, 1 / self.card.task.rate),
+            )
         return scene
 
     def images(self, name: str) -> tuple[CameraImage, ...]:
         """The camera images of a scene in a folder; none for a `Scene` object."""
-        return read_images(self._folders[name], self.card) if name in self._folders else ()
+        return (
+            read_images(self._folders[name], self.card) if name in self._folders else ()
+        )
 
 
 def scene_folders(folder: Path) -> dict[str, Path]:
@@ -63,7 +72,9 @@ def scene_folders(folder: Path) -> dict[str, Path]:
         if path.name.startswith(".") or not is_scene(path):
             continue
         if name in found:
-            raise DataError(f"{folder} has the scene {name!r} as {found[name].name} and {path.name}, expected one")
+            raise DataError(
+                f"{folder} has the scene {name!r} as {found[name].name} and {path.name}, expected one"
+            )
         found[name] = path
     return found
 
@@ -77,13 +88,21 @@ def _card_folder(section: FilesSource, card: Card) -> dict[str, Path]:
     """Names and folders of the card's scenes; raises DataError if the folder is not the card's."""
     if section.folder is None:
         advice = "give them again (cards.with_scenes), or name a folder of scenes with --files"
-        raise DataError(f"{card.id}: its scenes were objects in memory, which are not stored; {advice}")
+        raise DataError(
+            f"{card.id}: its scenes were objects in memory, which are not stored; {advice}"
+        )
     folder = split_folder(Path(section.folder), section.split)
     if not folder.is_dir():
-        raise MissingDataError(f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one with --files")
+        raise MissingDataError(
+            f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one with --files"
+        )
     folders = scene_folders(folder)
     if not folders:
-        advice = f"; it is a scene itself: name the folder above, {folder.parent}" if is_scene(folder) else ""
+        advice = (
+            f"; it is a scene itself: name the folder above, {folder.parent}"
+            if is_scene(folder)
+            else ""
+        )
         raise MissingDataError(f"{folder} has no scene, expected {EXPECTED}{advice}")
     digest = own_digest(folder, card.lanes is not None)
     if section.sha256 not in (None, digest):
@@ -98,5 +117,7 @@ def files_status(card: Card, data: object = None) -> DataStatus:
     """The folder of the card's scenes."""
     section = section_of(card, FilesSource)
     folder = split_folder(Path(section.folder or ""), section.split)
-    there = section.scenes is not None or (section.folder is not None and folder.is_dir())
+    there = section.scenes is not None or (
+        section.folder is not None and folder.is_dir()
+    )
     return DataStatus(DATASET, folder if there else None, (folder,))

@@ -27,12 +27,20 @@ def read_table(path: Path, name: str) -> RowTable:
     try:
         with open_regular(path) as stream:
             if (size := os.fstat(stream.fileno()).st_size) > LARGEST_FILE:
-                raise DataError(f"{path}: {size >> 20} MiB, expected at most {LARGEST_FILE >> 20} MiB")
-            content = _read_parquet(path, stream) if is_parquet else _read_csv(path, stream, name)
+                raise DataError(
+                    f"{path}: {size >> 20} MiB, expected at most {LARGEST_FILE >> 20} MiB"
+                )
+            content = (
+                _read_parquet(path, stream)
+                if is_parquet
+                else _read_csv(path, stream, name)
+            )
     except FileNotFoundError:
         raise DataError(f"no file {path}") from None
     except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise DataError(f"{path} cannot be read as {'Parquet' if is_parquet else 'CSV in UTF-8'}: {error}") from None
+        raise DataError(
+            f"{path} cannot be read as {'Parquet' if is_parquet else 'CSV in UTF-8'}: {error}"
+        ) from None
     _check_names(path, content.column_names, name)
     line = np.arange(content.num_rows) + (1 if is_parquet else 2)
     if not is_parquet:  # blank lines
@@ -52,7 +60,12 @@ def write_table(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     import pyarrow
     from pyarrow import csv, parquet
 
-    table = pyarrow.table({name: pyarrow.array(column, from_pandas=True) for name, column in columns.items()})
+    table = pyarrow.table(
+        {
+            name: pyarrow.array(column, from_pandas=True)
+            for name, column in columns.items()
+        }
+    )
     if path.suffix == ".parquet":
         parquet.write_table(table, path)
     else:
@@ -65,9 +78,14 @@ def _read_parquet(path: Path, stream: Any) -> Any:
     file = parquet.ParquetFile(stream)
     groups = range(file.metadata.num_row_groups)
     # a column of one value is small until it is read
-    size = max(sum(file.metadata.row_group(i).total_byte_size for i in groups), 8 * file.metadata.num_rows)
+    size = max(
+        sum(file.metadata.row_group(i).total_byte_size for i in groups),
+        8 * file.metadata.num_rows,
+    )
     if size > LARGEST_FILE:
-        raise DataError(f"{path}: {size >> 20} MiB unpacked, expected at most {LARGEST_FILE >> 20} MiB")
+        raise DataError(
+            f"{path}: {size >> 20} MiB unpacked, expected at most {LARGEST_FILE >> 20} MiB"
+        )
     return file.read()
 
 
@@ -86,7 +104,9 @@ def _read_csv(path: Path, stream: Any, name: str) -> Any:
     try:
         return csv.read_csv(
             stream,
-            csv.ReadOptions(use_threads=False, column_names=names),  # only without threads rows have numbers
+            csv.ReadOptions(
+                use_threads=False, column_names=names
+            ),  # only without threads rows have numbers
             csv.ParseOptions(ignore_empty_lines=False, invalid_row_handler=note_row),
             csv.ConvertOptions(column_types=kinds),
         )
@@ -108,28 +128,57 @@ def add_column(table: RowTable, column: TableColumn, values: Any) -> None:
     from pyarrow import types
 
     kind, name = values.type, column.name
-    is_word = types.is_string(kind) or types.is_large_string(kind) or types.is_dictionary(kind)
-    is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind) or types.is_null(kind)
+    is_word = (
+        types.is_string(kind)
+        or types.is_large_string(kind)
+        or types.is_dictionary(kind)
+    )
+    is_number = (
+        types.is_integer(kind)
+        or types.is_floating(kind)
+        or types.is_boolean(kind)
+        or types.is_null(kind)
+    )
     if not is_word and not is_number:
-        raise DataError(f"{table.source}, column {name!r}: {kind}, expected {'words' if column.text else 'numbers'}")
+        raise DataError(
+            f"{table.source}, column {name!r}: {kind}, expected {'words' if column.text else 'numbers'}"
+        )
     if column.text:
-        words = ["" if value is None else str(value).strip() for value in values.to_pylist()]
+        words = [
+            "" if value is None else str(value).strip() for value in values.to_pylist()
+        ]
         long = np.array([len(word) > MOST_LETTERS for word in words], dtype=bool)
         limit = f"expected at most {MOST_LETTERS}"
-        table.refuse(long, lambda row: f"a word of {len(words[row])} characters, {limit}", name)
+        table.refuse(
+            long, lambda row: f"a word of {len(words[row])} characters, {limit}", name
+        )
         table.words[name] = np.array(words, dtype=np.str_)
-        table.refuse((table.words[name] == "") & (not column.gaps), "an empty cell, expected a word", name)
+        table.refuse(
+            (table.words[name] == "") & (not column.gaps),
+            "an empty cell, expected a word",
+            name,
+        )
         return
     if is_word:
         values = _numbers(table, column, values)
     numbers = values.cast("float64", safe=False).to_numpy()
     if not column.gaps:
-        table.refuse(values.is_null().to_numpy(), "an empty cell, expected a number", name)
+        table.refuse(
+            values.is_null().to_numpy(), "an empty cell, expected a number", name
+        )
     largest = LATEST if name == "time" else LIMIT
     bad = ~(np.abs(numbers) <= largest) & ~(np.isnan(numbers) & column.gaps)
-    table.refuse(bad, lambda row: f"{numbers[row]:g}, expected a finite number up to {largest:g}", name)
+    table.refuse(
+        bad,
+        lambda row: f"{numbers[row]:g}, expected a finite number up to {largest:g}",
+        name,
+    )
     if column.flag:
-        table.refuse((numbers != 0) & (numbers != 1), lambda row: f"{numbers[row]:g}, expected 0 or 1", name)
+        table.refuse(
+            (numbers != 0) & (numbers != 1),
+            lambda row: f"{numbers[row]:g}, expected 0 or 1",
+            name,
+        )
     table.numbers[name] = numbers
 
 
@@ -143,7 +192,9 @@ def _numbers(table: RowTable, column: TableColumn, values: Any) -> Any:
         for word, number in (("true", "1"), ("false", "0")):
             cells = compute.if_else(compute.equal(cells, word), number, cells)
     try:
-        return compute.if_else(compute.equal(cells, ""), scalar(None, string()), cells).cast("float64")
+        return compute.if_else(
+            compute.equal(cells, ""), scalar(None, string()), cells
+        ).cast("float64")
     except ArrowInvalid:
         for row, cell in enumerate(cells):
             try:
@@ -151,7 +202,9 @@ def _numbers(table: RowTable, column: TableColumn, values: Any) -> Any:
             except ArrowInvalid:
                 expected = "1, 0, true or false" if column.flag else "a number"
                 where = table.where(row, column.name)
-                raise DataError(f"{where}: {reprlib.repr(cell.as_py())}, expected {expected}") from None
+                raise DataError(
+                    f"{where}: {reprlib.repr(cell.as_py())}, expected {expected}"
+                ) from None
         raise
 
 
@@ -162,12 +215,20 @@ def _header(path: Path, stream: Any, table: str) -> list[str]:
     if other := other_separator(first.strip(), names, ","):
         raise DataError(f"{path}, line 1: {other}")
     if names == [""]:
-        raise DataError(f"{path} is empty, expected a line with the names of the columns")
+        raise DataError(
+            f"{path} is empty, expected a line with the names of the columns"
+        )
     known = {column.name for column in COLUMNS[table]}
-    if known.isdisjoint(names) and any(name.removeprefix("-").replace(".", "", 1).isdigit() for name in names):
-        needed = ", ".join(column.name for column in COLUMNS[table] if not column.without)
+    if known.isdisjoint(names) and any(
+        name.removeprefix("-").replace(".", "", 1).isdigit() for name in names
+    ):
+        needed = ", ".join(
+            column.name for column in COLUMNS[table] if not column.without
+        )
         got = reprlib.repr(first.strip())
-        raise DataError(f"{path}: line 1 is {got}, expected the names of the columns, such as {needed}")
+        raise DataError(
+            f"{path}: line 1 is {got}, expected the names of the columns, such as {needed}"
+        )
     _check_names(path, names, table)
     return names
 
@@ -177,13 +238,19 @@ def _check_names(path: Path, names: Sequence[str], table: str) -> None:
     known = [column.name for column in COLUMNS[table]]
     for i, name in enumerate(names):
         if name not in known:
-            raise DataError(f"{path}: unknown column {reprlib.repr(name)}{nearest(name, known)}; remove or rename it")
+            raise DataError(
+                f"{path}: unknown column {reprlib.repr(name)}{nearest(name, known)}; remove or rename it"
+            )
         if name in names[:i]:
             raise DataError(f"{path}: column {name!r} occurs twice, expected once")
     found = f"found: {', '.join(names)}"
     for column in COLUMNS[table]:
         if not column.without and column.name not in names:
-            raise DataError(f"{path}: no column {column.name!r}: {column.meaning}; {found}")
+            raise DataError(
+                f"{path}: no column {column.name!r}: {column.meaning}; {found}"
+            )
     for group in TOGETHER:
         if 0 < len(set(group) & set(names)) < len(group):
-            raise DataError(f"{path}: some of the columns {', '.join(map(repr, group))}, expected all or none")
+            raise DataError(
+                f"{path}: some of the columns {', '.join(map(repr, group))}, expected all or none"
+            )

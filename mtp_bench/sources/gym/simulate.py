@@ -35,13 +35,21 @@ def _environment(traffic: GymTraffic) -> Any:
     config: dict[str, Any] = {"config": traffic.config} if traffic.config else {}
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # older versions of an environment are wanted, too
-            env = gymnasium.make(traffic.id, disable_env_checker=True, **config).unwrapped
+            warnings.simplefilter(
+                "ignore"
+            )  # older versions of an environment are wanted, too
+            env = gymnasium.make(
+                traffic.id, disable_env_checker=True, **config
+            ).unwrapped
     except gymnasium.error.Error as error:
         expected = "an id that highway-env or [source]'s module registers when it is imported (gymnasium.register)"
-        raise CardError(f"source.id: got {traffic.id!r}, expected {expected}: {error}") from None
+        raise CardError(
+            f"source.id: got {traffic.id!r}, expected {expected}: {error}"
+        ) from None
     if getattr(env, "road", None) is None or getattr(env, "vehicle", None) is None:
-        raise CardError(f"source.id: {traffic.id} is not an environment of highway-env: it has no road or no vehicle")
+        raise CardError(
+            f"source.id: {traffic.id} is not an environment of highway-env: it has no road or no vehicle"
+        )
     return env
 
 
@@ -53,7 +61,10 @@ def _classes_kept(traffic: GymTraffic) -> Iterator[None]:
     """
     before: list[tuple[Any, dict[str, Any]]] = []
     try:
-        for module in ("highway_env", *traffic.modules):  # they register their environments
+        for module in (
+            "highway_env",
+            *traffic.modules,
+        ):  # they register their environments
             importlib.import_module(module)
         from highway_env.vehicle.objects import RoadObject
 
@@ -69,7 +80,11 @@ def _classes_kept(traffic: GymTraffic) -> Iterator[None]:
         raise DataError(f"{problem}: {type(error).__name__}: {error}") from error
     finally:
         for kind, attributes in before:
-            for name in [name for name, value in vars(kind).items() if attributes.get(name, kind) is not value]:
+            for name in [
+                name
+                for name, value in vars(kind).items()
+                if attributes.get(name, kind) is not value
+            ]:
                 if name in attributes:
                     setattr(kind, name, attributes[name])
                 else:
@@ -81,16 +96,23 @@ def simulate(traffic: GymTraffic, seed: int) -> World:
     with _classes_kept(traffic):
         env = _environment(traffic)
         if ":" not in traffic.policy:
-            env.configure({"observation": {"type": "Kinematics"}})  # unused; others need a vehicle of their own kind
+            env.configure(
+                {"observation": {"type": "Kinematics"}}
+            )  # unused; others need a vehicle of their own kind
         observation, _ = env.reset(seed=seed)
-        policy, rate = _policy(env, traffic.policy), float(env.config["simulation_frequency"])
+        policy, rate = (
+            _policy(env, traffic.policy),
+            float(env.config["simulation_frequency"]),
+        )
         recording, frames = _Recording(env), round(traffic.seconds * rate)
         ego, rows = recording.numbers[env.vehicle], recording.rows
         while len(rows) < frames and not recording.crashed:
             before = len(rows)
             observation, *_ = env.step(policy(observation))
             if len(rows) == before:
-                raise DataError(f"{traffic.id}: a step of the environment has no step of its simulation, expected some")
+                raise DataError(
+                    f"{traffic.id}: a step of the environment has no step of its simulation, expected some"
+                )
         if recording.crashed or not all((frame[:, 10] == ego).any() for frame in rows):
             frames = 0
         lanes = lane_map(env.road.network.lanes_dict(), _LOOSE)
@@ -120,8 +142,17 @@ class _Recording:
         velocity, frame = course_velocity(vehicles), len(self.rows)
         rows = []
         for vehicle, speeds in zip(vehicles, velocity, strict=True):
-            length, number = vehicle.LENGTH, self.numbers.setdefault(vehicle, len(self.numbers))
-            kind = "motorcycle" if length < _SHORTEST_CAR else "car" if length <= _LONGEST_CAR else "truck"
+            length, number = (
+                vehicle.LENGTH,
+                self.numbers.setdefault(vehicle, len(self.numbers)),
+            )
+            kind = (
+                "motorcycle"
+                if length < _SHORTEST_CAR
+                else "car"
+                if length <= _LONGEST_CAR
+                else "truck"
+            )
             size = length, vehicle.WIDTH, _HEIGHT[kind]
             box = (*vehicle.position, size[2] / 2, vehicle.heading, *size)
             rows.append((*box, *speeds, CLASSES.index(kind), number, frame))
@@ -148,7 +179,13 @@ def _drive_itself(vehicle: Any) -> None:
     from highway_env.vehicle.behavior import IDMVehicle
 
     speed = vehicle.lane.speed_limit or vehicle.speed
-    twin = IDMVehicle(vehicle.road, vehicle.position, vehicle.heading, vehicle.speed, target_speed=speed)
+    twin = IDMVehicle(
+        vehicle.road,
+        vehicle.position,
+        vehicle.heading,
+        vehicle.speed,
+        target_speed=speed,
+    )
     vehicle.__dict__ = {**twin.__dict__, **vehicle.__dict__}
     vehicle.__class__ = IDMVehicle
 

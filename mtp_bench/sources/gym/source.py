@@ -21,7 +21,10 @@ from ..highway.source import TrafficScenes, stride_of
 from ..highway.world import SeedRanges, World
 
 DATASET = Dataset.of(__file__)
-_POLICY = rule(lambda name: name in ("idm", "idle") or ":" in name, "expected 'idm', 'idle' or 'module:function'")
+_POLICY = rule(
+    lambda name: name in ("idm", "idle") or ":" in name,
+    "expected 'idm', 'idle' or 'module:function'",
+)
 
 
 class GymSource(SourceSection):
@@ -29,19 +32,29 @@ class GymSource(SourceSection):
 
     splits = ("train", "val", "test")
 
-    id: Annotated[str, Field(min_length=1)]  # such as "intersection-v1", or "my_module:MyEnv-v0"
-    module: str | None = None  # Python module that registers the id, if the id does not name it
+    id: Annotated[
+        str, Field(min_length=1)
+    ]  # such as "intersection-v1", or "my_module:MyEnv-v0"
+    module: str | None = (
+        None  # Python module that registers the id, if the id does not name it
+    )
     config: dict[str, Any] = Field(default_factory=dict)  # of the environment
     policy: Annotated[str, _POLICY] = (
         "idm"  # of the vehicle with the sensor: "idm", "idle", or "my_module:function" of the observation
     )
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
-    seeds: SeedRanges = SeedRanges(train=(0, 100), val=(10000, 10030), test=(20000, 20030))
+    seeds: SeedRanges = SeedRanges(
+        train=(0, 100), val=(10000, 10030), test=(20000, 20030)
+    )
 
     @property
     def traits(self) -> Traits:
         """Abilities of the source."""
-        return Traits(without_detections="an environment of highway-env", scene_seconds=self.seconds, lanes=True)
+        return Traits(
+            without_detections="an environment of highway-env",
+            scene_seconds=self.seconds,
+            lanes=True,
+        )
 
 
 class GymScenes(TrafficScenes):
@@ -67,7 +80,9 @@ class GymScenes(TrafficScenes):
                 work.done(self.name_of(seed))
         crashed = f"{self.card.id}: vehicles crash in {len(self.seeds) - len(kept)} of {len(self.seeds)} scenes"
         if not kept:
-            raise DataError(f"{crashed}, expected one without; ask for fewer seconds or vehicles, or other seeds")
+            raise DataError(
+                f"{crashed}, expected one without; ask for fewer seconds or vehicles, or other seeds"
+            )
         if len(kept) < len(self.seeds):
             notice.say(f"{crashed}, which are left out")
         return tuple(map(self.name_of, kept))
@@ -79,7 +94,9 @@ class GymScenes(TrafficScenes):
             from .simulate import simulation_rate  # imports highway-env
 
             stride_of(
-                self.card, simulation_rate(self.store.traffic), "; or set config = { simulation_frequency = ... }"
+                self.card,
+                simulation_rate(self.store.traffic),
+                "; or set config = { simulation_frequency = ... }",
             )
         return seeds
 
@@ -89,7 +106,9 @@ class GymTraffic:
     """Everything that a simulation depends on."""
 
     id: str
-    modules: tuple[str, ...]  # that register the id or hold the policy; empty: highway-env, or the running program
+    modules: tuple[
+        str, ...
+    ]  # that register the id or hold the policy; empty: highway-env, or the running program
     code: tuple[str, ...]  # sha256 of their files
     config: dict[str, Any]
     policy: str
@@ -109,10 +128,16 @@ class GymTraffic:
 
 def traffic_of(section: GymSource) -> GymTraffic:
     """The traffic of a card's section; raises CardError for a module that there is not."""
-    named = [text.partition(":")[0] for text in (section.id, section.policy) if ":" in text]
+    named = [
+        text.partition(":")[0] for text in (section.id, section.policy) if ":" in text
+    ]
     modules = (*named, *filter(None, [section.module]))
-    code = tuple(hashlib.sha256(_file_of(module).read_bytes()).hexdigest() for module in modules)
-    return GymTraffic(section.id, modules, code, section.config, section.policy, section.seconds)
+    code = tuple(
+        hashlib.sha256(_file_of(module).read_bytes()).hexdigest() for module in modules
+    )
+    return GymTraffic(
+        section.id, modules, code, section.config, section.policy, section.seconds
+    )
 
 
 def _file_of(module: str) -> Path:
@@ -120,4 +145,6 @@ def _file_of(module: str) -> Path:
         found = importlib.util.find_spec(module)
         if found is not None and found.has_location and found.origin:
             return Path(found.origin)
-    raise CardError(f"no module {module!r}, which [source] names; install it, or name its folder in PYTHONPATH")
+    raise CardError(
+        f"no module {module!r}, which [source] names; install it, or name its folder in PYTHONPATH"
+    )

@@ -17,8 +17,14 @@ from .vehicles import Driver
 from .world import CLASSES, RATE, WARM_UP, Traffic, World
 
 _STEP = 0.5  # m between two points of a way
-_SHIFT = (15.0, 75.0)  # m from the start of a road, where a way changes to the lane that goes on
-_AWAY = ((8.0, 60.0), (60.0, 200.0))  # m from the place where the ego meets the others, at junctions and on ramps
+_SHIFT = (
+    15.0,
+    75.0,
+)  # m from the start of a road, where a way changes to the lane that goes on
+_AWAY = (
+    (8.0, 60.0),
+    (60.0, 200.0),
+)  # m from the place where the ego meets the others, at junctions and on ramps
 _WAIT = 20.0  # s after the warm-up, in which a vehicle may become the ego
 _NEAREST = 3  # vehicles among which the ego is drawn
 _LONGEST = 5.6  # m, of the ego
@@ -37,7 +43,9 @@ class Way:
 
     def at(self, s: Floats) -> tuple[Floats, Floats]:
         """Places ``[..., 2]`` and headings ``[...]`` at ``s`` m."""
-        place = np.stack([np.interp(s, self.s, self.xy[:, axis]) for axis in range(2)], axis=-1)
+        place = np.stack(
+            [np.interp(s, self.s, self.xy[:, axis]) for axis in range(2)], axis=-1
+        )
         return place, np.interp(s, self.s, self.heading)
 
 
@@ -47,7 +55,9 @@ class Collision:
 
     class_id: int  # index into `world.CLASSES`
     number: int  # of the road user
-    at_fault: bool  # the ego moved, and was not hit from behind (docs/definitions/driving.md)
+    at_fault: (
+        bool  # the ego moved, and was not hit from behind (docs/definitions/driving.md)
+    )
 
 
 class _Ego(Driver):
@@ -67,9 +77,16 @@ class _Ego(Driver):
         return *self.position, self.heading, speed + gain * dt, gain
 
     def _place(self) -> None:
-        x, y = (float(np.interp(self.s, self.way.s, column)) for column in self.way.xy.T)
-        self.position, self.heading = (x, -y), -float(np.interp(self.s, self.way.s, self.way.heading))
-        self.lane_number = int(self.way.lane[self.way.s.searchsorted(self.s, "right") - 1])
+        x, y = (
+            float(np.interp(self.s, self.way.s, column)) for column in self.way.xy.T
+        )
+        self.position, self.heading = (
+            (x, -y),
+            -float(np.interp(self.s, self.way.s, self.way.heading)),
+        )
+        self.lane_number = int(
+            self.way.lane[self.way.s.searchsorted(self.s, "right") - 1]
+        )
 
 
 class DrivenTraffic:
@@ -81,7 +98,9 @@ class DrivenTraffic:
 
     def __init__(self, traffic: Traffic, seed: int) -> None:
         attempt, ego = _warmed_up(traffic, seed)
-        self._attempt, self.ego = deepcopy((attempt, ego), {id(each): each for each in (*attempt.shared, ego.way)})
+        self._attempt, self.ego = deepcopy(
+            (attempt, ego), {id(each): each for each in (*attempt.shared, ego.way)}
+        )
         self.lanes = self._attempt.lanes
         self._recording = Recording(self._attempt.parked)
         self.frames = 0
@@ -112,7 +131,9 @@ class DrivenTraffic:
         """Drive for 1 / `RATE` seconds at ``acceleration`` m/s2, from -`simulate.HARDEST` up, and record the frame."""
         self.ego.wanted = max(float(acceleration), -HARDEST)
         self._attempt.step(self._vehicles)
-        if self.ego not in self._attempt.vehicles:  # at the end of its route it would leave
+        if (
+            self.ego not in self._attempt.vehicles
+        ):  # at the end of its route it would leave
             self._attempt.vehicles.append(self.ego)
         self._record()
 
@@ -123,7 +144,9 @@ class DrivenTraffic:
     def _record(self) -> None:
         self._vehicles, people, parked = self._attempt.boxes()
         vehicles = self._vehicles
-        self._recording.add(self._attempt.vehicles, vehicles, self._attempt.crowd, people)
+        self._recording.add(
+            self._attempt.vehicles, vehicles, self._attempt.crowd, people
+        )
         self.frames += 1
         own = self._attempt.vehicles.index(self.ego)
         every = np.concatenate([vehicles, people, parked])
@@ -131,9 +154,17 @@ class DrivenTraffic:
         (x, y), (own_x, own_y) = every[:, :2].T, every[own, :2]
         near = np.flatnonzero(np.hypot(x - own_x, y - own_y) < reach + reach[own])
         near = near[near != own]
-        met = near[boxes_meet(every[near], every[np.full(len(near), own)])].tolist() if len(near) else []
+        met = (
+            near[boxes_meet(every[near], every[np.full(len(near), own)])].tolist()
+            if len(near)
+            else []
+        )
         if met and self.collision is None:
-            faults = [other for other in met if is_at_fault(every[own], float(self.ego.speed), every[other])]
+            faults = [
+                other
+                for other in met
+                if is_at_fault(every[own], float(self.ego.speed), every[other])
+            ]
             kind, number = self._recording.identity((faults or met)[0])
             self.collision = Collision(kind, number, bool(faults))
 
@@ -148,7 +179,9 @@ def _warmed_up(traffic: Traffic, seed: int) -> tuple[Attempt, _Ego]:
             if attempt.drivers.rules is not None:
                 attempt.drivers.rules.driven = found.number
             return attempt, found
-    raise DataError(f"{traffic.scenario}, seed {seed}: no vehicle can be the ego in {ATTEMPTS} attempts")
+    raise DataError(
+        f"{traffic.scenario}, seed {seed}: no vehicle can be the ego in {ATTEMPTS} attempts"
+    )
 
 
 def _ego_after_warm_up(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
@@ -168,12 +201,22 @@ def _choose(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
     found = []
     least, most = _AWAY[0 if attempt.map.regulated else 1]
     for place, driver in enumerate(attempt.vehicles):
-        if driver.traits.class_id != CLASSES.index("car") or driver.traits.length > _LONGEST:
+        if (
+            driver.traits.class_id != CLASSES.index("car")
+            or driver.traits.length > _LONGEST
+        ):
             continue
-        if not attempt.map.regulated and len(attempt.map.routes[driver.route].roads) < 4:  # not on the ramp
+        if (
+            not attempt.map.regulated
+            and len(attempt.map.routes[driver.route].roads) < 4
+        ):  # not on the ramp
             continue
         s = float(attempt.routes.start[driver.route, driver.lane_number])
-        s += float(attempt.map.geometry.lanes[driver.lane_number].local_coordinates(driver.position)[0])
+        s += float(
+            attempt.map.geometry.lanes[driver.lane_number].local_coordinates(
+                driver.position
+            )[0]
+        )
         away = meeting_place(attempt, driver.route) - s - driver.traits.length / 2
         if least < away < most:
             found.append((away, place, s))
@@ -185,7 +228,9 @@ def _choose(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
     # the rarest way: left turns and merges meet more road users than the way straight on, which most drivers take
     same = [r for r, route in enumerate(attempt.map.routes) if route.roads[0] == first]
     route = min(same, key=lambda r: attempt.map.routes[r].weight)
-    ego = _Ego(driver.position, driver.heading, driver.speed, driver.traits, driver.number)
+    ego = _Ego(
+        driver.position, driver.heading, driver.speed, driver.traits, driver.number
+    )
     ego.route, attempt.vehicles[place] = route, ego
     ego.follow(way_of(attempt.map, attempt.routes, route), s)
     return ego
@@ -210,17 +255,30 @@ def way_of(road_map: RoadMap, routes: RouteTable, route: int) -> Way:
     for place, road in enumerate(roads):
         lane = lane if place == 0 else int(routes.following[route, lane])
         goes_on = place == len(roads) - 1 or routes.following[route, lane] != NO_LANE
-        after = lane if goes_on else next(k for k in reversed(road) if routes.following[route, k] != NO_LANE)
+        after = (
+            lane
+            if goes_on
+            else next(
+                k for k in reversed(road) if routes.following[route, k] != NO_LANE
+            )
+        )
         stations = np.arange(0.0, geometry.length[lane], _STEP)
         share = np.clip((stations - _SHIFT[0]) / (_SHIFT[1] - _SHIFT[0]), 0.0, 1.0)
         share = share * share * (3.0 - 2.0 * share) * (after != lane)
-        here, there = (np.array([geometry.lanes[k].position(float(s), 0.0) for s in stations]) for k in (lane, after))
+        here, there = (
+            np.array([geometry.lanes[k].position(float(s), 0.0) for s in stations])
+            for k in (lane, after)
+        )
         xy = here + share[:, None] * (there - here)
         number = np.where(share > 0.5, after, lane)
         limit = np.full(len(stations), geometry.limit[lane])
-        parts.append((routes.start[route, lane] + stations, xy * [1.0, -1.0], limit, number))
+        parts.append(
+            (routes.start[route, lane] + stations, xy * [1.0, -1.0], limit, number)
+        )
         lane = after
-    s, xy, limit, number = (np.concatenate(column) for column in zip(*parts, strict=True))
+    s, xy, limit, number = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
     along = np.gradient(xy, axis=0)
     return Way(s, xy, np.unwrap(np.arctan2(along[:, 1], along[:, 0])), limit, number)
 

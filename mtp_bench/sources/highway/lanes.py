@@ -32,17 +32,27 @@ class LaneGeometry:
         self.limit = np.array([float(lane.speed_limit) for lane in self.lanes])
         self._arc = np.array([isinstance(lane, CircularLane) for lane in self.lanes])
         arcs = [lane for lane in self.lanes if isinstance(lane, CircularLane)]
-        self._center = np.array([lane.center for lane in arcs], dtype=np.float64).reshape(-1, 2)
+        self._center = np.array(
+            [lane.center for lane in arcs], dtype=np.float64
+        ).reshape(-1, 2)
         self.radius = np.full(len(self), np.inf)
-        self.turn = np.zeros(len(self))  # +1 to the right, -1 to the left, 0 straight on
+        self.turn = np.zeros(
+            len(self)
+        )  # +1 to the right, -1 to the left, 0 straight on
         self._phase = np.zeros(len(self))
         self.radius[self._arc] = [lane.radius for lane in arcs]
         self.turn[self._arc] = [lane.direction for lane in arcs]
-        self.curvature = self.turn / self.radius  # change of heading per metre; waves count as straight
+        self.curvature = (
+            self.turn / self.radius
+        )  # change of heading per metre; waves count as straight
         self._phase[self._arc] = [lane.start_phase for lane in arcs]
         lines = [lane for lane in self.lanes if isinstance(lane, StraightLane)]
-        self._start = np.array([lane.start for lane in lines], dtype=np.float64).reshape(-1, 2)
-        self._along = np.array([lane.direction for lane in lines], dtype=np.float64).reshape(-1, 2)
+        self._start = np.array(
+            [lane.start for lane in lines], dtype=np.float64
+        ).reshape(-1, 2)
+        self._along = np.array(
+            [lane.direction for lane in lines], dtype=np.float64
+        ).reshape(-1, 2)
         self._heading = np.zeros(len(self))
         self._heading[~self._arc] = [lane.heading for lane in lines]
         self._wave = np.zeros((len(self), 3))  # amplitude, pulsation, phase
@@ -51,7 +61,9 @@ class LaneGeometry:
                 self._wave[k] = lane.amplitude, lane.pulsation, lane.phase
         self._waves = bool(self._wave.any())
         self._lines, self._arcs = np.flatnonzero(~self._arc), np.flatnonzero(self._arc)
-        self._bends = [values[self._arc, None] for values in (self.radius, self.turn, self._phase)]
+        self._bends = [
+            values[self._arc, None] for values in (self.radius, self.turn, self._phase)
+        ]
 
     def __len__(self) -> int:
         return len(self.lanes)
@@ -65,7 +77,9 @@ class LaneGeometry:
             ux, uy = self._along[:, :1], self._along[:, 1:]
             s, d = x * ux + y * uy, y * ux - x * uy
             if self._waves:
-                amplitude, pulsation, phase = (self._wave[self._lines, k, None] for k in range(3))
+                amplitude, pulsation, phase = (
+                    self._wave[self._lines, k, None] for k in range(3)
+                )
                 d -= amplitude * np.sin(pulsation * s + phase)
             along[self._lines], across[self._lines] = s, d
         if len(self._arcs):
@@ -81,7 +95,9 @@ class LaneGeometry:
         line = self._heading[lane]
         if self._waves:
             amplitude, pulsation, phase = self._wave[lane].T
-            line = line + np.arctan(amplitude * pulsation * np.cos(pulsation * s + phase))
+            line = line + np.arctan(
+                amplitude * pulsation * np.cos(pulsation * s + phase)
+            )
         arc = self._phase[lane] + self.turn[lane] * (s / self.radius[lane] + np.pi / 2)
         return np.where(self._arc[lane], arc, line)
 
@@ -100,16 +116,26 @@ def lane_map(network: dict[LaneIndex, Any], loose: float = JOINT) -> tuple[Lane,
         gap = {j: float(np.linalg.norm(centers[j][0] - centers[k][-1])) for j in after}
         following = tuple(j for j in after if gap[j] < JOINT)
         end = centers[k][-1] - centers[k][-2]
-        onward = [j for j in after if gap[j] < loose and end @ (centers[j][1] - centers[j][0]) > 0]  # not the way back
+        onward = [
+            j
+            for j in after
+            if gap[j] < loose and end @ (centers[j][1] - centers[j][0]) > 0
+        ]  # not the way back
         following = following or tuple(sorted(onward, key=lambda j: gap[j])[:1])
-        result.append(Lane(centers[k], _polyline(lane, -half), _polyline(lane, half), following))
+        result.append(
+            Lane(centers[k], _polyline(lane, -half), _polyline(lane, half), following)
+        )
     return tuple(result)
 
 
 def _polyline(lane: Any, lateral: float) -> Floats:
     """Points ``[n, 2]`` at a distance to the right of the middle, from the lane's start to its end."""
-    stations = np.linspace(0.0, float(lane.length), max(math.ceil(float(lane.length) / _STEP), 1) + 1)
-    points = np.array([lane.position(float(s), lateral) for s in stations], dtype=np.float64)
+    stations = np.linspace(
+        0.0, float(lane.length), max(math.ceil(float(lane.length) / _STEP), 1) + 1
+    )
+    points = np.array(
+        [lane.position(float(s), lateral) for s in stations], dtype=np.float64
+    )
     points[:, 1] *= -1.0
     return points + 0.0
 
@@ -155,15 +181,26 @@ def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable
                     end = geometry.lanes[lane].position(geometry.length[lane], 0.0)
                     for after in reversed(route.roads[e + 1]):
                         start[r, after] = start[r, lane] + geometry.length[lane]
-                        if np.linalg.norm(geometry.lanes[after].position(0.0, 0.0) - end) < JOINT:
+                        if (
+                            np.linalg.norm(
+                                geometry.lanes[after].position(0.0, 0.0) - end
+                            )
+                            < JOINT
+                        ):
                             following[r, lane] = after
     changes, room = _needed_changes(routes, geometry, following, left, right)
     path, path_start = _paths(following, geometry.length)
-    return RouteTable(following, left, right, changes, room, start, last, path, path_start)
+    return RouteTable(
+        following, left, right, changes, room, start, last, path, path_start
+    )
 
 
 def _needed_changes(
-    routes: tuple[Route, ...], geometry: LaneGeometry, following: Ints, left: Ints, right: Ints
+    routes: tuple[Route, ...],
+    geometry: LaneGeometry,
+    following: Ints,
+    left: Ints,
+    right: Ints,
 ) -> tuple[Floats, Floats]:
     """Needed lane changes, and the metres within which the first of them must be done."""
     changes, room = np.full(following.shape, np.inf), np.full(following.shape, np.inf)
@@ -177,19 +214,35 @@ def _needed_changes(
                 elif after == NO_LANE:
                     room[r, lane] = geometry.length[lane]
                 else:
-                    changes[r, lane], room[r, lane] = changes[r, after], geometry.length[lane] + room[r, after]
+                    changes[r, lane], room[r, lane] = (
+                        changes[r, after],
+                        geometry.length[lane] + room[r, after],
+                    )
             for _ in road:
                 for lane in road:
-                    beside = [side[r, lane] for side in (left, right) if side[r, lane] != NO_LANE]
-                    changes[r, lane] = min([changes[r, lane], *(changes[r, b] + 1 for b in beside)])
+                    beside = [
+                        side[r, lane]
+                        for side in (left, right)
+                        if side[r, lane] != NO_LANE
+                    ]
+                    changes[r, lane] = min(
+                        [changes[r, lane], *(changes[r, b] + 1 for b in beside)]
+                    )
     return changes, room
 
 
 def _paths(following: Ints, length: Floats) -> tuple[Ints, Floats]:
-    path, start = np.full((*following.shape, LOOKAHEAD), NO_LANE), np.zeros((*following.shape, LOOKAHEAD))
+    path, start = (
+        np.full((*following.shape, LOOKAHEAD), NO_LANE),
+        np.zeros((*following.shape, LOOKAHEAD)),
+    )
     path[..., 0] = np.arange(following.shape[1])
     for k in range(1, LOOKAHEAD):
         before = path[..., k - 1]
-        path[..., k] = np.where(before != NO_LANE, np.take_along_axis(following, before, axis=1), NO_LANE)
-        start[..., k] = np.where(before != NO_LANE, start[..., k - 1] + length[before], 0.0)
+        path[..., k] = np.where(
+            before != NO_LANE, np.take_along_axis(following, before, axis=1), NO_LANE
+        )
+        start[..., k] = np.where(
+            before != NO_LANE, start[..., k - 1] + length[before], 0.0
+        )
     return path, start

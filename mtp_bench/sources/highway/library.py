@@ -22,10 +22,18 @@ def _copy(name: str) -> Any:
 
 
 def _taken_out() -> dict[str, Any]:
-    return {name: sys.modules.pop(name) for name in [*sys.modules] if name.split(".")[0] == "highway_env"}
+    return {
+        name: sys.modules.pop(name)
+        for name in [*sys.modules]
+        if name.split(".")[0] == "highway_env"
+    }
 
 
 _lane, _road = _copy("highway_env.road.lane"), _copy("highway_env.road.road")
-CircularLane, SineLane, StraightLane = _lane.CircularLane, _lane.SineLane, _lane.StraightLane
+CircularLane, SineLane, StraightLane = (
+    _lane.CircularLane,
+    _lane.SineLane,
+    _lane.StraightLane,
+)
 RoadNetwork = _road.RoadNetwork
 Vehicle = _copy("highway_env.vehicle.kinematics").Vehicle

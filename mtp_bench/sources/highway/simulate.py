@@ -8,7 +8,14 @@ from ...errors import DataError
 from ...types import Bools, Floats, Ints, Lane
 from .behaviour import DriverBehaviour, PedestrianBehaviour
 from .conflicts import Passage, find_passages
-from .driving import Fleet, RoadState, braking, desired_speed, find_leaders, steering_angles
+from .driving import (
+    Fleet,
+    RoadState,
+    braking,
+    desired_speed,
+    find_leaders,
+    steering_angles,
+)
 from .lane_change import LaneChanges
 from .lanes import RouteTable, lane_map, route_table
 from .networks import RoadMap, build_map
@@ -36,7 +43,9 @@ def simulate_world(traffic: Traffic, seed: int) -> World:
         if isinstance(world, World):
             return world
         rejected.append(world)
-    reasons = ", ".join(f"{rejected.count(reason)} x {reason}" for reason in sorted(set(rejected)))
+    reasons = ", ".join(
+        f"{rejected.count(reason)} x {reason}" for reason in sorted(set(rejected))
+    )
     raise DataError(
         f"{traffic.scenario}, seed {seed}: all {ATTEMPTS} attempts were rejected ({reasons}); expected a crash-free "
         f"scene: ask for fewer vehicles than {traffic.vehicles}, fewer seconds than {traffic.seconds:g} or another seed"
@@ -63,8 +72,19 @@ class Attempt:
         generators = (np.random.default_rng([seed, attempt, kind]) for kind in range(6))
         entries, people, self._rng, parking, driving, walking = generators
         self.parked = draw_parked_boxes(self.map.kerbs, traffic.parked, parking)
-        self.crowd = Crowd(self.map, traffic.pedestrians, people, PedestrianBehaviour(1.0 / RATE, walking))
-        self.drivers = _Drivers(self.map, self.routes, passages, self.crowd, DriverBehaviour(1.0 / RATE, driving))
+        self.crowd = Crowd(
+            self.map,
+            traffic.pedestrians,
+            people,
+            PedestrianBehaviour(1.0 / RATE, walking),
+        )
+        self.drivers = _Drivers(
+            self.map,
+            self.routes,
+            passages,
+            self.crowd,
+            DriverBehaviour(1.0 / RATE, driving),
+        )
         self.vehicles = self.drivers.vehicles  # on the road
         self._entries = Entries(self.map, traffic.vehicles, self.vehicles, entries)
         self._entries.fill()
@@ -76,7 +96,9 @@ class Attempt:
 
     def step(self, vehicles: Floats) -> None:
         """Move everybody by 1 / `RATE` seconds; ``vehicles`` ``[N, 7]``: their boxes now."""
-        finished = self.drivers.step(self._steps, np.concatenate([vehicles, self.parked]))
+        finished = self.drivers.step(
+            self._steps, np.concatenate([vehicles, self.parked])
+        )
         self._entries.admit(finished)
         self._steps += 1
 
@@ -87,7 +109,9 @@ class Attempt:
         recording = Recording(self.parked)
         for step in range(warm_up + frames):
             vehicles, people, parked = self.boxes()
-            if len(overlapping(np.concatenate([vehicles, people, parked]), len(parked))):
+            if len(
+                overlapping(np.concatenate([vehicles, people, parked]), len(parked))
+            ):
                 return "crash"
             if step >= warm_up:
                 recording.add(self.vehicles, vehicles, self.crowd, people)
@@ -100,12 +124,25 @@ class _Drivers:
     """All drivers: they give way, make room for each other and wait for people on foot."""
 
     def __init__(
-        self, road_map: RoadMap, routes: RouteTable, passages: tuple[Passage, ...], crowd: Crowd,
+        self,
+        road_map: RoadMap,
+        routes: RouteTable,
+        passages: tuple[Passage, ...],
+        crowd: Crowd,
         behaviour: DriverBehaviour,
-    ) -> None:  # fmt: skip
-        self._map, self._routes, self._crowd, self._behaviour = road_map, routes, crowd, behaviour
+    ) -> None:
+        self._map, self._routes, self._crowd, self._behaviour = (
+            road_map,
+            routes,
+            crowd,
+            behaviour,
+        )
         self.vehicles: list[Driver] = []
-        self.rules = RightOfWay(passages, road_map.first_in_first_out) if road_map.regulated else None
+        self.rules = (
+            RightOfWay(passages, road_map.first_in_first_out)
+            if road_map.regulated
+            else None
+        )
         self._changes = LaneChanges(road_map, routes) if road_map.overtaking else None
         self._fleet = Fleet([], 0, road_map.geometry)
 
@@ -115,7 +152,10 @@ class _Drivers:
         ``obstacles`` ``[N, 7]``: boxes that people on foot walk around.
         """
         people, velocity = self._crowd.xy()
-        if self._fleet.vehicles != self.vehicles or self._fleet.people != people.shape[1]:
+        if (
+            self._fleet.vehicles != self.vehicles
+            or self._fleet.people != people.shape[1]
+        ):
             self._fleet = Fleet([*self.vehicles], people.shape[1], self._map.geometry)
         state = RoadState(self._fleet, self._map, self._routes, people, velocity)
         acceleration = self._acceleration(state, step)
@@ -132,12 +172,18 @@ class _Drivers:
         result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, style)
         lines = np.full(len(state), np.inf)
         if self.rules is not None:
-            lines = self.rules.update(state, ahead, self._crowd.walks(), self._crowd.claimed(), step / RATE)
+            lines = self.rules.update(
+                state, ahead, self._crowd.walks(), self._crowd.claimed(), step / RATE
+            )
         if self._changes is not None:
-            lines = routes.room[state.route, state.lane] - state.s - state.length / 2  # to the end of a lane
+            lines = (
+                routes.room[state.route, state.lane] - state.s - state.length / 2
+            )  # to the end of a lane
             result = np.minimum(result, self._changes.bounds(state, desired))
             self._changes.decide(state, desired, step, 1.0 / RATE)
-        result = np.minimum(result, free - braking(state.speed, lines, np.zeros(1), style, _LINE_GAP))
+        result = np.minimum(
+            result, free - braking(state.speed, lines, np.zeros(1), style, _LINE_GAP)
+        )
         result = self._behaviour.braking(state, result, free, ahead, lines)
         result = np.maximum(result, state.acceleration - _JERK[0] / RATE)
         result = np.minimum(result, state.acceleration + _JERK[1] / RATE)
@@ -150,7 +196,9 @@ def overlapping(box: Floats, still: int = 0) -> Ints:
     x, y, reach = box[:, 0], box[:, 1], np.hypot(box[:, 4], box[:, 5]) / 2
     moving = slice(len(box) - still)
     dx, dy = x[moving, None] - x, y[moving, None] - y
-    pairs = np.stack(np.nonzero(dx * dx + dy * dy < (reach[moving, None] + reach) ** 2), axis=1)
+    pairs = np.stack(
+        np.nonzero(dx * dx + dy * dy < (reach[moving, None] + reach) ** 2), axis=1
+    )
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     if len(pairs) == 0:
         return pairs

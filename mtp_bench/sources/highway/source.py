@@ -9,7 +9,14 @@ import numpy as np
 from ...cards import Card
 from ...errors import CardError
 from ...types import Bools, Floats, Scene, Truth, starts_of
-from ..base import SourcePackage, Work, class_ids, no_detections, require_classes, section_of
+from ..base import (
+    SourcePackage,
+    Work,
+    class_ids,
+    no_detections,
+    require_classes,
+    section_of,
+)
 from ..dataset import Dataset, DataStatus
 from .store import WorldStore
 from .world import CLASSES, RATE, HighwaySource, SeedRanges, Traffic, World
@@ -46,7 +53,9 @@ class TrafficScenes:
 
     def missing(self, scenes: int | None = None) -> list[int]:
         """Seeds, of the first ones, whose worlds are not in the cache."""
-        return [seed for seed in self.seeds[:scenes] if not self.store.path(seed).is_file()]
+        return [
+            seed for seed in self.seeds[:scenes] if not self.store.path(seed).is_file()
+        ]
 
     def generate(self, scenes: int | None, workers: int) -> Work:
         """Simulate those of the first scenes that are not in the cache."""
@@ -82,7 +91,9 @@ def package(scenes: Callable[[Card], TrafficScenes], dataset: Dataset) -> Source
         open=lambda card, data: scenes(card),
         dataset=dataset,
         locate=status,
-        prepare=lambda card, data, count, workers: scenes(card).generate(count, workers),
+        prepare=lambda card, data, count, workers: scenes(card).generate(
+            count, workers
+        ),
         discard=lambda card: scenes(card).discard(),
         keep_private=lambda card: scenes(card).store.keep_private(),
     )
@@ -101,10 +112,16 @@ def scene_of(name: str, world: World, card: Card, stride: int | None = None) -> 
     class_id = class_ids(CLASSES, card.task.classes)[world.truth.class_id]
     keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
     keep &= world.truth.frame_of_rows % stride == 0
-    truth = replace(world.truth, eligible=ever_seen(world.truth, world.visible), class_id=class_id).select(keep)
-    truth = replace(truth, start=truth.start[np.append(frames, world.truth.frames)])  # no rows between the frames
+    truth = replace(
+        world.truth, eligible=ever_seen(world.truth, world.visible), class_id=class_id
+    ).select(keep)
+    truth = replace(
+        truth, start=truth.start[np.append(frames, world.truth.frames)]
+    )  # no rows between the frames
     time, ego, none = world.time[frames], world.ego[frames], no_detections(len(frames))
-    return Scene(name, time, ego, truth, none, visible=world.visible[keep], lanes=world.lanes)
+    return Scene(
+        name, time, ego, truth, none, visible=world.visible[keep], lanes=world.lanes
+    )
 
 
 def stride_of(card: Card, rate: float, advice: str = "") -> int:
@@ -118,7 +135,9 @@ def stride_of(card: Card, rate: float, advice: str = "") -> int:
 
 def traffic_of(section: HighwaySource) -> Traffic:
     """The part of the section that the simulation depends on."""
-    return Traffic(**{field.name: getattr(section, field.name) for field in fields(Traffic)})
+    return Traffic(
+        **{field.name: getattr(section, field.name) for field in fields(Traffic)}
+    )
 
 
 def ever_seen(truth: Truth, visible: Floats) -> Bools:

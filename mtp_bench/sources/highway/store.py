@@ -32,8 +32,14 @@ class WorldStore:
         """Folder of the worlds of this traffic; its name has a digest of everything that their content depends on."""
         from importlib.metadata import version
 
-        described = {**asdict(self.traffic), "generator": GENERATOR, "highway-env": version("highway-env")}
-        digest = hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()[:16]
+        described = {
+            **asdict(self.traffic),
+            "generator": GENERATOR,
+            "highway-env": version("highway-env"),
+        }
+        digest = hashlib.sha256(
+            json.dumps(described, sort_keys=True).encode()
+        ).hexdigest()[:16]
         return cache_root() / "worlds" / f"{self.traffic.scenario}-{digest}"
 
     @property
@@ -43,7 +49,9 @@ class WorldStore:
 
     def path(self, seed: int) -> Path:
         """File of one world; those of secret seeds have a separate folder."""
-        return (self.folder if seed < SECRET_SEEDS else self.secret_folder) / f"{seed:06d}.npz"
+        return (
+            self.folder if seed < SECRET_SEEDS else self.secret_folder
+        ) / f"{seed:06d}.npz"
 
     def read(self, seed: int) -> World | None:
         """The stored world; None if it is missing or its content was changed."""
@@ -69,7 +77,9 @@ class WorldStore:
 
     def make(self, seeds: Sequence[int], workers: int = 1) -> Iterator[int]:
         """Simulate and store worlds over ``workers`` processes; yields each seed when it is done."""
-        for place, _ in unordered_map(_make_one, [(self, seed) for seed in seeds], Workers(max(1, workers))):
+        for place, _ in unordered_map(
+            _make_one, [(self, seed) for seed in seeds], Workers(max(1, workers))
+        ):
             yield seeds[place]
 
     def keep_private(self) -> None:
@@ -114,6 +124,8 @@ def unpack(arrays: Arrays) -> World:
     lanes = np.split(arrays["lane"], arrays["lane_start"][1:-1], axis=1)
     following = np.split(arrays["following"], arrays["following_start"][1:-1])
     parts = zip(lanes, following, strict=True)
-    road = tuple(Lane(line[0], line[1], line[2], tuple(after.tolist())) for line, after in parts)
+    road = tuple(
+        Lane(line[0], line[1], line[2], tuple(after.tolist())) for line, after in parts
+    )
     truth = Truth(**{name: arrays[name] for name in _TRUTH})
     return World(arrays["time"], arrays["ego"], truth, road, arrays["visible"])

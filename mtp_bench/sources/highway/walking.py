@@ -15,8 +15,14 @@ from .networks import Crossing, Pavement
 from .world import STRAIGHT_ON, STRIP
 
 APART = 0.8  # m between two centres
-_FAR = (62.0, 70.0)  # m from the middle of the junction, where people come from and go to
-_COMING, _GOING = (0.9, 1.6), (2.7, 3.4)  # m from the kerb, for people who come and people who go
+_FAR = (
+    62.0,
+    70.0,
+)  # m from the middle of the junction, where people come from and go to
+_COMING, _GOING = (
+    (0.9, 1.6),
+    (2.7, 3.4),
+)  # m from the kerb, for people who come and people who go
 _BESIDE, _BEHIND = 0.9, 0.95  # m between two people of a group
 _SIDEWALK_EDGE = 0.35  # m from the kerb, within which people on a sidewalk stay
 _CLEAR = 6.0  # m from the corner to the first parked car
@@ -25,7 +31,10 @@ _RELAX = 0.5  # s
 _PUSH, _RANGE, _SIGHT = 2.1, 0.35, 3.0  # m/s2, m, m
 _BLIND = 0.35  # share of the push from people behind
 _FRIEND = 0.3  # share of the push from people of the same group
-_PULL, _TOGETHER = 0.5, 1.3  # 1/s2 towards the middle of a group that is farther away than this, m
+_PULL, _TOGETHER = (
+    0.5,
+    1.3,
+)  # 1/s2 towards the middle of a group that is farther away than this, m
 _SLOWING = 0.8  # s to the goal, where people slow down
 _FROM_BOX = 0.42  # m to the outline of a vehicle, where people do not go
 _ROOM = 0.65  # m to it, where people stop
@@ -47,7 +56,9 @@ class SidewalkUse:
 def draw_sidewalk(coming: bool, rng: np.random.Generator) -> SidewalkUse:
     """Draw one of the two sidewalks of a corner; arriving and leaving people keep apart."""
     kerb = STRIP + rng.uniform(*(_COMING if coming else _GOING))
-    return SidewalkUse(bool(rng.uniform() < STRAIGHT_ON), float(rng.uniform(*_FAR)), float(kerb))
+    return SidewalkUse(
+        bool(rng.uniform() < STRAIGHT_ON), float(rng.uniform(*_FAR)), float(kerb)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +79,9 @@ class Footway:
 
     def far_point(self, k: int) -> Floats:
         """Point where the k-th person leaves the road."""
-        return np.array([self._kerb(1) + self.direction * 0.6, self.waiting_point(k)[1]])
+        return np.array(
+            [self._kerb(1) + self.direction * 0.6, self.waiting_point(k)[1]]
+        )
 
     def arrival(self, k: int) -> list[Floats]:
         """Points of the k-th person's way to the crossing."""
@@ -88,15 +101,26 @@ class Footway:
 
     def _along(self, sidewalk: SidewalkUse, end: int, k: int) -> list[Floats]:
         x, y = self.crossing.origin
-        out = float(np.hypot(x, y) ** 2 - self.pavement.kerb**2) ** 0.5  # m from the junction's middle
-        aside, far = sidewalk.kerb + _BESIDE * (k % 2), sidewalk.far + _BEHIND * (k // 2)
+        out = (
+            float(np.hypot(x, y) ** 2 - self.pavement.kerb**2) ** 0.5
+        )  # m from the junction's middle
+        aside, far = (
+            sidewalk.kerb + _BESIDE * (k % 2),
+            sidewalk.far + _BEHIND * (k // 2),
+        )
         away = end * self.direction
         if not sidewalk.around:
             ends = far, self.pavement.corner + _CLEAR
-            return [np.array([self._kerb(end) + away * aside, place - out]) for place in ends]
+            return [
+                np.array([self._kerb(end) + away * aside, place - out])
+                for place in ends
+            ]
         across = self.pavement.kerb + aside - out
         places = (far, self.pavement.corner + 1.0)
-        return [np.array([self._kerb(end) + away * (place - self.pavement.kerb), across]) for place in places]
+        return [
+            np.array([self._kerb(end) + away * (place - self.pavement.kerb), across])
+            for place in places
+        ]
 
 
 def remaining_way(points: list[Floats], share: float) -> list[Floats]:
@@ -107,14 +131,22 @@ def remaining_way(points: list[Floats], share: float) -> list[Floats]:
     while k + 1 < len(steps) and done > steps[k]:
         done -= steps[k]
         k += 1
-    return [points[k] + (points[k + 1] - points[k]) * min(done / steps[k], 1.0), *points[k + 1 :]]
+    return [
+        points[k] + (points[k + 1] - points[k]) * min(done / steps[k], 1.0),
+        *points[k + 1 :],
+    ]
 
 
-def slow_at_kerb(place: Floats, velocity: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
+def slow_at_kerb(
+    place: Floats, velocity: Floats, pavement: Pavement, on_sidewalk: Bools
+) -> Floats:
     """Velocities ``[2, M]`` at which people ``on_sidewalk`` ``[M]`` can stop before the kerb."""
     outwards, room = _to_kerb(place, pavement)
     towards = _dot(velocity, outwards)
-    excess = np.maximum(towards - np.sqrt(2.0 * _EASY_AT_KERB * np.maximum(room, 0.0)), 0.0) * on_sidewalk
+    excess = (
+        np.maximum(towards - np.sqrt(2.0 * _EASY_AT_KERB * np.maximum(room, 0.0)), 0.0)
+        * on_sidewalk
+    )
     return velocity - excess * outwards
 
 
@@ -132,7 +164,9 @@ def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
     return outwards, pavement.radius - _SIDEWALK_EDGE - distance
 
 
-def social_force(pairs: Pairs, velocity: Floats, to_goal: Floats, pace: Floats, friends: Bools) -> Floats:
+def social_force(
+    pairs: Pairs, velocity: Floats, to_goal: Floats, pace: Floats, friends: Bools
+) -> Floats:
     """Acceleration ``[2, M]``, m/s2, of people on foot.
 
     ``pairs``: of their places, ``velocity`` ``[2, M]`` m/s, ``to_goal`` ``[2, M]`` vector to the goal, ``pace`` ``[M]``
@@ -143,10 +177,17 @@ def social_force(pairs: Pairs, velocity: Floats, to_goal: Floats, pace: Floats, 
     between, gap, unit = pairs
     ahead = wanted / np.maximum(np.hypot(*wanted), _TINY)
     facing = -_dot(ahead, unit)
-    strength = _PUSH * np.exp((APART - gap) / _RANGE) * (gap < _SIGHT) * np.where(friends, _FRIEND, 1.0)
+    strength = (
+        _PUSH
+        * np.exp((APART - gap) / _RANGE)
+        * (gap < _SIGHT)
+        * np.where(friends, _FRIEND, 1.0)
+    )
     strength *= _BLIND + (1 - _BLIND) * (1 + facing) / 2
     push = (strength * unit).sum(axis=1)
-    to_middle = -(between * friends).sum(axis=1) / np.maximum(friends.sum(axis=0), 1)  # of the group
+    to_middle = -(between * friends).sum(axis=1) / np.maximum(
+        friends.sum(axis=0), 1
+    )  # of the group
     pull = to_middle * np.where(np.hypot(*to_middle) > _TOGETHER, _PULL, 0.0)
     force = (wanted - velocity) / _RELAX + push + pull
     return limit_length(force, _STRONGEST)
@@ -167,10 +208,14 @@ def _dot(a: Floats, b: Floats) -> Floats:
 
 def limit_length(vector: Floats, most: Floats | float) -> Floats:
     """Vectors ``[2, M]`` shortened to at most ``most``."""
-    return np.asarray(vector * np.minimum(1.0, most / np.maximum(np.hypot(*vector), _TINY)))
+    return np.asarray(
+        vector * np.minimum(1.0, most / np.maximum(np.hypot(*vector), _TINY))
+    )
 
 
-def slow_before_others(place: Floats, pairs: Pairs, velocity: Floats, vehicles: "Outlines", dt: float) -> Floats:
+def slow_before_others(
+    place: Floats, pairs: Pairs, velocity: Floats, vehicles: "Outlines", dt: float
+) -> Floats:
     """Velocities ``[2, M]`` at which people can stop before each other and ``vehicles``; ``pairs``: of ``place``."""
     _, gap, unit = pairs
     own = -_dot(velocity, unit)  # approaching speed
@@ -183,7 +228,9 @@ def slow_before_others(place: Floats, pairs: Pairs, velocity: Floats, vehicles: 
     before = vehicles.before
     coming = (before - vehicles.clearance(place + dt * velocity)) / dt
     allowed = np.sqrt(2.0 * _EASY * np.maximum(before - _ROOM, 0.0))
-    share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0).min(axis=1, initial=1.0)
+    share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0).min(
+        axis=1, initial=1.0
+    )
     return np.asarray(velocity * share)
 
 
@@ -203,14 +250,21 @@ def push_apart(place: Floats) -> Floats:
 def keep_out_of_vehicles(place: Floats, moved: Floats, vehicles: "Outlines") -> Floats:
     """``moved`` ``[2, M]``; people in front of a vehicle stay at ``place``."""
     after = vehicles.clearance(moved)
-    return np.where(np.any((after < _FROM_BOX) & (after < vehicles.before), axis=1), place, moved)
+    return np.where(
+        np.any((after < _FROM_BOX) & (after < vehicles.before), axis=1), place, moved
+    )
 
 
 class Outlines:
     """Outlines of boxes ``[N, 7]``, and their clearance ``[M, N]`` ``before`` people at ``place`` ``[2, M]`` move."""
 
     def __init__(self, box: Floats, place: Floats) -> None:
-        self._x, self._y, self._half_length, self._half_width = box[:, 0], box[:, 1], box[:, 4] / 2, box[:, 5] / 2
+        self._x, self._y, self._half_length, self._half_width = (
+            box[:, 0],
+            box[:, 1],
+            box[:, 4] / 2,
+            box[:, 5] / 2,
+        )
         self._cos, self._sin = np.cos(box[:, 3]), np.sin(box[:, 3])
         self.before = self.clearance(place)
 

@@ -17,18 +17,31 @@ from ...types import Floats, Lane, Truth
 ScenarioName = Literal["intersection", "roundabout", "merge", "highway"]
 SensorName = Literal["ego", "roadside"]
 
-CLASSES = ("car", "truck", "bus", "motorcycle", "pedestrian")  # class_id of a world is an index into these
+CLASSES = (
+    "car",
+    "truck",
+    "bus",
+    "motorcycle",
+    "pedestrian",
+)  # class_id of a world is an index into these
 GENERATOR = 2  # version of the simulated content
-SECRET_SEEDS = 2**40  # scenes of these and larger seeds belong to seals; even their names are secret
+SECRET_SEEDS = (
+    2**40
+)  # scenes of these and larger seeds belong to seals; even their names are secret
 RATE = 10.0  # Hz of the simulation
 
 APPROACH = 105.0  # m, length of the arms of a junction
 STRIP = 2.5  # m, beside the lanes of the arms, where cars park
 ARM_WEIGHTS = (1.0, 0.35, 1.0, 0.35)  # frequency of vehicles from each arm
 ASK_TIME = 4.0  # s before the line, at which drivers ask for the right of way, and some metres earlier
-STRAIGHT_ON = 0.8  # share of the people on foot who come along the road that they do not cross
+STRAIGHT_ON = (
+    0.8  # share of the people on foot who come along the road that they do not cross
+)
 WARM_UP = 10.0  # s before the recording begins
-FILLED = (0.95, 0.25)  # filled share of the entry lanes at the start: junctions, fast roads
+FILLED = (
+    0.95,
+    0.25,
+)  # filled share of the entry lanes at the start: junctions, fast roads
 LEAVING = 0.4  # share of the first vehicles at a junction that have passed it
 
 
@@ -61,11 +74,19 @@ class World:
     ego: Floats  # [F, 4] x y z yaw of the sensor
     truth: Truth
     lanes: tuple[Lane, ...]
-    visible: Floats = field(default_factory=lambda: np.zeros(0))  # [R] share of each box in line of sight of the ego
+    visible: Floats = field(
+        default_factory=lambda: np.zeros(0)
+    )  # [R] share of each box in line of sight of the ego
 
 
-_CURRENT = rule(lambda generator: generator == GENERATOR, f"this version of the library makes generator {GENERATOR}")
-_RISING = rule(lambda seeds: 0 <= seeds[0] < seeds[1] <= 999_999, "expected 0 <= first < end <= 999999")
+_CURRENT = rule(
+    lambda generator: generator == GENERATOR,
+    f"this version of the library makes generator {GENERATOR}",
+)
+_RISING = rule(
+    lambda seeds: 0 <= seeds[0] < seeds[1] <= 999_999,
+    "expected 0 <= first < end <= 999999",
+)
 SeedRange = Annotated[tuple[int, int], Field(strict=False), _RISING]
 
 
@@ -94,16 +115,23 @@ class HighwaySource(SourceSection):
     sensor: SensorName = "ego"  # on a moving vehicle, or at a fixed place
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
     vehicles: Annotated[int, Field(ge=2, le=200)]  # number to keep on the road
-    pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # number to keep; only the intersection has crossings
+    pedestrians: Annotated[int, Field(ge=0, le=200)] = (
+        0  # number to keep; only the intersection has crossings
+    )
     parked: Annotated[int, Field(ge=0, le=200)] = 0  # cars along the kerbs of junctions
     seeds: SeedRanges
 
     @field_validator("pedestrians", "parked")
     @classmethod
     def _where_there_is_room(cls, number: int, info: ValidationInfo) -> int:
-        places = {"pedestrians": ("intersection",), "parked": ("intersection", "roundabout")}[str(info.field_name)]
+        places = {
+            "pedestrians": ("intersection",),
+            "parked": ("intersection", "roundabout"),
+        }[str(info.field_name)]
         if number and info.data.get("scenario") not in places:
-            raise ValueError(f"expected 0: only {' and '.join(places)} have a place for them")
+            raise ValueError(
+                f"expected 0: only {' and '.join(places)} have a place for them"
+            )
         return number
 
     @property

@@ -7,5 +7,9 @@ from .source import KittiTracking
 from .tracks import FORM
 
 PACKAGE = SourcePackage(
-    KittiTracking, DATASET, lambda card, data: DATASET.status(data, LABELS), FORM, images=scene_images
+    KittiTracking,
+    DATASET,
+    lambda card, data: DATASET.status(data, LABELS),
+    FORM,
+    images=scene_images,
 )

@@ -24,7 +24,18 @@ OXTS = (
     "pos_accuracy vel_accuracy navstat numsats posmode velmode orimode"
 )
 ODOMETRY = " ".join(f"{row}{column}" for row in "xyz" for column in "123t")
-KINDS = ("Car", "Van", "Truck", "Pedestrian", "Person", "Person_sitting", "Cyclist", "Tram", "Misc", "DontCare")
+KINDS = (
+    "Car",
+    "Van",
+    "Truck",
+    "Pedestrian",
+    "Person",
+    "Person_sitting",
+    "Cyclist",
+    "Tram",
+    "Misc",
+    "DontCare",
+)
 ROUNDING = 1e-2  # of the entries of a rotation, which may have few digits
 SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
@@ -73,7 +84,9 @@ def read_labels(path: Path) -> LabelRows:
     table.refuse_second_box(frame, object_id, np.flatnonzero(boxed))
     box = sensor_boxes(table.matrix(BOX_FIELDS))
     box[~boxed] = np.nan
-    return LabelRows(table, frame, object_id, kind, table.matrix("left top right bottom"), box)
+    return LabelRows(
+        table, frame, object_id, kind, table.matrix("left top right bottom"), box
+    )
 
 
 def read_detections(folder: Path, name: str, kind: str, code: int) -> DetectionRows:
@@ -85,19 +98,29 @@ def read_detections(folder: Path, name: str, kind: str, code: int) -> DetectionR
     if (folder / kind).is_dir():
         table = read_table(folder / kind / f"{name}.txt", DETECTION, ",")
         got = table.whole("type")
-        table.refuse(got != code, lambda row: f"type {got[row]}, expected {code} ({kind})")
+        table.refuse(
+            got != code, lambda row: f"type {got[row]}, expected {code} ({kind})"
+        )
     else:
         every = read_table(folder / f"{name}.txt", RESULT, text="type")
         require_kinds(every)
         table = every.select(every.words["type"] == kind)
     table.refuse_degrees("rotation_y")
-    return DetectionRows(table, table.whole("frame"), table["score"], sensor_boxes(table.matrix(BOX_FIELDS)))
+    return DetectionRows(
+        table,
+        table.whole("frame"),
+        table["score"],
+        sensor_boxes(table.matrix(BOX_FIELDS)),
+    )
 
 
 def require_kinds(table: RowTable) -> None:
     """Raise DataError for the first row with a type that KITTI does not have."""
     kind = table.words["type"]
-    table.refuse(~np.isin(kind, KINDS), lambda row: f"type {str(kind[row])!r}, expected one of {', '.join(KINDS)}")
+    table.refuse(
+        ~np.isin(kind, KINDS),
+        lambda row: f"type {str(kind[row])!r}, expected one of {', '.join(KINDS)}",
+    )
 
 
 def read_oxts(path: Path) -> Oxts:
@@ -114,7 +137,10 @@ def read_odometry(path: Path) -> Floats:
     pose = table.matrix(ODOMETRY).reshape(-1, 3, 4)
     turn = pose[:, :, :3]
     off = np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > ROUNDING
-    table.refuse(off | (np.linalg.det(turn) < 0), "expected a rotation in the first three columns of a 3 x 4 matrix")
+    table.refuse(
+        off | (np.linalg.det(turn) < 0),
+        "expected a rotation in the first three columns of a 3 x 4 matrix",
+    )
     return pose
 
 
@@ -128,26 +154,39 @@ def _rows_of_frames(path: Path, columns: str) -> RowTable:
 def read_imu_to_camera(path: Path) -> Floats:
     """Transform ``[4, 4]`` from the GPS/IMU unit to the rectified camera 0: R_rect x Tr_velo_cam x Tr_imu_velo."""
     whole = np.eye(4)
-    for names in (("R_rect", "R0_rect"), ("Tr_velo_cam", "Tr_velo_to_cam"), ("Tr_imu_velo", "Tr_imu_to_velo")):
+    for names in (
+        ("R_rect", "R0_rect"),
+        ("Tr_velo_cam", "Tr_velo_to_cam"),
+        ("Tr_imu_velo", "Tr_imu_to_velo"),
+    ):
         motion = read_calibration(path, names, 3 if names[0] == "R_rect" else 4)
         turn = motion[:3, :3]
         if not np.allclose(turn @ turn.T, np.eye(3), atol=ROUNDING):
-            raise DataError(f"{path}: line {names[0]!r} must hold a rotation in its first 3 columns and finite numbers")
+            raise DataError(
+                f"{path}: line {names[0]!r} must hold a rotation in its first 3 columns and finite numbers"
+            )
         whole = whole @ motion
     return whole
 
 
 def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats:
     """The matrix of 3 rows and ``columns`` under one of these names, as a part of a unit matrix ``[4, 4]``."""
-    rows = {words[0].rstrip(":"): words[1:] for words in (line.split() for line in numbered_lines(path)[1])}
+    rows = {
+        words[0].rstrip(":"): words[1:]
+        for words in (line.split() for line in numbered_lines(path)[1])
+    }
     words = next((rows[name] for name in names if name in rows), None)
     if words is None:
-        raise DataError(f"{path}: no line {names[0]!r}; found {', '.join(rows) or 'no lines'}")
+        raise DataError(
+            f"{path}: no line {names[0]!r}; found {', '.join(rows) or 'no lines'}"
+        )
     whole = np.eye(4)
     try:
         whole[:3, :columns] = np.array(words, dtype=np.float64).reshape(3, columns)
     except ValueError:
-        raise DataError(f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got {len(words)}") from None
+        raise DataError(
+            f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got {len(words)}"
+        ) from None
     if not np.isfinite(whole).all():
         raise DataError(f"{path}: line {names[0]!r} must hold finite numbers")
     return whole
@@ -158,7 +197,9 @@ def read_sequence_map(path: Path) -> dict[str, int]:
     if not path.is_file():
         return {}
     rows = [line.split() for line in numbered_lines(path)[1]]
-    if not rows or not all(len(row) == 4 and row[3].isdigit() and int(row[3]) for row in rows):
+    if not rows or not all(
+        len(row) == 4 and row[3].isdigit() and int(row[3]) for row in rows
+    ):
         expected = "expected rows such as '0001 empty 000000 000447'"
         raise DataError(f"{path} names no sequence or has a wrong row, {expected}")
     return {row[0]: int(row[3]) for row in rows}
@@ -170,7 +211,9 @@ def camera_fields(box: Floats) -> Floats:
     The inverse of `sensor_boxes`.
     """
     x, y, z, yaw, length, width, height = box.T
-    return np.column_stack([height, width, length, -y, height / 2 - z, x, wrap_angle(-yaw - np.pi / 2)])
+    return np.column_stack(
+        [height, width, length, -y, height / 2 - z, x, wrap_angle(-yaw - np.pi / 2)]
+    )
 
 
 def sensor_boxes(fields: Floats) -> Floats:

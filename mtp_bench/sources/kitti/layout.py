@@ -14,8 +14,24 @@ from .files import read_sequence_map
 
 SEQUENCE_MAP = "evaluate_tracking.seqmap.val"
 # AB3DMOT's split, for a root without the sequence map
-VALIDATION = ("0001", "0006", "0008", "0010", "0012", "0013", "0014", "0015", "0016", "0018", "0019")
-TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}  # label type, detection code
+VALIDATION = (
+    "0001",
+    "0006",
+    "0008",
+    "0010",
+    "0012",
+    "0013",
+    "0014",
+    "0015",
+    "0016",
+    "0018",
+    "0019",
+)
+TYPES = {
+    "car": ("Car", 2),
+    "pedestrian": ("Pedestrian", 1),
+    "cyclist": ("Cyclist", 3),
+}  # label type, detection code
 LABELS = "training/label_02"
 IMAGES = "training/image_02"  # shown beside an event
 DATASET = Dataset.of(__file__)
@@ -59,11 +75,15 @@ def require_detector(root: Path, card: Card) -> Path:
         return own
     folder = root / "detections"
     if not folder.is_dir():
-        raise MissingDataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
+        raise MissingDataError(
+            f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}"
+        )
     names = sorted(path.name for path in folder.iterdir() if path.is_dir())
     if section.detector not in names:
         found = f"found: {', '.join(names) or 'none'}{instead_of_stored(card)}"
-        raise MissingDataError(f"{folder} has no detector {section.detector!r}; {found}")
+        raise MissingDataError(
+            f"{folder} has no detector {section.detector!r}; {found}"
+        )
     for name in card.task.classes:
         if not (path := folder / section.detector / TYPES[name][0]).is_dir():
             raise MissingDataError(f"no folder {path}, expected for class {name!r}")

@@ -15,7 +15,14 @@ from ...errors import DataError
 from ...geometry import unit_vectors
 from ...types import Floats, ImageField, Ints, Scene
 from ..base import CameraImage, DataRoot, section_of
-from .files import SENSOR_FROM_CAMERA, Oxts, read_calibration, read_imu_to_camera, read_odometry, read_oxts
+from .files import (
+    SENSOR_FROM_CAMERA,
+    Oxts,
+    read_calibration,
+    read_imu_to_camera,
+    read_odometry,
+    read_oxts,
+)
 from .layout import DATASET, IMAGES, LABELS, RENAME, KittiSource
 
 FRAME_PERIOD = 0.1036
@@ -26,10 +33,19 @@ CAMERA = "image_02"
 
 # Width and height of the images of each recording day, by the focal length of its calibration; the images are not
 # needed. The right and bottom ends of DontCare regions agree: they reach exactly to these borders.
-SIZES = {721.5377: (1242, 375), 707.0493: (1224, 370), 718.3351: (1238, 374), 718.856: (1241, 376)}
+SIZES = {
+    721.5377: (1242, 375),
+    707.0493: (1224, 370),
+    718.3351: (1238, 374),
+    718.856: (1241, 376),
+}
 # m, length width height: medians over all labelled boxes of the type Car (17 750), Pedestrian (1 346) and Cyclist (529)
 # of the ten sequences outside the validation split; `tests/sources/test_kitti_recordings.py` measures them again.
-BOX_SIZES = {"car": (3.88, 1.63, 1.50), "pedestrian": (0.67, 0.60, 1.71), "cyclist": (1.65, 0.57, 1.74)}
+BOX_SIZES = {
+    "car": (3.88, 1.63, 1.50),
+    "pedestrian": (0.67, 0.60, 1.71),
+    "cyclist": (1.65, 0.57, 1.74),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +66,9 @@ class Poses:
         heading = np.column_stack([unit_vectors(box[:, 3]), np.zeros(len(box))])
         heading = np.einsum("rij,rj->ri", rotation, heading)
         place = np.einsum("rij,rj->ri", rotation, box[:, :3]) + self.position[frame]
-        return np.column_stack([place, np.arctan2(heading[:, 1], heading[:, 0]), box[:, 4:]])
+        return np.column_stack(
+            [place, np.arctan2(heading[:, 1], heading[:, 0]), box[:, 4:]]
+        )
 
     def to_sensor(self, box: Floats, frame: Ints) -> Floats:
         """Boxes ``[R, 7]`` of the world as seen in ``frame [R]``: the inverse of `to_world`."""
@@ -59,11 +77,17 @@ class Poses:
         # its shadow is the heading there
         heading = np.linalg.solve(rotation[:, :2, :2], heading[..., None])[..., 0]
         moved = (box[:, :3] - self.position[frame])[..., None]
-        place = np.linalg.solve(rotation, moved)[..., 0]  # odometry's are rotations up to rounding
-        return np.column_stack([place, np.arctan2(heading[:, 1], heading[:, 0]), box[:, 4:]])
+        place = np.linalg.solve(rotation, moved)[
+            ..., 0
+        ]  # odometry's are rotations up to rounding
+        return np.column_stack(
+            [place, np.arctan2(heading[:, 1], heading[:, 0]), box[:, 4:]]
+        )
 
 
-def integrated_poses(oxts: Oxts, imu_to_camera: Floats, period: float = FRAME_PERIOD) -> Poses:
+def integrated_poses(
+    oxts: Oxts, imu_to_camera: Floats, period: float = FRAME_PERIOD
+) -> Poses:
     """Poses from the attitude and the integrated velocity of the GPS/IMU unit.
 
     Differences of latitude and longitude jitter by centimetres from frame to frame: the unit's samples come every
@@ -76,16 +100,23 @@ def integrated_poses(oxts: Oxts, imu_to_camera: Floats, period: float = FRAME_PE
 
 def read_poses(root: Path, name: str) -> Poses:
     """Poses of one sequence: odometry if ``poses_orbslam3`` has it (0019: bad GPS), else OXTS."""
-    oxts_path, odometry_path = root / f"training/oxts/{name}.txt", root / f"poses_orbslam3/{name}.txt"
+    oxts_path, odometry_path = (
+        root / f"training/oxts/{name}.txt",
+        root / f"poses_orbslam3/{name}.txt",
+    )
     oxts = read_oxts(oxts_path)
     imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
     if not odometry_path.is_file():
         return integrated_poses(oxts, imu_to_camera)
     odometry = read_odometry(odometry_path)
     if len(odometry) != len(oxts.attitude):
-        raise DataError(f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has {len(oxts.attitude)}{RENAME}")
+        raise DataError(
+            f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has {len(oxts.attitude)}{RENAME}"
+        )
     # from camera to camera axes of frame 0, levelled by the first attitude
-    level = poses_from_imu(np.zeros((1, 3)), oxts.attitude[:1], imu_to_camera).rotation[0]
+    level = poses_from_imu(np.zeros((1, 3)), oxts.attitude[:1], imu_to_camera).rotation[
+        0
+    ]
     rotation = level @ SENSOR_FROM_CAMERA @ odometry[:, :, :3] @ SENSOR_FROM_CAMERA.T
     return _from_first(rotation, odometry[:, :, 3] @ (level @ SENSOR_FROM_CAMERA).T)
 
@@ -101,7 +132,13 @@ def poses_from_imu(path: Floats, attitude: Floats, imu_to_camera: Floats) -> Pos
 def _from_first(rotation: Floats, position: Floats) -> Poses:
     """Poses in the level frame of the first one."""
     yaw = np.arctan2(rotation[0, 1, 0], rotation[0, 0, 0])
-    turn = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    turn = np.array(
+        [
+            [np.cos(yaw), np.sin(yaw), 0.0],
+            [-np.sin(yaw), np.cos(yaw), 0.0],
+            [0.0, 0.0, 1.0],
+        ]
+    )
     return Poses(rotation=turn @ rotation, position=(position - position[0]) @ turn.T)
 
 
@@ -117,7 +154,12 @@ def _rotations(attitude: Floats) -> Floats:
 
 
 def image_field(
-    path: Path, poses: Poses, ego_motion: bool, region: Floats, region_start: Ints, classes: Sequence[str]
+    path: Path,
+    poses: Poses,
+    ego_motion: bool,
+    region: Floats,
+    region_start: Ints,
+    classes: Sequence[str],
 ) -> ImageField:
     """Area in which the image of each frame of a scene can confirm objects.
 
@@ -130,13 +172,19 @@ def image_field(
     turn = poses.rotation.swapaxes(1, 2)  # scene to sensor
     if not ego_motion:
         level = np.column_stack([np.zeros((len(heading), 2)), heading])
-        turn, origin, heading = turn @ _rotations(level), np.zeros_like(origin), np.zeros_like(heading)
+        turn, origin, heading = (
+            turn @ _rotations(level),
+            np.zeros_like(origin),
+            np.zeros_like(heading),
+        )
     turn = camera[:, :3] @ SENSOR_FROM_CAMERA.T @ turn
     shift = camera[:, 3] - np.einsum("fij,fj->fi", turn, origin)
     focal = min(SIZES, key=lambda known: abs(known - camera[0, 0]))
     projection = np.concatenate([turn, shift[..., None]], axis=2)
     box_size = np.array([BOX_SIZES[name] for name in classes])
-    return ImageField(projection, origin[:, 2], heading, SIZES[focal], region, region_start, box_size)
+    return ImageField(
+        projection, origin[:, 2], heading, SIZES[focal], region, region_start, box_size
+    )
 
 
 def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage, ...]:
@@ -146,9 +194,17 @@ def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage,
     if scene.image is None or not folder.is_dir():
         return ()
     size, projection = scene.image.size, scene.image.projection
-    if scene.world is not None:  # every frame in its own sensor frame, which the labels are given in
-        camera = read_calibration(root / f"training/calib/{scene.name}.txt", ("P2",), 4)[:3]
+    if (
+        scene.world is not None
+    ):  # every frame in its own sensor frame, which the labels are given in
+        camera = read_calibration(
+            root / f"training/calib/{scene.name}.txt", ("P2",), 4
+        )[:3]
         camera = np.column_stack([camera[:, :3] @ SENSOR_FROM_CAMERA.T, camera[:, 3]])
         projection = np.broadcast_to(camera, (scene.frames, 3, 4))
     paths = [folder / f"{t * section.stride:06d}.png" for t in range(scene.frames)]
-    return tuple(CameraImage(t, CAMERA, path, size, projection[t]) for t, path in enumerate(paths) if path.is_file())
+    return tuple(
+        CameraImage(t, CAMERA, path, size, projection[t])
+        for t, path in enumerate(paths)
+        if path.is_file()
+    )

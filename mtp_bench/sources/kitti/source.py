@@ -12,12 +12,31 @@ from ...errors import DataError
 from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
 from ..motion import central_velocity, unknown_velocity
-from .files import DetectionRows, LabelRows, read_detections, read_labels, read_sequence_map
-from .layout import DATASET, LABELS, RENAME, SEQUENCE_MAP, TYPES, KittiSource, require_detector, split_names
+from .files import (
+    DetectionRows,
+    LabelRows,
+    read_detections,
+    read_labels,
+    read_sequence_map,
+)
+from .layout import (
+    DATASET,
+    LABELS,
+    RENAME,
+    SEQUENCE_MAP,
+    TYPES,
+    KittiSource,
+    require_detector,
+    split_names,
+)
 from .poses import FRAME_PERIOD, Poses, image_field, read_poses
 
 # Types that KITTI's own evaluation leaves out of account: their annotation overlaps with the class.
-NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting"), "cyclist": ()}
+NEIGHBOURS = {
+    "car": ("Van",),
+    "pedestrian": ("Person", "Person_sitting"),
+    "cyclist": (),
+}
 
 
 class KittiTracking:
@@ -35,7 +54,9 @@ class KittiTracking:
         require_classes(card, "KITTI", TYPES)
         require_rate(card, "KITTI", 10.0, self.section.stride)
         self.names = split_names(self.root, self.section.split)
-        self._detections = require_detector(self.root, card) if card.detector is None else None
+        self._detections = (
+            require_detector(self.root, card) if card.detector is None else None
+        )
 
     def load(self, name: str) -> Scene:
         """Read one sequence; all its frames count, also those without labels or detections."""
@@ -44,7 +65,9 @@ class KittiTracking:
         length = len(poses.position)
         if read_sequence_map(self.root / SEQUENCE_MAP).get(name, length) != length:
             path = self.root / f"training/oxts/{name}.txt"
-            raise DataError(f"{path} has {length} rows, expected one for each frame of the sequence map{RENAME}")
+            raise DataError(
+                f"{path} has {length} rows, expected one for each frame of the sequence map{RENAME}"
+            )
         frames = Frames(length, section.stride, poses if section.ego_motion else None)
         kept = np.arange(0, length, section.stride)
         labels = read_labels(self.root / LABELS / f"{name}.txt")
@@ -57,10 +80,29 @@ class KittiTracking:
         of_scene = Poses(poses.rotation[kept], poses.position[kept])
         region = frames.select(labels.frame, labels.type == "DontCare")
         regions = labels.image_box[region], frames.starts(labels.frame[region])
-        image = image_field(calibration, of_scene, section.ego_motion, *regions, classes)
-        time, truth, ego = kept * FRAME_PERIOD, truth_of(labels, classes, frames), of_scene.ego()
-        scene = Scene(name, time, ego, truth, detections, detector=label, skipped=skipped, image=image)
-        return scene if section.ego_motion else replace(scene, ego=np.zeros((len(kept), 4)), world=ego)
+        image = image_field(
+            calibration, of_scene, section.ego_motion, *regions, classes
+        )
+        time, truth, ego = (
+            kept * FRAME_PERIOD,
+            truth_of(labels, classes, frames),
+            of_scene.ego(),
+        )
+        scene = Scene(
+            name,
+            time,
+            ego,
+            truth,
+            detections,
+            detector=label,
+            skipped=skipped,
+            image=image,
+        )
+        return (
+            scene
+            if section.ego_motion
+            else replace(scene, ego=np.zeros((len(kept), 4)), world=ego)
+        )
 
 
 @dataclass(frozen=True)
@@ -102,11 +144,17 @@ def truth_of(labels: LabelRows, classes: Sequence[str], frames: Frames) -> Truth
     row = frames.select(labels.frame, class_id >= 0)
     frame, object_id = labels.frame[row], labels.object_id[row]
     box, neutral = frames.place(labels.box[row], frame), neutral[row]
-    velocity = central_velocity(frame // frames.stride, object_id, box[:, :2], frames.stride * FRAME_PERIOD)
-    return Truth(frames.starts(frame), box, velocity, class_id[row], object_id, ~neutral, neutral)
+    velocity = central_velocity(
+        frame // frames.stride, object_id, box[:, :2], frames.stride * FRAME_PERIOD
+    )
+    return Truth(
+        frames.starts(frame), box, velocity, class_id[row], object_id, ~neutral, neutral
+    )
 
 
-def detections_of(folder: Path, name: str, classes: Sequence[str], frames: Frames) -> tuple[Detections, dict[str, int]]:
+def detections_of(
+    folder: Path, name: str, classes: Sequence[str], frames: Frames
+) -> tuple[Detections, dict[str, int]]:
     """Detections of all classes, sorted by frame, class and place in the file; and the counts of skipped rows."""
     parts: list[tuple[Ints, Floats, Floats, Ints]] = []
     skipped = Counter[str]()
@@ -118,9 +166,15 @@ def detections_of(folder: Path, name: str, classes: Sequence[str], frames: Frame
         finite = np.isfinite(rows.box[row]).all(axis=1) & np.isfinite(rows.score[row])
         skipped["detection not finite"] += int((~finite).sum())
         row = row[finite]
-        parts.append((rows.frame[row], rows.box[row], rows.score[row], np.full(len(row), index)))
-    frame, box, score, class_id = (np.concatenate(column) for column in zip(*parts, strict=True))
+        parts.append(
+            (rows.frame[row], rows.box[row], rows.score[row], np.full(len(row), index))
+        )
+    frame, box, score, class_id = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
     order = np.argsort(frame, kind="stable")
     frame = frame[order]
     box, velocity = frames.place(box[order], frame), unknown_velocity(len(frame))
-    return Detections(frames.starts(frame), box, velocity, class_id[order], score[order]), dict(+skipped)
+    return Detections(
+        frames.starts(frame), box, velocity, class_id[order], score[order]
+    ), dict(+skipped)

@@ -3,4 +3,8 @@
 from ..base import SourcePackage
 from .source import DATASET, Mot3d, Mot3dSource as Mot3dSource, folder_of
 
-PACKAGE = SourcePackage(open=Mot3d, dataset=DATASET, locate=lambda card, data: DATASET.status(data, folder_of(card)))
+PACKAGE = SourcePackage(
+    open=Mot3d,
+    dataset=DATASET,
+    locate=lambda card, data: DATASET.status(data, folder_of(card)),
+)

@@ -19,15 +19,23 @@ from ..motion import middle, people_detections, people_truth
 from ..text import RowTable, read_table, read_text
 
 DATASET = Dataset.of(__file__)
-SEQINFO, TRUTH, DETECTIONS = "seqinfo.ini", "gt/gt.txt", "det/det.txt"  # inside train/<sequence>
+SEQINFO, TRUTH, DETECTIONS = (
+    "seqinfo.ini",
+    "gt/gt.txt",
+    "det/det.txt",
+)  # inside train/<sequence>
 COLUMNS = "frame id left top width height confidence X Y Z"
 
 
 class SequenceInfo(msgspec.Struct, frozen=True):
     """Content of the section [Sequence] of ``seqinfo.ini``."""
 
-    rate: Annotated[float, msgspec.Meta(gt=0, le=1e6)] = msgspec.field(name="frameRate")  # Hz
-    length: Annotated[int, msgspec.Meta(gt=0, le=10**6)] = msgspec.field(name="seqLength")  # frames
+    rate: Annotated[float, msgspec.Meta(gt=0, le=1e6)] = msgspec.field(
+        name="frameRate"
+    )  # Hz
+    length: Annotated[int, msgspec.Meta(gt=0, le=10**6)] = msgspec.field(
+        name="seqLength"
+    )  # frames
 
 
 class Mot3dSource(SourceSection):
@@ -38,13 +46,22 @@ class Mot3dSource(SourceSection):
     sequence: Literal["PETS09-S2L1", "TUD-Stadtmitte"]
     detector: Literal["acf"] = "acf"  # det/det.txt
     stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
-    scene_frames: Annotated[int, Field(ge=2)] = 140  # kept frames per scene, the last scene may have fewer
-    train_scenes: Annotated[int, Field(ge=0)] = 2  # the first ones are for training, the others are "val"
+    scene_frames: Annotated[int, Field(ge=2)] = (
+        140  # kept frames per scene, the last scene may have fewer
+    )
+    train_scenes: Annotated[int, Field(ge=0)] = (
+        2  # the first ones are for training, the others are "val"
+    )
 
     @property
     def traits(self) -> Traits:
         """Abilities of the source."""
-        return Traits(stored_detector=self.detector, places_only=True, bounded_by_truth=True, has_ego=False)
+        return Traits(
+            stored_detector=self.detector,
+            places_only=True,
+            bounded_by_truth=True,
+            has_ego=False,
+        )
 
 
 def folder_of(card: Card) -> str:
@@ -75,28 +92,53 @@ class Mot3d:
                 advice = instead_of_stored(card) if name == DETECTIONS else ""
                 raise MissingDataError(f"no file {self.folder / name}{advice}")
         self._kept = split_frames(card, self._info.length)
-        self.names = tuple(self._kept)  # the sequence and the official number of the scene's first frame
+        self.names = tuple(
+            self._kept
+        )  # the sequence and the official number of the scene's first frame
 
     def load(self, name: str) -> Scene:
         """Read one scene; all its frames count, also those without people or detections."""
         kept, section = self._kept[name], self.section
         people = read_rows(self.folder / TRUTH, self._info.length)
         if not len(people.frame):
-            raise DataError(f"{self.folder / TRUTH} has no rows, expected one per person and frame")
-        people.table.refuse_second_box(people.frame, people.object_id, np.arange(len(people.frame)))
+            raise DataError(
+                f"{self.folder / TRUTH} has no rows, expected one per person and frame"
+            )
+        people.table.refuse_second_box(
+            people.frame, people.object_id, np.arange(len(people.frame))
+        )
         stored = section.detector if self.card.detector is None else None
         detections = no_detections(len(kept))
         if stored:
             found = read_rows(self.folder / DETECTIONS, self._info.length)
             row, frame = _select(found, kept)
-            detections = people_detections(frame, found.ground[row, :2], found.confidence[row], len(kept))
+            detections = people_detections(
+                frame, found.ground[row, :2], found.confidence[row], len(kept)
+            )
         time = (kept - 1) / self._info.rate
         row, frame = _select(people, kept)
-        period, neutral = 1 / self._info.rate * section.stride, people.confidence[row] == 0
-        truth = people_truth(frame, people.ground[row, :2], people.object_id[row], time, period, neutral)
-        ego, visible = np.tile(middle(people.ground), (len(kept), 1)), np.ones(len(truth.box))
+        period, neutral = (
+            1 / self._info.rate * section.stride,
+            people.confidence[row] == 0,
+        )
+        truth = people_truth(
+            frame, people.ground[row, :2], people.object_id[row], time, period, neutral
+        )
+        ego, visible = (
+            np.tile(middle(people.ground), (len(kept), 1)),
+            np.ones(len(truth.box)),
+        )
         label = f"{stored}, stored detections" if stored else ""
-        return Scene(name, time, ego, truth, detections, detector=label, visible=visible, recording=section.sequence)
+        return Scene(
+            name,
+            time,
+            ego,
+            truth,
+            detections,
+            detector=label,
+            visible=visible,
+            recording=section.sequence,
+        )
 
 
 def split_frames(card: Card, length: int) -> dict[str, Ints]:
@@ -107,11 +149,20 @@ def split_frames(card: Card, length: int) -> dict[str, Ints]:
     section, shortest = section_of(card, Mot3dSource), card.task.past + card.task.future
     if section.scene_frames < shortest:
         expected = f"expected at least {shortest}: task.past and task.future"
-        raise CardError(f"{card.id}: source.scene_frames is {section.scene_frames}, {expected}")
+        raise CardError(
+            f"{card.id}: source.scene_frames is {section.scene_frames}, {expected}"
+        )
     kept = np.arange(1, length + 1, section.stride)
-    cut = [kept[first : first + section.scene_frames] for first in range(0, len(kept), section.scene_frames)]
+    cut = [
+        kept[first : first + section.scene_frames]
+        for first in range(0, len(kept), section.scene_frames)
+    ]
     scenes = [frames for frames in cut if len(frames) >= shortest]
-    chosen = scenes[: section.train_scenes] if section.split == "train" else scenes[section.train_scenes :]
+    chosen = (
+        scenes[: section.train_scenes]
+        if section.split == "train"
+        else scenes[section.train_scenes :]
+    )
     if not chosen:
         raise CardError(
             f"{card.id}: split {section.split!r} has no scenes: {section.sequence} has {len(scenes)} of "
@@ -144,9 +195,13 @@ def read_sequence_info(path: Path) -> SequenceInfo:
     parser.optionxform = str  # type: ignore[assignment, method-assign]  # keys keep their capitals
     try:
         parser.read_string(read_text(path), source=str(path))
-        return msgspec.convert(dict(parser.items("Sequence")), SequenceInfo, strict=False)
+        return msgspec.convert(
+            dict(parser.items("Sequence")), SequenceInfo, strict=False
+        )
     except (configparser.Error, msgspec.ValidationError) as error:
-        raise DataError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+        raise DataError(
+            f"{path} cannot be read: {' '.join(str(error).split())}"
+        ) from None
 
 
 def read_rows(path: Path, length: int) -> Rows:
@@ -158,7 +213,12 @@ def read_rows(path: Path, length: int) -> Rows:
     table.refuse_not_finite(COLUMNS)
     frame = table.whole("frame")
     outside = (frame < 1) | (frame > length)
-    table.refuse(outside, lambda row: f"frame {frame[row]}, expected 1 to {length}, the seqLength of {SEQINFO}")
+    table.refuse(
+        outside,
+        lambda row: (
+            f"frame {frame[row]}, expected 1 to {length}, the seqLength of {SEQINFO}"
+        ),
+    )
     ground = table.matrix("X Y Z")
     flat = (
         "X, Y and Z are -1, as in the 2D benchmark (2DMOT2015), expected metres on the ground; get the file of 3D MOT "

@@ -68,15 +68,29 @@ def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
     root = DATASET.find(data, VERSIONS)
     if not (root / EXPANSION).is_dir():
         return ()
-    path = root / EXPANSION / f"{location_of(root / section_of(card, NuScenesSource).version, scene.name)}.json"
+    path = (
+        root
+        / EXPANSION
+        / f"{location_of(root / section_of(card, NuScenesSource).version, scene.name)}.json"
+    )
     if not path.is_file():
         return ()
     ego = scene.ego[:, None, :2]
     lanes = read_lanes(path, path.stat().st_mtime_ns)
-    near = (i for i, lane in enumerate(lanes) if (np.linalg.norm(lane.center - ego, axis=2) <= REACH).any())
+    near = (
+        i
+        for i, lane in enumerate(lanes)
+        if (np.linalg.norm(lane.center - ego, axis=2) <= REACH).any()
+    )
     number = {i: place for place, i in enumerate(near)}
-    after = (tuple(number[each] for each in lanes[i].following if each in number) for i in number)
-    return tuple(replace(lanes[i], following=following) for i, following in zip(number, after, strict=True))
+    after = (
+        tuple(number[each] for each in lanes[i].following if each in number)
+        for i in number
+    )
+    return tuple(
+        replace(lanes[i], following=following)
+        for i, following in zip(number, after, strict=True)
+    )
 
 
 def location_of(version: Path, scene: str) -> str:
@@ -98,21 +112,33 @@ def read_lanes(path: Path, changed: int = 0) -> tuple[Lane, ...]:
     layers = read_json(path, _Map)
     junction = {lane.token: False for lane in layers.lane if lane.lane_type != "BIKE"}
     junction |= {lane.token: True for lane in layers.lane_connector}
-    centers = ((token, _center(layers.arcline_path_3.get(token, []))) for token in junction)
+    centers = (
+        (token, _center(layers.arcline_path_3.get(token, []))) for token in junction
+    )
     lines = {token: center for token, center in centers if len(center) > 1}
     if not lines:
-        raise DataError(f"{path} has no lane with a middle line, expected a file of the map expansion")
+        raise DataError(
+            f"{path} has no lane with a middle line, expected a file of the map expansion"
+        )
     number = {token: i for i, token in enumerate(lines)}
     outgoing = (layers.connectivity.get(token, _Links()).outgoing for token in lines)
-    after = (tuple(number[token] for token in tokens if token in number) for tokens in outgoing)
+    after = (
+        tuple(number[token] for token in tokens if token in number)
+        for tokens in outgoing
+    )
     lanes = (lane_around(center, junction[token]) for token, center in lines.items())
-    return tuple(replace(lane, following=following) for lane, following in zip(lanes, after, strict=True))
+    return tuple(
+        replace(lane, following=following)
+        for lane, following in zip(lanes, after, strict=True)
+    )
 
 
 def _center(parts: list[_Path]) -> Floats:
     """Points [n, 2] of a middle line."""
     line = np.concatenate([np.zeros((0, 2)), *(_points(part) for part in parts)])
-    moves = np.linalg.norm(np.diff(line, axis=0, prepend=np.inf), axis=1) > 1e-3  # parts meet in a point
+    moves = (
+        np.linalg.norm(np.diff(line, axis=0, prepend=np.inf), axis=1) > 1e-3
+    )  # parts meet in a point
     return np.asarray(line[moves])
 
 

@@ -21,7 +21,9 @@ from .objects import TrueBoxes, read_annotations
 from .tables import Keyframes, read_keyframes
 
 FORMAT = 3  # of the arrays in the cache: a change gets a new number
-_BYTES_PER_SECOND = 2.3e7  # of tables and detections, read and checked on a machine that is busy
+_BYTES_PER_SECOND = (
+    2.3e7  # of tables and detections, read and checked on a machine that is busy
+)
 INDEX, SAMPLES = "all.index", "all.samples"  # no scene has a dot in its name
 
 
@@ -35,7 +37,9 @@ class CachedFolder:
     path: Path
 
     @classmethod
-    def of(cls, prefix: str, sources: Mapping[str, Path], fill: Callable[[Path], None]) -> Self:
+    def of(
+        cls, prefix: str, sources: Mapping[str, Path], fill: Callable[[Path], None]
+    ) -> Self:
         """The folder for these files in their present state; raises DataError if one of them cannot be read."""
         return cls(prefix, sources, fill, _path(prefix, sources))
 
@@ -55,10 +59,18 @@ class CachedFolder:
         names = [path.name for path in self.sources.values()]
         text = f"reading {names[0] if len(names) == 1 else self.prefix} of nuScenes, once per machine"
         try:
-            seconds = sum(path.stat().st_size for path in self.sources.values()) / _BYTES_PER_SECOND
+            seconds = (
+                sum(path.stat().st_size for path in self.sources.values())
+                / _BYTES_PER_SECOND
+            )
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with notice.work(text, seconds), FileLock(self.path.with_name(f".{self.path.name}.lock")):
-                arrays = read_arrays(path)  # another process may have filled it meanwhile
+            with (
+                notice.work(text, seconds),
+                FileLock(self.path.with_name(f".{self.path.name}.lock")),
+            ):
+                arrays = read_arrays(
+                    path
+                )  # another process may have filled it meanwhile
                 if arrays is None:
                     self._fill()
                     arrays = read_arrays(path)
@@ -72,7 +84,9 @@ class CachedFolder:
     def _fill(self) -> None:
         if _path(self.prefix, self.sources) != self.path:
             changed = ", ".join(str(path) for path in self.sources.values())
-            raise DataError(f"{changed}: changed since the scenes were opened; open them again")
+            raise DataError(
+                f"{changed}: changed since the scenes were opened; open them again"
+            )
         remove_damaged(self.path)
         with whole_folder(self.path) as part:
             self.fill(part)
@@ -85,9 +99,22 @@ def _path(prefix: str, sources: Mapping[str, Path]) -> Path:
         try:
             state = path.stat()
         except OSError as error:
-            raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
-        states.append([name, str(path.resolve()), state.st_size, state.st_ino, state.st_mtime_ns, state.st_ctime_ns])
-    digest = hashlib.sha256(json.dumps([FORMAT, *states]).encode("utf-8", "surrogatepass")).hexdigest()[:16]
+            raise DataError(
+                f"{path} cannot be read: {error.strerror or error}"
+            ) from None
+        states.append(
+            [
+                name,
+                str(path.resolve()),
+                state.st_size,
+                state.st_ino,
+                state.st_mtime_ns,
+                state.st_ctime_ns,
+            ]
+        )
+    digest = hashlib.sha256(
+        json.dumps([FORMAT, *states]).encode("utf-8", "surrogatepass")
+    ).hexdigest()[:16]
     return cache_root() / "nuscenes" / f"{prefix}-{digest}"
 
 
@@ -131,7 +158,13 @@ def open_tables(root: Path, version: str) -> TableStore:
         sources[PREDICTION] = root / PREDICTION
     cache = CachedFolder.of(version, sources, partial(_fill, sources))
     index = cache.read(INDEX)
-    return TableStore(version, cache, tuple(index["scene"].tolist()), index["start"], index.get("targets"))
+    return TableStore(
+        version,
+        cache,
+        tuple(index["scene"].tolist()),
+        index["start"],
+        index.get("targets"),
+    )
 
 
 def _fill(sources: dict[str, Path], folder: Path) -> None:
@@ -144,8 +177,14 @@ def _fill(sources: dict[str, Path], folder: Path) -> None:
         targets.append(int(arrays["listed"].sum()))
     tokens = np.array([token.encode() for token in keyframes.token], dtype=np.bytes_)
     write_arrays(folder / f"{SAMPLES}.npz", {"token": tokens})
-    listed = {"targets": np.array(targets, dtype=np.int64)} if PREDICTION in sources else {}
-    index_arrays = {"scene": np.array(keyframes.scene, dtype=np.str_), "start": keyframes.start, **listed}
+    listed = (
+        {"targets": np.array(targets, dtype=np.int64)} if PREDICTION in sources else {}
+    )
+    index_arrays = {
+        "scene": np.array(keyframes.scene, dtype=np.str_),
+        "start": keyframes.start,
+        **listed,
+    }
     write_arrays(folder / f"{INDEX}.npz", index_arrays)
 
 
@@ -157,7 +196,9 @@ def _scene_arrays(index: int, keyframes: Keyframes, boxes: TrueBoxes) -> Arrays:
     return {
         "time": keyframes.time[first:end],  # [F] microseconds
         "ego": keyframes.ego[first:end],  # [F, 4] x y z yaw
-        "start": np.searchsorted(boxes.sample[row], np.arange(first, end + 1)),  # [F + 1]
+        "start": np.searchsorted(
+            boxes.sample[row], np.arange(first, end + 1)
+        ),  # [F + 1]
         "box": boxes.box[row],  # [R, 7]
         "class_id": boxes.class_id[row],  # [R] index into CLASSES
         "neutral": boxes.neutral[row],  # [R]

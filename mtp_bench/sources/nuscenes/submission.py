@@ -17,13 +17,23 @@ from ..cache import write_arrays
 from ..text import LIMIT, MOST_LETTERS, decode, read_json
 from .layout import CLASSES, ClassName
 from .store import INDEX, CachedFolder, TableStore
-from .tables import LONGEST, Number, Quaternion, Vector, floats, require_rotations, upright_boxes
+from .tables import (
+    LONGEST,
+    Number,
+    Quaternion,
+    Vector,
+    floats,
+    require_rotations,
+    upright_boxes,
+)
 
 MOST_TILTED = 0.05  # share of boxes: a detector may be wrong about some
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
 
 
-_Side = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LONGEST)]  # m; boxes of size 0 or below are skipped
+_Side = Annotated[
+    float, msgspec.Meta(ge=-LIMIT, le=LONGEST)
+]  # m; boxes of size 0 or below are skipped
 
 
 class _Box(msgspec.Struct, gc=False):
@@ -49,7 +59,9 @@ class TrackedBox(_Box, gc=False, kw_only=True):
     task: ClassVar = "tracking"
     name: ClassName = msgspec.field(name="tracking_name")
     score: Number = msgspec.field(name="tracking_score")
-    identity: Annotated[str, msgspec.Meta(max_length=MOST_LETTERS)] | int = msgspec.field(name="tracking_id")
+    identity: Annotated[str, msgspec.Meta(max_length=MOST_LETTERS)] | int = (
+        msgspec.field(name="tracking_id")
+    )
 
 
 BoxKind = type[DetectedBox] | type[TrackedBox]
@@ -74,7 +86,9 @@ class SubmittedBoxes:
     identity: NDArray[np.str_]  # [R] tracking_id; empty texts in the detection task
 
 
-def read_submission(path: Path, row: Mapping[str, int], kind: BoxKind = DetectedBox) -> SubmittedBoxes:
+def read_submission(
+    path: Path, row: Mapping[str, int], kind: BoxKind = DetectedBox
+) -> SubmittedBoxes:
     """Boxes of the samples in ``row`` (token to row); other samples of the file are left out.
 
     Raises DataError that names the file, the sample token and the place of the box that is wrong.
@@ -97,7 +111,9 @@ def read_submission(path: Path, row: Mapping[str, int], kind: BoxKind = Detected
         sample=sample[order],
         box=upright_boxes(boxes, rotation)[order],
         velocity=velocity[order],
-        class_id=np.array([_CLASS_INDEX[box.name] for box in boxes], dtype=np.int64)[order],
+        class_id=np.array([_CLASS_INDEX[box.name] for box in boxes], dtype=np.int64)[
+            order
+        ],
         score=floats([box.score for box in boxes], 1)[order, 0],
         identity=np.array([str(box.identity) for box in boxes], dtype=np.str_)[order],
     )
@@ -105,22 +121,35 @@ def read_submission(path: Path, row: Mapping[str, int], kind: BoxKind = Detected
 
 def no_match(path: Path, samples: int, example: str, version: str, what: str) -> str:
     """Message that a file of ``what`` has ``samples`` samples, and none of them is in the tables of ``version``."""
-    tokens = f"{samples} sample tokens" + (f" (for example {example!r})" if example else "")
+    tokens = f"{samples} sample tokens" + (
+        f" (for example {example!r})" if example else ""
+    )
     return f"{path}: none of its {tokens} is in sample.json of {version}; expected {what} of these scenes"
 
 
-def _sample_boxes(path: Path, token: str, content: msgspec.Raw, kind: BoxKind) -> Sequence[DetectedBox | TrackedBox]:
+def _sample_boxes(
+    path: Path, token: str, content: msgspec.Raw, kind: BoxKind
+) -> Sequence[DetectedBox | TrackedBox]:
     try:
-        boxes: list[DetectedBox | TrackedBox] = decode(content, list[kind], f"{path}, sample {token!r}")  # type: ignore[valid-type]
+        kinds = list[kind]  # type: ignore[valid-type]
+        boxes: list[DetectedBox | TrackedBox] = decode(
+            content, kinds, f"{path}, sample {token!r}"
+        )
     except DataError as error:
-        raise DataError(f"{error}; expected a submission to the {kind.task} task") from None
+        raise DataError(
+            f"{error}; expected a submission to the {kind.task} task"
+        ) from None
     for place, box in enumerate(boxes):
         if box.sample_token != token:
-            raise DataError(f"{path}, sample {token!r}, box {place}: sample_token is {box.sample_token!r}")
+            raise DataError(
+                f"{path}, sample {token!r}, box {place}: sample_token is {box.sample_token!r}"
+            )
     return boxes
 
 
-def _require_upright(path: Path, boxes: Sequence[DetectedBox | TrackedBox], rotation: Floats) -> None:
+def _require_upright(
+    path: Path, boxes: Sequence[DetectedBox | TrackedBox], rotation: Floats
+) -> None:
     """Raise DataError for a rotation that is not a unit quaternion, and if many boxes do not stand upright."""
 
     def where(row: int) -> str:
@@ -146,7 +175,9 @@ class DetectionStore:
     covered: Bools  # [N] samples of the tables that the file has
 
 
-def open_detections(paths: Sequence[Path], tables: TableStore, names: Sequence[str]) -> tuple[DetectionStore, ...]:
+def open_detections(
+    paths: Sequence[Path], tables: TableStore, names: Sequence[str]
+) -> tuple[DetectionStore, ...]:
     """Open files, the smallest first, until they cover the scenes ``names``; a file is read whole once, and cached.
 
     Raises DataError for an invalid file, naming the sample token, if no file has samples of these tables, and unless
@@ -163,15 +194,24 @@ def open_detections(paths: Sequence[Path], tables: TableStore, names: Sequence[s
         return ()
     if not files.any():
         every = [(store.path, store.cache.read(INDEX)) for store in stores]
-        told = [no_match(path, int(i["samples"]), str(i["example"]), tables.version, "detections") for path, i in every]
+        told = [
+            no_match(
+                path, int(i["samples"]), str(i["example"]), tables.version, "detections"
+            )
+            for path, i in every
+        ]
         raise DataError("; ".join(told))
     wrong = wanted[files[wanted] != 1]
     if len(wrong):
         holders = sorted(str(store.path) for store in stores if store.covered[wrong[0]])
-        scene = tables.scenes[int(np.searchsorted(tables.start, wrong[0], side="right")) - 1]
+        scene = tables.scenes[
+            int(np.searchsorted(tables.start, wrong[0], side="right")) - 1
+        ]
         sample = f"sample {tables.tokens.item(wrong[0]).decode()!r} of {scene}"
         if holders:
-            raise DataError(f"{' and '.join(holders)} both have {sample}; name one of them with --detections")
+            raise DataError(
+                f"{' and '.join(holders)} both have {sample}; name one of them with --detections"
+            )
         covered = sum(bool(files[tables.samples(name)].all()) for name in names)
         raise DataError(
             f"{', '.join(str(store.path) for store in stores)}: no entry for {sample}: detections cover {covered} of "
@@ -180,11 +220,14 @@ def open_detections(paths: Sequence[Path], tables: TableStore, names: Sequence[s
     return tuple(stores)
 
 
-def scene_detections(stores: Sequence[DetectionStore], samples: range, name: str, classes: Sequence[str]) -> Detections:
+def scene_detections(
+    stores: Sequence[DetectionStore], samples: range, name: str, classes: Sequence[str]
+) -> Detections:
     """Detections of the scene ``name`` (rows ``samples`` of the tables) from all files; other classes are dropped."""
     parts = [store.cache.read(name) for store in stores if store.covered[samples].any()]
     frame, box, velocity, score, kind = (
-        np.concatenate([part[key] for part in parts]) for key in ("frame", "box", "velocity", "score", "class_id")
+        np.concatenate([part[key] for part in parts])
+        for key in ("frame", "box", "velocity", "score", "class_id")
     )
     class_id = class_ids(CLASSES, classes)[kind]
     used = np.flatnonzero(class_id >= 0)
@@ -194,7 +237,9 @@ def scene_detections(stores: Sequence[DetectionStore], samples: range, name: str
 
 
 def _open(path: Path, tables: TableStore) -> DetectionStore:
-    cache = CachedFolder.of(tables.cache.path.name, {"detections": path}, partial(_fill, path, tables))
+    cache = CachedFolder.of(
+        tables.cache.path.name, {"detections": path}, partial(_fill, path, tables)
+    )
     return DetectionStore(path, cache, cache.read(INDEX)["covered"])
 
 
@@ -206,9 +251,16 @@ def _fill(path: Path, tables: TableStore, folder: Path) -> None:
         if covered[samples].any():
             row = slice(*np.searchsorted(boxes.sample, [samples.start, samples.stop]))
             arrays = {
-                "frame": boxes.sample[row] - samples.start, "box": boxes.box[row], "velocity": boxes.velocity[row],
-                "class_id": boxes.class_id[row], "score": boxes.score[row],
-            }  # fmt: skip
+                "frame": boxes.sample[row] - samples.start,
+                "box": boxes.box[row],
+                "velocity": boxes.velocity[row],
+                "class_id": boxes.class_id[row],
+                "score": boxes.score[row],
+            }
             write_arrays(folder / f"{name}.npz", arrays)
-    index = {"covered": covered, "samples": np.array(boxes.samples), "example": np.array(boxes.example)}
+    index = {
+        "covered": covered,
+        "samples": np.array(boxes.samples),
+        "example": np.array(boxes.example),
+    }
     write_arrays(folder / f"{INDEX}.npz", index)

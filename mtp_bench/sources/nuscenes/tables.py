@@ -20,7 +20,9 @@ SECOND = 1e6  # microseconds
 STEPS = 0.25, 1.0  # s, between samples: nominally 0.5
 LIDAR = "LIDAR_TOP"  # its keyframes carry the ego pose of a sample, as in the official development kit
 LONGEST = 100.0  # m, side of a box
-NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and are normalised
+NORM_TOLERANCE = (
+    1e-2  # of a quaternion; smaller deviations are rounding and are normalised
+)
 
 Number = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LIMIT)]
 Vector = tuple[Number, Number, Number]
@@ -51,17 +53,25 @@ def by_token(path: Path, kind: type[RecordT]) -> dict[str, RecordT]:
     records = read_records(path, kind)
     table = {record.token: record for record in records}
     if len(table) < len(records):
-        token = next(record.token for record in records if table[record.token] is not record)
-        raise DataError(f"{path}: several records have the token {token!r}, expected one")
+        token = next(
+            record.token for record in records if table[record.token] is not record
+        )
+        raise DataError(
+            f"{path}: several records have the token {token!r}, expected one"
+        )
     return table
 
 
-def find(table: dict[str, Content], record: TableRecord, key: str, path: Path) -> Content:
+def find(
+    table: dict[str, Content], record: TableRecord, key: str, path: Path
+) -> Content:
     """Entry of ``table`` that the token ``key`` of a record of ``path`` names; raises DataError if it is missing."""
     token = getattr(record, key)
     if token not in table:
         name = key.removesuffix("_token")
-        raise DataError(f"{path}, record {record.token!r}: {key} is {token!r}, but {name}.json has no such record")
+        raise DataError(
+            f"{path}, record {record.token!r}: {key} is {token!r}, but {name}.json has no such record"
+        )
     return table[token]
 
 
@@ -73,7 +83,12 @@ def floats(rows: Sequence[Any], columns: int) -> Floats:
 def require_rotations(rotation: Floats, where: Callable[[int], str]) -> None:
     """Raise DataError for the first row of quaternions ``[R, 4]`` that are not of norm 1; ``where``: name of a row."""
     wrong = np.abs(np.linalg.norm(rotation, axis=1) - 1.0) > NORM_TOLERANCE
-    refuse(wrong, lambda row: f"{where(row)}: rotation is {rotation[row].tolist()}, expected a unit quaternion")
+    refuse(
+        wrong,
+        lambda row: (
+            f"{where(row)}: rotation is {rotation[row].tolist()}, expected a unit quaternion"
+        ),
+    )
 
 
 def yaw_of(rotation: Floats) -> Floats:
@@ -91,7 +106,10 @@ def rotations(records: Sequence[Any], path: Path) -> Floats:
 
 def upright_boxes(records: Sequence[Any], rotation: Floats) -> Floats:
     """Boxes ``[R, 7]`` x y z yaw l w h of records with a translation and a size, and their quaternions ``[R, 4]``."""
-    place, size = floats([each.translation for each in records], 3), floats([each.size for each in records], 3)
+    place, size = (
+        floats([each.translation for each in records], 3),
+        floats([each.size for each in records], 3),
+    )
     return np.column_stack([place, yaw_of(rotation), size[:, [1, 0, 2]]])
 
 
@@ -103,7 +121,9 @@ class SceneRecord(TableRecord):
 
 class _Sample(TableRecord):
     scene_token: str
-    timestamp: Annotated[float, msgspec.Meta(ge=0, le=2.0**53)]  # microseconds; a float holds each of them exactly
+    timestamp: Annotated[
+        float, msgspec.Meta(ge=0, le=2.0**53)
+    ]  # microseconds; a float holds each of them exactly
 
 
 class SensorRecord(TableRecord):
@@ -166,30 +186,50 @@ def read_keyframes(paths: Mapping[str, Path]) -> Keyframes:
     row = {name: index for index, name in enumerate(token)}
     pose = _read_lidar_poses(paths, row)
     position, rotation = read_poses(paths["ego_pose"], paths["sample_data"], pose)
-    return Keyframes(scene, start, token, row, time, np.column_stack([position, yaw_of(rotation)]))
+    return Keyframes(
+        scene, start, token, row, time, np.column_stack([position, yaw_of(rotation)])
+    )
 
 
-def _read_samples(paths: Mapping[str, Path]) -> tuple[tuple[str, ...], Ints, list[str], Floats]:
+def _read_samples(
+    paths: Mapping[str, Path],
+) -> tuple[tuple[str, ...], Ints, list[str], Floats]:
     """Scene names [S] and row starts [S + 1], sample tokens [N] and times [N]."""
     path, table = paths["scene"], paths["sample"]
-    scenes = sorted(by_token(path, SceneRecord).values(), key=lambda scene: (scene.name, scene.token))
+    scenes = sorted(
+        by_token(path, SceneRecord).values(),
+        key=lambda scene: (scene.name, scene.token),
+    )
     for before, after in pairwise(scenes):
         if before.name == after.name:
             raise DataError(f"{path} has several scenes {before.name!r}, expected one")
     row = {scene.token: index for index, scene in enumerate(scenes)}
     samples = list(by_token(table, _Sample).values())
-    group = np.array([find(row, sample, "scene_token", table) for sample in samples], dtype=np.int64)
+    group = np.array(
+        [find(row, sample, "scene_token", table) for sample in samples], dtype=np.int64
+    )
     count = np.bincount(group, minlength=len(scenes))
-    refuse(count == 0, lambda i: f"{path}, record {scenes[i].token!r}: {table.name} has no sample of this scene")
+    refuse(
+        count == 0,
+        lambda i: (
+            f"{path}, record {scenes[i].token!r}: {table.name} has no sample of this scene"
+        ),
+    )
     time = floats([sample.timestamp for sample in samples], 1)[:, 0]
     order = np.lexsort((time, group))
-    start, tokens, time = starts_of(count), [samples[index].token for index in order], time[order]
+    start, tokens, time = (
+        starts_of(count),
+        [samples[index].token for index in order],
+        time[order],
+    )
     names = tuple(scene.name for scene in scenes)
     _check_steps(table, names, start, tokens, time)
     return names, start, tokens, time
 
 
-def _check_steps(path: Path, scene: tuple[str, ...], start: Ints, token: list[str], time: Floats) -> None:
+def _check_steps(
+    path: Path, scene: tuple[str, ...], start: Ints, token: list[str], time: Floats
+) -> None:
     """Raise DataError for a scene whose steps are not about half a second: its times have another unit."""
     for name, first, end in zip(scene, start[:-1], start[1:], strict=True):
         steps = np.diff(time[first:end]) / SECOND
@@ -207,14 +247,22 @@ def _read_lidar_poses(paths: Mapping[str, Path], row: dict[str, int]) -> list[st
     path, mounts = paths["sample_data"], paths["calibrated_sensor"]
     sensors = by_token(paths["sensor"], SensorRecord)
     mounted = by_token(mounts, MountRecord).items()
-    channel = {token: find(sensors, mount, "sensor_token", mounts).channel for token, mount in mounted}
+    channel = {
+        token: find(sensors, mount, "sensor_token", mounts).channel
+        for token, mount in mounted
+    }
     pose = [""] * len(row)
     for record in read_records(path, DataRecord):
-        if find(channel, record, "calibrated_sensor_token", path) != LIDAR or not record.is_key_frame:
+        if (
+            find(channel, record, "calibrated_sensor_token", path) != LIDAR
+            or not record.is_key_frame
+        ):
             continue
         sample = find(row, record, "sample_token", path)
         if pose[sample]:
-            raise DataError(f"{path}, record {record.token!r}: a second {LIDAR} keyframe of its sample")
+            raise DataError(
+                f"{path}, record {record.token!r}: a second {LIDAR} keyframe of its sample"
+            )
         pose[sample] = record.ego_pose_token
     if "" in pose:
         token = next(token for token, sample in row.items() if not pose[sample])
@@ -230,6 +278,10 @@ def read_poses(path: Path, referrer: Path, pose: list[str]) -> tuple[Floats, Flo
     poses = by_token(path, _Pose)
     missing = next((token for token in pose if token not in poses), None)
     if missing is not None:
-        raise DataError(f"{path} has no record {missing!r}, which {referrer.name} names as ego_pose_token")
+        raise DataError(
+            f"{path} has no record {missing!r}, which {referrer.name} names as ego_pose_token"
+        )
     records = [poses[token] for token in pose]
-    return floats([record.translation for record in records], 3), rotations(records, path)
+    return floats([record.translation for record in records], 3), rotations(
+        records, path
+    )

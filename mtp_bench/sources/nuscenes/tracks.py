@@ -19,7 +19,13 @@ from .store import TableStore
 from .submission import SubmittedBoxes, TrackedBox, no_match, read_submission
 
 
-def scene_tracks(boxes: SubmittedBoxes, tables: TableStore, path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
+def scene_tracks(
+    boxes: SubmittedBoxes,
+    tables: TableStore,
+    path: Path,
+    scene: Scene,
+    classes: Sequence[str],
+) -> Scene:
     """The scene with its tracks; other classes are left out.
 
     Raises DataError for a sample that the file does not have, and for two boxes of one track in a sample.
@@ -27,7 +33,9 @@ def scene_tracks(boxes: SubmittedBoxes, tables: TableStore, path: Path, scene: S
     samples = tables.samples(scene.name)
     lost = np.setdiff1d(samples, boxes.covered)
     if len(lost):
-        fewer = f"; {FEWER}" if len(lost) == scene.frames else ""  # the file has no sample of this scene
+        fewer = (
+            f"; {FEWER}" if len(lost) == scene.frames else ""
+        )  # the file has no sample of this scene
         raise DataError(
             f"{path}: no entry for sample {tables.tokens.item(lost[0]).decode()!r} of {scene.name}, expected one for "
             f"each of its {scene.frames} samples, empty where nothing is tracked{fewer}"
@@ -38,14 +46,27 @@ def scene_tracks(boxes: SubmittedBoxes, tables: TableStore, path: Path, scene: S
     frame, identity = boxes.sample[row] - samples.start, boxes.identity[row]
 
     def what(index: int) -> str:
-        token, name = tables.tokens.item(boxes.sample[row[index]]).decode(), str(identity[index])
+        token, name = (
+            tables.tokens.item(boxes.sample[row[index]]).decode(),
+            str(identity[index]),
+        )
         return f"{path}, sample {token!r}: a second box of tracking_id {name!r}, expected one"
 
     refuse(repeated(frame, identity, class_id), what)
-    return with_stored(scene, frame, identity, class_id, boxes.box[row], boxes.score[row], boxes.velocity[row])
+    return with_stored(
+        scene,
+        frame,
+        identity,
+        class_id,
+        boxes.box[row],
+        boxes.score[row],
+        boxes.velocity[row],
+    )
 
 
-def submission_box(token: str, box: Floats, velocity: Floats, name: str, identity: str, score: float) -> dict[str, Any]:
+def submission_box(
+    token: str, box: Floats, velocity: Floats, name: str, identity: str, score: float
+) -> dict[str, Any]:
     """One box [7] of the scene's frame of reference with its velocity [2], as the form has it."""
     x, y, z, yaw, length, width, height = (float(value) for value in box)
     return {
@@ -65,7 +86,9 @@ _last_read: dict[tuple[Path, int, int, Path], SubmittedBoxes] = {}  # one file
 
 def _open(card: Card, data: DataRoot, path: Path) -> ReadTracks:
     tables = NuScenes(card, data).tables
-    return partial(scene_tracks, _read(path, tables), tables, path, classes=card.task.classes)
+    return partial(
+        scene_tracks, _read(path, tables), tables, path, classes=card.task.classes
+    )
 
 
 def _read(path: Path, tables: TableStore) -> SubmittedBoxes:
@@ -75,7 +98,9 @@ def _read(path: Path, tables: TableStore) -> SubmittedBoxes:
     if key not in _last_read:
         boxes = read_submission(path, tables.row_of_token, TrackedBox)
         if not len(boxes.covered):
-            raise DataError(no_match(path, boxes.samples, boxes.example, tables.version, "tracks"))
+            raise DataError(
+                no_match(path, boxes.samples, boxes.example, tables.version, "tracks")
+            )
         _last_read.clear()
         _last_read[key] = boxes
     return _last_read[key]

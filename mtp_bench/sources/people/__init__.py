@@ -3,4 +3,8 @@
 from ..base import SourcePackage
 from .source import DATASET, People, PeopleSource as PeopleSource, files_of
 
-PACKAGE = SourcePackage(open=People, dataset=DATASET, locate=lambda card, data: DATASET.status(data, files_of(card)[0]))
+PACKAGE = SourcePackage(
+    open=People,
+    dataset=DATASET,
+    locate=lambda card, data: DATASET.status(data, files_of(card)[0]),
+)

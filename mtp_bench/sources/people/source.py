@@ -28,7 +28,10 @@ SPLITS = {
     "val": RECORDINGS[: -len(TRAINING)],
     "train": TRAINING,
     **TESTS,
-    **{f"train-{name}": tuple(each for each in RECORDINGS if each not in held) for name, held in TESTS.items()},
+    **{
+        f"train-{name}": tuple(each for each in RECORDINGS if each not in held)
+        for name, held in TESTS.items()
+    },
 }
 DATASET = Dataset.of(__file__)
 
@@ -45,12 +48,19 @@ class PeopleSource(SourceSection):
     @property
     def traits(self) -> Traits:
         """Abilities of the source."""
-        return Traits(without_detections="ETH/UCY", places_only=True, bounded_by_truth=True, has_ego=False)
+        return Traits(
+            without_detections="ETH/UCY",
+            places_only=True,
+            bounded_by_truth=True,
+            has_ego=False,
+        )
 
 
 def files_of(card: Card) -> tuple[str, ...]:
     """Files of the recordings of the card's split."""
-    return tuple(f"{recording}.txt" for recording in SPLITS[section_of(card, PeopleSource).split])
+    return tuple(
+        f"{recording}.txt" for recording in SPLITS[section_of(card, PeopleSource).split]
+    )
 
 
 class People:
@@ -75,7 +85,9 @@ class People:
                 if len(part) >= least:
                     self._scenes[f"{path.stem}-{part[0]:05d}"] = path, part
         if not self._scenes:
-            raise DataError(f"{root} has no scene of at least {least} frames: task.past and task.future")
+            raise DataError(
+                f"{root} has no scene of at least {least} frames: task.past and task.future"
+            )
         self.names = tuple(self._scenes)
 
     def load(self, name: str) -> Scene:
@@ -86,7 +98,15 @@ class People:
         time, index = frames / STEP / RATE, np.searchsorted(frames, frame[row])
         truth = people_truth(index, place[row], person[row], time, 1 / RATE)
         ego, visible = np.tile(middle(place), (len(frames), 1)), np.ones(len(truth.box))
-        return Scene(name, time, ego, truth, no_detections(len(frames)), visible=visible, recording=path.stem)
+        return Scene(
+            name,
+            time,
+            ego,
+            truth,
+            no_detections(len(frames)),
+            visible=visible,
+            recording=path.stem,
+        )
 
 
 def read_recording(path: Path) -> tuple[Ints, Ints, Floats]:
@@ -94,7 +114,10 @@ def read_recording(path: Path) -> tuple[Ints, Ints, Floats]:
     table = read_table(path, "frame id x y")
     table.refuse_not_finite("x y")
     frame, person = table.whole("frame"), table.whole("id")
-    table.refuse(frame % STEP != 0, lambda row: f"frame {frame[row]}, expected a multiple of {STEP}: {RATE:g} Hz")
+    table.refuse(
+        frame % STEP != 0,
+        lambda row: f"frame {frame[row]}, expected a multiple of {STEP}: {RATE:g} Hz",
+    )
     table.refuse_second_box(frame, person, np.arange(len(frame)))
     order = np.argsort(frame, kind="stable")
     return frame[order], person[order], table.matrix("x y")[order]

@@ -3,4 +3,8 @@
 from ..base import SourcePackage
 from .source import ANNOTATIONS, DATASET, Wildtrack, WildtrackSource as WildtrackSource
 
-PACKAGE = SourcePackage(open=Wildtrack, dataset=DATASET, locate=lambda card, data: DATASET.status(data, ANNOTATIONS))
+PACKAGE = SourcePackage(
+    open=Wildtrack,
+    dataset=DATASET,
+    locate=lambda card, data: DATASET.status(data, ANNOTATIONS),
+)

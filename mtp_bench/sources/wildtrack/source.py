@@ -21,13 +21,18 @@ RATE = 2.0  # Hz
 STEP = 5  # frames are numbered 0, 5, ..., 1995, as in the video at 10 Hz
 SCENE_FRAMES = 40  # 20 s, the length of a nuScenes scene
 FRAMES = 400
-SCENES = {f"wildtrack-{first:04d}": first for first in range(0, FRAMES * STEP, SCENE_FRAMES * STEP)}  # first frame
+SCENES = {
+    f"wildtrack-{first:04d}": first
+    for first in range(0, FRAMES * STEP, SCENE_FRAMES * STEP)
+}  # first frame
 STORED = "wildtrack-1800"  # MVDet's test frames, the only ones with stored detections
 SPLITS = {"train": tuple(SCENES)[:6], "val": tuple(SCENES)[6:], "test": (STORED,)}
 GRID = 480, 1440  # cells of the annotated area along x and y
 CELL = 0.025  # m
 CORNER = -3.0, -9.0  # m, x and y of cell (0, 0)
-MIDDLE = tuple(start + CELL * cells / 2 for start, cells in zip(CORNER, GRID, strict=True))  # m, of the annotated area
+MIDDLE = tuple(
+    start + CELL * cells / 2 for start, cells in zip(CORNER, GRID, strict=True)
+)  # m, of the annotated area
 DATASET = Dataset.of(__file__)
 
 
@@ -76,20 +81,42 @@ class Wildtrack:
 
     def load(self, name: str) -> Scene:
         """Read one scene; if it has no stored detections, ``detector`` is empty."""
-        truth = _truth(self.root / ANNOTATIONS, SCENES[name] + STEP * np.arange(SCENE_FRAMES))
-        time, ego = np.arange(SCENE_FRAMES) / RATE, np.tile([*MIDDLE, 0.0, 0.0], (SCENE_FRAMES, 1))
+        truth = _truth(
+            self.root / ANNOTATIONS, SCENES[name] + STEP * np.arange(SCENE_FRAMES)
+        )
+        time, ego = (
+            np.arange(SCENE_FRAMES) / RATE,
+            np.tile([*MIDDLE, 0.0, 0.0], (SCENE_FRAMES, 1)),
+        )
         stored = name == STORED and self.section.detector is not None
-        detections = _detections(self.root / DETECTIONS) if stored else no_detections(SCENE_FRAMES)
+        detections = (
+            _detections(self.root / DETECTIONS)
+            if stored
+            else no_detections(SCENE_FRAMES)
+        )
         label = f"{self.section.detector}, stored detections" if stored else ""
-        visible = np.ones(len(truth.box))  # seven cameras all around: no line of sight from one point counts
-        return Scene(name, time, ego, truth, detections, detector=label, visible=visible, recording="wildtrack")
+        visible = np.ones(
+            len(truth.box)
+        )  # seven cameras all around: no line of sight from one point counts
+        return Scene(
+            name,
+            time,
+            ego,
+            truth,
+            detections,
+            detector=label,
+            visible=visible,
+            recording="wildtrack",
+        )
 
 
 def _truth(folder: Path, numbers: Ints) -> Truth:
     frames = [read_annotations(folder / f"{number:08d}.json") for number in numbers]
     rows = Ragged(starts_of([len(person) for person, _ in frames]))
     person, place = (np.concatenate(parts) for parts in zip(*frames, strict=True))
-    return people_truth(rows.frame_of_rows, place, person, np.arange(len(frames)) / RATE, 1 / RATE)
+    return people_truth(
+        rows.frame_of_rows, place, person, np.arange(len(frames)) / RATE, 1 / RATE
+    )
 
 
 def _detections(path: Path) -> Detections:
@@ -98,14 +125,25 @@ def _detections(path: Path) -> Detections:
     frame, beside = np.divmod(number - SCENES[STORED], STEP)
     expected = f"{SCENES[STORED]}, {SCENES[STORED] + STEP}, ..., {SCENES[STORED] + STEP * (SCENE_FRAMES - 1)}"
     other = (beside != 0) | (frame < 0) | (frame >= SCENE_FRAMES)
-    table.refuse(other, lambda row: f"frame {number[row]} is not among the annotated test frames, {expected}")
+    table.refuse(
+        other,
+        lambda row: (
+            f"frame {number[row]} is not among the annotated test frames, {expected}"
+        ),
+    )
     order = np.argsort(frame, kind="stable")
-    return people_detections(frame[order], place[order], np.ones(len(frame)), SCENE_FRAMES)  # the file has no scores
+    return people_detections(
+        frame[order], place[order], np.ones(len(frame)), SCENE_FRAMES
+    )  # the file has no scores
 
 
 class _Person(msgspec.Struct):
-    id: Annotated[int, msgspec.Meta(ge=-(10**9), le=10**9)] = msgspec.field(name="personID")
-    position: Annotated[int, msgspec.Meta(ge=0, lt=GRID[0] * GRID[1])] = msgspec.field(name="positionID")  # the cell
+    id: Annotated[int, msgspec.Meta(ge=-(10**9), le=10**9)] = msgspec.field(
+        name="personID"
+    )
+    position: Annotated[int, msgspec.Meta(ge=0, lt=GRID[0] * GRID[1])] = msgspec.field(
+        name="positionID"
+    )  # the cell
 
 
 def read_annotations(path: Path) -> tuple[Ints, Floats]:
@@ -114,7 +152,9 @@ def read_annotations(path: Path) -> tuple[Ints, Floats]:
     person = np.array([each.id for each in people], dtype=np.int64)
     known, count = np.unique(person, return_counts=True)
     if (count > 1).any():
-        raise DataError(f"{path}: person {known[np.argmax(count > 1)]} is there twice, expected once per frame")
+        raise DataError(
+            f"{path}: person {known[np.argmax(count > 1)]} is there twice, expected once per frame"
+        )
     cell = np.array([each.position for each in people], dtype=np.int64)
     return person, metres(np.column_stack([cell % GRID[0], cell // GRID[0]]))
 
@@ -126,12 +166,26 @@ def read_detections(path: Path) -> tuple[RowTable, Ints, Floats]:
     """
     table = read_table(path, "frame gx gy")
     frame, cell = table.whole("frame"), table.matrix("gx gy")
-    off = np.asarray(~((cell >= 0) & (cell < GRID)).all(axis=1))  # NaN is off the grid, too
-    table.refuse(off, lambda row: f"cell {cell[row, 0]:g} {cell[row, 1]:g} is off the grid of {GRID[0]} x {GRID[1]}")
-    _, first, place = np.unique(table.matrix("frame gx gy"), axis=0, return_index=True, return_inverse=True)
+    off = np.asarray(
+        ~((cell >= 0) & (cell < GRID)).all(axis=1)
+    )  # NaN is off the grid, too
+    table.refuse(
+        off,
+        lambda row: (
+            f"cell {cell[row, 0]:g} {cell[row, 1]:g} is off the grid of {GRID[0]} x {GRID[1]}"
+        ),
+    )
+    _, first, place = np.unique(
+        table.matrix("frame gx gy"), axis=0, return_index=True, return_inverse=True
+    )
     original = first[place.reshape(-1)]
     second = original < np.arange(len(original))
-    table.refuse(second, lambda row: f"a second detection at the place of line {table.line[original[row]]}")
+    table.refuse(
+        second,
+        lambda row: (
+            f"a second detection at the place of line {table.line[original[row]]}"
+        ),
+    )
     return table, frame, metres(cell)
 
 

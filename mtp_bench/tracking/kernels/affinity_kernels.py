@@ -17,13 +17,19 @@ CENTER_DISTANCE, IOU_3D, GIOU_3D = range(3)
 
 _HAIR = 1e-8  # this and the next as in geometry.py
 _TINY = 1e-300
-_MORE = 1.0 + 1e-9  # a first limit must not exclude by rounding what the exact test lets in
-_X, _Y, _Z, _YAW, _L, _W, _H, _COS, _SIN, _RADIUS, _AREA, _SIDE, _PLACE = range(13)  # columns of a described box
+_MORE = (
+    1.0 + 1e-9
+)  # a first limit must not exclude by rounding what the exact test lets in
+_X, _Y, _Z, _YAW, _L, _W, _H, _COS, _SIN, _RADIUS, _AREA, _SIDE, _PLACE = range(
+    13
+)  # columns of a described box
 _COLUMNS = 13
 
 
 @part
-def _share(x: float, y: float, end_x: float, end_y: float, half_l: float, half_w: float) -> float:
+def _share(
+    x: float, y: float, end_x: float, end_y: float, half_l: float, half_w: float
+) -> float:
     """Share of the edge from x, y to end_x, end_y that is inside the rectangle around 0."""
     dx, dy = end_x - x, end_y - y
     # parallel: inside for all of its length or for none of it
@@ -31,17 +37,32 @@ def _share(x: float, y: float, end_x: float, end_y: float, half_l: float, half_w
     inverse_y = 1.0 / (_TINY if abs(dy) < _TINY else dy)
     enter_x, leave_x = (-half_l - x) * inverse_x, (half_l - x) * inverse_x
     enter_y, leave_y = (-half_w - y) * inverse_y, (half_w - y) * inverse_y
-    lower, upper = max(min(enter_x, leave_x), min(enter_y, leave_y)), min(max(enter_x, leave_x), max(enter_y, leave_y))
+    lower, upper = (
+        max(min(enter_x, leave_x), min(enter_y, leave_y)),
+        min(max(enter_x, leave_x), max(enter_y, leave_y)),
+    )
     lower, upper = max(0.0, lower), min(1.0, upper)
     return max(upper - lower, 0.0)
 
 
 @part
 def _edge_shares(
-    x: float, y: float, cos: float, sin: float, l: float, w: float, half_l: float, half_w: float
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    l: float,
+    w: float,
+    half_l: float,
+    half_w: float,
 ) -> tuple[float, float, float, float]:
     """Shares of the edges of the box at x, y inside the rectangle around 0: left, rear, right, front."""
-    c_l, s_l, c_w, s_w = cos * (l * 0.5), sin * (l * 0.5), cos * (w * 0.5), sin * (w * 0.5)
+    c_l, s_l, c_w, s_w = (
+        cos * (l * 0.5),
+        sin * (l * 0.5),
+        cos * (w * 0.5),
+        sin * (w * 0.5),
+    )
     x0, y0, x1, y1 = x + c_l - s_w, y + s_l + c_w, x - c_l - s_w, y - s_l + c_w
     x2, y2, x3, y3 = x - c_l + s_w, y - s_l - c_w, x + c_l + s_w, y + s_l - c_w
     return (
@@ -54,7 +75,14 @@ def _edge_shares(
 
 @part
 def intersection_area(
-    x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    l_a: float,
+    w_a: float,
+    l_b: float,
+    w_b: float,
 ) -> float:
     """Area common to box a, around 0 along the x axis, and box b at x, y; see `geometry.bev_intersection_area`."""
     l_in, w_in = l_a, w_a
@@ -62,12 +90,16 @@ def intersection_area(
         side_a, side_b = min(l_a, w_a), min(l_b, w_b)
         hair = _HAIR * min(side_a, side_b)
         l_in, w_in = max(l_a - hair, 0.0), max(w_a - hair, 0.0)
-    left, rear, right, front = _edge_shares(x, y, cos, sin, l_b, w_b, l_in * 0.5, w_in * 0.5)
+    left, rear, right, front = _edge_shares(
+        x, y, cos, sin, l_b, w_b, l_in * 0.5, w_in * 0.5
+    )
     # Twice the triangle over an edge with the centre of a: half an area of b, and what the shift of b adds to it.
     along, across = cos * x + sin * y, cos * y - sin * x
     area = (left + right + rear + front) * (l_b * w_b * 0.5)
     area += (left - right) * (l_b * across) + (front - rear) * (w_b * along)
-    left, rear, right, front = _edge_shares(-along, -across, cos, -sin, l_in, w_in, l_b * 0.5, w_b * 0.5)
+    left, rear, right, front = _edge_shares(
+        -along, -across, cos, -sin, l_in, w_in, l_b * 0.5, w_b * 0.5
+    )
     area = area * 0.5 + (left + rear + right + front) * (l_a * w_a * 0.25)
     smaller = min(l_a * w_a, l_b * w_b)
     return max(0.0, min(area, smaller))
@@ -79,7 +111,16 @@ def _moment(x: float, y: float, u_x: float, u_y: float) -> float:
 
 
 @part
-def _sector(a_x: float, a_y: float, b_x: float, b_y: float, u_x: float, u_y: float, v_x: float, v_y: float) -> float:
+def _sector(
+    a_x: float,
+    a_y: float,
+    b_x: float,
+    b_y: float,
+    u_x: float,
+    u_y: float,
+    v_x: float,
+    v_y: float,
+) -> float:
     """Twice the hull's area between the directions u and v, a and b the farthest corners; see geometry.py."""
     d_x, d_y = a_x - b_x, a_y - b_y
     if d_x * u_x + d_y * u_y >= 0.0:
@@ -90,11 +131,22 @@ def _sector(a_x: float, a_y: float, b_x: float, b_y: float, u_x: float, u_y: flo
     if (d_x * u_x + d_y * u_y >= 0.0) == (d_x * v_x + d_y * v_y >= 0.0):
         return area - _moment(p_x, p_y, v_x, v_y)
     change = _moment(q_x, q_y, -d_y, d_x) - _moment(p_x, p_y, -d_y, d_x)
-    return area - _moment(q_x, q_y, v_x, v_y) + change / max(d_x * d_x + d_y * d_y, _TINY)
+    return (
+        area - _moment(q_x, q_y, v_x, v_y) + change / max(d_x * d_x + d_y * d_y, _TINY)
+    )
 
 
 @part
-def hull_area(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> float:
+def hull_area(
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    l_a: float,
+    w_a: float,
+    l_b: float,
+    w_b: float,
+) -> float:
     """Area of the convex hull of box a, around 0 along the x axis, and box b at x, y.
 
     Cauchy's formula ``1/2 int (h^2 - h'^2)`` over all directions, with h the farther of both boxes in a direction.
@@ -106,13 +158,26 @@ def hull_area(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float
     else:
         cos, sin = abs(cos), abs(sin)
     l, w = l_a * 0.5, w_a * 0.5
-    c_l, s_l, c_w, s_w = cos * (l_b * 0.5), sin * (l_b * 0.5), cos * (w_b * 0.5), sin * (w_b * 0.5)
+    c_l, s_l, c_w, s_w = (
+        cos * (l_b * 0.5),
+        sin * (l_b * 0.5),
+        cos * (w_b * 0.5),
+        sin * (w_b * 0.5),
+    )
     x0, y0, x1, y1 = x + c_l - s_w, y + s_l + c_w, x - c_l - s_w, y - s_l + c_w
     x2, y2, x3, y3 = x - c_l + s_w, y - s_l - c_w, x + c_l + s_w, y + s_l - c_w
-    area = _sector(l, w, x3, y3, 1.0, 0.0, cos, sin) + _sector(l, w, x0, y0, cos, sin, 0.0, 1.0)
-    area += _sector(-l, w, x0, y0, 0.0, 1.0, -sin, cos) + _sector(-l, w, x1, y1, -sin, cos, -1.0, 0.0)
-    area += _sector(-l, -w, x1, y1, -1.0, 0.0, -cos, -sin) + _sector(-l, -w, x2, y2, -cos, -sin, 0.0, -1.0)
-    area += _sector(l, -w, x2, y2, 0.0, -1.0, sin, -cos) + _sector(l, -w, x3, y3, sin, -cos, 1.0, 0.0)
+    area = _sector(l, w, x3, y3, 1.0, 0.0, cos, sin) + _sector(
+        l, w, x0, y0, cos, sin, 0.0, 1.0
+    )
+    area += _sector(-l, w, x0, y0, 0.0, 1.0, -sin, cos) + _sector(
+        -l, w, x1, y1, -sin, cos, -1.0, 0.0
+    )
+    area += _sector(-l, -w, x1, y1, -1.0, 0.0, -cos, -sin) + _sector(
+        -l, -w, x2, y2, -cos, -sin, 0.0, -1.0
+    )
+    area += _sector(l, -w, x2, y2, 0.0, -1.0, sin, -cos) + _sector(
+        l, -w, x3, y3, sin, -cos, 1.0, 0.0
+    )
     return area * 0.5
 
 
@@ -124,7 +189,10 @@ def _describe(box: Floats, row: int, kind: int, described: Floats, at: int) -> N
         described[at, k] = box[row, k]
         total += box[row, k]
     if kind in (IOU_3D, GIOU_3D):
-        described[at, _COS], described[at, _SIN] = math.cos(box[row, 3]), math.sin(box[row, 3])
+        described[at, _COS], described[at, _SIN] = (
+            math.cos(box[row, 3]),
+            math.sin(box[row, 3]),
+        )
         described[at, _RADIUS] = math.sqrt(box[row, 4] ** 2 + box[row, 5] ** 2) * 0.5
         described[at, _AREA] = box[row, 4] * box[row, 5]
         described[at, _SIDE] = min(box[row, 4], box[row, 5])
@@ -133,20 +201,44 @@ def _describe(box: Floats, row: int, kind: int, described: Floats, at: int) -> N
 
 
 @part
-def _apart(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> bool:
+def _apart(
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    l_a: float,
+    w_a: float,
+    l_b: float,
+    w_b: float,
+) -> bool:
     """True if an axis of box a or of box b separates them; arguments as for `intersection_area`."""
     cos_, sin_ = abs(cos), abs(sin)
-    if 2.0 * abs(x) > l_a + l_b * cos_ + w_b * sin_ or 2.0 * abs(y) > w_a + l_b * sin_ + w_b * cos_:
+    if (
+        2.0 * abs(x) > l_a + l_b * cos_ + w_b * sin_
+        or 2.0 * abs(y) > w_a + l_b * sin_ + w_b * cos_
+    ):
         return True
     along, across = abs(cos * x + sin * y), abs(cos * y - sin * x)
-    return 2.0 * along > l_b + l_a * cos_ + w_a * sin_ or 2.0 * across > w_b + l_a * sin_ + w_a * cos_
+    return (
+        2.0 * along > l_b + l_a * cos_ + w_a * sin_
+        or 2.0 * across > w_b + l_a * sin_ + w_a * cos_
+    )
 
 
 @part
-def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int, gate: float) -> float:
+def _overlap_gain(
+    a: Floats, i: int, b: Floats, j: int, square: float, kind: int, gate: float
+) -> float:
     """IoU or GIoU of two described boxes minus the gate; ``square``: of their distance in BEV."""
     touch = a[i, _RADIUS] + b[j, _RADIUS]
-    l_a, w_a, h_a, l_b, w_b, h_b = a[i, _L], a[i, _W], a[i, _H], b[j, _L], b[j, _W], b[j, _H]
+    l_a, w_a, h_a, l_b, w_b, h_b = (
+        a[i, _L],
+        a[i, _W],
+        a[i, _H],
+        b[j, _L],
+        b[j, _W],
+        b[j, _H],
+    )
     cos_a, sin_a, cos_b, sin_b = a[i, _COS], a[i, _SIN], b[j, _COS], b[j, _SIN]
     dx, dy = b[j, _X] - a[i, _X], b[j, _Y] - a[i, _Y]
     x, y = cos_a * dx + sin_a * dy, cos_a * dy - sin_a * dx
@@ -155,8 +247,14 @@ def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int
     low_a, low_b = a[i, _Z] - h_a * 0.5, b[j, _Z] - h_b * 0.5
     common, height = 0.0, min(top_a, top_b) - max(low_a, low_b)
     volume_a, volume_b = l_a * w_a * h_a, l_b * w_b * h_b
-    if height > 0.0 and square <= touch * touch and not _apart(x, y, cos, sin, l_a, w_a, l_b, w_b):
-        if min(abs(cos), abs(sin)) < 2e-3:  # where edges are nearly parallel the last digits of the turn matter
+    if (
+        height > 0.0
+        and square <= touch * touch
+        and not _apart(x, y, cos, sin, l_a, w_a, l_b, w_b)
+    ):
+        if (
+            min(abs(cos), abs(sin)) < 2e-3
+        ):  # where edges are nearly parallel the last digits of the turn matter
             turn = b[j, _YAW] - a[i, _YAW]
             cos, sin = math.cos(turn), math.sin(turn)
         common = intersection_area(x, y, cos, sin, l_a, w_a, l_b, w_b) * height
@@ -208,19 +306,28 @@ def _gain(a: Floats, i: int, b: Floats, j: int, kind: int, gate: float) -> float
 
 
 @part
-def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints, Floats, Floats]:
+def _by_class(
+    detection: Floats, class_id: Ints, kind: Ints
+) -> tuple[Ints, Ints, Floats, Floats]:
     """Start of each class [C + 1], detections by class and x [D], their descriptions in that order, and extremes.
 
     The extremes [C, 3] are the largest radius and area and the least side of a class.
     """
-    classes, start, place = len(kind), np.zeros(len(kind) + 2, np.int64), np.empty(len(class_id))
+    classes, start, place = (
+        len(kind),
+        np.zeros(len(kind) + 2, np.int64),
+        np.empty(len(class_id)),
+    )
     for j in range(len(class_id)):
         place[j] = np.inf if math.isnan(detection[j, 0]) else detection[j, 0]
         if 0 <= class_id[j] < classes:
             start[class_id[j] + 2] += 1
     for c in range(classes):
         start[c + 2] += start[c + 1]
-    order, described = np.empty(start[classes + 1], np.int64), np.zeros((start[classes + 1], _COLUMNS))
+    order, described = (
+        np.empty(start[classes + 1], np.int64),
+        np.zeros((start[classes + 1], _COLUMNS)),
+    )
     most = np.zeros((classes, 3))
     most[:, 2] = np.inf
     for j in sorted_numbers(place, len(place)):
@@ -232,12 +339,17 @@ def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints
             _describe(detection, j, int(kind[c]), described, at)
             described[at, _PLACE] = place[j]
             if not math.isnan(described[at, _X]):
-                most[c, 0], most[c, 1] = max(most[c, 0], described[at, _RADIUS]), max(most[c, 1], described[at, _AREA])
+                most[c, 0], most[c, 1] = (
+                    max(most[c, 0], described[at, _RADIUS]),
+                    max(most[c, 1], described[at, _AREA]),
+                )
                 most[c, 2] = min(most[c, 2], described[at, _SIDE])
     return start[: classes + 1], order, described, most
 
 
-@kernel("Tuple((i8[::1], i8[::1], f8[::1]))(f8[:, :], i8[::1], f8[:, :], i8[::1], i8[::1], f8[::1])")
+@kernel(
+    "Tuple((i8[::1], i8[::1], f8[::1]))(f8[:, :], i8[::1], f8[:, :], i8[::1], i8[::1], f8[::1])"
+)
 def sparse_pairs(
     track: Floats,  # [N, 7 or more]
     track_class: Ints,  # [N]
@@ -255,17 +367,32 @@ def sparse_pairs(
         if 0 <= c < len(kind):
             first, last = int(start[c]), int(start[c + 1])
             _describe(track, i, int(kind[c]), a, i)
-            reach[i], spare = _reach(a, i, most[c], int(kind[c]), gate[c]), 1e-12 * (1.0 + abs(track[i, 0]))
+            reach[i], spare = (
+                _reach(a, i, most[c], int(kind[c]), gate[c]),
+                1e-12 * (1.0 + abs(track[i, 0])),
+            )
             if reach[i] < np.inf:
                 first = _first_from(b, first, last, a[i, _X] - reach[i] - spare)
                 last = _first_from(b, first, last, a[i, _X] + reach[i] + spare)
             window[i, 0], window[i, 1] = first, last
             capacity += last - first
-    indptr, column, gain, e = np.zeros(n + 1, np.int64), np.empty(capacity, np.int64), np.empty(capacity), 0
+    indptr, column, gain, e = (
+        np.zeros(n + 1, np.int64),
+        np.empty(capacity, np.int64),
+        np.empty(capacity),
+        0,
+    )
     for i in range(n):
         for j in range(window[i, 0], window[i, 1]):
-            near, c = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2 <= reach[i] * reach[i], track_class[i]
-            value, k = _gain(a, i, b, j, int(kind[c]), float(gate[c])) if near else -1.0, e
+            near, c = (
+                (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
+                <= reach[i] * reach[i],
+                track_class[i],
+            )
+            value, k = (
+                _gain(a, i, b, j, int(kind[c]), float(gate[c])) if near else -1.0,
+                e,
+            )
             if value >= 0.0:
                 while k > indptr[i] and column[k - 1] > order[j]:
                     column[k], gain[k] = column[k - 1], gain[k - 1]

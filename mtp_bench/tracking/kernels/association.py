@@ -16,9 +16,17 @@ from .pieces import solve_pieces
 from .tables import Pieces, Problem, Solutions, States
 
 
-@kernel("Tuple((f8[::1], i8[:, ::1], i8[::1]))(i8[::1], i8[::1], f8[::1], i8, b1[:, ::1], f8[::1], i8)")
+@kernel(
+    "Tuple((f8[::1], i8[:, ::1], i8[::1]))(i8[::1], i8[::1], f8[::1], i8, b1[:, ::1], f8[::1], i8)"
+)
 def joint_k_best(
-    indptr: Ints, column: Ints, cost: Floats, columns: int, member: Bools, base_cost: Floats, k: int
+    indptr: Ints,
+    column: Ints,
+    cost: Floats,
+    columns: int,
+    member: Bools,
+    base_cost: Floats,
+    k: int,
 ) -> tuple[Floats, Ints, Ints]:
     """Costs [k'], row_to_column [k', N] and parent [k'] of the at most ``k`` cheapest solutions of all parents.
 
@@ -38,12 +46,24 @@ def joint_k_best(
     chosen, states = merge(pieces, solutions, total, limit, k)
     costs, parent = np.empty(len(chosen)), np.empty(len(chosen), np.int64)
     row_to_column = np.empty((len(chosen), member.shape[1]), np.int64)
-    write_solutions(chosen, states, problem, pieces, solutions, base_cost, costs, parent, row_to_column)
+    write_solutions(
+        chosen,
+        states,
+        problem,
+        pieces,
+        solutions,
+        base_cost,
+        costs,
+        parent,
+        row_to_column,
+    )
     return sort_solutions(costs, row_to_column, parent)
 
 
 @inlined
-def write_pairs(q: int, solution: int, rows: Ints, pieces: Pieces, solutions: Solutions, pair: Ints) -> None:
+def write_pairs(
+    q: int, solution: int, rows: Ints, pieces: Pieces, solutions: Solutions, pair: Ints
+) -> None:
     """Write the pairs of a solution of piece ``q`` into ``pair``, by the caller's rows."""
     begin, end = pieces.begin[q], pieces.begin[q + 1]
     at = solutions.pair_at[solution] - begin
@@ -53,15 +73,25 @@ def write_pairs(q: int, solution: int, rows: Ints, pieces: Pieces, solutions: So
 
 @part
 def write_solutions(
-    chosen: Ints, states: States, problem: Problem, pieces: Pieces, solutions: Solutions, base: Floats,
-    costs: Floats, parent: Ints, row_to_column: Ints,
-) -> None:  # fmt: skip
+    chosen: Ints,
+    states: States,
+    problem: Problem,
+    pieces: Pieces,
+    solutions: Solutions,
+    base: Floats,
+    costs: Floats,
+    parent: Ints,
+    row_to_column: Ints,
+) -> None:
     """Costs [k'], parents [k'] and columns [k', N] of the states ``chosen`` [k'].
 
     A cost is summed over the rows in their order, so that it does not depend on how the solution was found.
     """
     rows, of_parent, N = problem.rows, pieces.of_parent, row_to_column.shape[1]
-    cheapest, written = np.empty((len(base), N), np.int64), np.zeros(len(base), np.bool_)
+    cheapest, written = (
+        np.empty((len(base), N), np.int64),
+        np.zeros(len(base), np.bool_),
+    )
     for i in range(len(chosen)):
         p, state = states.parent[chosen[i]], chosen[i]
         if not written[p]:
@@ -71,12 +101,21 @@ def write_solutions(
             for c in range(of_parent.shape[1]):
                 if of_parent[p, c] >= 0:
                     q = of_parent[p, c]
-                    write_pairs(q, solutions.begin[q], rows, pieces, solutions, cheapest[p])
+                    write_pairs(
+                        q, solutions.begin[q], rows, pieces, solutions, cheapest[p]
+                    )
         for row in range(N):
             row_to_column[i, row] = cheapest[p, row]
         while state >= 0 and states.rank[state] > 0:
             q = states.piece[state]
-            write_pairs(q, solutions.begin[q] + states.rank[state], rows, pieces, solutions, row_to_column[i])
+            write_pairs(
+                q,
+                solutions.begin[q] + states.rank[state],
+                rows,
+                pieces,
+                solutions,
+                row_to_column[i],
+            )
             state = states.under[state]
         total = base[p]
         for row in range(N):
@@ -114,7 +153,9 @@ def sorted_order(cost: Floats, parent: Ints, column: Ints) -> Ints:
 
 
 @part
-def sort_solutions(cost: Floats, column: Ints, parent: Ints) -> tuple[Floats, Ints, Ints]:
+def sort_solutions(
+    cost: Floats, column: Ints, parent: Ints
+) -> tuple[Floats, Ints, Ints]:
     """Costs, columns and parents of the solutions, cheapest first."""
     order = sorted_order(cost, parent, column)
     new_cost, new_parent, new_column = (

@@ -35,10 +35,23 @@ def folder_of(function: FunctionType, signature: str) -> Path:
 
     The path is part of it since Numba keeps the code of each path apart: two installations do not share a folder.
     """
-    versions = sys.version, numba.__version__, llvmlite.__version__, llvmlite.binding.get_host_cpu_name()
+    versions = (
+        sys.version,
+        numba.__version__,
+        llvmlite.__version__,
+        llvmlite.binding.get_host_cpu_name(),
+    )
     options = _sum_of(Path(__file__).with_name("compile.py"))
     digest = hashlib.sha256(
-        repr((*versions, function.__code__.co_filename, options, signature, sorted(_sources(function)))).encode()
+        repr(
+            (
+                *versions,
+                function.__code__.co_filename,
+                options,
+                signature,
+                sorted(_sources(function)),
+            )
+        ).encode()
     )
     return cache_folder() / f"kernels-{function.__name__}-{digest.hexdigest()[:16]}"
 
@@ -57,7 +70,9 @@ def _sources(function: FunctionType) -> set[str]:
             sources.add(_sum_of(Path(sys.modules[value.__module__].__file__ or "")))
         elif not isinstance(value, ModuleType | BuiltinFunctionType | type | None):
             got = f"kernel {function.__qualname__} uses {name}, of type {type(value).__name__}"
-            raise TypeError(f"{got}; expected a number, text, tuple, module or function, which the digest can hold")
+            raise TypeError(
+                f"{got}; expected a number, text, tuple, module or function, which the digest can hold"
+            )
     return sources
 
 
@@ -65,7 +80,9 @@ def is_sound(folder: Path, source: str) -> bool:
     """True if the folder holds both compiled files, which agree with their sums and are newer than the source file."""
     files = _files(folder)
     newest = Path(source).stat().st_mtime
-    return len(files) == 2 and all(_agrees(file) and file.stat().st_mtime >= newest for file in files)
+    return len(files) == 2 and all(
+        _agrees(file) and file.stat().st_mtime >= newest for file in files
+    )
 
 
 def seal(folder: Path) -> None:
@@ -79,7 +96,9 @@ def seal(folder: Path) -> None:
 def clear(folder: Path) -> bool:
     """Delete the compiled files, also folders in their place; True if one of them did not agree with its sum."""
     files = _files(folder)
-    damaged = any(Path(f"{file}{_SUM}").exists() and not _agrees(file) for file in files)
+    damaged = any(
+        Path(f"{file}{_SUM}").exists() and not _agrees(file) for file in files
+    )
     for below in folder.iterdir():
         if below.is_dir():
             shutil.rmtree(below)

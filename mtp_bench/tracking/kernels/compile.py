@@ -32,8 +32,14 @@ R = TypeVar("R")
 F = TypeVar("F", bound=Callable[..., Any])
 _config: Any = numba.config
 _lock = threading.RLock()
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}  # no C function calls a kernel
-_SECONDS = {"joint_k_best": 22.0, "k_means": 5.0}  # CPU seconds of the slow ones: `benchmarks/compile.py`
+_OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+}  # no C function calls a kernel
+_SECONDS = {
+    "joint_k_best": 22.0,
+    "k_means": 5.0,
+}  # CPU seconds of the slow ones: `benchmarks/compile.py`
 _OTHERS = 1.5  # of each other one: about 50 for all
 _UNCACHED = (
     "compiling the kernels of trackers and samplers: about 50 CPU seconds in every process, since the cache cannot be "
@@ -71,7 +77,9 @@ class Kernel(Generic[R]):
     @property
     def is_cached(self) -> bool:
         """True if nothing has to be compiled."""
-        return bool(_config.DISABLE_JIT) or cache.is_sound(self.folder, self.function.__code__.co_filename)
+        return bool(_config.DISABLE_JIT) or cache.is_sound(
+            self.folder, self.function.__code__.co_filename
+        )
 
     def can_be_cached(self) -> bool:
         """True if its folder can be written to; else the user is told that every process compiles it."""
@@ -95,7 +103,9 @@ class Kernel(Generic[R]):
             with notice.work(text, self.seconds), cache.locked(self.folder):
                 # no other process has compiled it meanwhile
                 if not self.is_cached and cache.clear(self.folder):
-                    notice.say(f"a compiled kernel in {self.folder} is damaged and compiled again")
+                    notice.say(
+                        f"a compiled kernel in {self.folder} is damaged and compiled again"
+                    )
                 compiled = self._jit(self.folder)
                 cache.seal(self.folder)
                 return compiled
@@ -107,7 +117,9 @@ class Kernel(Generic[R]):
 
     def _jit(self, folder: Path | None) -> Callable[..., R]:
         with _cache_in(folder), _no_garbage_collection():
-            decorate: Any = numba.njit(self.signature, cache=folder is not None, nogil=True, **_OPTIONS)
+            decorate: Any = numba.njit(
+                self.signature, cache=folder is not None, nogil=True, **_OPTIONS
+            )
             return cast(Callable[..., R], decorate(self.function))
 
 

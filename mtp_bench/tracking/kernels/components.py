@@ -71,7 +71,11 @@ def find_components(indptr: Ints, column: Ints, cost: Floats, columns: int) -> P
     width, local = np.zeros(len(start) - 1, np.int64), np.full(columns, -1)
     first, used = np.empty(len(rows) + 1, np.int64), 0
     E = len(cost)
-    local_column, local_cost, column_of_caller = np.empty(E, np.int64), np.empty(E), np.empty(E, np.int64)
+    local_column, local_cost, column_of_caller = (
+        np.empty(E, np.int64),
+        np.empty(E),
+        np.empty(E, np.int64),
+    )
     for c in range(len(width)):
         for a in range(start[c], start[c + 1]):
             first[a] = used
@@ -80,24 +84,36 @@ def find_components(indptr: Ints, column: Ints, cost: Floats, columns: int) -> P
                 if local[y] < 0:
                     local[y] = width[c]
                     width[c] += 1
-                local_column[used], local_cost[used], column_of_caller[used] = local[y], cost[e], y
+                local_column[used], local_cost[used], column_of_caller[used] = (
+                    local[y],
+                    cost[e],
+                    y,
+                )
                 used += 1
     first[len(rows)] = used
-    return Problem(rows, start, width, first, local_column, local_cost, column_of_caller)
+    return Problem(
+        rows, start, width, first, local_column, local_cost, column_of_caller
+    )
 
 
 @part
 def find_pieces(member: Bools, rows: Ints, start: Ints) -> Pieces:
     """The distinct pieces of all parents."""
     P, C = member.shape[0], len(start) - 1
-    component, origin, begin = np.empty(P * C, np.int64), np.empty(P * C, np.int64), np.zeros(P * C + 1, np.int64)
+    component, origin, begin = (
+        np.empty(P * C, np.int64),
+        np.empty(P * C, np.int64),
+        np.zeros(P * C + 1, np.int64),
+    )
     places, of_parent = np.empty(P * len(rows), np.int64), np.empty((P, C), np.int64)
     count, used = 0, 0
     for c in range(C):
         low, high, earlier = start[c], start[c + 1], count
         for p in range(P):
             q, place = earlier, low
-            while q < count and place < high:  # the first piece with the rows of this parent
+            while (
+                q < count and place < high
+            ):  # the first piece with the rows of this parent
                 if member[p, rows[place]] == member[origin[q], rows[place]]:
                     place += 1
                 else:

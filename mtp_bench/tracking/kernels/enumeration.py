@@ -36,7 +36,9 @@ def keep(total: float, count: int, piece: Block, option: Ints, kept: Kept) -> in
     count += 1 if count < k else 0
     cost[place] = total
     for a in range(piece.n):
-        kept.pairs[kept.at + place * piece.n + a] = option[a] if option[a] < piece.last[a] else -1
+        kept.pairs[kept.at + place * piece.n + a] = (
+            option[a] if option[a] < piece.last[a] else -1
+        )
     i = count - 1
     while i > 0 and cost[order[i - 1]] > total:
         order[i] = order[i - 1]
@@ -56,7 +58,13 @@ def is_matching(piece: Block, option: Ints, match: Ints) -> bool:
 
 @part
 def enumerate_solutions(
-    piece: Block, matching: Matching, root_cost: float, bound: Bound, choice: Choices, kept: Kept, patience: int
+    piece: Block,
+    matching: Matching,
+    root_cost: float,
+    bound: Bound,
+    choice: Choices,
+    kept: Kept,
+    patience: int,
 ) -> int:
     """Number of solutions kept, at most k: all of the piece that can be among the k cheapest of the whole problem.
 
@@ -75,7 +83,9 @@ def enumerate_solutions(
         if first[x] <= e < last[x]:
             taken[column[e]] = False
         e += 1
-        while e < last[x] and (taken[column[e]] or lower[x] + cost[e] - u[x] - v[column[e]] > limit):
+        while e < last[x] and (
+            taken[column[e]] or lower[x] + cost[e] - u[x] - v[column[e]] > limit
+        ):
             e += 1
         option[x] = e
         if e > last[x] or (e == last[x] and lower[x] - u[x] > limit):

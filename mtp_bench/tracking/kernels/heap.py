@@ -32,7 +32,10 @@ def pop(keys: Floats, names: Ints, size: int) -> int:
         if below >= size:
             break
         right = below + 1
-        if right < size and (keys[right] < keys[below] or (keys[right] == keys[below] and names[right] < names[below])):
+        if right < size and (
+            keys[right] < keys[below]
+            or (keys[right] == keys[below] and names[right] < names[below])
+        ):
             below = right
         if key < keys[below] or (key == keys[below] and name < names[below]):
             break
@@ -46,7 +49,11 @@ def pop(keys: Floats, names: Ints, size: int) -> int:
 @part
 def sorted_numbers(keys: Floats, size: int) -> Ints:
     """Numbers of the first ``size`` keys, by ascending keys, equal keys by their numbers; no key is NaN."""
-    waiting, names, order = np.empty(size), np.empty(size, np.int64), np.empty(size, np.int64)
+    waiting, names, order = (
+        np.empty(size),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+    )
     for i in range(size):
         push(waiting, names, i, keys[i], i)
     for i in range(size):

@@ -39,7 +39,9 @@ def by_first_gap(begin: Ints, count: Ints, gap: Floats, spare: float) -> Ints:
 
 
 @inlined
-def pieces_in_order(p: int, ordered: Ints, pieces: Pieces, changeable: Ints, used: int) -> int:
+def pieces_in_order(
+    p: int, ordered: Ints, pieces: Pieces, changeable: Ints, used: int
+) -> int:
     """Write the pieces of parent ``p``, in their order, into ``changeable`` from ``used`` on; returns the end."""
     for q in ordered:
         if pieces.of_parent[p, pieces.component[q]] == q:
@@ -50,9 +52,15 @@ def pieces_in_order(p: int, ordered: Ints, pieces: Pieces, changeable: Ints, use
 
 @inlined
 def push_successors(
-    s: int, key: float, limit: float, stop: int, changeable: Ints, solutions: Solutions, states: States,
+    s: int,
+    key: float,
+    limit: float,
+    stop: int,
+    changeable: Ints,
+    solutions: Solutions,
+    states: States,
     queue: MergeQueue,
-) -> None:  # fmt: skip
+) -> None:
     """Queue what follows state ``s``, which costs ``key``: next solution; one more piece; another piece instead.
 
     The pieces of its parent that can change are ``changeable`` [Q], in their order, up to number ``stop``. A state that
@@ -76,23 +84,41 @@ def push_successors(
         if key + step > limit:
             continue
         new = queue.size[1]
-        states.parent[new], states.piece[new], states.rank[new], states.under[new] = states.parent[s], b, j, below
+        states.parent[new], states.piece[new], states.rank[new], states.under[new] = (
+            states.parent[s],
+            b,
+            j,
+            below,
+        )
         queue.size[0] = push(queue.keys, queue.names, queue.size[0], key + step, new)
         queue.size[1] = new + 1
 
 
 @part
 def expand(
-    pieces: Pieces, solutions: Solutions, total: Floats, limit: float, ordered: Ints, changeable: Ints, stop: Ints,
-    states: States, queue: MergeQueue, out: Ints,
-) -> int:  # fmt: skip
+    pieces: Pieces,
+    solutions: Solutions,
+    total: Floats,
+    limit: float,
+    ordered: Ints,
+    changeable: Ints,
+    stop: Ints,
+    states: States,
+    queue: MergeQueue,
+    out: Ints,
+) -> int:
     """Fill in the states, and in ``out`` [k] those of the solutions; how many there are.
 
     ``ordered``: the pieces that can change; ``changeable`` and ``stop``: room for those of each parent.
     """
     P, found, used = len(total), 0, 0
     for p in range(P):
-        states.parent[p], states.piece[p], states.rank[p], states.under[p] = p, -1, 0, -1
+        states.parent[p], states.piece[p], states.rank[p], states.under[p] = (
+            p,
+            -1,
+            0,
+            -1,
+        )
         if total[p] <= limit:
             queue.size[0] = push(queue.keys, queue.names, queue.size[0], total[p], p)
     queue.size[1] = P
@@ -116,16 +142,40 @@ def expand(
 
 
 @part
-def merge(pieces: Pieces, solutions: Solutions, total: Floats, limit: float, k: int) -> tuple[Ints, States]:
+def merge(
+    pieces: Pieces, solutions: Solutions, total: Floats, limit: float, k: int
+) -> tuple[Ints, States]:
     """The at most k cheapest solutions over all parents, best first, as states [k'], and all states.
 
     ``total`` [P]: cost of the cheapest solution of each parent. What costs more than ``limit`` may be left out.
     """
     P = len(total)
-    ordered = by_first_gap(solutions.begin, solutions.size, solutions.gap, limit - total[sorted_numbers(total, P)[0]])
-    most, changeable = P + 3 * k, np.empty(P * min(len(ordered), pieces.of_parent.shape[1]), np.int64)
+    ordered = by_first_gap(
+        solutions.begin,
+        solutions.size,
+        solutions.gap,
+        limit - total[sorted_numbers(total, P)[0]],
+    )
+    most, changeable = (
+        P + 3 * k,
+        np.empty(P * min(len(ordered), pieces.of_parent.shape[1]), np.int64),
+    )
     numbers = np.empty((5, most), np.int64)
     states = States(numbers[0], numbers[1], numbers[2], numbers[3])
-    queue, out = MergeQueue(np.empty(most), numbers[4], np.zeros(2, np.int64)), np.empty(k, np.int64)
-    found = expand(pieces, solutions, total, limit, ordered, changeable, np.empty(P, np.int64), states, queue, out)
+    queue, out = (
+        MergeQueue(np.empty(most), numbers[4], np.zeros(2, np.int64)),
+        np.empty(k, np.int64),
+    )
+    found = expand(
+        pieces,
+        solutions,
+        total,
+        limit,
+        ordered,
+        changeable,
+        np.empty(P, np.int64),
+        states,
+        queue,
+        out,
+    )
     return out[:found], states

@@ -49,7 +49,10 @@ def predict(state: Floats) -> None:
 def _take_box(state: Floats, at: int, box: Floats, detection: int) -> None:
     """Update state ``at`` with a detected box, in place. A detection that faces the other way is turned by pi."""
     pp, pv, vp, vv = state[at, _PP], state[at, _PV], state[at, _VP], state[at, _VV]
-    gain, velocity_gain = pp / (pp + MEASUREMENT_VARIANCE), vp / (pp + MEASUREMENT_VARIANCE)
+    gain, velocity_gain = (
+        pp / (pp + MEASUREMENT_VARIANCE),
+        vp / (pp + MEASUREMENT_VARIANCE),
+    )
     for axis in range(3):
         innovation = box[detection, axis] - state[at, axis]
         state[at, axis] += gain * innovation
@@ -69,15 +72,21 @@ def _take_box(state: Floats, at: int, box: Floats, detection: int) -> None:
 
 
 @part
-def _take_velocity(state: Floats, at: int, velocity: Floats, detection: int, dt: float) -> None:
+def _take_velocity(
+    state: Floats, at: int, velocity: Floats, detection: int, dt: float
+) -> None:
     """Update state ``at`` with a measured velocity in m/s, in place; exactly 0, 0 means not measured."""
     pp, pv, vp, vv = state[at, _PP], state[at, _PV], state[at, _VP], state[at, _VV]
     deviation = VELOCITY_DEVIATION * dt
-    measured = 1.0 if velocity[detection, 0] != 0.0 or velocity[detection, 1] != 0.0 else 0.0
+    measured = (
+        1.0 if velocity[detection, 0] != 0.0 or velocity[detection, 1] != 0.0 else 0.0
+    )
     gain = pv / (vv + deviation * deviation) * measured
     velocity_gain = vv / (vv + deviation * deviation) * measured
     for axis in range(3):
-        moved = velocity[detection, axis] * dt if axis < 2 else 0.0  # nothing moves up or down
+        moved = (
+            velocity[detection, axis] * dt if axis < 2 else 0.0
+        )  # nothing moves up or down
         innovation = moved - state[at, 7 + axis]
         state[at, axis] += gain * innovation
         state[at, 7 + axis] += velocity_gain * innovation
@@ -97,7 +106,9 @@ def _bear(state: Floats, at: int, box: Floats, detection: int) -> None:
     state[at, _SHAPE] = POSITION_VARIANCE_AT_BIRTH
 
 
-@kernel("void(f8[:, ::1], i8[::1], i8[::1], f8[:, ::1], f8[:, ::1], f8, f8[:, ::1], f8[:, ::1])")
+@kernel(
+    "void(f8[:, ::1], i8[::1], i8[::1], f8[:, ::1], f8[:, ::1], f8, f8[:, ::1], f8[:, ::1])"
+)
 def update_pairs(
     state: Floats,  # [N, 15] predicted
     leaf: Ints,  # [E] state of each pair, -1: a new track

@@ -16,7 +16,14 @@ from ...types import Bools, Floats, Ints
 from .compile import part
 from .enumeration import limit_of, note
 from .heap import pop, push
-from .shortest_path import HUB, change_potentials, cost_of, find_path, flip_path, forget_path
+from .shortest_path import (
+    HUB,
+    change_potentials,
+    cost_of,
+    find_path,
+    flip_path,
+    forget_path,
+)
 from .tables import Block, Bound, Kept, Matching, Path
 
 
@@ -71,12 +78,20 @@ def ban(nodes: Ints, q: int, t: int, n: int, banned: Bools, on: bool) -> bool:
 
 
 @part
-def lower_bounds(q: int, piece: Block, hub_banned: bool, nodes: Nodes, slacks: Slacks) -> None:
+def lower_bounds(
+    q: int, piece: Block, hub_banned: bool, nodes: Nodes, slacks: Slacks
+) -> None:
     """Write lower bounds of what it costs that a row of node ``q`` leaves its choice.
 
     The path leaves the row by one pair and enters its column by another, or either way through the hub.
     """
-    n, pair_local, table, potentials, enter = piece.n, piece.column, nodes.table, nodes.potentials, slacks.enter
+    n, pair_local, table, potentials, enter = (
+        piece.n,
+        piece.column,
+        nodes.table,
+        nodes.potentials,
+        slacks.enter,
+    )
     depth = table[q, 2 * n]
     for y in range(piece.m):
         enter[y] = -potentials[q, n + y]
@@ -128,7 +143,12 @@ def sort_rows(q: int, n: int, nodes: Ints, out: Floats, spare: float) -> int:
 def load_child(q: int, t: int, piece: Block, nodes: Nodes, matching: Matching) -> None:
     """Solution and potentials of node ``q``, with its first ``t`` rows and their columns out."""
     match, owner, u, v, row_out, column_out = matching
-    n, pair_local, table, potentials = piece.n, piece.column, nodes.table, nodes.potentials
+    n, pair_local, table, potentials = (
+        piece.n,
+        piece.column,
+        nodes.table,
+        nodes.potentials,
+    )
     for y in range(piece.m):
         v[y], owner[y], column_out[y] = potentials[q, n + y], HUB, False
     for x in range(n):
@@ -143,11 +163,23 @@ def load_child(q: int, t: int, piece: Block, nodes: Nodes, matching: Matching) -
 
 
 @part
-def save_child(q: int, t: int, new: int, piece: Block, nodes: Nodes, matching: Matching, cost: float) -> None:
+def save_child(
+    q: int,
+    t: int,
+    new: int,
+    piece: Block,
+    nodes: Nodes,
+    matching: Matching,
+    cost: float,
+) -> None:
     """Write child ``t`` of node ``q`` as node ``new``; its rows after number ``t`` in any order."""
     n, m, table, potentials = piece.n, piece.m, nodes.table, nodes.potentials
     for x in range(n):
-        table[new, x], table[new, n + x], potentials[new, x] = matching.match[x], table[q, n + x], matching.u[x]
+        table[new, x], table[new, n + x], potentials[new, x] = (
+            matching.match[x],
+            table[q, n + x],
+            matching.u[x],
+        )
     for y in range(m):
         potentials[new, n + y] = matching.v[y]
     table[new, 2 * n], table[new, 2 * n + 1], potentials[new, n + m] = t, q, cost
@@ -155,9 +187,16 @@ def save_child(q: int, t: int, new: int, piece: Block, nodes: Nodes, matching: M
 
 @part
 def split_node(
-    q: int, piece: Block, nodes: Nodes, slacks: Slacks, spare: float, key: float, queue: SearchQueue, entries: int,
+    q: int,
+    piece: Block,
+    nodes: Nodes,
+    slacks: Slacks,
+    spare: float,
+    key: float,
+    queue: SearchQueue,
+    entries: int,
     size: int,
-) -> tuple[int, int]:  # fmt: skip
+) -> tuple[int, int]:
     """Queue the children of node ``q`` that can matter, with their lower bounds; new numbers of entries and keys.
 
     ``spare``: by how much they may be dearer than the node's solution, which costs ``key``.
@@ -173,7 +212,11 @@ def split_node(
     split = sort_rows(q, n, table, slacks.leave, spare)
     for t in range(depth, n):
         lower = slacks.leave[table[q, n + t]]
-        if (t >= split or (t == depth and not is_root)) and lower <= spare and lower < np.inf:
+        if (
+            (t >= split or (t == depth and not is_root))
+            and lower <= spare
+            and lower < np.inf
+        ):
             queue.node[entries], queue.child[entries] = q, t
             size = push(queue.keys, queue.names, size, key + max(lower, 0.0), entries)
             entries += 1
@@ -181,7 +224,15 @@ def split_node(
 
 
 @part
-def solve_child(q: int, t: int, spare: float, piece: Block, nodes: Nodes, matching: Matching, path: Path) -> bool:
+def solve_child(
+    q: int,
+    t: int,
+    spare: float,
+    piece: Block,
+    nodes: Nodes,
+    matching: Matching,
+    path: Path,
+) -> bool:
     """True if child ``t`` of node ``q`` has a solution dearer by at most ``spare``, written to the matching."""
     n, pair_local = piece.n, piece.column
     load_child(q, t, piece, nodes, matching)
@@ -200,12 +251,24 @@ def solve_child(q: int, t: int, spare: float, piece: Block, nodes: Nodes, matchi
 
 
 @part
-def search_solutions(piece: Block, root_cost: float, bound: Bound, matching: Matching, path: Path, kept: Kept) -> int:
+def search_solutions(
+    piece: Block,
+    root_cost: float,
+    bound: Bound,
+    matching: Matching,
+    path: Path,
+    kept: Kept,
+) -> int:
     """As `enumeration.enumerate_solutions`, for pieces of any size; ``matching``: the cheapest solution."""
     n, m, k = piece.n, piece.m, len(kept.order)
     nodes = Nodes(np.empty((16, 2 * n + 2), np.int64), np.empty((16, n + m + 1)))
     slacks, most = Slacks(np.empty(n), np.empty(m)), 2 * k * n + 2
-    queue = SearchQueue(np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64))
+    queue = SearchQueue(
+        np.empty(most),
+        np.empty(most, np.int64),
+        np.empty(most, np.int64),
+        np.empty(most, np.int64),
+    )
     for x in range(n):
         nodes.table[0, n + x] = x
     save_child(0, 0, 0, piece, nodes, matching, root_cost)
@@ -225,9 +288,19 @@ def search_solutions(piece: Block, root_cost: float, bound: Bound, matching: Mat
                 kept.pairs[kept.at + count * n + x] = nodes.table[q, x]
             count += 1
             if count < k:
-                entries, size = split_node(q, piece, nodes, slacks, spare, key, queue, entries, size)
+                entries, size = split_node(
+                    q, piece, nodes, slacks, spare, key, queue, entries, size
+                )
             continue
-        if not solve_child(q, t, limit - (nodes.potentials[q, n + m] - root_cost), piece, nodes, matching, path):
+        if not solve_child(
+            q,
+            t,
+            limit - (nodes.potentials[q, n + m] - root_cost),
+            piece,
+            nodes,
+            matching,
+            path,
+        ):
             continue
         if used == len(nodes.table):
             nodes = Nodes(twice_as_long(nodes.table), twice_as_long(nodes.potentials))

@@ -10,12 +10,24 @@ from .enumeration import enumerate_solutions, note
 from .heap import sorted_numbers
 from .murty import search_solutions
 from .shortest_path import cost_of, solve_root
-from .tables import Block, Bound, Choices, Kept, Matching, Path, Pieces, Problem, Solutions
+from .tables import (
+    Block,
+    Bound,
+    Choices,
+    Kept,
+    Matching,
+    Path,
+    Pieces,
+    Problem,
+    Solutions,
+)
 
 AT_ONCE = 40  # choices of a piece: up to here all its solutions are found, before a bound is known
 MOST_CHOICES = 10**7  # of a piece that is enumerated as long as patience lasts
 PATIENCE = 3600  # partial choices to look at, and
-PATIENCE_PER_SOLUTION = 100  # more per solution asked for; Murty's search costs about as much
+PATIENCE_PER_SOLUTION = (
+    100  # more per solution asked for; Murty's search costs about as much
+)
 
 
 class Workspace(NamedTuple):
@@ -46,7 +58,10 @@ def new_workspace(problem: Problem, pieces: Pieces, k: int) -> Workspace:
     """Workspace for the largest piece; few arrays, since each takes time to make."""
     n, m = 1, 1
     for q in range(len(pieces.component)):
-        n, m = max(n, pieces.begin[q + 1] - pieces.begin[q]), max(m, problem.width[pieces.component[q]])
+        n, m = (
+            max(n, pieces.begin[q + 1] - pieces.begin[q]),
+            max(m, problem.width[pieces.component[q]]),
+        )
     rows, columns = np.empty((4, n), np.int64), np.empty((4, m), np.int64)
     row_sums, column_sums = np.zeros((3, n + 1)), np.zeros((2, m))
     for y in range(m):
@@ -71,17 +86,33 @@ def new_roots(problem: Problem, pieces: Pieces) -> Roots:
     v_start = np.zeros(Q + 1, np.int64)
     for q in range(Q):
         v_start[q + 1] = v_start[q] + problem.width[pieces.component[q]]
-    return Roots(np.empty(rows, np.int64), np.empty(rows), np.empty(v_start[Q]), v_start, np.empty(Q))
+    return Roots(
+        np.empty(rows, np.int64),
+        np.empty(rows),
+        np.empty(v_start[Q]),
+        v_start,
+        np.empty(Q),
+    )
 
 
 @inlined
-def load_piece(q: int, problem: Problem, pieces: Pieces, first: Ints, last: Ints, banned: Bools) -> Block:
+def load_piece(
+    q: int, problem: Problem, pieces: Pieces, first: Ints, last: Ints, banned: Bools
+) -> Block:
     """Piece ``q``, with its rows and columns numbered from 0."""
     low, high = pieces.begin[q], pieces.begin[q + 1]
     for i in range(low, high):
         place = pieces.places[i]
         first[i - low], last[i - low] = problem.first[place], problem.first[place + 1]
-    return Block(high - low, problem.width[pieces.component[q]], first, last, problem.column, problem.cost, banned)
+    return Block(
+        high - low,
+        problem.width[pieces.component[q]],
+        first,
+        last,
+        problem.column,
+        problem.cost,
+        banned,
+    )
 
 
 @part
@@ -102,7 +133,9 @@ def count_choices(problem: Problem, pieces: Pieces, choices: Floats, k: int) -> 
 
 
 @inlined
-def record(q: int, n: int, count: int, kept: Kept, next_solution: int, solutions: Solutions) -> None:
+def record(
+    q: int, n: int, count: int, kept: Kept, next_solution: int, solutions: Solutions
+) -> None:
     """Enter the ``count`` solutions kept of piece ``q``, of ``n`` rows."""
     rise, cost, order = 0.0, kept.cost, kept.order
     solutions.begin[q], solutions.size[q] = next_solution, count
@@ -113,7 +146,9 @@ def record(q: int, n: int, count: int, kept: Kept, next_solution: int, solutions
 
 
 @inlined
-def rank_row(first: int, last: int, pair_cost: Floats, k: int, cost: Floats, pair: Ints) -> int:
+def rank_row(
+    first: int, last: int, pair_cost: Floats, k: int, cost: Floats, pair: Ints
+) -> int:
     """Write the at most k best choices of a single row, cheapest first, with their costs; how many."""
     count = 0
     for e in range(first, last + 1):
@@ -131,29 +166,58 @@ def rank_row(first: int, last: int, pair_cost: Floats, k: int, cost: Floats, pai
 
 @inlined
 def solve_small(
-    problem: Problem, pieces: Pieces, choices: Floats, space: Workspace, root_cost: Floats, solutions: Solutions
+    problem: Problem,
+    pieces: Pieces,
+    choices: Floats,
+    space: Workspace,
+    root_cost: Floats,
+    solutions: Solutions,
 ) -> tuple[int, int]:
     """Solutions, at most the k best, of the pieces without choices; how many, and how many pairs they have."""
     no_bound = Bound(np.full(len(space.order), np.inf), np.zeros(1), 0, 0.0)
-    first, last, banned, matching, choice = space.first, space.last, space.banned, space.matching, space.choice
-    order, kept_cost, pairs, next_solution, used = space.order, space.cost, solutions.pairs, 0, 0
+    first, last, banned, matching, choice = (
+        space.first,
+        space.last,
+        space.banned,
+        space.matching,
+        space.choice,
+    )
+    order, kept_cost, pairs, next_solution, used = (
+        space.order,
+        space.cost,
+        solutions.pairs,
+        0,
+        0,
+    )
     for q in range(len(choices)):
         if choices[q] > 0.0:
             continue
         begin = pieces.begin[q]
         if pieces.begin[q + 1] - begin == 1:  # most pieces
-            low, high = problem.first[pieces.places[begin]], problem.first[pieces.places[begin] + 1]
+            low, high = (
+                problem.first[pieces.places[begin]],
+                problem.first[pieces.places[begin] + 1],
+            )
             cost, pair = solutions.gap[next_solution:], pairs[used:]
             count = rank_row(low, high, problem.cost, len(order), cost, pair)
-            root_cost[q], solutions.begin[q], solutions.size[q] = cost[0], next_solution, count
+            root_cost[q], solutions.begin[q], solutions.size[q] = (
+                cost[0],
+                next_solution,
+                count,
+            )
             for r in range(count):
                 solutions.gap[next_solution + r] -= root_cost[q]
                 solutions.pair_at[next_solution + r] = used + r
             next_solution += count
             used += count
             continue
-        piece, kept = load_piece(q, problem, pieces, first, last, banned), Kept(order, kept_cost, pairs, used)
-        count = enumerate_solutions(piece, matching, 0.0, no_bound, choice, kept, PATIENCE)
+        piece, kept = (
+            load_piece(q, problem, pieces, first, last, banned),
+            Kept(order, kept_cost, pairs, used),
+        )
+        count = enumerate_solutions(
+            piece, matching, 0.0, no_bound, choice, kept, PATIENCE
+        )
         record(q, piece.n, count, kept, next_solution, solutions)
         root_cost[q] = kept_cost[order[0]]
         next_solution += count
@@ -162,14 +226,24 @@ def solve_small(
 
 
 @part
-def solve_roots(problem: Problem, pieces: Pieces, choices: Floats, space: Workspace, roots: Roots) -> None:
+def solve_roots(
+    problem: Problem, pieces: Pieces, choices: Floats, space: Workspace, roots: Roots
+) -> None:
     """The cheapest solution of every piece with choices: its pairs, its potentials and its cost."""
-    first, last, banned, matching, path = space.first, space.last, space.banned, space.matching, space.path
+    first, last, banned, matching, path = (
+        space.first,
+        space.last,
+        space.banned,
+        space.matching,
+        space.path,
+    )
     for q in range(len(choices)):
         if choices[q] == 0.0:
             continue
         begin = pieces.begin[q]
-        if pieces.begin[q + 1] - begin == 1:  # only where k is 1, and without potentials
+        if (
+            pieces.begin[q + 1] - begin == 1
+        ):  # only where k is 1, and without potentials
             place = pieces.places[begin]
             roots.cost[q], roots.pair[begin] = 0.0, -1
             for e in range(problem.first[place], problem.first[place + 1]):
@@ -187,7 +261,14 @@ def solve_roots(problem: Problem, pieces: Pieces, choices: Floats, space: Worksp
 
 @inlined
 def solve_large(
-    q: int, choices: float, problem: Problem, pieces: Pieces, space: Workspace, roots: Roots, bound: Bound, kept: Kept
+    q: int,
+    choices: float,
+    problem: Problem,
+    pieces: Pieces,
+    space: Workspace,
+    roots: Roots,
+    bound: Bound,
+    kept: Kept,
 ) -> int:
     """Number of solutions kept of piece ``q``: by enumeration or, if that takes too long, by Murty's search."""
     matching, begin, k = space.matching, pieces.begin[q], len(kept.order)
@@ -198,7 +279,9 @@ def solve_large(
         matching.v[y] = roots.v[roots.v_start[q] + y]
     if choices <= MOST_CHOICES:
         saved, patience = bound.best.copy(), PATIENCE + PATIENCE_PER_SOLUTION * k
-        count = enumerate_solutions(piece, matching, roots.cost[q], bound, space.choice, kept, patience)
+        count = enumerate_solutions(
+            piece, matching, roots.cost[q], bound, space.choice, kept, patience
+        )
         if count >= 0:
             return count
         for j in range(k):
@@ -218,7 +301,9 @@ def totals_of(of_parent: Ints, base: Floats, root_cost: Floats) -> Floats:
 
 
 @inlined
-def write_totals(q: int, component: int, of_parent: Ints, ranked: Ints, total: Floats, totals: Floats) -> int:
+def write_totals(
+    q: int, component: int, of_parent: Ints, ranked: Ints, total: Floats, totals: Floats
+) -> int:
     """Write the totals of the parents of piece ``q``, increasing, into ``totals``; how many there are."""
     size = 0
     for p in ranked:
@@ -229,7 +314,15 @@ def write_totals(q: int, component: int, of_parent: Ints, ranked: Ints, total: F
 
 
 @inlined
-def note_small(gap: Floats, begin: int, size: int, best: Floats, totals: Floats, parents: int, slack: float) -> int:
+def note_small(
+    gap: Floats,
+    begin: int,
+    size: int,
+    best: Floats,
+    totals: Floats,
+    parents: int,
+    slack: float,
+) -> int:
     """Lower the bound by the solutions of a piece solved at once; how many of them can matter."""
     mattering = 1
     while mattering < size and totals[0] + gap[begin + mattering] <= best[-1] + slack:
@@ -239,39 +332,66 @@ def note_small(gap: Floats, begin: int, size: int, best: Floats, totals: Floats,
 
 
 @inlined
-def solve_pieces(problem: Problem, pieces: Pieces, base: Floats, k: int) -> tuple[Solutions, Floats, float]:
+def solve_pieces(
+    problem: Problem, pieces: Pieces, base: Floats, k: int
+) -> tuple[Solutions, Floats, float]:
     """The solutions of every piece that can be among the k best of all.
 
     Returns with them the cost of each parent's cheapest solution [P], and a limit that the k-th best does not exceed.
     ``base`` [P]: cost of the parents.
     """
-    component, begin, of_parent, Q = pieces.component, pieces.begin, pieces.of_parent, len(pieces.component)
+    component, begin, of_parent, Q = (
+        pieces.component,
+        pieces.begin,
+        pieces.of_parent,
+        len(pieces.component),
+    )
     paired, most = 0.0, 0.0
     for price in problem.cost:
         paired += abs(price)
     for price in base:
         most = max(most, abs(price))
     slack = 1e-12 * (paired + most)  # of what no total exceeds
-    space, roots, choices = new_workspace(problem, pieces, k), new_roots(problem, pieces), np.ones(Q)
+    space, roots, choices = (
+        new_workspace(problem, pieces, k),
+        new_roots(problem, pieces),
+        np.ones(Q),
+    )
     if k == 1:
         solve_roots(problem, pieces, choices, space, roots)
         total = totals_of(of_parent, base, roots.cost)
-        cheapest = Solutions(np.arange(Q), np.ones(Q, np.int64), np.zeros(Q), begin, roots.pair)
+        cheapest = Solutions(
+            np.arange(Q), np.ones(Q, np.int64), np.zeros(Q), begin, roots.pair
+        )
         return cheapest, total, total[sorted_numbers(total, len(total))[0]] + slack
     pairs: Ints = np.empty(count_choices(problem, pieces, choices, k), np.int64)
-    numbers, gap, pair_at = np.empty((2, Q), np.int64), np.empty(Q * k), np.empty(Q * k, np.int64)
+    numbers, gap, pair_at = (
+        np.empty((2, Q), np.int64),
+        np.empty(Q * k),
+        np.empty(Q * k, np.int64),
+    )
     solutions = Solutions(numbers[0], numbers[1], gap, pair_at, pairs)
-    next_solution, used = solve_small(problem, pieces, choices, space, roots.cost, solutions)
+    next_solution, used = solve_small(
+        problem, pieces, choices, space, roots.cost, solutions
+    )
     solve_roots(problem, pieces, choices, space, roots)
     total = totals_of(of_parent, base, roots.cost)
-    ranked, best, totals = sorted_numbers(total, len(total)), np.full(k, np.inf), np.empty(len(base))
+    ranked, best, totals = (
+        sorted_numbers(total, len(total)),
+        np.full(k, np.inf),
+        np.empty(len(base)),
+    )
     for i in range(min(k, len(total))):
         best[i] = total[ranked[i]]
     for q in range(Q):
         if choices[q] == 0.0:
             parents = write_totals(q, component[q], of_parent, ranked, total, totals)
-            numbers[1, q] = note_small(gap, numbers[0, q], numbers[1, q], best, totals, parents, slack)
-    for q in sorted_numbers(choices, Q):  # the bound has fallen when the costly ones come
+            numbers[1, q] = note_small(
+                gap, numbers[0, q], numbers[1, q], best, totals, parents, slack
+            )
+    for q in sorted_numbers(
+        choices, Q
+    ):  # the bound has fallen when the costly ones come
         if choices[q] == 0.0:
             continue
         parents = write_totals(q, component[q], of_parent, ranked, total, totals)
@@ -282,4 +402,8 @@ def solve_pieces(problem: Problem, pieces: Pieces, base: Floats, k: int) -> tupl
         record(q, n, count, kept, next_solution, solutions)
         next_solution += count
         used += count * n
-    return Solutions(numbers[0], numbers[1], gap, pair_at, pairs), total, best[k - 1] + slack
+    return (
+        Solutions(numbers[0], numbers[1], gap, pair_at, pairs),
+        total,
+        best[k - 1] + slack,
+    )

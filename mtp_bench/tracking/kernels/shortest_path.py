@@ -22,7 +22,13 @@ HUB = -1  # as a source or target, and what an unmatched row or column has
 
 @part
 def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no call per row or column
-    source: int, target: int, limit: float, hub_banned: bool, piece: Block, matching: Matching, path: Path
+    source: int,
+    target: int,
+    limit: float,
+    hub_banned: bool,
+    piece: Block,
+    matching: Matching,
+    path: Path,
 ) -> tuple[float, float]:
     """Length of the shortest path from a row (or the hub) to a column (or the hub), and the distance of the hub.
 
@@ -30,7 +36,13 @@ def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no 
     ``hub_banned``, the hub. Rows and columns that are out do not take part. Fills ``path``, whose distances are
     infinite at the start.
     """
-    first, last, pair_local, pair_cost, banned = piece.first, piece.last, piece.column, piece.cost, piece.banned
+    first, last, pair_local, pair_cost, banned = (
+        piece.first,
+        piece.last,
+        piece.column,
+        piece.cost,
+        piece.banned,
+    )
     match, owner, u, v, row_out, column_out = matching
     dist, through, by, seen, hub = path
     count, closed = 0, 0
@@ -61,7 +73,12 @@ def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no 
                         far, hub[0], hub[1] = at, -1, y
                         if target == HUB:
                             limit = at
-            if hub_open and not (x == source and hub_banned) and d - ux < far and d - ux <= limit:
+            if (
+                hub_open
+                and not (x == source and hub_banned)
+                and d - ux < far
+                and d - ux <= limit
+            ):
                 far = max(d - ux, d)
                 hub[0], hub[1] = x, -1
                 if target == HUB:
@@ -101,10 +118,14 @@ def forget_path(path: Path) -> None:
 
 
 @part
-def change_potentials(source: int, length: float, far: float, piece: Block, matching: Matching, path: Path) -> None:
+def change_potentials(
+    source: int, length: float, far: float, piece: Block, matching: Matching, path: Path
+) -> None:
     """Change the potentials to those of the matching after `flip_path`; call it before that."""
     match, owner, u, v, row_out, column_out = matching
-    lift = max(length - far, 0.0)  # of the hub, whose potential stays 0: the others move instead
+    lift = max(
+        length - far, 0.0
+    )  # of the hub, whose potential stays 0: the others move instead
     if lift > 0.0:
         for x in range(piece.n):
             if not row_out[x] and (match[x] >= 0 or x == source):
@@ -123,7 +144,9 @@ def change_potentials(source: int, length: float, far: float, piece: Block, matc
 
 
 @part
-def flip_path(source: int, target: int, column: Ints, matching: Matching, path: Path) -> None:
+def flip_path(
+    source: int, target: int, column: Ints, matching: Matching, path: Path
+) -> None:
     """Change the matching along the path found; ``column`` [E]: the column of each pair."""
     y = target
     while True:

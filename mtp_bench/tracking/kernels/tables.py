@@ -91,7 +91,9 @@ class Bound(NamedTuple):
     """The k least totals known of the whole problem: a dearer solution of a piece cannot matter."""
 
     best: Floats  # [k] increasing
-    totals: Floats  # total of the cheapest solution of each parent of the piece, increasing
+    totals: (
+        Floats  # total of the cheapest solution of each parent of the piece, increasing
+    )
     size: int  # how many those are
     slack: float  # for rounding
 

@@ -20,7 +20,9 @@ _UNSEEN, _SEEN = -1, -2
 def _mixed(leaf: int) -> int:
     """A number for a leaf, such that sums of the numbers of different leaves hardly ever agree."""
     mixed = (leaf + 1) * 40503 % 65537
-    return mixed * mixed * mixed % 4294967291  # never beyond 64 bits, so that plain Python agrees
+    return (
+        mixed * mixed * mixed % 4294967291
+    )  # never beyond 64 bits, so that plain Python agrees
 
 
 @part
@@ -51,14 +53,24 @@ class _Leaves(NamedTuple):
 
 
 @part
-def _spread(column: Ints, parent: Ints, member: Bools, age: Ints, max_age: Ints, taken: _Taken, new: _Leaves) -> int:
+def _spread(
+    column: Ints,
+    parent: Ints,
+    member: Bools,
+    age: Ints,
+    max_age: Ints,
+    taken: _Taken,
+    new: _Leaves,
+) -> int:
     """Write the choices, and the new leaves of each old one: a leaf per choice; returns their number.
 
     Arguments as for `grow`.
     """
     choice, by_any, takers = taken
     leaf, detection, start = new
-    place = np.full(len(takers) + 1, _UNSEEN)  # whether the present old leaf has had a choice before
+    place = np.full(
+        len(takers) + 1, _UNSEEN
+    )  # whether the present old leaf has had a choice before
     choices, count = np.empty(len(parent), np.int64), 0
     for i in range(len(age)):
         n, start[i] = 0, count
@@ -111,7 +123,9 @@ def _hold(taken: _Taken, new: _Leaves, member: Bools, name: Ints) -> None:
                 name[h] += number[e]
 
 
-@kernel("Tuple((i8[::1], i8[::1], b1[:, ::1], i8[::1]))(i8[:, ::1], i8[::1], b1[:, ::1], i8[::1], i8[::1], i8)")
+@kernel(
+    "Tuple((i8[::1], i8[::1], b1[:, ::1], i8[::1]))(i8[:, ::1], i8[::1], b1[:, ::1], i8[::1], i8[::1], i8)"
+)
 def grow(
     column: Ints,  # [K, N] detection that each leaf takes in each new hypothesis, -1: none
     parent: Ints,  # [K] old hypothesis that each new one comes from
@@ -133,7 +147,11 @@ def grow(
         np.zeros((hypotheses, detections), np.bool_),
         np.zeros(detections, np.int64),
     )
-    new = _Leaves(np.empty(most, np.int64), np.empty(most, np.int64), np.empty(leaves + 1, np.int64))
+    new = _Leaves(
+        np.empty(most, np.int64),
+        np.empty(most, np.int64),
+        np.empty(leaves + 1, np.int64),
+    )
     count = _spread(column, parent, member, age, max_age, taken, new)
     for d in range(detections):
         if taken.takers[d] < hypotheses:
@@ -163,7 +181,9 @@ def distinct_rows(member: Bools, name: Ints) -> Ints:
     return kept[:count].copy()
 
 
-@kernel("i8(i8[::1], i8[::1], i8[:, ::1], f8[::1], i8[::1], f8[::1], i8, i8[:, ::1], f8[::1])")
+@kernel(
+    "i8(i8[::1], i8[::1], i8[:, ::1], f8[::1], i8[::1], f8[::1], i8, i8[:, ::1], f8[::1])"
+)
 def descend(
     leaf: Ints,  # [E] old leaf of each new one, -1: a new track
     detection: Ints,  # [E] detection that it took, -1: none
@@ -179,11 +199,19 @@ def descend(
     for e in range(len(leaf)):
         i, d = leaf[e], detection[e]
         if i < 0:
-            new_memory[CLASS, e], new_memory[ID, e], new_score[e] = box_class[d], next_id, 0.0
+            new_memory[CLASS, e], new_memory[ID, e], new_score[e] = (
+                box_class[d],
+                next_id,
+                0.0,
+            )
             new_memory[HITS, e], new_memory[AGE, e] = 1, 0
             next_id += 1
         else:
-            new_memory[CLASS, e], new_memory[ID, e], new_score[e] = memory[CLASS, i], memory[ID, i], score[i]
+            new_memory[CLASS, e], new_memory[ID, e], new_score[e] = (
+                memory[CLASS, i],
+                memory[ID, i],
+                score[i],
+            )
             new_memory[HITS, e] = memory[HITS, i] + (1 if d >= 0 else 0)
             new_memory[AGE, e] = 0 if d >= 0 else memory[AGE, i] + 1
         if d >= 0:
@@ -191,7 +219,9 @@ def descend(
     return next_id
 
 
-@kernel("Tuple((f8[:, :, ::1], i8[:, ::1]))(i8[::1], f8[:, :, ::1], i8[:, ::1], i8[:, ::1], i8, i8)")
+@kernel(
+    "Tuple((f8[:, :, ::1], i8[:, ::1]))(i8[::1], f8[:, :, ::1], i8[:, ::1], i8[:, ::1], i8, i8)"
+)
 def histories(
     leaf: Ints,  # [n] of the last layer
     measured: Floats,  # [P, capacity, 7] a ring of the last layers of the tree

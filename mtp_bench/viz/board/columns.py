@@ -14,14 +14,21 @@ from ...scoring.rows import Row
 from ...tables import Column, Table, Value, columns_of
 from .entries import Entry
 
-_DECLARED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
+_DECLARED: dict[str, Any] = tomllib.loads(
+    Path(__file__).with_name("columns.toml").read_text(encoding="utf-8")
+)
 _ROW = {column.key: column for column in columns_of(Row)}
-PAGE = _DECLARED.pop("page")  # keys of the columns of the page, each with the class of its cells
+PAGE = _DECLARED.pop(
+    "page"
+)  # keys of the columns of the page, each with the class of its cells
 
 
 def _of_row(column: Column, subset: Subset = "all", **changes: Any) -> Column:
     """A ``column`` of report rows as a column of entries, which reads their row of ``subset``; blank of drives."""
-    read = lambda entry: column.value(entry.row_of(subset)) if entry.driving is None else None  # noqa: E731
+
+    def read(entry: Any) -> Any:
+        return column.value(entry.row_of(subset)) if entry.driving is None else None
+
     return replace(column, **{"read": read, **changes})
 
 
@@ -39,18 +46,25 @@ def _of(key: str, read: Callable[[Entry], Value]) -> Column:
 
 
 def _event(subset: Subset) -> Column:
-    return _of_row(_ROW["error"], subset, key=subset, heading=NAMES[subset], **_DECLARED[subset])
+    return _of_row(
+        _ROW["error"], subset, key=subset, heading=NAMES[subset], **_DECLARED[subset]
+    )
 
 
 def _paper(subset: Subset, where: str) -> list[Column]:
     prefix = "" if subset == "all" else f"{subset}_"
     return [
         _of_row(
-            _ROW[name], subset, key=f"{prefix}{name}", heading=name, format=".2f", group=NAMES[subset],
+            _ROW[name],
+            subset,
+            key=f"{prefix}{name}",
+            heading=name,
+            format=".2f",
+            group=NAMES[subset],
             help=f"{distance} distance of the best sample over {where} that have a forecast, metres.",
         )
         for name, distance in (("minADE", "Mean"), ("minFDE", "Final"))
-    ]  # fmt: skip
+    ]
 
 
 def _of_difference(name: str) -> Callable[[Entry], Value]:
@@ -65,7 +79,10 @@ _NUMBERS: Sequence[Column] = (
     _of("public", lambda e: e.public_error),
     _event("ids"),
     _event("reacquired"),
-    _of("turning", lambda e: next((r.error for r in e.sums.rows if r.subset == "turning"), None)),
+    _of(
+        "turning",
+        lambda e: next((r.error for r in e.sums.rows if r.subset == "turning"), None),
+    ),
     *_paper("all", "all targets"),
     *_paper("paper_ids", "targets with an identity switch of stp, the paper's subset,"),
     *_paper("paper_frag", "targets with a fragmentation of stp, the paper's subset,"),
@@ -91,7 +108,12 @@ COLUMN = {column.key: column for column in _NUMBERS} | {
 _FIRST = (
     _of("definitions", lambda e: e.record.scorer.definitions),
     _of("place", lambda e: e.place),
-    Column(key="rank_range", interval=True, format="d", read=lambda e: e.standing.places["all"].span),
+    Column(
+        key="rank_range",
+        interval=True,
+        format="d",
+        read=lambda e: e.standing.places["all"].span,
+    ),
     _of("submission", lambda e: e.name),
     _of("not_ranked_because", lambda e: e.why or None),
     _of("trained_on_scored", lambda e: e.trained_on_scored or None),
@@ -99,7 +121,12 @@ _FIRST = (
 )
 _LAST = (
     Column(key="p", format=".3f", read=_of_difference("p")),
-    _of("gap_blank_because", lambda e: None if e.standing.gaps.get("all") is not None else e.standing.gap_blank),
+    _of(
+        "gap_blank_because",
+        lambda e: (
+            None if e.standing.gaps.get("all") is not None else e.standing.gap_blank
+        ),
+    ),
     _of("association_gap_blank_because", lambda e: e.association_blank("all")),
     _of("status", lambda e: e.record.status),
     _of("digest", lambda e: e.record.digest),
@@ -122,8 +149,18 @@ def data_table(entries: Sequence[Entry], name: str) -> Table:
     """
     env = _of("env", lambda e: e.env)
     columns = [env, *_FIRST, *_NUMBERS, *map(_of_row, further_columns(entries)), *_LAST]
-    columns = [c for c in columns if not c.optional or any(c.value(entry) is not None for entry in entries)]
-    return Table(name, "Leaderboard", "", entries, [replace(c, read=_rounded(c)) for c in columns])
+    columns = [
+        c
+        for c in columns
+        if not c.optional or any(c.value(entry) is not None for entry in entries)
+    ]
+    return Table(
+        name,
+        "Leaderboard",
+        "",
+        entries,
+        [replace(c, read=_rounded(c)) for c in columns],
+    )
 
 
 def _rounded(column: Column) -> Callable[[Entry], Value]:

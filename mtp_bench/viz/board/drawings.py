@@ -19,8 +19,14 @@ FARTHEST = 3.0
 MARGIN = 0.04  # of a scale beyond its values, on each side
 MOST_SCENES = 40  # of an entry
 _MOST_POINTS = 50
-_TICKS = {True: (0.0, 0.2, 0.5, 1.0, 2.0, 5.0), False: (1.0, 5.0, 10.0, 20.0, 40.0, 80.0)}
-_AXIS = {True: "false forecasts allowed per target", False: "forecasts allowed per frame"}
+_TICKS = {
+    True: (0.0, 0.2, 0.5, 1.0, 2.0, 5.0),
+    False: (1.0, 5.0, 10.0, 20.0, 40.0, 80.0),
+}
+_AXIS = {
+    True: "false forecasts allowed per target",
+    False: "forecasts allowed per frame",
+}
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,9 @@ class Scale:
 
     def share(self, value: float) -> float:
         """Place of a value from 0 to 1; values off the scale stay at its ends."""
-        return (min(max(value, self.low), self.high) - self.low) / (self.high - self.low)
+        return (min(max(value, self.low), self.high) - self.low) / (
+            self.high - self.low
+        )
 
     def x(self, value: float) -> float:
         """Horizontal place of a value."""
@@ -45,21 +53,38 @@ def scale_of(entries: Sequence[Entry]) -> Scale | None:
 
     Values more than FARTHEST times as far from 0 as the median are left off, so that the others can be told apart.
     """
-    shown = [entry for entry in entries if entry.compared and entry.difference()] or entries
-    ends = [_ends(difference) for entry in shown if (difference := entry.difference()) is not None]
+    shown = [
+        entry for entry in entries if entry.compared and entry.difference()
+    ] or entries
+    ends = [
+        _ends(difference)
+        for entry in shown
+        if (difference := entry.difference()) is not None
+    ]
     if not ends:
         return None
-    farthest = FARTHEST * statistics.median_high([max(abs(low), abs(high)) for low, high in ends])
-    within = [0.0, *(value for pair in ends for value in pair if abs(value) <= farthest)]
+    farthest = FARTHEST * statistics.median_high(
+        [max(abs(low), abs(high)) for low, high in ends]
+    )
+    within = [
+        0.0,
+        *(value for pair in ends for value in pair if abs(value) <= farthest),
+    ]
     return nice_scale(min(within), max(within))
 
 
-def bar_of(scale: Scale | None, difference: PairedDifference | None) -> dict[str, float] | None:
+def bar_of(
+    scale: Scale | None, difference: PairedDifference | None
+) -> dict[str, float] | None:
     """The bar of a difference and its interval, a point without one; arrows show that it goes on below or above."""
     if scale is None or difference is None:
         return None
     low, high = _ends(difference)
-    places = {"low": scale.x(low), "high": scale.x(high), "at": scale.x(difference.mean)}
+    places = {
+        "low": scale.x(low),
+        "high": scale.x(high),
+        "at": scale.x(difference.mean),
+    }
     return places | {"below": low < scale.low, "above": high > scale.high}
 
 
@@ -69,9 +94,17 @@ def nice_scale(low: float, high: float) -> Scale:
     middle, half = (low + high) / 2, span * (0.5 + MARGIN)
     least = span / (MOST_TICKS - 1)
     power = 10.0 ** math.floor(math.log10(least))
-    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least * (1 - 1e-9))
+    step = next(
+        factor * power
+        for factor in (1.0, 2.0, 5.0, 10.0)
+        if factor * power >= least * (1 - 1e-9)
+    )
     first, last = math.ceil((middle - half) / step), math.floor((middle + half) / step)
-    return Scale(middle - half, middle + half, tuple(round(i * step, 9) for i in range(first, last + 1)))
+    return Scale(
+        middle - half,
+        middle + half,
+        tuple(round(i * step, 9) for i in range(first, last + 1)),
+    )
 
 
 def _ends(difference: PairedDifference) -> tuple[float, float]:
@@ -84,10 +117,15 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
     Of many scenes the MOST_SCENES with the largest sums of errors; of equal ones the first.
     """
     scenes = entry.record.per_scene
-    heaviest = sorted(range(len(scenes)), key=lambda place: -sum(scenes[place].error["all"]))[:MOST_SCENES]
+    heaviest = sorted(
+        range(len(scenes)), key=lambda place: -sum(scenes[place].error["all"])
+    )[:MOST_SCENES]
     beside = {} if reference is None or reference is entry else _errors(reference)
     errors = _errors(entry)
-    most = max([*errors.values(), *(beside[name] for name in errors if name in beside)], default=0.0)
+    most = max(
+        [*errors.values(), *(beside[name] for name in errors if name in beside)],
+        default=0.0,
+    )
     unit = BAR / most if most > 0 else 0.0
     return [
         {
@@ -95,14 +133,20 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
             "targets": part.targets,
             "error": part.mean_error,  # m
             "width": round(unit * errors.get(part.scene, 0.0), 1),  # user units
-            "reference": round(unit * beside[part.scene], 1) if part.scene in beside else None,
+            "reference": round(unit * beside[part.scene], 1)
+            if part.scene in beside
+            else None,
         }
         for part in (scenes[place] for place in sorted(heaviest))
     ]
 
 
 def _errors(entry: Entry) -> dict[str, float]:
-    return {part.scene: error for part in entry.record.per_scene if (error := part.mean_error) is not None}
+    return {
+        part.scene: error
+        for part in entry.record.per_scene
+        if (error := part.mean_error) is not None
+    }
 
 
 @dataclass(frozen=True)
@@ -132,12 +176,16 @@ class CurveChart:
 
     def y(self, value: float) -> float:
         """Vertical place of an error."""
-        return round(1.0 + (1.0 - self.scale.share(value)) * (self.height - self.bottom - 2.0), 1)
+        return round(
+            1.0 + (1.0 - self.scale.share(value)) * (self.height - self.bottom - 2.0), 1
+        )
 
     def line(self, curve: Sequence[Point]) -> str:
         """Points of a line; of a level stretch its ends."""
         points = [(self.x(at), self.y(error)) for at, error in curve]
-        stretches = [list(each) for _, each in groupby(points, key=lambda point: point[1])]
+        stretches = [
+            list(each) for _, each in groupby(points, key=lambda point: point[1])
+        ]
         ends = [point for each in stretches for point in (each[0], *each[1:][-1:])]
         return " ".join(f"{x:g},{y:g}" for x, y in ends)
 
@@ -158,4 +206,6 @@ def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
     errors = [error for _, error in points]
     known = entry.record.env.truth_complete
     ticks = tuple(tick for tick in _TICKS[known] if tick <= most)
-    return CurveChart(own, beside, most, nice_scale(min(errors), max(errors)), _AXIS[known], ticks)
+    return CurveChart(
+        own, beside, most, nice_scale(min(errors), max(errors)), _AXIS[known], ticks
+    )

@@ -23,7 +23,9 @@ from ...scoring.rows import Probability, Reliability, Row
 from ...scoring.statistics import PairedDifference, ratio
 from ...submission.loader import ON_SCORED
 
-_NETWORK = re.compile(r"(\w+-(?:truth|tracklets))-(MTP-[\w-]+)\.safetensors")  # as `networks.file_name` writes it
+_NETWORK = re.compile(
+    r"(\w+-(?:truth|tracklets))-(MTP-[\w-]+)\.safetensors"
+)  # as `networks.file_name` writes it
 _NotNegative = Annotated[float, Field(ge=0, le=1e9)]
 _LAST = 1000  # behind all envs whose card states a place
 LEVEL_TEXT: dict[Level, str] = {
@@ -44,7 +46,10 @@ class Diagnostics(BaseModel):
     @property
     def overconfidence(self) -> float | None:
         """Mean stated confidence less the share of true forecasts; None without forecasts."""
-        excess = sum(each.forecasts * (each.confidence - each.matched) for each in self.reliability)
+        excess = sum(
+            each.forecasts * (each.confidence - each.matched)
+            for each in self.reliability
+        )
         return ratio(excess, sum(each.forecasts for each in self.reliability))
 
 
@@ -118,18 +123,26 @@ class Entry(Found):
         seal = None if self.signed is None else self.signed.seal
         if seal is None:
             return ""
-        return f"{seal.name} of {seal.made}" + (f", retired {seal.retired}" if seal.retired else "")
+        return f"{seal.name} of {seal.made}" + (
+            f", retired {seal.retired}" if seal.retired else ""
+        )
 
     @property
     def trained_on_scored(self) -> str:
         """The part of it that was trained on the scored scenes, as it declares; empty where no part was."""
-        return next((text for text in self.record.training_data if text.endswith(ON_SCORED)), "")
+        return next(
+            (text for text in self.record.training_data if text.endswith(ON_SCORED)), ""
+        )
 
     @property
     def trainings(self) -> list[NetworkState]:
         """Networks that a command trains before it runs; empty where all of its weights ship."""
         files = (_NETWORK.fullmatch(name) for name in self.record.submission.networks)
-        return [NetworkState(file[1], file[2], trained=False, ships=False) for file in files if file]
+        return [
+            NetworkState(file[1], file[2], trained=False, ships=False)
+            for file in files
+            if file
+        ]
 
     @property
     def weights(self) -> str | None:
@@ -137,7 +150,9 @@ class Entry(Found):
         minutes = [network.minutes for network in self.trainings]
         if not minutes:
             return "ships" if is_baseline(self.record) else None
-        return "train" if None in minutes else f"train in {sum(filter(None, minutes))} min"
+        return (
+            "train" if None in minutes else f"train in {sum(filter(None, minutes))} min"
+        )
 
     @property
     def checked(self) -> str:
@@ -162,8 +177,13 @@ class Entry(Found):
         part, less = self.sums.driving, self.standing.differences.get("all")
         if part is None or less is None:
             return part
-        ends = less.interval and (-less.interval[1], -less.interval[0])  # of scores, not of errors
-        return part.model_copy(update={"difference": -less.mean, "difference_interval": ends, "p": less.p})
+        ends = less.interval and (
+            -less.interval[1],
+            -less.interval[0],
+        )  # of scores, not of errors
+        return part.model_copy(
+            update={"difference": -less.mean, "difference_interval": ends, "p": less.p}
+        )
 
     @property
     def error(self) -> float | None:
@@ -173,7 +193,9 @@ class Entry(Found):
     @property
     def public_error(self) -> float | None:
         """The error on the public scenes, metres, where hidden ones rank."""
-        return self.record.row.error if self.on_hidden and self.driving is None else None
+        return (
+            self.record.row.error if self.on_hidden and self.driving is None else None
+        )
 
     @cached_property
     def diagnostics(self) -> Diagnostics:
@@ -185,7 +207,9 @@ class Entry(Found):
 
     def difference(self, subset: Subset = "all") -> PairedDifference | None:
         """Its error minus that of STP beside it, metres; None for STP, without a record of STP and in closed loops."""
-        return self.standing.differences.get(subset) if self.sums.driving is None else None
+        return (
+            self.standing.differences.get(subset) if self.sums.driving is None else None
+        )
 
     @property
     def verdict(self) -> str:
@@ -197,43 +221,65 @@ class Entry(Found):
 
     def same_predictor_gap(self, subset: Subset) -> float | None:
         """Share that it closes of the gap between references with its own predictor, where that is known."""
-        return self.standing.own_gaps.get(subset, self.row_of(subset).gap_closed_same_predictor)
+        return self.standing.own_gaps.get(
+            subset, self.row_of(subset).gap_closed_same_predictor
+        )
 
     def association_blank(self, subset: Subset) -> str | None:
         """Reason why its association gap is missing on a subset; None where it is not."""
-        return None if subset in self.standing.association_gaps else self.standing.association_gap_blank
+        return (
+            None
+            if subset in self.standing.association_gaps
+            else self.standing.association_gap_blank
+        )
 
 
-def entries_of(found: Sequence[Found], subsets: Sequence[Subset] = SUBSETS) -> list[Entry]:
+def entries_of(
+    found: Sequence[Found], subsets: Sequence[Subset] = SUBSETS
+) -> list[Entry]:
     """The entries in their order: by definitions, environment, place, bADE and name; partial ones behind whole ones.
 
     ``subsets``: those of their standings; without a page "all" is enough.
     """
-    levels = {each.record.digest: each.signed for each in found if each.signed is not None}
+    levels = {
+        each.record.digest: each.signed for each in found if each.signed is not None
+    }
     places = standings([each.record for each in found], levels, subsets=subsets)
-    entries = (Entry(**vars(each), standing=places[each.record.digest]) for each in found)
+    entries = (
+        Entry(**vars(each), standing=places[each.record.digest]) for each in found
+    )
     return sorted(entries, key=_order)
 
 
 def is_baseline(record: Record) -> bool:
     """Return True if a record is of a baseline that ships, and not of another submission of its name."""
-    return record.submission.name in baseline_names() and why_not_genuine(record) is None
+    return (
+        record.submission.name in baseline_names() and why_not_genuine(record) is None
+    )
 
 
 def empty_error(entries: Sequence[Entry]) -> float | None:
     """Error in one environment if nothing is predicted, metres; None where it is not known."""
-    return next((entry.sums.nothing_predicted for entry in entries if entry.compared), None)
+    return next(
+        (entry.sums.nothing_predicted for entry in entries if entry.compared), None
+    )
 
 
 def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
     """The entries of each environment, in their order."""
-    return {env_id: list(listed) for env_id, listed in groupby(entries, lambda entry: entry.env)}
+    return {
+        env_id: list(listed)
+        for env_id, listed in groupby(entries, lambda entry: entry.env)
+    }
 
 
 def _order(entry: Entry) -> tuple[object, ...]:
     rank = math.inf if entry.place is None else entry.place
     error = math.inf if entry.error is None else entry.error
-    record, section = entry.record, (rank, not entry.compared, not entry.saw_truth, error)
+    record, section = (
+        entry.record,
+        (rank, not entry.compared, not entry.saw_truth, error),
+    )
     return _env_place(entry.env), entry.part != "", *section, entry.name, record.digest
 
 
@@ -241,7 +287,11 @@ def _order(entry: Entry) -> tuple[object, ...]:
 def _env_place(env_id: str) -> tuple[bool, int, str]:
     """Sort key of environments: those without a map; of each the place that the card states, recorded, simulated."""
     place = load_card(env_id).board if env_id in card_ids() else None
-    return has_map(env_id), _LAST + simulated(env_id) if place is None else place, env_id
+    return (
+        has_map(env_id),
+        _LAST + simulated(env_id) if place is None else place,
+        env_id,
+    )
 
 
 @cache

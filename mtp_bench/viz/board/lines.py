@@ -26,7 +26,9 @@ from .drawings import WIDTH, bar_of, curve_chart, scale_of, scene_chart
 from .entries import Entry, empty_error, has_map, simulated
 
 _SHORT = 120  # letters of a text in a row: all of it is in the details
-_LATER = re.compile(r"^(.{28}.*?)(?:; |: |, [a-z]| \().*")  # the clauses of a description after the first
+_LATER = re.compile(
+    r"^(.{28}.*?)(?:; |: |, [a-z]| \().*"
+)  # the clauses of a description after the first
 _SIGNED = COLUMN["difference"]
 _PARTS = {"localisation": "with forecast", "missed": "without forecast"}
 Ids = Mapping[Entry, str]
@@ -40,7 +42,11 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
     first = next(iter(compared), entries[0])
     reference = next((entry for entry in compared if entry.name == STP), None)
     shown = (COLUMN[key] for key in PAGE)
-    columns = [column for column in shown if any(column.value(entry) is not None for entry in entries)]
+    columns = [
+        column
+        for column in shown
+        if any(column.value(entry) is not None for entry in entries)
+    ]
     scale = scale_of(entries)
     board: dict[str, Any] = {
         "id": env_id,
@@ -58,15 +64,27 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "size": first.row,
         "empty_error": empty_error(entries),
         "answer": answer_of(entries, ids),
-        "few": {n for n in SUBSETS[1:] if all(each.standing.places[n].place is None for each in entries)} | {"turning"},
+        "few": {
+            n
+            for n in SUBSETS[1:]
+            if all(each.standing.places[n].place is None for each in entries)
+        }
+        | {"turning"},
         "columns": columns,
-        "groups": [(group, list(each)) for (group, _), each in groupby(columns, lambda c: (c.group, PAGE[c.key]))],
+        "groups": [
+            (group, list(each))
+            for (group, _), each in groupby(columns, lambda c: (c.group, PAGE[c.key]))
+        ],
         "scale": scale,
-        "zero": WIDTH / 2 if scale is None else scale.x(0.0),  # place of a difference of 0
+        "zero": WIDTH / 2
+        if scale is None
+        else scale.x(0.0),  # place of a difference of 0
         "reference": reference,
     }
     best = {column.key: best_text(column, entries) for column in columns}
-    board["lines"] = [_line(entry, board, best) | {"id": ids[entry]} for entry in entries]
+    board["lines"] = [
+        _line(entry, board, best) | {"id": ids[entry]} for entry in entries
+    ]
     return board
 
 
@@ -80,7 +98,11 @@ def details_of(line: Line, board: Mapping[str, Any]) -> Line:
         "all_links": _links(entry),
         "chart": curve_chart(entry, reference),
         "subsets": subset_table(entry),
-        "parts": [(*part, value) for part in _PARTS.items() if (value := getattr(entry.row, part[0]))],
+        "parts": [
+            (*part, value)
+            for part in _PARTS.items()
+            if (value := getattr(entry.row, part[0]))
+        ],
         "costs": parts_text(entry.row),
         "scenes": scene_chart(entry, reference),
     }
@@ -98,19 +120,39 @@ def subset_table(entry: Entry) -> Table:
 
     columns = [
         replace(row["subset"], read=lambda row: NAMES[row.subset]),
-        Column(key="rank", read=lambda row: places[row.subset].rank if row.subset in places else None),
+        Column(
+            key="rank",
+            read=lambda row: places[row.subset].rank if row.subset in places else None,
+        ),
         row["error"],
         row["interval"],
         replace(
-            COLUMN["difference"], heading="to stp", read=lambda row: getattr(differences.get(row.subset), "mean", None)
+            COLUMN["difference"],
+            heading="to stp",
+            read=lambda row: getattr(differences.get(row.subset), "mean", None),
         ),
-        replace(COLUMN["difference_interval"], read=lambda row: getattr(differences.get(row.subset), "interval", None)),
+        replace(
+            COLUMN["difference_interval"],
+            read=lambda row: getattr(differences.get(row.subset), "interval", None),
+        ),
         replace(row["p"], unit="-", read=chance),
         *(row[key] for key in ("minADE", "minFDE", "coverage")),
-        replace(COLUMN["same_gap"], optional=True, read=lambda row: entry.same_predictor_gap(row.subset)),
-        replace(COLUMN["association_gap"], optional=True, read=lambda row: standing.association_gaps.get(row.subset)),
+        replace(
+            COLUMN["same_gap"],
+            optional=True,
+            read=lambda row: entry.same_predictor_gap(row.subset),
+        ),
+        replace(
+            COLUMN["association_gap"],
+            optional=True,
+            read=lambda row: standing.association_gaps.get(row.subset),
+        ),
         Column("events / objects / scenes", "-", key="sizes", read=_sizes),
-        *(column for column in further_columns([entry]) if not column.key.startswith("cost_")),
+        *(
+            column
+            for column in further_columns([entry])
+            if not column.key.startswith("cost_")
+        ),
     ]
     return Table("subsets", "Errors in metres", "", entry.sums.rows, columns)
 
@@ -130,10 +172,16 @@ def difference_text(entry: Entry) -> str:
 
 def address_of(link: str | None) -> str | None:
     """The relative address of a file: never one of a script or of another host."""
-    return None if link is None else "./" + quote(link.lstrip("/"), safe="/", errors="surrogateescape")
+    return (
+        None
+        if link is None
+        else "./" + quote(link.lstrip("/"), safe="/", errors="surrogateescape")
+    )
 
 
-def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]) -> Line:
+def _line(
+    entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]
+) -> Line:
     """Content of the template for one entry: a line of the table ``board``."""
     record = entry.record
     authors = ", ".join(record.submission.authors)
@@ -143,14 +191,24 @@ def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]
         "record": record,
         "reference": entry is board["reference"],
         "authors": clean_text(authors, _SHORT),
-        "all_authors": clean_text(authors, len(authors)) if len(authors) > _SHORT else "",  # for the search
-        "links": [(label, address) for label, address in _links(entry) if len(address) <= _SHORT],
+        "all_authors": clean_text(authors, len(authors))
+        if len(authors) > _SHORT
+        else "",  # for the search
+        "links": [
+            (label, address)
+            for label, address in _links(entry)
+            if len(address) <= _SHORT
+        ],
         "license": clean_text(record.submission.license, _SHORT),
         "trained": clean_text(entry.trained_on_scored, _SHORT),
-        "why": "" if entry.compared or entry.part else clean_text(entry.why.removeprefix(f"{record.status}: "), _SHORT),
+        "why": ""
+        if entry.compared or entry.part
+        else clean_text(entry.why.removeprefix(f"{record.status}: "), _SHORT),
         "what": clean_text(_LATER.sub(r"\1", record.submission.description), _SHORT),
         "cells": cells,
-        "best": {key for key, text in cells.items() if entry.compared and text == best[key]},
+        "best": {
+            key for key, text in cells.items() if entry.compared and text == best[key]
+        },
         "level": LEVELS.index(entry.level),
         "signer": entry.signed.signer if entry.signed else "",
         "bar": bar_of(board["scale"], entry.difference()),
@@ -163,7 +221,11 @@ def _links(entry: Entry) -> list[tuple[str, str]]:
     """Addresses of the code and the paper of an entry; the code of a baseline is its folder."""
     submission = entry.record.submission
     code = submission.source or address_of(entry.code)
-    return [(label, address) for label, address in (("code", code), ("paper", submission.paper)) if address]
+    return [
+        (label, address)
+        for label, address in (("code", code), ("paper", submission.paper))
+        if address
+    ]
 
 
 def _about(env_id: str) -> dict[str, Any] | None:
@@ -173,15 +235,24 @@ def _about(env_id: str) -> dict[str, Any] | None:
     card = load_card(env_id)
     kind = "simulated" if card.detector is not None else "stored"
     detections = f"{kind} ({card.detector_name})" if card.detector_name else kind
-    return {"summary": card.summary, "detections": detections, "data": package_of(card).dataset, "task": card.task}
+    return {
+        "summary": card.summary,
+        "detections": detections,
+        "data": package_of(card).dataset,
+        "task": card.task,
+    }
 
 
-def answer_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, Any] | None:
+def answer_of(
+    entries: Sequence[Entry], ids: Mapping[Entry, str]
+) -> dict[str, Any] | None:
     """Content of the template ``answer.html`` for one table; None where no entry compares with others.
 
     Without ranks the first one is that of the lowest bADE on the public scenes.
     """
-    compared = [entry for entry in entries if entry.compared and entry.error is not None]
+    compared = [
+        entry for entry in entries if entry.compared and entry.error is not None
+    ]
     if not compared:
         return None
     ranked = [entry for entry in compared if entry.place is not None]
@@ -196,7 +267,9 @@ def answer_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, A
         "worse": 0 if span is None else len(ranked) - span[1],
         "less_stp": _lead(first.difference()),
         "next": None if following is None else (following, ids[following]),
-        "less_next": None if following is None else _lead(first.minus(following, "all")),
+        "less_next": None
+        if following is None
+        else _lead(first.minus(following, "all")),
     }
 
 

@@ -29,8 +29,14 @@ _HERE = Path(__file__).parent
 SUFFIX = ".parts"  # of the folder beside a page
 _MARK = "leaderboard.json"  # in every such folder
 _FURTHER = {
-    "rank": ("rank", "Place by bADE, with the ranks that tests leave open. Green: no other is significantly better."),
-    "name": ("agent", "Its name opens its details. Below: authors, licence, code and paper."),
+    "rank": (
+        "rank",
+        "Place by bADE, with the ranks that tests leave open. Green: no other is significantly better.",
+    ),
+    "name": (
+        "agent",
+        "Its name opens its details. Below: authors, licence, code and paper.",
+    ),
     "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
 }  # columns of a table beside those of numbers
 
@@ -51,7 +57,9 @@ class BoardFiles:
     parts: dict[str, str]
 
 
-def board_files(entries: Sequence[Entry], folder: str = "index.parts", pages: Pages | None = None) -> BoardFiles:
+def board_files(
+    entries: Sequence[Entry], folder: str = "index.parts", pages: Pages | None = None
+) -> BoardFiles:
     """The page of ``entries`` (from `entries_of`): an overview, then a table per environment.
 
     Environments with a map follow with an overview of their own: they are in no order with the others.
@@ -60,14 +68,27 @@ def board_files(entries: Sequence[Entry], folder: str = "index.parts", pages: Pa
     ids = _ids(entries)
     boards = [board_of(listed, ids) for listed in by_board(entries).values()]
     groups = [
-        (overview_of(list(listed)), [board for board in boards if board["map"] == lanes])
+        (
+            overview_of(list(listed)),
+            [board for board in boards if board["map"] == lanes],
+        )
         for lanes, listed in groupby(entries, lambda entry: has_map(entry.env))
     ]
-    known = {"parts": quote(folder), "boards": boards, "groups": groups, "ids": ids, "levels": LEVELS}
+    known = {
+        "parts": quote(folder),
+        "boards": boards,
+        "groups": groups,
+        "ids": ids,
+        "levels": LEVELS,
+    }
     parts = _table_files(entries, "leaderboard")
     for env_id in sorted({entry.env for entry in entries}):
-        parts |= _table_files([entry for entry in entries if entry.env == env_id], env_id)
-        parts[f"{env_id}.js"] = "".join(_pieces(board, known) for board in boards if board["env"] == env_id)
+        parts |= _table_files(
+            [entry for entry in entries if entry.env == env_id], env_id
+        )
+        parts[f"{env_id}.js"] = "".join(
+            _pieces(board, known) for board in boards if board["env"] == env_id
+        )
     return BoardFiles(_page(entries, known, pages or Pages()), parts)
 
 
@@ -77,7 +98,9 @@ class Overview:
 
     map: bool  # agents see lanes in all of the environments; else in none
     heads: list[tuple[str, str, bool]]  # id of the table, name, whether it is simulated
-    rows: list[tuple[str, list[Entry | None]]]  # name of an agent, its entry per environment
+    rows: list[
+        tuple[str, list[Entry | None]]
+    ]  # name of an agent, its entry per environment
 
     @property
     def groups(self) -> list[tuple[str, int]]:
@@ -95,9 +118,18 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
     envs = by_board(entries)
     agents: dict[str, dict[str, Entry]] = {}
     for entry in entries:
-        agents.setdefault(entry.name, {}).setdefault(entry.env, entry)  # of several of one name the first
+        agents.setdefault(entry.name, {}).setdefault(
+            entry.env, entry
+        )  # of several of one name the first
     seen = {entry.name for entry in entries if entry.saw_truth}
-    names = sorted(agents, key=lambda name: (name in seen, [_place(agents[name].get(env)) for env in envs], name))
+    names = sorted(
+        agents,
+        key=lambda name: (
+            name in seen,
+            [_place(agents[name].get(env)) for env in envs],
+            name,
+        ),
+    )
     rows = [(name, [agents[name].get(env) for env in envs]) for name in names]
     heads = [(env, short_name(env), simulated(env)) for env in envs]
     return Overview(any(map(has_map, envs)), heads, rows)
@@ -124,7 +156,11 @@ def _page(entries: Sequence[Entry], known: dict[str, Any], pages: Pages) -> str:
     return _render(
         "page.html",
         **known,
-        columns=[COLUMN[key] for key in PAGE if any(COLUMN[key] in board["columns"] for board in known["boards"])],
+        columns=[
+            COLUMN[key]
+            for key in PAGE
+            if any(COLUMN[key] in board["columns"] for board in known["boards"])
+        ],
         further=_FURTHER,
         few_objects=RANKED_OBJECTS,
         few_units=RANKED_UNITS,
@@ -143,7 +179,11 @@ def _pieces(board: dict[str, Any], known: dict[str, Any]) -> str:
     pieces = []
     for line in board["lines"]:
         html = _render("entry.html", **known, board=board, line=details_of(line, board))
-        pieces.append(f"mtpBoard({json.dumps(line['id'])}, {json.dumps(html)});\n".replace("<", "\\u003c"))
+        pieces.append(
+            f"mtpBoard({json.dumps(line['id'])}, {json.dumps(html)});\n".replace(
+                "<", "\\u003c"
+            )
+        )
     return "".join(pieces)
 
 
@@ -165,10 +205,16 @@ def _ids(entries: Sequence[Entry]) -> Ids:
 def _templates() -> "Environment":
     environment = templates_of(_HERE)
     environment.globals.update(
-        width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE, definitions=DEFINITIONS
+        width=WIDTH,
+        nothing=BLANK,
+        level_text=LEVEL_TEXT,
+        page_class=PAGE,
+        definitions=DEFINITIONS,
     )
     environment.filters["thousands"] = lambda number: f"{number:,}".replace(",", " ")
-    environment.filters["number"] = lambda value, digits=3: Column(format=f".{digits}f").text(value)
+    environment.filters["number"] = lambda value, digits=3: Column(
+        format=f".{digits}f"
+    ).text(value)
     return environment
 
 
@@ -184,7 +230,9 @@ def require_parts(page: Path) -> None:
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise MtpBenchError(f"cannot write {folder}: it is not a folder; remove it")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / _MARK).is_file():
-        raise MtpBenchError(f"cannot write {folder}: it holds other files than parts of a page; write it elsewhere")
+        raise MtpBenchError(
+            f"cannot write {folder}: it holds other files than parts of a page; write it elsewhere"
+        )
 
 
 def write_board(page: Path, files: BoardFiles) -> None:

@@ -15,10 +15,31 @@ from ...geometry import rotate
 from ...scoring.forecasts import sample_weights
 from ...types import Floats, Scene, to_metres
 from ..framing import TRAIL_SECONDS, Window, arrows_of
-from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, FORECAST, OTHER_TRACK, TRACK, TRUTH, Color
+from ..palette import (
+    BLACK,
+    DETECTION,
+    EGO,
+    EVENT,
+    FALSE,
+    FORECAST,
+    OTHER_TRACK,
+    TRACK,
+    TRUTH,
+    Color,
+)
 from ..plan import plan_at
 from ..replay import Replay, ego_boxes
-from .canvas import EDGE, GRAY, LARGE, MIDDLE, SMALL, Canvas, Outline, callout, scale_bar
+from .canvas import (
+    EDGE,
+    GRAY,
+    LARGE,
+    MIDDLE,
+    SMALL,
+    Canvas,
+    Outline,
+    callout,
+    scale_bar,
+)
 from .column import Mark, Text, column
 
 SIZE = (960, 720)  # pixels
@@ -52,7 +73,10 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
     xy = seen.box[:, :2]
     if not card.has_ego:
         places = xy if len(xy) else scene.ego[:, :2]
-        low, high = np.quantile(places, 0.01, axis=0) - MARGIN, np.quantile(places, 0.99, axis=0) + MARGIN
+        low, high = (
+            np.quantile(places, 0.01, axis=0) - MARGIN,
+            np.quantile(places, 0.99, axis=0) + MARGIN,
+        )
         (x, y), (wide, tall) = (low + high) / 2, np.maximum(high - low, 2 * MARGIN)
         return [Window(float(x), float(y), float(wide), float(tall))] * scene.frames
     if card.drive is not None:  # more frames will come
@@ -61,11 +85,21 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
     ahead, aside = rotate(xy - pose[:, :2], -pose[:, 3]).T
     rear, front = np.quantile(ahead, [0.05, 0.95]) if len(xy) else (0.0, 0.0)
     rear, front = min(rear, -5.0), max(front, 5.0)
-    half = max((front - rear) / 2, np.quantile(np.abs(aside), 0.9) if len(xy) else 0.0, SMALLEST)
+    half = max(
+        (front - rear) / 2,
+        np.quantile(np.abs(aside), 0.9) if len(xy) else 0.0,
+        SMALLEST,
+    )
     # if the detections reach too far for one picture, those near the ego matter most
-    center = (front + rear) / 2 if half <= LARGEST else np.clip((front + rear) / 2, -LARGEST / 2, LARGEST / 2)
+    center = (
+        (front + rear) / 2
+        if half <= LARGEST
+        else np.clip((front + rear) / 2, -LARGEST / 2, LARGEST / 2)
+    )
     size = float(2 * min(half, LARGEST))
-    middle = scene.ego[:, :2] + rotate(np.tile([center, 0.0], (scene.frames, 1)), scene.ego[:, 3])
+    middle = scene.ego[:, :2] + rotate(
+        np.tile([center, 0.0], (scene.frames, 1)), scene.ego[:, 3]
+    )
     return [Window(x, y, size, size) for x, y in middle.tolist()]
 
 
@@ -73,9 +107,18 @@ def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     """Frame ``t`` of a run as a picture [height, width, 3] of SIZE."""
     scene, truth = run.scene, run.scene.truth
     # the newest event of each object lately, and its place [2] now
-    place = dict(zip(truth.object_id[truth.rows(t)].tolist(), truth.box[truth.rows(t), :2], strict=True))
+    place = dict(
+        zip(
+            truth.object_id[truth.rows(t)].tolist(),
+            truth.box[truth.rows(t), :2],
+            strict=True,
+        )
+    )
     recent = run.recent(t, EVENT_SECONDS * run.card.task.rate)
-    events = [(event, place.get(event.object_id, np.array(event.position[:2]))) for event in recent]
+    events = [
+        (event, place.get(event.object_id, np.array(event.position[:2])))
+        for event in recent
+    ]
     canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], window)
     ring = min(max(10.0, 2.5 * canvas.scale), 20.0)  # pixels
     draw_lanes(canvas, run)
@@ -87,12 +130,24 @@ def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     image = canvas.finished()
     ink = ImageDraw.Draw(image)
     scale_bar(canvas, ink)
-    for incident, xy in events:  # names are written as far as there is room, events first
+    for (
+        incident,
+        xy,
+    ) in events:  # names are written as far as there is room, events first
         callout(canvas, ink, xy, incident.label, BLACK, 0.7 * ring, SMALL, EVENT)
     if run.card.has_ego:
         names = [(ego_boxes(scene.ego[t][None])[0], "ego", EGO), *names]
     for box, text, color in names:
-        callout(canvas, ink, box[:2], text, color, 0.5 * float(box[4]) * canvas.scale, SMALL, None)
+        callout(
+            canvas,
+            ink,
+            box[:2],
+            text,
+            color,
+            0.5 * float(box[4]) * canvas.scale,
+            SMALL,
+            None,
+        )
     panel = column((PANEL, SIZE[1]), list(_heading(run, t)), legend(run), [], {})
     whole = Image.new("RGB", SIZE)
     whole.paste(image, (0, 0))
@@ -103,10 +158,16 @@ def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
 
 def draw_lanes(canvas: Canvas, run: Replay) -> None:
     """The road, under everything else; with the directions of its lanes where agents see these."""
-    near = [lane for lane in run.scene.lanes if canvas.meets(np.concatenate([lane.left, lane.right]))]
+    near = [
+        lane
+        for lane in run.scene.lanes
+        if canvas.meets(np.concatenate([lane.left, lane.right]))
+    ]
     for lane in near:
         outline = np.concatenate([lane.left, lane.right[::-1]])
-        canvas.draw.polygon([(2 * x, 2 * y) for x, y in canvas.pixels(outline).tolist()], fill=ROAD)
+        canvas.draw.polygon(
+            [(2 * x, 2 * y) for x, y in canvas.pixels(outline).tolist()], fill=ROAD
+        )
     for lane in near:
         canvas.lines([] if lane.junction else [lane.left, lane.right], BORDER)
         canvas.lines([lane.center], CENTER_LINE, 0.5)
@@ -119,15 +180,27 @@ def draw_plan(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, Mark]]:
     if plan is None:
         return []
     canvas.lines([run.scene.ego[:, :2]], EGO, 1.0, 110)
-    for step, hard in zip(zip(plan.path[:-1], plan.path[1:], strict=True), plan.hard, strict=True):
+    for step, hard in zip(
+        zip(plan.path[:-1], plan.path[1:], strict=True), plan.hard, strict=True
+    ):
         canvas.lines([np.array(step)], FALSE if hard else EGO, 3.5)
     canvas.dot(canvas.pixels(plan.path[-1]), 4.0, EGO)
     for box in plan.slower:
-        canvas.circle(canvas.pixels(box[:2]), 16.0 + 0.6 * float(box[4]) * canvas.scale, FALSE)
-    return list(zip((plan.slower[:, :2], plan.path[1:][plan.hard], plan.path), PLAN[::-1], strict=True))
+        canvas.circle(
+            canvas.pixels(box[:2]), 16.0 + 0.6 * float(box[4]) * canvas.scale, FALSE
+        )
+    return list(
+        zip(
+            (plan.slower[:, :2], plan.path[1:][plan.hard], plan.path),
+            PLAN[::-1],
+            strict=True,
+        )
+    )
 
 
-def _draw_answers(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, str, Color]]:
+def _draw_answers(
+    canvas: Canvas, run: Replay, t: int
+) -> list[tuple[Floats, str, Color]]:
     """Draw forecasts, trails and tracks; returns the boxes of the tracks with their names, false tracks last."""
     rollout, answers, answered = run.rollout, run.answers, t - run.first
     _draw_forecasts(canvas, run, answered)
@@ -137,14 +210,19 @@ def _draw_answers(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, str
     canvas.boxes(boxes[member & ~shown], OTHER)
     rows = tracks.start + np.flatnonzero(shown)
     boxes, false = boxes[shown], run.track_false[rows]
-    past = answers.past(rows, best, min(answered, max(1, round(TRAIL_SECONDS * run.card.task.rate))))
+    past = answers.past(
+        rows, best, min(answered, max(1, round(TRAIL_SECONDS * run.card.task.rate)))
+    )
     for row, wrong in zip(past, false, strict=True):
         trail = rollout.track_box[np.unique(row), :2]
         canvas.lines([trail], FALSE if wrong else TRACK, 1.0 if wrong else 1.6, 150)
     canvas.boxes(boxes[false], FALSE_TRACK)
     canvas.boxes(boxes[~false], TRACK_BOX)
     order = np.argsort(false, kind="stable")
-    return [(boxes[i], str(rollout.track_id[rows[i]]), FALSE if false[i] else TRACK) for i in order]
+    return [
+        (boxes[i], str(rollout.track_id[rows[i]]), FALSE if false[i] else TRACK)
+        for i in order
+    ]
 
 
 def _draw_forecasts(canvas: Canvas, run: Replay, answered: int) -> None:
@@ -154,9 +232,14 @@ def _draw_forecasts(canvas: Canvas, run: Replay, answered: int) -> None:
     start = rollout.object_box[objects, :2].astype(np.float64)
     weights = sample_weights(rollout.forecast_log_weight[objects])
     for i in np.flatnonzero(canvas.inside(start, canvas.width / 4)):
-        weight, paths = weights[i], start[i] + to_metres(rollout.forecast[objects.start + i])
+        weight, paths = (
+            weights[i],
+            start[i] + to_metres(rollout.forecast[objects.start + i]),
+        )
         false = run.forecast_false[objects.start + i]
-        color, width, most, dim = (FALSE, 0.8, 1, 0.4) if false else (FORECAST, 1.3, SAMPLES, 0.9)
+        color, width, most, dim = (
+            (FALSE, 0.8, 1, 0.4) if false else (FORECAST, 1.3, SAMPLES, 0.9)
+        )
         for k in np.argsort(-weight, kind="stable")[:most][::-1]:
             if weight[k] > 0:
                 path = canvas.pixels(np.concatenate([start[i, None], paths[k]]))
@@ -186,13 +269,25 @@ def _heading(run: Replay, t: int) -> Iterator[Text]:
         yield run.agent, LARGE, BLACK
     yield run.card.id, MIDDLE, GRAY
     yield f"scene {scene.name}", MIDDLE, GRAY
-    yield f"frame {t} of {scene.frames - 1}   {scene.time[t] - scene.time[0]:.1f} s", MIDDLE, BLACK
+    yield (
+        f"frame {t} of {scene.frames - 1}   {scene.time[t] - scene.time[0]:.1f} s",
+        MIDDLE,
+        BLACK,
+    )
     if (plan := plan_at(run, t)) is not None:
-        yield f"ego: {round(plan.acceleration, 1) + 0.0:+.1f} m/s2, risk {plan.risk:.0%}", MIDDLE, BLACK
+        yield (
+            f"ego: {round(plan.acceleration, 1) + 0.0:+.1f} m/s2, risk {plan.risk:.0%}",
+            MIDDLE,
+            BLACK,
+        )
     weight = run.rollout.hypothesis_log_weight[answered]
     if np.isfinite(weight).sum() > 1:
         share = 100 * float(np.exp(weight[run.answers.hypotheses.best[answered]]))
-        yield f"best of {np.isfinite(weight).sum()} hypotheses ({share:.0f} %)", MIDDLE, BLACK
+        yield (
+            f"best of {np.isfinite(weight).sum()} hypotheses ({share:.0f} %)",
+            MIDDLE,
+            BLACK,
+        )
     if run.judged:
         tracked, untracked, false = (int(series[t]) for series in run.counts.values())
         text = f"tracked {tracked}, untracked {untracked}"
@@ -201,7 +296,10 @@ def _heading(run: Replay, t: int) -> Iterator[Text]:
 
 def legend(run: Replay) -> list[Mark]:
     """Marks of this kind of picture with their meaning; the same for all frames of a video."""
-    truth, complete = len(run.scene.truth.box) > 0, run.judged and run.scene.truth_complete
+    truth, complete = (
+        len(run.scene.truth.box) > 0,
+        run.judged and run.scene.truth_complete,
+    )
     driven = run.card.drive is not None or run.rollout.drive is not None
     entries = [
         (truth, Mark("true box", TRACKED)),
@@ -230,7 +328,10 @@ class EpisodePictures:
     def render(self, episode: LiveEpisode) -> NDArray[np.uint8]:
         """A picture [height, width, 3], always of the same size; true boxes are not compared with the answer."""
         if self._episode is not episode:
-            self._episode, self._windows = episode, windows_of(episode.scene, episode.card)
+            self._episode, self._windows = (
+                episode,
+                windows_of(episode.scene, episode.card),
+            )
         run = Replay.of_episode(episode, round(TRAIL_SECONDS * episode.card.task.rate))
         return draw_frame(run, episode.frame, self._windows[episode.frame])
 

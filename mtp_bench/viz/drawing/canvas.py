@@ -29,7 +29,18 @@ SMALL, MIDDLE, LARGE = 11, 13, 16  # pixels of letters
 AWAY = (8.0, 26.0, 48.0, 76.0, 110.0)  # pixels from a thing to a board with its name
 EDGE_GAP = 12.0  # pixels between the edge and the tip of an arrow to it
 ARROW = 36.0  # pixels, its length
-SIDES = (-60, 60, -120, 120, -30, 30, -90, 90, 180, 0)  # degrees, directions of the text
+SIDES = (
+    -60,
+    60,
+    -120,
+    120,
+    -30,
+    30,
+    -90,
+    90,
+    180,
+    0,
+)  # degrees, directions of the text
 
 
 @dataclass(frozen=True)
@@ -53,10 +64,14 @@ class Canvas:
     window: Window
     image: Image.Image
     draw: ImageDraw.ImageDraw
-    taken: list[tuple[float, float, float, float]] = field(default_factory=list)  # pixels that hold text already
+    taken: list[tuple[float, float, float, float]] = field(
+        default_factory=list
+    )  # pixels that hold text already
 
     @classmethod
-    def blank(cls, width: int, height: int, window: Window, paper: Color = WHITE) -> Self:
+    def blank(
+        cls, width: int, height: int, window: Window, paper: Color = WHITE
+    ) -> Self:
         """An empty picture with the background ``paper``."""
         image = Image.new("RGB", (width * FINER, height * FINER), paper)
         return cls(width, height, window, image, ImageDraw.Draw(image, "RGBA"))
@@ -75,15 +90,28 @@ class Canvas:
     def inside(self, xy: Floats, margin: float | Floats = 0.0) -> Bools:
         """Places [..., 2] of the world that lie in the picture or at most ``margin`` pixels around it."""
         x, y = np.moveaxis(self.pixels(xy), -1, 0)
-        within: Bools = (x >= -margin) & (x <= self.width + margin) & (y >= -margin) & (y <= self.height + margin)
+        within: Bools = (
+            (x >= -margin)
+            & (x <= self.width + margin)
+            & (y >= -margin)
+            & (y <= self.height + margin)
+        )
         return within
 
     def meets(self, xy: Floats) -> bool:
         """True if the rectangle around places [n, 2] of the world meets the picture."""
         pixels, size = self.pixels(xy), (self.width, self.height)
-        return len(xy) > 0 and bool((pixels.max(axis=0) >= 0).all() and (pixels.min(axis=0) <= size).all())
+        return len(xy) > 0 and bool(
+            (pixels.max(axis=0) >= 0).all() and (pixels.min(axis=0) <= size).all()
+        )
 
-    def lines(self, paths: Iterable[Floats], color: Color, width: float = 1.0, alpha: int = 255) -> None:
+    def lines(
+        self,
+        paths: Iterable[Floats],
+        color: Color,
+        width: float = 1.0,
+        alpha: int = 255,
+    ) -> None:
         """Draw polylines, each of points [n, 2] of the world, m; ``width`` pixels wide, ``alpha`` 255 is opaque."""
         for path in paths:
             if len(path) > 1:
@@ -91,27 +119,54 @@ class Canvas:
 
     def boxes(self, box: Floats, mark: Outline) -> None:
         """Draw boxes [n, 7] x y z yaw l w h, m and rad, in the style ``mark``; skip those outside the picture."""
-        box = box[self.inside(box[:, :2], np.hypot(box[:, 4], box[:, 5]) * self.scale + FAR)]
+        box = box[
+            self.inside(box[:, :2], np.hypot(box[:, 4], box[:, 5]) * self.scale + FAR)
+        ]
         for corners, row in zip(self.pixels(bev_corners(box)), box, strict=True):
             if mark.fill:
                 self.draw.polygon(_points(corners), fill=(*mark.color, mark.fill))
-            self.stroke(np.concatenate([corners, corners[:1]]), mark.color, mark.width, dashed=mark.dashed)
+            self.stroke(
+                np.concatenate([corners, corners[:1]]),
+                mark.color,
+                mark.width,
+                dashed=mark.dashed,
+            )
             if mark.crossed:
                 self.stroke(corners[[0, 2]], mark.color, mark.width)
                 self.stroke(corners[[1, 3]], mark.color, mark.width)
             if mark.heading:
                 ahead = unit_vectors(row[3]) * (row[4] / 2 + max(0.4, 0.25 * row[4]))
                 front = corners[[0, 3]].mean(axis=0)
-                self.stroke(np.stack([front, self.pixels(row[:2] + ahead)]), mark.color, mark.width)
+                self.stroke(
+                    np.stack([front, self.pixels(row[:2] + ahead)]),
+                    mark.color,
+                    mark.width,
+                )
 
-    def stroke(self, pixels: Floats, color: Color, width: float, alpha: int = 255, dashed: bool = False) -> None:
+    def stroke(
+        self,
+        pixels: Floats,
+        color: Color,
+        width: float,
+        alpha: int = 255,
+        dashed: bool = False,
+    ) -> None:
         """Draw a polyline through ``pixels`` [n, 2], ``width`` pixels wide; ``alpha`` 255 is opaque."""
         thick = max(1, round(width * FINER))
         if dashed:
             for a, b in _dashes(pixels):
-                self.draw.line([tuple(a * FINER), tuple(b * FINER)], fill=(*color, alpha), width=thick)
+                self.draw.line(
+                    [tuple(a * FINER), tuple(b * FINER)],
+                    fill=(*color, alpha),
+                    width=thick,
+                )
         else:
-            self.draw.line(_points(pixels), fill=(*color, alpha), width=thick, joint="curve" if thick > 3 else None)
+            self.draw.line(
+                _points(pixels),
+                fill=(*color, alpha),
+                width=thick,
+                joint="curve" if thick > 3 else None,
+            )
 
     def dot(self, pixel: Floats, radius: float, color: Color, alpha: int = 255) -> None:
         """Draw a disc around a pixel; ``radius`` in pixels."""
@@ -120,13 +175,21 @@ class Canvas:
     def ring(self, pixel: Floats, radius: float) -> None:
         """Draw the mark of an event: a bright circle with a dark edge around a pixel; ``radius`` in pixels."""
         for wider, color, width in ((1.0, BLACK, 5.0), (0.0, EVENT, 3.0)):
-            self.draw.ellipse(_around(pixel, radius + wider), outline=color, width=round(width * FINER))
+            self.draw.ellipse(
+                _around(pixel, radius + wider),
+                outline=color,
+                width=round(width * FINER),
+            )
 
     def cross(self, pixel: Floats, reach: float, color: Color) -> None:
         """Draw two crossed lines on a white edge; ``reach`` pixels to each side."""
         for line_color, width in ((WHITE, 5.0), (color, 2.5)):
             for side in (1.0, -1.0):
-                self.stroke(pixel + reach * np.array([[-1.0, -side], [1.0, side]]), line_color, width)
+                self.stroke(
+                    pixel + reach * np.array([[-1.0, -side], [1.0, side]]),
+                    line_color,
+                    width,
+                )
 
     def circle(self, pixel: Floats, radius: float, color: Color) -> None:
         """Draw a dashed circle around a pixel; ``radius`` in pixels."""
@@ -169,9 +232,15 @@ def _dashes(path: Floats) -> Iterable[tuple[Any, Any]]:
 
 
 def callout(
-    canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, color: Color, reach: float,
-    size: int = MIDDLE, board: Color | None = WHITE,
-) -> None:  # fmt: skip
+    canvas: Canvas,
+    ink: ImageDraw.ImageDraw,
+    xy: Floats,
+    text: str,
+    color: Color,
+    reach: float,
+    size: int = MIDDLE,
+    board: Color | None = WHITE,
+) -> None:
     """Write ``text`` at least ``reach`` pixels away from a thing at ``xy`` [2] of the world, if there is room.
 
     It stands on a ``board`` with a line to the thing; None: without one, and near the thing only.
@@ -191,34 +260,74 @@ def callout(
     else:
         return
     if board is None:
-        ink.text((round(left), round(top)), text, fill=color, font=font(size), stroke_width=1, stroke_fill=WHITE)
+        ink.text(
+            (round(left), round(top)),
+            text,
+            fill=color,
+            font=font(size),
+            stroke_width=1,
+            stroke_fill=WHITE,
+        )
         return
     near = (min(max(x, left), left + wide), min(max(y, top), top + high))
     ink.line([x + dx * reach, y + dy * reach, *near], fill=color, width=1)
-    ink.rectangle([round(v) for v in (left, top, left + wide, top + high)], fill=board, outline=color)
+    ink.rectangle(
+        [round(v) for v in (left, top, left + wide, top + high)],
+        fill=board,
+        outline=color,
+    )
     ink.text((round(left + pad), round(top + 1)), text, fill=color, font=font(size))
 
 
-def pointer(canvas: Canvas, ink: ImageDraw.ImageDraw, start: Floats, target: Floats, text: str, color: Color) -> None:
+def pointer(
+    canvas: Canvas,
+    ink: ImageDraw.ImageDraw,
+    start: Floats,
+    target: Floats,
+    text: str,
+    color: Color,
+) -> None:
     """Draw an arrow with a text at the edge of the picture, from ``start`` [2] m in it towards ``target`` outside."""
     a, way = canvas.pixels(start), canvas.pixels(target) - canvas.pixels(start)
     room = np.where(way > 0, np.array([canvas.width, canvas.height]) - a, a) - EDGE_GAP
-    share, length = float((room / np.maximum(np.abs(way), 1e-9)).min()), float(np.hypot(*way))
-    while share > 0 and any(l < x < r and t < y < b for x, y in [a + share * way] for l, t, r, b in canvas.taken):
+    share, length = (
+        float((room / np.maximum(np.abs(way), 1e-9)).min()),
+        float(np.hypot(*way)),
+    )
+    while share > 0 and any(
+        l < x < r and t < y < b
+        for x, y in [a + share * way]
+        for l, t, r, b in canvas.taken
+    ):
         share -= ARROW / length
     tip, unit = a + share * way, way / length
-    tail, back, aside = tip - ARROW * unit, tip - 14.0 * unit, 5.0 * np.array([-unit[1], unit[0]])
+    tail, back, aside = (
+        tip - ARROW * unit,
+        tip - 14.0 * unit,
+        5.0 * np.array([-unit[1], unit[0]]),
+    )
     ink.line([*tail, *back], fill=color, width=2)
     ink.polygon([*tip, *(back + aside), *(back - aside)], fill=color)
-    canvas.taken.append((*np.minimum(tip, tail).tolist(), *np.maximum(tip, tail).tolist()))
-    callout(canvas, ink, start + (share - ARROW / length) * (target - start), text, color, 1.0)
+    canvas.taken.append(
+        (*np.minimum(tip, tail).tolist(), *np.maximum(tip, tail).tolist())
+    )
+    callout(
+        canvas,
+        ink,
+        start + (share - ARROW / length) * (target - start),
+        text,
+        color,
+        1.0,
+    )
 
 
 def scale_bar(canvas: Canvas, ink: ImageDraw.ImageDraw) -> None:
     """A bar of a round number of metres at the bottom left, which no other text overlaps."""
     most = canvas.width / canvas.scale / 5
     power = 10.0 ** np.floor(np.log10(most))
-    metres = float(max(step * power for step in (0.5, 1.0, 2.0, 5.0) if step * power <= most))
+    metres = float(
+        max(step * power for step in (0.5, 1.0, 2.0, 5.0) if step * power <= most)
+    )
     left, bottom = 16, canvas.height - 16
     right = left + round(metres * canvas.scale)
     text = f"{metres:g} m"
@@ -226,14 +335,30 @@ def scale_bar(canvas: Canvas, ink: ImageDraw.ImageDraw) -> None:
     board = (left - 8, bottom - high - 12, max(right, left + wide) + 8, bottom + 8)
     canvas.taken.append(board)
     ink.rectangle(board, fill=WHITE)
-    ink.line([left, bottom - 5, left, bottom, right, bottom, right, bottom - 5], fill=BLACK, width=2)
-    ink.text(((left + right - wide) // 2, bottom - high - 7), text, fill=BLACK, font=font(MIDDLE))
+    ink.line(
+        [left, bottom - 5, left, bottom, right, bottom, right, bottom - 5],
+        fill=BLACK,
+        width=2,
+    )
+    ink.text(
+        ((left + right - wide) // 2, bottom - high - 7),
+        text,
+        fill=BLACK,
+        font=font(MIDDLE),
+    )
 
 
 def _take(canvas: Canvas, left: float, top: float, right: float, bottom: float) -> bool:
     """Take a rectangle if it lies in the picture and meets no other one; returns whether it was free."""
-    inside = left >= 2 and top >= 2 and right <= canvas.width - 2 and bottom <= canvas.height - 2
-    free = inside and not any(left < r and l < right and top < b and t < bottom for l, t, r, b in canvas.taken)
+    inside = (
+        left >= 2
+        and top >= 2
+        and right <= canvas.width - 2
+        and bottom <= canvas.height - 2
+    )
+    free = inside and not any(
+        left < r and l < right and top < b and t < bottom for l, t, r, b in canvas.taken
+    )
     if free:
         canvas.taken.append((left, top, right, bottom))
     return free

@@ -42,7 +42,10 @@ class Mark:
                 canvas.dot(path[1], 1.5 + self.width, self.line)
         if self.box is not None:
             x = 30.0 - canvas.width / 2
-            canvas.boxes(np.array([[x, canvas.height / 2 - y, 0.0, 0.0, 18.0, 10.0, 1.0]]), self.box)
+            canvas.boxes(
+                np.array([[x, canvas.height / 2 - y, 0.0, 0.0, 18.0, 10.0, 1.0]]),
+                self.box,
+            )
         elif self.line is None and not self.sign:
             canvas.ring(middle, 8.0)
 
@@ -73,13 +76,20 @@ def column(
     write(heading)
     for name, value in parts.items():
         long = round(BAR * abs(value) / max(map(abs, parts.values())))
-        bar, fill = [FINER * v for v in (BAR_LEFT, y + 4, BAR_LEFT + long, y + 14)], None if value < 0 else GRAY
+        bar, fill = (
+            [FINER * v for v in (BAR_LEFT, y + 4, BAR_LEFT + long, y + 14)],
+            None if value < 0 else GRAY,
+        )
         canvas.draw.rectangle(bar, fill, GRAY, FINER)
         texts.append((12, y + 1, (name, MIDDLE, BLACK)))
         texts.append((BAR_LEFT + long + 6, y + 1, (f"{value:.1f} m", MIDDLE, BLACK)))
         y += 19
     y += 8
-    named = [(i, mark, text) for mark in marks for i, text in enumerate(wrapped(mark.text, MIDDLE, size[0] - 62))]
+    named = [
+        (i, mark, text)
+        for mark in marks
+        for i, text in enumerate(wrapped(mark.text, MIDDLE, size[0] - 62))
+    ]
     line = min(LINE, (size[1] - y - 4) / max(len(named), 1))
     for i, mark, text in named:
         if i == 0:

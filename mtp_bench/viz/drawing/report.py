@@ -34,16 +34,25 @@ def report(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
     """
     marks: list[Mark] = []
     small = small_pictures(focus, beside, marks)
-    return stacked([picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW), beside, marks), small])
+    return stacked(
+        [picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW), beside, marks), small]
+    )
 
 
-def small_pictures(focus: Focus, beside: Sequence[Focus], marks: list[Mark]) -> Image.Image:
+def small_pictures(
+    focus: Focus, beside: Sequence[Focus], marks: list[Mark]
+) -> Image.Image:
     """Close-ups of t - 1, t and t + 1, and below them the camera image that shows the event, if there is one.
 
     Their marks are added to ``marks``.
     """
     photo = photo_of(focus)
-    return stacked([strip(focus, beside, marks), *([] if photo is None else [photo_row(photo, SIZE[0])])])
+    return stacked(
+        [
+            strip(focus, beside, marks),
+            *([] if photo is None else [photo_row(photo, SIZE[0])]),
+        ]
+    )
 
 
 def stacked(images: Sequence[Image.Image]) -> Image.Image:
@@ -68,7 +77,11 @@ def save_report(path: Path, *focuses: Focus) -> None:
 
 
 def picture(
-    focus: Focus, t: int, size: tuple[int, int], beside: Sequence[Focus] = (), further: Sequence[Mark] = ()
+    focus: Focus,
+    t: int,
+    size: tuple[int, int],
+    beside: Sequence[Focus] = (),
+    further: Sequence[Mark] = (),
 ) -> Image.Image:
     """The sentence, frame ``t`` of the event and the key in ``size`` pixels; the view follows the object.
 
@@ -81,27 +94,56 @@ def picture(
     drawn, marks = draw_focus(focus, t, (wide, high), window_of(focus, t, beside))
     whole.paste(drawn, (0, top))
     marks += [EXPECTED] if EXPECTED in further and EXPECTED not in marks else []
-    parts = {name: value for name, value in _parts(focus, t, t).items() if abs(value) >= LEAST_SHOWN}
+    parts = {
+        name: value
+        for name, value in _parts(focus, t, t).items()
+        if abs(value) >= LEAST_SHOWN
+    }
     heading = [(text, SMALL, BLACK) for text in _errors(focus, t)]
-    above = REMARK.format("north is up" if focus.at.object_id < 0 else "the object will be to the right")
-    below = f"Below threshold: a forecast {left_out(focus, t)}." if BELOW in parts else ""
+    above = REMARK.format(
+        "north is up" if focus.at.object_id < 0 else "the object will be to the right"
+    )
+    below = (
+        f"Below threshold: a forecast {left_out(focus, t)}." if BELOW in parts else ""
+    )
     remarks = [(text, SMALL - 1, GRAY) for text in (above, below) if text]
     whole.paste(column((COLUMN, high), heading, marks, remarks, parts), (wide, top))
     ink = ImageDraw.Draw(whole)
-    of_event = focus.at.frame <= t <= (focus.at.until if focus.at.object_id < 0 else focus.at.frame)
-    other = "" if of_event else f"   The text is of {focus.seconds(focus.at.frame):.1f} s:"
+    of_event = (
+        focus.at.frame
+        <= t
+        <= (focus.at.until if focus.at.object_id < 0 else focus.at.frame)
+    )
+    other = (
+        "" if of_event else f"   The text is of {focus.seconds(focus.at.frame):.1f} s:"
+    )
     fault = verdict(focus).capitalize()
-    ink.text((14, 5), fault, fill=GRAY if other else BLACK, font=font(LARGE), stroke_width=0 if other else 0.4)
-    ink.text((34 + text_size(fault, LARGE)[0], 10), _title(focus, t) + other, fill=GRAY, font=font(SMALL))
+    ink.text(
+        (14, 5),
+        fault,
+        fill=GRAY if other else BLACK,
+        font=font(LARGE),
+        stroke_width=0 if other else 0.4,
+    )
+    ink.text(
+        (34 + text_size(fault, LARGE)[0], 10),
+        _title(focus, t) + other,
+        fill=GRAY,
+        font=font(SMALL),
+    )
     for i, line in enumerate(lines):
-        ink.text((14, 29 + 26 * i), line, fill=GRAY if other else BLACK, font=font(LARGE))
+        ink.text(
+            (14, 29 + 26 * i), line, fill=GRAY if other else BLACK, font=font(LARGE)
+        )
     ink.rectangle([0, top, wide - 1, size[1] - 1], outline=EDGE)
     return whole
 
 
 def _parts(focus: Focus, first: int, last: int) -> dict[str, float]:
     """Parts of the object's error by name, m: means over the frames from ``first`` to ``last`` that are counted."""
-    part = focus.replay.part[focus.rows[first : last + 1]][focus.rows[first : last + 1] >= 0]
+    part = focus.replay.part[focus.rows[first : last + 1]][
+        focus.rows[first : last + 1] >= 0
+    ]
     part = part[np.isfinite(part[:, 0])]
     return named_parts(part.mean(axis=0)) if len(part) else {}
 
@@ -118,14 +160,21 @@ def _errors(focus: Focus, t: int) -> Iterator[str]:
     elif not parts:
         yield f"No error is counted {when}"
     else:
-        most = focus.replay.card.per_class(focus.replay.card.task.miss_error)[at.class_id]
+        most = focus.replay.card.per_class(focus.replay.card.task.miss_error)[
+            at.class_id
+        ]
         cause = ", by cause:" if bars else ""
         yield f"Mean error {when}: {sum(parts.values()):.1f} m of at most {most:g}{cause}"
 
 
 def _title(focus: Focus, t: int) -> str:
     run = focus.replay
-    parts = (run.agent, run.card.id, run.scene.name, f"frame {t}, {focus.seconds(t):.1f} s")
+    parts = (
+        run.agent,
+        run.card.id,
+        run.scene.name,
+        f"frame {t}, {focus.seconds(t):.1f} s",
+    )
     return "   ".join(part for part in parts if part)
 
 
@@ -137,12 +186,26 @@ def strip(focus: Focus, beside: Sequence[Focus], marks: list[Mark]) -> Image.Ima
     for i, (t, name) in enumerate(((at - 1, "t - 1"), (at, "t"), (at + 1, "t + 1"))):
         left = i * wide
         if 0 <= t < focus.replay.frames:
-            near, own = draw_focus(focus, t, (wide, ROW - CAPTION), close_window(focus, t, beside), near=True)
+            near, own = draw_focus(
+                focus,
+                t,
+                (wide, ROW - CAPTION),
+                close_window(focus, t, beside),
+                near=True,
+            )
             marks += own
             whole.paste(near, (left, CAPTION))
-            when, (text, color) = f"{name}: frame {t}, {focus.seconds(t):.1f} s", _follower(focus, t)
+            when, (text, color) = (
+                f"{name}: frame {t}, {focus.seconds(t):.1f} s",
+                _follower(focus, t),
+            )
             ink.text((left + 10, 4), when, fill=BLACK, font=font(TEXT))
-            ink.text((left + 26 + text_size(when, TEXT)[0], 4), _lineage(focus, t), fill=GRAY, font=font(TEXT))
+            ink.text(
+                (left + 26 + text_size(when, TEXT)[0], 4),
+                _lineage(focus, t),
+                fill=GRAY,
+                font=font(TEXT),
+            )
             ink.text((left + 10, 23), text, fill=color, font=font(TEXT))
         ink.rectangle([left, 0, left + wide - 1, ROW - 1], outline=EDGE)
     return whole
@@ -153,7 +216,9 @@ def _lineage(focus: Focus, t: int) -> str:
     hypotheses, at = focus.replay.answers.hypotheses, focus.at.frame
     if t < at and focus.hypothesis[t] != hypotheses.best[t]:
         return "not the best hypothesis then"
-    changed = t > at and hypotheses.parent[t, focus.hypothesis[t]] != focus.hypothesis[t - 1]
+    changed = (
+        t > at and hypotheses.parent[t, focus.hypothesis[t]] != focus.hypothesis[t - 1]
+    )
     return "other hypothesis than at t" if changed else ""
 
 
@@ -168,4 +233,6 @@ def _follower(focus: Focus, t: int) -> tuple[str, Color]:
     if track < 0:
         return f"no track follows {focus.named}", ROLES["now"]
     role = {each.track_id: each.role for each in frame_of(focus, t).tracks}.get(track)
-    return f"track {track} follows {focus.named}", BLACK if role is None else ROLES[role]
+    return f"track {track} follows {focus.named}", BLACK if role is None else ROLES[
+        role
+    ]

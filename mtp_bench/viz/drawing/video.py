@@ -28,10 +28,14 @@ def require_encoder(kind: str) -> None:
         try:
             import av  # noqa: F401
         except ImportError:
-            raise MtpBenchError("mp4 files need PyAV: `pip install av`, or write a .gif") from None
+            raise MtpBenchError(
+                "mp4 files need PyAV: `pip install av`, or write a .gif"
+            ) from None
 
 
-def pictures(run: Replay, frames: Iterable[int], at: Incident | None = None) -> Iterator[Picture]:
+def pictures(
+    run: Replay, frames: Iterable[int], at: Incident | None = None
+) -> Iterator[Picture]:
     """Bird's-eye pictures of these frames, all of one size; with an incident, close-ups in which all else is dim."""
     if at is None:
         windows = windows_of(run.scene, run.card)
@@ -41,7 +45,12 @@ def pictures(run: Replay, frames: Iterable[int], at: Incident | None = None) -> 
         yield from (np.asarray(picture(focus, t, SIZE), dtype=np.uint8) for t in frames)
 
 
-def write_video(path: Path, frames: Iterable[Picture], rate: float, done: Callable[[], object] = lambda: None) -> None:
+def write_video(
+    path: Path,
+    frames: Iterable[Picture],
+    rate: float,
+    done: Callable[[], object] = lambda: None,
+) -> None:
     """Write one or more ``frames`` of SIZE at ``rate`` per second, complete or not at all; call ``done`` after each."""
 
     def counted() -> Iterator[Picture]:
@@ -58,19 +67,33 @@ def write_video(path: Path, frames: Iterable[Picture], rate: float, done: Callab
 
 
 def _write_gif(path: Path, frames: Iterator[Picture], rate: float) -> None:
-    images = (Image.fromarray(frame).quantize(COLORS, dither=Image.Dither.NONE) for frame in frames)
+    images = (
+        Image.fromarray(frame).quantize(COLORS, dither=Image.Dither.NONE)
+        for frame in frames
+    )
     duration = max(20, round(1000 / rate))  # ms; viewers slow down shorter ones
-    next(images).save(path, format="GIF", save_all=True, append_images=images, duration=duration, loop=0)
+    next(images).save(
+        path,
+        format="GIF",
+        save_all=True,
+        append_images=images,
+        duration=duration,
+        loop=0,
+    )
 
 
 def _write_mp4(path: Path, frames: Iterator[Picture], rate: float) -> None:
     import av
 
-    name: Literal["libx264", "mpeg4"] = "libx264" if "libx264" in av.codecs_available else "mpeg4"
+    name: Literal["libx264", "mpeg4"] = (
+        "libx264" if "libx264" in av.codecs_available else "mpeg4"
+    )
     with av.open(str(path), "w", format="mp4") as container:
         stream = container.add_stream(name, rate=Fraction(rate).limit_denominator(1000))
         stream.width, stream.height = SIZE
         stream.pix_fmt = "yuv420p"  # every player shows it
         for frame in frames:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+            container.mux(
+                stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24"))
+            )
         container.mux(stream.encode())

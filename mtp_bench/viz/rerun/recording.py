@@ -30,10 +30,17 @@ from .shown import TOP_HYPOTHESES, ShownAgent, drawable, shown_agents
 
 APPLICATION = "mtp_bench"
 _HERE = Path(__file__).parent
-_EPISODES = itertools.count(1)  # of this process: every episode has a place of its own in a recording
+_EPISODES = itertools.count(
+    1
+)  # of this process: every episode has a place of its own in a recording
 
 
-def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> None:
+def save_recording(
+    path: str | Path,
+    replays: Sequence[Replay],
+    level: str = "top",
+    at: Incident | None = None,
+) -> None:
     """Write the recording of runs of one scene (.rrd); ``at``: the views look at this event of the first run.
 
     ``level``: "tracks" truth, detections, events, and boxes and trails of the heaviest hypotheses; "top" also the 3
@@ -51,34 +58,54 @@ def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "to
             _log_runs(recording, agents, level, at)
             recording.flush()
             recording.disconnect()
-    except (OSError, RuntimeError) as error:  # RuntimeError: from rerun, whose texts name the cause
+    except (
+        OSError,
+        RuntimeError,
+    ) as error:  # RuntimeError: from rerun, whose texts name the cause
         cause = getattr(error, "strerror", None) or error
-        raise MtpBenchError(f"{path}: the recording cannot be written: {cause}") from None
+        raise MtpBenchError(
+            f"{path}: the recording cannot be written: {cause}"
+        ) from None
 
 
-def _new_recording(agents: Sequence[ShownAgent], level: str, at: Incident | None) -> rr.RecordingStream:
+def _new_recording(
+    agents: Sequence[ShownAgent], level: str, at: Incident | None
+) -> rr.RecordingStream:
     """An empty recording named after its content.
 
     A viewer keeps one layout per application: that of another scene, agent or event would not fit.
     """
-    sha = hashlib.sha256(f"{level}|{agents[0].replay.scene.name}|{at.name if at else ''}".encode())
+    sha = hashlib.sha256(
+        f"{level}|{agents[0].replay.scene.name}|{at.name if at else ''}".encode()
+    )
     for agent in agents:
         sha.update(f"|{agent.root}|{digest(agent.replay.rollout)}".encode())
     name = sha.hexdigest()[:32]
-    recording = rr.RecordingStream(f"{APPLICATION}_{name[:12]}", recording_id=name, send_properties=False)
+    recording = rr.RecordingStream(
+        f"{APPLICATION}_{name[:12]}", recording_id=name, send_properties=False
+    )
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
     return recording
 
 
-def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level: str, at: Incident | None) -> None:
+def _log_runs(
+    recording: rr.RecordingStream,
+    agents: Sequence[ShownAgent],
+    level: str,
+    at: Incident | None,
+) -> None:
     """Log the content that all runs share once, then each run under its root."""
     scene, runs = agents[0].replay.scene, [agent.replay for agent in agents]
     focuses = [agent.focus for agent in agents if agent.focus is not None]
     log_map(recording, runs[0])
     logs = [Log(recording, scene, range(scene.frames))]
-    if at is not None:  # a viewer begins at the first time of a timeline: a layout has no field for another one
-        logs.append(Log(recording, scene, frames_around(scene, at.frame), seconds=(EVENT,)))
+    if (
+        at is not None
+    ):  # a viewer begins at the first time of a timeline: a layout has no field for another one
+        logs.append(
+            Log(recording, scene, frames_around(scene, at.frame), seconds=(EVENT,))
+        )
     for log in logs:
         log_scene(log, runs[0])
         for agent in agents:
@@ -87,7 +114,9 @@ def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level
             log_judgement(own, agent)
     for number in range(len(focuses)):
         log_focus(recording, focuses, number, agents[number].root, logs[1].frames)
-    key = text_of(_HERE, "scene_key.md").format(agents=", ".join(run.agent for run in runs), scene=scene.name)
+    key = text_of(_HERE, "scene_key.md").format(
+        agents=", ".join(run.agent for run in runs), scene=scene.name
+    )
     key = drawable(event_key(focuses[0]) if focuses else key)
     recording.log("key", rr.TextDocument(key, media_type="text/markdown"), static=True)
 
@@ -102,8 +131,12 @@ class LiveRecording:
         self._recording = rr.get_data_recording()
         self._episode: LiveEpisode | None = None
         self._root = ""
-        if self._recording is None:  # not an error: Gymnasium's checker renders in every mode
-            logger.warn("nothing is shown: call rerun.init('mtp_bench', spawn=True) before, which opens a viewer")
+        if (
+            self._recording is None
+        ):  # not an error: Gymnasium's checker renders in every mode
+            logger.warn(
+                "nothing is shown: call rerun.init('mtp_bench', spawn=True) before, which opens a viewer"
+            )
 
     def render(self, episode: LiveEpisode) -> None:
         """Log ``episode.frame``; in evaluation mode nothing that derives from the truth."""
@@ -116,7 +149,9 @@ class LiveRecording:
             self._episode, self._root = episode, f"episode-{next(_EPISODES)}/"
             # the default: a layout that the user has sent or made stays
             shown = dict.fromkeys(range(TOP_HYPOTHESES), np.nan)  # their weights change
-            layout = live_layout(ShownAgent(run, shown, root=self._root, shared=self._root))
+            layout = live_layout(
+                ShownAgent(run, shown, root=self._root, shared=self._root)
+            )
             self._recording.send_blueprint(layout, make_active=False, make_default=True)
             log_map(self._recording, run, self._root)
         log = Log(self._recording, scene, range(t, t + 1), self._root)

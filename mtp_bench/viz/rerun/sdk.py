@@ -12,9 +12,13 @@ try:
     import rerun as rr
     import rerun.blueprint as rrb
 except ImportError as error:
-    raise MtpBenchError(f"rerun cannot be imported ({error}), which draws recordings: {INSTALL}") from None
+    raise MtpBenchError(
+        f"rerun cannot be imported ({error}), which draws recordings: {INSTALL}"
+    ) from None
 
 if not str(getattr(rr, "__version__", "")).startswith(f"{VERSION}."):
-    raise MtpBenchError(f"rerun is {getattr(rr, '__version__', 'of unknown version')}, expected {VERSION}: {INSTALL}")
+    raise MtpBenchError(
+        f"rerun is {getattr(rr, '__version__', 'of unknown version')}, expected {VERSION}: {INSTALL}"
+    )
 
 __all__ = ["rr", "rrb"]

@@ -28,7 +28,9 @@ def viewer_program() -> str:
     """Path of the viewer's program; raises MtpBenchError if the package is incomplete."""
     spec = importlib.util.find_spec("rerun_cli")
     if spec is not None and spec.origin is not None:
-        program = Path(spec.origin).with_name("rerun.exe" if os.name == "nt" else "rerun")
+        program = Path(spec.origin).with_name(
+            "rerun.exe" if os.name == "nt" else "rerun"
+        )
         if program.is_file():
             return str(program)
     raise MtpBenchError(f"the viewer of rerun is missing: {INSTALL}")
@@ -36,7 +38,9 @@ def viewer_program() -> str:
 
 def require_display() -> None:
     """Raise MtpBenchError if no window can open."""
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
         raise MtpBenchError(f"no display for the viewer: {OTHERWISE}")
 
 
@@ -49,11 +53,18 @@ def show_recording(replays: Sequence[Replay], level: str, at: Incident | None) -
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.rrd"
         save_recording(path, replays, level, at)
-        with path.open("rb") as content:  # which the viewer reads although the file is gone then
+        with path.open(
+            "rb"
+        ) as content:  # which the viewer reads although the file is gone then
             start_viewer(free_port(), ["--hide-welcome-screen", "-"], content)
 
 
-def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, ready: Callable[[str], object]) -> None:
+def serve_recording(
+    replays: Sequence[Replay],
+    level: str,
+    at: Incident | None,
+    ready: Callable[[str], object],
+) -> None:
     """Serve runs of one scene to browsers on this machine until interrupted; ``ready`` gets the address.
 
     Raises MtpBenchError if the server does not start.
@@ -64,7 +75,9 @@ def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, 
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.rrd"
         save_recording(path, replays, level, at)
-        server = start_viewer(port, ["--serve-web", "--web-viewer-port", str(page), str(path)])
+        server = start_viewer(
+            port, ["--serve-web", "--web-viewer-port", str(page), str(path)]
+        )
         try:
             ready(f"http://{LOCAL}:{page}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy")
             server.wait()
@@ -82,14 +95,22 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def start_viewer(port: int, options: Sequence[str], content: IO[bytes] | None = None) -> subprocess.Popen[bytes]:
+def start_viewer(
+    port: int, options: Sequence[str], content: IO[bytes] | None = None
+) -> subprocess.Popen[bytes]:
     """A viewer that listens and has a session of its own; ``content``: a recording for its standard input.
 
     Raises MtpBenchError if none starts.
     """
     quiet = subprocess.DEVNULL
     command = [viewer_program(), "--bind", LOCAL, "--port", str(port), *options]
-    viewer = subprocess.Popen(command, stdin=content or quiet, stdout=quiet, stderr=quiet, start_new_session=True)
+    viewer = subprocess.Popen(
+        command,
+        stdin=content or quiet,
+        stdout=quiet,
+        stderr=quiet,
+        start_new_session=True,
+    )
     end = time.monotonic() + START_SECONDS
     while viewer.poll() is None and time.monotonic() < end:
         with suppress(OSError):

@@ -25,13 +25,20 @@ def show(text: str) -> None:
 def show_lines(texts: Iterable[str], sign: str = "") -> None:
     """Print texts of a report in lines of at most TEXT_WIDTH columns, each with a ``sign`` before it."""
     for text in texts:
-        lines = textwrap.wrap(text, TEXT_WIDTH, initial_indent=sign, subsequent_indent=" " * len(sign))
+        lines = textwrap.wrap(
+            text, TEXT_WIDTH, initial_indent=sign, subsequent_indent=" " * len(sign)
+        )
         show("\n".join(lines))
 
 
 def command_line(*words: str, **options: object) -> str:
     """The command ``mtp-bench`` of these words and of the options that are not None; it can be pasted into a shell."""
-    given = [part for name, value in options.items() if value is not None for part in (f"--{name}", str(value))]
+    given = [
+        part
+        for name, value in options.items()
+        if value is not None
+        for part in (f"--{name}", str(value))
+    ]
     return shlex.join(["mtp-bench", *words, *given])
 
 
@@ -40,7 +47,11 @@ def show_command(words: str) -> None:
     _console().print(words, soft_wrap=True)
 
 
-def show_table(data: Table, console: "Console | None" = None, style: Callable[[Any], str] | None = None) -> None:
+def show_table(
+    data: Table,
+    console: "Console | None" = None,
+    style: Callable[[Any], str] | None = None,
+) -> None:
     """Print a table as `table_lines` makes it for the width of the terminal; ``style``: rich's style of a row."""
     console = console or _console()
     console.print(data.title, style="bold")

@@ -9,7 +9,11 @@ from ...scoring.rows import Row
 from ...submission.loader import controls
 
 Figures = dict[str, list[float]]  # subset -> minADE, minFDE in metres
-PAPER_SUBSETS: dict[Subset, str] = {"all": "all", "paper_ids": "ids", "paper_frag": "frag"}  # ours -> the paper's
+PAPER_SUBSETS: dict[Subset, str] = {
+    "all": "all",
+    "paper_ids": "ids",
+    "paper_frag": "frag",
+}  # ours -> the paper's
 PAPER_HYPOTHESES = 20  # of MTP in the paper's tables
 _ROLES = {name: role for role, name in controls().items()}
 
@@ -21,7 +25,10 @@ def paper_figures(env_id: str, row: Row) -> Figures:
 
 def paper_gap(env_id: str, row: Row) -> float | None:
     """Share of the gap on IDS that the agent of ``row`` closes in the paper, by minADE; None if unknown."""
-    truth, stp = (figures_of(env_id, role, row.budget, 1).get("ids") for role in ("ground_truth", "single"))
+    truth, stp = (
+        figures_of(env_id, role, row.budget, 1).get("ids")
+        for role in ("ground_truth", "single")
+    )
     own = paper_figures(env_id, row).get("ids")
     if own is None or truth is None or stp is None:
         return None

@@ -32,7 +32,11 @@ class WorstRow(Listed):
     @property
     def fault(self) -> str:
         """The part of the stack at fault."""
-        return "detector" if self.moment.borrowed else fault_of(self.moment.parts).partition(":")[0]
+        return (
+            "detector"
+            if self.moment.borrowed
+            else fault_of(self.moment.parts).partition(":")[0]
+        )
 
     @property
     def error(self) -> float:
@@ -47,9 +51,17 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
         *([Column("scene", read=lambda row: row.scene.name)] if several else []),
         Column("moment", read=lambda row: f"{row.class_name} {row.moment.at.name}"),
         Column(
-            "seconds", read=lambda row: f"{row.seconds(row.incident.first):.1f}–{row.seconds(row.incident.until):.1f}"
+            "seconds",
+            read=lambda row: (
+                f"{row.seconds(row.incident.first):.1f}–{row.seconds(row.incident.until):.1f}"
+            ),
         ),
-        Column("to ego\n(m)", format=".0f", optional=True, read=lambda row: row.moment.distance),
+        Column(
+            "to ego\n(m)",
+            format=".0f",
+            optional=True,
+            read=lambda row: row.moment.distance,
+        ),
         Column("share", unit="share", read=lambda row: row.moment.cost / total),
         Column("error\n(m)", format=".1f", read=lambda row: row.error),
         Column("fault", read=lambda row: row.fault),
@@ -59,22 +71,42 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
 
 
 def worst_json(
-    rows: Sequence[WorstRow], total: float, parts: Mapping[str, float], env_id: str, agent: str
+    rows: Sequence[WorstRow],
+    total: float,
+    parts: Mapping[str, float],
+    env_id: str,
+    agent: str,
 ) -> dict[str, Any]:
     """Content of ``worst --json``; ``parts``: of the error of the run, m, by name."""
-    run = {"error": sum(parts.values()), "parts": dict(parts), "faults": by_fault(parts), "cost": total}
-    return {"env": env_id, "agent": agent, **run, "moments": [_record(row) for row in rows]}
+    run = {
+        "error": sum(parts.values()),
+        "parts": dict(parts),
+        "faults": by_fault(parts),
+        "cost": total,
+    }
+    return {
+        "env": env_id,
+        "agent": agent,
+        **run,
+        "moments": [_record(row) for row in rows],
+    }
 
 
 def run_line(parts: Mapping[str, float], scenes: int) -> str:
     """The error of all targets of the scenes listed, and its shares by the part of the stack."""
     error = sum(parts.values())
-    shares = (f"{who} {size / error:.0%}" for who, size in by_fault(parts).items() if error and size)
+    shares = (
+        f"{who} {size / error:.0%}"
+        for who, size in by_fault(parts).items()
+        if error and size
+    )
     return f"All targets of {counted(scenes, 'scene')}: {error:.2f} m: {', '.join(shares) or 'nothing to blame'}."
 
 
 def _causes(row: WorstRow) -> str:
-    beside = "\n(the detections there are of other objects)" if row.moment.borrowed else ""
+    beside = (
+        "\n(the detections there are of other objects)" if row.moment.borrowed else ""
+    )
     return f"{parts_text(row.moment.parts, most=3)}{beside}"
 
 
