@@ -14,7 +14,7 @@ from ..parallel import Progress, reported
 from ..records import Record, Trust, load_record, read_level, record_paths, trusted
 from ..records.submitting import RECORDS
 from ..scoring.definitions import SUBSETS, Subset
-from ..viz.board.columns import board_json, data_table
+from ..viz.board.columns import board_json, board_table
 from ..viz.board.entries import Entry, Found, entries_of, is_baseline
 from ..viz.board.page import (
     Pages,
@@ -70,7 +70,7 @@ def board(
     write_table(
         table_file,
         [table for table, _ in tables],
-        data_table(entries, env or "leaderboard"),
+        board_table(entries, env or "leaderboard"),
     )
     for table, below in tables:
         show_table(

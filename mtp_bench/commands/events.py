@@ -6,10 +6,9 @@ from typer import Option
 
 from ..parallel import reported
 from ..running.stored import open_run
-from ..viz.incident import KINDS
+from ..viz.incident import INCIDENT_KINDS
 from ..viz.played import replays
-from ..viz.terminal import event_table as shown
-from ..viz.terminal.event_table import Listed, Tally
+from ..viz.terminal.event_table import Listed, Tally, event_table
 from ..viz.terminal.output import show, show_command, show_lines, show_table
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice
 from .output import write_json
@@ -21,14 +20,14 @@ def events(
     kind: Annotated[
         list[str] | None,
         choice(
-            KINDS,
+            INCIDENT_KINDS,
             text="Only this kind, such as spurious (false forecasts); repeatable.",
         ),
     ] = None,
     sort: Annotated[
         str,
         choice(
-            shown.ORDERS,
+            ORDERS,
             text="time: by scene and frame; cost, confidence or length: the largest first.",
         ),
     ] = "time",
@@ -48,19 +47,19 @@ def events(
                 for each in played.incidents
             ]
     hits = [row for row in rows if row.cause]
-    rows = shown.in_order(
-        [row for row in rows if row.incident.kind in (kind or KINDS)], sort
+    rows = in_order(
+        [row for row in rows if row.incident.kind in (kind or INCIDENT_KINDS)], sort
     )[:top]
     write_json(
-        json_file, shown.events_json(rows, tally, opened.card.id, opened.run.info.agent)
+        json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent)
     )
-    listed = rows if kind or top else shown.longest_only(rows)
+    listed = rows if kind or top else longest_only(rows)
     if listed:
-        show_table(shown.event_table(listed))
+        show_table(event_table(listed))
         show("")
-        show_lines([shown.CAPTION, shown.LOOK])
+        show_lines([CAPTION, LOOK])
         show_command(listed[0].view)
-    shown.show_collisions(
+    show_collisions(
         hits, opened.rollouts(scene), listed[0].view if listed else ""
     )
-    show(shown.tally_line(tally, all_listed=len(listed) == len(rows)))
+    show(tally_line(tally, all_listed=len(listed) == len(rows)))

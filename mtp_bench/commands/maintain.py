@@ -6,11 +6,11 @@ from typing import Annotated
 
 from typer import Argument, BadParameter, Option, Typer
 
-from .. import records
 from ..errors import RecordError
+from ..records import retire as retire_seal, seal as make_seal, trusted
 from ..records.eligibility import LEAST_HIDDEN
 from ..records.intake import take_in
-from ..records.seal import COMMITMENT, SEALS, beside
+from ..seal import COMMITMENT, SEALS, beside
 from ..running.options import RunOptions
 from ..running.reference import freeze as write
 from ..viz.terminal.output import counted, show
@@ -66,14 +66,14 @@ def seal(
             raise BadParameter(
                 "publishes a secret: leave --env and --count out", param_hint="--retire"
             )
-        path = records.retire(retire, output or SEALS)
+        path = retire_seal(retire, output or SEALS)
         show(
             f"{path}: the secret is public from now on; draw another seal for the next round"
         )
         return
     if env is None or scenes is None or output is None:
         raise BadParameter("--env, --count and --output are needed, or --retire")
-    promise, public = records.seal(env, scenes, output), beside(output, COMMITMENT)
+    promise, public = make_seal(env, scenes, output), beside(output, COMMITMENT)
     to = f"{counted(scenes, 'hidden scene')} of {promise.env}"
     show(
         f"{public}: publish this commitment to {to} in leaderboard/seals, sha256 {promise.commitment}"
@@ -130,7 +130,7 @@ def intake(
     json_file: JsonOption = None,
 ) -> None:
     """Check the records and names of a pull request; no code of a submission is run."""
-    trust = records.trusted(base)
+    trust = trusted(base)
     outcome = take_in(leaderboard, trust, owner)
     write_json(
         json_file,

@@ -7,7 +7,7 @@ from typer import Option
 
 from ..parallel import reported
 from ..running.stored import open_run
-from ..viz.drawing.video import KINDS, pictures, require_encoder, write_video
+from ..viz.drawing.video import VIDEO_SUFFIXES, pictures, require_encoder, write_video
 from ..viz.framing import frames_around
 from ..viz.moments import AT, found
 from ..viz.played import PlayedRun
@@ -22,7 +22,7 @@ def video(
     output: Annotated[
         Path,
         file_option(
-            "-o", "--output", text="File to write: .mp4 or .gif.", suffixes=KINDS
+            "-o", "--output", text="File to write: .mp4 or .gif.", suffixes=VIDEO_SUFFIXES
         ),
     ],
     scene: Annotated[

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from ..scoring.parts import BELOW
 
-KINDS = (
+INCIDENT_KINDS = (
     "ids",
     "lost",
     "reacquired",
@@ -20,7 +20,7 @@ MOMENT = "moment"  # kind of the incident of an object in a frame without an eve
 class Incident:
     """One event of the best hypothesis along its lineage, a run of false forecasts of one track, or a moment."""
 
-    kind: str  # of KINDS, or MOMENT
+    kind: str  # of INCIDENT_KINDS, or MOMENT
     frame: int
     until: int  # last frame: that of the event itself, but of a run its end
     row: int  # of the truth; of a run: of its first forecast object
@@ -76,7 +76,7 @@ def named(incidents: Iterable[Incident]) -> tuple[Incident, ...]:
     count: Counter[str] = Counter()
     named = []
     for incident in sorted(
-        incidents, key=lambda i: (i.frame, KINDS.index(i.kind), i.row)
+        incidents, key=lambda i: (i.frame, INCIDENT_KINDS.index(i.kind), i.row)
     ):
         named.append(replace(incident, name=f"{incident.kind}-{count[incident.kind]}"))
         count[incident.kind] += 1

@@ -12,7 +12,7 @@ from ..scoring.events import history, separated_truth
 from ..scoring.pairs import near_pairs
 from ..scoring.parts import BELOW, PARTS, blame, named_parts
 from ..types import Bools, Floats, Ints
-from .incident import KINDS, Incident
+from .incident import INCIDENT_KINDS, Incident
 from .replay import Replay
 
 AT = "an event, OBJECT@FRAME, an object, a frame (20) or a time (12.5s); `events` and `worst` list them"
@@ -133,7 +133,7 @@ def found(run: Replay, text: str) -> Incident:
     ids = set(map(run.scene.name_of, np.unique(run.scene.truth.object_id).tolist()))
     seconds = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?) ?s", text)
     name, _, frame = text.rpartition("@")
-    if re.fullmatch(rf"({'|'.join(KINDS)})-\d+", text) and text not in ids:
+    if re.fullmatch(rf"({'|'.join(INCIDENT_KINDS)})-\d+", text) and text not in ids:
         return run.incident(text)
     if seconds or re.fullmatch(r"\d{1,9}", text):
         time = run.scene.time - run.scene.time[0]

@@ -6,7 +6,7 @@ import pytest
 
 from mtp_bench._bundle import baseline_names, card_ids
 from mtp_bench.training.predictors import ON
-from mtp_bench.viz.incident import KINDS
+from mtp_bench.viz.incident import INCIDENT_KINDS
 from mtp_bench.viz.rerun.shown import LEVELS
 from mtp_bench.viz.terminal.event_table import ORDERS
 from tests.support.command_line import CommandLine
@@ -47,7 +47,7 @@ def test_submissions(offered: Shell) -> None:
 
 
 WORDS = {
-    "events runs/stp --kind": KINDS,
+    "events runs/stp --kind": INCIDENT_KINDS,
     "events runs/stp --sort": ORDERS,
     "view runs/stp --level": LEVELS,
     "train predictor modes --on": ON,

@@ -9,7 +9,7 @@ import pytest
 from mtp_bench.records import Record
 from mtp_bench.scoring.rows import Row
 from mtp_bench.tables import Column, columns_of, to_csv, to_latex, to_markdown, to_text
-from mtp_bench.viz.board.columns import board_json, data_table
+from mtp_bench.viz.board.columns import board_json, board_table
 from mtp_bench.viz.board.entries import Found, entries_of
 from mtp_bench.viz.board.page import board_files
 from mtp_bench.viz.terminal import tables
@@ -50,7 +50,7 @@ def test_the_board_shows_it_and_records_without_it_load() -> None:
     entry_with = entry_with.model_copy(update={"rows": [further(row, 4.321) for row in entry_with.rows]})
     entries = entries_of([Found(entry_with), Found(plain)])
     assert [row.get("jerk") for row in board_json(entries)[MAIN]] == [4.321, None]
-    assert [line["jerk [m/s³]"] for line in csv.DictReader(io.StringIO(to_csv(data_table(entries, MAIN))))] == [
+    assert [line["jerk [m/s³]"] for line in csv.DictReader(io.StringIO(to_csv(board_table(entries, MAIN))))] == [
         "4.321",
         "",
     ]

@@ -142,7 +142,7 @@ def further_columns(entries: Collection[Entry]) -> list[Column]:
     return [column for column in columns_of(kind) if column.optional]
 
 
-def data_table(entries: Sequence[Entry], name: str) -> Table:
+def board_table(entries: Sequence[Entry], name: str) -> Table:
     """Every number of the entries, rounded as records are, for CSV, JSON and other programs.
 
     A further number that no entry has is left out: records are older than a new metric.
@@ -170,7 +170,7 @@ def _rounded(column: Column) -> Callable[[Entry], Value]:
 def board_json(entries: Sequence[Entry]) -> dict[str, list[dict[str, Value]]]:
     """The content of ``board --json``: a list of rows per environment, None where a value is missing."""
     boards: dict[str, list[dict[str, Value]]] = {}
-    for record in data_table(entries, "board").records:
+    for record in board_table(entries, "board").records:
         boards.setdefault(str(record.pop("env")), []).append(record)
     return boards
 

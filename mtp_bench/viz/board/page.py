@@ -17,7 +17,7 @@ from ...records.attestation import LEVELS
 from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
 from ...tables import BLANK, Column, to_csv, to_json
 from ..pages import source_of, templates_of, text_of
-from .columns import COLUMN, PAGE, data_table
+from .columns import COLUMN, PAGE, board_table
 from .drawings import WIDTH
 from .entries import LEVEL_TEXT, Entry, by_board, has_map, simulated
 from .lines import Ids, address_of, board_of, details_of, short_name
@@ -143,7 +143,7 @@ def _place(entry: Entry | None) -> tuple[float, ...]:
 
 
 def _table_files(entries: Sequence[Entry], name: str) -> dict[str, str]:
-    table = data_table(entries, name)
+    table = board_table(entries, name)
     return {f"{name}.csv": to_csv(table), f"{name}.json": to_json(table)}
 
 

@@ -11,7 +11,7 @@ from ...types import Floats
 from ..evidence import distance, gate, near_detections
 from ..focus import Focus, ObjectForecast
 from ..framing import ROLES, FocusFrame, Follower, Window, frame_of
-from ..incident import KINDS
+from ..incident import INCIDENT_KINDS
 from ..palette import BLACK, DIM
 from ..replay import ego_boxes
 from .birds_eye import VEHICLE, draw_lanes, draw_plan
@@ -116,7 +116,7 @@ class CloseUp:
             canvas.ring(canvas.pixels(self.place), self.radius)
             self._note(
                 self.place,
-                Mark("the event" if focus.at.kind in KINDS else "the object looked at"),
+                Mark("the event" if focus.at.kind in INCIDENT_KINDS else "the object looked at"),
             )
 
     def _note(self, xy: Floats, mark: Mark) -> None:

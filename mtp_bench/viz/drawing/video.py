@@ -17,13 +17,13 @@ from ..replay import Replay
 from .birds_eye import SIZE, draw_frame, windows_of
 from .report import picture
 
-KINDS = (".mp4", ".gif")
+VIDEO_SUFFIXES = (".mp4", ".gif")
 COLORS = 128  # of a gif
 Picture = NDArray[Any]  # uint8 [height, width, 3]
 
 
 def require_encoder(kind: str) -> None:
-    """Raise MtpBenchError unless files with the suffix ``kind`` of KINDS can be written here."""
+    """Raise MtpBenchError unless files with the suffix ``kind`` of VIDEO_SUFFIXES can be written here."""
     if kind == ".mp4":
         try:
             import av  # noqa: F401

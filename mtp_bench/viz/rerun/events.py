@@ -11,7 +11,7 @@ from ...types import Floats, Ints, starts_of
 from ..evidence import gate
 from ..focus import Focus
 from ..framing import frames_around
-from ..incident import KINDS, MOMENT, Incident
+from ..incident import INCIDENT_KINDS, MOMENT, Incident
 from ..palette import BLUE, ORANGE, PURPLE, TRUTH, VERMILLION, Color
 from ..replay import Replay
 from ..sentence import sentence
@@ -59,7 +59,7 @@ def log_judgement(log: Log, agent: ShownAgent) -> None:
     _log_markers(log, run)
     _log_curves(log, run, agent.focus)
     groups = {
-        f"marks/{kind}": [i for i in run.incidents if i.kind == kind] for kind in KINDS
+        f"marks/{kind}": [i for i in run.incidents if i.kind == kind] for kind in INCIDENT_KINDS
     }
     if agent.focus is not None and agent.focus.at.object_id in agent.lanes:
         at = agent.focus.at

@@ -10,7 +10,7 @@ import numpy as np
 from ...cards import Card
 from ...types import Floats
 from ..framing import turn_of, window_of
-from ..incident import KINDS, Incident
+from ..incident import INCIDENT_KINDS, Incident
 from .entities import EVENT
 from .events import curves_of, lanes
 from .sdk import rr, rrb
@@ -219,14 +219,14 @@ def _lanes(agents: Sequence[ShownAgent]) -> rrb.Tabs:
         run, tracks = agent.replay, lanes(agent.replay)
         count, switches = (
             Counter(i.object_id for i in run.events if i.kind in some)
-            for some in (KINDS, ("ids",))
+            for some in (INCIDENT_KINDS, ("ids",))
         )
         order = sorted(tracks, key=lambda g: (-switches[g], -count[g], g))[
             : MOST_LANES // len(agents)
         ]
         marks = [
             f"marks/{kind}"
-            for kind in KINDS
+            for kind in INCIDENT_KINDS
             if any(i.kind == kind for i in run.incidents)
         ]
         if agent.focus is not None:

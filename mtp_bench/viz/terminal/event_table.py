@@ -10,7 +10,7 @@ from ...scoring.parts import parts_text
 from ...tables import BLANK, Column, Table
 from ...types import Rollout, Scene
 from ..focus import Focus
-from ..incident import KINDS, Incident
+from ..incident import INCIDENT_KINDS, Incident
 from ..plan import collision_cause
 from ..replay import Replay
 from .output import command_line, counted, show_command, show_lines
@@ -101,7 +101,7 @@ class Listed:
 class Tally:
     """Counts of events over scenes, listed or not."""
 
-    events: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
+    events: dict[str, int] = field(default_factory=lambda: dict.fromkeys(INCIDENT_KINDS, 0))
     wrong: int = 0  # losses whose old track is still output
     forecasts: int = 0  # false ones
     scenes: int = 0
