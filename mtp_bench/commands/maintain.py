@@ -10,7 +10,7 @@ from ..errors import RecordError
 from ..records import retire as retire_seal, seal as make_seal, trusted
 from ..records.eligibility import LEAST_HIDDEN
 from ..records.intake import take_in
-from ..seal import COMMITMENT, SEALS, beside
+from ..records.seal import COMMITMENT, SEALS, beside
 from ..running.options import RunOptions
 from ..running.reference import freeze as write
 from ..viz.terminal.output import counted, show

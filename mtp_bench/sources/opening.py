@@ -157,5 +157,5 @@ def _with_lanes(scene: Scene, card: Card, data: DataRoot) -> Scene:
 
 def package_of(card: Card) -> SourcePackage:
     """The package of the card's source, which has the name of its section; imported when it is first needed."""
-    package: SourcePackage = import_module(f".{card.source.name}", __name__).PACKAGE
+    package: SourcePackage = import_module(f".{card.source.name}", __package__).PACKAGE
     return package
