@@ -55,7 +55,7 @@ skipped: .venv/installed-dev
 # for every user.
 held: .venv/installed-dev kernels
 	@echo '== pytest: the gateway, as an ordinary user'
-	@$$($(BIN)/python -c 'from mtp_bench.gateway.sandbox import bubblewrap; print(bubblewrap())') \
+	@$$($(BIN)/python -c 'from mtp_bench.judge.gateway.sandbox import bubblewrap; print(bubblewrap())') \
 		--unshare-user --uid 1000 --gid 1000 --cap-drop ALL --dev-bind / / $(BIN)/python -m pytest -q \
 		--numprocesses auto --dist loadfile tests/gateway/test_abuse.py tests/adversarial/test_escapes.py
 

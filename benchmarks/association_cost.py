@@ -15,7 +15,7 @@ import argparse
 from benchmarks.event_weight_thresholds import scores_of
 from mtp_bench import MTPEnv
 from mtp_bench.cards import changed_card, load_card
-from mtp_bench.parallel import Workers, cores
+from mtp_bench.core.parallel import Workers, cores
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.reference import make_reference
 from mtp_bench.scoring import Report, summarise

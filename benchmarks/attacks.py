@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtp_bench.cards import Card
+from mtp_bench.core.types import Rollout, Scene, starts_of_sorted
 from mtp_bench.scoring import live_frames
 from mtp_bench.scoring.definitions import SAMPLE_FLOOR
-from mtp_bench.types import Rollout, Scene, starts_of_sorted
 
 Rows = NDArray[np.intp]
 Change = Callable[[Scene, Rollout, Card], Rollout]

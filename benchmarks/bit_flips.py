@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 
 from mtp_bench import load_card
-from mtp_bench.gateway.layout import compiled_kernels
-from mtp_bench.gateway.run import run_isolated_scenes
+from mtp_bench.judge.gateway.layout import compiled_kernels
+from mtp_bench.judge.gateway.run import run_isolated_scenes
 from mtp_bench.running.kernels import compile_kernels
 from mtp_bench.sources import camera_images, open_source
 from mtp_bench.sources.cache import scene_digest

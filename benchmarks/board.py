@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench._bundle import bundled
-from mtp_bench.records import Record, load_record, record_paths
-from mtp_bench.records.attestation import Statement, write_level
-from mtp_bench.records.storage import record_text
+from mtp_bench.core.bundle import bundled
+from mtp_bench.judge import Record, load_record, record_paths
+from mtp_bench.judge.records.attestation import Statement, write_level
+from mtp_bench.judge.records.storage import record_text
 
 SIGNER = "benchmark"
 NOISE = 0.02  # of the error of a unit, relative

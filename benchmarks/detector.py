@@ -18,7 +18,7 @@ from pathlib import Path
 from benchmarks.detection.folds import SETS, Recordings, folds
 from benchmarks.detection.table import Row, rows_of, tracker_rows
 from mtp_bench.detector import load_profile
-from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.simulation import simulate
 from mtp_bench.detector.visibility import visibility_of
 
 TIMED = {

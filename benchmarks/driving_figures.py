@@ -31,7 +31,7 @@ from benchmarks.driving_switches import (
 )
 from benchmarks.kendall import kendall_tau
 from mtp_bench.cards import load_card
-from mtp_bench.parallel import Workers
+from mtp_bench.core.parallel import Workers
 from mtp_bench.running.drives import recorded_card
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.reference import reference_for

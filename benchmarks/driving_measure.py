@@ -21,18 +21,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.driving_attacks import ATTACKS
+from mtp_bench.agent.loader import submission_of
 from mtp_bench.cards import Card
-from mtp_bench.drive.record import near_misses, occupied
+from mtp_bench.core.parallel import Workers, unordered_map
+from mtp_bench.core.types import HARD_BRAKING, Drive, Floats, Ints, Rollout, Scene
 from mtp_bench.env.environment import MTPEnv
-from mtp_bench.parallel import Workers, unordered_map
 from mtp_bench.running.drives import recorded_card
-from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.settings import setting_of
 from mtp_bench.scoring import SceneScore, evaluated, score_scene
 from mtp_bench.scoring.weights import EVENTS, tracking_events
-from mtp_bench.sources.highway.world import RATE
-from mtp_bench.submission.loader import submission_of
-from mtp_bench.types import HARD_BRAKING, Drive, Floats, Ints, Rollout, Scene
+from mtp_bench.traffic.drive.record import near_misses, occupied
+from mtp_bench.traffic.highway.world import RATE
 
 TRUTH, STP = "gt_tracks", "stp"
 AGENTS = (

@@ -16,20 +16,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mtp_bench.agent.loader import submission_of
 from mtp_bench.cards import Card, load_card
 from mtp_bench.cards.card import DriveSection
 from mtp_bench.cards.changes import with_split
+from mtp_bench.core.parallel import Workers, parallel_map
+from mtp_bench.core.types import Drive
 from mtp_bench.env.environment import MTPEnv
-from mtp_bench.parallel import Workers, parallel_map
-from mtp_bench.running.run import jobs_of, run_jobs
+from mtp_bench.running.playing import jobs_of, run_jobs
 from mtp_bench.running.settings import setting_of
 from mtp_bench.scoring.statistics import bootstrap_interval
 from mtp_bench.sources.base import section_of
-from mtp_bench.sources.highway.driven import DrivenTraffic
-from mtp_bench.sources.highway.source import traffic_of
-from mtp_bench.sources.highway.world import RATE, HighwaySource
-from mtp_bench.submission.loader import submission_of
-from mtp_bench.types import Drive
+from mtp_bench.traffic.highway.driven import DrivenTraffic
+from mtp_bench.traffic.highway.source import traffic_of
+from mtp_bench.traffic.highway.world import RATE, HighwaySource
 
 PLANNED = (
     "gt_tracks",

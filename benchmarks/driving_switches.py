@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.driving_measure import Array, Kept
-from mtp_bench.sources.highway.world import RATE
-from mtp_bench.types import HARD_BRAKING, Bools, Ints
+from mtp_bench.core.types import HARD_BRAKING, Bools, Ints
+from mtp_bench.traffic.highway.world import RATE
 
 SECONDS = 4.0  # of a window
 LOST = "way lost"  # m, less than at the speed at the start; the other outcomes happen or not

@@ -14,14 +14,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mtp_bench.files import write_text
-from mtp_bench.parallel import Workers
-from mtp_bench.running.compare import EnvEvaluation
+from mtp_bench.agent.loader import load_submission
+from mtp_bench.core.files import write_text
+from mtp_bench.core.parallel import Workers
+from mtp_bench.running.comparison import EnvEvaluation
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.settings import references_of, setting_of
 from mtp_bench.scoring import References
 from mtp_bench.scoring.parts import PARTS
-from mtp_bench.submission.loader import load_submission
 
 ENVS = ("MTP-nuScenes-v0", "MTP-KITTI-v0", "MTP-PETS-v0", "MTP-Intersection-v0")
 AGENTS = ("stp", "mtp", "tracking_free")

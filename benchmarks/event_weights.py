@@ -19,17 +19,17 @@ from typing import Any
 import numpy as np
 
 from mtp_bench import MTPEnv
+from mtp_bench.agent.loader import load_submission
 from mtp_bench.cards import Card, load_card
-from mtp_bench.parallel import Workers, cores
+from mtp_bench.core.parallel import Workers, cores
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.perturbation import RUNS
+from mtp_bench.running.playing import jobs_of, run_jobs
 from mtp_bench.running.reference import make_reference
-from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.scoring import AgentScores, score_scene, summarise
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.rows import Row
 from mtp_bench.scoring.weights import Reference
-from mtp_bench.submission.loader import load_submission
 
 ENVS = ("MTP-nuScenes-mini-v0", "MTP-Intersection-v0", "MTP-KITTI-v0")
 AGENTS = ("stp", "stp_same_samples", "stp_hedged", "mtp", "gt_tracks")

@@ -16,7 +16,8 @@ from pathlib import Path
 
 from benchmarks.attacks import FLOODS
 from mtp_bench.cards import Card
-from mtp_bench.parallel import Workers, cores, parallel_map
+from mtp_bench.core.parallel import Workers, cores, parallel_map
+from mtp_bench.core.types import Rollout
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.reference import reference_for
 from mtp_bench.running.stored import open_run
@@ -24,7 +25,6 @@ from mtp_bench.scoring import AgentScores, SceneScore, score_scene, summarise
 from mtp_bench.scoring.report import paired_row
 from mtp_bench.scoring.table import AgentTable
 from mtp_bench.sources import open_source
-from mtp_bench.types import Rollout
 
 HONEST = "stp"
 

@@ -23,18 +23,18 @@ import numpy as np
 from benchmarks.attacks import CHANGES, in_crowds, joined
 from mtp_bench import Action, Agent, Observation, make_action
 from mtp_bench.agent import Frame
+from mtp_bench.agent.loader import load_submission
+from mtp_bench.core.parallel import Workers, cores, parallel_map
+from mtp_bench.core.types import Rollout, Task
 from mtp_bench.env.environment import MTPEnv
-from mtp_bench.parallel import Workers, cores, parallel_map
 from mtp_bench.prediction import KinematicPredictor, LearnedPresence
 from mtp_bench.running.options import RunOptions
+from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.reference import reference_for
-from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.scoring import AgentScores, Report, SceneScore, score_scene, summarise
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.report import paired_row
-from mtp_bench.submission.loader import load_submission
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.types import Rollout, Task
 
 HONEST: dict[str, tuple[str, dict[str, Any]]] = {
     "GT tracks, same samples": ("gt_tracks", {"draws": 20}),

@@ -21,11 +21,11 @@ from typing import Any
 from mtp_bench import load_card, load_submission
 from mtp_bench.env.environment import MTPEnv, _task
 from mtp_bench.env.spaces import ActionSpace, observation_space
-from mtp_bench.gateway import Limits, run_isolated
-from mtp_bench.gateway.exchange import Exchange, answer_bytes
-from mtp_bench.gateway.layout import image_of, layout_for
-from mtp_bench.gateway.process import AgentProcess, SandboxSpec
-from mtp_bench.gateway.sandbox import sandbox_backend
+from mtp_bench.judge import Limits, run_isolated
+from mtp_bench.judge.gateway.exchange import Exchange, answer_bytes
+from mtp_bench.judge.gateway.layout import image_of, layout_for
+from mtp_bench.judge.gateway.process import AgentProcess, SandboxSpec
+from mtp_bench.judge.gateway.sandbox import sandbox_backend
 
 CARDS = ("MTP-KITTI-v0", "MTP-Intersection-v0", "MTP-nuScenes-mini-v0")
 STARTED = ("stp", "mtp", "mtp_modes")

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.tracking.report import show
+from mtp_bench.core.types import Bools, Floats
 from mtp_bench.tracking.kernels.association import joint_k_best
-from mtp_bench.types import Bools, Floats
 from tests.support.textbook_k_best import k_best as textbook
 
 SIZES, KS, PARENTS = (5, 20, 50, 100), (1, 20, 100), 20

@@ -30,7 +30,8 @@ from benchmarks.tracking.scenes import (
     recordings,
 )
 from benchmarks.tracking.timing import Pieces, cpu_seconds, stages
-from mtp_bench.errors import MtpBenchError
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.types import Task
 from mtp_bench.prediction import (
     GreedySampler,
     KinematicPredictor,
@@ -39,7 +40,6 @@ from mtp_bench.prediction import (
     LearnedPresence,
 )
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.types import Task
 
 STAGES: Pieces = (
     (HypothesisTracker, "step", "track"),

@@ -16,7 +16,7 @@ import numpy as np
 from mtp_bench import Observation, Pipeline, Tracks
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler
-from mtp_bench.running.run import run_scene
+from mtp_bench.running.playing import run_scene
 from mtp_bench.scoring import AgentScores, SceneScore, score_scene, summarise
 from mtp_bench.tracking import HypothesisTracker
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mtp_bench.records import load_record
+from mtp_bench.judge import load_record
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.statistics import (
     bootstrap_interval,

@@ -12,9 +12,9 @@ import time
 from pathlib import Path
 
 from mtp_bench.running.stored import open_run
-from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.rerun.recording import save_recording
 from mtp_bench.viz.rerun.shown import LEVELS
+from mtp_bench.viz.run_replay import Replay, replay
 
 
 def main(folders: list[str]) -> None:

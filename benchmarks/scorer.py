@@ -197,8 +197,9 @@ def measure_ranks(
     from rich.console import Console
     from rich.table import Table
 
+    from mtp_bench.agent.loader import load_submission
     from mtp_bench.env.environment import MTPEnv
-    from mtp_bench.running.run import agent_task, run_scene
+    from mtp_bench.running.playing import agent_task, run_scene
     from mtp_bench.scoring import AgentScores, find_targets, live_frames, score_scene
     from mtp_bench.scoring.forecasts import (
         Candidates,
@@ -207,7 +208,6 @@ def measure_ranks(
         match_objects,
     )
     from mtp_bench.scoring.table import agent_table
-    from mtp_bench.submission.loader import load_submission
 
     submission = load_submission(agent)
     env = MTPEnv(env_id, data=data, evaluation=True, observe=submission.compare.observe)

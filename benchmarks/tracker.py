@@ -47,7 +47,7 @@ from benchmarks.tracking.scenes import (
     tracker,
 )
 from benchmarks.tracking.timing import TRACKER_STAGES, cpu_seconds, stages
-from mtp_bench.errors import DataError
+from mtp_bench.core.errors import DataError
 
 HYPOTHESES, OBJECTS = (1, 5, 10, 20, 50, 100, 200), (10, 20, 50, 100, 200, 500, 5000)
 

@@ -20,10 +20,10 @@ import numpy as np
 
 from mtp_bench.cards import load_card
 from mtp_bench.sources.base import section_of
-from mtp_bench.sources.highway.networks import build_map
-from mtp_bench.sources.highway.simulate import simulate_world
-from mtp_bench.sources.highway.source import traffic_of
-from mtp_bench.sources.highway.world import RATE, WARM_UP, HighwaySource, Traffic
+from mtp_bench.traffic.highway.networks import build_map
+from mtp_bench.traffic.highway.simulate import simulate_world
+from mtp_bench.traffic.highway.source import traffic_of
+from mtp_bench.traffic.highway.world import RATE, WARM_UP, HighwaySource, Traffic
 
 CARDS = ("MTP-Intersection-v0", "MTP-Roundabout-v0", "MTP-Merge-v0", "MTP-Highway-v0")
 STOCK_STEPS = 100  # as long as most of its vehicles are still on the roads

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtp_bench.core.geometry import wrap_angle
+from mtp_bench.core.types import Bools, Floats, Scene, Truth
 from mtp_bench.detector.visibility import VISIBLE, visible_fractions
-from mtp_bench.geometry import wrap_angle
-from mtp_bench.types import Bools, Floats, Scene, Truth
 
 VEHICLES = ("car", "truck", "bus", "trailer", "construction_vehicle", "motorcycle")
 PERIOD = 0.5  # s

@@ -27,9 +27,9 @@ from benchmarks.tracking.report import show
 from benchmarks.tracking.scenes import KITTI, NUSCENES, Row
 from benchmarks.traffic_motion import HORIZONS, PERIOD, motion, samples
 from mtp_bench.cards import Card, load_card, with_split
+from mtp_bench.core.types import Floats, Scene
 from mtp_bench.sources import open_source
-from mtp_bench.sources.highway.source import HighwayTraffic
-from mtp_bench.types import Floats, Scene
+from mtp_bench.traffic.highway.source import HighwayTraffic
 
 TARGETS = "MTP-nuScenes-v0"
 TOWNS, ROADS = ("Intersection", "Roundabout"), ("Merge", "Highway")

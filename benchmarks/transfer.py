@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mtp_bench.parallel import Workers
+from mtp_bench.core.parallel import Workers
 from mtp_bench.prediction.learned.local import to_absolute
 from mtp_bench.prediction.learned.network import network_of
 from mtp_bench.prediction.learned.predictor import StoredWeights, read_weights

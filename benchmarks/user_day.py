@@ -71,9 +71,9 @@ import sys, time
 from dataclasses import replace
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.cards import load_card
-from mtp_bench.running.run import run_scene
+from mtp_bench.running.playing import run_scene
 from mtp_bench.running.settings import setting_of
-from mtp_bench.submission.loader import SubmissionFactory, load_submission
+from mtp_bench.agent.loader import SubmissionFactory, load_submission
 card = load_card(sys.argv[1])
 setting = setting_of(load_submission(sys.argv[2]), card)
 make = SubmissionFactory(str(setting.submission.path), setting.parameters)
@@ -98,10 +98,10 @@ try:
     from mtp_bench.running.kernels import compile_kernels
     given = 2
 except ImportError:  # of a commit in which the gateway had them
-    from mtp_bench.gateway.layout import compile_kernels
+    from mtp_bench.judge.gateway.layout import compile_kernels
     given = 0
 if given:
-    from mtp_bench.parallel import Workers
+    from mtp_bench.core.parallel import Workers
     compile_kernels(Workers(given))
 else:
     compile_kernels()

@@ -27,7 +27,7 @@ from docs.generate import (
     reference,
     repository,
 )
-from mtp_bench import notice
+from mtp_bench.core import long_work
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -40,7 +40,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     return config
 
 
-@notice.work("making the pages and pictures of the site", 30)
+@long_work("making the pages and pictures of the site", 30)
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages and pictures that do not lie in docs/."""
     pages = {

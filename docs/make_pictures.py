@@ -23,7 +23,7 @@ from mtp_bench.viz.drawing.report import save_report
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import Window
 from mtp_bench.viz.played import PlayedRun
-from mtp_bench.viz.sentence import sentence
+from mtp_bench.viz.sentences import sentence
 from mtp_bench.viz.terminal.event_table import Listed, in_order
 
 HERE = Path(__file__).parent / "pictures"

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from mtp_bench.parallel import cores
+from mtp_bench.core.parallel import cores
 from tests.support.command_line import CommandLine
 from tests.support.leaderboards import listed, make_key, make_leaderboard
 from tests.support.programs import require_program
@@ -241,4 +241,4 @@ def few_event_runs(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def light_fork_servers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fork servers load what every agent needs without the trackers: half a second less for each submission."""
-    monkeypatch.setattr("mtp_bench.gateway.fork_server.LOADED", ("mtp_bench.submission.loader",))
+    monkeypatch.setattr("mtp_bench.judge.gateway.fork_server.LOADED", ("mtp_bench.agent.loader",))

@@ -7,7 +7,7 @@ from typing import Any
 from mtp_bench import MTPEnv
 from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.stored import open_run
 from mtp_bench.running.track_export import export_tracks
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.errors import MtpBenchError
-from mtp_bench.files import remove_leftovers, require_folder, whole_file, whole_folder, write_text
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.files import remove_leftovers, require_folder, whole_file, whole_folder, write_text
 from mtp_bench.sources.cache import read_arrays, write_arrays
 from tests.support.broken_files import cut_head, flips
 

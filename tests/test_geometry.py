@@ -8,8 +8,15 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from mtp_bench.geometry import bev_corners, bev_intersection_area, center_distance, iou_3d, transform_boxes, wrap_angle
-from mtp_bench.types import Floats
+from mtp_bench.core.geometry import (
+    bev_corners,
+    bev_intersection_area,
+    center_distance,
+    iou_3d,
+    transform_boxes,
+    wrap_angle,
+)
+from mtp_bench.core.types import Floats
 
 MEASURES: list[Callable[[Floats, Floats], Floats]] = [bev_intersection_area, iou_3d, center_distance]
 QUARTER = np.pi / 2

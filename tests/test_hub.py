@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from docs.generate.hub import DTYPES, hub_files
-from mtp_bench.errors import MtpBenchError
+from mtp_bench.core.errors import MtpBenchError
 from tests.support.board_records import HOSTILE
 from tests.support.browser import chromium
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench import notice
-from mtp_bench.parallel import Workers, parallel_map, reported
+from mtp_bench.core import notice
+from mtp_bench.core.parallel import Workers, parallel_map, reported
 from tests.support.command_line import CommandLine
 
 
@@ -21,13 +21,13 @@ def fast(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def work_long(text: str, seconds: float = 0) -> None:
-    with notice.work(text, seconds):
+    with notice.long_work(text, seconds):
         time.sleep(0.03)
 
 
 @pytest.mark.usefixtures("fast")
 def test_long_work_says_what_it_does_and_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> None:
-    with notice.work("everything", around=True), reported("reading\x1b[2J") as progress:
+    with notice.long_work("everything", around=True), reported("reading\x1b[2J") as progress:
         progress.started(4)
         for name in ("a", "b"):
             time.sleep(0.15)
@@ -43,9 +43,9 @@ def test_long_work_says_what_it_does_and_how_far_it_is(capsys: pytest.CaptureFix
 
 @pytest.mark.usefixtures("fast")
 def test_short_work_and_workers_are_silent(capfd: pytest.CaptureFixture[str]) -> None:
-    with notice.work("short"):
+    with notice.long_work("short"):
         pass
-    with notice.work("around"), notice.work(""):
+    with notice.long_work("around"), notice.long_work(""):
         time.sleep(0.05)
     parallel_map(work_long, [("in a worker", 300), ("in a worker", 300)], Workers(2))
     assert not capfd.readouterr().err
@@ -53,7 +53,7 @@ def test_short_work_and_workers_are_silent(capfd: pytest.CaptureFixture[str]) ->
 
 @pytest.mark.usefixtures("fast")
 def test_of_two_jobs_in_threads_the_later_one_goes_on_speaking(capsys: pytest.CaptureFixture[str]) -> None:
-    first, second = notice.work("first"), notice.work("second")
+    first, second = notice.long_work("first"), notice.long_work("second")
     first.__enter__()
     with second:
         first.__exit__(None, None, None)

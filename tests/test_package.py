@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 import mtp_bench
-from mtp_bench import _bundle
+from mtp_bench.core import bundle as _bundle
 
 PUBLIC = {
     "ActionError", "CardError", "DataError", "MtpBenchError", "RecordError", "RolloutError", "ShapeError",
@@ -57,7 +57,7 @@ def test_parts_are_imported_when_they_are_used() -> None:
         f"names = {sorted(LAZY)}\n"
         "print(sorted(name for name in names if f'mtp_bench.{name}' in sys.modules))\n"
         "print([getattr(mtp_bench, name).__name__.removeprefix('mtp_bench.') for name in names] == names)\n"
-        "import mtp_bench.running.run, mtp_bench.scoring.score, mtp_bench.running.compare, mtp_bench.commands.app\n"
+        "import mtp_bench.running.playing, mtp_bench.scoring.score, mtp_bench.running.comparison, mtp_bench.commands.app\n"
         "print(all(callable(getattr(mtp_bench, name)) for name in ('run', 'score', 'compare')))"
     )
     assert out.splitlines() == ["[]", "True", "True"]
@@ -149,7 +149,7 @@ def test_the_installed_wheel_works_without_the_checkout(wheel: Path, tmp_path: P
     subprocess.run([*command, str(tmp_path), str(wheel)], check=True)
     out = python(
         "import json, sys; sys.path.insert(0, sys.argv[1]); import mtp_bench\n"
-        "from mtp_bench._bundle import baseline_names, bundled\n"
+        "from mtp_bench.core.bundle import baseline_names, bundled\n"
         "card = mtp_bench.load_card('MTP-KITTI-v0')\n"
         "print(json.dumps([mtp_bench.__file__, str(bundled('envs')), card.digest, mtp_bench.card_ids(), "
         "baseline_names(), [mtp_bench.load_submission(name).digest for name in baseline_names()]]))",

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.errors import MtpBenchError
-from mtp_bench.parallel import Workers, parallel_map
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.parallel import Workers, parallel_map
 
 
 def test_a_process_that_dies_is_one_clear_error() -> None:
@@ -23,7 +23,7 @@ SHADOWS = ("pickle", "typing", "random", "json", "numpy")  # imported by workers
 
 PROGRAM = """
 import os
-from mtp_bench.parallel import Workers, parallel_map
+from mtp_bench.core.parallel import Workers, parallel_map
 if __name__ == "__main__":
     print(parallel_map(abs, [(-1,), (2,)], Workers(2)), os.environ.get("PYTHONSAFEPATH"))
 """

@@ -8,10 +8,10 @@ import pytest
 from pydantic import BaseModel
 
 from mtp_bench import card_ids, load_card, load_submission
-from mtp_bench._bundle import baseline_names
 from mtp_bench.cards import DetectorSection, TaskSection
 from mtp_bench.cards.card import PlannerSection
 from mtp_bench.cards.source import SOURCES, source_class
+from mtp_bench.core.bundle import baseline_names
 from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine
 

@@ -19,7 +19,7 @@ from docs.generate import notebooks, recordings, reference
 from docs.generate.drawings import DRAWINGS, FOLDER
 from docs.make_pictures import REAL
 from mtp_bench import card_ids, load_card
-from mtp_bench.env.action import FIELDS
+from mtp_bench.agent.action import FIELDS
 from tests.support.browser import Browser, chromium
 from tests.support.programs import require_program
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.detector.fit.samples import FalsePositiveSamples, ObjectSamples
-from mtp_bench.geometry import rotate
-from mtp_bench.types import Bools, Floats, Ints
+from mtp_bench.core.geometry import rotate
+from mtp_bench.core.types import Bools, Floats, Ints
+from mtp_bench.training.detector_fit.samples import FalsePositiveSamples, ObjectSamples
 
 DISTANCES = (
     0.0,

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench.cards import load_card, with_detector, with_split
+from mtp_bench.core.types import Scene
 from mtp_bench.detector import Profile, load_profile
-from mtp_bench.detector.fit import fit_profile
 from mtp_bench.detector.profile_file import profile_text
-from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.simulation import simulate
 from mtp_bench.detector.visibility import (
     Sensor,
     Visibility,
@@ -20,7 +20,7 @@ from mtp_bench.detector.visibility import (
     visible_fractions,
 )
 from mtp_bench.sources import open_source
-from mtp_bench.types import Scene
+from mtp_bench.training.detector_fit.profile import fit_profile
 
 NUSCENES: tuple[str, ...] = (
     "car",

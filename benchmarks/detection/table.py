@@ -8,8 +8,12 @@ from functools import partial
 
 import numpy as np
 
-from mtp_bench.detector.fit.samples import Samples, above_floor, collect_samples
-from mtp_bench.types import Scene
+from mtp_bench.core.types import Scene
+from mtp_bench.training.detector_fit.samples import (
+    Samples,
+    above_floor,
+    collect_samples,
+)
 
 from .couplings import DISTANCES, Couplings, couplings
 from .events import switches_and_losses

@@ -10,10 +10,10 @@ import numpy as np
 
 from mtp_bench import __version__
 from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.core.types import Floats
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources.nuscenes.layout import CLASS_OF, CLASSES, official_scenes
 from mtp_bench.sources.nuscenes.source import NuScenes
-from mtp_bench.types import Floats
 
 TOLERANCE = 1e-6  # m, rad, s: the files have three to six decimals, so only the noise of float64 arithmetic passes
 SPEED_TOLERANCE = 1e-5  # m/s: the devkit divides by differences of seconds since 1970, which float64 has to 2e-7 s

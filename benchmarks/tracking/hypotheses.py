@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.agent import Tracks
+from mtp_bench.core import Tracks
+from mtp_bench.core.tracks import group
+from mtp_bench.core.types import Ints, Task
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracks import group
-from mtp_bench.types import Ints, Task
 from tests.support.plain_tracker import PlainTracker
 
 from .scenes import Row, Scenes, agent, crowd, frames_of, tracker

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from mtp_bench import load_submission
-from mtp_bench.agent import Observation, Tracks
+from mtp_bench.core import Observation, Tracks
+from mtp_bench.core.types import Task
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.env.observation import LocalFrame, make_feed
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.types import Task
 
 KITTI, NUSCENES = "MTP-KITTI-v0", "MTP-nuScenes-mini-v0"
 ROOM = 60.0  # m2 per synthetic object

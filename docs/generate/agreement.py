@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.kendall import Array, kendall_tau
-from mtp_bench.errors import UnknownNameError
+from mtp_bench.core import Column, Table, Value
+from mtp_bench.core.errors import UnknownNameError
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.rank import why_not_on
-from mtp_bench.tables import Column, Table, Value
 from mtp_bench.viz.board.entries import Entry, by_board
 
 AGENTS = (  # neither references, nor those that come last everywhere

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mtp_bench.core.types import Ints, Rollout, Scene
 from mtp_bench.scoring import (
     AgentScores,
     SceneScore,
@@ -32,7 +33,6 @@ from mtp_bench.scoring.parts import PARTS, error_parts, reference_errors
 from mtp_bench.scoring.rank import gap_closed
 from mtp_bench.scoring.statistics import UnitSums
 from mtp_bench.scoring.table import agent_table
-from mtp_bench.types import Ints, Rollout, Scene
 from tests.support.scoring_scenes import (
     Thing,
     at,

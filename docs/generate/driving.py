@@ -17,7 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from mtp_bench.files import write_text
+from mtp_bench.core.files import write_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE, FIGURES = (

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench import Card, Task, card_ids, load_card
+from mtp_bench.agent.action import FIELDS
 from mtp_bench.cards.card import LaneSection
-from mtp_bench.env.action import FIELDS
-from mtp_bench.env.driven import CRASH
 from mtp_bench.env.spaces import action_numbers, observation_space
 from mtp_bench.scoring import DEFINITIONS
 from mtp_bench.sources import describe
-from mtp_bench.sources.highway.world import HighwaySource
+from mtp_bench.traffic.drive.episode import CRASH
+from mtp_bench.traffic.highway.world import HighwaySource
 
 from . import recordings
 from .pictures import speed

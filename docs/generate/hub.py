@@ -20,14 +20,14 @@ from pathlib import Path
 from typing import Any
 
 from mtp_bench import __version__, card_ids, load_card
-from mtp_bench.errors import MtpBenchError
-from mtp_bench.files import make_folder, write_text
-from mtp_bench.records import Record, load_record, record_paths
+from mtp_bench.core import Column, Table, to_csv
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.files import make_folder, write_text
+from mtp_bench.judge import Record, load_record, record_paths
 from mtp_bench.scoring import DEFINITIONS
-from mtp_bench.scoring.main_table import NAMES
+from mtp_bench.scoring.report_tables import NAMES
 from mtp_bench.scoring.statistics import ratio
 from mtp_bench.sources import package_of
-from mtp_bench.tables import Column, Table, to_csv
 from mtp_bench.viz.pages import source_of
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import BaseModel
 
+from mtp_bench.core import Column, columns_of
 from mtp_bench.scoring.driving import DrivingRow
 from mtp_bench.scoring.rows import (
     Bin,
@@ -15,7 +16,6 @@ from mtp_bench.scoring.rows import (
     Row,
     Tracking,
 )
-from mtp_bench.tables import Column, columns_of
 
 CONTENT = {  # of `compare --json` and `score --json`
     "env": "Id of the environment.",

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from mtp_bench.core import Column, Table, Value
 from mtp_bench.scoring.definitions import Subset
-from mtp_bench.tables import Column, Table, Value
 from mtp_bench.viz.board.entries import Entry, by_board
 
 _TARGETS: dict[Subset, str] = {"paper_ids": "IDS", "paper_frag": "FRAG", "all": "all"}

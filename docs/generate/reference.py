@@ -50,7 +50,7 @@ GROUPS = (
         "records",
         ("types", "sources"),
         intro="Arrays of scenes, observations, actions and rollouts.",
-        beside=("mtp_bench.types.Ragged",),
+        beside=("mtp_bench.core.types.Ragged",),
     ),
     Group(
         "Running and training",
@@ -60,9 +60,9 @@ GROUPS = (
         beside=(
             "mtp_bench.running.options.RunKeywords",
             "mtp_bench.scoring.scenes.SceneResult",
-            "mtp_bench.running.compare.Comparison",
+            "mtp_bench.running.comparison.Comparison",
             "mtp_bench.running.options.RunOptions",
-            "mtp_bench.parallel.Workers",
+            "mtp_bench.core.parallel.Workers",
             "mtp_bench.running.stored.StoredRun",
         ),
     ),
@@ -123,7 +123,7 @@ def _index() -> str:
         if _names(group)
     ]
     legend = inspect.cleandoc(
-        importlib.import_module("mtp_bench.types").__doc__ or ""
+        importlib.import_module("mtp_bench.core.types").__doc__ or ""
     ).split("\n\n", 1)[1]
     return (
         HEAD
@@ -185,8 +185,8 @@ def _offered(name: str, value: Any) -> bool:
 def _group_of(name: str) -> Group:
     """The page of a name of `mtp_bench`, by the module that its code lies in; type aliases are records."""
     value = getattr(importlib.import_module("mtp_bench"), name)
-    module = getattr(value, "__module__", "mtp_bench.types")
-    part = (module if module.startswith("mtp_bench.") else "mtp_bench.types").split(
-        "."
-    )[1]
+    module = getattr(value, "__module__", "mtp_bench.core.types")
+    part = (
+        module if module.startswith("mtp_bench.") else "mtp_bench.core.types"
+    ).split(".")[1]
     return next((group for group in GROUPS if part in group.modules), OTHERS)

@@ -26,13 +26,13 @@ from docs.generate.agreement import agreement_table
 from docs.generate.driving import FIGURES
 from docs.generate.paper import paper_table
 from mtp_bench.commands.board import read_board
-from mtp_bench.errors import MtpBenchError, RecordError, UnknownNameError
-from mtp_bench.files import write_text
-from mtp_bench.parallel import NO_PROGRESS
-from mtp_bench.records import trusted
+from mtp_bench.core import Column, Table, Value, to_markdown
+from mtp_bench.core.errors import MtpBenchError, RecordError, UnknownNameError
+from mtp_bench.core.files import write_text
+from mtp_bench.core.parallel import NO_PROGRESS
+from mtp_bench.judge import trusted
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.parts import FAULT_NAMES, PARTS, by_fault
-from mtp_bench.tables import Column, Table, Value, to_markdown
 from mtp_bench.viz.board.entries import Entry, by_board
 from mtp_bench.viz.board.lines import short_name
 

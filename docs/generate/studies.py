@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from mtp_bench import load_card
-from mtp_bench.files import write_text
+from mtp_bench.core.files import write_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "visualization" / "studies"

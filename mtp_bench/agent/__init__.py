@@ -1,15 +1,5 @@
-"""Agents: their interface, and the usual one, made of a tracker, a predictor and a sampler."""
+"""Agents: their interface, actions, the usual pipeline, and folders that hold a submission."""
 
-from ..tracks import Objects as Objects, Tracks as Tracks
-from ..types import Action as Action, Observation as Observation
-from .pipeline import Pipeline as Pipeline
-from .protocols import (
-    Agent as Agent,
-    Forecasts as Forecasts,
-    Frame as Frame,
-    FunctionPredictor as FunctionPredictor,
-    Predictor as Predictor,
-    Presence as Presence,
-    Sampler as Sampler,
-    Tracker as Tracker,
-)
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -6,11 +6,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..env.action import FORECAST_LIMIT, FORECAST_REACH
-from ..env.building import make_action
-from ..errors import ShapeError
-from ..tracks import Objects, Tracks, group
-from ..types import Action, Bools, Floats, Ints, Observation, Task, select
+from ..core import (
+    Action,
+    Bools,
+    Floats,
+    Ints,
+    Objects,
+    Observation,
+    ShapeError,
+    Task,
+    Tracks,
+    group,
+    select,
+)
+from .action import FORECAST_LIMIT, FORECAST_REACH
+from .building import make_action
 from .protocols import Forecasts, Frame, Predictor, Presence, Sampler, Tracker
 
 _POOLED = 2048  # samples in one call of a sampler: its memory must not grow with hypotheses times objects

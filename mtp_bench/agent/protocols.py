@@ -6,9 +6,16 @@ from typing import Protocol, final, runtime_checkable
 
 import numpy as np
 
-from ..errors import ShapeError
-from ..tracks import Tracks
-from ..types import Action, Floats, Ints, Observation, Task
+from ..core import (
+    Action as Action,
+    Floats,
+    Ints,
+    Objects as Objects,
+    Observation as Observation,
+    ShapeError,
+    Task,
+    Tracks as Tracks,
+)
 
 
 @runtime_checkable

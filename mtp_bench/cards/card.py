@@ -12,10 +12,8 @@ from pydantic import (
     field_validator,
 )
 
-from ..detector import Profile, Variant, load_profile
-from ..detector.profile_file import with_variant
-from ..errors import CardError, MtpBenchError, nearest
-from ..strict import Section, rule
+from ..core import CardError, MtpBenchError, Section, nearest, rule
+from ..detector import Profile, Variant, load_profile, with_variant
 from .source import SourceSection
 
 PerClass = dict[
@@ -105,7 +103,7 @@ class LaneSection(Section):
 
 
 class PlannerSection(Section):
-    """Weights of the planner that drives the ego (`mtp_bench.drive.planner`); fitted on training seeds."""
+    """Weights of the planner that drives the ego (`mtp_bench.traffic.drive.planner`); fitted on training seeds."""
 
     caution: Annotated[float, Field(ge=0)] = (
         60.0  # m/s of progress that a certain contact now costs

@@ -6,18 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .._bundle import bundled, card_ids
-from ..detector import load_profile, profile_names
-from ..detector.profile_file import profile_for
-from ..errors import (
+from ..core import (
+    SCORES,
     CardError,
     DataError,
     MtpBenchError,
+    Scene,
     UnknownNameError,
+    bundled,
+    card_ids,
+    read_toml,
     require_known,
+    validate,
 )
-from ..strict import read_toml, validate
-from ..types import SCORES, Scene
+from ..detector import load_profile, profile_for, profile_names
 from .card import Card, DetectorSection, check_consistency, check_detector
 from .own import (
     TEXTS,

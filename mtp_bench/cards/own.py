@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import CardError, DataError
-from ..files import file_digest
-from ..types import Scene
+from ..core import CardError, DataError, Scene, file_digest
 from .source import FilesSource
 
 FORMS = ("csv", "parquet")

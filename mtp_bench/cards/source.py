@@ -10,9 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, InstanceOf, field_validator
 
-from ..errors import CardError
-from ..strict import Section, validate
-from ..types import Scene
+from ..core import CardError, Scene, Section, validate
 
 SOURCES = {
     "kitti": "mtp_bench.sources.kitti:KittiSource",
@@ -21,8 +19,8 @@ SOURCES = {
     "mot3d": "mtp_bench.sources.mot3d:Mot3dSource",
     "people": "mtp_bench.sources.people:PeopleSource",
     "argoverse2": "mtp_bench.sources.argoverse2:Argoverse2Source",
-    "highway": "mtp_bench.sources.highway.world:HighwaySource",
-    "gym": "mtp_bench.sources.gym:GymSource",
+    "highway": "mtp_bench.traffic.highway.world:HighwaySource",
+    "gym": "mtp_bench.traffic.gym:GymSource",
     "files": "mtp_bench.cards.source:FilesSource",
 }
 

@@ -1,1 +1,1 @@
-"""The commands of ``mtp-bench``, one file each; `mtp_bench.commands.app` puts them together."""
+"""Commands of ``mtp-bench``, one file each."""

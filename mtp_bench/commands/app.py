@@ -15,10 +15,7 @@ from typer import BadParameter, Exit, Option, Typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from .. import notice
-from .._version import __version__
-from ..errors import MtpBenchError
-from ..files import clean_text
+from ..core import MtpBenchError, __version__, clean_text, long_work
 from .output import fail, said_of, say
 
 NUMBA_SETTINGS = Path(".numba_config.yaml")  # read by Numba from the current folder
@@ -83,7 +80,7 @@ class Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the chosen command."""
         try:
-            with notice.work(
+            with long_work(
                 " ".join(["mtp-bench", *sys.argv[1:2], "is working"]), around=True
             ):
                 return super().invoke(ctx)

@@ -7,24 +7,36 @@ from typing import Annotated
 
 from typer import Option
 
-from .._bundle import bundled
 from ..cards import load_card
-from ..errors import MtpBenchError, RecordError
-from ..parallel import Progress, reported
-from ..records import Record, Trust, load_record, read_level, record_paths, trusted
-from ..records.submitting import RECORDS
-from ..scoring.definitions import SUBSETS, Subset
-from ..viz.board.columns import board_json, board_table
-from ..viz.board.entries import Entry, Found, entries_of, is_baseline
-from ..viz.board.page import (
+from ..core import MtpBenchError, Progress, RecordError, bundled, reported
+from ..judge import (
+    RECORDS,
+    Record,
+    Trust,
+    load_record,
+    read_level,
+    record_paths,
+    trusted,
+)
+from ..scoring import SUBSETS, Subset
+from ..viz import (
+    Entry,
+    Found,
     Pages,
     board_files,
+    board_json,
+    board_table,
+    board_tables,
+    counted,
+    entries_of,
+    is_baseline,
     parts_folder,
     require_parts,
+    show,
+    show_lines,
+    show_table,
     write_board,
 )
-from ..viz.board.tables import board_tables
-from ..viz.terminal.output import counted, show, show_lines, show_table
 from .options import BaseOption, JsonOption, TableOption, file_option
 from .output import write_json, write_table
 

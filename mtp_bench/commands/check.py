@@ -5,14 +5,11 @@ from typing import Annotated
 
 from typer import Option
 
-from ..errors import SubmissionError
-from ..parallel import Workers, cores
-from ..records.checking import SCENES, check_submission
-from ..running.options import RunOptions
-from ..submission.loader import load_submission
-from ..tables import Column, Table
-from ..testing import Finding
-from ..viz.terminal.output import command_line, counted, show, show_table
+from ..agent import load_submission
+from ..core import Column, SubmissionError, Table, Workers, cores
+from ..judge import SCENES, check_submission
+from ..running import Finding, RunOptions
+from ..viz import command_line, counted, show, show_table
 from .options import DataOption, JsonOption, SubmissionArgument, TracksOption, absolute
 from .output import prepare, working, write_json
 

@@ -6,10 +6,14 @@ from typing import Annotated
 from typer import Argument, Exit, Option
 
 from ..cards import Card
-from ..running.compare import EnvEvaluation, compare as run_comparison, control_names
-from ..running.drives import compare_driving
-from ..running.options import RunOptions
-from ..viz.terminal.output import counted, show_lines, show_table
+from ..running import (
+    EnvEvaluation,
+    RunOptions,
+    compare as run_comparison,
+    compare_driving,
+    control_names,
+)
+from ..viz import counted, show_lines, show_table
 from .options import (
     SEEDS,
     AgentScenes,

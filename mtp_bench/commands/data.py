@@ -4,13 +4,10 @@ from typing import Annotated
 
 from typer import BadParameter, Option
 
-from .._bundle import card_ids
 from ..cards import changed_card, load_card
-from ..errors import MtpBenchError
-from ..parallel import reported
-from ..running.reading import read_status
-from ..viz.terminal.listings import data_lines, status_json, status_table
-from ..viz.terminal.output import show, show_table
+from ..core import MtpBenchError, card_ids, reported
+from ..running import read_status
+from ..viz import data_lines, show, show_table, status_json, status_table
 from .options import DataOption, JsonOption, SplitOption, env_ids
 from .output import write_json
 

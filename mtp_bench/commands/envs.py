@@ -1,9 +1,8 @@
 """``mtp-bench envs``."""
 
-from .._bundle import card_ids
 from ..cards import load_card
-from ..viz.terminal.listings import env_table
-from ..viz.terminal.output import show_table
+from ..core import card_ids
+from ..viz import env_table, show_table
 from .options import JsonOption
 from .output import write_json
 

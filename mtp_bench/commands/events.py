@@ -4,12 +4,27 @@ from typing import Annotated
 
 from typer import Option
 
-from ..parallel import reported
-from ..running.stored import open_run
-from ..viz.incident import INCIDENT_KINDS
-from ..viz.played import replays
-from ..viz.terminal.event_table import Listed, Tally, event_table
-from ..viz.terminal.output import show, show_command, show_lines, show_table
+from ..core import reported
+from ..running import open_run
+from ..viz import (
+    EVENT_CAPTION,
+    INCIDENT_KINDS,
+    LOOK,
+    ORDERS,
+    Listed,
+    Tally,
+    event_table,
+    events_json,
+    in_order,
+    longest_only,
+    replays,
+    show,
+    show_collisions,
+    show_command,
+    show_lines,
+    show_table,
+    tally_line,
+)
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice
 from .output import write_json
 
@@ -57,9 +72,7 @@ def events(
     if listed:
         show_table(event_table(listed))
         show("")
-        show_lines([CAPTION, LOOK])
+        show_lines([EVENT_CAPTION, LOOK])
         show_command(listed[0].view)
-    show_collisions(
-        hits, opened.rollouts(scene), listed[0].view if listed else ""
-    )
+    show_collisions(hits, opened.rollouts(scene), listed[0].view if listed else "")
     show(tally_line(tally, all_listed=len(listed) == len(rows)))

@@ -5,10 +5,9 @@ from typing import Annotated
 
 from typer import Option
 
-from ..parallel import reported
-from ..running.stored import open_run
-from ..running.track_export import export_tracks
-from ..viz.terminal.output import counted, show
+from ..core import reported
+from ..running import export_tracks, open_run
+from ..viz import counted, show
 from .options import DataOption, FolderArgument, RunCardOption
 
 

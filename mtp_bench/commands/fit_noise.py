@@ -4,7 +4,7 @@ from typing import Annotated
 
 from typer import Option
 
-from ..training.noise_profile import fit_noise as fit
+from ..training import fit_noise as fit
 from .options import EnvScenes, TextOption
 from .output import prepare, print_or_write, working
 

@@ -5,12 +5,10 @@ from typing import Annotated
 
 from typer import Argument, Option, Typer
 
-from ..parallel import reported
-from ..running.options import RunOptions
-from ..sources import open_source, with_tracks
-from ..sources.d123 import import_logs
-from ..sources.stored_tracks import import_tracks
-from ..viz.terminal.output import command_line, counted, show, show_command
+from ..core import reported
+from ..running import RunOptions
+from ..sources import import_logs, import_tracks, open_source, with_tracks
+from ..viz import command_line, counted, show, show_command
 from .options import DataOption, EnvOption, ScenesOption, SplitOption
 from .output import prepare
 

@@ -6,14 +6,19 @@ from typing import Annotated
 
 from typer import Argument, BadParameter, Option, Typer
 
-from ..errors import RecordError
-from ..records import retire as retire_seal, seal as make_seal, trusted
-from ..records.eligibility import LEAST_HIDDEN
-from ..records.intake import take_in
-from ..records.seal import COMMITMENT, SEALS, beside
-from ..running.options import RunOptions
-from ..running.reference import freeze as write
-from ..viz.terminal.output import counted, show
+from ..core import RecordError
+from ..judge import (
+    COMMITMENT,
+    LEAST_HIDDEN,
+    SEALS,
+    beside,
+    retire as retire_seal,
+    seal as make_seal,
+    take_in,
+    trusted,
+)
+from ..running import RunOptions, freeze as write
+from ..viz import counted, show
 from .options import (
     BaseOption,
     DataOption,
@@ -96,7 +101,7 @@ def presence(
     output: TextOption = None,
 ) -> None:
     """Fit the presence model of a detector that ships, on its training scenes."""
-    from ..training.presence import fit_detector
+    from ..training import fit_detector
 
     with working("reading scenes, then fitting to them", RunOptions(root)) as watched:
         text = fit_detector(detector, watched)

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from ..submission.contents import new_submission
-from ..viz.terminal.output import show
+from ..agent import new_submission
+from ..viz import show
 
 
 def new(

@@ -9,13 +9,19 @@ from typing import Annotated, Any
 
 from typer import Argument, BadParameter, Option
 
-from .._bundle import baseline_names, card_ids
 from ..cards import Card
-from ..errors import MtpBenchError, closest
-from ..files import require_file
-from ..parallel import Workers, cores, require_cluster
-from ..running.options import RunOptions, fold_of
-from ..tables import SUFFIXES
+from ..core import (
+    SUFFIXES,
+    MtpBenchError,
+    Workers,
+    baseline_names,
+    card_ids,
+    closest,
+    cores,
+    require_cluster,
+    require_file,
+)
+from ..running import RunOptions, fold_of
 from .output import json_alone
 
 SEEDS = 3  # default of commands that compare or submit
@@ -275,7 +281,7 @@ class AgentScenes(EnvScenes):
     @cached_property
     def card(self) -> str | Card:
         """The env; for the folder of a run the card of its scenes, those of a closed loop as they were driven."""
-        from ..running.stored import open_run
+        from ..running import open_run
 
         folder = Path(self.env)
         is_run = folder.is_dir() or (

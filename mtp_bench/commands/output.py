@@ -14,20 +14,22 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import typer
 
-from ..errors import MtpBenchError
-from ..files import (
+from ..core import (
     FULL_DISK,
+    MtpBenchError,
+    Table,
     clean_text,
     describe_write_error,
+    reported,
     require_file,
+    tables_text,
+    to_text,
     write_text,
 )
-from ..parallel import reported
-from ..tables import Table, tables_text, to_text
 
 if TYPE_CHECKING:
     from ..cards import Card
-    from ..running.options import RunOptions
+    from ..running import RunOptions
     from ..scoring import Report
     from .shown import Shown
 
@@ -49,8 +51,8 @@ def prepare(
 
     The ``agents`` are looked up first, so that a misspelt name is an error at once.
     """
+    from ..agent import load_submission
     from ..sources import prepare as prepare_scenes
-    from ..submission.loader import load_submission
 
     for agent in agents:
         load_submission(agent)
@@ -103,10 +105,16 @@ def show_report(
 
     ``names``: submissions that the verdict is about; None for a report of one agent, which has none.
     """
-    from ..running.reading import skipped_line
-    from ..viz.terminal.output import show, show_lines
-    from ..viz.terminal.tables import full_tables, notes, warnings
-    from ..viz.terminal.verdict import short_verdict, verdict
+    from ..running import skipped_line
+    from ..viz import (
+        full_tables,
+        notes,
+        short_verdict,
+        show,
+        show_lines,
+        verdict,
+        warnings,
+    )
 
     condition = report.condition
     main, further = asked.main(report), list(full_tables(report)) if asked.full else []

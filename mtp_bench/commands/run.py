@@ -5,10 +5,9 @@ from typing import Annotated
 
 from typer import Option
 
-from ..running.reading import skipped_line
-from ..running.stored import require_free, run as run_agent
-from ..scoring.report import rejected_line
-from ..viz.terminal.output import command_line, counted, show
+from ..running import require_free, run as run_agent, skipped_line
+from ..scoring import rejected_line
+from ..viz import command_line, counted, show
 from .options import AgentScenes, SubmissionArgument, WorkerChoice
 from .output import prepare
 

@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import Annotated
 
-from ..running.options import RunOptions
-from ..running.stored import score as score_run
-from ..scoring.rows import Row
-from ..tables import Column, Table, columns_of
+from ..core import Column, Table, columns_of
+from ..running import RunOptions, score as score_run
+from ..scoring import Row
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, file_option
 from .output import show_report, working, write_json, write_table
 from .shown import Shown

@@ -6,11 +6,9 @@ from typing import Annotated, Any
 
 from typer import Option
 
-from ..scoring import Report
-from ..scoring.definitions import KNOWN_SUBSETS
-from ..scoring.main_table import main_table
-from ..tables import Table
-from ..viz.terminal.tables import chosen_table, column_keys, data_table
+from ..core import Table
+from ..scoring import KNOWN_SUBSETS, Report, main_table
+from ..viz import chosen_table, column_keys, data_table
 from .options import TableOption, one_of
 
 

@@ -6,11 +6,17 @@ from typing import Annotated
 
 from typer import BadParameter, Option
 
-from ..study import study as run_study
-from ..study.conduct import QUICK_SCENES, quick_options, require_study_folder
-from ..study.page import summary
-from ..submission.loader import controls
-from ..viz.terminal.output import command_line, show, show_lines
+from ..agent import controls
+from ..viz import (
+    QUICK_SCENES,
+    command_line,
+    quick_options,
+    require_study_folder,
+    show,
+    show_lines,
+    study as run_study,
+    summary,
+)
 from .options import SEEDS, AgentScenes, WorkerChoice, submissions
 from .output import prepare
 

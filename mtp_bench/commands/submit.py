@@ -9,15 +9,21 @@ from typing import Annotated, Any, Literal, get_args
 
 from typer import Argument, BadParameter, Option
 
+from ..agent import Submission, load_submission
 from ..cards import load_card
-from ..errors import DataError, MtpBenchError, RecordError
-from ..records import Record, submit as make_record
-from ..records.inventory import Piece, inventory, standing_record, why_impossible
-from ..records.submitting import record_path, require_target
-from ..running.options import RunOptions
-from ..submission.loader import Submission, load_submission
-from ..tables import Column, Table, columns_of
-from ..viz.terminal.output import counted, show, show_table
+from ..core import Column, DataError, MtpBenchError, RecordError, Table, columns_of
+from ..judge import (
+    Piece,
+    Record,
+    inventory,
+    record_path,
+    require_target,
+    standing_record,
+    submit as make_record,
+    why_impossible,
+)
+from ..running import RunOptions
+from ..viz import counted, show, show_table
 from .options import SEEDS, DataOption, SeedsOption, WorkerChoice, env_ids, submissions
 from .output import prepare, said_of, say, some_of, working
 

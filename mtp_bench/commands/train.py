@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option, Typer
 
-from .. import notice
-from ..errors import MtpBenchError
-from ..parallel import reported
-from ..running.options import Fold, RunOptions
+from ..core import MtpBenchError, long_work, reported
+from ..running import Fold, RunOptions
 from .options import (
     EnvScenes,
     JobsOption,
@@ -25,7 +23,7 @@ from .output import prepare, print_or_write, say, working
 
 if TYPE_CHECKING:
     from ..cards import Card
-    from ..training.predictors import TrainingRequest
+    from ..training import TrainingRequest
 
 _FRAMES = 2400  # of simulated traffic that is learnt from by default, as the weights that ship did at most
 OBSERVE = ("detections", "truth")
@@ -45,7 +43,7 @@ def motion_noise(
 
     The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones.
     """
-    from ..training.motion_noise import fit_env
+    from ..training import fit_env
 
     options, without = _learnt_from(on, jobs)
     prepare(on.env, options)
@@ -100,10 +98,9 @@ def predictor(
     The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones; by default 2400 frames of simulated
     traffic, and all scenes of recorded data.
     """
-    with notice.work("loading PyTorch"):
-        from ..prediction.learned.network import network_of, networks
-        from ..training.fitting import TrainingPlan, device_of
-        from ..training.predictors import TrainingRequest
+    with long_work("loading PyTorch"):
+        from ..prediction import network_of, networks
+        from ..training import TrainingPlan, TrainingRequest, device_of
 
     one_of(network, tuple(networks()), "NAME")
     recipe = network_of(network).recipe
@@ -148,7 +145,7 @@ def _trained(
     minutes: int | None = None,
 ) -> tuple[Path, dict[str, Any]]:
     """The file of weights of a training, and its card, with progress; ``minutes``: about how long it takes."""
-    from ..training.predictors import train_predictor, training_windows
+    from ..training import train_predictor, training_windows
 
     found = training_windows(request, options)
     with reported(f"training {request.network}", 60 * (minutes or 0)) as progress:
@@ -163,9 +160,9 @@ def _trained(
 
 def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     """Train the networks of ``agents`` that have no weights for an env, on its training split, the quickest first."""
-    from ..networks import states_of
-    from ..submission.loader import load_submission
-    from ..training.predictors import TrainingRequest
+    from ..agent import load_submission
+    from ..core import states_of
+    from ..training import TrainingRequest
 
     card = options.card(env)
     networks = dict.fromkeys(
@@ -220,8 +217,7 @@ def presence(on: EnvScenes, output: TextOption = None) -> None:
     Without ``--files`` and ``--split`` these are the training scenes; those of ``--fold`` are left out. Agents take the
     file as ``--presence``.
     """
-    from ..training.presence import fit_split
-    from ..training.split import open_split
+    from ..training import fit_split, open_split
 
     options = on.options()
     options = options if on.files is not None else options.on_split("train")

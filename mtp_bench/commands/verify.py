@@ -10,18 +10,22 @@ from typing import Annotated, Any
 
 from typer import Argument, BadParameter, Option
 
-from ..errors import MtpBenchError, RecordError
-from ..files import clean_text
-from ..records import checked_record, record_paths, trusted
-from ..records.canonical import Difference
-from ..records.eligibility import LEAST_HIDDEN
-from ..records.record import HiddenPart
-from ..records.seal import open_seals
-from ..records.trust import Trust
-from ..records.verifying import Round, Verification, attest
-from ..running.options import RunOptions
-from ..tables import Column, Table, short
-from ..viz.terminal.output import counted, show, show_lines, show_table
+from ..core import Column, MtpBenchError, RecordError, Table, clean_text, short
+from ..judge import (
+    LEAST_HIDDEN,
+    Difference,
+    HiddenPart,
+    Round,
+    Trust,
+    Verification,
+    attest,
+    checked_record,
+    open_seals,
+    record_paths,
+    trusted,
+)
+from ..running import RunOptions
+from ..viz import counted, show, show_lines, show_table
 from .options import BaseOption, DataOption, JobsOption, JsonOption, WorkerChoice
 from .output import said_of, some_of, working, write_json
 

@@ -5,14 +5,20 @@ from typing import Annotated
 
 from typer import Option
 
-from ..parallel import reported
-from ..running.stored import open_run
-from ..viz.drawing.video import VIDEO_SUFFIXES, pictures, require_encoder, write_video
-from ..viz.framing import frames_around
-from ..viz.moments import AT, found
-from ..viz.played import PlayedRun
-from ..viz.replay import replay
-from ..viz.terminal.output import show
+from ..core import reported
+from ..running import open_run
+from ..viz import (
+    AT,
+    VIDEO_SUFFIXES,
+    PlayedRun,
+    found,
+    frames_around,
+    pictures,
+    replay,
+    require_encoder,
+    show,
+    write_video,
+)
 from .options import DataOption, FolderArgument, RunCardOption, file_option
 from .output import say
 
@@ -22,7 +28,10 @@ def video(
     output: Annotated[
         Path,
         file_option(
-            "-o", "--output", text="File to write: .mp4 or .gif.", suffixes=VIDEO_SUFFIXES
+            "-o",
+            "--output",
+            text="File to write: .mp4 or .gif.",
+            suffixes=VIDEO_SUFFIXES,
         ),
     ],
     scene: Annotated[

@@ -11,19 +11,21 @@ from typing import Annotated
 
 from typer import Argument, BadParameter, Option
 
-from .. import notice
-from ..errors import MtpBenchError
-from ..running.stored import OpenedRun, open_run
+from ..core import MtpBenchError, long_work
+from ..running import OpenedRun, open_run
 from ..sources import camera_images
-from ..viz.drawing.report import save_report
-from ..viz.focus import Focus
-from ..viz.framing import focuses_of
-from ..viz.moments import AT, found
-from ..viz.played import PlayedRun
-from ..viz.replay import Replay
-from ..viz.rerun.shown import LEVELS
-from ..viz.sentence import sentence
-from ..viz.terminal.output import show
+from ..viz import (
+    AT,
+    LEVELS,
+    Focus,
+    PlayedRun,
+    Replay,
+    focuses_of,
+    found,
+    save_report,
+    sentence,
+    show,
+)
 from .options import DataOption, RunCardOption, choice, file_option
 from .output import say
 
@@ -74,10 +76,10 @@ def view(
         raise BadParameter(advice, param_hint="--png")
     runs = _opened(folders, root, env)
     if png is None:
-        with notice.work("loading rerun"):
-            from ..viz.rerun.recording import save_recording
-            from ..viz.rerun.viewer import (
+        with long_work("loading rerun"):
+            from ..viz import (
                 require_display,
+                save_recording,
                 serve_recording,
                 show_recording,
             )
@@ -95,7 +97,7 @@ def view(
         save_recording(save, replays, level, incident)
         show(f"{save}: {shown}; open it with `rerun {shlex.quote(str(save))}`")
     elif web:
-        with notice.work(""):  # nothing to say while the user looks at it
+        with long_work(""):  # nothing to say while the user looks at it
             serve_recording(
                 replays,
                 level,
@@ -122,7 +124,7 @@ def _opened(
     return runs
 
 
-@notice.work("reading the scene and finding its events")
+@long_work("reading the scene and finding its events")
 def _replays(
     runs: Sequence[OpenedRun], scene: str | None, images: bool
 ) -> list[Replay]:

@@ -5,19 +5,25 @@ from typing import Annotated
 import numpy as np
 from typer import BadParameter, Option
 
-from ..parallel import reported
-from ..running.stored import open_run
-from ..scoring.parts import BELOW, FAULTS, PARTS, named_parts
-from ..viz.moments import costs, moments
-from ..viz.played import replays
-from ..viz.terminal.event_table import Listed, show_collisions
-from ..viz.terminal.output import counted, show, show_command, show_lines, show_table
-from ..viz.terminal.worst_table import (
-    CAPTION,
+from ..core import reported
+from ..running import open_run
+from ..scoring import BELOW, FAULTS, PARTS, named_parts
+from ..viz import (
     CAPTION_BELOW,
     UNSPLIT,
+    WORST_CAPTION,
+    Listed,
     WorstRow,
+    costs,
+    counted,
+    moments,
+    replays,
     run_line,
+    show,
+    show_collisions,
+    show_command,
+    show_lines,
+    show_table,
     worst_json,
     worst_table,
 )
@@ -104,7 +110,7 @@ def worst(
     if shown:
         show_table(worst_table(shown, total))
         show("")
-        show_lines([CAPTION_BELOW if below else CAPTION, LOOK])
+        show_lines([CAPTION_BELOW if below else WORST_CAPTION, LOOK])
         show_command(shown[0].view)
     show_collisions(hits, opened.rollouts(scene))
     share = sum(row.moment.cost for row in shown) / total if total else 0.0

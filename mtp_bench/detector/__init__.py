@@ -1,4 +1,5 @@
-"""A simulated detector: noise profiles fitted to real detectors, and the detections they give for true boxes."""
+"""Simulated detectors: noise profiles of real ones, and detections of true boxes."""
 
-from .profile import Profile as Profile, Variant as Variant
-from .profile_file import load_profile as load_profile, profile_names as profile_names
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

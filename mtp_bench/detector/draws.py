@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr, ndtri
 
-from ..types import Floats, Ints
+from ..core import Floats, Ints
 
 Keys = NDArray[np.uint64]  # what numbers are drawn for
 

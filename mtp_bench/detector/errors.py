@@ -6,8 +6,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import chdtri, ndtr, ndtri
 
-from ..geometry import rotate, wrap_angle
-from ..types import Bools, Floats, Ints
+from ..core import Bools, Floats, Ints, rotate, wrap_angle
 from .draws import (
     Component,
     Draws,

@@ -5,8 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry import unit_vectors
-from ..types import Detections, Floats, Ints, Truth, joined, select, starts_of
+from ..core import (
+    Detections,
+    Floats,
+    Ints,
+    Truth,
+    joined,
+    select,
+    starts_of,
+    unit_vectors,
+)
 from .errors import BoxErrors, detected_boxes
 from .grid import Memory
 from .profile import EVEN_RANKS, ClassNoise

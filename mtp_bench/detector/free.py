@@ -4,8 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry import wrap_angle
-from ..types import Floats, Ints, Ragged, select, starts_of
+from ..core import Floats, Ints, Ragged, select, starts_of, wrap_angle
 from .draws import Draws, NoiseKind, NoiseSubject, decayed, exponential, skewed
 from .errors import BoxErrors, draw_errors
 from .false_positives import (

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.special import ndtri
 
-from ..types import NO_ROWS, Floats, Ints, Truth
+from ..core import NO_ROWS, Floats, Ints, Truth
 from .draws import (
     Component,
     Draws,

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..geometry import rotate, unit_vectors
-from ..types import Bools, Floats, Ints, Truth
+from ..core import Bools, Floats, Ints, Truth, rotate, unit_vectors
 from .draws import Component, Draws, NoiseKind, NoiseSubject, exponential, parts, skewed
 from .errors import BoxErrors, draw_errors, of_axes
 from .false_positives import DetectedRows, SensedScene, spread_sizes

@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from ..errors import UnknownNameError
-from ..strict import Section, rule
+from ..core import Section, UnknownNameError, rule
 
 QUANTILES = 11  # of distances, at `EVEN_RANKS`: 0, 10, ..., 100 %
 EVEN_RANKS = np.linspace(0.0, 1.0, QUANTILES)

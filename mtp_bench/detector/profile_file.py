@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import CardError, require_known
-from ..strict import Section, read_toml, validate
+from ..core import CardError, Section, read_toml, require_known, validate
 from .profile import ClassNoise, Profile, Variant
 
 _STORE = Path(__file__).parent / "profiles"

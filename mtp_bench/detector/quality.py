@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..types import Bools, Floats, Ints
+from ..core import Bools, Floats, Ints
 from .draws import (
     Component,
     Draws,

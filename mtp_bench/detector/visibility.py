@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import bev_corners, wrap_angle
-from ..types import Bools, Floats, Ints, Truth
+from ..core import Bools, Floats, Ints, Truth, bev_corners, wrap_angle
 
 # An object's occlusion level is the number of these thresholds above its visible fraction (BEV).
 VISIBLE = (0.8, 0.4, 0.05)

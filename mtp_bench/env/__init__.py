@@ -1,1 +1,5 @@
-"""The Gymnasium environment `MTPEnv`, its spaces, and the table of the action's fields."""
+"""The Gymnasium environment: observations, episodes and rollouts."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -6,8 +6,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from ..errors import MtpBenchError, UnknownNameError, require_known
-from ..types import Scene
+from ..core import MtpBenchError, Scene, UnknownNameError, require_known
 from .episode import RENDERERS
 
 MOST_BYTES = (

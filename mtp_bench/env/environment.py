@@ -14,12 +14,20 @@ from gymnasium import logger
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from ..agent import examine
 from ..cards import CHANGES, Card, changed_card, load_card, with_scenes
-from ..errors import DataError, MtpBenchError, RolloutError
-from ..scoring.definitions import DEFINITIONS
-from ..scoring.frame import FrameScorer
+from ..core import (
+    Action,
+    DataError,
+    MtpBenchError,
+    Observation,
+    Rollout,
+    RolloutError,
+    Scene,
+    Task,
+)
+from ..scoring import DEFINITIONS, FrameScorer
 from ..sources import detected, open_source, with_tracks
-from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import (
     EnvKeywords,
     checked,
@@ -29,8 +37,14 @@ from .arguments import (
     size,
     wanted,
 )
-from .checks import examine
-from .episode import RENDERERS, Episode, LiveEpisode, Renderer, live_episode
+from .episode import (
+    DRIVEN_EPISODE,
+    RENDERERS,
+    Episode,
+    LiveEpisode,
+    Renderer,
+    live_episode,
+)
 from .feedback import Feedback
 from .observation import LocalFrame, make_feed
 from .rollouts import RecordedAction, assemble, record_action
@@ -138,11 +152,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             self.np_random if self._rigid_motion else None,
         )
         if self.card.drive is not None:  # the scene is made while it is driven
-            from .driven import DrivenEpisode
-
-            return self._begin(
-                DrivenEpisode.start(self.card, self.task, name, number, rng)
-            )
+            start = resolve_name(DRIVEN_EPISODE).start
+            return self._begin(start(self.card, self.task, name, number, rng))
         scene = self._load(name)
         frame = LocalFrame.of(scene, rng)
         scorer = None if self._evaluation else FrameScorer(scene, self.card)

@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..errors import DataError
-from ..scoring.forecasts import RecordedForecasts
-from ..scoring.frame import FrameScore, FrameScorer
-from ..types import Detections, Drive, Ints, Observation, Rollout, Scene
+from ..core import DataError, Detections, Drive, Ints, Observation, Rollout, Scene
+from ..scoring import FrameScore, FrameScorer, RecordedForecasts
 from .observation import Feed, LocalFrame
 from .rollouts import RecordedAction, assemble, empty_rollout
 
@@ -19,6 +17,7 @@ RENDERERS = {  # render mode -> class, imported when an env first renders
     "rgb_array": "mtp_bench.viz.drawing.birds_eye:EpisodePictures",
     "rerun": "mtp_bench.viz.rerun.recording:LiveRecording",
 }
+DRIVEN_EPISODE = "mtp_bench.traffic:DrivenEpisode"  # of a closed loop
 
 
 @dataclass

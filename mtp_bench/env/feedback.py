@@ -6,10 +6,8 @@ It looks at actions that were examined already (`checks`), so it costs little, a
 import numpy as np
 from gymnasium import logger
 
-from ..errors import ActionError
-from ..types import Floats, Task
-from .action import COORDINATE_LIMIT, Rows
-from .checks import ActionProblem, Examined, present
+from ..agent import COORDINATE_LIMIT, ActionProblem, Examined, Rows, present
+from ..core import ActionError, Floats, Task
 
 RANDOM_BEYOND = 1e4  # m, of a centre: agents report no object there, a random action has hardly any nearer
 _TURN = (

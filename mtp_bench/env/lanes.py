@@ -4,11 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..cards.card import LaneSection
-from ..errors import DataError
-from ..geometry import rotate
-from ..types import Bools, Floats, Ints, Lane, Observation, Scene, starts_of
-from .action import padded
+from ..agent import padded
+from ..cards import LaneSection
+from ..core import (
+    Bools,
+    DataError,
+    Floats,
+    Ints,
+    Lane,
+    Observation,
+    Scene,
+    rotate,
+    starts_of,
+)
 
 NEXT = 4  # successors of a piece that an observation has room for
 

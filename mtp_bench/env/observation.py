@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..agent import COORDINATE_LIMIT, SIZE_LIMIT, padded
 from ..cards import Card
-from ..errors import DataError
-from ..geometry import rotate, transform_boxes
-from ..scoring.forecasts import near_truth
-from ..scoring.matching import columns_to_rows, match
-from ..types import (
+from ..core import (
     Bools,
+    DataError,
     Detections,
     Floats,
     Ints,
@@ -21,9 +19,11 @@ from ..types import (
     Ragged,
     Scene,
     Task,
+    rotate,
     starts_of,
+    transform_boxes,
 )
-from .action import COORDINATE_LIMIT, SIZE_LIMIT, padded
+from ..scoring import columns_to_rows, match, near_truth
 from .lanes import LaneFeed, make_lane_feed
 from .spaces import SCORE_LIMIT, VELOCITY_LIMIT
 

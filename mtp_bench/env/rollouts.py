@@ -11,10 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import rotate
-from ..types import Bools, Drive, Floats, Ints, Rollout, Task, starts_of, to_centimetres
-from .action import ROWS
-from .checks import Examined, present
+from ..agent import ROWS, Examined, present
+from ..core import (
+    Bools,
+    Drive,
+    Floats,
+    Ints,
+    Rollout,
+    Task,
+    rotate,
+    starts_of,
+    to_centimetres,
+)
 from .observation import LocalFrame
 
 FAINTEST = -1000.0  # a normalised log-weight; exp of it is 0 already

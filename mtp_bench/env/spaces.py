@@ -7,9 +7,22 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ..types import ID_LIMIT, Task
-from . import action
-from .checks import examine
+from ..agent import (
+    ABSENT,
+    BOX,
+    CONFIDENCE,
+    COORDINATE_LIMIT,
+    FIELDS,
+    FORECAST_REACH,
+    ID,
+    LOG_WEIGHT,
+    MASK,
+    OFFSET,
+    SIZE_LIMIT,
+    Field,
+    examine,
+)
+from ..core import ID_LIMIT, Task
 from .lanes import NEXT
 
 SCORE_LIMIT = 1e6
@@ -47,7 +60,7 @@ def observation_space(task: Task) -> spaces.Dict:
     if task.lanes:
         shape = (task.lanes, task.lane_points)
         fields["lane_point"] = Box(
-            -action.COORDINATE_LIMIT, action.COORDINATE_LIMIT, (*shape, 2), np.float32
+            -COORDINATE_LIMIT, COORDINATE_LIMIT, (*shape, 2), np.float32
         )
         fields["lane_valid"] = spaces.MultiBinary(shape)
         fields["lane_next"] = Box(-1, task.lanes - 1, (task.lanes, NEXT), np.int16)
@@ -56,7 +69,7 @@ def observation_space(task: Task) -> spaces.Dict:
 
 def action_numbers(task: Task) -> int:
     """Number of entries of an action, computed before an array of that size is made."""
-    return sum(math.prod(field.shape_in(task)) for field in action.FIELDS)
+    return sum(math.prod(field.shape_in(task)) for field in FIELDS)
 
 
 def observation_numbers(task: Task) -> int:
@@ -64,25 +77,25 @@ def observation_numbers(task: Task) -> int:
     return 13 * task.detections + task.lanes * (3 * task.lane_points + NEXT)
 
 
-def _space_of(field: action.Field, task: Task) -> spaces.Space[Any]:
+def _space_of(field: Field, task: Task) -> spaces.Space[Any]:
     shape, content = field.shape_in(task), field.content
     if (
-        content is action.ID
+        content is ID
     ):  # a Box of ids would not pass Gymnasium's checker, which wants vectors within [-1, 1]
         return spaces.MultiDiscrete(np.full(shape, _IDS_DRAWN * shape[0]))
-    if content is action.LOG_WEIGHT:
+    if content is LOG_WEIGHT:
         return (
             Box(-1.0, 1.0, shape, np.float32)
             if len(shape) == 1
-            else Box(action.ABSENT, 0.0, shape, np.float32)
+            else Box(ABSENT, 0.0, shape, np.float32)
         )
-    if content is action.MASK:
+    if content is MASK:
         return spaces.MultiBinary(shape)
-    if content is action.BOX:
+    if content is BOX:
         return _boxes(shape[0], smallest=0.01)
-    if content is action.OFFSET:
-        return Box(-action.FORECAST_REACH, action.FORECAST_REACH, shape, np.float32)
-    if content is action.CONFIDENCE:
+    if content is OFFSET:
+        return Box(-FORECAST_REACH, FORECAST_REACH, shape, np.float32)
+    if content is CONFIDENCE:
         return Box(0.0, 1.0, shape, np.float32)
     values = field.values_in(task)
     return spaces.MultiDiscrete(
@@ -91,14 +104,14 @@ def _space_of(field: action.Field, task: Task) -> spaces.Space[Any]:
 
 
 def _pose_bounds() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    high = np.array([action.COORDINATE_LIMIT] * 3 + [np.pi], dtype=np.float32)
+    high = np.array([COORDINATE_LIMIT] * 3 + [np.pi], dtype=np.float32)
     return -high, high
 
 
 def _boxes(rows: int, smallest: float) -> spaces.Box:
     low, high = _pose_bounds()
     low = np.concatenate([low, np.full(3, smallest, np.float32)])
-    high = np.concatenate([high, np.full(3, action.SIZE_LIMIT, np.float32)])
+    high = np.concatenate([high, np.full(3, SIZE_LIMIT, np.float32)])
     return Box(np.tile(low, (rows, 1)), np.tile(high, (rows, 1)), dtype=np.float32)
 
 
@@ -113,9 +126,7 @@ class ActionSpace(spaces.Dict):
 
     def __init__(self, task: Task) -> None:
         self._task = task
-        super().__init__(
-            {field.name: _space_of(field, task) for field in action.FIELDS}
-        )
+        super().__init__({field.name: _space_of(field, task) for field in FIELDS})
 
     def contains(self, x: Any) -> bool:
         """True if a strict env accepts ``x`` as an action."""

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from ..tracking.kernels.compile import kernel, part
-from ..types import Floats, Ints
+from ..core import Floats, Ints
+from ..tracking import kernel, part
 from .pools import as_points, existing, masses, pass_on
 
 

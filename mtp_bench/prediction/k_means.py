@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..tracking.kernels.compile import kernel, part
-from ..types import Floats, Ints
+from ..core import Floats, Ints
+from ..tracking import kernel, part
 from .pools import as_points, existing, masses, pass_on
 
 _JUST_BELOW = 1.0 - 2.0**-53  # factor to the next number below, up to half a unit

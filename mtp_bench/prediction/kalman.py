@@ -15,11 +15,19 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ShapeError, UnknownNameError, require_finite, require_shape
-from ..similar import of_kind, similar_class
-from ..tracking.kernels.compile import kernel
-from ..tracking.parameters import family_of
-from ..types import Bools, Floats, Ints, Task
+from ..core import (
+    Bools,
+    Floats,
+    Ints,
+    ShapeError,
+    Task,
+    UnknownNameError,
+    of_kind,
+    require_finite,
+    require_shape,
+    similar_class,
+)
+from ..tracking import family_of, kernel
 
 FOLDER = Path(__file__).with_name("motion_noise")
 Noise = Mapping[str, Any]  # field of `NoiseTable` -> value(s) of one class

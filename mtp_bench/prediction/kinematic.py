@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from ..agent import Forecasts, Frame, Tracks
-from ..errors import ShapeError
-from ..tracking.kernels.compile import kernel
-from ..types import Floats, Ints, Task
+from ..agent import Forecasts, Frame
+from ..core import Floats, Ints, ShapeError, Task, Tracks
+from ..tracking import kernel
 from .kalman import NoiseTable, filtered, heading_frame, require_noise, stored_noise
 
 _NUMBERS = 7  # standard normal numbers per sample: 4 of the state, 2 of the acceleration; the last one is unused, but

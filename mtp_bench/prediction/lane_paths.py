@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..tracking.kernels.compile import kernel, part
-from ..types import Bools, Floats, Ints, Observation
+from ..core import Bools, Floats, Ints, Observation
+from ..tracking import kernel, part
 
 STEP = 2.0  # m, between the points of a path
 _ASIDE = 3.0  # m, farthest middle line of a lane that an object may be on

@@ -3,8 +3,8 @@
 import numpy as np
 
 from ..agent import Frame
-from ..tracking.kernels.compile import kernel, part
-from ..types import Floats, Ints
+from ..core import Floats, Ints
+from ..tracking import kernel, part
 from .kinematic import KinematicPredictor, absolute
 from .lane_paths import STEP, lane_paths
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..tracking.kernels.compile import part
-from ..types import Floats, Ints
+from ..core import Floats, Ints
+from ..tracking import part
 
 
 @part

@@ -15,11 +15,20 @@ from typing import Annotated, Any, Self, final
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from ..errors import SubmissionError, nearest
-from ..strict import Section, read_json, validate
-from ..tracking.parameters import family_of
-from ..tracks import Tracks
-from ..types import SCORES, Floats, Ints, Observation, Task
+from ..core import (
+    SCORES,
+    Floats,
+    Ints,
+    Observation,
+    Section,
+    SubmissionError,
+    Task,
+    Tracks,
+    nearest,
+    read_json,
+    validate,
+)
+from ..tracking import family_of
 
 MODELS = Path(__file__).with_name("presence_models")
 # Per class, scores [2, n] of a detector and those of another one that finds as many boxes above them, both increasing.

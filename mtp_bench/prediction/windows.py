@@ -7,9 +7,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..agent import Frame, Observation, Tracks
-from ..tracks import UNBORN
-from ..types import Bools, Floats, Ints, Ragged, starts_of
+from ..agent import Frame
+from ..core import UNBORN, Bools, Floats, Ints, Observation, Ragged, Tracks, starts_of
 
 LANES = (
     "lane_point",

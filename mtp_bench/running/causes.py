@@ -7,27 +7,33 @@ from dataclasses import replace
 
 import numpy as np
 
-from .._version import __version__
-from ..errors import MtpBenchError, SubmissionError, UnknownNameError
-from ..files import cache_root
-from ..parallel import reported
-from ..scoring import DEFINITIONS, AgentScores, score_scene
-from ..scoring.parts import (
+from ..agent import load_submission
+from ..core import (
+    MtpBenchError,
+    SubmissionError,
+    UnknownNameError,
+    __version__,
+    cache_root,
+    reported,
+)
+from ..scoring import (
+    DEFINITIONS,
     PARTS,
+    AgentScores,
     SceneParts,
+    agent_table,
     blame,
     error_parts,
     reference_errors,
+    score_scene,
     thresholds_of,
 )
-from ..scoring.table import agent_table
-from ..sources.cache import Arrays, read_arrays, write_arrays
-from ..submission.loader import load_submission
-from .compare import scores_of
+from ..sources import Arrays, read_arrays, write_arrays
+from .comparison import scores_of
 from .options import DEFAULTS, RunOptions
+from .playing import jobs_of, run_jobs
 from .reference import card_budget
 from .rollout_files import RUN_FILE
-from .run import jobs_of, run_jobs
 from .settings import Setting, references_of, setting_of
 from .stored import OpenedRun, run_scores
 

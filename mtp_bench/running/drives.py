@@ -6,23 +6,26 @@ from dataclasses import dataclass, replace
 from itertools import chain, count, product
 from typing import Any
 
+from ..agent import Role, controls, submission_of
 from ..cards import Card, with_files
-from ..drive.scenes import whole_scene
-from ..env.rollouts import digest
-from ..errors import RolloutError, SubmissionError
-from ..files import cache_root, whole_folder
-from ..scoring import SceneScore, score_scene
-from ..scoring.driving import AgentDrives, DrivingRow, driving_rows
-from ..sources.files import save_scene
-from ..sources.highway.store import unpack
-from ..sources.highway.world import RATE
-from ..submission.loader import controls, submission_of
-from ..submission.manifest import Role
-from ..tables import Table, counted
-from ..types import Drive, Rollout, Scene
-from .compare import EnvEvaluation
+from ..core import (
+    Drive,
+    Rollout,
+    RolloutError,
+    Scene,
+    SubmissionError,
+    Table,
+    cache_root,
+    counted,
+    whole_folder,
+)
+from ..env import digest
+from ..scoring import AgentDrives, DrivingRow, SceneScore, driving_rows, score_scene
+from ..sources import save_scene
+from ..traffic import RATE, unpack, whole_scene
+from .comparison import EnvEvaluation
+from .playing import AgentFailedError, run_jobs
 from .reference import frozen_reference
-from .run import AgentFailedError, run_jobs
 from .settings import Setting, setting_of
 
 SENTENCE = (

@@ -3,8 +3,7 @@
 import importlib
 from typing import Any
 
-from .. import notice
-from ..parallel import SERIAL, Workers, parallel_map
+from ..core import SERIAL, Workers, long_work, parallel_map
 
 PLAYERS = (
     "mtp_bench.tracking",
@@ -38,7 +37,7 @@ def compile_kernels(workers: Workers = SERIAL) -> None:
         return
     seconds = [kernel.seconds for kernel in missing]
     text = "compiling kernels of trackers and samplers, once per installation"
-    with notice.work(text, max(*seconds, sum(seconds) / workers.count)):
+    with long_work(text, max(*seconds, sum(seconds) / workers.count)):
         parallel_map(_compile, calls, Workers(workers.count))
 
 

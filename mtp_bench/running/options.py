@@ -8,12 +8,19 @@ from typing import Any, SupportsIndex, TypedDict
 
 import numpy as np
 
+from ..agent import Submission
 from ..cards import CHANGES, Card, changed_card, load_card, with_scenes
-from ..errors import MtpBenchError, require_known
-from ..parallel import NO_PROGRESS, SERIAL, Progress, Workers, cores
-from ..scoring.scenes import SceneResult
-from ..submission.loader import Submission
-from ..types import Scene
+from ..core import (
+    NO_PROGRESS,
+    SERIAL,
+    MtpBenchError,
+    Progress,
+    Scene,
+    Workers,
+    cores,
+    require_known,
+)
+from ..scoring import SceneResult
 
 MOST_SEED = 2**31 - 1
 Fold = tuple[int, int]  # the number of a fold, from 1 on, and the number of folds

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..scoring.forecasts import match_objects
-from ..scoring.neutral import evaluated
-from ..types import Bools, Floats, Ints, Scene, joined
-from .run import derived_seed
+from ..core import Bools, Floats, Ints, Scene, joined
+from ..scoring import evaluated, match_objects
+from .playing import derived_seed
 
 RUNS = 48
 QUANTILES = (

@@ -8,15 +8,20 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from .._version import __version__
 from ..cards import Card
-from ..errors import MtpBenchError
-from ..files import cache_root, make_folder, write_text
-from ..scoring.events import HOLES, LOST_TARGETS
-from ..scoring.targets import left_out
+from ..core import (
+    MtpBenchError,
+    Section,
+    __version__,
+    cache_root,
+    counted,
+    make_folder,
+    read_json,
+    validate,
+    write_text,
+)
+from ..scoring import HOLES, LOST_TARGETS, left_out
 from ..sources import DataStatus, describe, open_source
-from ..strict import Section, read_json, validate
-from ..tables import counted
 
 
 class _Counts(Section):

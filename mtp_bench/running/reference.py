@@ -9,39 +9,45 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bundle import bundled, card_ids
-from ..agent import Agent
+from ..agent import Agent, Submission, controls, load_submission
 from ..cards import Card, load_card, with_presence
-from ..env.environment import MTPEnv
-from ..env.observation import LocalFrame, make_feed
-from ..env.rollouts import empty_rollout
-from ..errors import (
+from ..core import (
+    Bools,
     CardError,
     DataError,
     MtpBenchError,
+    Rollout,
+    Scene,
+    Task,
     UnknownNameError,
+    bundled,
+    card_ids,
+    parallel_map,
+    read_json,
+    reported,
+    require_file,
     require_known,
+    starts_of,
+    write_text,
 )
-from ..files import require_file, write_text
-from ..parallel import parallel_map, reported
-from ..scoring import score_scene
-from ..scoring.bade import ONE_PER_TARGET, CardBudget
-from ..scoring.definitions import WEIGHTS_DEFINITIONS
-from ..scoring.neutral import evaluated
-from ..scoring.targets import find_targets
-from ..scoring.weights import (
+from ..env import LocalFrame, MTPEnv, empty_rollout, make_feed
+from ..scoring import (
     COUNTED,
     EVENTS,
+    ONE_PER_TARGET,
+    WEIGHTS_DEFINITIONS,
+    CardBudget,
     Reference,
     SceneWeights,
     count_runs,
+    evaluated,
+    find_targets,
+    read_reference,
     scene_key,
+    score_scene,
     tracking_events as events_of,
+    write_reference,
 )
-from ..scoring.weights_file import read_reference, write_reference
-from ..strict import read_json
-from ..submission.loader import Submission, controls, load_submission
-from ..types import Bools, Rollout, Scene, Task, starts_of
 from .options import DEFAULTS, RunOptions
 from .perturbation import (
     ASSIGNMENTS,
@@ -51,7 +57,7 @@ from .perturbation import (
     assignment_of,
     matched_detections,
 )
-from .run import jobs_of, run_jobs, run_scene
+from .playing import jobs_of, run_jobs, run_scene
 
 _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
 _MOST_SEEDS = 255  # as many as a count of `SceneWeights`, an unsigned byte, holds

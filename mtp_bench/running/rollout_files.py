@@ -14,19 +14,21 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..env.rollouts import ARRAYS, digest, drive_arrays, drive_of
-from ..errors import RolloutError
-from ..files import (
+from ..core import (
+    Rollout,
+    RolloutError,
+    Section,
     clean_text,
+    cores,
     file_stem,
     open_regular,
+    read_json,
     require_replaceable,
+    validate,
     whole_folder,
 )
-from ..parallel import cores
-from ..sources.cache import write_npz
-from ..strict import Section, read_json, validate
-from ..types import Rollout
+from ..env import ARRAYS, digest, drive_arrays, drive_of
+from ..sources import write_npz
 
 RUN_FILE = "run.json"
 FORMAT: Literal[3] = 3

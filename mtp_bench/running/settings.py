@@ -6,18 +6,17 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any, NamedTuple
 
-from ..cards import Card
-from ..errors import MtpBenchError, SubmissionError
-from ..scoring.main_table import unchanged
-from ..scoring.rows import Budget
-from ..submission.loader import (
+from ..agent import (
     ObjectSubmission,
+    Role,
     Submission,
     controls,
     load_submission,
     submission_of,
 )
-from ..submission.manifest import Role
+from ..cards import Card
+from ..core import MtpBenchError, SubmissionError
+from ..scoring import Budget, unchanged
 
 _REFERENCES: tuple[Role, ...] = (
     "single",

@@ -5,33 +5,38 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-from .._bundle import card_ids
+from ..agent import submission_of
 from ..cards import CHANGES, Card, changed_card, load_card, parse_card
-from ..env.environment import MTPEnv
-from ..env.observation import shown_boxes
-from ..errors import RolloutError, UnknownNameError, require_known
-from ..files import require_folder
-from ..parallel import SERIAL, parallel_map
+from ..core import (
+    SERIAL,
+    Rollout,
+    RolloutError,
+    Scene,
+    UnknownNameError,
+    card_ids,
+    parallel_map,
+    require_folder,
+    require_known,
+)
+from ..env import MTPEnv, shown_boxes
 from ..scoring import (
+    DEFINITIONS,
     AgentScores,
+    Budget,
     Report,
     SceneScore,
+    left_out,
     score_scene,
     stated_hypotheses,
     summarise,
 )
-from ..scoring.definitions import DEFINITIONS
-from ..scoring.rows import Budget
-from ..scoring.targets import left_out
 from ..sources import SceneSource, open_source, with_map, with_tracks
-from ..submission.loader import submission_of
-from ..types import Rollout, Scene
 from .drives import recorded_card
 from .options import DEFAULTS, RunKeywords, RunOptions, asked
+from .playing import jobs_of, library_versions, run_jobs
 from .reading import total_skipped
 from .reference import reference_for
 from .rollout_files import Run, RunInfo, load_run, require_run_folder, save_run
-from .run import jobs_of, library_versions, run_jobs
 from .settings import Setting, setting_of, training_note
 
 Note = Callable[[str], object]

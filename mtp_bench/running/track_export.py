@@ -8,21 +8,32 @@ from pathlib import Path
 import numpy as np
 
 from ..cards import Card
-from ..errors import CardError
-from ..files import new_folder, whole_file
-from ..parallel import NO_PROGRESS, Progress
-from ..sources.argoverse2 import Argoverse2Source
-from ..sources.argoverse2.submission import tracking_submission
-from ..sources.files.columns import BOX
-from ..sources.files.table import write_table
-from ..sources.kitti import KittiSource
-from ..sources.kitti.layout import TYPES
-from ..sources.kitti.tracks import poses_of, result_lines
-from ..sources.nuscenes import NuScenesSource
-from ..sources.nuscenes.source import NuScenes
-from ..sources.nuscenes.tracks import submission_box
-from ..sources.stored_tracks import table_path
-from ..types import Floats, Ints, Rollout, Scene, starts_of_sorted
+from ..core import (
+    NO_PROGRESS,
+    CardError,
+    Floats,
+    Ints,
+    Progress,
+    Rollout,
+    Scene,
+    new_folder,
+    starts_of_sorted,
+    whole_file,
+)
+from ..sources import (
+    BOX,
+    TYPES,
+    Argoverse2Source,
+    KittiSource,
+    NuScenes,
+    NuScenesSource,
+    poses_of,
+    result_lines,
+    submission_box,
+    table_path,
+    tracking_submission,
+    write_table,
+)
 from .stored import OpenedRun
 
 _FILES = (

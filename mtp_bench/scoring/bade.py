@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..types import Bools, Floats, Ints
+from ..core import Bools, Floats, Ints
 from .definitions import (
     BUDGETS,
     FALSE_FORECAST_SHARE,

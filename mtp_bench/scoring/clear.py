@@ -11,8 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import ShapeError
-from ..types import Floats, Ints
+from ..core import Floats, Ints, ShapeError
 from .events import History, clear_identity, find_events, history
 from .matching import match, match_sticky
 from .pairs import Pairs, near_pairs

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..cards import Card
-from ..errors import ShapeError
-from ..types import Bools, Floats
+from ..core import Bools, Floats, ShapeError
 from .definitions import (
     CURVE_BUDGETS,
     DISTANCE_BINS,

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from ..strict import Section
-from ..tables import Column
-from ..types import Drive, Floats
+from ..core import Column, Drive, Floats, Section
 from .bade import ONE_PER_TARGET
 from .rows import Interval, IntervalColumn
 from .score import SceneScore

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..cards import Card
-from ..errors import ShapeError
-from ..types import Bools, Ints, Rollout, Scene, Truth, pieces_of
+from ..core import Bools, Ints, Rollout, Scene, ShapeError, Truth, pieces_of
 from .matching import Matched
 from .pairs import Rows
 

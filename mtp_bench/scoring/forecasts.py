@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..types import ABSENT_BELOW, Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
+from ..core import ABSENT_BELOW, Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
 from .bade import Cuts
 from .definitions import CURVE_KS
-from .displacement import displacement, floored, k_curve, sample_errors
+from .displacements import displacement, floored, k_curve, sample_errors
 from .incremental_matching import NEVER, Additions, add_in_order, final_match
 from .matching import Matched, columns_to_rows, match
 from .neutral import neutral_places

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..cards import Card
-from ..types import Ints, Scene
+from ..core import Ints, Scene
 from .bade import fixed_parts
 from .forecasts import (
     Candidates,

@@ -9,7 +9,7 @@ from heapq import heappop, heappush
 import numpy as np
 from numpy.typing import NDArray
 
-from ..types import Floats, Ints
+from ..core import Floats, Ints
 from .matching import Matched
 from .pairs import Pairs, Rows
 

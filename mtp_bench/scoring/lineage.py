@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..types import Bools, Floats, Ints, Ragged, Rollout, Truth
+from ..core import Bools, Floats, Ints, Ragged, Rollout, Truth
 from .definitions import MAX_SPEED
 from .matching import match
 from .pairs import Pairs, Rows, box_pairs

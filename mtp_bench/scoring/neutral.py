@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..types import Bools, Floats, ImageField, Ints, Scene
+from ..core import Bools, Floats, ImageField, Ints, Scene
 from .definitions import CAMERA_HEIGHT, LEAST_IMAGE_HEIGHT, MOST_IN_REGION
 
 _NEAR = 0.1  # m before the camera: what is nearer or behind is cut off

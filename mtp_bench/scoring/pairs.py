@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import iou_3d
-from ..types import Bools, Floats, Ints
+from ..core import Bools, Floats, Ints, iou_3d
 
 Rows = NDArray[np.intp]
 _BLOCK = 1 << 17  # pairs of boxes whose overlap is worked out at once

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..types import Floats, Ints
+from ..core import Floats, Ints
 from .bade import at_budgets
 from .statistics import ratio
 from .table import AgentScores, AgentTable, over_seeds

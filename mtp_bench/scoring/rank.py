@@ -9,8 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import require_finite, require_shape
-from ..types import Floats
+from ..core import Floats, require_finite, require_shape
 from .definitions import (
     GUARD,
     GUARD_SIGNIFICANT,

@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..cards import Card
-from ..cards.source import FilesSource
-from ..errors import MtpBenchError
-from ..tables import Table, counted, to_html, to_text
+from ..cards import Card, FilesSource
+from ..core import MtpBenchError, Table, counted, to_html, to_text
 from .bade import ONE_PER_TARGET
 from .definitions import DEFINITIONS, Subset
 from .details import details
@@ -78,7 +76,7 @@ class Report:
 
     def notes(self) -> Iterator[str]:
         """Lines about the agents that no reader may miss: rejected rows, and confidences that do not come true."""
-        from .main_table import misstated_lines
+        from .report_tables import misstated_lines
 
         for each in self.details:
             if rejected := sum(each.invalid.values()):
@@ -92,7 +90,7 @@ class Report:
         return to_html(self._main_table()) + "".join(lines)
 
     def _main_table(self) -> Table:
-        from .main_table import main_table
+        from .report_tables import main_table
 
         return main_table(self)
 

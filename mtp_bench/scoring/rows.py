@@ -8,8 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_serializer
 
-from ..strict import Section
-from ..tables import Column
+from ..core import Column, Section
 from .definitions import Subset
 
 Count = Annotated[int, Field(ge=0)]

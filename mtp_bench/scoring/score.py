@@ -7,8 +7,7 @@ from enum import IntEnum
 import numpy as np
 
 from ..cards import Card
-from ..errors import RolloutError
-from ..types import Bools, Floats, Ints, Rollout, Scene
+from ..core import Bools, Floats, Ints, Rollout, RolloutError, Scene
 from .bade import Cuts, capped_error, fixed_error
 from .events import separated_tracks, separated_truth
 from .forecasts import (

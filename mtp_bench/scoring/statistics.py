@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import ShapeError, require_finite, require_shape
-from ..types import Bools, Floats
+from ..core import Bools, Floats, ShapeError, require_finite, require_shape
 from .definitions import RANKED_UNITS, SIGNIFICANT
 
 RESAMPLES = 2000

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..types import Bools, Floats, Ints, Rollout, Truth
+from ..core import Bools, Floats, Ints, Rollout, Truth
 from .events import clear_identity, history, object_history
 from .forecasts import match_neutral_last, offer_neutral
 from .lineage import Hypotheses

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RolloutError
-from ..files import cache_root
-from ..types import Bools, Floats, Ints
+from ..core import Bools, Floats, Ints, RolloutError, cache_root
 from .bade import ONE_PER_TARGET, BudgetErrors, Budgets, CardBudget, errors_at
 from .definitions import KNOWN_SUBSETS, SUBSETS, Subset
 from .rows import AgentSetting, Budget

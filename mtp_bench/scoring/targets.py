@@ -7,9 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..errors import DataError, ShapeError
-from ..geometry import rotate, wrap_angle
-from ..types import Bools, Floats, Ints, Ragged, Scene
+from ..core import (
+    Bools,
+    DataError,
+    Floats,
+    Ints,
+    Ragged,
+    Scene,
+    ShapeError,
+    rotate,
+    wrap_angle,
+)
 from .definitions import BLOCK_SECONDS, MOVING_SPEED, TURNING
 from .events import (
     HOLES,

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..errors import DataError, require_known
-from ..types import Bools, Rollout, Scene
+from ..core import Bools, DataError, Rollout, Scene, require_known
 from .bade import ONE_PER_TARGET, CardBudget
 from .definitions import SUBSETS
 from .events import separated_truth

@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..errors import DataError
-from ..files import whole_file
-from ..strict import Section, read_json, validate
+from ..core import DataError, Section, read_json, validate, whole_file
 from .definitions import WEIGHTS_DEFINITIONS
 from .weights import COUNTED, EVENTS, NUMBERS, TEXTS, Reference, SceneWeights, header_of
 

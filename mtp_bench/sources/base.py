@@ -9,11 +9,28 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cards import Card, SourceSection
-from ..cards.own import TEXTS, folder_digest, known_digest
-from ..cards.source import DetectionsSection
-from ..errors import CardError, DataError, MissingDataError, nearest, require_known
-from ..types import NO_ROWS, Detections, Floats, Ints, Lane, Scene, Truth
+from ..cards import (
+    TEXTS,
+    Card,
+    DetectionsSection,
+    SourceSection,
+    folder_digest,
+    known_digest,
+)
+from ..core import (
+    NO_ROWS,
+    CardError,
+    DataError,
+    Detections,
+    Floats,
+    Ints,
+    Lane,
+    MissingDataError,
+    Scene,
+    Truth,
+    nearest,
+    require_known,
+)
 from .dataset import DataRoot as DataRoot, Dataset, DataStatus
 from .text import SMALLEST, refuse_shared_place
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import open_regular, whole_file
-from ..types import Scene
+from ..core import Scene, open_regular, whole_file
 
 Arrays = dict[str, NDArray[Any]]
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
-from ..errors import DataError, MissingDataError
-from ..files import toml_beside
+from ..core import DataError, MissingDataError, toml_beside
 
 VARIABLE = "MTP_BENCH_DATA"
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder

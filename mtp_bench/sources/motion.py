@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..types import Bools, Detections, Floats, Ints, Truth, pieces_of, starts_of_sorted
+from ..core import Bools, Detections, Floats, Ints, Truth, pieces_of, starts_of_sorted
 
 PERSON = 0.6, 0.6, 1.75  # m, length, width, height: nominal, the same for every person
 

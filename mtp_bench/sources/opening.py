@@ -1,14 +1,12 @@
-"""Sources of scenes: recorded logs in their official layouts and simulated traffic, as `mtp_bench.types.Scene`."""
+"""Sources of scenes: recorded logs in their official layouts and simulated traffic, as `mtp_bench.core.types.Scene`."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 
-from .. import notice
 from ..cards import Card, load_card
-from ..errors import DataError, MtpBenchError, require_known
-from ..types import Scene
+from ..core import DataError, MtpBenchError, Scene, long_work, require_known
 from .base import (
     CameraImage as CameraImage,
     ChangedScenes,
@@ -44,7 +42,7 @@ def open_source(card: Card, data: DataRoot = None) -> SceneSource:
     ``data`` is the data root; None stands for the environment variable MTP_BENCH_DATA, else the user data folder.
     Raises DataError when the root, a folder or the card's detector is missing.
     """
-    with notice.work(f"opening {card.id}", around=True):
+    with long_work(f"opening {card.id}", around=True):
         found = package_of(card).open(card, data)
     if card.drive is not None:
         return _Drives(card.id, found.names)
@@ -137,7 +135,7 @@ def prepare(
     """
     if card.drive is not None:  # scenes are made while they are driven
         return
-    with notice.work(f"preparing scenes of {card.id}, once per machine") as work:
+    with long_work(f"preparing scenes of {card.id}, once per machine") as work:
         count, names = package_of(card).prepare(card, data, scenes, workers)
         work.started(count)
         for name in names:
@@ -157,5 +155,7 @@ def _with_lanes(scene: Scene, card: Card, data: DataRoot) -> Scene:
 
 def package_of(card: Card) -> SourcePackage:
     """The package of the card's source, which has the name of its section; imported when it is first needed."""
-    package: SourcePackage = import_module(f".{card.source.name}", __package__).PACKAGE
+    room = "traffic" if card.source.traits.simulated else "sources"
+    module = import_module(f"mtp_bench.{room}.{card.source.name}")
+    package: SourcePackage = module.PACKAGE
     return package

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from ..cards import Card
-from ..geometry import rotate, transform_boxes
-from ..types import Detections, Floats, Scene, Truth, pieces_of
+from ..core import Detections, Floats, Scene, Truth, pieces_of, rotate, transform_boxes
 from .motion import as_places, extent, looking_back
 
 if TYPE_CHECKING:
-    from ..detector.simulate import OpenScene
+    from ..detector import OpenScene
 
 KEPT_BYTES = 2**25  # of detected boxes that a process keeps
 _KEPT: dict[bytes, Detections] = {}
@@ -36,8 +35,7 @@ def detected(
     """
     if card.detector is None or (scene.detector and not scene.simulated):
         return scene
-    from ..detector.simulate import simulate
-    from ..detector.visibility import Sensor, visibility_of, visible_fractions
+    from ..detector import Sensor, simulate, visibility_of, visible_fractions
 
     section, profile = card.detector, card.detector.resolved
     area = section.area

@@ -1,4 +1,4 @@
-"""Tracks stored by other programs, read as `mtp_bench.types.StoredTracks` of a scene.
+"""Tracks stored by other programs, read as `mtp_bench.core.types.StoredTracks` of a scene.
 
 A ``.json`` file is a submission to nuScenes' tracking task, a ``.feather`` file one to that of Argoverse 2; a folder of
 ``.txt`` has KITTI's result form (as AB3DMOT writes). For every source: a folder with a ``.csv`` or ``.parquet`` for
@@ -14,9 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..errors import DataError
-from ..files import file_stem, new_folder
-from ..types import Floats, Ints, Scene, StoredTracks, starts_of_sorted
+from ..core import (
+    DataError,
+    Floats,
+    Ints,
+    Scene,
+    StoredTracks,
+    file_stem,
+    new_folder,
+    starts_of_sorted,
+)
 from .base import (
     DataRoot,
     ReadTracks,

@@ -12,9 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, MissingDataError
-from ..files import open_regular
-from ..types import Bools, Floats, Ints
+from ..core import Bools, DataError, Floats, Ints, MissingDataError, open_regular
 
 LIMIT = 1e9  # of a number: far beyond metres, pixels, frames and identities
 SMALLEST = 1e-6  # m, of a side of a box

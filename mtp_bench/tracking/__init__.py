@@ -1,15 +1,5 @@
-"""Trackers and association, for agents; the judge never imports them."""
+"""Trackers and association for agents."""
 
-from .given import GivenTracker as GivenTracker, TruthTracker as TruthTracker
-from .joint import k_best as k_best
-from .online import (
-    BirdsEye as BirdsEye,
-    OnlineDetections as OnlineDetections,
-    OnlineTracker as OnlineTracker,
-)
-from .parameters import (
-    ClassParameters as ClassParameters,
-    detector_parameters as detector_parameters,
-    score_thresholds as score_thresholds,
-)
-from .tracker import HypothesisTracker as HypothesisTracker
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -7,10 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..agent import Observation
-from ..errors import SubmissionError
-from ..tracks import UNBORN, Tracks
-from ..types import NO_ROWS, Bools, Floats, Ints, Task
+from ..core import (
+    NO_ROWS,
+    UNBORN,
+    Bools,
+    Floats,
+    Ints,
+    Observation,
+    SubmissionError,
+    Task,
+    Tracks,
+)
 
 
 class TrackReport(NamedTuple):

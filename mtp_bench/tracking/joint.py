@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import ShapeError, require_shape
-from ..types import Floats, Ints
+from ..core import Floats, Ints, ShapeError, require_shape
 from .kernels.association import joint_k_best
 
 _LARGEST = (

@@ -8,10 +8,17 @@ from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from ..agent import Observation, Tracks
-from ..errors import ShapeError, SubmissionError
-from ..geometry import bev_corners
-from ..types import Bools, Floats, Ints, Task
+from ..core import (
+    Bools,
+    Floats,
+    Ints,
+    Observation,
+    ShapeError,
+    SubmissionError,
+    Task,
+    Tracks,
+    bev_corners,
+)
 from .given import Histories, TrackReport
 from .joint import k_best
 

@@ -7,9 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-from ..errors import UnknownNameError
-from ..similar import similar_class
-from ..types import Task
+from ..core import Task, UnknownNameError, similar_class
 
 FOLDER = Path(__file__).with_name("detectors")
 Affinity = Literal["giou_3d", "iou_3d", "center_distance"]

@@ -11,10 +11,16 @@ from typing import get_args
 
 import numpy as np
 
-from ..agent import Observation, Tracks
-from ..errors import ShapeError, require_known
-from ..tracks import Affinity
-from ..types import Floats, Ints, Task
+from ..core import (
+    Affinity,
+    Floats,
+    Ints,
+    Observation,
+    ShapeError,
+    Task,
+    Tracks,
+    require_known,
+)
 from .given import GivenIdentities
 from .joint import k_best
 from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_pairs

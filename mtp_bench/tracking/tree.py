@@ -8,7 +8,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from ..types import NO_ROWS, Floats, Ints
+from ..core import NO_ROWS, Floats, Ints
 from .kernels.motion_kernels import STATE, predict, update_pairs
 from .kernels.tree_kernels import (
     AGE,

@@ -1,3 +1,5 @@
-"""Training: windows of tracklets with their true futures, and the models that are fitted to them."""
+"""Training: windows of tracklets with their true futures, and models fitted to them."""
 
-from .tracklets import Windows as Windows, windows as windows
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

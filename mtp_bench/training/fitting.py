@@ -9,10 +9,9 @@ from typing import Self
 import numpy as np
 import torch
 
-from ..errors import MtpBenchError
-from ..prediction.learned.local import Arrays
-from ..prediction.learned.network import Network, Sizes, Stage
-from ..running.options import require_seed
+from ..core import MtpBenchError
+from ..prediction import Arrays, Network, Sizes, Stage
+from ..running import require_seed
 from .losses import LOSSES, Tensors, mode_distance, vary_detections, vary_tracks
 
 EpochCallback = Callable[

@@ -5,12 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cards import Card
-from ..env.observation import Feed, LocalFrame
-from ..prediction.windows import TrackWindows
-from ..scoring.events import pieces
-from ..scoring.neutral import evaluated, neutral_places
-from ..scoring.targets import find_targets
-from ..types import Bools, Floats, Ints, Scene
+from ..core import Bools, Floats, Ints, Scene
+from ..env import Feed, LocalFrame
+from ..prediction import TrackWindows
+from ..scoring import evaluated, find_targets, neutral_places, pieces
 
 NO_OBJECT, UNKNOWN = -1, -2  # a track follows no true object; the object is unknown
 

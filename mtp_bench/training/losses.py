@@ -8,9 +8,15 @@ from collections.abc import Callable
 
 import torch
 
-from ..prediction.learned.modes import straight
-from ..prediction.learned.network import Network, Sizes
-from ..prediction.learned.ptp import context_of, decode, posterior, sample_codes
+from ..prediction import (
+    Network,
+    Sizes,
+    context_of,
+    decode,
+    posterior,
+    sample_codes,
+    straight,
+)
 
 Tensors = dict[str, torch.Tensor]
 # Network, weights, batch, sizes, progress of the stage from 0 to 1, random numbers.

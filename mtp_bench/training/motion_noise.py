@@ -11,11 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from .. import notice
 from ..agent import Tracker
-from ..env.environment import MTPEnv
-from ..errors import MtpBenchError, require_known
-from ..prediction.kalman import (
+from ..core import (
+    Bools,
+    Floats,
+    Ints,
+    MtpBenchError,
+    Scene,
+    Task,
+    Tracks,
+    joined,
+    long_work,
+    pieces_of,
+    require_known,
+    select,
+)
+from ..env import MTPEnv
+from ..prediction import (
     NoiseTable,
     filtered,
     heading_frame,
@@ -23,10 +35,8 @@ from ..prediction.kalman import (
     observed,
     rotation,
 )
-from ..running.options import DEFAULTS, Fold, RunOptions
+from ..running import DEFAULTS, Fold, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
-from ..tracks import Tracks
-from ..types import Bools, Floats, Ints, Scene, Task, joined, pieces_of, select
 from .split import observations, open_split
 
 
@@ -63,7 +73,7 @@ def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]
         scenes, task, TruthTracker() if task.observe == "truth" else HypothesisTracker()
     )
     rows = {}
-    with notice.work("fitting the motion noise by class") as work:
+    with long_work("fitting the motion noise by class") as work:
         work.started(len(task.classes))
         for class_id, name in enumerate(task.classes):
             own = select(windows, windows.class_id == class_id)

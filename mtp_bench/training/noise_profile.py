@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..cards import Card, DetectorSection
-from ..errors import MtpBenchError, UnknownNameError, require_known
-from ..running.options import DEFAULTS, RunOptions
-from ..sources.simulated import in_world
-from ..types import Scene
+from ..core import MtpBenchError, Scene, UnknownNameError, require_known
+from ..running import DEFAULTS, RunOptions
+from ..sources import in_world
 from .split import open_split
 
 
@@ -32,9 +31,8 @@ def fit_noise(
 
     Raises MtpBenchError for wrong options, incomplete truth and too few detections.
     """
-    from ..detector.fit import fit_profile
-    from ..detector.profile_file import profile_text
-    from ..detector.visibility import Sensor
+    from ..detector import Sensor, profile_text
+    from .detector_fit.profile import fit_profile
 
     split = open_split(env_id, options)
     card = split.card

@@ -7,14 +7,27 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import MtpBenchError, require_known
-from ..files import WriteError, make_folder
-from ..networks import VARIABLE as WEIGHTS_VARIABLE, file_name, weights_folder
-from ..prediction.learned.local import local_future
-from ..prediction.learned.network import Network, Sizes, network_of, require_lanes
-from ..prediction.learned.predictor import StoredWeights, write_weights
-from ..running.options import DEFAULTS, Fold, RunOptions, held_out
-from ..types import Bools, Task
+from ..core import (
+    VARIABLE as WEIGHTS_VARIABLE,
+    Bools,
+    MtpBenchError,
+    Task,
+    WriteError,
+    file_name,
+    make_folder,
+    require_known,
+    weights_folder,
+)
+from ..prediction import (
+    Network,
+    Sizes,
+    StoredWeights,
+    local_future,
+    network_of,
+    require_lanes,
+    write_weights,
+)
+from ..running import DEFAULTS, Fold, RunOptions, held_out
 from .fitting import (
     EpochCallback,
     FittedNetwork,

@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import MtpBenchError
-from ..prediction.presence import FEATURES, PresenceModel, logistic
-from ..running.options import DEFAULTS, RunOptions
-from ..scoring.details import calibration
-from ..types import Bools, Floats, select
+from ..core import Bools, Floats, MtpBenchError, select
+from ..prediction import FEATURES, PresenceModel, logistic
+from ..running import DEFAULTS, RunOptions
+from ..scoring import calibration
 from .presence_rows import (
     BLOCK_SECONDS,
     FEW_SCENES,

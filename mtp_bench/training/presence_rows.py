@@ -7,15 +7,12 @@ from typing import Any, Self
 import numpy as np
 
 from ..cards import Card
-from ..env.environment import MTPEnv
-from ..errors import MtpBenchError, UnknownNameError
-from ..prediction.presence import FEATURES, TrackHistory, history_of
-from ..running.options import DEFAULTS, RunOptions
-from ..scoring.forecasts import match_objects
-from ..scoring.neutral import evaluated, neutral_places
-from ..tracking import HypothesisTracker
-from ..tracking.parameters import detector_names, read_detector
-from ..types import Bools, Scene, Task, joined, select
+from ..core import Bools, MtpBenchError, Scene, Task, UnknownNameError, joined, select
+from ..env import MTPEnv
+from ..prediction import FEATURES, TrackHistory, history_of
+from ..running import DEFAULTS, RunOptions
+from ..scoring import evaluated, match_objects, neutral_places
+from ..tracking import HypothesisTracker, detector_names, read_detector
 from .split import SceneChoice, Split, observations
 
 MOST_ROWS = (

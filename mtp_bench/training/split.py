@@ -5,13 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..agent import Observation
 from ..cards import Card
-from ..env.observation import true_detections
-from ..errors import MtpBenchError
-from ..running.options import Fold, RunOptions, held_out
+from ..core import MtpBenchError, Observation, Scene
+from ..env import true_detections
+from ..running import Fold, RunOptions, held_out
 from ..sources import SceneSource, open_source
-from ..types import Scene
 
 
 @dataclass(frozen=True)

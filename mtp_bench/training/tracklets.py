@@ -11,19 +11,28 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..agent import Frame, Observation, Tracker
+from ..agent import Frame, Tracker
 from ..cards import Card
-from ..env.environment import MTPEnv
-from ..env.observation import LocalFrame, make_feed
-from ..errors import MtpBenchError, require_known
-from ..parallel import parallel_map, reported
-from ..prediction.windows import LANES, Surroundings, TrackWindows, lanes_of, windows_of
-from ..running.options import DEFAULTS, Fold, RunOptions, asked, held_out
-from ..scoring.events import pieces
+from ..core import (
+    Bools,
+    Floats,
+    Ints,
+    MtpBenchError,
+    Observation,
+    Scene,
+    Task,
+    Tracks,
+    parallel_map,
+    reported,
+    require_known,
+    starts_of,
+)
+from ..env import LocalFrame, MTPEnv, make_feed
+from ..prediction import LANES, Surroundings, TrackWindows, lanes_of, windows_of
+from ..running import DEFAULTS, Fold, RunOptions, asked, held_out
+from ..scoring import pieces
 from ..sources import open_source
 from ..tracking import HypothesisTracker, TruthTracker
-from ..tracks import Tracks
-from ..types import Bools, Floats, Ints, Scene, Task, starts_of
 from .labels import UNKNOWN, SceneLabels, TrackLabels
 from .split import open_split
 

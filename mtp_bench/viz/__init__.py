@@ -1,1 +1,5 @@
-"""Showing results to people."""
+"""Pictures, tables, pages and recordings of results."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -6,10 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from ..cards import Card
-from ..scoring.lineage import Hypotheses, hypotheses
-from ..scoring.matching import match
-from ..scoring.pairs import box_pairs
-from ..types import Bools, Ints, Rollout
+from ..core import Bools, Ints, Rollout
+from ..scoring import Hypotheses, box_pairs, hypotheses, match
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,18 +5,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..geometry import wrap_angle
-from ..scoring.definitions import SURE
-from ..scoring.events import pieces
-from ..scoring.matching import match
-from ..scoring.pairs import Pairs
-from ..scoring.parts import fault_of
-from ..types import Detections, Floats, Ints, Truth, to_metres
+from ..core import Detections, Floats, Ints, Truth, to_metres, wrap_angle
+from ..scoring import SURE, Pairs, fault_of, match, pieces
 from .focus import Focus, ObjectForecast
 from .incident import MOMENT
-from .moments import borrowed
+from .moment_list import borrowed
 from .plan import collision_cause
-from .replay import Replay
+from .run_replay import Replay
 
 STILL = 1.0  # m, within the horizon: an object that moves less stands still
 TINY = 0.1  # m: a forecast that begins nearer begins at the object

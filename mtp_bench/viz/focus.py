@@ -5,13 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..scoring.displacement import floored
-from ..scoring.events import pieces
-from ..scoring.forecasts import sample_weights
-from ..scoring.pairs import box_pairs
-from ..types import Bools, Floats, Ints, to_metres
+from ..core import Bools, Floats, Ints, to_metres
+from ..scoring import box_pairs, floored, pieces, sample_weights
 from .incident import Incident
-from .replay import Replay
+from .run_replay import Replay
 
 
 @dataclass(frozen=True, eq=False)

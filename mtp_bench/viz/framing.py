@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry import rotate
-from ..types import Floats, Ints, Lane, Scene
+from ..core import Floats, Ints, Lane, Scene, rotate
 from .evidence import (
     confusing,
     expected,
@@ -21,7 +20,7 @@ from .evidence import (
 from .focus import Focus
 from .incident import MOMENT, Incident
 from .palette import BEFORE, BLACK, NOW, PURPLE, TRUTH
-from .replay import Replay
+from .run_replay import Replay
 
 MOST_DETECTIONS = 5  # that are bright: the nearest
 TRAIL_SECONDS = 3.0

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from ..scoring.parts import BELOW
+from ..scoring import BELOW
 
 INCIDENT_KINDS = (
     "ids",

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw
 
-from ..geometry import bev_corners
-from ..sources.base import CameraImage
-from ..types import Floats
+from ..core import Floats, bev_corners
+from ..sources import CameraImage
 from .drawing.canvas import FINER, PAPER, font
 from .focus import Focus
 from .framing import ROLES, frame_of

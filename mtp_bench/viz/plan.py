@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..sources.highway.world import RATE
-from ..types import HARD_BRAKING, Bools, Floats, to_metres
+from ..core import HARD_BRAKING, Bools, Floats, to_metres
+from ..traffic import RATE
 from .focus import Focus
-from .replay import Replay
+from .run_replay import Replay
 from .terminal.output import counted
 
 SECONDS = 3.0  # before a collision, for its cause

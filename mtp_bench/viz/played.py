@@ -4,13 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..parallel import SERIAL, Progress, Workers, cores
-from ..running.causes import run_parts
-from ..running.options import RunOptions
-from ..running.stored import OpenedRun
+from ..core import SERIAL, Progress, Rollout, Scene, Workers, cores
+from ..running import OpenedRun, RunOptions, run_parts
 from ..scoring import find_targets
-from ..types import Rollout, Scene
-from .replay import Replay, replay
+from .run_replay import Replay, replay
 
 _FEW = 4  # scenes that are scored before other processes have started
 

@@ -1,7 +1,5 @@
-"""Wrappers of the env for agents of other libraries: an action that only associates, all at once or one by one."""
+"""Wrappers of the env for agents of other libraries."""
 
-from .association import (
-    AssociationOnly as AssociationOnly,
-    PerDetection as PerDetection,
-)
-from .associator import CONTINUE as CONTINUE, IGNORE as IGNORE, NEW as NEW
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -11,9 +11,8 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from ..agent import Predictor, Presence
-from ..env.environment import MTPEnv
-from ..errors import ActionError, MtpBenchError
-from ..types import Action, Ints, Observation
+from ..core import Action, ActionError, Ints, MtpBenchError, Observation
+from ..env import MTPEnv
 from .associator import CONTINUE, MOST_TRACKS, Associator, Numbers, nearest
 
 

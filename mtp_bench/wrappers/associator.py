@@ -6,9 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..agent import Pipeline, Predictor, Presence
-from ..geometry import rotate
-from ..tracks import UNBORN, Tracks
-from ..types import NO_ROWS, Action, Floats, Ints, Observation, Task
+from ..core import (
+    NO_ROWS,
+    UNBORN,
+    Action,
+    Floats,
+    Ints,
+    Observation,
+    Task,
+    Tracks,
+    rotate,
+)
 
 Numbers = NDArray[
     np.float32

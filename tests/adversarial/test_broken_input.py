@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.files import clean_text, file_digest
-from mtp_bench.submission import contents
+from mtp_bench.agent import submission_files as contents
+from mtp_bench.core.files import clean_text, file_digest
 from mtp_bench.tracking.kernels.cache import cache_folder
 from tests.support.command_line import CommandLine, Output, plain_environment, write_submission, write_training
 from tests.support.disks import mounted

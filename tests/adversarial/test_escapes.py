@@ -16,9 +16,10 @@ from typing import Any
 import pytest
 
 from mtp_bench.env.rollouts import digest
-from mtp_bench.gateway import SceneRun, run, run_isolated
-from mtp_bench.gateway.processes import Group
-from mtp_bench.gateway.sandbox import sandbox_backend, system_call_filter
+from mtp_bench.judge import SceneRun, run_isolated
+from mtp_bench.judge.gateway import run
+from mtp_bench.judge.gateway.processes import Group
+from mtp_bench.judge.gateway.sandbox import sandbox_backend, system_call_filter
 from tests.support.hostile import HONEST, QUICK, SCENE, Court, submission
 from tests.support.programs import require_program
 from tests.support.runs import PATIENT, move_home
@@ -490,7 +491,7 @@ for i in range(200_000):
 @pytest.mark.parametrize("what", HOARDS)
 def test_hoards_count(sandboxed: None, court: Court, what: str, grouped: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if not grouped:
-        monkeypatch.setattr("mtp_bench.gateway.processes.make_group", lambda *_: Group(()))
+        monkeypatch.setattr("mtp_bench.judge.gateway.processes.make_group", lambda *_: Group(()))
     limits = QUICK if what == "threads" else type(QUICK)(**{**vars(QUICK), "memory": 1 << 30})
     code = (
         "if self.frame == 1:\n"
@@ -578,7 +579,7 @@ def _accept(listener: socket.socket) -> None:
 
 
 def test_where_nothing_can_be_filtered_nothing_holds(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mtp_bench.gateway.sandbox.system_call_filter", lambda: None)
+    monkeypatch.setattr("mtp_bench.judge.gateway.sandbox.system_call_filter", lambda: None)
     assert sandbox_backend.__wrapped__() == "none"
     assert system_call_filter()
     monkeypatch.setattr(run, "sandbox_backend", lambda: "none")

@@ -12,21 +12,31 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.errors import MtpBenchError, RecordError
-from mtp_bench.gateway import Isolation, Limits
-from mtp_bench.records import checked_record, intake, load_record, open_seal, standings, submit, trusted, verify
-from mtp_bench.records.attestation import Level, SignedLevel, Statement, read_level, write_level
-from mtp_bench.records.eligibility import why_unranked
-from mtp_bench.records.record import HiddenPart, Record
-from mtp_bench.records.rerun import why_unsandboxed
-from mtp_bench.records.seal import Commitment, SecretSeeds, commitment_of
-from mtp_bench.records.shipped import baseline_digest, shipped
-from mtp_bench.records.storage import content_digest, measured_digest, sealed
-from mtp_bench.records.trust import read_owners
-from mtp_bench.records.verifying import Verification, attest
+from mtp_bench.agent.manifest import read_manifest
+from mtp_bench.core.errors import MtpBenchError, RecordError
+from mtp_bench.judge import (
+    Isolation,
+    Limits,
+    checked_record,
+    load_record,
+    open_seal,
+    standings,
+    submit,
+    trusted,
+    verify,
+)
+from mtp_bench.judge.records import intake
+from mtp_bench.judge.records.attestation import Level, SignedLevel, Statement, read_level, write_level
+from mtp_bench.judge.records.eligibility import why_unranked
+from mtp_bench.judge.records.record import HiddenPart, Record
+from mtp_bench.judge.records.rerun import why_unsandboxed
+from mtp_bench.judge.records.seal import Commitment, SecretSeeds, commitment_of
+from mtp_bench.judge.records.shipped import baseline_digest, shipped
+from mtp_bench.judge.records.storage import content_digest, measured_digest, sealed
+from mtp_bench.judge.records.trust import read_owners
+from mtp_bench.judge.records.verifying import Verification, attest
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import SUBSETS
-from mtp_bench.submission.manifest import read_manifest
 from tests.support.board_records import MAIN, made_up
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.leaderboards import SIGNER, listed, make_key
@@ -185,8 +195,8 @@ def test_a_stranger_is_not_run_where_nothing_holds_it(
     echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, genuine = echo
-    monkeypatch.setattr("mtp_bench.records.verifying.sandbox_backend", lambda: "none")
-    monkeypatch.setattr("mtp_bench.records.verifying.run_again", lambda *_: pytest.fail("it was run"))
+    monkeypatch.setattr("mtp_bench.judge.records.verifying.sandbox_backend", lambda: "none")
+    monkeypatch.setattr("mtp_bench.judge.records.verifying.run_again", lambda *_: pytest.fail("it was run"))
     with pytest.raises(RecordError, match=r"no sandbox .*'echo' would run with your rights"):
         verify(genuine, RunOptions(kitti), card, submission=folder, rerun=True)
 

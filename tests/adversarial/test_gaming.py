@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from benchmarks.attacks import CHANGES, joined
+from mtp_bench.agent.loader import load_submission
 from mtp_bench.env.environment import MTPEnv
+from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.reference import reference_for
-from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.scoring import AgentScores, Report, score_scene, summarise
 from mtp_bench.scoring.bade import CardBudget
 from mtp_bench.scoring.rows import Row
-from mtp_bench.submission.loader import load_submission
 
 ENV, SCENES = "MTP-Intersection-v0", 2
 SHUFFLED = ("random confidence", "inverted confidence", "confidence 1", "surer in a crowd", "surer of what moves",

@@ -8,9 +8,9 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.env.rollouts import digest
-from mtp_bench.gateway import SceneRun, run, run_isolated
-from mtp_bench.records import open_seal, seal
-from mtp_bench.records.seal import Sealed
+from mtp_bench.judge import SceneRun, open_seal, run_isolated, seal
+from mtp_bench.judge.gateway import run
+from mtp_bench.judge.records.seal import Sealed
 from mtp_bench.scoring import mean_plain_error, score_scene
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources import open_source, package_of
@@ -45,7 +45,7 @@ def frames():
             continue
         from mtp_bench import MTPEnv
         from mtp_bench.cards import load_card
-        from mtp_bench.records import open_seal
+        from mtp_bench.judge.records import open_seal
 
         hidden = open_seal(secret).card(load_card(WHERE["card"]))
         env = MTPEnv(hidden, observe="truth", evaluation=True)

@@ -18,11 +18,11 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.errors import MtpBenchError
-from mtp_bench.gateway import SceneRun, run_isolated_scenes
-from mtp_bench.parallel import Workers
-from mtp_bench.records import load_record, running, submit, submitting
-from mtp_bench.records.parts import count_parts
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.parallel import Workers
+from mtp_bench.judge import SceneRun, load_record, run_isolated_scenes, submit
+from mtp_bench.judge.records import running, submitting
+from mtp_bench.judge.records.parts import count_parts
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.sources.cache import read_arrays, write_arrays
@@ -41,9 +41,9 @@ WEIGHTS = "MTP_BENCH_TESTS_WEIGHTS"  # names the file of event weights for comma
 LIGHT = """
 import os, pickle
 from pathlib import Path
-from mtp_bench.gateway import fork_server, layout
-from mtp_bench.records import submitting
-fork_server.LOADED = ("mtp_bench.submission.loader",)
+from mtp_bench.judge.gateway import fork_server, layout
+from mtp_bench.judge.records import submitting
+fork_server.LOADED = ("mtp_bench.agent.loader",)
 layout._kernels = lambda: []  # else their compiler is loaded, and no agent here tracks
 submitting.reference_for = lambda *_: pickle.loads(Path(os.environ["{weights}"]).read_bytes())
 from mtp_bench.commands.app import main

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from mtp_bench import load_submission
-from mtp_bench.agent import Action, Agent, Forecasts, Frame, FunctionPredictor, Pipeline
+from mtp_bench.agent import Agent, Forecasts, Frame, FunctionPredictor, Pipeline
+from mtp_bench.agent.action import FORECAST_LIMIT
 from mtp_bench.agent.pipeline import make_pools, reduce_pools
-from mtp_bench.env.action import FORECAST_LIMIT
-from mtp_bench.errors import ShapeError
+from mtp_bench.core import Action
+from mtp_bench.core.errors import ShapeError
+from mtp_bench.core.tracks import Tracks, group
+from mtp_bench.core.types import Floats, Task
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracks import Tracks, group
-from mtp_bench.types import Floats, Task
 from tests.support import tracking_scenes
 from tests.support.tracking_scenes import CYCLIST, at_once, frame, kitti_task, observation, random_frames
 

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from mtp_bench import card_ids
-from mtp_bench._bundle import bundled
 from mtp_bench.cards import load_card, parse_card
-from mtp_bench.errors import CardError
-from mtp_bench.sources.highway.world import GENERATOR, HighwaySource
+from mtp_bench.core.bundle import bundled
+from mtp_bench.core.errors import CardError
+from mtp_bench.traffic.highway.world import GENERATOR, HighwaySource
 
 Content = dict[str, Any]
 

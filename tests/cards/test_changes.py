@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from mtp_bench.cards import changed_card, load_card, parse_card, with_detections, with_detector, with_files, with_scenes
+from mtp_bench.core.errors import CardError, DataError
 from mtp_bench.detector import load_profile
 from mtp_bench.detector.profile_file import profile_text
-from mtp_bench.errors import CardError, DataError
-from mtp_bench.sources.nuscenes import NuScenesSource
-from mtp_bench.sources.wildtrack import WildtrackSource
+from mtp_bench.sources.nuscenes.layout import NuScenesSource
+from mtp_bench.sources.wildtrack.source import WildtrackSource
 from tests.cards.test_cards import put, simulated_content
 
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.gateway import SceneRun
-from mtp_bench.records.checking import gateway_findings
-from mtp_bench.submission.contents import new_submission
-from mtp_bench.types import Rollout
+from mtp_bench.agent.submission_files import new_submission
+from mtp_bench.core.types import Rollout
+from mtp_bench.judge import SceneRun
+from mtp_bench.judge.records.checking import gateway_findings
 from tests.support.command_line import CommandLine, read_json
 from tests.support.runs import run_scenes
 from tests.support.small_scenes import make_echo

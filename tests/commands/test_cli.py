@@ -250,7 +250,9 @@ def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: s
 def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path, card: str, training: str) -> None:
     terminal, side = pytest.importorskip("pty").openpty()
     arguments = ["train", "motion-noise", "--env", card, "--data", training]
-    code = "from mtp_bench import notice; notice.SILENT_SECONDS = 0; from mtp_bench.commands.app import main; main()"
+    code = (
+        "from mtp_bench.core import notice; notice.SILENT_SECONDS = 0; from mtp_bench.commands.app import main; main()"
+    )
     environment = {**os.environ, "TERM": "xterm", "MTP_BENCH_QUIET": "0"}
     done = python(code, *arguments, stdout=subprocess.PIPE, stderr=side, env=environment)
     os.close(side)

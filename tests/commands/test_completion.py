@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench._bundle import baseline_names, card_ids
+from mtp_bench.core.bundle import baseline_names, card_ids
 from mtp_bench.training.predictors import ON
 from mtp_bench.viz.incident import INCIDENT_KINDS
 from mtp_bench.viz.rerun.shown import LEVELS

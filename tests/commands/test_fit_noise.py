@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from mtp_bench._bundle import bundled
 from mtp_bench.cards import parse_card
+from mtp_bench.core.bundle import bundled
 from tests.support.command_line import CommandLine
 
 ENV = "MTP-Roundabout-v0"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mtp_bench import load_submission
-from mtp_bench.submission.contents import FILES, TEMPLATE, new_submission
+from mtp_bench.agent.submission_files import FILES, TEMPLATE, new_submission
 from tests.support.command_line import CommandLine
 from tests.support.runs import run_scenes
 from tests.support.tracking_scenes import frame, kitti_task, observation
@@ -40,11 +40,11 @@ def test_a_folder_that_exists_is_left_alone(tmp_path: Path, cli: CommandLine) ->
 
 
 def test_the_template_uses_public_names_only() -> None:
-    for path in TEMPLATE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("mtp_bench"):
-                assert node.module == "mtp_bench"
-                assert not [alias.name for alias in node.names if alias.name.startswith("_")]
+    tree = ast.parse((TEMPLATE / "agent.py.txt").read_text())
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    (own,) = [node for node in imports if (node.module or "").startswith("mtp_bench")]
+    assert own.module == "mtp_bench"
+    assert not [alias.name for alias in own.names if alias.name.startswith("_")]
 
 
 def test_the_agent_follows_and_forecasts(card: str, kitti: str, tmp_path: Path) -> None:

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from mtp_bench.commands.output import fail
-from mtp_bench.errors import MtpBenchError
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.types import Scene
 from mtp_bench.running.options import RunOptions, held_out
 from mtp_bench.training import motion_noise
 from mtp_bench.training.predictors import TrainingRequest
-from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine, read_json, write_submission, write_training
 
 pytestmark = pytest.mark.usefixtures("remembered_weights")

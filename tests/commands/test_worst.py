@@ -11,14 +11,14 @@ import pytest
 
 import mtp_bench
 from docs.generate import json_keys
-from mtp_bench.errors import MtpBenchError, RolloutError, UnknownNameError
-from mtp_bench.files import cache_root
+from mtp_bench.core.errors import MtpBenchError, RolloutError, UnknownNameError
+from mtp_bench.core.files import cache_root
 from mtp_bench.running.causes import run_parts
 from mtp_bench.running.stored import open_run
 from mtp_bench.scoring.parts import BELOW, PARTS, named_parts, parts_text, plain_parts
-from mtp_bench.viz.moments import borrowed, found, moments
+from mtp_bench.viz.moment_list import borrowed, found, moments
 from mtp_bench.viz.played import PlayedRun
-from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.run_replay import Replay, replay
 
 from ..support.command_line import CommandLine, read_json
 from ..support.planted_faults import write_log

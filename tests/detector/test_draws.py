@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mtp_bench.core.types import Detections
 from mtp_bench.detector import Profile
 from mtp_bench.detector.draws import Draws, NoiseKind, decayed, keys_of
-from mtp_bench.types import Detections
 from tests.support.detector_scenes import LASTING, NEAR, cars, correlation, detect, on_grid, profile_of
 
 LAPSES = {"share": 0.4, "bias": 0.3, "phi": 0.8, "shared": 0.8}

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench.core.types import Bools, Detections, Floats, Truth
 from mtp_bench.detector import load_profile
-from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.simulation import simulate
 from mtp_bench.detector.visibility import Sensor
-from mtp_bench.types import Bools, Detections, Floats, Truth
 from tests.support.detector_scenes import AHEAD, DT, FREE, cars, detect, grid_truth, profile_of, truth_of
 
 MEGVII = load_profile("nuscenes_megvii")

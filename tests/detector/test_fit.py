@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from benchmarks.detection.couplings import couplings
+from mtp_bench.core.types import Scene, Truth
 from mtp_bench.detector import Profile
 from mtp_bench.detector.draws import exponential, skewed, skewed_cdf, skewed_density
-from mtp_bench.detector.fit import fit_profile
-from mtp_bench.detector.fit.samples import Samples, collect_samples
-from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.simulation import simulate
 from mtp_bench.detector.visibility import Sensor
-from mtp_bench.types import Scene, Truth
+from mtp_bench.training.detector_fit.profile import fit_profile
+from mtp_bench.training.detector_fit.samples import Samples, collect_samples
 from tests.support.detector_scenes import CLASSES, DT, FREE, NEAR, grid_truth, profile_of
 
 SENSOR = Sensor(60.0, 2 * np.pi)

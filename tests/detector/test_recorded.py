@@ -8,7 +8,7 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.detector import load_profile
-from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.simulation import simulate
 from mtp_bench.detector.visibility import Sensor, visibility_of
 from mtp_bench.sources import open_source
 from tests.support.detector_statistics import ClassStatistics, detector_statistics

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mtp_bench.detector.fit.samples import match_boxes
+from mtp_bench.core.types import Detections, Floats, Scene, Truth
 from mtp_bench.detector.visibility import Sensor
-from mtp_bench.types import Detections, Floats, Scene, Truth
+from mtp_bench.training.detector_fit.samples import match_boxes
 from tests.support.detector_statistics import ClassStatistics, detector_statistics
 
 AHEAD = Sensor(reach=50.0, field_of_view=np.pi / 2)

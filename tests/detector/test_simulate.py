@@ -5,11 +5,11 @@ import hashlib
 import numpy as np
 import pytest
 
+from mtp_bench.core.geometry import transform_boxes
+from mtp_bench.core.types import Detections, Floats, Truth
 from mtp_bench.detector import Profile, load_profile, profile_names
-from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.simulation import simulate
 from mtp_bench.detector.visibility import Sensor, covered
-from mtp_bench.geometry import transform_boxes
-from mtp_bench.types import Detections, Floats, Truth
 from tests.support.detector_scenes import cars, traffic
 
 SENSOR = Sensor(reach=50.0, field_of_view=np.pi)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from mtp_bench.core.geometry import bev_corners, bev_intersection_area
+from mtp_bench.core.types import Floats, Truth
 from mtp_bench.detector.visibility import Sensor, covered, visibility_of, visible_fractions
-from mtp_bench.geometry import bev_corners, bev_intersection_area
-from mtp_bench.types import Floats, Truth
 from tests.support.detector_scenes import truth_of
 
 ALL_AROUND = Sensor(reach=100.0, field_of_view=2 * np.pi)

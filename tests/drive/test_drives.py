@@ -16,18 +16,18 @@ from gymnasium.vector import SyncVectorEnv
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
+from mtp_bench.core.errors import RolloutError
+from mtp_bench.core.types import Drive, Rollout
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import RolloutError
 from mtp_bench.running.drives import recorded_card
 from mtp_bench.running.reference import frozen_path, frozen_reference, make_reference
 from mtp_bench.running.stored import open_run
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import content_hash
-from mtp_bench.sources.highway.driven import DrivenTraffic
-from mtp_bench.sources.highway.source import traffic_of
-from mtp_bench.sources.highway.store import pack
-from mtp_bench.sources.highway.world import HighwaySource
-from mtp_bench.types import Drive, Rollout
+from mtp_bench.traffic.highway.driven import DrivenTraffic
+from mtp_bench.traffic.highway.source import traffic_of
+from mtp_bench.traffic.highway.store import pack
+from mtp_bench.traffic.highway.world import HighwaySource
 from tests.drive.test_traffic import elsewhere
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.small_scenes import empty_action, make_echo

@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import ArrayLike
 
 from mtp_bench.cards.card import PlannerSection
-from mtp_bench.drive.planner import Obstacles, Planner
-from mtp_bench.env.driven import obstacles
-from mtp_bench.sources.highway.driven import Way
-from mtp_bench.sources.highway.simulate import boxes_meet
-from mtp_bench.types import Floats
+from mtp_bench.core.types import Floats
+from mtp_bench.traffic.drive.episode import obstacles
+from mtp_bench.traffic.drive.planner import Obstacles, Planner
+from mtp_bench.traffic.highway.driven import Way
+from mtp_bench.traffic.highway.simulate import boxes_meet
 from tests.support.small_scenes import decode, full_action, task
 
 SIZE, LIMIT = (4.5, 1.8), 10.0  # m, m/s

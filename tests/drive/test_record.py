@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from mtp_bench.drive.planner import Decision
-from mtp_bench.drive.record import is_comfortable, record_of, smoothed_jerk
+from mtp_bench.core.types import Drive, Floats, Truth, starts_of
 from mtp_bench.scoring.driving import AgentDrives, driving_rows, fault_interval, scene_score, score_interval
 from mtp_bench.scoring.statistics import bootstrap_interval, paired_difference
-from mtp_bench.sources.highway.world import CLASSES, World
-from mtp_bench.types import Drive, Floats, Truth, starts_of
+from mtp_bench.traffic.drive.planner import Decision
+from mtp_bench.traffic.drive.record import is_comfortable, record_of, smoothed_jerk
+from mtp_bench.traffic.highway.world import CLASSES, World
 from tests.drive.test_planner import SIZE, WAY, car
 
 STEPS = 40

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as st_np
 
-from mtp_bench.env.action import ROWS
-from mtp_bench.env.checks import examine
+from mtp_bench.agent.action import ROWS
+from mtp_bench.agent.checks import examine
 from mtp_bench.env.rollouts import record_action
 from tests.support.small_scenes import Action, decode, empty_action, full_action, task
 

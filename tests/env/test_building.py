@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from mtp_bench import Tracks, make_action
-from mtp_bench.env.action import FIELDS
+from mtp_bench.agent.action import FIELDS
 from mtp_bench.env.spaces import ActionSpace
 from tests.support.small_scenes import decode, task
 

@@ -12,10 +12,10 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from mtp_bench import MTPEnv
+from mtp_bench.core.errors import DataError, MtpBenchError, RolloutError, UnknownNameError
+from mtp_bench.core.types import Rollout, Scene
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import DataError, MtpBenchError, RolloutError, UnknownNameError
 from mtp_bench.scoring import live_frames, score_scene
-from mtp_bench.types import Rollout, Scene
 from tests.env.conftest import MakeEnv
 from tests.support.small_scenes import Action, EchoAgent, bare_scene, empty_action, make_scene
 

@@ -85,7 +85,7 @@ def test_the_checker_and_random_agents_on_every_card(env_id: str) -> None:
 
 def test_checker_would_notice_a_wrong_observation(card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mtp_bench.env.observation.COORDINATE_LIMIT", np.inf)
-    monkeypatch.setattr("mtp_bench.env.action.COORDINATE_LIMIT", 0.01)
+    monkeypatch.setattr("mtp_bench.env.spaces.COORDINATE_LIMIT", 0.01)
     with pytest.raises(AssertionError, match="not within the observation space"):
         check(make_small(card, kitti))
 

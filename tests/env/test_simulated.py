@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv, load_submission
-from mtp_bench._bundle import baseline_names, bundled
-from mtp_bench.errors import MtpBenchError, SubmissionError
+from mtp_bench.agent.loader import SubmissionFactory
+from mtp_bench.core.bundle import baseline_names, bundled
+from mtp_bench.core.errors import MtpBenchError, SubmissionError
 from mtp_bench.scoring import SceneScore, score_scene
-from mtp_bench.submission.loader import SubmissionFactory
 from tests.support.command_line import CommandLine
 from tests.support.runs import run_scenes
 

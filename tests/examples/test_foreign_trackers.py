@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv, load_submission
+from mtp_bench.running import check_agent
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.stored import run
 from mtp_bench.scoring import SceneScore, score_scene
-from mtp_bench.testing import check_agent
 from tests.support.small_scenes import CARD_ID
 
 CASES = {

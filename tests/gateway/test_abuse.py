@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mtp_bench.core.parallel import Progress, Workers
 from mtp_bench.env.rollouts import digest
-from mtp_bench.gateway import SceneRun, fork_server, run_isolated, run_isolated_scenes
-from mtp_bench.gateway.processes import children
-from mtp_bench.parallel import Progress, Workers
+from mtp_bench.judge import SceneRun, run_isolated, run_isolated_scenes
+from mtp_bench.judge.gateway import fork_server
+from mtp_bench.judge.gateway.processes import children
 from tests.support.hostile import HONEST, HURRIED, QUICK, SCENE, Court, submission
 
 pytestmark = pytest.mark.usefixtures("light_fork_servers")

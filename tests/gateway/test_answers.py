@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.env.rollouts import digest
-from mtp_bench.gateway import Limits
+from mtp_bench.judge import Limits
 from tests.support.hostile import FRAMES, HURRIED, SLOW, Court
 
 pytestmark = pytest.mark.usefixtures("light_fork_servers")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.gateway import sandbox
+from mtp_bench.judge.gateway import sandbox
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux") or platform.machine() not in sandbox._PINNED,

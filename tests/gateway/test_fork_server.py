@@ -12,12 +12,13 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.gateway import SceneRun, fork_server
-from mtp_bench.gateway.fork_server import ForkServer, ForkServerError, discard
-from mtp_bench.gateway.layout import TEMPORARY, Layout, _with_tmp, image_of, layout_for, library
-from mtp_bench.gateway.process import AgentProcess
-from mtp_bench.gateway.processes import children
-from mtp_bench.submission import load_submission
+from mtp_bench.agent import load_submission
+from mtp_bench.judge import SceneRun
+from mtp_bench.judge.gateway import fork_server
+from mtp_bench.judge.gateway.fork_server import ForkServer, ForkServerError, discard
+from mtp_bench.judge.gateway.layout import TEMPORARY, Layout, _with_tmp, image_of, layout_for, library
+from mtp_bench.judge.gateway.process import AgentProcess
+from mtp_bench.judge.gateway.processes import children
 from tests.support.hostile import HONEST, QUICK, Court, submission
 
 pytestmark = [

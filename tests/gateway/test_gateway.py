@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv
+from mtp_bench.agent import load_submission
+from mtp_bench.core.errors import MtpBenchError, SubmissionError, UnknownNameError
+from mtp_bench.core.parallel import Progress, Workers
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
-from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes
-from mtp_bench.gateway.exchange import lengthened
-from mtp_bench.gateway.run import seal_start
-from mtp_bench.gateway.wire import PREFIX, WireError, arrays_of, encode, header_of, plain
-from mtp_bench.parallel import Progress, Workers
-from mtp_bench.running.run import jobs_of, run_jobs
-from mtp_bench.submission import load_submission
+from mtp_bench.judge import SceneRun, run_isolated, run_isolated_scenes
+from mtp_bench.judge.gateway.exchange import lengthened
+from mtp_bench.judge.gateway.run import seal_start
+from mtp_bench.judge.gateway.wire import PREFIX, WireError, arrays_of, encode, header_of, plain
+from mtp_bench.running.playing import jobs_of, run_jobs
 from tests.support.hostile import submission
 
 ENV = "MTP-Intersection-v0"

@@ -12,14 +12,15 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
+from mtp_bench.agent import load_submission
+from mtp_bench.agent.submission_files import files_of
 from mtp_bench.commands.output import said_of
-from mtp_bench.errors import MtpBenchError, SubmissionError
-from mtp_bench.gateway import run_isolated, sandbox
-from mtp_bench.gateway.layout import LIBRARY, _new_folder, environment, image_of, layout_for, library, python
-from mtp_bench.gateway.processes import Group, _places, make_group
-from mtp_bench.networks import VARIABLE, file_name
-from mtp_bench.submission import load_submission
-from mtp_bench.submission.contents import files_of
+from mtp_bench.core.errors import MtpBenchError, SubmissionError
+from mtp_bench.core.networks import VARIABLE, file_name
+from mtp_bench.judge import run_isolated
+from mtp_bench.judge.gateway import sandbox
+from mtp_bench.judge.gateway.layout import LIBRARY, _new_folder, environment, image_of, layout_for, library, python
+from mtp_bench.judge.gateway.processes import Group, _places, make_group
 from mtp_bench.tracking.kernels.cache import cache_folder
 from tests.support.hostile import MANIFEST, QUICK, SCENE, submission
 from tests.support.own_scenes import write_long_log
@@ -27,11 +28,10 @@ from tests.support.own_scenes import write_long_log
 IMPORTS = """
 import importlib, pkgutil, sys
 import mtp_bench
-for name in ("agent", "tracking", "prediction", "submission"):
+for name in ("core", "agent", "tracking", "prediction"):
     package = importlib.import_module(f"mtp_bench.{name}")
     for found in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
-        if ".template" not in found.name:
-            importlib.import_module(found.name)
+        importlib.import_module(found.name)
 mtp_bench.make_action, mtp_bench.load_submission
 print(*(m.__file__ for n, m in sys.modules.items() if n.startswith("mtp_bench") and m.__file__), sep="\\n")
 """
@@ -67,7 +67,7 @@ def test_kernels_in_the_users_cache_are_no_secret(tmp_path: Path, monkeypatch: p
     kernels = tmp_path / "cache" / "kernels-0"
     kernels.mkdir(parents=True)
     monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("mtp_bench.gateway.layout.compiled_kernels", lambda: [kernels])
+    monkeypatch.setattr("mtp_bench.judge.gateway.layout.compiled_kernels", lambda: [kernels])
     image = image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0")
     assert (str(kernels), "/kernels/kernels-0") in layout_for(image, None).shown
 
@@ -168,7 +168,7 @@ def test_a_link_that_takes_the_place_of_a_file_is_not_followed(tmp_path: Path, m
         (path / "agent.py").symlink_to(secret)
         return found
 
-    monkeypatch.setattr("mtp_bench.gateway.layout.files_of", swapped)
+    monkeypatch.setattr("mtp_bench.judge.gateway.layout.files_of", swapped)
     with pytest.raises(SubmissionError, match=r"agent\.py: cannot be read"):
         image_of(loaded, "MTP-X-v0")
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv
-from mtp_bench.gateway import run_isolated
-from mtp_bench.records import submit, verify
+from mtp_bench.judge import run_isolated, submit, verify
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.run import derived_seed
+from mtp_bench.running.playing import derived_seed
 from tests.support.hostile import FRAMES, QUICK, SCENE, Court, submission
 from tests.support.small_scenes import empty_action
 

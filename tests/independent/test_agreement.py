@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
+from mtp_bench.core.types import Detections, ImageField, Rollout, Scene
 from mtp_bench.scoring import SUBSETS, AgentScores, Reference, References, Report, score_scene, summarise
 from mtp_bench.scoring.bade import CardBudget
 from mtp_bench.scoring.definitions import WEIGHTS_DEFINITIONS
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.scoring.weights import SceneWeights, scene_key
-from mtp_bench.types import Detections, ImageField, Rollout, Scene
 from tests.independent import scorer
 from tests.independent.events import own_events
 from tests.independent.parts import ABSENT, COVERED

@@ -6,10 +6,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from mtp_bench.core.types import Floats, Ints, Rollout, Scene
 from mtp_bench.scoring import SUBSETS, AgentScores, Reference, References, statistics, summarise
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.targets import units
-from mtp_bench.types import Floats, Ints, Rollout, Scene
 from tests.independent import scorer
 from tests.independent.scorer import BESIDE, Draws, Own, Scored
 from tests.independent.statistics import blocks_of

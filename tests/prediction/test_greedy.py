@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from mtp_bench.core.types import Floats
 from mtp_bench.prediction import GreedySampler
 from mtp_bench.prediction.greedy import k_medians
-from mtp_bench.types import Floats
 
 
 def make_pool(rng: np.random.Generator, objects: int, size: int, future: int = 6) -> Floats:

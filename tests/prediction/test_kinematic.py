@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from mtp_bench.agent import Frame
-from mtp_bench.geometry import transform_boxes
+from mtp_bench.core.geometry import transform_boxes
+from mtp_bench.core.tracks import Tracks
+from mtp_bench.core.types import Bools, Floats
 from mtp_bench.prediction import HedgedPredictor, KinematicPredictor, NoiseTable
 from mtp_bench.prediction.kalman import filtered, heading_frame
-from mtp_bench.tracks import Tracks
-from mtp_bench.types import Bools, Floats
 from tests.support.tracking_scenes import SIZE, kitti_task, tracks_with_past
 
 DT = 0.1

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from mtp_bench.agent import Frame
-from mtp_bench.geometry import rotate
+from mtp_bench.core.geometry import rotate
+from mtp_bench.core.types import Floats, Ints, Observation
 from mtp_bench.prediction import KinematicPredictor, LanePredictor
 from mtp_bench.prediction.lane_paths import LanePaths, lane_paths
 from mtp_bench.prediction.lanes import bend_limits
-from mtp_bench.types import Floats, Ints, Observation
 from tests.support.tracking_scenes import kitti_task, tracks_with_past
 
 SHIFT = np.array([100.0, -50.0])

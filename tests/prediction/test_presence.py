@@ -11,7 +11,8 @@ import pytest
 
 from mtp_bench import load_submission
 from mtp_bench.cards import load_card, with_files
-from mtp_bench.errors import SubmissionError
+from mtp_bench.core.errors import SubmissionError
+from mtp_bench.core.tracks import Tracks
 from mtp_bench.prediction import LearnedPresence
 from mtp_bench.prediction.presence import (
     FEATURES,
@@ -27,7 +28,6 @@ from mtp_bench.running.reference import frozen_reference
 from mtp_bench.running.settings import training_note
 from mtp_bench.scoring.weights import scene_key
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracks import Tracks
 from tests.support.own_scenes import write_tables
 from tests.support.tracking_scenes import CYCLIST, at_once, fitted_on, frame, kitti_task, run
 

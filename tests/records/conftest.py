@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from mtp_bench.gateway import SceneRun
-from mtp_bench.records import rerun, running, submitting, verifying
-from mtp_bench.records.parts import Parts
-from mtp_bench.records.running import Plan, run_seed
+from mtp_bench.judge import SceneRun
+from mtp_bench.judge.records import rerun, running, submitting, verifying
+from mtp_bench.judge.records.parts import Parts
+from mtp_bench.judge.records.running import Plan, run_seed
 from tests.support.runs import PATIENT, remembered_reference
 
 

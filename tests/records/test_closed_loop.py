@@ -13,19 +13,18 @@ import pytest
 from mtp_bench import MTPEnv, compare, evaluate, load_scenes, load_submission
 from mtp_bench.cards import load_card
 from mtp_bench.commands.verify import _as_json, _verdict
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.types import Rollout
 from mtp_bench.env.rollouts import actions_of, assemble, digest
-from mtp_bench.errors import MtpBenchError
-from mtp_bench.gateway import run_isolated
-from mtp_bench.records import Record, open_seal, seal, submit, verify
-from mtp_bench.records.consistency import checked_record
-from mtp_bench.records.rerun import drive_again
+from mtp_bench.judge import Record, open_seal, run_isolated, seal, submit, verify
+from mtp_bench.judge.records.consistency import checked_record
+from mtp_bench.judge.records.rerun import drive_again
 from mtp_bench.running.options import RunOptions
+from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.rollout_files import load_run, save_run
-from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.running.stored import run
 from mtp_bench.scoring import read_reference
 from mtp_bench.training import windows
-from mtp_bench.types import Rollout
 from mtp_bench.viz.board.columns import board_json
 from mtp_bench.viz.board.entries import Found, entries_of
 from mtp_bench.viz.board.page import board_files
@@ -210,7 +209,7 @@ def test_hidden_drives(made: Path, path: str, tmp_path: Path) -> None:
     checked = verify(made, RunOptions(), path, rerun=True, sealed=sealed)
     assert (checked.level, checked.differences) == ("hidden", ())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mtp_bench.records.verifying.drive_again", None)  # own drives are not made again
+        patch.setattr("mtp_bench.judge.records.verifying.drive_again", None)  # own drives are not made again
         checked = verify(made, RunOptions(), path, rerun=True, sealed=sealed, made_here=True)
     assert (checked.level, checked.differences) == ("hidden", ())
     assert checked.hidden is not None

@@ -15,11 +15,11 @@ from docs.generate import driving
 from docs.generate.results import PAGES, filled
 from mtp_bench.cards import load_card
 from mtp_bench.commands.board import read_board
-from mtp_bench.parallel import NO_PROGRESS
-from mtp_bench.records import Record, record_paths, trusted
-from mtp_bench.records.eligibility import why_not_comparable
-from mtp_bench.records.shipped import baseline_digest
-from mtp_bench.records.storage import read_as
+from mtp_bench.core.parallel import NO_PROGRESS
+from mtp_bench.judge import Record, record_paths, trusted
+from mtp_bench.judge.records.eligibility import why_not_comparable
+from mtp_bench.judge.records.shipped import baseline_digest
+from mtp_bench.judge.records.storage import read_as
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.scoring.definitions import SIGNIFICANT, Subset
 from mtp_bench.scoring.statistics import PairedDifference

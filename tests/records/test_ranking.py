@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.records import Record, standings
-from mtp_bench.records.attestation import SignedLevel
-from mtp_bench.records.evaluation import per_scene_of
+from mtp_bench.judge import Record, standings
+from mtp_bench.judge.records.attestation import SignedLevel
+from mtp_bench.judge.records.evaluation import per_scene_of
 from mtp_bench.scoring import SUBSETS, AgentScores, Reference, SceneScore, score_scene, summarise
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.weights import SceneWeights, scene_key

@@ -11,14 +11,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from mtp_bench.errors import RecordError
-from mtp_bench.gateway import SceneRun
-from mtp_bench.records import checked_record, load_record, record_paths, standings, why_unranked
-from mtp_bench.records.consistency import inconsistent_sums
-from mtp_bench.records.evaluation import status_of
-from mtp_bench.records.record import HiddenPart, MissedPart, Record
-from mtp_bench.records.rerun import require_answered, worse_when_moved
-from mtp_bench.records.storage import content_digest
+from mtp_bench.core.errors import RecordError
+from mtp_bench.judge import SceneRun, checked_record, load_record, record_paths, standings, why_unranked
+from mtp_bench.judge.records.consistency import inconsistent_sums
+from mtp_bench.judge.records.evaluation import status_of
+from mtp_bench.judge.records.record import HiddenPart, MissedPart, Record
+from mtp_bench.judge.records.rerun import require_answered, worse_when_moved
+from mtp_bench.judge.records.storage import content_digest
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.rows import Row
 from mtp_bench.sources.cache import scene_digest

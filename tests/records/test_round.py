@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.errors import RecordError
-from mtp_bench.gateway import Limits, SceneRun
-from mtp_bench.records import load_record, rerun, submit, verify
-from mtp_bench.records.record import LimitsPart
-from mtp_bench.records.rerun import run_again
-from mtp_bench.records.running import Plan, plan_run, rollouts_hash, rollouts_of, run_seed
-from mtp_bench.records.storage import ROLLOUTS
-from mtp_bench.records.verifying import Round, Verification
+from mtp_bench.agent.loader import load_submission
+from mtp_bench.core.errors import RecordError
+from mtp_bench.judge import Limits, SceneRun, load_record, submit, verify
+from mtp_bench.judge.records import rerun
+from mtp_bench.judge.records.record import LimitsPart
+from mtp_bench.judge.records.rerun import run_again
+from mtp_bench.judge.records.running import Plan, plan_run, rollouts_hash, rollouts_of, run_seed
+from mtp_bench.judge.records.storage import ROLLOUTS
+from mtp_bench.judge.records.verifying import Round, Verification
 from mtp_bench.running.options import RunOptions
-from mtp_bench.submission.loader import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.leaderboards import SIGNER
 from tests.support.small_scenes import CARD_ID

@@ -12,16 +12,16 @@ import pytest
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
-from mtp_bench.errors import MtpBenchError, RecordError
-from mtp_bench.records import open_seal, read_level, retire, seal, submit, trusted, verify, why_unranked
-from mtp_bench.records.canonical import today
-from mtp_bench.records.record import HiddenPart
-from mtp_bench.records.rerun import run_again
-from mtp_bench.records.running import Runs
-from mtp_bench.records.seal import Sealed, open_seals
+from mtp_bench.core.errors import MtpBenchError, RecordError
+from mtp_bench.judge import open_seal, read_level, retire, seal, submit, trusted, verify, why_unranked
+from mtp_bench.judge.records.canonical import today
+from mtp_bench.judge.records.record import HiddenPart
+from mtp_bench.judge.records.rerun import run_again
+from mtp_bench.judge.records.running import Runs
+from mtp_bench.judge.records.seal import Sealed, open_seals
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import read_reference
-from mtp_bench.sources.highway.source import HighwayTraffic
+from mtp_bench.traffic.highway.source import HighwayTraffic
 from tests.support.command_line import CommandLine, read_json
 from tests.support.small_scenes import write_short_card
 from tests.support.stored_records import ships_of
@@ -156,7 +156,7 @@ def scenes_stay_until_a_round_ends(path: Path, short: str, sealed: Sealed, hidde
         checked = verify(path, RunOptions(), short, rerun=True, sealed=sealed, ends=ends)
         assert scene.exists()
         assert (checked.level, checked.differences, checked.hidden) == ("hidden", (), hidden)
-        patch.setattr("mtp_bench.records.rerun.run_again", lambda *given: _hung(run_again(*given)))
+        patch.setattr("mtp_bench.judge.records.rerun.run_again", lambda *given: _hung(run_again(*given)))
         with pytest.raises(RecordError, match="stp: 1 runs of hidden scenes were not finished"):
             verify(path, RunOptions(), short, rerun=True, sealed=sealed, ends=ends)
     assert not scene.exists()

@@ -11,17 +11,17 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.errors import MtpBenchError, RecordError, RolloutError, SubmissionError, UnknownNameError
-from mtp_bench.gateway import SceneRun
-from mtp_bench.records import Record, load_record, rerun, submit, verify
-from mtp_bench.records.attestation import Checked
-from mtp_bench.records.running import Plan
-from mtp_bench.records.submitting import require_target
+from mtp_bench.agent import load_submission
+from mtp_bench.core.errors import MtpBenchError, RecordError, RolloutError, SubmissionError, UnknownNameError
+from mtp_bench.judge import Record, SceneRun, load_record, submit, verify
+from mtp_bench.judge.records import rerun
+from mtp_bench.judge.records.attestation import Checked
+from mtp_bench.judge.records.running import Plan
+from mtp_bench.judge.records.submitting import require_target
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
 from mtp_bench.scoring import SUBSETS, targets
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS
-from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import CARD, CARD_ID
 from tests.support.stored_records import save_record, write_record

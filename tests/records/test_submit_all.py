@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench._bundle import baseline_names, card_ids
 from mtp_bench.cards import load_card
 from mtp_bench.commands.submit import Line, make_all
-from mtp_bench.errors import UnknownNameError
-from mtp_bench.records import Record
-from mtp_bench.records.inventory import inventory, standing_record
+from mtp_bench.core.bundle import baseline_names, card_ids
+from mtp_bench.core.errors import UnknownNameError
+from mtp_bench.judge import Record
+from mtp_bench.judge.records.inventory import inventory, standing_record
 from mtp_bench.running.options import RunOptions
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.small_scenes import CARD_ID

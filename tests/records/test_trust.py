@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.files import CACHE
-from mtp_bench.records.trust import Trust
+from mtp_bench.core.files import CACHE
+from mtp_bench.judge.records.trust import Trust
 
 CASES: dict[str, tuple[str, Callable[[Path], object], int]] = {
     "as it was written": ("", lambda kept: None, 1),

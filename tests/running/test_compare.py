@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
+from mtp_bench.agent import load_submission
 from mtp_bench.cards import Card, load_card
-from mtp_bench.errors import MtpBenchError, SubmissionError
-from mtp_bench.running.compare import compare
+from mtp_bench.core.errors import MtpBenchError, SubmissionError
+from mtp_bench.running.comparison import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.settings import expand
 from mtp_bench.scoring import DEFINITIONS, SUBSETS
-from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
 
 pytestmark = pytest.mark.usefixtures("remembered_weights")
@@ -144,7 +144,7 @@ def test_ends_not_taken_are_told_first(tmp_path: Path, card: str, kitti: str, mo
     folder = write_submission(tmp_path / "echo", tables="[compare]\ngap_references = { hypotheses = 1 }\n")
     agent = folder / "agent.py"
     agent.write_text(agent.read_text().replace(", **parameters", ""))
-    monkeypatch.setattr("mtp_bench.running.compare.EnvEvaluation.scores", None)
+    monkeypatch.setattr("mtp_bench.running.comparison.EnvEvaluation.scores", None)
     text = "agent 'echo' cannot be built: unknown parameter of echo 'hypotheses': known are noise"
     with pytest.raises(SubmissionError, match=text):
         compare([folder], card, data=kitti)

@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mtp_bench import parallel as _cluster
-from mtp_bench._version import __version__
+from mtp_bench.core import parallel as _cluster
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.parallel import SERIAL, Done, Progress, Workers, parallel_map
+from mtp_bench.core.types import Task
+from mtp_bench.core.version import __version__
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import MtpBenchError
-from mtp_bench.gateway import run_isolated_scenes
-from mtp_bench.parallel import SERIAL, Done, Progress, Workers, parallel_map
+from mtp_bench.judge import run_isolated_scenes
 from mtp_bench.running.kernels import compile_kernels
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.run import Job, run_jobs
-from mtp_bench.types import Task
+from mtp_bench.running.playing import Job, run_jobs
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
 
 NAMES = ["0006", "0001", "0008"]

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv, Observation, Pipeline, Task, Tracks, load_submission
+from mtp_bench.core.errors import MtpBenchError, RolloutError
 from mtp_bench.env.observation import LocalFrame
-from mtp_bench.errors import MtpBenchError, RolloutError
+from mtp_bench.judge import submit
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler, LearnedPresence
-from mtp_bench.records import submit
 from mtp_bench.running import stored
-from mtp_bench.running.compare import compare
+from mtp_bench.running.comparison import compare
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.stored import open_run
 from mtp_bench.running.track_export import TrackRows, export_tracks, write_tracks
 from mtp_bench.scoring import SceneScore, score_scene

@@ -9,12 +9,12 @@ import pytest
 
 from mtp_bench.agent import Pipeline, Tracker
 from mtp_bench.cards import Card, load_card, with_files
+from mtp_bench.core.types import Task
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler
 from mtp_bench.running.reading import skipped_line
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.sources import open_source
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
-from mtp_bench.types import Task
 from tests.sources.test_kitti import CALIBRATION, QUARTER, detection, kitti_card, label, oxts
 from tests.support import nuscenes_root as tables
 from tests.support.runs import run_scenes

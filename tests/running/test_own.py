@@ -7,10 +7,10 @@ import pytest
 
 import mtp_bench
 from mtp_bench.cards import load_card, with_files, with_scenes
-from mtp_bench.errors import DataError, MtpBenchError
+from mtp_bench.core.errors import DataError, MtpBenchError
+from mtp_bench.core.types import Scene
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
-from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine
 from tests.support.own_scenes import write_long_log
 
@@ -72,7 +72,7 @@ def test_a_simulated_detector_on_own_truth(logs: Path, cli: CommandLine, tmp_pat
 
 
 def test_a_record_is_not_of_own_scenes(logs: Path) -> None:
-    from mtp_bench.records.running import plan_run
+    from mtp_bench.judge.records.running import plan_run
 
     with pytest.raises(MtpBenchError, match="a record is of the scenes that its env names"):
         plan_run(mtp_bench.load_submission("stp"), ENV, RunOptions(files=str(logs)))

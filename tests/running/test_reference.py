@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv
+from mtp_bench.agent import load_submission
 from mtp_bench.cards import load_card, with_presence
-from mtp_bench.errors import MtpBenchError
-from mtp_bench.records.running import plan_run
-from mtp_bench.running.compare import compare
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.judge.records.running import plan_run
+from mtp_bench.running.comparison import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.perturbation import RUNS
+from mtp_bench.running.playing import jobs_of, run_jobs, run_scene
 from mtp_bench.running.reference import (
     card_budget,
     freeze,
@@ -24,12 +26,10 @@ from mtp_bench.running.reference import (
     reference_for,
     track,
 )
-from mtp_bench.running.run import jobs_of, run_jobs, run_scene
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.bade import ONE_PER_TARGET, CardBudget
 from mtp_bench.scoring.weights import WEIGHED, scene_key, tracking_events
 from mtp_bench.scoring.weights_file import read_reference, write_reference
-from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import CARD, write_card
 

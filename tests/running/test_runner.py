@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench import MTPEnv
+from mtp_bench.agent import load_submission
 from mtp_bench.env.rollouts import digest
-from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.settings import setting_of
 from mtp_bench.running.stored import run_info
-from mtp_bench.submission import load_submission
 from tests.support.command_line import write_submission
 from tests.support.runs import run_scenes
 from tests.support.small_scenes import EchoAgent, make_noisy

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
+from mtp_bench.agent.loader import load_submission
 from mtp_bench.cards import load_card
 from mtp_bench.running import stored
-from mtp_bench.running.compare import compare
+from mtp_bench.running.comparison import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.scoring import SUBSETS
-from mtp_bench.submission.loader import load_submission
 from tests.running.test_rollout_files import edit_json
 from tests.support.command_line import CommandLine, plain_environment, read_json
 from tests.support.small_scenes import CARD, write_card

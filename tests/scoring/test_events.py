@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from mtp_bench.errors import ShapeError
+from mtp_bench.core.errors import ShapeError
 from mtp_bench.scoring import find_events, history, tracking_counts
 
 # One object, one character per frame: a letter is the id of the track on it, "-" no track on it, "." no object,

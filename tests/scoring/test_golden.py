@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mtp_bench.core.types import Rollout, Scene
 from mtp_bench.scoring import AgentScores, match, score_scene, summarise, tracking_counts
 from mtp_bench.scoring.details import end_to_end_accuracy, forecast_average_precision
-from mtp_bench.scoring.displacement import displacement, k_curve
+from mtp_bench.scoring.displacements import displacement, k_curve
 from mtp_bench.scoring.pairs import Pairs, near_pairs
-from mtp_bench.types import Rollout, Scene
 from tests.support.scoring_scenes import Thing, at, make_card, make_rollout, make_scene
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.records.evaluation import scorer_digest
+from mtp_bench.core import Column
+from mtp_bench.core.types import Rollout, Scene
+from mtp_bench.judge.records.evaluation import scorer_digest
 from mtp_bench.scoring import (
     AgentScores,
     Reference,
@@ -26,8 +28,6 @@ from mtp_bench.scoring.definitions import GOLDEN
 from mtp_bench.scoring.rows import Bin, Clear, Details, Errors, PairedRow, Reliability, Row, Tracking
 from mtp_bench.scoring.score import SceneScore
 from mtp_bench.scoring.weights import SceneWeights, scene_key
-from mtp_bench.tables import Column
-from mtp_bench.types import Rollout, Scene
 from tests.support.scoring_scenes import make_card, random_case, take_objects
 
 AGENTS = {"stp": 4.0, "gt_tracks": 0.5, "stp_same_samples": 2.5, "mtp": 1.5}  # size of the errors of forecasts

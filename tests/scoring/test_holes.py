@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench.core.types import pieces_of
 from mtp_bench.scoring import SceneScore, find_targets, live_frames, score_scene
 from mtp_bench.scoring.events import HOLES, LOST_TARGETS
 from mtp_bench.scoring.targets import left_out
-from mtp_bench.types import pieces_of
 from tests.support.scoring_scenes import Thing, answers_end_to_end, end_to_end, make_card, make_scene, random_case
 
 CARD = make_card(past=2, future=3)  # 10 frames per second

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mtp_bench.core.types import ImageField
 from mtp_bench.scoring import evaluated, unconfirmable
-from mtp_bench.types import ImageField
 from tests.support.scoring_scenes import Thing, make_scene
 
 CAR, WALKER = 0, 1

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.running.compare import compare
+from mtp_bench.running.comparison import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import AgentScores, References, score_scene, summarise
 from mtp_bench.scoring.parts import PARTS

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.errors import DataError, RolloutError
+from mtp_bench.core.errors import DataError, RolloutError
 from mtp_bench.scoring import DEFINITIONS, SUBSETS, AgentScores, Report, SceneScore, score_scene, summarise
 from mtp_bench.scoring.rank import ALONE, References
 from mtp_bench.scoring.rows import PairedRow, Row

@@ -8,7 +8,7 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.cards.source import FilesSource
-from mtp_bench.geometry import rotate
+from mtp_bench.core.geometry import rotate
 from mtp_bench.scoring import find_targets
 from mtp_bench.scoring.targets import units
 from mtp_bench.sources import open_source

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.errors import DataError
+from mtp_bench.core.errors import DataError
 from mtp_bench.scoring.definitions import WEIGHTS_DEFINITIONS
 from mtp_bench.scoring.weights import WEIGHED, Reference, SceneWeights, count_runs, scene_key, tracking_events
 from mtp_bench.scoring.weights_file import read_reference, write_reference

@@ -12,9 +12,10 @@ from pyarrow import feather, table
 from scipy.spatial.transform import Rotation
 
 from mtp_bench import MTPEnv
+from mtp_bench.agent import load_submission
 from mtp_bench.cards import load_card, with_detections
-from mtp_bench.errors import DataError
-from mtp_bench.running.run import run_scene
+from mtp_bench.core.errors import DataError
+from mtp_bench.running.playing import run_scene
 from mtp_bench.running.track_export import TrackRows, write_tracks
 from mtp_bench.scoring import find_targets
 from mtp_bench.scoring.weights import tracking_events as events_of
@@ -22,7 +23,6 @@ from mtp_bench.sources import open_source, with_tracks
 from mtp_bench.sources.argoverse2 import PACKAGE
 from mtp_bench.sources.argoverse2.feather import ANNOTATIONS, BOX, Sweeps, read_feather
 from mtp_bench.sources.argoverse2.source import Argoverse2
-from mtp_bench.submission import load_submission
 
 LOG, FRAMES, CITY = "a-log", 24, np.array([1000.0, 2000.0, 50.0])
 STAMP = 315_966_070_000_000_001 + 100_200_000 * np.arange(FRAMES)

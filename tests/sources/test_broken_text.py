@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.errors import DataError
+from mtp_bench.core.errors import DataError
 from mtp_bench.sources.base import usable
 from mtp_bench.sources.text import read_table
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS

@@ -8,14 +8,14 @@ import pytest
 
 from mtp_bench import MTPEnv, load_submission
 from mtp_bench.cards import Card, changed_card, load_card, with_files, with_scenes
+from mtp_bench.core.errors import DataError
+from mtp_bench.core.types import Rollout, Scene
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import DataError
+from mtp_bench.running.playing import run_scene
 from mtp_bench.running.reading import read_status
-from mtp_bench.running.run import run_scene
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.sources import load_scenes
-from mtp_bench.sources.files import save_scene
-from mtp_bench.types import Rollout, Scene
+from mtp_bench.sources.files.save import save_scene
 from tests.support.own_scenes import assert_same
 
 SCENES = {

@@ -7,15 +7,15 @@ from highway_env.vehicle import kinematics, objects
 from shapely import STRtree
 from shapely.geometry import Polygon
 
-from mtp_bench.errors import DataError
-from mtp_bench.geometry import bev_corners, wrap_angle
+from mtp_bench.core.errors import DataError
+from mtp_bench.core.geometry import bev_corners, wrap_angle
+from mtp_bench.core.types import Floats
 from mtp_bench.sources.cache import content_hash
-from mtp_bench.sources.highway import library, simulate
-from mtp_bench.sources.highway.networks import build_map
-from mtp_bench.sources.highway.simulate import overlapping, simulate_world
-from mtp_bench.sources.highway.store import pack
-from mtp_bench.sources.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
-from mtp_bench.types import Floats
+from mtp_bench.traffic.highway import library, simulate
+from mtp_bench.traffic.highway.networks import build_map
+from mtp_bench.traffic.highway.simulate import overlapping, simulate_world
+from mtp_bench.traffic.highway.store import pack
+from mtp_bench.traffic.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
 
 CASES = {
     "intersection": Traffic("intersection", "roadside", 6.0, 18, 16, 30),

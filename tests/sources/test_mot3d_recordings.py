@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, with_split
+from mtp_bench.core.types import Scene
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources import open_source
-from mtp_bench.types import Scene
 from tests.support.source_files import card_of
 
 pytestmark = pytest.mark.data

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import parse_card
-from mtp_bench.errors import DataError, UnknownNameError
+from mtp_bench.core.errors import DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source
 from mtp_bench.sources.motion import backward_velocity
 from mtp_bench.sources.nuscenes.source import NuScenes

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.errors import DataError
+from mtp_bench.core.errors import DataError
 from mtp_bench.sources import open_source
 from mtp_bench.sources.nuscenes.layout import SPLITS, official_scenes, scenes_by_split
 from mtp_bench.sources.nuscenes.tables import TableRecord, read_records, yaw_of

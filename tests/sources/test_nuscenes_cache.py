@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import notice
-from mtp_bench.errors import DataError
+from mtp_bench.core import notice
+from mtp_bench.core.errors import DataError
 from mtp_bench.sources import describe, open_source, prepare
 from tests.support.nuscenes_root import DETECTIONS, PREDICTION, VERSION, edited, nuscenes_card, scene
 

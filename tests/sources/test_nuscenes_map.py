@@ -12,12 +12,12 @@ import pytest
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards.card import LaneSection
-from mtp_bench.errors import DataError, MissingDataError
+from mtp_bench.core.errors import DataError, MissingDataError
+from mtp_bench.core.types import Lane
 from mtp_bench.sources import describe, with_map
 from mtp_bench.sources.base import HALF_LANE
 from mtp_bench.sources.nuscenes import road
 from mtp_bench.sources.nuscenes.road import read_lanes
-from mtp_bench.types import Lane
 from tests.support.command_line import CommandLine
 from tests.support.map_expansion import Record, make_map, write_map
 from tests.support.nuscenes_root import VERSION, edited, nuscenes_card, scene, write_json

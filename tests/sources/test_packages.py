@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from mtp_bench._bundle import card_ids
 from mtp_bench.cards import Card, load_card
 from mtp_bench.cards.source import SOURCES, source_class
-from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.core.bundle import card_ids
+from mtp_bench.core.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source, package_of
 from mtp_bench.sources.base import SourcePackage
 from tests.sources import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card, with_split
-from mtp_bench.errors import DataError
+from mtp_bench.core.errors import DataError
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources import open_source
 from mtp_bench.sources.people.source import RECORDINGS, SPLITS, TESTS

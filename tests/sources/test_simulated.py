@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card, with_detector, with_scenes
-from mtp_bench.geometry import rotate, transform_boxes, wrap_angle
+from mtp_bench.core.geometry import rotate, transform_boxes, wrap_angle
+from mtp_bench.core.types import Scene
 from mtp_bench.sources import load_scenes, simulated
 from mtp_bench.sources.base import no_detections
 from mtp_bench.sources.motion import looking_back
 from mtp_bench.sources.simulated import detected
-from mtp_bench.types import Scene
 from tests.support.detector_scenes import traffic
 
 CARD = with_detector(load_card("MTP-KITTI-noego-v0"), "kitti_pointrcnn_raw")
@@ -107,7 +107,7 @@ def test_detections_are_simulated_once_and_nobody_can_change_those_that_are_kept
     expected = {name: column.copy() for name, column in vars(first).items()}
     first.box[:] = 0.0
     simulate = Mock(return_value=first)
-    monkeypatch.setattr("mtp_bench.detector.simulate.simulate", simulate)
+    monkeypatch.setattr("mtp_bench.detector.simulation.simulate", simulate)
     for name, column in vars(detected(scene, CARD).detections).items():
         np.testing.assert_array_equal(column, expected[name])
     simulate.assert_not_called()

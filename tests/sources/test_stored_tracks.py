@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
-from mtp_bench.errors import DataError
+from mtp_bench.core.errors import DataError
+from mtp_bench.core.types import Scene, StoredTracks
 from mtp_bench.running.track_export import TrackRows, write_tracks
 from mtp_bench.sources import open_source, with_tracks
 from mtp_bench.sources.kitti.files import camera_fields, sensor_boxes
 from mtp_bench.sources.stored_tracks import import_tracks
-from mtp_bench.types import Scene, StoredTracks
 from tests.support.nuscenes_root import SCENES, detection, nuscenes_card, sample, write_json, write_root
 
 

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench import notice
 from mtp_bench.cards import Card
-from mtp_bench.errors import CardError, DataError, UnknownNameError
-from mtp_bench.files import CACHE
+from mtp_bench.core import notice
+from mtp_bench.core.errors import CardError, DataError, UnknownNameError
+from mtp_bench.core.files import CACHE
+from mtp_bench.core.types import Floats, Lane
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import content_hash
-from mtp_bench.sources.highway.source import ever_seen, traffic_of
-from mtp_bench.sources.highway.store import WorldStore, pack, unpack
-from mtp_bench.sources.highway.world import CLASSES, SECRET_SEEDS, HighwaySource, Traffic, World
-from mtp_bench.types import Floats, Lane
+from mtp_bench.traffic.highway.source import ever_seen, traffic_of
+from mtp_bench.traffic.highway.store import WorldStore, pack, unpack
+from mtp_bench.traffic.highway.world import CLASSES, SECRET_SEEDS, HighwaySource, Traffic, World
 from tests.support.detector_scenes import grid_truth
 from tests.support.source_files import card_of
 
@@ -47,7 +47,7 @@ def line(x: float, y: float) -> Floats:
 @pytest.fixture(autouse=True)
 def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
     """Seeds that were simulated; the simulation is replaced and the cache is empty."""
-    from mtp_bench.sources.highway import simulate
+    from mtp_bench.traffic.highway import simulate
 
     seeds: list[int] = []
 

@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 import pytest
 
 from mtp_bench.scoring.parts import PARTS
-from mtp_bench.study.drawing import COLORS, SERIES, Panel, Series, Sketch, draw
-from mtp_bench.study.figures import PART_COLORS
+from mtp_bench.viz.studies.drawing import COLORS, SERIES, Panel, Series, Sketch, draw
+from mtp_bench.viz.studies.figures import PART_COLORS
 from tests.support.colours import APART, TO_XYZ, VISION, distance, linear
 
 

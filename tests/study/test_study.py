@@ -15,24 +15,24 @@ import numpy as np
 import pytest
 
 from docs.generate.studies import page_of
+from mtp_bench.agent import load_submission
 from mtp_bench.cards import load_card
-from mtp_bench.errors import MtpBenchError
+from mtp_bench.core import to_json
+from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.stored import open_run, run
 from mtp_bench.running.track_export import export_tracks
 from mtp_bench.scoring.parts import PARTS
-from mtp_bench.study import Study, study
-from mtp_bench.study.conduct import find
-from mtp_bench.study.drawing import TEXTS
-from mtp_bench.study.figures import FIGURES, make_figures
-from mtp_bench.study.gallery import EACH
-from mtp_bench.study.page import summary
-from mtp_bench.study.plan import subject_of
-from mtp_bench.study.relations import relation_rows, verdict
-from mtp_bench.study.rows import make_tables
-from mtp_bench.study.runs import Bench, EventCounts, count_events, library_files, open_bench
-from mtp_bench.submission import load_submission
-from mtp_bench.tables import to_json
+from mtp_bench.viz import Study, study
+from mtp_bench.viz.studies.conduct import find
+from mtp_bench.viz.studies.drawing import TEXTS
+from mtp_bench.viz.studies.figures import FIGURES, make_figures
+from mtp_bench.viz.studies.gallery import EACH
+from mtp_bench.viz.studies.page import summary
+from mtp_bench.viz.studies.plan import subject_of
+from mtp_bench.viz.studies.relations import relation_rows, verdict
+from mtp_bench.viz.studies.rows import make_tables
+from mtp_bench.viz.studies.runs import Bench, EventCounts, count_events, library_files, open_bench
 from tests.support.browser import chromium
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from mtp_bench._bundle import baseline_names
-from mtp_bench.errors import SubmissionError, UnknownNameError
-from mtp_bench.submission import SubmissionFactory, load_submission
+from mtp_bench.agent import SubmissionFactory, load_submission
+from mtp_bench.core.bundle import baseline_names
+from mtp_bench.core.errors import SubmissionError, UnknownNameError
 from tests.support.small_scenes import task
 
 TASK = task(classes=("car",), detections=5, objects=5)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.records import Record
-from mtp_bench.records.attestation import Level
-from mtp_bench.records.shipped import shipped
+from mtp_bench.judge import Record
+from mtp_bench.judge.records.attestation import Level
+from mtp_bench.judge.records.shipped import shipped
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS, SUBSETS, Subset
 from mtp_bench.scoring.weights import scene_key
 from mtp_bench.viz.board.entries import Entry, Found, entries_of

@@ -140,7 +140,7 @@ def ship(folder: Path, repository: Path, card: str) -> pytest.MonkeyPatch:
     (folder / "envs" / Path(card).name).write_text(Path(card).read_text())
     (folder / "baselines").symlink_to(repository / "baselines")
     patch = pytest.MonkeyPatch()
-    patch.setattr("mtp_bench._bundle._PACKAGE", folder / "mtp_bench")
+    patch.setattr("mtp_bench.core.bundle._PACKAGE", folder / "mtp_bench")
     return patch
 
 

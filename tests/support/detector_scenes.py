@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from mtp_bench.core.types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
 from mtp_bench.detector import Profile
-from mtp_bench.detector.simulate import simulate
+from mtp_bench.detector.simulation import simulate
 from mtp_bench.detector.visibility import Sensor, Visibility
-from mtp_bench.types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
 
 SIZE = (4.0, 2.0, 1.6)
 SPACING = 20.0  # m between the objects of a crowd

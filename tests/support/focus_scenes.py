@@ -6,8 +6,8 @@ import numpy as np
 
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import FocusFrame
-from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.sentence import sentence
+from mtp_bench.viz.run_replay import Replay, replay
+from mtp_bench.viz.sentences import sentence
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene, with_detections
 
 FRAMES, EVENT = 10, 4

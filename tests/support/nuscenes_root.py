@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from mtp_bench.cards import Card
+from mtp_bench.core.types import Scene
 from mtp_bench.sources import open_source
-from mtp_bench.types import Scene
 from tests.support.source_files import card_of
 
 VERSION = "v1.0-mini"

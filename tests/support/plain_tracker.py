@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtp_bench.agent import Observation, Tracks
+from mtp_bench.core import Observation, Tracks
+from mtp_bench.core.types import Floats, Ints, Task
 from mtp_bench.tracking.parameters import detector_parameters
-from mtp_bench.types import Floats, Ints, Task
 from tests.support.plain_affinity import gains
 from tests.support.textbook_k_best import k_best
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import pytest
 
-from mtp_bench.gateway.sandbox import sandbox_backend
+from mtp_bench.judge.gateway.sandbox import sandbox_backend
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 CHROMEDRIVER = shutil.which("chromedriver")

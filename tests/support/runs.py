@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.gateway import Limits
-from mtp_bench.parallel import Workers
+from mtp_bench.core.parallel import Workers
+from mtp_bench.judge import Limits
 from mtp_bench.running.options import DEFAULTS, RunOptions
+from mtp_bench.running.playing import Finish, Job, MakeAgent, run_jobs
 from mtp_bench.running.reference import reference_for
-from mtp_bench.running.run import Finish, Job, MakeAgent, run_jobs
 from mtp_bench.scoring import Reference
 from mtp_bench.tracking.kernels.cache import cache_folder
 

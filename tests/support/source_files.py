@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
-from mtp_bench.errors import DataError
+from mtp_bench.core.errors import DataError
 
 
 def write(path: Path, *lines: str) -> None:

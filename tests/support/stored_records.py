@@ -6,14 +6,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from mtp_bench.gateway import Limits
-from mtp_bench.records.attestation import Level, SignedLevel, Statement
-from mtp_bench.records.eligibility import Ships
-from mtp_bench.records.evaluation import scorer_digest, status_of
-from mtp_bench.records.record import HiddenPart, MissedPart, Record, ScenePart
-from mtp_bench.records.seal import ListedSeal
-from mtp_bench.records.shipped import Shipped, baseline_digest
-from mtp_bench.records.storage import record_text, sealed
+from mtp_bench.judge import Limits
+from mtp_bench.judge.records.attestation import Level, SignedLevel, Statement
+from mtp_bench.judge.records.eligibility import Ships
+from mtp_bench.judge.records.evaluation import scorer_digest, status_of
+from mtp_bench.judge.records.record import HiddenPart, MissedPart, Record, ScenePart
+from mtp_bench.judge.records.seal import ListedSeal
+from mtp_bench.judge.records.shipped import Shipped, baseline_digest
+from mtp_bench.judge.records.storage import record_text, sealed
 from mtp_bench.scoring import DEFINITIONS, SUBSETS
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, ratio

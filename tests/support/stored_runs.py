@@ -4,9 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from mtp_bench.cards import load_card
+from mtp_bench.core.types import Rollout, Scene
 from mtp_bench.running.rollout_files import RunInfo, save_run
 from mtp_bench.sources import open_source
-from mtp_bench.types import Rollout, Scene
 from tests.support.scoring_scenes import Thing, at, make_rollout
 
 SWITCH, GAP, BACK = 4, 5, 7  # frames of the events of car 7

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.agent import Observation, Tracker
+from mtp_bench.agent import Tracker
+from mtp_bench.core import Observation
+from mtp_bench.core.tracks import Tracks
+from mtp_bench.core.types import Bools, Floats, Ints, Task
 from mtp_bench.prediction.presence import file_of, read_file
 from mtp_bench.tracking import ClassParameters, detector_parameters
-from mtp_bench.tracks import Tracks
-from mtp_bench.types import Bools, Floats, Ints, Task
 
 CAR, PEDESTRIAN, CYCLIST = 0, 1, 2
 SIZE = np.array([[4.0, 1.8, 1.5], [0.7, 0.6, 1.75], [1.8, 0.6, 1.7]])  # l w h of the three classes

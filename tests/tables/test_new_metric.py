@@ -6,9 +6,9 @@ from typing import Annotated
 
 import pytest
 
-from mtp_bench.records import Record
+from mtp_bench.core import Column, columns_of, to_csv, to_latex, to_markdown, to_text
+from mtp_bench.judge import Record
 from mtp_bench.scoring.rows import Row
-from mtp_bench.tables import Column, columns_of, to_csv, to_latex, to_markdown, to_text
 from mtp_bench.viz.board.columns import board_json, board_table
 from mtp_bench.viz.board.entries import Found, entries_of
 from mtp_bench.viz.board.page import board_files

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import pytest
 
-from mtp_bench.tables import Column, Table, columns_of, tables_text, to_csv, to_html, to_json, to_markdown, to_text
+from mtp_bench.core import Column, Table, columns_of, tables_text, to_csv, to_html, to_json, to_markdown, to_text
 
 Metres = Annotated[float | None, Column(unit="m", better="lower")]
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from mtp_bench import notice
-from mtp_bench.parallel import Workers
+from mtp_bench.core import notice
+from mtp_bench.core.parallel import Workers
 from mtp_bench.running.kernels import compile_kernels
 from mtp_bench.tracking.kernels import cache
 from mtp_bench.tracking.kernels.compile import Kernel, part
@@ -142,7 +142,7 @@ def test_the_folder_depends_on_callees_constants_records_and_signature(monkeypat
     folders.append(folder_of("i8(i8)"))
     monkeypatch.setitem(more.__globals__, "twice", cache.cache_folder)
     folders.append(folder_of("i8(i8)"))
-    monkeypatch.setattr(Pair, "__module__", "mtp_bench.errors")
+    monkeypatch.setattr(Pair, "__module__", "mtp_bench.core.errors")
     folders.append(folder_of("i8(i8)"))
     assert len(set(folders)) == 5
     monkeypatch.setitem(more.__globals__, "LITTLE", np.array([1]))

@@ -6,9 +6,9 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
+from mtp_bench.core.tracks import Tracks
+from mtp_bench.core.types import Bools, Floats, Ints
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracks import Tracks
-from mtp_bench.types import Bools, Floats, Ints
 from tests.support.tracking_scenes import CYCLIST, Frame, at_once, frame, random_frames, run
 
 # Two cyclists meet at x = 3; the gate is 2 m. Did they cross, or turn back?

@@ -7,10 +7,10 @@ import sys
 import numpy as np
 import pytest
 
+from mtp_bench.core.types import Bools, Floats, Ints
 from mtp_bench.tracking import k_best
 from mtp_bench.tracking.kernels import pieces
 from mtp_bench.tracking.kernels.association import joint_k_best
-from mtp_bench.types import Bools, Floats, Ints
 from tests.support.textbook_k_best import k_best as textbook
 
 INF = np.inf

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from mtp_bench.errors import ShapeError
+from mtp_bench.core.errors import ShapeError
 from mtp_bench.tracking import k_best
 
 INF = np.inf

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.errors import ShapeError
+from mtp_bench.core.errors import ShapeError
+from mtp_bench.core.tracks import UNBORN, Tracks
+from mtp_bench.core.types import Task
 from mtp_bench.tracking import BirdsEye, HypothesisTracker, OnlineDetections, OnlineTracker
-from mtp_bench.tracks import UNBORN, Tracks
-from mtp_bench.types import Task
 from tests.support.tracking_scenes import CAR, PEDESTRIAN, Frame, at_once, frame, kitti_task, observation, random_frames
 
 Answer = Callable[[OnlineDetections], Sequence[Any]]

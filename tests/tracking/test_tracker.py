@@ -5,11 +5,12 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from mtp_bench.agent import Observation, Tracker
-from mtp_bench.errors import ShapeError, UnknownNameError
+from mtp_bench.agent import Tracker
+from mtp_bench.core import Observation
+from mtp_bench.core.errors import ShapeError, UnknownNameError
+from mtp_bench.core.tracks import Tracks
 from mtp_bench.tracking import GivenTracker, HypothesisTracker, OnlineTracker, TruthTracker, score_thresholds
 from mtp_bench.tracking.parameters import ClassParameters, read_detector
-from mtp_bench.tracks import Tracks
 from tests.support.tracking_scenes import CAR, CYCLIST, PEDESTRIAN, frame, kitti_task, observation, random_frames, run
 
 NOTHING = frame()

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv
-from mtp_bench.geometry import wrap_angle
+from mtp_bench.core.geometry import wrap_angle
+from mtp_bench.core.tracks import Tracks
+from mtp_bench.core.types import Floats, Ints
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracking.kernels.motion_kernels import update_pairs, wrap
-from mtp_bench.tracks import Tracks
-from mtp_bench.types import Floats, Ints
 from tests.support import plain_tracker as textbook
 from tests.support.plain_tracker import PlainTracker
 from tests.support.tracking_scenes import kitti_task, observation, random_frames, run

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from mtp_bench.core.tracks import UNBORN
+from mtp_bench.core.types import Bools, Ints
 from mtp_bench.tracking.kernels.tree_kernels import distinct_rows, grow, histories
-from mtp_bench.tracks import UNBORN
-from mtp_bench.types import Bools, Ints
 
 Case = tuple[Ints, Ints, Bools, Ints, Ints, int]
 

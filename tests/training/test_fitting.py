@@ -8,6 +8,7 @@ import pytest
 import torch
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from mtp_bench.core.types import starts_of
 from mtp_bench.prediction.learned.affinity import AffinityNetwork
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
@@ -17,7 +18,6 @@ from mtp_bench.prediction.learned.tracking_free import TrackingFree
 from mtp_bench.prediction.windows import Surroundings
 from mtp_bench.training.fitting import FittedNetwork, TrainingPlan, TrainingSet, fit, ordered_batches, shuffled_batches
 from mtp_bench.training.losses import vary_tracks
-from mtp_bench.types import starts_of
 from tests.support.random_windows import SIZES, random_training_set, random_windows
 
 NETWORKS = pytest.mark.parametrize("network", [Modes(), Ptp()], ids=lambda network: network.name)

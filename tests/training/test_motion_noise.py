@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench.core.types import Bools, Floats
 from mtp_bench.prediction import NoiseTable, kalman, stored_noise
 from mtp_bench.prediction.kalman import condition, noise_table
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
 from mtp_bench.training.motion_noise import as_toml, collect, fit_motion_noise, fit_scenes, forecast_score
-from mtp_bench.types import Bools, Floats
 from tests.support.scoring_scenes import end_to_end
 from tests.support.small_scenes import bare_scene, make_scene
 from tests.support.tracking_scenes import kitti_task

@@ -10,7 +10,8 @@ import pytest
 import torch
 
 from mtp_bench.cards import Card, load_card
-from mtp_bench.errors import MtpBenchError
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.types import Bools
 from mtp_bench.prediction.learned.network import network_of
 from mtp_bench.prediction.learned.predictor import find_weights, read_weights, require_fit
 from mtp_bench.running.options import Fold, RunOptions, fold_of, held_out
@@ -27,7 +28,6 @@ from mtp_bench.training.predictors import (
 )
 from mtp_bench.training.split import open_split
 from mtp_bench.training.tracklets import Windows, concatenate, windows_of_scene
-from mtp_bench.types import Bools
 from tests.support.command_line import CommandLine, write_training
 from tests.support.small_scenes import make_scene, task, write_card, write_kitti
 

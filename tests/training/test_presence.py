@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.errors import MtpBenchError
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.types import Floats
 from mtp_bench.prediction.presence import MODELS, TrackHistory, logistic, read_model
 from mtp_bench.running.options import RunOptions
 from mtp_bench.training import presence
 from mtp_bench.training.presence import design, isotonic_knots, quality
 from mtp_bench.training.presence_rows import PresenceRecipe, PresenceRows, collect
-from mtp_bench.types import Floats
 from tests.support.command_line import CommandLine
 from tests.support.scoring_scenes import at, make_card, make_scene, with_detections
 from tests.support.tracking_scenes import fitted_on, kitti_task

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.core.types import ImageField, Lane, Scene
 from mtp_bench.env.observation import LocalFrame, make_feed
-from mtp_bench.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
 from mtp_bench.training.labels import UNKNOWN
 from mtp_bench.training.tracklets import BY_WINDOW, Windows, concatenate, windows, windows_of_scene
-from mtp_bench.types import ImageField, Lane, Scene
 from tests.support.scoring_scenes import end_to_end
 from tests.support.small_scenes import CARD, bare_scene, make_scene, task as small_task, write_card, write_kitti
 

@@ -16,8 +16,8 @@ from mtp_bench.viz.drawing import report
 from mtp_bench.viz.evidence import left_out, verdict
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.played import PlayedRun
-from mtp_bench.viz.replay import Replay
-from mtp_bench.viz.sentence import WORDS, sentence
+from mtp_bench.viz.run_replay import Replay
+from mtp_bench.viz.sentences import WORDS, sentence
 
 from ..support.planted_faults import write_log
 

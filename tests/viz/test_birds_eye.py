@@ -14,13 +14,13 @@ from PIL import Image, ImageDraw
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards.card import LaneSection
-from mtp_bench.types import Lane, Scene
+from mtp_bench.core.types import Lane, Scene
 from mtp_bench.viz import palette
 from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, windows_of
 from mtp_bench.viz.drawing.canvas import WHITE, Canvas, callout, pointer
 from mtp_bench.viz.drawing.video import pictures
 from mtp_bench.viz.framing import Window, arrows_of
-from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.run_replay import Replay, replay
 from tests.support import small_scenes
 from tests.support.colours import APART, VISION, distance
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene, with_detections

@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.errors import MtpBenchError
-from mtp_bench.records import Record
-from mtp_bench.records.consistency import inconsistencies
+from mtp_bench.agent.loader import ON_SCORED
+from mtp_bench.core import to_text
+from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.judge import Record
+from mtp_bench.judge.records.consistency import inconsistencies
 from mtp_bench.scoring import SUBSETS, paired_difference
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS
-from mtp_bench.submission.loader import ON_SCORED
-from mtp_bench.tables import to_text
 from mtp_bench.viz.board.columns import board_json
 from mtp_bench.viz.board.drawings import MOST_TICKS, PAD, WIDTH, bar_of, scale_of
 from mtp_bench.viz.board.entries import Entry, Found, entries_of

@@ -9,7 +9,7 @@ from docs.generate.driving import FIGURES
 from docs.generate.paper import RELATIONS
 from docs.generate.results import DRIVERS, PARTS_FILE, STORY, SUBSET_TEXT, filled
 from mtp_bench.cards import load_card
-from mtp_bench.errors import MtpBenchError
+from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.scoring.definitions import DEFINITIONS
 from mtp_bench.scoring.parts import FAULT_NAMES, PARTS
 from mtp_bench.viz.board.entries import Entry

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from mtp_bench.geometry import rotate
+from mtp_bench.core.geometry import rotate
 from mtp_bench.viz.drawing.close_up import draw_focus
 from mtp_bench.viz.drawing.report import SIZE, report
 from mtp_bench.viz.evidence import expected, taken
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import LARGEST, counterpart, focuses_of, frame_of, turn_of, window_of
 from mtp_bench.viz.incident import MOMENT
-from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.sentence import sentence
+from mtp_bench.viz.run_replay import Replay, replay
+from mtp_bench.viz.sentences import sentence
 from tests.support.focus_scenes import BY_IOU, CARD, CROWD, EVENT, FRAMES, MOST_BRIGHT, bright, crowd, told
 from tests.support.scoring_scenes import Thing, line, make_rollout, make_scene, moved, random_case, with_detections
 

@@ -18,8 +18,8 @@ from mtp_bench.viz.drawing.column import column
 from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, picture, report, save_report
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import ROLES, Window, window_of
-from mtp_bench.viz.replay import Replay
-from mtp_bench.viz.sentence import sentence
+from mtp_bench.viz.run_replay import Replay
+from mtp_bench.viz.sentences import sentence
 from mtp_bench.viz.terminal.event_table import Listed, in_order
 from tests.support.command_line import CommandLine
 from tests.support.focus_scenes import EVENT, MOST_BRIGHT, crowd

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.types import Drive
+from mtp_bench.core.types import Drive
 from mtp_bench.viz.plan import plan_at
-from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.run_replay import Replay, replay
 from mtp_bench.viz.terminal.event_table import Listed, show_collisions
 from tests.support.scoring_scenes import line, make_card, make_rollout, make_scene, with_detections
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from mtp_bench.core.types import Rollout, Scene
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.lineage import match_hypotheses
-from mtp_bench.types import Rollout, Scene
 from mtp_bench.viz.incident import Incident
-from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.run_replay import Replay, replay
 from tests.support.focus_scenes import CARD
 from tests.support.scoring_scenes import WALKER, Thing, line, make_rollout, make_scene, random_case, with_detections
 

@@ -12,20 +12,20 @@ import pytest
 from PIL import Image
 
 from mtp_bench import MtpBenchError
+from mtp_bench.core.types import Rollout
 from mtp_bench.sources import CameraImage
-from mtp_bench.types import Rollout
 from mtp_bench.viz.answers import Answers
 from mtp_bench.viz.drawing.report import ROW
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import frame_of
 from mtp_bench.viz.photo import HEIGHT
-from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.rerun.entities import TOP_SAMPLES
 from mtp_bench.viz.rerun.recording import save_recording
 from mtp_bench.viz.rerun.sdk import rr
 from mtp_bench.viz.rerun.shown import TOP_HYPOTHESES
 from mtp_bench.viz.rerun.viewer import viewer_program
-from mtp_bench.viz.sentence import sentence
+from mtp_bench.viz.run_replay import Replay, replay
+from mtp_bench.viz.sentences import sentence
 from tests.support import scoring_scenes
 from tests.support.camera_images import PIXELS, write_image
 from tests.support.focus_scenes import EVENT, MOST_BRIGHT, bright, crowd

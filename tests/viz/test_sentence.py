@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mtp_bench.agent.loader import load_submission
 from mtp_bench.cards import load_card
 from mtp_bench.sources import open_source
-from mtp_bench.submission.loader import load_submission
 from mtp_bench.viz.evidence import reach
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import frame_of
-from mtp_bench.viz.moments import moments
-from mtp_bench.viz.replay import replay
-from mtp_bench.viz.sentence import WORDS, sentence
+from mtp_bench.viz.moment_list import moments
+from mtp_bench.viz.run_replay import replay
+from mtp_bench.viz.sentences import WORDS, sentence
 from tests.support.runs import run_scenes
 
 RUNS = {  # scenes with sentences of all kinds: others say little more

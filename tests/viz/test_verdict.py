@@ -10,10 +10,10 @@ import pytest
 from rich.console import Console
 
 from mtp_bench import load_submission
+from mtp_bench.core import Table, to_latex, to_text
 from mtp_bench.scoring import SUBSETS, Report
-from mtp_bench.scoring.main_table import main_table
+from mtp_bench.scoring.report_tables import main_table
 from mtp_bench.scoring.rows import PairedRow, Row
-from mtp_bench.tables import Table, to_latex, to_text
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, show, show_command, show_lines, show_table
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
 from mtp_bench.viz.terminal.tables import chosen_table, full_tables, notes, paper_table, warnings

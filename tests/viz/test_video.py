@@ -15,7 +15,7 @@ from mtp_bench.running.stored import open_run
 from mtp_bench.viz.drawing.birds_eye import SIZE
 from mtp_bench.viz.drawing.video import pictures, write_video
 from mtp_bench.viz.framing import SECONDS, frames_around
-from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.run_replay import Replay, replay
 from tests.support.command_line import CommandLine
 
 NO_PYAV = pytest.mark.skipif(find_spec("av") is None, reason="PyAV is not installed: pip install av")

@@ -5,8 +5,7 @@ Of a window only the last box and the class are used: the rest of the track does
 
 import numpy as np
 
-from ...geometry import wrap_angle
-from ...types import Floats, Ints, starts_of
+from ...core import Floats, Ints, starts_of, wrap_angle
 from ..kalman import rotation
 from ..windows import Surroundings, TrackWindows
 from .layers import Array, namespace

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from ...geometry import rotate, wrap_angle
-from ...types import Floats
+from ...core import Floats, rotate, wrap_angle
 from ..kalman import rotation
 from ..windows import TrackWindows
 from .layers import Array, namespace

@@ -6,7 +6,7 @@ Guzman-Rivera et al. 2012; for trajectories Cui et al. 2019).
 
 import numpy as np
 
-from ...types import Ints
+from ...core import Ints
 from ..windows import Surroundings, TrackWindows
 from .layers import Array, Weights, initial, linear_shapes, mlp, namespace
 from .local import PER_FRAME, Arrays, history, local_inputs, mean_velocity, one_hot

@@ -5,7 +5,7 @@ The other futures correct constant velocity, for objects that leave the lanes.
 
 import numpy as np
 
-from ...types import Floats, Ints
+from ...core import Floats, Ints
 from ..kalman import rotation
 from ..lane_paths import STEP, lane_paths
 from ..windows import Surroundings, TrackWindows

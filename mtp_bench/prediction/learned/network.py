@@ -9,8 +9,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from ...errors import SubmissionError, require_known
-from ...types import Ints, Task
+from ...core import Ints, SubmissionError, Task, require_known
 from ..windows import Surroundings, TrackWindows
 from .layers import Array, Weights
 from .local import Arrays

@@ -17,11 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...agent import Forecasts, Frame
-from ...errors import SubmissionError
-from ...files import open_regular, whole_file
-from ...networks import PACKED, SHIPPED, file_name, states_of, weights_folder
-from ...strict import parse_json
-from ...types import Task
+from ...core import (
+    PACKED,
+    SHIPPED,
+    SubmissionError,
+    Task,
+    file_name,
+    open_regular,
+    parse_json,
+    states_of,
+    weights_folder,
+    whole_file,
+)
 from ..windows import shown_as_truth, surroundings_of, windows_of
 from .around import detections_of_tracks
 from .local import Arrays, to_absolute

@@ -12,7 +12,7 @@ corrections of constant velocity, and messages between objects hold the position
 
 import numpy as np
 
-from ...types import Ints
+from ...core import Ints
 from ..windows import Surroundings, TrackWindows
 from .layers import (
     Array,

@@ -6,9 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from ...errors import DataError, MissingDataError, nearest
-from ...files import open_regular
-from ...types import Floats, Ints
+from ...core import DataError, Floats, Ints, MissingDataError, nearest, open_regular
 from ..files.columns import TableColumn
 from ..files.table import add_column
 from ..nuscenes.tables import require_rotations, yaw_of

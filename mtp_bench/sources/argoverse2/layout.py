@@ -7,10 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ...cards import Card
-from ...cards.source import STORED_DETECTOR, DetectionsSection, Traits
-from ...errors import DataError
-from ...files import toml_beside
+from ...cards import STORED_DETECTOR, Card, DetectionsSection, Traits
+from ...core import DataError, toml_beside
 from ..base import DataRoot, own_detections, section_of
 from ..dataset import Dataset
 

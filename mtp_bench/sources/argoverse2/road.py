@@ -11,8 +11,7 @@ import msgspec
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
-from ...types import Floats, Lane, Scene
+from ...core import DataError, Floats, Lane, Scene
 from ..base import DataRoot
 from ..nuscenes.tables import Number
 from ..text import read_json

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
-from ...types import Detections, Scene, Truth, starts_of_sorted
+from ...core import DataError, Detections, Scene, Truth, starts_of_sorted
 from ..base import (
     DataRoot,
     names_by_number,

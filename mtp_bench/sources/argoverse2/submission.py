@@ -7,8 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...cards import Card
-from ...errors import DataError, nearest
-from ...types import Bools, Detections, Floats, Ints, Scene, starts_of_sorted
+from ...core import (
+    Bools,
+    DataError,
+    Detections,
+    Floats,
+    Ints,
+    Scene,
+    nearest,
+    starts_of_sorted,
+)
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids, section_of
 from ..motion import unknown_velocity
 from ..stored_tracks import FEWER, with_stored

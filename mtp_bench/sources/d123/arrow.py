@@ -8,8 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from ...errors import DataError
-from ...files import open_regular
+from ...core import DataError, open_regular
 from ..text import LIMIT
 
 

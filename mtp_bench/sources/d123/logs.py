@@ -10,10 +10,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import DataError
-from ...files import file_stem, new_folder
-from ...geometry import wrap_angle
-from ...types import Bools, Floats, Ints, Lane
+from ...core import (
+    Bools,
+    DataError,
+    Floats,
+    Ints,
+    Lane,
+    file_stem,
+    new_folder,
+    wrap_angle,
+)
 from ..argoverse2.road import even, lane_between
 from ..files.checks import TOLERANCE
 from ..files.columns import BOX

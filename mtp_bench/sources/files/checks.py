@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
-from ...types import Floats, Ints
+from ...core import DataError, Floats, Ints
 from ..text import (
     LIMIT,
     RADIANS,

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import DataError
-from ...types import Ints, Lane
+from ...core import DataError, Ints, Lane
 from ..base import CameraImage, lane_around
 from ..text import RowTable
 from .checks import check_ranges, frame_index

@@ -9,9 +9,19 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import DataError, MtpBenchError, require_known
-from ...files import file_stem, make_folder, require_replaceable, whole_folder
-from ...types import ID_LIMIT, Detections, Scene, Truth
+from ...core import (
+    ID_LIMIT,
+    DataError,
+    Detections,
+    MtpBenchError,
+    Scene,
+    Truth,
+    file_stem,
+    make_folder,
+    require_known,
+    require_replaceable,
+    whole_folder,
+)
 from ..base import require_separate
 from ..text import MOST_LETTERS
 from .columns import BOX, FORMS, TABLES

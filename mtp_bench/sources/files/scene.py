@@ -9,16 +9,17 @@ from urllib.parse import unquote
 import numpy as np
 
 from ...cards import Card, FilesSource, instead_of_stored
-from ...errors import DataError, closest
-from ...similar import class_hint
-from ...types import (
+from ...core import (
     ID_LIMIT,
     NO_ROWS,
+    DataError,
     Detections,
     Floats,
     Ints,
     Scene,
     Truth,
+    class_hint,
+    closest,
     starts_of_sorted,
 )
 from ..base import CameraImage, class_ids, names_by_number, no_detections, section_of

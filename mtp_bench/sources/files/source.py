@@ -4,10 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
-from ...cards import Card, FilesSource
-from ...cards.own import own_digest, split_folder
-from ...errors import DataError, MissingDataError
-from ...types import Scene
+from ...cards import Card, FilesSource, own_digest, split_folder
+from ...core import DataError, MissingDataError, Scene
 from ..base import CameraImage, section_of
 from ..dataset import Dataset, DataStatus
 from ..motion import looking_back

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import DataError, nearest
-from ...files import open_regular
+from ...core import DataError, nearest, open_regular
 from ..text import LIMIT, MOST_LETTERS, RowTable, other_separator, wrong_count
 from .columns import COLUMNS, TOGETHER, TableColumn
 

@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import DataError
-from ...geometry import wrap_angle
-from ...types import Floats, Ints
+from ...core import DataError, Floats, Ints, wrap_angle
 from ..text import RowTable, numbered_lines, read_table
 
 BOX_FIELDS = "height width length x y z rotation_y"  # in camera axes

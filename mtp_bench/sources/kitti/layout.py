@@ -5,9 +5,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ...cards import Card, instead_of_stored
-from ...cards.source import DetectionsSection, Traits
-from ...errors import MissingDataError
+from ...cards import Card, DetectionsSection, Traits, instead_of_stored
+from ...core import MissingDataError
 from ..base import own_detections, section_of
 from ..dataset import Dataset
 from .files import read_sequence_map

@@ -11,9 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
-from ...geometry import unit_vectors
-from ...types import Floats, ImageField, Ints, Scene
+from ...core import DataError, Floats, ImageField, Ints, Scene, unit_vectors
 from ..base import CameraImage, DataRoot, section_of
 from .files import (
     SENSOR_FROM_CAMERA,

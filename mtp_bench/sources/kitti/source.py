@@ -8,8 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
-from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
+from ...core import (
+    Bools,
+    DataError,
+    Detections,
+    Floats,
+    Ints,
+    Scene,
+    Truth,
+    starts_of_sorted,
+)
 from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
 from ..motion import central_velocity, unknown_velocity
 from .files import (

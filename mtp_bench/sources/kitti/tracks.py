@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
-from ...types import Floats, Ints, Scene
+from ...core import DataError, Floats, Ints, Scene
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids, section_of
 from ..motion import unknown_velocity
 from ..stored_tracks import FEWER, with_stored

@@ -9,10 +9,8 @@ import msgspec
 import numpy as np
 from pydantic import Field
 
-from ...cards import Card, instead_of_stored
-from ...cards.source import SourceSection, Traits
-from ...errors import CardError, DataError, MissingDataError
-from ...types import Floats, Ints, Scene
+from ...cards import Card, SourceSection, Traits, instead_of_stored
+from ...core import CardError, DataError, Floats, Ints, MissingDataError, Scene
 from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
 from ..motion import middle, people_detections, people_truth

@@ -9,8 +9,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
-from ...types import Floats, Scene
+from ...core import DataError, Floats, Scene
 from ..base import CameraImage, DataRoot, section_of
 from ..cache import write_arrays
 from .layout import CAMERAS, DATASET, VERSIONS, NuScenesSource

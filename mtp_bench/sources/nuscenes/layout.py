@@ -10,10 +10,8 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
-from ...cards import Card, instead_of_stored
-from ...cards.source import STORED_DETECTOR, DetectionsSection, Traits
-from ...errors import MissingDataError
-from ...files import toml_beside
+from ...cards import STORED_DETECTOR, Card, DetectionsSection, Traits, instead_of_stored
+from ...core import MissingDataError, toml_beside
 from ..base import own_detections, section_of
 from ..dataset import Dataset
 

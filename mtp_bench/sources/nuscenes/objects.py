@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import DataError
-from ...types import Bools, Floats, Ints, select
+from ...core import Bools, DataError, Floats, Ints, select
 from ..text import read_json, refuse, repeated
 from .layout import CLASS_OF, CLASSES, NEUTRAL_OF
 from .tables import (

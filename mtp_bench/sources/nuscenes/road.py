@@ -14,9 +14,7 @@ import msgspec
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
-from ...geometry import unit_vectors
-from ...types import Floats, Lane, Scene
+from ...core import DataError, Floats, Lane, Scene, unit_vectors
 from ..base import DataRoot, lane_around, section_of
 from ..text import read_json
 from .layout import DATASET, EXPANSION, VERSIONS, NuScenesSource

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
-from ...types import Floats, Scene, Truth
+from ...core import DataError, Floats, Scene, Truth
 from ..base import (
     DataRoot,
     Work,

@@ -11,10 +11,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import notice
-from ...errors import DataError
-from ...files import CACHE, cache_root, remove_damaged, whole_folder
-from ...types import Ints
+from ...core import (
+    CACHE,
+    DataError,
+    Ints,
+    cache_root,
+    long_work,
+    remove_damaged,
+    whole_folder,
+)
 from ..cache import Arrays, read_arrays, write_arrays
 from .layout import PREDICTION, table_paths
 from .objects import TrueBoxes, read_annotations
@@ -65,7 +70,7 @@ class CachedFolder:
             )
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with (
-                notice.work(text, seconds),
+                long_work(text, seconds),
                 FileLock(self.path.with_name(f".{self.path.name}.lock")),
             ):
                 arrays = read_arrays(

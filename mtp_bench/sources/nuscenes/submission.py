@@ -10,8 +10,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import DataError
-from ...types import Bools, Detections, Floats, Ints, starts_of_sorted
+from ...core import Bools, DataError, Detections, Floats, Ints, starts_of_sorted
 from ..base import class_ids
 from ..cache import write_arrays
 from ..text import LIMIT, MOST_LETTERS, decode, read_json

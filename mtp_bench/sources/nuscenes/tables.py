@@ -12,8 +12,7 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 import numpy as np
 
-from ...errors import DataError
-from ...types import Floats, Ints, starts_of
+from ...core import DataError, Floats, Ints, starts_of
 from ..text import LIMIT, read_json, refuse
 
 SECOND = 1e6  # microseconds

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
-from ...types import Floats, Scene
+from ...core import DataError, Floats, Scene
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids
 from ..stored_tracks import FEWER, with_stored
 from ..text import refuse, repeated

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cards import Card
-from ...cards.source import SourceSection, Traits
-from ...errors import DataError
-from ...types import Floats, Ints, Scene
+from ...cards import Card, SourceSection, Traits
+from ...core import DataError, Floats, Ints, Scene
 from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
 from ..motion import middle, people_truth

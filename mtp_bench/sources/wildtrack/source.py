@@ -6,10 +6,18 @@ from typing import Annotated, Literal
 import msgspec
 import numpy as np
 
-from ...cards import Card, instead_of_stored
-from ...cards.source import SourceSection, Traits
-from ...errors import DataError, MissingDataError
-from ...types import Detections, Floats, Ints, Ragged, Scene, Truth, starts_of
+from ...cards import Card, SourceSection, Traits, instead_of_stored
+from ...core import (
+    DataError,
+    Detections,
+    Floats,
+    Ints,
+    MissingDataError,
+    Ragged,
+    Scene,
+    Truth,
+    starts_of,
+)
 from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
 from ..motion import people_detections, people_truth

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from ...types import Floats, Ints
+from ...core import Floats, Ints
 from .compile import kernel, part
 from .heap import sorted_numbers
 

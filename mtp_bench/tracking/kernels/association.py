@@ -8,7 +8,7 @@ Sources: Murty 1968; Jonker and Volgenant 1987; Miller, Stone and Cox 1997; Motr
 
 import numpy as np
 
-from ...types import Bools, Floats, Ints
+from ...core import Bools, Floats, Ints
 from .compile import inlined, kernel, part
 from .components import find_components, find_pieces
 from .merge import merge

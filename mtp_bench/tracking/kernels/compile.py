@@ -25,7 +25,7 @@ from typing import Any, Generic, TypeVar, cast, final
 import numba
 from numba.extending import register_jitable
 
-from ... import notice
+from ...core import long_work, say_once
 from . import cache
 
 R = TypeVar("R")
@@ -87,7 +87,7 @@ class Kernel(Generic[R]):
             with cache.locked(self.folder):
                 return True
         except OSError:
-            notice.say(_UNCACHED)
+            say_once(_UNCACHED)
             return False
 
     @property
@@ -100,10 +100,10 @@ class Kernel(Generic[R]):
             if self.is_cached:
                 return self._jit(self.folder)
             text = f"compiling kernel {self.function.__name__} of trackers and samplers, once per installation"
-            with notice.work(text, self.seconds), cache.locked(self.folder):
+            with long_work(text, self.seconds), cache.locked(self.folder):
                 # no other process has compiled it meanwhile
                 if not self.is_cached and cache.clear(self.folder):
-                    notice.say(
+                    say_once(
                         f"a compiled kernel in {self.folder} is damaged and compiled again"
                     )
                 compiled = self._jit(self.folder)
@@ -112,7 +112,7 @@ class Kernel(Generic[R]):
         except (OSError, RuntimeError) as error:
             if isinstance(error, RuntimeError) and not str(error).startswith(_NO_CACHE):
                 raise
-            notice.say(_UNCACHED)
+            say_once(_UNCACHED)
             return self._jit(None)
 
     def _jit(self, folder: Path | None) -> Callable[..., R]:

@@ -6,7 +6,7 @@ component share its solutions: such a subset of rows is a piece.
 
 import numpy as np
 
-from ...types import Bools, Floats, Ints
+from ...core import Bools, Floats, Ints
 from .compile import part
 from .tables import Pieces, Problem
 

@@ -1,6 +1,6 @@
 """The cheapest solutions of a small piece, by depth-first search with reduced costs as lower bounds."""
 
-from ...types import Floats, Ints
+from ...core import Floats, Ints
 from .compile import inlined, part
 from .tables import Block, Bound, Choices, Kept, Matching
 

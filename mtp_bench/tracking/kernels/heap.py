@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...types import Floats, Ints
+from ...core import Floats, Ints
 from .compile import part
 
 

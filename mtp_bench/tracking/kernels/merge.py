@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...types import Floats, Ints
+from ...core import Floats, Ints
 from .compile import inlined, part
 from .heap import pop, push, sorted_numbers
 from .tables import Pieces, Solutions, States

@@ -7,7 +7,7 @@ a velocity it is one more measurement, which AB3DMOT has not: at 2 Hz a fast veh
 
 import math
 
-from ...types import Floats, Ints
+from ...core import Floats, Ints
 from .compile import kernel, part
 
 MEASUREMENT_VARIANCE = 1.0

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...types import Bools, Floats, Ints
+from ...core import Bools, Floats, Ints
 from .compile import part
 from .enumeration import limit_of, note
 from .heap import pop, push

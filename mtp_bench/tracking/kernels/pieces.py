@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...types import Bools, Floats, Ints
+from ...core import Bools, Floats, Ints
 from .compile import inlined, part
 from .enumeration import enumerate_solutions, note
 from .heap import sorted_numbers

@@ -13,7 +13,7 @@ row.
 
 import numpy as np
 
-from ...types import Floats, Ints
+from ...core import Floats, Ints
 from .compile import part
 from .tables import Block, Matching, Path
 

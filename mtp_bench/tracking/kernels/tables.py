@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ...types import Bools, Floats, Ints
+from ...core import Bools, Floats, Ints
 
 
 class Problem(NamedTuple):

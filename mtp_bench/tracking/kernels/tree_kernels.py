@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...tracks import UNBORN
-from ...types import Bools, Floats, Ints
+from ...core import UNBORN, Bools, Floats, Ints
 from .compile import kernel, part
 
 # rows of a memory: class, identity, detections taken, frames since the last one

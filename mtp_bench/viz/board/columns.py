@@ -6,12 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...records.canonical import rounded
-from ...scoring.definitions import Subset
-from ...scoring.driving import DrivingRow
-from ...scoring.main_table import NAMES
-from ...scoring.rows import Row
-from ...tables import Column, Table, Value, columns_of
+from ...core import Column, Table, Value, columns_of
+from ...judge import rounded
+from ...scoring import NAMES, DrivingRow, Row, Subset
 from .entries import Entry
 
 _DECLARED: dict[str, Any] = tomllib.loads(

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
-from ...scoring.rows import Point
-from ...scoring.statistics import PairedDifference
+from ...scoring import PairedDifference, Point
 from .entries import Entry
 
 WIDTH = 150.0  # of a drawing of an interval, user units

@@ -10,18 +10,28 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field, ValidationError
 
-from ..._bundle import baseline_names, card_ids
+from ...agent import ON_SCORED
 from ...cards import load_card
-from ...networks import NetworkState
-from ...records import Record
-from ...records.attestation import Checked, Level
-from ...records.eligibility import why_not_genuine
-from ...records.ranking import Standing, standings
-from ...records.record import DrivingPart
-from ...scoring.definitions import SIGNIFICANT, SUBSETS, Subset
-from ...scoring.rows import Probability, Reliability, Row
-from ...scoring.statistics import PairedDifference, ratio
-from ...submission.loader import ON_SCORED
+from ...core import NetworkState, baseline_names, card_ids
+from ...judge import (
+    Checked,
+    DrivingPart,
+    Level,
+    Record,
+    Standing,
+    standings,
+    why_not_genuine,
+)
+from ...scoring import (
+    SIGNIFICANT,
+    SUBSETS,
+    PairedDifference,
+    Probability,
+    Reliability,
+    Row,
+    Subset,
+    ratio,
+)
 
 _NETWORK = re.compile(
     r"(\w+-(?:truth|tracklets))-(MTP-[\w-]+)\.safetensors"

@@ -7,19 +7,12 @@ from itertools import groupby
 from typing import Any
 from urllib.parse import quote
 
-from ..._bundle import card_ids
 from ...cards import load_card
-from ...files import clean_text
-from ...records.attestation import LEVELS
-from ...records.eligibility import why_scored_otherwise
-from ...records.ranking import STP
-from ...running.reference import card_budget
-from ...scoring.definitions import SUBSETS
-from ...scoring.main_table import NAMES
-from ...scoring.rows import Row
-from ...scoring.statistics import PairedDifference
+from ...core import BLANK, Column, Table, card_ids, clean_text, columns_of
+from ...judge import LEVELS, STP, why_scored_otherwise
+from ...running import card_budget
+from ...scoring import NAMES, SUBSETS, PairedDifference, Row
 from ...sources import package_of
-from ...tables import BLANK, Column, Table, columns_of
 from ..terminal.tables import parts_text
 from .columns import COLUMN, PAGE, best_text, further_columns
 from .drawings import WIDTH, bar_of, curve_chart, scale_of, scene_chart

@@ -11,11 +11,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from ...errors import MtpBenchError
-from ...files import require_folder, whole_folder, write_text
-from ...records.attestation import LEVELS
-from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
-from ...tables import BLANK, Column, to_csv, to_json
+from ...core import (
+    BLANK,
+    Column,
+    MtpBenchError,
+    require_folder,
+    to_csv,
+    to_json,
+    whole_folder,
+    write_text,
+)
+from ...judge import LEVELS
+from ...scoring import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
 from ..pages import source_of, templates_of, text_of
 from .columns import COLUMN, PAGE, board_table
 from .drawings import WIDTH

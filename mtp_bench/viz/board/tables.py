@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ...files import clean_text
-from ...records.attestation import LEVELS
-from ...scoring.definitions import SIGNIFICANT
-from ...scoring.rank import span_text
-from ...tables import Column, Table, short
+from ...core import Column, Table, clean_text, short
+from ...judge import LEVELS
+from ...scoring import SIGNIFICANT, span_text
 from .columns import COLUMN
 from .entries import LEVEL_TEXT, Entry, by_board, empty_error, has_map
 

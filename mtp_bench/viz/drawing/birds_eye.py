@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from ...cards import Card
-from ...env.episode import LiveEpisode
-from ...geometry import rotate
-from ...scoring.forecasts import sample_weights
-from ...types import Floats, Scene, to_metres
+from ...core import Floats, Scene, rotate, to_metres
+from ...env import LiveEpisode
+from ...scoring import sample_weights
 from ..framing import TRAIL_SECONDS, Window, arrows_of
 from ..palette import (
     BLACK,
@@ -28,7 +27,7 @@ from ..palette import (
     Color,
 )
 from ..plan import plan_at
-from ..replay import Replay, ego_boxes
+from ..run_replay import Replay, ego_boxes
 from .canvas import (
     EDGE,
     GRAY,

@@ -13,8 +13,7 @@ from typing import Any, Self
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from ...geometry import bev_corners, rotate, unit_vectors
-from ...types import Bools, Floats
+from ...core import Bools, Floats, bev_corners, rotate, unit_vectors
 from ..framing import Window
 from ..palette import BLACK, EVENT, Color
 

@@ -6,14 +6,13 @@ from functools import cached_property
 import numpy as np
 from PIL import Image, ImageDraw
 
-from ...geometry import bev_corners
-from ...types import Floats
+from ...core import Floats, bev_corners
 from ..evidence import distance, gate, near_detections
 from ..focus import Focus, ObjectForecast
 from ..framing import ROLES, FocusFrame, Follower, Window, frame_of
 from ..incident import INCIDENT_KINDS
 from ..palette import BLACK, DIM
-from ..replay import ego_boxes
+from ..run_replay import ego_boxes
 from .birds_eye import VEHICLE, draw_lanes, draw_plan
 from .canvas import GRAY, MIDDLE, Canvas, Outline, callout, pointer, scale_bar
 from .column import Mark
@@ -116,7 +115,11 @@ class CloseUp:
             canvas.ring(canvas.pixels(self.place), self.radius)
             self._note(
                 self.place,
-                Mark("the event" if focus.at.kind in INCIDENT_KINDS else "the object looked at"),
+                Mark(
+                    "the event"
+                    if focus.at.kind in INCIDENT_KINDS
+                    else "the object looked at"
+                ),
             )
 
     def _note(self, xy: Floats, mark: Mark) -> None:

@@ -6,15 +6,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, PngImagePlugin
 
-from ..._version import __version__
-from ...files import whole_file
-from ...scoring.parts import BELOW, LEAST_SHOWN, named_parts, parts_text
+from ...core import __version__, whole_file
+from ...scoring import BELOW, LEAST_SHOWN, named_parts, parts_text
 from ..evidence import left_out, verdict
 from ..focus import Focus
 from ..framing import ROLES, close_window, frame_of, window_of
 from ..palette import BLACK, Color
 from ..photo import photo_of, photo_row
-from ..sentence import sentence
+from ..sentences import sentence
 from .canvas import EDGE, GRAY, PAPER, font, text_size
 from .close_up import EXPECTED, draw_focus
 from .column import Mark, column, wrapped

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ...errors import MtpBenchError
-from ...files import whole_file
+from ...core import MtpBenchError, whole_file
 from ..focus import Focus
 from ..incident import Incident
-from ..replay import Replay
+from ..run_replay import Replay
 from .birds_eye import SIZE, draw_frame, windows_of
 from .report import picture
 

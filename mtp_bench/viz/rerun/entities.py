@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ...scoring.events import history, separated_truth
-from ...types import Bools, Floats, Ints, Scene, Truth, starts_of, to_metres
+from ...core import Bools, Floats, Ints, Scene, Truth, starts_of, to_metres
+from ...scoring import history, separated_truth
 from ..framing import arrows_of
 from ..palette import FALSE, Color
 from ..plan import plan_at
-from ..replay import Replay, ego_boxes
+from ..run_replay import Replay, ego_boxes
 from .sdk import rr
 from .shown import (
     BORDER,

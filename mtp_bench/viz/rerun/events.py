@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...scoring.parts import LEAST_SHOWN, PARTS
-from ...types import Floats, Ints, starts_of
+from ...core import Floats, Ints, starts_of
+from ...scoring import LEAST_SHOWN, PARTS
 from ..evidence import gate
 from ..focus import Focus
 from ..framing import frames_around
 from ..incident import INCIDENT_KINDS, MOMENT, Incident
 from ..palette import BLUE, ORANGE, PURPLE, TRUTH, VERMILLION, Color
-from ..replay import Replay
-from ..sentence import sentence
+from ..run_replay import Replay
+from ..sentences import sentence
 from .entities import Log
 from .sdk import rr
 from .shown import (
@@ -59,7 +59,8 @@ def log_judgement(log: Log, agent: ShownAgent) -> None:
     _log_markers(log, run)
     _log_curves(log, run, agent.focus)
     groups = {
-        f"marks/{kind}": [i for i in run.incidents if i.kind == kind] for kind in INCIDENT_KINDS
+        f"marks/{kind}": [i for i in run.incidents if i.kind == kind]
+        for kind in INCIDENT_KINDS
     }
     if agent.focus is not None and agent.focus.at.object_id in agent.lanes:
         at = agent.focus.at

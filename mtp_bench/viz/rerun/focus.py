@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ...geometry import rotate, unit_vectors
-from ...scoring.parts import named_parts, parts_text
-from ...types import Floats, Ints, starts_of
+from ...core import Floats, Ints, rotate, starts_of, unit_vectors
+from ...scoring import named_parts, parts_text
 from ..drawing.report import small_pictures
 from ..evidence import distance, gate, visible
 from ..focus import Focus
 from ..framing import FocusFrame, frame_of, length_of, turn_of, window_of
 from ..pages import text_of
-from ..sentence import sentence
+from ..sentences import sentence
 from .entities import EDGE as RING, EVENT, TRACK_FILL, Log
 from .sdk import rr
 from .shown import ROLES, SWITCH, Colors, drawable

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...cards import Card
-from ...types import Floats
+from ...core import Floats
 from ..framing import turn_of, window_of
 from ..incident import INCIDENT_KINDS, Incident
 from .entities import EVENT

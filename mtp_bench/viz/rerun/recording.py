@@ -13,14 +13,12 @@ from pathlib import Path
 import numpy as np
 from gymnasium import logger
 
-from ...env.episode import LiveEpisode
-from ...env.rollouts import digest
-from ...errors import MtpBenchError
-from ...files import whole_file
+from ...core import MtpBenchError, whole_file
+from ...env import LiveEpisode, digest
 from ..framing import frames_around
 from ..incident import Incident
 from ..pages import text_of
-from ..replay import Replay
+from ..run_replay import Replay
 from .entities import EVENT, Log, log_answers, log_map, log_scene, trail_frames
 from .events import log_judgement
 from .focus import event_key, log_focus

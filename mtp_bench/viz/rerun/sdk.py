@@ -3,7 +3,7 @@
 Importing this module takes about a second: only commands that draw import it, inside their functions.
 """
 
-from ...errors import MtpBenchError
+from ...core import MtpBenchError
 
 VERSION = "0.41"
 INSTALL = f'pip install "rerun-sdk>={VERSION},<0.42"'

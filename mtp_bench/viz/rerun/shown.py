@@ -9,13 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import MtpBenchError, require_known
-from ...types import Ints
+from ...core import Ints, MtpBenchError, require_known
 from ..focus import Focus
 from ..framing import focuses_of
 from ..incident import Incident
 from ..palette import BLUE, FALSE, GREEN, NOW, ORANGE, PURPLE, YELLOW, Color
-from ..replay import Replay
+from ..run_replay import Replay
 
 Colors = NDArray[np.uint8]  # [..., 3] red green blue
 

@@ -13,9 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
-from ...errors import MtpBenchError
+from ...core import MtpBenchError
 from ..incident import Incident
-from ..replay import Replay
+from ..run_replay import Replay
 from .recording import save_recording
 from .sdk import INSTALL
 

@@ -6,20 +6,19 @@ from typing import Any, Self
 
 import numpy as np
 
-from ...scoring.parts import parts_text
-from ...tables import BLANK, Column, Table
-from ...types import Rollout, Scene
+from ...core import BLANK, Column, Rollout, Scene, Table
+from ...scoring import parts_text
 from ..focus import Focus
 from ..incident import INCIDENT_KINDS, Incident
 from ..plan import collision_cause
-from ..replay import Replay
+from ..run_replay import Replay
 from .output import command_line, counted, show_command, show_lines
 
 ORDERS = ("time", "cost", "confidence", "length")
 LONGEST = (
     3  # runs of false forecasts of a scene in the table, unless their kind is asked for
 )
-CAPTION = (
+EVENT_CAPTION = (
     "minADE: of the forecast made then, metres; – where the object is not a target, or was not forecast. error: what "
     "it adds to bADE, and its parts. confidence: that of the forecast; of a run of false forecasts (spurious) the "
     "highest. *: the old track is still output, outside the gate."
@@ -101,7 +100,9 @@ class Listed:
 class Tally:
     """Counts of events over scenes, listed or not."""
 
-    events: dict[str, int] = field(default_factory=lambda: dict.fromkeys(INCIDENT_KINDS, 0))
+    events: dict[str, int] = field(
+        default_factory=lambda: dict.fromkeys(INCIDENT_KINDS, 0)
+    )
     wrong: int = 0  # losses whose old track is still output
     forecasts: int = 0  # false ones
     scenes: int = 0
@@ -159,7 +160,7 @@ def longest_only(rows: Sequence[Listed]) -> list[Listed]:
 
 
 def event_table(rows: Sequence[Listed]) -> Table:
-    """One row per event, to be shown with CAPTION below."""
+    """One row per event, to be shown with EVENT_CAPTION below."""
     return Table(
         "events", "Events of the best hypothesis, along its lineage", "", rows, _COLUMNS
     )

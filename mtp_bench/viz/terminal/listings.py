@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...cards import Card
+from ...core import Column, Table
 from ...sources import DataStatus
-from ...tables import Column, Table
 
 FEW = 3  # classes that a cell names; `envs --json` names all
 

@@ -6,8 +6,7 @@ import textwrap
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from ...tables import Table, counted as counted
-from ...tables.writers import table_lines
+from ...core import Table, counted as counted, table_lines
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -3,10 +3,9 @@
 from functools import cache
 from typing import Any
 
-from ...files import toml_beside
-from ...scoring.definitions import Subset
-from ...scoring.rows import Row
-from ...submission.loader import controls
+from ...agent import controls
+from ...core import toml_beside
+from ...scoring import Row, Subset
 
 Figures = dict[str, list[float]]  # subset -> minADE, minFDE in metres
 PAPER_SUBSETS: dict[Subset, str] = {

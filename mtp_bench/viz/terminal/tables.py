@@ -7,14 +7,29 @@ from itertools import chain
 from textwrap import wrap
 from typing import Any
 
-from ...scoring import Report
-from ...scoring.definitions import KNOWN_SUBSETS, RANKED_SUBSETS, Subset
-from ...scoring.main_table import NAMES, blocks_of, heading, main_settings, shipped_env
-from ...scoring.parts import PARTS
-from ...scoring.rank import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH
-from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
-from ...scoring.weights import EVENTS
-from ...tables import BLANK, Column, Table, Value, columns_of, short
+from ...core import BLANK, Column, Table, Value, columns_of, short
+from ...scoring import (
+    ASSOCIATED,
+    EVENTS,
+    KNOWN_SUBSETS,
+    NAMES,
+    NOT_CAUSAL,
+    PARTS,
+    RANKED_SUBSETS,
+    SAW_TRUTH,
+    AgentSetting,
+    Bin,
+    Clear,
+    Details,
+    PairedRow,
+    Report,
+    Row,
+    Subset,
+    blocks_of,
+    heading,
+    main_settings,
+    shipped_env,
+)
 from .output import counted
 from .paper import PAPER_SUBSETS, paper_figures
 

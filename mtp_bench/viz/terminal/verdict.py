@@ -2,14 +2,20 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from ...scoring import Report
-from ...scoring.definitions import RANKED_SUBSETS, SIGNIFICANT, Subset
-from ...scoring.main_table import main_settings, shipped_env
-from ...scoring.report import paired_row
-from ...scoring.rows import Interval, PairedRow, Row
-from ...submission.loader import controls
-from ...submission.manifest import Role
-from ...tables import Column
+from ...agent import Role, controls
+from ...core import Column
+from ...scoring import (
+    RANKED_SUBSETS,
+    SIGNIFICANT,
+    Interval,
+    PairedRow,
+    Report,
+    Row,
+    Subset,
+    main_settings,
+    paired_row,
+    shipped_env,
+)
 from .paper import paper_gap
 from .tables import REFERENCES, label_of
 

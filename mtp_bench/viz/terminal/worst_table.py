@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...scoring.parts import by_fault, fault_of, parts_text
-from ...tables import Column, Table
-from ..moments import Moment
+from ...core import Column, Table
+from ...scoring import by_fault, fault_of, parts_text
+from ..moment_list import Moment
 from .event_table import Listed
 from .output import counted
 
-CAPTION = (
+WORST_CAPTION = (
     "A moment is a time in which the blame of one object is above the run's mean. Blame is the error without the "
     "part below threshold, which depends on the confidence of all other forecasts. share: of all blame, by "
     "which moments are sorted. error: mean of its frames, m; fault: the part of the stack that causes most of it; "
@@ -45,7 +45,7 @@ class WorstRow(Listed):
 
 
 def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
-    """One row per moment, to be shown with CAPTION below; ``total``: cost of all targets of the run, m."""
+    """One row per moment, to be shown with WORST_CAPTION below; ``total``: cost of all targets of the run, m."""
     several = len({row.scene.name for row in rows}) > 1
     columns = (
         *([Column("scene", read=lambda row: row.scene.name)] if several else []),

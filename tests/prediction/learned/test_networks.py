@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from mtp_bench.errors import SubmissionError
+from mtp_bench.core.errors import SubmissionError
+from mtp_bench.core.types import Floats, Ints, starts_of
 from mtp_bench.prediction.kalman import rotation
 from mtp_bench.prediction.learned.affinity import AffinityNetwork, soft_past
 from mtp_bench.prediction.learned.around import around_inputs, detections_of_tracks, fitted_velocity, nearest, shares
@@ -20,7 +21,6 @@ from mtp_bench.prediction.learned.tracking_free import support
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, shown_as_truth
 from mtp_bench.training.losses import LOSSES, vary_detections, vary_tracks
 from mtp_bench.training.predictors import TrainingRequest, training_windows
-from mtp_bench.types import Floats, Ints, starts_of
 from tests.support.random_windows import NOTHING_SEEN, SIZES, random_windows
 from tests.support.tracking_scenes import kitti_task
 

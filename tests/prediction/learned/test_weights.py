@@ -13,7 +13,8 @@ from safetensors.numpy import save_file
 
 from mtp_bench import MTPEnv, Pipeline, SubmissionError, card_ids
 from mtp_bench.cards import load_card
-from mtp_bench.networks import PACKED, SHIPPED, VARIABLE
+from mtp_bench.core.networks import PACKED, SHIPPED, VARIABLE
+from mtp_bench.core.types import Ints
 from mtp_bench.prediction import GreedySampler, KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
@@ -28,7 +29,6 @@ from mtp_bench.prediction.learned.predictor import (
 )
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, surroundings_of
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.types import Ints
 from tests.support.tracking_scenes import at_once, frame, kitti_task, observation
 
 TASK = kitti_task(k=5, samples=5)

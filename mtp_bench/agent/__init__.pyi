@@ -1,0 +1,61 @@
+from .action import (
+    ABSENT as ABSENT,
+    BOX as BOX,
+    CONFIDENCE as CONFIDENCE,
+    COORDINATE_LIMIT as COORDINATE_LIMIT,
+    FIELDS as FIELDS,
+    FORECAST_REACH as FORECAST_REACH,
+    ID as ID,
+    LOG_WEIGHT as LOG_WEIGHT,
+    MASK as MASK,
+    OFFSET as OFFSET,
+    ROWS as ROWS,
+    SIZE_LIMIT as SIZE_LIMIT,
+    Field as Field,
+    Rows as Rows,
+    padded as padded,
+)
+from .building import make_action as make_action
+from .checks import (
+    ActionProblem as ActionProblem,
+    Examined as Examined,
+    examine as examine,
+    present as present,
+)
+from .loader import (
+    ON_SCORED as ON_SCORED,
+    ObjectSubmission as ObjectSubmission,
+    Submission as Submission,
+    SubmissionFactory as SubmissionFactory,
+    controls as controls,
+    load_submission as load_submission,
+    missing_methods as missing_methods,
+    submission_of as submission_of,
+)
+from .manifest import (
+    MANIFEST as MANIFEST,
+    PARTS as PARTS,
+    ROLLOUTS as ROLLOUTS,
+    Role as Role,
+    SubmissionName as SubmissionName,
+)
+from .pipeline import Pipeline as Pipeline
+from .protocols import (
+    Action as Action,
+    Agent as Agent,
+    Forecasts as Forecasts,
+    Frame as Frame,
+    FunctionPredictor as FunctionPredictor,
+    Objects as Objects,
+    Observation as Observation,
+    Predictor as Predictor,
+    Presence as Presence,
+    Sampler as Sampler,
+    Tracker as Tracker,
+    Tracks as Tracks,
+)
+from .submission_files import (
+    digest_of as digest_of,
+    files_of as files_of,
+    new_submission as new_submission,
+)

@@ -1,0 +1,36 @@
+from .card import (
+    Card as Card,
+    DetectorSection as DetectorSection,
+    DriveSection as DriveSection,
+    LaneSection as LaneSection,
+    PlannerSection as PlannerSection,
+    TaskSection as TaskSection,
+)
+from .changes import (
+    CHANGES as CHANGES,
+    changed_card as changed_card,
+    instead_of_stored as instead_of_stored,
+    load_card as load_card,
+    parse_card as parse_card,
+    with_detections as with_detections,
+    with_detector as with_detector,
+    with_files as with_files,
+    with_presence as with_presence,
+    with_scenes as with_scenes,
+    with_split as with_split,
+)
+from .own import (
+    TEXTS as TEXTS,
+    folder_digest as folder_digest,
+    known_digest as known_digest,
+    own_digest as own_digest,
+    scenes_digest as scenes_digest,
+    split_folder as split_folder,
+)
+from .source import (
+    STORED_DETECTOR as STORED_DETECTOR,
+    DetectionsSection as DetectionsSection,
+    FilesSource as FilesSource,
+    SourceSection as SourceSection,
+    Traits as Traits,
+)

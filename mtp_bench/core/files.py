@@ -1,0 +1,353 @@
+"""Atomic writes, early write checks, size-limited reads, and the folder of the cache."""
+
+import contextlib
+import errno
+import glob
+import hashlib
+import os
+import secrets
+import shutil
+import stat
+import tempfile
+import tomllib
+import unicodedata
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+from urllib.parse import quote
+
+from .errors import MtpBenchError
+from .notice import say_once
+
+CACHE = "MTP_BENCH_CACHE"  # environment variable
+ABSENT = "cannot be read: no such file"
+_CHUNK = 1 << 20  # bytes hashed at once
+FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
+_INVISIBLE = (
+    "Cc",
+    "Cf",
+    "Cs",
+)  # Unicode categories: controls, format marks, surrogates
+_JOINERS = "\u200c\u200d"  # invisible, but several scripts need them
+_FILE_KINDS = {
+    stat.S_IFREG: "",
+    stat.S_IFDIR: "folder",
+    stat.S_IFIFO: "FIFO",
+    stat.S_IFSOCK: "socket",
+    stat.S_IFCHR: "device",
+    stat.S_IFBLK: "device",
+}
+
+
+class WriteError(MtpBenchError, OSError):
+    """A failure to write a file or folder; also an OSError, so that optional writes can be skipped.
+
+    Constructed as ``WriteError(errno, strerror, filename)`` with the name that the user asked for.
+    """
+
+    def __str__(self) -> str:
+        advice = "" if self.errno in FULL_DISK else "; choose another folder"
+        return f"cannot write {self.filename}: {describe_write_error(self)}{advice}"
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Yield a temporary path to write to, with the suffix of ``path``; it replaces ``path`` if the block succeeds.
+
+    After an error or interruption ``path`` is unchanged, without temporary files. Raises WriteError naming ``path``.
+    """
+    part = _temporary(path)
+    try:
+        with _naming(path, part):
+            _require_ordinary(path)
+            yield part
+            part.replace(path)
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Yield a new folder to fill; it replaces the folder ``path`` if the block succeeds.
+
+    A symbolic link is followed and kept. After an error or an interruption the earlier folder is unchanged. Raises
+    WriteError naming ``path`` if writing fails, and MtpBenchError if the folder cannot be replaced.
+    """
+    path = _target(path)
+    require_replaceable(path)
+    part = _temporary(path)
+    earlier = part.with_suffix(".earlier")
+    try:
+        with _naming(path, part):
+            part.mkdir(parents=True)
+            yield part
+            if path.exists():
+                path.rename(earlier)
+            part.rename(path)
+    finally:
+        if earlier.exists() and not path.exists():
+            earlier.rename(path)
+        shutil.rmtree(earlier, ignore_errors=True)
+        shutil.rmtree(part, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Yield a folder to fill, as `whole_folder`; raises MtpBenchError if ``path`` is a file or a folder in use."""
+    if path.exists() and not path.is_dir():
+        raise MtpBenchError(f"{path} is not a folder: choose another name")
+    if path.exists() and any(path.iterdir()):
+        raise MtpBenchError(f"{path} is not empty: choose another folder")
+    require_folder(path)
+    with whole_folder(path) as part:
+        yield part
+
+
+def require_replaceable(folder: Path) -> None:
+    """Raise MtpBenchError if ``folder`` is a mount point or the working directory, which cannot be replaced."""
+    if folder.exists() and (
+        os.path.ismount(folder.resolve()) or Path.cwd().is_relative_to(folder.resolve())
+    ):
+        raise MtpBenchError(
+            f"{folder} is the root of a disk or the working folder: choose a folder inside it"
+        )
+
+
+def remove_leftovers(*paths: Path) -> None:
+    """Remove temporary files that killed writers of ``paths`` left; no other process may be writing them."""
+    for path in {*paths, *map(_target, paths)}:
+        for leftover in path.parent.glob(
+            f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}"
+        ):
+            if leftover.is_dir() and not leftover.is_symlink():
+                shutil.rmtree(leftover, ignore_errors=True)
+            else:
+                leftover.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def locked(path: Path, content: str) -> Iterator[None]:
+    """Hold the lock file ``path``; raises MtpBenchError naming ``content`` if another process is writing it.
+
+    The lock ends with the process, even when it is killed.
+    """
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(path)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise MtpBenchError(
+            f"{content} is being written by another process: wait for it, or end it"
+        ) from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a UTF-8 file atomically; raises MtpBenchError if that fails."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file atomically; raises MtpBenchError if that fails."""
+    require_file(path)
+    with whole_file(path) as part:
+        part.write_bytes(content)
+
+
+def make_folder(folder: Path) -> None:
+    """Create a folder and its parents unless it exists; raises WriteError if that fails."""
+    with _naming(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+
+
+def describe_write_error(error: OSError) -> str:
+    """The reason of a failure to write, for a full disk with what to do."""
+    advice = (
+        ": make room there, or choose another folder, and try again"
+        if error.errno in FULL_DISK
+        else ""
+    )
+    return f"{error.strerror or error}{advice}"
+
+
+def read_bounded(
+    path: Path, most: int, error: type[MtpBenchError], absent: str = ABSENT
+) -> str:
+    """The text of a small UTF-8 file.
+
+    Raises ``error`` naming the file if it is missing (described by ``absent``), is not a regular file, has more than
+    ``most`` bytes or is not valid UTF-8.
+    """
+    try:
+        with open_regular(path) as stream:
+            content = stream.read(most + 1)
+    except FileNotFoundError:
+        raise error(f"{path}: {absent}") from None
+    except OSError as cause:
+        raise error(f"{path}: cannot be read: {cause.strerror or cause}") from None
+    if len(content) > most:
+        raise error(f"{path}: larger than {most >> 10} KiB, the limit for such a file")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as cause:
+        raise error(
+            f"{path}: not valid UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8"
+        ) from None
+
+
+def toml_beside(module: str, name: str) -> dict[str, Any]:
+    """Read a TOML file that ships beside the file ``module``."""
+    return tomllib.loads(Path(module).with_name(name).read_text(encoding="utf-8"))
+
+
+def open_regular(path: Path, links: bool = True) -> BinaryIO:
+    """Open a regular file for reading; raises OSError for a FIFO, a device and others whose reading may never end.
+
+    ``links``: follow a symbolic link to a regular file.
+    """
+    flags = getattr(os, "O_NONBLOCK", 0) | (
+        0 if links else getattr(os, "O_NOFOLLOW", 0)
+    )
+    _require_regular(path.stat() if links else path.lstat(), path)
+    stream = open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags))  # noqa: SIM115  (pathlib has no opener)
+    try:
+        _require_regular(
+            os.fstat(stream.fileno()), path
+        )  # it may have been replaced meanwhile
+    except OSError:
+        stream.close()
+        raise
+    return stream
+
+
+def file_kind(mode: int) -> str:
+    """The kind of a file that is not a regular one, from ``st_mode``: "folder", "FIFO", ...; "" for a regular file."""
+    return _FILE_KINDS.get(stat.S_IFMT(mode), "link")
+
+
+def file_digest(path: Path, most: int | None = None) -> str:
+    """Hex sha256 of a regular file; raises OSError, also for more than ``most`` bytes."""
+    digest, size = hashlib.sha256(), 0
+    with open_regular(path) as stream:
+        while chunk := stream.read(_CHUNK):
+            digest.update(chunk)
+            size += len(chunk)
+            if most is not None and size > most:
+                raise OSError(
+                    errno.EFBIG, f"it has more than {most} bytes, and may be growing"
+                )
+    return digest.hexdigest()
+
+
+def cache_root() -> Path:
+    """The folder of files made once per machine: that of MTP_BENCH_CACHE, else the user cache folder."""
+    if os.environ.get(CACHE):
+        return Path(os.environ[CACHE]).expanduser()
+    from platformdirs import user_cache_path
+
+    return user_cache_path("mtp_bench", appauthor=False)
+
+
+def remove_damaged(path: Path) -> None:
+    """Delete the file or folder ``path`` of the cache, if there is one, and tell the user that it is made anew."""
+    if not os.path.lexists(path):
+        return
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
+    say_once(f"{path} was damaged and is made anew")
+
+
+def file_stem(name: str) -> str:
+    """The name of a scene, which may contain a slash, as a file name; never a hidden one."""
+    stem = quote(name, safe="")
+    return f"%2E{stem[1:]}" if stem.startswith(".") else stem
+
+
+def clean_text(text: str, most: int) -> str:
+    """``text`` as one line of at most ``most`` characters that is safe to print.
+
+    Controls, escapes, direction marks and lone surrogates become U+FFFD, line ends become blanks.
+    """
+    line = " ".join(text[: 4 * most].splitlines())
+    clean = "".join("\ufffd" if unseen(letter) else letter for letter in line)
+    return clean if len(clean) <= most else clean[: most - 1] + "…"
+
+
+def unseen(letter: str) -> bool:
+    """True for an invisible character: a control, an escape, a direction mark, a lone surrogate."""
+    return unicodedata.category(letter) in _INVISIBLE and letter not in _JOINERS
+
+
+def require_file(path: Path) -> None:
+    """Raise MtpBenchError unless a file can be written at ``path``."""
+    if not path.name or path.is_dir():
+        raise MtpBenchError(
+            f"cannot write {str(path)!r}: it is a folder, expected the name of a file"
+        )
+    if not path.parent.is_dir():
+        raise MtpBenchError(f"cannot write {path}: there is no folder {path.parent}")
+    _require_ordinary(path)
+    with _naming(path):
+        tempfile.TemporaryFile(dir=path.parent).close()
+
+
+def require_folder(path: Path) -> None:
+    """Raise MtpBenchError unless the folder ``path`` can be created or replaced."""
+    above = next(
+        parent for parent in _target(path).absolute().parents if parent.exists()
+    )
+    if not above.is_dir():
+        raise MtpBenchError(
+            f"cannot write {path}: {above} is a file, expected a folder"
+        )
+    with _naming(path):
+        tempfile.TemporaryFile(dir=above).close()
+
+
+@contextlib.contextmanager
+def _naming(path: Path, part: Path | None = None) -> Iterator[None]:
+    """Turn an OSError about ``path`` or its temporary ``part`` into a WriteError that names ``path``."""
+    try:
+        yield
+    except OSError as error:
+        named = error.filename
+        if part is not None and isinstance(
+            named, str | os.PathLike
+        ):  # an error about a descriptor has no name
+            file = Path(named)
+            if {part, path}.isdisjoint([file, *file.parents]):
+                raise
+        raise WriteError(
+            error.errno, error.strerror or str(error) or type(error).__name__, str(path)
+        ) from error
+
+
+def _require_ordinary(path: Path) -> None:
+    """Raise MtpBenchError for an existing device, pipe or socket, which a file must not replace."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise MtpBenchError(
+            f"cannot write {path}: it is not an ordinary file; choose another name"
+        )
+
+
+def _require_regular(state: os.stat_result, path: Path) -> None:
+    if kind := file_kind(state.st_mode):
+        raise OSError(errno.EINVAL, f"it is a {kind}, expected a file", str(path))
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(
+        f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}.part{path.suffix}"
+    )
+
+
+def _target(path: Path) -> Path:
+    """The target of a symbolic link, else ``path``."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path

@@ -1,0 +1,65 @@
+from .gateway.layout import Image as Image, image_of as image_of
+from .gateway.limits import (
+    Isolation as Isolation,
+    Limits as Limits,
+    SceneRun as SceneRun,
+)
+from .gateway.run import (
+    run_isolated as run_isolated,
+    run_isolated_scenes as run_isolated_scenes,
+)
+from .records.attestation import (
+    LEVELS as LEVELS,
+    Checked as Checked,
+    Level as Level,
+    read_level as read_level,
+)
+from .records.canonical import (
+    Difference as Difference,
+    digest_of as digest_of,
+    rounded as rounded,
+)
+from .records.checking import SCENES as SCENES, check_submission as check_submission
+from .records.consistency import checked_record as checked_record
+from .records.eligibility import (
+    LEAST_HIDDEN as LEAST_HIDDEN,
+    why_not_genuine as why_not_genuine,
+    why_scored_otherwise as why_scored_otherwise,
+    why_unranked as why_unranked,
+)
+from .records.intake import take_in as take_in
+from .records.inventory import (
+    Piece as Piece,
+    inventory as inventory,
+    standing_record as standing_record,
+    why_impossible as why_impossible,
+)
+from .records.ranking import STP as STP, Standing as Standing, standings as standings
+from .records.record import (
+    DrivingPart as DrivingPart,
+    HiddenPart as HiddenPart,
+    Record as Record,
+)
+from .records.seal import (
+    COMMITMENT as COMMITMENT,
+    SEALS as SEALS,
+    beside as beside,
+    open_seal as open_seal,
+    open_seals as open_seals,
+    retire as retire,
+    seal as seal,
+)
+from .records.storage import load_record as load_record, record_paths as record_paths
+from .records.submitting import (
+    RECORDS as RECORDS,
+    record_path as record_path,
+    require_target as require_target,
+    submit as submit,
+)
+from .records.trust import Trust as Trust, trusted as trusted
+from .records.verifying import (
+    Round as Round,
+    Verification as Verification,
+    attest as attest,
+    verify as verify,
+)

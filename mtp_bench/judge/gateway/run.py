@@ -1,0 +1,138 @@
+"""Run a submission scene by scene, each in a process that knows only the messages it is sent."""
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...agent import load_submission, make_action
+from ...core import (
+    NO_PROGRESS,
+    SERIAL,
+    Progress,
+    SubmissionError,
+    Workers,
+    unordered_map,
+)
+from ...env import MTPEnv
+from ...running import agent_task, compile_kernels, derived_seed
+from ...sources import scene_digest
+from .exchange import Exchange, answer_bytes
+from .layout import image_of, layout_for
+from .limits import Limits, SandboxBackend, SceneRun
+from .process import AgentProcess, SandboxSpec
+from .sandbox import sandbox_backend
+
+_compile_once = cache(compile_kernels)
+
+
+def run_isolated(
+    submission: str | Path,
+    env_id: str,
+    env_keywords: dict[str, Any],
+    scene: str,
+    seed: int = 0,
+    parameters: dict[str, Any] | None = None,
+    limits: Limits = Limits(),  # noqa: B008  (frozen)
+    digest: str | None = None,
+    backend: SandboxBackend | None = None,
+) -> SceneRun:
+    """One scene of an env in evaluation mode, answered by a submission in a process of its own.
+
+    ``submission``: its folder, or the name of a baseline. ``env_id``: id, or path of a card. ``env_keywords``: of
+    MTPEnv; the env observes what the submission asks for unless they say otherwise. ``parameters``: of the agent; None:
+    those of the manifest. ``digest``: expected of the submission (`image_of`); None: any. ``backend``: the sandbox;
+    None: the one that works here, if any.
+
+    The rollout of an agent that follows the rules equals that of `running.run.run_scene`, but for the times. An
+    unanswered frame has no rows. Never raises for actions of an agent; raises MtpBenchError for a folder that is not a
+    submission, an unknown scene or missing data.
+    """
+    if (
+        backend is None
+    ):  # on another machine, or called alone: an agent's sandbox keeps nothing
+        _compile_once()
+    loaded = load_submission(submission)
+    keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}
+    env = MTPEnv(env_id, **keywords)
+    observation, _ = env.reset(
+        seed=derived_seed(seed, scene, "env"), options={"scene": scene}
+    )
+    image = image_of(loaded, env.card.id, env.card.weights_of)
+    if digest is not None and image.digest != digest:
+        raise SubmissionError(
+            f"{loaded.path}: its files changed while it ran, expected one submission in all scenes; run it again"
+        )
+    places = [
+        getattr(env.card.source, name, None) for name in ("folder", "detections_file")
+    ]
+    places += [keywords.get("track_file")]
+    own = [Path(place).expanduser() for place in places if place is not None]
+    layout = layout_for(image, keywords.get("data"), own)
+    spec = SandboxSpec(layout, image, backend or sandbox_backend())
+    with AgentProcess(limits, spec, answer_bytes(env.action_space, limits)) as process:
+        setup = process.setup(loaded.parameters if parameters is None else parameters)
+        exchange = Exchange(
+            process, limits, env.action_space, seal_start(env.card.digest, scene, seed)
+        )
+        exchange.open(setup, asdict(agent_task(env, seed, scene)))
+        nothing = np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2))
+        silence = make_action(env.task, *nothing, checked=False)
+        seconds, over = list[float](), False
+        while not over:
+            action, spent = exchange.ask(observation)
+            seconds.append(spent)
+            observation, _, over, *_ = env.step(silence if action is None else action)
+        run = exchange.result(replace(env.rollout(), seconds=np.array(seconds)))
+        return replace(run, scene_digest=scene_digest(env.scene))
+
+
+def run_isolated_scenes(
+    submission: str | Path,
+    env_id: str,
+    env_keywords: dict[str, Any],
+    seed: int = 0,
+    limits: Limits = Limits(),  # noqa: B008  (frozen)
+    *,
+    scenes: Sequence[str],
+    workers: Workers = SERIAL,
+    progress: Progress = NO_PROGRESS,
+    finished: Callable[[SceneRun], None] = lambda run: None,
+    digest: str | None = None,
+) -> list[SceneRun]:
+    """`run_isolated` of every scene, in the order of ``scenes``.
+
+    Every scene has an agent of its own: a failure ends at most its scene. ``finished`` is called with every finished
+    scene, in the order of completion and in this process. ``digest``: of the submission in all scenes; None: the one
+    that it has now.
+    """
+    if workers.scheduler is None:
+        compile_kernels(workers)
+    card = MTPEnv(env_id, **env_keywords).card
+    digest = (
+        digest or image_of(load_submission(submission), card.id, card.weights_of).digest
+    )
+    # Decided once, so that all scenes run in the same sandbox; other machines decide for themselves.
+    backend = sandbox_backend() if workers.scheduler is None else None
+    calls = [
+        (submission, env_id, env_keywords, scene, seed, None, limits, digest, backend)
+        for scene in scenes
+    ]
+    runs: dict[int, SceneRun] = {}
+    for place, run in unordered_map(run_isolated, calls, workers):
+        runs[place] = run
+        finished(run)
+        progress.done(scenes[place])
+    return [runs[place] for place in range(len(scenes))]
+
+
+def seal_start(card_digest: str, scene: str, seed: int) -> bytes:
+    """The start of the hash chain of one scene."""
+    return hashlib.sha256(
+        json.dumps(["mtp-bench seal 1", card_digest, scene, seed]).encode()
+    ).digest()

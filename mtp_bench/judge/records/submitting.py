@@ -1,0 +1,298 @@
+"""Make a record: run a submission behind the gateway, score it, and store its rollouts beside the record."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, cast
+
+from ...agent import MANIFEST, Submission, load_submission
+from ...cards import Card, load_card
+from ...core import (
+    DataError,
+    MtpBenchError,
+    RecordError,
+    SubmissionError,
+    describe_write_error,
+    parallel_map,
+    require_file,
+    require_folder,
+    require_part,
+    validate,
+    whole_file,
+    whole_folder,
+)
+from ...running import (
+    DEFAULTS,
+    RunOptions,
+    library_versions,
+    reference_for,
+    require_run_folder,
+    save_run,
+)
+from ...scoring import DEFINITIONS
+from ..gateway.limits import Limits
+from . import running
+from .canonical import digest_of, today
+from .consistency import checked_text
+from .eligibility import SEEDS, why_scored_otherwise
+from .evaluation import Evaluation
+from .parts import count_parts, open_parts, require_new
+from .record import EnvPart, LimitsPart, MeasuredPart, Observed, Record, SubmissionPart
+from .running import Plan, Runs
+from .storage import PARTS, ROLLOUTS, record_text, seed_folder, usable_record
+
+RECORDS = Path("leaderboard", "records")  # below the working folder: the checkout
+
+
+def submit(
+    path: str | Path,
+    env_id: str,
+    options: RunOptions = DEFAULTS,
+    output: str | Path | None = None,
+    commit: str = "",
+    resume: bool = False,
+    replace: bool = False,
+) -> Record:
+    """Run a submission on an env behind the gateway, and write its record to ``output``/<env id>.json.
+
+    Args:
+        path: Folder of the submission, or name of a baseline.
+        env_id: Id of the env or path of its card.
+        options: Data, seeds, workers and progress. Some of the scenes make a partial record, which is never
+            ranked. With a Dask cluster the record names the hardware of one worker.
+        output: Folder; None: leaderboard/records/<name of the submission>.
+        commit: Hex, the commit that holds the folder; empty: that of the manifest, which cannot name its own commit.
+        resume: Continue with the scenes that an interrupted submit of this record finished, and keep a finished record
+            of the same plan. Else finished scenes are refused.
+        replace: Replace a finished record also by one of other seeds or scenes that cannot rank.
+
+    Finished scenes are stored at once, record and rollouts together at the end: until then those of an earlier submit
+    remain. Local frames are turned and shifted at random, so that coordinates do not tell the scene. An agent's actions
+    are never an error: without a finished scene the status is "crashed". Raises MtpBenchError for mistakes that users
+    can correct, before anything runs if the output cannot be written or a finished record would be lost.
+    """
+    submission = load_submission(path)
+    plan = running.plan_run(submission, env_id, options)
+    target = record_path(submission, load_card(env_id), output)
+    require_target(target, submission, options, resume, replace)
+    content = plan_content(plan, commit)
+    _require_recordable(plan, content)
+    if resume and (record := finished_record(target, content)) is not None:
+        return record
+    with open_parts(target, content, resume) as parts:
+        reference = reference_for(plan.card, plan.scenes, options)
+        options.progress.started(
+            (len(options.seeds) + (plan.card.drive is None)) * len(plan.scenes)
+        )
+        runs = {seed: running.run_seed(plan, seed, parts) for seed in options.seeds}
+        evaluation = running.evaluate_plan(plan, runs, reference, with_progress=True)
+        if plan.card.drive is None:  # worlds react to the agent
+            _require_one_data(plan, runs, evaluation, target)
+        return _save(target, plan, runs, _record(plan, runs, evaluation, content))
+
+
+def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
+    """All that is decided before the runs of a record, as JSON; a resumed command must have an equal plan."""
+    return {
+        "submission": plan.image.digest,
+        "commit": commit,
+        "env": plan.card.id,
+        "card": plan.card.digest,
+        "scenes": list(plan.scenes),
+        "seeds": list(plan.options.seeds),
+        "observe": plan.submission.compare.observe,
+        "keywords": plan.keywords,
+        "limits": asdict(Limits()),
+        "training_data": declared_data(plan.submission, plan.card.id),
+        "definitions": DEFINITIONS,
+        "versions": library_versions(),
+    }
+
+
+def finished_record(
+    target: Path, content: dict[str, Any], rollouts: bool = True
+) -> Record | None:
+    """The record at ``target`` if complete, by default with its rollouts, and of the plan ``content``, else None."""
+    if count_parts(target) or (rollouts and not target.with_suffix(ROLLOUTS).is_dir()):
+        return None
+    record = usable_record(target)
+    return record if record is not None and is_of_plan(record, content) else None
+
+
+def is_of_plan(record: Record, content: dict[str, Any]) -> bool:
+    """Return True if a record was made by the plan ``content``, under today's definitions or earlier equal ones."""
+    earlier = (
+        {}
+        if why_scored_otherwise(record)
+        else {"definitions": record.scorer.definitions}
+    )
+    return record.plan == digest_of(content | earlier)
+
+
+def declared_data(submission: Submission, env_id: str) -> list[str]:
+    """Training data that the record of a submission on an env declares."""
+    note = submission.note_on(env_id)
+    return [*submission.training_data, *([note] if note else [])]
+
+
+def record_path(submission: Submission, card: Card, output: str | Path | None) -> Path:
+    """Path of the record of a submission on the env of ``card``."""
+    folder = RECORDS / submission.name if output is None else Path(output)
+    return folder / f"{card.id}.json"
+
+
+def submission_part(plan: Plan, commit: str = "") -> SubmissionPart:
+    """The submission in a record: its commit is the given one, else that of the manifest.
+
+    Raises SubmissionError for a text that is too long for a record, and for a malformed commit.
+    """
+    submission = plan.submission
+    ends = submission.compare.gap_references
+    stated = ("name", "description", "source", "paper", "license", "parameters")
+    content = {name: getattr(submission, name) for name in stated} | {
+        "authors": list(submission.authors),
+        "commit": commit or submission.commit,
+        "digest": plan.image.digest,
+        "networks": dict(plan.image.weights),
+        "hypotheses": plan.setting.hypotheses,
+        "gap_references": "own" if isinstance(ends, dict) else ends,
+    }
+    return validate(
+        SubmissionPart, content, f"{submission.path.name}/{MANIFEST}", SubmissionError
+    )
+
+
+def require_target(
+    target: Path,
+    submission: Submission,
+    options: RunOptions,
+    resume: bool,
+    replace: bool,
+) -> None:
+    """Raise MtpBenchError if a record cannot be written at ``target``, or work that is stored there would be lost.
+
+    Lost would be: scenes of an interrupted submit, unless ``resume``; and unless ``replace``, a finished record whose
+    place is taken by one that cannot rank and is of other seeds or scenes.
+    """
+    if target.resolve().is_relative_to(submission.path):
+        raise SubmissionError(
+            f"cannot write {target}: it is inside the submission {submission.path}, name another folder"
+        )
+    require_folder(target)
+    if target.parent.is_dir():
+        require_file(target)
+    if target.with_suffix(ROLLOUTS).exists():
+        for folder in target.with_suffix(ROLLOUTS).iterdir():
+            require_run_folder(folder)
+    if not replace:
+        _require_kept(target, options)
+    if not resume:
+        require_new(target)
+
+
+def _require_kept(target: Path, options: RunOptions) -> None:
+    if (record := usable_record(target)) is None:
+        return
+    count = record.env.scenes_of_split
+    whole = options.scenes is None or options.scenes >= count
+    kept = whole and list(options.seeds) in (list(SEEDS), record.seeds)
+    if record.status == "finished" and not kept:
+        stored = f"seeds {', '.join(map(str, record.seeds))}, all {count} scenes"
+        given = f"seeds {', '.join(map(str, options.seeds))}, {'all' if whole else options.scenes} scenes"
+        raise RecordError(
+            f"{target}: would overwrite a finished record ({stored}) with another ({given}): choose another folder "
+            "(-o, output=), or replace it (--force, replace=True)"
+        )
+
+
+def _save(target: Path, plan: Plan, runs: Runs, record: Record) -> Record:
+    """Replace an earlier record and its rollouts; all that can fail comes before the first is replaced."""
+    record, text = record_text(record, target)
+    checked_text(text, str(target))
+    try:
+        with whole_file(target) as file:
+            file.write_text(text, encoding="utf-8")
+            with whole_folder(target.with_suffix(ROLLOUTS)) as folder:
+                for seed, rollouts in running.rollouts_of(runs).items():
+                    save_run(
+                        seed_folder(folder, seed), running.info_of(plan, seed), rollouts
+                    )
+    except OSError as error:
+        raise MtpBenchError(
+            f"cannot write {target}: {describe_write_error(error)}"
+        ) from None
+    return record
+
+
+def _require_one_data(
+    plan: Plan, runs: Runs, evaluation: Evaluation, target: Path
+) -> None:
+    """Raise DataError if the data of scenes changed after an interrupted command ran them."""
+    for results in runs.values():
+        for name, run, digest in zip(
+            plan.scenes, results, evaluation.scene_digests, strict=True
+        ):
+            if run.scene_digest not in ("", digest):
+                raise DataError(
+                    f"{name}: its data changed after {plan.submission.name} was run on it, expected the same data in "
+                    f"all scenes: delete {target.with_suffix(PARTS)} and submit again"
+                )
+
+
+def _require_recordable(plan: Plan, planned: dict[str, Any]) -> None:
+    """Refuse before the work what a record cannot hold: a text that is too long, too many seeds."""
+    card = plan.card
+    content = {
+        "submission": submission_part(plan, planned["commit"]).model_dump(mode="json"),
+        "training_data": planned["training_data"],
+        "env": {"id": card.id, "split": card.source.split, "keywords": plan.keywords},
+        "seeds": list(plan.options.seeds),
+        "per_scene": [{"scene": name} for name in plan.scenes],
+    }
+    require_part(
+        Record, content, f"a record of {plan.submission.name} on {card.id}", RecordError
+    )
+
+
+def _record(
+    plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, Any]
+) -> Record:
+    missed, card = running.unanswered(runs), plan.card
+    every = [
+        rollout for results in running.rollouts_of(runs).values() for rollout in results
+    ]
+    return Record(
+        submission=submission_part(plan, content["commit"]),
+        training_data=content["training_data"],
+        env=EnvPart(
+            id=card.id,
+            card_digest=card.digest,
+            split=card.source.split,
+            data_manifest=evaluation.data_manifest,
+            scenes=len(plan.scenes),
+            scenes_of_split=plan.scenes_of_split,
+            observe=cast("Observed", plan.submission.compare.observe),
+            truth_complete=evaluation.truth_complete,
+            keywords=plan.keywords,
+        ),
+        seeds=list(runs),
+        versions=content["versions"],
+        limits=LimitsPart(**content["limits"]),
+        missed=missed,
+        isolation=running.isolation(runs),
+        samples=every[0].forecast.shape[1],
+        hashes=running.hashes(runs),
+        measured=MeasuredPart(
+            hardware=parallel_map(running.hardware, [()], plan.options.workers)[
+                0
+            ],  # with a scheduler: of a worker
+            latency=running.latency(every),
+            ms_per_frame=evaluation.ms_per_frame,
+            peak_memory_mib=max(
+                run.peak_memory for results in runs.values() for run in results
+            )
+            / 2**20,
+            made=today(),
+        ),
+        plan=digest_of(content),
+        **evaluation.record_parts(missed, len(every), plan.scenes_of_split),
+    )

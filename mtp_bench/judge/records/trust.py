@@ -1,0 +1,235 @@
+"""The trusted leaderboard: keys that may sign levels (``ssh-keygen -Y``), listed seals, and owners of names."""
+
+import hashlib
+import os
+import shutil
+import stat
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from ...agent import SubmissionName
+from ...core import (
+    MtpBenchError,
+    RecordError,
+    Section,
+    __version__,
+    bundled,
+    cache_root,
+    read_toml,
+    validate,
+)
+from .seal import (
+    COMMITMENT,
+    RETIRED,
+    Commitment,
+    ListedSeal,
+    Retired,
+    Sealed,
+    commitment_of,
+)
+from .storage import read_as
+
+OWNERS = "owners.toml"
+NAMESPACE = "mtp-bench-level"  # signatures for another purpose do not count
+SIGNER_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9@._-]{0,99}$"  # a principal without wildcards
+MOST_SIGNATURE = 20_000  # characters
+MISSING = "ssh-keygen is not installed, so signatures can be neither made nor checked; install OpenSSH"
+_SECONDS = 30
+_MOST_OUTPUT = 200  # characters
+_EXPIRING = (
+    b"valid-before",
+    b"cert-authority",
+)  # in lower case, options of keys that are not trusted for ever
+
+
+class _Owners(Section):
+    owners: dict[
+        SubmissionName, Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,39}$")]
+    ]  # -> login
+
+
+@dataclass(frozen=True)
+class Trust:
+    """The folder ``leaderboard`` that is trusted."""
+
+    folder: Path
+
+    @property
+    def keys(self) -> Path:
+        """Keys that may sign, in OpenSSH's own format."""
+        return self.folder / "keys" / "allowed_signers"
+
+    @property
+    def revoked(self) -> Path:
+        """Public keys that no longer sign, one per line."""
+        return self.folder / "keys" / "revoked_keys"
+
+    def check_once(self, check: Callable[[], object], *texts: str) -> None:
+        """Call ``check`` of signed ``texts``, which may raise, unless a private file says that they passed before."""
+        keys = [
+            path.read_bytes() if path.is_file() else b""
+            for path in (self.keys, self.revoked)
+        ]
+        content = hashlib.sha256(
+            repr([__version__, *keys, *texts]).encode()
+        ).hexdigest()
+        passed = cache_root() / "signed" / content
+        if _is_private(passed.parent) and _is_private(passed):
+            return
+        check()
+        if not any(word in keys[0].lower() for word in _EXPIRING):
+            with suppress(OSError):
+                passed.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+                passed.touch(mode=0o600)
+
+    @property
+    def seals(self) -> Path:
+        """Folder of the commitments, and of the secrets of retired seals."""
+        return self.folder / "seals"
+
+    @cached_property
+    def listed(self) -> Mapping[str, ListedSeal]:
+        """The seals by their commitment. Raises RecordError if a file is broken or does not fit its commitment."""
+        seals = {}
+        for path in sorted(self.seals.glob(f"*{COMMITMENT}")):
+            promise = read_as(Commitment, path)
+            name = path.name.removesuffix(COMMITMENT)
+            retired = _retired(path.with_name(name + RETIRED), promise)
+            seals[promise.commitment] = ListedSeal(
+                **promise.model_dump(), name=name, retired=retired
+            )
+        return seals
+
+    @cached_property
+    def owners(self) -> Mapping[str, str]:
+        """Login by the name of a submission. Raises RecordError if the file is broken."""
+        return read_owners(self.folder / OWNERS)
+
+    def require_listed(self, seals: Iterable[Sealed]) -> None:
+        """Raise RecordError for a seal that this leaderboard does not list: levels on it would not be shown."""
+        for sealed in seals:
+            if sealed.commitment not in self.listed:
+                raise RecordError(
+                    f"the seal of {sealed.seeds.env} with the sha256 {sealed.commitment[:12]} is not promised in "
+                    f"{self.seals}, so no level on it would be shown: publish its commitment there first"
+                )
+
+    def require_signer(self, key: Path, signer: str) -> None:
+        """Raise MtpBenchError unless signatures of ``key`` for ``signer`` are trusted."""
+        message = b"mtp-bench: may this key sign?"
+        why = self.why_not_signed(message, sign(message, key), signer)
+        if why:
+            raise MtpBenchError(
+                f"{key}: its signatures for {signer!r} are not trusted ({why}); list its public part in {self.keys}"
+            )
+
+    def why_not_signed(self, message: bytes, signature: str, signer: str) -> str:
+        """Reason why this is not a signature of ``message`` by a trusted key of ``signer``; empty if it is."""
+        if not shutil.which("ssh-keygen"):
+            return MISSING
+        if not self.keys.is_file():
+            return f"there are no keys at {self.keys}"
+        with tempfile.NamedTemporaryFile(suffix=".sig") as file:
+            file.write(signature.encode(errors="replace"))
+            file.flush()
+            which = [
+                "-f",
+                str(self.keys),
+                "-I",
+                signer,
+                "-n",
+                NAMESPACE,
+                "-s",
+                file.name,
+            ]
+            which += ["-r", str(self.revoked)] if self.revoked.is_file() else []
+            return _ssh_keygen(["-Y", "verify", *which], message, _SECONDS)[1]
+
+
+def sign(message: bytes, key: Path) -> str:
+    """Signature of ``message`` by the key in the file ``key``: a private key, or a public one that an SSH agent serves.
+
+    Raises MtpBenchError if ssh-keygen is missing or refuses the key.
+    """
+    if not key.is_file():
+        raise MtpBenchError(
+            f"{key}: no such key; `ssh-keygen -t ed25519 -f {key}` makes one"
+        )
+    # without a limit of time: it may ask for a passphrase
+    signature, why = _ssh_keygen(
+        ["-Y", "sign", "-n", NAMESPACE, "-f", str(key)], message, None
+    )
+    if why:
+        raise MtpBenchError(f"{key}: ssh-keygen did not sign: {why}")
+    return signature
+
+
+def read_owners(path: Path) -> dict[str, str]:
+    """Login by the name of a submission; empty without a file. Raises RecordError if it is broken."""
+    if not path.is_file():
+        return {}
+    return validate(
+        _Owners, read_toml(path, RecordError), str(path), RecordError
+    ).owners
+
+
+def trusted(folder: Path | None = None) -> Trust:
+    """The leaderboard at ``folder``; None: the one that ships. Raises RecordError if there is no such folder."""
+    if folder is not None and not folder.is_dir():
+        raise RecordError(
+            f"{folder}: no such folder, expected a leaderboard with keys/allowed_signers and seals/"
+        )
+    return Trust(folder or bundled("leaderboard"))
+
+
+def _retired(path: Path, promise: Commitment) -> str:
+    """Date on which the seal was retired; RecordError if the published secret does not fit the commitment."""
+    if not path.is_file():
+        return ""
+    published = read_as(Retired, path)
+    if commitment_of(published.secret) != promise.commitment:
+        raise RecordError(
+            f"{path}: its secret does not have the commitment {promise.commitment[:12]}"
+        )
+    return published.retired
+
+
+def _is_private(path: Path) -> bool:
+    """True for a file or folder, not a link, of this user that no other one may write to."""
+    with suppress(OSError):
+        found = path.lstat()
+        owner = getattr(os, "geteuid", lambda: found.st_uid)()
+        return (
+            found.st_uid == owner
+            and not found.st_mode & 0o022
+            and not stat.S_ISLNK(found.st_mode)
+        )
+    return False
+
+
+def _ssh_keygen(
+    arguments: Sequence[str], message: bytes, seconds: float | None
+) -> tuple[str, str]:
+    """Output of ssh-keygen on ``message``, and the reason why it failed; empty if it did not."""
+    try:
+        command = ["ssh-keygen", *arguments]
+        done = subprocess.run(
+            command, input=message, capture_output=True, timeout=seconds, check=False
+        )
+    except FileNotFoundError:
+        raise MtpBenchError(MISSING) from None
+    except subprocess.TimeoutExpired:
+        raise MtpBenchError(f"ssh-keygen took longer than {seconds} s") from None
+    output = done.stdout.decode(errors="replace")
+    if not done.returncode:
+        return output, ""
+    lines = f"{done.stderr.decode(errors='replace')}\n{output}"
+    return output, " ".join(lines.split())[:_MOST_OUTPUT] or f"status {done.returncode}"

@@ -1,0 +1,57 @@
+from .greedy import GreedySampler as GreedySampler
+from .k_means import KMeansSampler as KMeansSampler
+from .kalman import (
+    NoiseTable as NoiseTable,
+    filtered as filtered,
+    heading_frame as heading_frame,
+    noise_table as noise_table,
+    observed as observed,
+    rotation as rotation,
+    stored_noise as stored_noise,
+)
+from .kinematic import (
+    HedgedPredictor as HedgedPredictor,
+    KinematicPredictor as KinematicPredictor,
+)
+from .lanes import LanePredictor as LanePredictor
+from .learned.local import (
+    Arrays as Arrays,
+    local_future as local_future,
+    local_inputs as local_inputs,
+    to_absolute as to_absolute,
+)
+from .learned.modes import straight as straight
+from .learned.network import (
+    Network as Network,
+    Sizes as Sizes,
+    Stage as Stage,
+    network_of as network_of,
+    networks as networks,
+    require_lanes as require_lanes,
+)
+from .learned.predictor import (
+    LearnedPredictor as LearnedPredictor,
+    StoredWeights as StoredWeights,
+    write_weights as write_weights,
+)
+from .learned.ptp import (
+    context_of as context_of,
+    decode as decode,
+    posterior as posterior,
+    sample_codes as sample_codes,
+)
+from .presence import (
+    FEATURES as FEATURES,
+    LearnedPresence as LearnedPresence,
+    PresenceModel as PresenceModel,
+    TrackHistory as TrackHistory,
+    history_of as history_of,
+    logistic as logistic,
+)
+from .windows import (
+    LANES as LANES,
+    Surroundings as Surroundings,
+    TrackWindows as TrackWindows,
+    lanes_of as lanes_of,
+    windows_of as windows_of,
+)

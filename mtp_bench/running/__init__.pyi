@@ -1,0 +1,68 @@
+from .causes import run_parts as run_parts
+from .comparison import (
+    HYPOTHESIS_CONTROLS as HYPOTHESIS_CONTROLS,
+    EnvEvaluation as EnvEvaluation,
+    compare as compare,
+    control_names as control_names,
+    evaluate as evaluate,
+    scores_of as scores_of,
+)
+from .conformance.agent_checks import check_agent as check_agent
+from .conformance.card_checks import check_card as check_card
+from .conformance.playing import Finding as Finding
+from .drives import compare_driving as compare_driving
+from .kernels import (
+    PLAYERS as PLAYERS,
+    all_kernels as all_kernels,
+    compile_kernels as compile_kernels,
+)
+from .options import (
+    DEFAULTS as DEFAULTS,
+    MOST_SEED as MOST_SEED,
+    Fold as Fold,
+    RunKeywords as RunKeywords,
+    RunOptions as RunOptions,
+    asked as asked,
+    fold_of as fold_of,
+    held_out as held_out,
+    require_seed as require_seed,
+)
+from .playing import (
+    agent_task as agent_task,
+    derived_seed as derived_seed,
+    jobs_of as jobs_of,
+    library_versions as library_versions,
+    run_jobs as run_jobs,
+)
+from .reading import read_status as read_status, skipped_line as skipped_line
+from .reference import (
+    card_budget as card_budget,
+    freeze as freeze,
+    frozen_reference as frozen_reference,
+    make_reference as make_reference,
+    ranked_scenes as ranked_scenes,
+    reference_for as reference_for,
+)
+from .rollout_files import (
+    RunInfo as RunInfo,
+    load_run as load_run,
+    require_run_folder as require_run_folder,
+    save_run as save_run,
+)
+from .settings import (
+    Setting as Setting,
+    all_settings as all_settings,
+    kinematic_references as kinematic_references,
+    references_of as references_of,
+    setting_of as setting_of,
+    training_note as training_note,
+)
+from .stored import (
+    OpenedRun as OpenedRun,
+    open_run as open_run,
+    require_free as require_free,
+    run as run,
+    run_info as run_info,
+    score as score,
+)
+from .track_export import export_tracks as export_tracks

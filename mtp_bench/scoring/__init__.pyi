@@ -1,0 +1,194 @@
+from .bade import (
+    ONE_PER_TARGET as ONE_PER_TARGET,
+    CardBudget as CardBudget,
+    capped_error as capped_error,
+)
+from .clear import tracking_counts as tracking_counts
+from .definitions import (
+    DEFINITIONS as DEFINITIONS,
+    GOLDEN as GOLDEN,
+    KNOWN_SUBSETS as KNOWN_SUBSETS,
+    RANKED_OBJECTS as RANKED_OBJECTS,
+    RANKED_SUBSETS as RANKED_SUBSETS,
+    RANKED_UNITS as RANKED_UNITS,
+    SIGNIFICANT as SIGNIFICANT,
+    SUBSETS as SUBSETS,
+    SURE as SURE,
+    WEIGHTS_DEFINITIONS as WEIGHTS_DEFINITIONS,
+    Subset as Subset,
+)
+from .details import (
+    calibration as calibration,
+    end_to_end_accuracy as end_to_end_accuracy,
+    forecast_average_precision as forecast_average_precision,
+)
+from .displacements import (
+    Displacement as Displacement,
+    displacement as displacement,
+    energy_score as energy_score,
+    floored as floored,
+    k_curve as k_curve,
+)
+from .driving import (
+    WEIGHTS as WEIGHTS,
+    AgentDrives as AgentDrives,
+    DrivingRow as DrivingRow,
+    driving_rows as driving_rows,
+    fault_interval as fault_interval,
+    scene_score as scene_score,
+    score_interval as score_interval,
+)
+from .events import (
+    HOLES as HOLES,
+    LOST_TARGETS as LOST_TARGETS,
+    Events as Events,
+    find_events as find_events,
+    history as history,
+    object_history as object_history,
+    pieces as pieces,
+    separated_truth as separated_truth,
+)
+from .forecasts import (
+    Candidates as Candidates,
+    RecordedForecasts as RecordedForecasts,
+    match_by_confidence as match_by_confidence,
+    match_neutral_last as match_neutral_last,
+    match_objects as match_objects,
+    near_truth as near_truth,
+    sample_weights as sample_weights,
+)
+from .frame import FrameScore as FrameScore, FrameScorer as FrameScorer
+from .lineage import (
+    Hypotheses as Hypotheses,
+    event_pairs as event_pairs,
+    gated_pairs as gated_pairs,
+    hypotheses as hypotheses,
+    in_all as in_all,
+    lineage_events as lineage_events,
+    match_hypotheses as match_hypotheses,
+)
+from .matching import (
+    columns_to_rows as columns_to_rows,
+    match as match,
+    match_sticky as match_sticky,
+)
+from .neutral import (
+    evaluated as evaluated,
+    neutral_places as neutral_places,
+    unconfirmable as unconfirmable,
+)
+from .pairs import (
+    Pairs as Pairs,
+    box_pairs as box_pairs,
+    near_pairs as near_pairs,
+    of_columns as of_columns,
+)
+from .parts import (
+    BELOW as BELOW,
+    FAULT_NAMES as FAULT_NAMES,
+    FAULTS as FAULTS,
+    LEAST_SHOWN as LEAST_SHOWN,
+    PARTS as PARTS,
+    SceneParts as SceneParts,
+    blame as blame,
+    by_fault as by_fault,
+    error_parts as error_parts,
+    fault_of as fault_of,
+    named_parts as named_parts,
+    parts_text as parts_text,
+    plain_parts as plain_parts,
+    reference_errors as reference_errors,
+    thresholds_of as thresholds_of,
+)
+from .rank import (
+    ASSOCIATED as ASSOCIATED,
+    NO_GAP as NO_GAP,
+    NOT_CAUSAL as NOT_CAUSAL,
+    NOT_KINEMATIC as NOT_KINEMATIC,
+    SAW_TRUTH as SAW_TRUTH,
+    UNSTATED as UNSTATED,
+    GapPairs as GapPairs,
+    Pair as Pair,
+    Place as Place,
+    References as References,
+    guard as guard,
+    places_on as places_on,
+    rank_by_error as rank_by_error,
+    span_text as span_text,
+    why_not_on as why_not_on,
+    why_unranked as why_unranked,
+)
+from .report import (
+    Report as Report,
+    paired_row as paired_row,
+    rejected_line as rejected_line,
+    summarise as summarise,
+)
+from .report_tables import (
+    NAMES as NAMES,
+    blocks_of as blocks_of,
+    heading as heading,
+    main_settings as main_settings,
+    main_table as main_table,
+    place_of as place_of,
+    preference as preference,
+    shipped_env as shipped_env,
+    unchanged as unchanged,
+)
+from .rows import (
+    AgentSetting as AgentSetting,
+    Bin as Bin,
+    Budget as Budget,
+    Clear as Clear,
+    Count as Count,
+    Details as Details,
+    Interval as Interval,
+    PairedRow as PairedRow,
+    Point as Point,
+    Probability as Probability,
+    Reliability as Reliability,
+    Row as Row,
+)
+from .scenes import SceneResult as SceneResult
+from .score import (
+    SceneScore as SceneScore,
+    check_rollout as check_rollout,
+    mean_plain_error as mean_plain_error,
+    score_scene as score_scene,
+)
+from .statistics import (
+    PairedDifference as PairedDifference,
+    UnitSums as UnitSums,
+    bootstrap_interval as bootstrap_interval,
+    effective_number as effective_number,
+    paired_difference as paired_difference,
+    ratio as ratio,
+    share_interval as share_interval,
+)
+from .table import (
+    AgentScores as AgentScores,
+    AgentTable as AgentTable,
+    agent_table as agent_table,
+    stated_hypotheses as stated_hypotheses,
+)
+from .targets import (
+    Targets as Targets,
+    absent_causes as absent_causes,
+    find_targets as find_targets,
+    left_out as left_out,
+    live_frames as live_frames,
+)
+from .weights import (
+    COUNTED as COUNTED,
+    EVENTS as EVENTS,
+    WEIGHED as WEIGHED,
+    Reference as Reference,
+    SceneWeights as SceneWeights,
+    count_runs as count_runs,
+    scene_key as scene_key,
+    tracking_events as tracking_events,
+)
+from .weights_file import (
+    read_reference as read_reference,
+    write_reference as write_reference,
+)

@@ -1,0 +1,5 @@
+"""Scenes of recordings in their official layouts, and of own files."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,47 @@
+from .argoverse2.layout import Argoverse2Source as Argoverse2Source
+from .argoverse2.submission import tracking_submission as tracking_submission
+from .base import (
+    CameraImage as CameraImage,
+    DataRoot as DataRoot,
+    SceneSource as SceneSource,
+    SourcePackage as SourcePackage,
+    Work as Work,
+    class_ids as class_ids,
+    no_detections as no_detections,
+    require_classes as require_classes,
+    section_of as section_of,
+)
+from .cache import (
+    Arrays as Arrays,
+    read_arrays as read_arrays,
+    scene_digest as scene_digest,
+    write_arrays as write_arrays,
+    write_npz as write_npz,
+)
+from .d123.logs import import_logs as import_logs
+from .dataset import (
+    Dataset as Dataset,
+    DataStatus as DataStatus,
+    data_root as data_root,
+)
+from .files.columns import BOX as BOX
+from .files.save import save_scene as save_scene
+from .files.table import write_table as write_table
+from .kitti.layout import TYPES as TYPES, KittiSource as KittiSource
+from .kitti.tracks import poses_of as poses_of, result_lines as result_lines
+from .nuscenes.layout import NuScenesSource as NuScenesSource
+from .nuscenes.source import NuScenes as NuScenes
+from .nuscenes.tracks import submission_box as submission_box
+from .opening import (
+    Note as Note,
+    camera_images as camera_images,
+    describe as describe,
+    load_scenes as load_scenes,
+    open_source as open_source,
+    package_of as package_of,
+    prepare as prepare,
+    with_map as with_map,
+    with_tracks as with_tracks,
+)
+from .simulated import detected as detected, in_world as in_world
+from .stored_tracks import import_tracks as import_tracks, table_path as table_path

@@ -1,0 +1,5 @@
+"""Simulated traffic: highway-env worlds, recorded gym environments, the closed loop."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,5 @@
+from .association import (
+    AssociationOnly as AssociationOnly,
+    PerDetection as PerDetection,
+)
+from .associator import CONTINUE as CONTINUE, IGNORE as IGNORE, NEW as NEW
