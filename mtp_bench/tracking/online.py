@@ -1,4 +1,7 @@
-"""An adapter for online trackers of other libraries: detections in, ``(id, box, score)`` out."""
+"""An adapter for online trackers of other libraries.
+
+Detections go in, ``(id, box, score)`` comes out.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Sequence
@@ -22,19 +25,21 @@ from ..core import (
 from .given import Histories, TrackReport
 from .joint import k_best
 
-FORM = "(id, box, score) or (id, box, score, detection)"
-_BOX = "x y z yaw l w h with sizes above 0, or x1 y1 x2 y2 in pixels, all finite"
+_ROW_FORM = "(id, box, score) or (id, box, score, detection)"
+_BOX_FORM = "x y z yaw l w h with sizes above 0, or x1 y1 x2 y2 in pixels, all finite"
 
 
 @dataclass(frozen=True)
 class BirdsEye:
-    """Axis-aligned rectangles of boxes in a picture of the ground, for trackers of image boxes.
+    """Axis-aligned rectangles of boxes in a picture of the ground.
 
-    ``scale``: pixels per metre; ``padding``: metres by which rectangles are larger on every side.
+    They are for trackers of image boxes. ``scale``: pixels per metre; ``padding``:
+    metres by which rectangles are larger on every side.
 
-    Pixel (0, 0) is the origin of the observations' frame, so coordinates may be negative. The frame does not move with
-    the ego where the env compensates its motion: what stands still stays where it is. Padding helps where objects
-    move by more than their own size between two frames, which leaves no overlap.
+    Pixel (0, 0) is the origin of the observations' frame, so coordinates may be
+    negative. The frame does not move with the ego where the env compensates its motion:
+    what stands still stays where it is. Padding helps where objects move by more than
+    their own size between two frames, which leaves no overlap.
     """
 
     scale: float = 10.0
@@ -49,16 +54,20 @@ class BirdsEye:
             raise ShapeError(f"padding is {self.padding}, expected metres, 0 or more")
 
     def rectangles(self, box: Floats) -> Floats:
-        """The rectangles [D, 4] x1 y1 x2 y2, pixels, around boxes [D, 7] x y z yaw l w h, metres."""
+        """Return the rectangles [D, 4] x1 y1 x2 y2, pixels, around boxes.
+
+        ``box`` [D, 7]: x y z yaw l w h, metres and radians.
+        """
         corners = bev_corners(np.asarray(box, dtype=np.float64))
-        low, high = (
-            corners.min(axis=-2) - self.padding,
-            corners.max(axis=-2) + self.padding,
-        )
+        low = corners.min(axis=-2) - self.padding
+        high = corners.max(axis=-2) + self.padding
         return self.scale * np.concatenate([low, high], axis=-1)
 
     def centres(self, rectangle: Floats) -> Floats:
-        """Centres [N, 2] x y, metres, of rectangles [N, 4] in pixels: those of the boxes inside."""
+        """Return centres [N, 2] x y, metres, of rectangles [N, 4] in pixels.
+
+        They are those of the boxes inside.
+        """
         return (rectangle[..., :2] + rectangle[..., 2:]) / (2 * self.scale)
 
 
@@ -67,9 +76,8 @@ class OnlineDetections:
     """The detections of a frame, as an online tracker is given them."""
 
     box: Floats  # [D, 7] x y z yaw l w h, metres and radians
-    rectangle: (
-        Floats  # [D, 4] x1 y1 x2 y2 around the box, pixels of the adapter's `BirdsEye`
-    )
+    # [D, 4] x1 y1 x2 y2 around the box, pixels of the adapter's `BirdsEye`
+    rectangle: Floats
     class_id: Ints  # [D] index into task.classes
     score: Floats  # [D] as the detector gives it, a logit may be negative
     velocity: Floats  # [D, 2] m/s; zeros where it is not measured
@@ -79,10 +87,10 @@ class OnlineDetections:
     def __len__(self) -> int:
         return len(self.box)
 
-    def select(self, kept: Bools) -> Self:
-        """The detections where ``kept`` [D]."""
-        named = ("box", "rectangle", "class_id", "score", "velocity")
-        return replace(self, **{name: getattr(self, name)[kept] for name in named})
+    def select(self, mask: Bools) -> Self:
+        """Return the detections where ``mask`` [D]."""
+        names = ("box", "rectangle", "class_id", "score", "velocity")
+        return replace(self, **{name: getattr(self, name)[mask] for name in names})
 
 
 class TrackRow(NamedTuple):
@@ -106,25 +114,31 @@ Make = Callable[[Task], _Updated | Update]
 class OnlineTracker:
     """An ordinary online tracker as a `Tracker` of one hypothesis.
 
-    ``make``: is called with the task when a scene begins, and after a hole in time, and gives the tracker: an object
-    with ``update(detections)``, or a function. It is called once per frame with `OnlineDetections` and answers with a
-    row for each of its tracks::
+    ``make`` is called with the task when a scene begins, and after a hole in time. It
+    gives the tracker: an object with ``update(detections)``, or a function. That is
+    called once per frame with `OnlineDetections`, and answers with a row for each of
+    its tracks::
 
         (id, box, score)                  the detection that it took is found by place
-        (id, box, score, detection)       it says so: a row of the detections, -1 for none
+        (id, box, score, detection)       it says so: a row of the detections, -1: none
 
-    ``id``: anything hashable. It goes on after a gap, and stands for another identity in another class. ``box``: 7
-    numbers as in the detections, or 4 numbers of a rectangle: then the track has the whole box of its detection, or its
-    last one, moved to the rectangle's centre. A track that takes no detection (coasts) is kept as long as the tracker
-    names it; one that never took any has no class, and is left out. ``score``: of the track; it counts only until the
-    track takes a detection, whose scores are remembered instead.
+    ``id``: anything hashable. It goes on after a gap, and stands for another identity
+    in another class. ``box``: 7 numbers as in the detections, or 4 numbers of a
+    rectangle. For a rectangle the track has the whole box of its detection, or its last
+    box, moved to the rectangle's centre. A track that takes no detection (coasts) is
+    kept as long as the tracker names it; one that never took any has no class, and is
+    left out. ``score``: of the track; it counts only until the track takes a detection,
+    whose scores are remembered instead.
 
-    ``per_class``: a tracker for each class of the task, which sees the detections of that class alone.
-    ``view``: how rectangles are drawn. ``gate``: m, BEV, up to which a track takes a detection that it did not name.
+    ``per_class``: a tracker for each class of the task, which sees the detections of
+    that class alone. ``view``: how rectangles are drawn. ``gate``: m, BEV, up to which
+    a track takes a detection that it did not name.
 
-    Example: `Pipeline(OnlineTracker(lambda task: MyTracker()), KinematicPredictor(), KMeansSampler())`.
+    Example: `Pipeline(OnlineTracker(lambda task: MyTracker()), KinematicPredictor(),
+    KMeansSampler())`.
 
-    Raises SubmissionError for what cannot be updated, and ShapeError, naming frame and row, for a wrong answer.
+    Raises SubmissionError for what cannot be updated, and ShapeError, naming frame and
+    row, for a wrong answer.
     """
 
     def __init__(
@@ -138,50 +152,57 @@ class OnlineTracker:
             raise ShapeError(
                 f"gate is {gate}, expected metres, a finite number above 0"
             )
-        self._make, self._per_class, self._view, self._gate = (
-            make,
-            per_class,
-            view or BirdsEye(),
-            gate,
-        )
+        self._make_tracker = make
+        self._per_class = per_class
+        self._view = view or BirdsEye()
+        self._gate_m = gate
 
     def reset(self, task: Task) -> None:
-        """Forget everything, and make new trackers."""
-        self._groups: list[int | None] = (
-            list(range(len(task.classes))) if self._per_class else [None]
-        )
-        self._frame, self._piece, self._task = -1, 0, task
-        self._number: dict[
-            tuple[Hashable, int], int
-        ] = {}  # identity of an id (and its tracker) in a class
+        """Forget all tracks, and make new trackers."""
+        self._task = task
+        self._frame = -1
+        self._segment = 0  # of the scene, between two holes in time
+        # identity of an id (and its tracker) in a class
+        self._identities: dict[tuple[Hashable, int], int] = {}
+        # class of each tracker; None: all classes
+        self._tracker_classes: list[int | None] = [None]
+        if self._per_class:
+            self._tracker_classes = list(range(len(task.classes)))
         self._begin()
 
     def _begin(self) -> None:
         """Begin a scene, or what follows a hole in time, with new trackers."""
-        self._updates = [_update_of(self._make(self._task)) for _ in self._groups]
+        self._updates = [
+            _update_of(self._make_tracker(self._task)) for _ in self._tracker_classes
+        ]
         self._histories = Histories(self._task.past)
-        self._last: dict[Hashable, tuple[int, Floats]] = {}  # class and box of an id
+        # class and box of an id
+        self._last_states: dict[Hashable, tuple[int, Floats]] = {}
 
     def step(self, observation: Observation) -> Tracks:
-        """Tracks after this frame: those that the tracker names."""
+        """Return the tracks that the tracker names after this frame."""
         self._frame += 1
         if self._task.after_hole(observation):
-            self._piece += 1
+            self._segment += 1
             self._begin()
         rows = np.flatnonzero(observation["detection_valid"])
-        seen = self._seen(observation, rows)
+        detections = self._detections(observation, rows)
         reports: list[TrackReport] = []
-        for group, update in zip(self._groups, self._updates, strict=True):
-            mine = (
-                np.ones(len(seen), dtype=bool)
-                if group is None
-                else seen.class_id == group
+        for tracker_class, update in zip(
+            self._tracker_classes, self._updates, strict=True
+        ):
+            mask = np.ones(len(detections), dtype=bool)
+            if tracker_class is not None:
+                mask = detections.class_id == tracker_class
+            answer = read_rows(
+                update(detections.select(mask)), int(mask.sum()), self._frame
             )
-            answer = read_rows(update(seen.select(mine)), int(mine.sum()), self._frame)
-            reports += self._reports(answer, seen.select(mine), rows[mine], group)
+            keys = [(self._segment, tracker_class, track.id) for track in answer]
+            shown = detections.select(mask)  # not what the tracker may have changed
+            reports += self._reports(answer, keys, shown, rows[mask])
         return self._histories.after(reports, observation["detection_score"])
 
-    def _seen(self, observation: Observation, rows: Ints) -> OnlineDetections:
+    def _detections(self, observation: Observation, rows: Ints) -> OnlineDetections:
         box = observation["detection_box"][rows].astype(np.float64)
         return OnlineDetections(
             box=box,
@@ -196,65 +217,72 @@ class OnlineTracker:
     def _reports(
         self,
         answer: list[TrackRow],
-        seen: OnlineDetections,
-        row: Ints,
-        group: int | None,
+        keys: Sequence[Hashable],
+        detections: OnlineDetections,
+        rows: Ints,
     ) -> list[TrackReport]:
-        """Rows of one tracker with their classes; ``row`` [D]: its detections in the observation."""
+        """Return the rows of one tracker with their classes.
+
+        ``keys``: of the tracks; ``rows`` [D]: of the detections in the observation.
+        """
         reports = []
-        for track, taken in zip(
-            answer, self._taken(answer, seen, group).tolist(), strict=True
-        ):
-            key = (self._piece, group, track.id)
+        taken_rows = self._taken_rows(answer, keys, detections).tolist()
+        for track, key, taken in zip(answer, keys, taken_rows, strict=True):
+            has_box = len(track.box) == 7
             if taken >= 0:
-                class_id, measured = int(seen.class_id[taken]), seen.box[taken]
-                box = track.box if len(track.box) == 7 else measured
-            elif key in self._last:
-                class_id, last = self._last[key]
-                moved = np.concatenate([self._centre(track.box), last[2:]])
-                box = measured = track.box if len(track.box) == 7 else moved
+                class_id = int(detections.class_id[taken])
+                measured = detections.box[taken]
+                box = track.box if has_box else measured
+                row = int(rows[taken])
+            elif key in self._last_states:
+                class_id, last_box = self._last_states[key]
+                moved = np.concatenate([self._centre(track.box), last_box[2:]])
+                box = track.box if has_box else moved
+                measured = box
+                row = -1
             else:
                 continue  # it never took a detection, so that its class is unknown
-            self._last[key] = class_id, box
-            number = self._number.setdefault((key, class_id), len(self._number))
-            detection = int(row[taken]) if taken >= 0 else -1
+            self._last_states[key] = class_id, box
+            identity = self._identities.setdefault(
+                (key, class_id), len(self._identities)
+            )
             reports.append(
-                TrackReport(number, box, class_id, track.score, detection, measured)
+                TrackReport(identity, box, class_id, track.score, row, measured)
             )
         return reports
 
-    def _taken(
-        self, answer: list[TrackRow], seen: OnlineDetections, group: int | None
+    def _taken_rows(
+        self,
+        answer: list[TrackRow],
+        keys: Sequence[Hashable],
+        detections: OnlineDetections,
     ) -> Ints:
-        """The detection that each row took, -1 for none: the stated one, else the nearest free one, one to one."""
-        taken = np.array(
-            [-1 if row.detection is None else row.detection for row in answer],
-            dtype=np.int64,
-        )
-        free = np.setdiff1d(np.arange(len(seen)), taken)
-        unstated = np.array(
-            [i for i, row in enumerate(answer) if row.detection is None], dtype=np.int64
-        )
-        if not len(free) or not len(unstated):
+        """Return the detection that each row took, -1 for none.
+
+        It is the stated one, else the nearest free one, one to one.
+        """
+        stated = [-1 if row.detection is None else row.detection for row in answer]
+        taken = np.array(stated, dtype=np.int64)
+        free = np.setdiff1d(np.arange(len(detections)), taken)
+        unstated = [i for i, row in enumerate(answer) if row.detection is None]
+        if not len(free) or not unstated:
             return taken
         centre = np.array([self._centre(answer[i].box) for i in unstated])
-        distance = np.linalg.norm(centre[:, None] - seen.box[None, free, :2], axis=-1)
-        known = [
-            self._last.get((self._piece, group, answer[i].id), (-1,))[0]
-            for i in unstated
-        ]
-        other_class = np.array(
-            [[k not in (-1, c) for c in seen.class_id[free].tolist()] for k in known]
-        )
-        cost = (
-            distance + self._gate * other_class - 3 * self._gate
-        )  # its own class first
-        column = k_best(np.where(distance <= self._gate, cost, np.inf), 1)[1][0]
+        offset = centre[:, None] - detections.box[None, free, :2]
+        distance = np.linalg.norm(offset, axis=-1)
+        no_state = (-1, None)  # of a track that is new
+        track_class = np.array(
+            [self._last_states.get(keys[i], no_state)[0] for i in unstated]
+        )[:, None]
+        other_class = (track_class != -1) & (track_class != detections.class_id[free])
+        # its own class first
+        cost = distance + self._gate_m * other_class - 3 * self._gate_m
+        column = k_best(np.where(distance <= self._gate_m, cost, np.inf), 1)[1][0]
         taken[unstated] = np.append(free, -1)[column]
         return taken
 
     def _centre(self, box: Floats) -> Floats:
-        """Centre [2] of a box [7] or of a rectangle [4], m."""
+        """Return the centre [2] of a box [7] or of a rectangle [4], m."""
         return box[:2] if len(box) == 7 else self._view.centres(box)
 
 
@@ -264,61 +292,72 @@ def _update_of(tracker: _Updated | Update) -> Update:
     if callable(tracker):
         return tracker
     raise SubmissionError(
-        f"OnlineTracker got a {type(tracker).__name__} from its function, expected an object with update(detections), "
-        "or a function of detections"
+        f"OnlineTracker got a {type(tracker).__name__} from its function, expected an "
+        "object with update(detections), or a function of detections"
     )
 
 
-def read_rows(answer: Any, detections: int, frame: int) -> list[TrackRow]:
-    """The rows of an answer to ``detections`` boxes.
+def read_rows(answer: Any, detection_count: int, frame: int) -> list[TrackRow]:
+    """Read the rows of an answer to ``detection_count`` boxes.
 
-    Raises ShapeError that names the frame, the row and what is wrong with it, such as an id or a detection given twice.
+    Raises ShapeError that names the frame, the row and what is wrong with it, such as
+    an id or a detection given twice.
     """
     where = f"frame {frame}: the tracker gave"
     if not isinstance(answer, Iterable) or isinstance(answer, str | bytes):
-        raise ShapeError(f"{where} {_short(answer)}, expected a list of {FORM}")
+        raise ShapeError(f"{where} {_short(answer)}, expected a list of {_ROW_FORM}")
     rows = [
-        _row(row, detections, f"{where} {_short(row)} as row {place}:")
+        _track_row(row, detection_count, f"{where} {_short(row)} as row {place}:")
         for place, row in enumerate(answer)
     ]
-    for name, count in Counter(row.id for row in rows).items():
+    for track_id, count in Counter(row.id for row in rows).items():
         if count > 1:
             raise ShapeError(
-                f"{where} id {name!r} twice, expected each id once; leave out what has no id yet"
+                f"{where} id {track_id!r} twice, expected each id once; "
+                "leave out what has no id yet"
             )
-    for taken, count in Counter(row.detection for row in rows).items():
-        if count > 1 and taken not in (None, -1):
-            raise ShapeError(f"{where} detection {taken} to two tracks, expected one")
+    for detection, count in Counter(row.detection for row in rows).items():
+        if count > 1 and detection not in (None, -1):
+            raise ShapeError(
+                f"{where} detection {detection} to two tracks, expected one"
+            )
     return rows
 
 
-def _row(row: Any, detections: int, where: str) -> TrackRow:
+def _track_row(row: Any, detection_count: int, where: str) -> TrackRow:
     try:
-        name, given, score, *rest = row
-        box = np.asarray(given, dtype=np.float64).reshape(-1)
-        track = TrackRow(name, box, float(score), *(rest or [None]))
-        hash(name)
+        track_id, numbers, score, *stated = row
+        box = np.asarray(numbers, dtype=np.float64).reshape(-1)
+        track = TrackRow(track_id, box, float(score), *(stated or [None]))
+        hash(track_id)
     except (TypeError, ValueError):
         raise ShapeError(
-            f"{where} expected {FORM}: a number or a text, 7 numbers or 4, a number, a row"
+            f"{where} expected {_ROW_FORM}: "
+            "a number or a text, 7 numbers or 4, a number, a row"
         ) from None
-    taken, sizes = track.detection, box[4:]
-    known = not rest or (
-        isinstance(taken, int | np.integer) and not isinstance(taken, bool)
-    )
-    wrong = {
-        f"the id is {name}, expected a number or a text; leave out what has no id yet": name
-        is None
-        or (isinstance(name, float) and np.isnan(name)),
-        f"the box is {box.tolist()}, expected {_BOX}": len(box) not in (4, 7)
-        or not np.isfinite(box).all()
-        or not (sizes > 0).all(),
-        f"the score is {track.score}, expected a finite number": not np.isfinite(
-            track.score
-        ),
-        f"the detection is {_short(taken)}, expected -1 or one of the {detections} rows of the detections": not known
-        or not -1 <= (taken if taken is not None else -1) < detections,
-    }
-    for problem in (text for text, found in wrong.items() if found):
-        raise ShapeError(f"{where} {problem}")
+    if track_id is None or (isinstance(track_id, float) and np.isnan(track_id)):
+        raise ShapeError(
+            f"{where} the id is {track_id}, expected a number or a text; "
+            "leave out what has no id yet"
+        )
+    is_box = len(box) in (4, 7) and np.isfinite(box).all() and (box[4:] > 0).all()
+    if not is_box:
+        raise ShapeError(f"{where} the box is {box.tolist()}, expected {_BOX_FORM}")
+    if not np.isfinite(track.score):
+        raise ShapeError(
+            f"{where} the score is {track.score}, expected a finite number"
+        )
+    if stated:
+        _require_row(stated[0], detection_count, where)
     return track
+
+
+def _require_row(detection: Any, detection_count: int, where: str) -> None:
+    """Raise ShapeError unless ``detection`` is -1 or a row of the detections."""
+    is_whole = isinstance(detection, int | np.integer)
+    is_row = is_whole and not isinstance(detection, bool)
+    if not is_row or not -1 <= detection < detection_count:
+        raise ShapeError(
+            f"{where} the detection is {_short(detection)}, expected -1 or one of the "
+            f"{detection_count} rows of the detections"
+        )

@@ -27,25 +27,29 @@ class ClassParameters:
 
 @cache
 def read_detector(name: str) -> Mapping[str, Any] | None:
-    """Content of a detector's file; None if it has none."""
+    """Read a detector's file; None if it has none."""
     path = FOLDER / f"{name}.toml"
     return tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
 
 def detector_names() -> tuple[str, ...]:
-    """Names of the detectors with a file."""
+    """Return the names of the detectors with a file."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 
 def family_of(detector: str) -> str:
-    """Name of a detector without its variant: "kitti_pointrcnn" of "kitti_pointrcnn-hard"."""
+    """Return the detector's name without its variant.
+
+    It is "kitti_pointrcnn" for "kitti_pointrcnn-hard".
+    """
     return detector.split("-", maxsplit=1)[0]
 
 
 def recommended_parameters(task: Task) -> tuple[ClassParameters, ...]:
-    """Parameters of each class of the task: those of its card, else those of its detector.
+    """Return the parameters of each class of the task.
 
-    A class without parameters takes those of a similar one, see `similar_class`. Raises UnknownNameError for a detector
+    They are those of its card, else of its detector. A class without parameters takes
+    those of a similar one, see `similar_class`. Raises UnknownNameError for a detector
     without parameters, and for a class that looks misspelt.
     """
     if not task.tracker:
@@ -57,48 +61,50 @@ def recommended_parameters(task: Task) -> tuple[ClassParameters, ...]:
 def detector_parameters(
     detector: str, classes: Sequence[str]
 ) -> tuple[ClassParameters, ...]:
-    """Parameters of each class for a detector or a variant of it; raises as `recommended_parameters`."""
+    """Return the parameters of each class for a detector or a variant of it.
+
+    Raises as `recommended_parameters`.
+    """
     table = _tracker_table(family_of(detector))
     if not table:
-        known = [name for name in detector_names() if _tracker_table(name)]
-        raise UnknownNameError(
-            "detector",
-            detector,
-            known,
-            "pass `parameters`, or give the card a [tracker] table",
-        )
+        names = [name for name in detector_names() if _tracker_table(name)]
+        cure = "pass `parameters`, or give the card a [tracker] table"
+        raise UnknownNameError("detector", detector, names, cure)
     return _of_classes(table, classes, f"detector {detector!r}")
 
 
 def score_thresholds(task: Task) -> dict[str, float]:
-    """The least detection score per class for the task's detector; classes without a threshold are missing."""
+    """Return the least detection score per class for the task's detector.
+
+    Classes without a threshold are missing.
+    """
     content = read_detector(family_of(task.detector)) or {}
-    return {
-        name: least
-        for name, least in content.get("min_detection_score", {}).items()
-        if name in task.classes
-    }
+    thresholds = content.get("min_detection_score", {})
+    return {name: thresholds[name] for name in thresholds if name in task.classes}
 
 
-def _tracker_table(name: str) -> dict[str, ClassParameters]:
-    """Parameters by class in the file of a detector, on top of those of ``tracker_like``; empty without any."""
-    content = read_detector(name) or {}
-    like = _tracker_table(content["tracker_like"]) if "tracker_like" in content else {}
-    return like | {
-        class_name: ClassParameters(**row)
-        for class_name, row in content.get("tracker", {}).items()
-    }
+def _tracker_table(detector: str) -> dict[str, ClassParameters]:
+    """Return the parameters by class in the file of a detector.
+
+    They stand on top of those of ``tracker_like``. Empty without any.
+    """
+    content = read_detector(detector) or {}
+    table: dict[str, ClassParameters] = {}
+    if "tracker_like" in content:
+        table |= _tracker_table(content["tracker_like"])
+    for class_name, row in content.get("tracker", {}).items():
+        table[class_name] = ClassParameters(**row)
+    return table
 
 
 def _of_classes(
     table: Mapping[str, ClassParameters], classes: Iterable[str], where: str
 ) -> tuple[ClassParameters, ...]:
     parameters = []
-    for name in classes:
-        similar = similar_class(name, table)
+    for class_name in classes:
+        similar = similar_class(class_name, table)
         if similar is None:
-            raise UnknownNameError(
-                f"class for {where}", name, table, "pass `parameters` for your own"
-            )
+            cure = "pass `parameters` for your own"
+            raise UnknownNameError(f"class for {where}", class_name, table, cure)
         parameters.append(table[similar])
     return tuple(parameters)

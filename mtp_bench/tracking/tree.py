@@ -1,7 +1,8 @@
-"""The hypothesis tree: tracks shared by hypotheses, stored and filtered once however many hypotheses hold them.
+"""The hypothesis tree: tracks that hypotheses share are stored and filtered once.
 
-A leaf is a distinct track state. Leaves of one frame are a layer; every leaf knows its parent in the layer before, so
-that the past of a track is a walk up the tree (paper, "Multi-Hypothesis Data Association").
+A leaf is a distinct track state. Leaves of one frame are a layer; every leaf knows its
+parent in the layer before, so that the past of a track is a walk up the tree (paper,
+"Multi-Hypothesis Data Association").
 """
 
 from typing import NamedTuple, final
@@ -22,7 +23,7 @@ from .kernels.tree_kernels import (
 )
 
 
-class Seen(NamedTuple):
+class FrameDetections(NamedTuple):
     """The detections of a frame."""
 
     box: Floats  # [D, 7]
@@ -34,70 +35,83 @@ class Seen(NamedTuple):
 
 @final
 class HypothesisTree:
-    """The leaves after the last frame, the hypotheses that hold them, and the layers of the last ``past`` frames.
+    """Leaves after the last frame, their hypotheses, and layers of ``past`` frames.
 
-    Public arrays belong to the tree and change with the next frame.
+    Public arrays belong to the tree and change with the next frame. It begins with one
+    hypothesis, which holds no track; ``next_id`` is the identity of the first track.
     """
 
     def __init__(self, past: int, next_id: int = 0) -> None:
-        """An empty tree with one hypothesis, which holds nothing; ``next_id``: the identity of the first track."""
         self._hold(np.zeros((0, STATE)), np.zeros((4, 0), dtype=np.int64))
-        self.score = np.zeros(0)  # [N] sum of the scores of the detections taken
+        self.score_sum = np.zeros(0)  # [N] over the detections taken
         self.last_score = np.zeros(0)  # [N] of the last detection taken
         self.age = NO_ROWS  # [N] frames since the first detection, this one included
-        self.detection = NO_ROWS  # taken in the last frame, -1: none
-        self.before = NO_ROWS  # [N] the leaf of the frame before, -1 at birth
+        self.detection = NO_ROWS  # [N] taken in the last frame, -1: none
+        self.old_leaf = NO_ROWS  # [N] the leaf of the frame before, -1 at birth
         self.member = np.ones((1, 0), dtype=bool)  # [H, N]
-        self._name: Ints = np.zeros(
-            1, dtype=np.int64
-        )  # [H] equal for hypotheses that hold the same leaves
+        # [H] equal for hypotheses that hold the same leaves
+        self._leaf_set: Ints = np.zeros(1, dtype=np.int64)
         self.next_id = next_id
-        self._last, self._filled = (
-            -1,
-            0,
-        )  # place of the last layer in the rings, and layers in them
+        # the layers are rings: place of the last one, and how many are filled
+        self._last_layer = -1
+        self._layer_count = 0
         self._measured = np.zeros((past, 0, 7))
         self._detections = np.zeros((past, 0), dtype=np.int64)
         self._parents = np.zeros((past, 0), dtype=np.int64)
 
     def _hold(self, state: Floats, memory: Ints) -> None:
-        """Take ``state`` [N, STATE], see motion_kernels, and ``memory`` [4, N], see tree_kernels, of all leaves."""
-        self.state, self._memory = state, memory
+        """Take the arrays of all leaves.
+
+        ``state`` [N, STATE]: see motion_kernels; ``memory`` [4, N]: see tree_kernels.
+        """
+        self.state = state
+        self._memory = memory
         self.box = state[:, :7]
-        self.class_id, self.track_id, self.hits = (
-            memory[CLASS],
-            memory[ID],
-            memory[HITS],
-        )  # [N], detections taken
+        self.class_id = memory[CLASS]  # [N]
+        self.track_id = memory[ID]  # [N]
+        self.hits = memory[HITS]  # [N] detections taken
 
     def predict(self) -> None:
-        """Move all leaves one frame on."""
+        """Move all leaves to the next frame."""
         predict(self.state)
 
     def grow(
-        self, column: Ints, parent: Ints, seen: Seen, max_age: Ints, dt: float
+        self,
+        column: Ints,
+        parent: Ints,
+        detections: FrameDetections,
+        max_age: Ints,
+        dt: float,
     ) -> None:
         """Replace the leaves by those of the new hypotheses.
 
-        ``column`` [K, N]: the detection that each leaf takes in each new hypothesis, -1 for none; ``parent`` [K]: the
-        old hypothesis that it comes from; ``max_age`` [N]: a track ends after so many frames without a detection.
-        ``seen``: the detections of the frame; ``dt``: seconds since the frame before.
+        Args:
+            column: [K, N] the detection that each leaf takes in each new hypothesis,
+                -1 for none.
+            parent: [K] the old hypothesis that a new one comes from.
+            detections: of the frame.
+            max_age: [N] a track ends after so many frames without a detection.
+            dt: seconds since the frame before.
         """
-        leaf, detection, self.member, self._name = grow(
-            column, parent, self.member, self._memory[AGE], max_age, len(seen.box)
+        leaf, detection, self.member, self._leaf_set = grow(
+            column,
+            parent,
+            self.member,
+            self._memory[AGE],
+            max_age,
+            len(detections.box),
         )
-        n, layer = len(leaf), self._new_layer(len(leaf))
-        state, memory, score = (
-            np.empty((n, STATE)),
-            np.empty((4, n), dtype=np.int64),
-            np.empty(n),
-        )
+        leaf_count = len(leaf)
+        layer = self._new_layer(leaf_count)
+        state = np.empty((leaf_count, STATE))
+        memory = np.empty((4, leaf_count), dtype=np.int64)
+        score_sum = np.empty(leaf_count)
         update_pairs(
             self.state,
             leaf,
             detection,
-            seen.box,
-            seen.velocity,
+            detections.box,
+            detections.velocity,
             dt,
             state,
             self._measured[layer],
@@ -106,63 +120,72 @@ class HypothesisTree:
             leaf,
             detection,
             self._memory,
-            self.score,
-            seen.class_id,
-            seen.score,
+            self.score_sum,
+            detections.class_id,
+            detections.score,
             self.next_id,
             memory,
-            score,
+            score_sum,
         )
-        old, taken = leaf >= 0, detection >= 0
-        age, last_score = np.ones(n, dtype=np.int64), np.zeros(n)
-        age[old] += self.age[leaf[old]]
-        last_score[old] = self.last_score[leaf[old]]
-        last_score[taken] = seen.score[detection[taken]]
-        self.age, self.last_score = age, last_score
-        self._detections[layer, :n] = np.append(seen.row, -1)[detection]
-        self._parents[layer, :n] = self.before = leaf
+        continued = leaf >= 0
+        hit = detection >= 0
+        age = np.ones(leaf_count, dtype=np.int64)
+        age[continued] += self.age[leaf[continued]]
+        last_score = np.zeros(leaf_count)
+        last_score[continued] = self.last_score[leaf[continued]]
+        last_score[hit] = detections.score[detection[hit]]
+        self.age = age
+        self.last_score = last_score
+        self.score_sum = score_sum
+        self.detection = detection
+        self.old_leaf = leaf
+        self._detections[layer, :leaf_count] = np.append(detections.row, -1)[detection]
+        self._parents[layer, :leaf_count] = leaf
         self._hold(state, memory)
-        self.score, self.detection = score, detection
 
     def merge_equal(self) -> Ints:
-        """Keep the first of the hypotheses that hold the same leaves; their numbers before."""
-        kept = distinct_rows(self.member, self._name)
-        if len(kept) < len(self.member):
-            self.member = self.member.take(kept, axis=0)
-        return kept
+        """Keep the first of the hypotheses that hold the same leaves.
+
+        Returns their numbers before.
+        """
+        first = distinct_rows(self.member, self._leaf_set)
+        if len(first) < len(self.member):
+            self.member = self.member.take(first, axis=0)
+        return first
 
     def covariance(self, leaf: Ints) -> Floats:
-        """Covariances [n, 2, 2] of position (m) and velocity (m/frame) of the leaves [n], per axis."""
+        """Return covariances [n, 2, 2] of position (m) and velocity (m/frame).
+
+        They are per axis, of the leaves ``leaf`` [n].
+        """
         return self.state[leaf, 10:14].reshape(-1, 2, 2)
 
     def history(self, leaf: Ints) -> tuple[Floats, Ints]:
-        """Boxes [n, P, 7] of the last P frames along the branches that end in ``leaf`` [n], and the rows taken.
+        """Return boxes [n, P, 7] of the last P frames, and the rows taken [n, P].
 
-        Where a track took none the row is -1 and the box that of its state; before its birth UNBORN and zeros.
+        They lie along the branches that end in ``leaf`` [n]. Where a track took no
+        detection the row is -1 and the box that of its state; before its birth the row
+        is UNBORN and the box zeros.
         """
         return histories(
             leaf,
             self._measured,
             self._detections,
             self._parents,
-            self._last,
-            self._filled,
+            self._last_layer,
+            self._layer_count,
         )
 
-    def _new_layer(self, leaves: int) -> int:
-        """Place of a new layer in the rings, which are made wide enough for it."""
+    def _new_layer(self, leaf_count: int) -> int:
+        """Return the place of a new layer in the rings, made wide enough for it."""
         layers, width = self._parents.shape
-        if leaves > width:
-            more = max(leaves, 2 * width) - width
-            self._measured = np.concatenate(
-                [self._measured, np.zeros((layers, more, 7))], axis=1
-            )
-            self._detections = np.concatenate(
-                [self._detections, np.full((layers, more), -1)], axis=1
-            )
-            self._parents = np.concatenate(
-                [self._parents, np.full((layers, more), -1)], axis=1
-            )
-        self._last = (self._last + 1) % layers
-        self._filled = min(self._filled + 1, layers)
-        return self._last
+        if leaf_count > width:
+            wider = max(leaf_count, 2 * width) - width
+            no_rows = np.full((layers, wider), -1)
+            no_boxes = np.zeros((layers, wider, 7))
+            self._measured = np.concatenate([self._measured, no_boxes], axis=1)
+            self._detections = np.concatenate([self._detections, no_rows], axis=1)
+            self._parents = np.concatenate([self._parents, no_rows], axis=1)
+        self._last_layer = (self._last_layer + 1) % layers
+        self._layer_count = min(self._layer_count + 1, layers)
+        return self._last_layer
