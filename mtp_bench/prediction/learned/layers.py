@@ -1,6 +1,7 @@
 """Layers of networks as functions of NumPy arrays and of torch tensors alike.
 
-A network is written once: torch differentiates it in training, NumPy runs it in agents, which need no torch.
+A network is written once: torch differentiates it in training, NumPy runs it in agents,
+which need no torch.
 """
 
 import itertools
@@ -12,60 +13,73 @@ import numpy as np
 
 Array = Any  # an array of NumPy or a tensor of torch
 Weights = Mapping[str, Array]
+Inputs = Mapping[str, Array]  # arrays [n, ...] by name
+Shapes = dict[str, tuple[int, ...]]  # of weights by name
+
+INPUT_LIMIT = 10  # of standardised inputs
 
 
 def namespace(x: Array) -> Any:
-    """The module of functions for ``x``: numpy, or torch for a tensor. Both have all functions that layers use."""
+    """Return the module of functions for ``x``: numpy, or torch for a tensor.
+
+    Both have all functions that layers use.
+    """
     return np if isinstance(x, np.ndarray) else sys.modules["torch"]
 
 
 def relu(x: Array) -> Array:
-    """max(x, 0)."""
+    """Return max(x, 0)."""
     return namespace(x).clip(x, 0, None)
 
 
 def sigmoid(x: Array) -> Array:
-    """1 / (1 + exp(-x)), without overflow."""
+    """Return 1 / (1 + exp(-x)), without overflow."""
     xp = namespace(x)
     return 0.5 * (1 + np.tanh(0.5 * x)) if xp is np else xp.sigmoid(x)
 
 
+def standardised(weights: Weights, name: str, x: Array) -> Array:
+    """Return ``x`` less ``name.mean`` in units of ``name.spread``."""
+    return (x - weights[f"{name}.mean"]) / weights[f"{name}.spread"]
+
+
 def linear(weights: Weights, name: str, x: Array) -> Array:
-    """X W + b with ``name.weight`` [in, out] and ``name.bias`` [out]."""
+    """Return X W + b with ``name.weight`` [in, out] and ``name.bias`` [out]."""
     return x @ weights[f"{name}.weight"] + weights[f"{name}.bias"]
 
 
 def mlp(weights: Weights, name: str, x: Array, layers: int) -> Array:
-    """``layers`` linear layers ``name.0`` ...; between them, and not after the last, `relu`."""
-    for i in range(layers):
-        x = linear(weights, f"{name}.{i}", x)
-        x = relu(x) if i < layers - 1 else x
+    """Apply the linear layers ``name.0`` ...; `relu` between them."""
+    for layer in range(layers):
+        x = linear(weights, f"{name}.{layer}", x)
+        if layer < layers - 1:
+            x = relu(x)
     return x
 
 
 def lstm(weights: Weights, name: str, steps: Array, mask: Array) -> Array:
-    """Last hidden state [n, h] of an LSTM over ``steps``, see `lstm_states`."""
+    """Return the last hidden state [n, h] of an LSTM, see `lstm_states`."""
     return lstm_states(weights, name, steps, mask)[:, -1]
 
 
 def lstm_states(weights: Weights, name: str, steps: Array, mask: Array) -> Array:
-    """Hidden states [n, P, h] of an LSTM over ``steps`` [n, P, in]; a step with ``mask`` [n, P] 0 changes nothing.
+    """Return hidden states [n, P, h] of an LSTM over ``steps`` [n, P, in].
 
-    ``name.weight`` [in + h, 4 h] and ``name.bias`` [4 h], in the order input, forget, cell, output (Hochreiter,
+    A step with ``mask`` [n, P] 0 changes nothing. ``name.weight`` [in + h, 4 h] and
+    ``name.bias`` [4 h] are in the order input, forget, cell, output (Hochreiter,
     Schmidhuber 1997; Gers et al. 2000).
     """
-    xp, bias = namespace(steps), weights[f"{name}.bias"]
-    hidden = cell = xp.zeros_like(steps[:, 0, :1]) + xp.zeros_like(
-        bias[: len(bias) // 4]
-    )  # [n, h]
+    xp = namespace(steps)
+    bias = weights[f"{name}.bias"]
+    no_state = xp.zeros_like(bias[: len(bias) // 4])
+    hidden = xp.zeros_like(steps[:, 0, :1]) + no_state  # [n, h]
+    cell = hidden
     states = []
     for step in range(steps.shape[1]):
-        new = lstm_cell(weights, name, steps[:, step], hidden, cell)
+        new_hidden, new_cell = lstm_cell(weights, name, steps[:, step], hidden, cell)
         alive = mask[:, step, None]
-        hidden, cell = (
-            alive * now + (1 - alive) * old
-            for now, old in zip(new, (hidden, cell), strict=True)
-        )
+        hidden = alive * new_hidden + (1 - alive) * hidden
+        cell = alive * new_cell + (1 - alive) * cell
         states.append(hidden)
     return xp.stack(states, 1)
 
@@ -73,41 +87,43 @@ def lstm_states(weights: Weights, name: str, steps: Array, mask: Array) -> Array
 def lstm_cell(
     weights: Weights, name: str, x: Array, hidden: Array, cell: Array
 ) -> tuple[Array, Array]:
-    """Hidden state and cell [n, h] after the input ``x`` [n, in]."""
-    xp, size = namespace(x), hidden.shape[1]
+    """Return hidden state and cell [n, h] after the input ``x`` [n, in]."""
+    xp = namespace(x)
+    size = hidden.shape[1]
     gates = linear(weights, name, xp.concatenate([x, hidden], 1))
-    taken, kept, new, shown = (gates[:, i * size : (i + 1) * size] for i in range(4))
-    cell = sigmoid(kept) * cell + sigmoid(taken) * xp.tanh(new)
-    return sigmoid(shown) * xp.tanh(cell), cell
+    input_gate = gates[:, :size]
+    forget_gate = gates[:, size : 2 * size]
+    new_cell = gates[:, 2 * size : 3 * size]
+    output_gate = gates[:, 3 * size :]
+    cell = sigmoid(forget_gate) * cell + sigmoid(input_gate) * xp.tanh(new_cell)
+    return sigmoid(output_gate) * xp.tanh(cell), cell
 
 
-def linear_shapes(name: str, *sizes: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of the weights of `mlp` (several layers) for these sizes, the input's first."""
-    shapes: dict[str, tuple[int, ...]] = {}
-    for i, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
-        shapes |= {
-            f"{name}.{i}.weight": (inputs, outputs),
-            f"{name}.{i}.bias": (outputs,),
-        }
+def layer_shapes(name: str, inputs: int, outputs: int) -> Shapes:
+    """Return the shapes of the weights of `linear`."""
+    return {f"{name}.weight": (inputs, outputs), f"{name}.bias": (outputs,)}
+
+
+def linear_shapes(name: str, *sizes: int) -> Shapes:
+    """Return the shapes of the weights of `mlp` for these sizes, the input's first."""
+    shapes: Shapes = {}
+    for layer, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
+        shapes |= layer_shapes(f"{name}.{layer}", inputs, outputs)
     return shapes
 
 
-def lstm_shapes(name: str, inputs: int, hidden: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of the weights of `lstm`."""
-    return {
-        f"{name}.weight": (inputs + hidden, 4 * hidden),
-        f"{name}.bias": (4 * hidden,),
-    }
+def lstm_shapes(name: str, inputs: int, hidden: int) -> Shapes:
+    """Return the shapes of the weights of `lstm`."""
+    return layer_shapes(name, inputs + hidden, 4 * hidden)
 
 
-def initial(
-    shapes: Mapping[str, tuple[int, ...]], rng: np.random.Generator
-) -> dict[str, np.ndarray]:
-    """Initial weights: uniform in +-1 / sqrt(inputs) as in torch's linear layers; biases are 0."""
-    return {
-        name: np.zeros(shape, np.float32)
-        if len(shape) == 1
-        else rng.uniform(-1, 1, shape).astype(np.float32)
-        / np.float32(np.sqrt(shape[0]))
-        for name, shape in shapes.items()
-    }
+def initial(shapes: Shapes, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Draw initial weights, uniform in +-1 / sqrt(inputs) as in torch; biases are 0."""
+    weights = {}
+    for name, shape in shapes.items():
+        if len(shape) == 1:
+            weights[name] = np.zeros(shape, np.float32)
+        else:
+            bound = np.float32(np.sqrt(shape[0]))
+            weights[name] = rng.uniform(-1, 1, shape).astype(np.float32) / bound
+    return weights

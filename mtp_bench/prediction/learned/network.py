@@ -11,13 +11,16 @@ import numpy as np
 
 from ...core import Ints, SubmissionError, Task, require_known
 from ..windows import Surroundings, TrackWindows
-from .layers import Array, Weights
+from .layers import Array, Inputs, Shapes, Weights
 from .local import Arrays
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of a network. A task may have fewer classes, in any order, and another k; the rest must agree."""
+    """Sizes of a network.
+
+    A task may have fewer classes, in any order, and another k; the rest must agree.
+    """
 
     classes: tuple[str, ...]
     past: int  # P frames, the current one included
@@ -27,7 +30,7 @@ class Sizes:
 
     @classmethod
     def of(cls, task: Task) -> Self:
-        """Sizes for a task: as many modes as samples that are ranked."""
+        """Return the sizes for a task: as many modes as samples that are ranked."""
         return cls(task.classes, task.past, task.future, task.k, task.dt)
 
 
@@ -36,7 +39,8 @@ class Stage:
     """A part of a training, which begins with the best weights of the stage before."""
 
     loss: str  # a function of `mtp_bench.training.losses`
-    trains: str = ""  # prefix of the names of the weights that are trained; the others stay as they are
+    # prefix of the names of the weights that are trained; the others stay as they are
+    trains: str = ""
     share: float = 1.0  # of the epochs
 
 
@@ -47,7 +51,8 @@ class Recipe:
     stages: tuple[Stage, ...] = (Stage("winner_takes_all"),)
     epochs: int = 60  # of all stages
     on: str = "truth"  # pasts to learn from: "truth" or "tracklets"
-    by_frame: bool = False  # batches hold whole frames, for networks whose inputs state the ``moment``
+    # batches hold whole frames, for networks whose inputs state the ``moment``
+    by_frame: bool = False
     lanes: bool = False  # only for envs whose observations show lanes
 
 
@@ -59,57 +64,68 @@ class Network(Protocol):
     recipe: Recipe
 
     def inputs(
-        self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes
+        self,
+        windows: TrackWindows,
+        moment: Ints,
+        surroundings: Surroundings,
+        sizes: Sizes,
     ) -> Arrays:
-        """Its input for n windows, each array [n, ...]; ``moment`` [n]: the frame of each in ``seen``."""
+        """Return its input for n windows, each array [n, ...].
+
+        ``moment`` [n]: the frame of each in ``surroundings``.
+        """
         ...
 
-    def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
-        """Names and shapes of its weights."""
+    def shapes(self, sizes: Sizes) -> Shapes:
+        """Return the shapes of its weights by name."""
         ...
 
     def start(
         self,
         inputs: Arrays,
         future: np.ndarray,
-        known: np.ndarray,
+        is_known: np.ndarray,
         sizes: Sizes,
         seed: int,
     ) -> Arrays:
-        """Weights to start from; statistics of the training data (``future`` [n, T, 2], local) are among them."""
+        """Return weights to start from.
+
+        Statistics of the training data (``future`` [n, T, 2], local, where ``is_known``
+        [n, T]) are among them.
+        """
         ...
 
     def forward(
-        self, weights: Weights, inputs: dict[str, Array], sizes: Sizes
+        self, weights: Weights, inputs: Inputs, sizes: Sizes
     ) -> dict[str, Array]:
-        """Output in the heading frame: ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n, 2] m."""
+        """Return the output in the heading frame.
+
+        It is ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n, 2] m.
+        """
         ...
 
 
 @cache
 def networks() -> dict[str, Network]:
-    """The networks by name: those of the modules of this folder that have one."""
-    names = [
-        module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)])
-    ]
-    modules = [import_module(f"{__package__}.{name}") for name in names]
-    return {
-        module.NETWORK.name: module.NETWORK
-        for module in modules
-        if hasattr(module, "NETWORK")
-    }
+    """Return the networks of this folder by name."""
+    by_name = {}
+    for info in pkgutil.iter_modules([str(Path(__file__).parent)]):
+        module = import_module(f"{__package__}.{info.name}")
+        if hasattr(module, "NETWORK"):
+            by_name[module.NETWORK.name] = module.NETWORK
+    return by_name
 
 
 def network_of(name: str) -> Network:
-    """The network of this name; raises UnknownNameError."""
+    """Return the network of this name; raises UnknownNameError."""
     require_known("network", name, networks())
     return networks()[name]
 
 
 def require_lanes(network: Network, env_id: str, shown: bool) -> None:
-    """Raise SubmissionError if a network reads lanes and the observations of the env show none."""
+    """Raise SubmissionError if a network reads lanes and the env shows none."""
     if network.recipe.lanes and not shown:
         raise SubmissionError(
-            f"{env_id} shows no lanes, which network {network.name!r} reads; choose an env that shows them, such as "
-            "MTP-Intersection-Lanes-v0"
+            f"{env_id} shows no lanes, which network {network.name!r} reads; choose an "
+            "env that shows them, such as MTP-Intersection-Lanes-v0"
         )
