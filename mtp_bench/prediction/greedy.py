@@ -29,10 +29,13 @@ def _distances(transposed: Floats, distance: Floats) -> None:
         for j in range(len(row)):
             row[j] = np.float32(0.0)
         for axis in range(0, len(transposed), 2):
-            x, y = transposed[axis, i:], transposed[axis + 1, i:]
-            x_here, y_here = x[0], y[0]
+            x = transposed[axis, i:]
+            y = transposed[axis + 1, i:]
+            x_here = x[0]
+            y_here = y[0]
             for j in range(len(row)):
-                across, along = x[j] - x_here, y[j] - y_here
+                across = x[j] - x_here
+                along = y[j] - y_here
                 row[j] += math.sqrt(across * across + along * along)
         for j in range(i):
             distance[i, j] = distance[j, i]
@@ -44,7 +47,8 @@ def _expected(distance: Floats, mass: Floats, expected: Floats) -> None:
     for c in range(len(expected)):
         expected[c] = 0.0
     for s in range(len(mass)):
-        row, weight = distance[s], mass[s]
+        row = distance[s]
+        weight = mass[s]
         for c in range(len(expected)):
             expected[c] += weight * row[c]
 
@@ -54,7 +58,8 @@ def _lower(row: Floats, mass: float, before: float, now: float, gain: Floats) ->
     """Lower the gains [n] when a sample with these distances [n] from all others gets a nearer chosen one."""
     zero = np.float32(0.0)
     for c in range(len(gain)):
-        could, can = before - row[c], now - row[c]
+        could = before - row[c]
+        can = now - row[c]
         gain[c] -= mass * (
             (could if could > zero else zero) - (can if can > zero else zero)
         )
@@ -68,7 +73,8 @@ def _first(distance: Floats, mass: Floats, least: Floats, gain: Floats) -> int:
     for c in range(len(gain)):
         medoid = c if gain[c] < gain[medoid] else medoid
     for c in range(len(gain)):
-        gain[c], least[c] = 0.0, distance[medoid, c]
+        gain[c] = 0.0
+        least[c] = distance[medoid, c]
     for s in range(len(mass)):
         _lower(distance[s], -mass[s], least[s], np.float32(0.0), gain)  # type: ignore[arg-type]  # single precision
     return medoid
@@ -97,7 +103,8 @@ def _choose(
             now = distance[best, s]
             if now < least[s]:
                 _lower(distance[s], mass[s], least[s], now, gain)
-                least[s], nearest[s] = now, j
+                least[s] = now
+                nearest[s] = j
             if (
                 now == 0.0
             ):  # itself and its equals, whose gain may differ from 0 by rounding
@@ -131,13 +138,14 @@ def k_medians(
 
     A pool of at most k existing samples is copied.
     """
-    size, k = pool.shape[1], chosen.shape[1]
-    rows, mass, places = np.empty(size, np.int64), np.empty(size), np.empty(k, np.int64)
-    least, nearest, gain = (
-        np.empty(size, np.float32),
-        np.empty(size, np.int64),
-        np.empty(size),
-    )
+    size = pool.shape[1]
+    k = chosen.shape[1]
+    rows = np.empty(size, np.int64)
+    mass = np.empty(size)
+    places = np.empty(k, np.int64)
+    least = np.empty(size, np.float32)
+    nearest = np.empty(size, np.int64)
+    gain = np.empty(size)
     table = np.empty(size * max(size, pool.shape[2]) * 2, np.float32)
     for o in range(len(pool)):
         n = existing(log_weight[o], rows)
@@ -174,6 +182,7 @@ class GreedySampler:
         ``rng`` is not used.
         """
         objects, _, future, _ = pool.shape
-        chosen, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))
+        chosen = np.empty((objects, k, 2 * future))
+        weight = np.empty((objects, k))
         k_medians(*as_points(pool, log_weight), chosen, weight)
         return chosen.reshape(objects, k, future, 2), weight

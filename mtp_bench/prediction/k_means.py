@@ -40,27 +40,19 @@ def _closer(
     for s in range(len(distance)):
         distance[s] = np.float32(0.0)
     for axis in range(0, len(transposed), _AT_ONCE):
-        c0, c1, c2 = (
-            _axis(centre, axis),
-            _axis(centre, axis + 1),
-            _axis(centre, axis + 2),
-        )
-        c3, c4, c5 = (
-            _axis(centre, axis + 3),
-            _axis(centre, axis + 4),
-            _axis(centre, axis + 5),
-        )
+        c0 = _axis(centre, axis)
+        c1 = _axis(centre, axis + 1)
+        c2 = _axis(centre, axis + 2)
+        c3 = _axis(centre, axis + 3)
+        c4 = _axis(centre, axis + 4)
+        c5 = _axis(centre, axis + 5)
         for s in range(len(distance)):
-            d0, d1, d2 = (
-                transposed[axis, s] - c0,
-                transposed[axis + 1, s] - c1,
-                transposed[axis + 2, s] - c2,
-            )
-            d3, d4, d5 = (
-                transposed[axis + 3, s] - c3,
-                transposed[axis + 4, s] - c4,
-                transposed[axis + 5, s] - c5,
-            )
+            d0 = transposed[axis, s] - c0
+            d1 = transposed[axis + 1, s] - c1
+            d2 = transposed[axis + 2, s] - c2
+            d3 = transposed[axis + 3, s] - c3
+            d4 = transposed[axis + 4, s] - c4
+            d5 = transposed[axis + 5, s] - c5
             distance[s] += (
                 (d0 * d0 + d1 * d1) + (d2 * d2 + d3 * d3) + (d4 * d4 + d5 * d5)
             )
@@ -85,7 +77,8 @@ def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
         total += block[b]
     # Below the total and not equal to any partial sum: a point without a chance is never picked.
     mark = min(uniform * total, total * _JUST_BELOW)
-    partial, chosen = 0.0, -1
+    partial = 0.0
+    chosen = -1
     for b in range(len(block)):
         if partial + block[b] <= mark:
             partial += block[b]
@@ -145,7 +138,8 @@ def _assign(
 
     ``nearest`` [2, S]: centres of the points now, and before.
     """
-    now, before = nearest[0], nearest[1]
+    now = nearest[0]
+    before = nearest[1]
     for s in range(len(distance)):
         before[s] = now[s]
         least[s] = np.float32(np.inf)
@@ -200,21 +194,33 @@ def _motions(points: Floats, rows: Ints, basis: Floats, motion: Floats) -> bool:
 
     Position, velocity and acceleration of x and y, in turn, relative to the first point.
     """
-    worst, extent = 0.0, 0.0
+    worst = 0.0
+    extent = 0.0
     first = points[rows[0]]
     for i in range(len(motion)):
         point = points[rows[i]]
-        x0, x1, x2, y0, y1, y2, square = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        x0 = 0.0
+        x1 = 0.0
+        x2 = 0.0
+        y0 = 0.0
+        y1 = 0.0
+        y2 = 0.0
+        square = 0.0
         for t in range(basis.shape[1]):
-            x, y = point[2 * t] - first[2 * t], point[2 * t + 1] - first[2 * t + 1]
-            x0, y0 = x0 + basis[0, t] * x, y0 + basis[0, t] * y
-            x1, y1 = x1 + basis[1, t] * x, y1 + basis[1, t] * y
-            x2, y2 = x2 + basis[2, t] * x, y2 + basis[2, t] * y
+            x = point[2 * t] - first[2 * t]
+            y = point[2 * t + 1] - first[2 * t + 1]
+            x0 = x0 + basis[0, t] * x
+            y0 = y0 + basis[0, t] * y
+            x1 = x1 + basis[1, t] * x
+            y1 = y1 + basis[1, t] * y
+            x2 = x2 + basis[2, t] * x
+            y2 = y2 + basis[2, t] * y
             square += x * x + y * y
         motion[i, 0], motion[i, 1], motion[i, 2] = x0, y0, x1
         motion[i, 3], motion[i, 4], motion[i, 5] = y1, x2, y2
         rest = square - (x0 * x0 + y0 * y0 + x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2)
-        worst, extent = max(worst, rest), max(extent, square)
+        worst = max(worst, rest)
+        extent = max(extent, square)
     return worst <= _EXACT * extent
 
 
@@ -258,10 +264,12 @@ def _clusters(
     """Write centres [k, d] and shares of the weight [k] of points [n, d] weighted [n], relative to one of them."""
     n, d = points.shape
     transposed = np.empty(((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n), np.float32)
-    distance, least = np.empty(n, np.float32), np.empty(n, np.float32)
+    distance = np.empty(n, np.float32)
+    least = np.empty(n, np.float32)
     nearest = np.zeros((2, n), np.int32)
     blocks = (n + _BLOCK - 1) // _BLOCK
-    chance, block = np.zeros(_BLOCK * blocks), np.empty(blocks)
+    chance = np.zeros(_BLOCK * blocks)
+    block = np.empty(blocks)
     _transpose(points, transposed)
     _seed(
         points,
@@ -326,8 +334,12 @@ def k_means(
     Seeds of k-means++, for uniform numbers [crowded objects, k], then at most ``iterations`` of Lloyd's algorithm
     (Arthur, Vassilvitskii 2007). A pool of at most k existing samples is copied. ``basis``: `polynomials`, or [3, 0].
     """
-    size, k, crowded = pool.shape[1], centre.shape[1], 0
-    rows, mass, share = np.empty(size, np.int64), np.empty(size), np.empty(k)
+    size = pool.shape[1]
+    k = centre.shape[1]
+    crowded = 0
+    rows = np.empty(size, np.int64)
+    mass = np.empty(size)
+    share = np.empty(k)
     for o in range(len(pool)):
         n = existing(log_weight[o], rows)
         if n <= k:
@@ -367,7 +379,8 @@ class KMeansSampler:
         ones that do not exist. Objects may come in one call or in several: random numbers are drawn object by object.
         """
         objects, _, future, _ = pool.shape
-        centre, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))
+        centre = np.empty((objects, k, 2 * future))
+        weight = np.empty((objects, k))
         uniform = rng.random(
             (np.count_nonzero(np.isfinite(log_weight).sum(axis=1) > k), k)
         )

@@ -1,15 +1,17 @@
-"""A Kalman filter over the short past of many tracks at once, in the heading frame of each track, and its stored noise.
+"""A Kalman filter over the short past of many tracks at once, and its stored noise.
 
-Along and across the heading the motion is taken as independent: a nearly constant velocity disturbed by white
-acceleration (Bar-Shalom, Li, Kirubarajan 2001, ch. 6). Its noise is fitted on training splits: TOML files in
-``motion_noise/``, one per domain where objects move alike.
+It works in the heading frame of each track. Along and across the heading the motion is
+taken as independent: a nearly constant velocity disturbed by white acceleration
+(Bar-Shalom, Li, Kirubarajan 2001, ch. 6). Its noise is fitted on training splits: TOML files
+in ``motion_noise/``, one per domain where objects move alike.
 """
 
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -40,28 +42,31 @@ class NoiseTable:
     measurement: Floats  # [C] m, standard deviation of a detected position
     jerkiness: Floats  # [C, 2] m/s^1.5, white acceleration while the past is filtered
     speed: Floats  # [C, 2] m/s, prior standard deviation of a velocity never seen
-    acceleration: (
-        Floats  # [C, 2] m/s^2, standard deviation of the acceleration over the future
-    )
+    # [C, 2] m/s^2, standard deviation of the acceleration over the future
+    acceleration: Floats
+
+
+# shape of each class's noise, and whether it must be above 0
+_NOISE_FORM: dict[str, tuple[tuple[int, ...], bool]] = {
+    "measurement": ((), True),
+    "jerkiness": ((2,), False),
+    "speed": ((2,), True),
+    "acceleration": ((2,), False),
+}
 
 
 def require_noise(noise: NoiseTable) -> None:
-    """Raise ShapeError unless the covariances of all states can be positive definite."""
+    """Raise ShapeError unless covariances of states can be positive definite."""
     classes = len(noise.measurement)
-    for name, shape in (
-        ("measurement", ()),
-        ("jerkiness", (2,)),
-        ("speed", (2,)),
-        ("acceleration", (2,)),
-    ):
+    for name, (shape, must_be_positive) in _NOISE_FORM.items():
         values = getattr(noise, name)
         require_shape(f"noise.{name}", values, (classes, *shape))
         require_finite(f"noise.{name}", values)
-        positive = name in ("measurement", "speed")  # others may be 0
-        if not (values > 0 if positive else values >= 0).all():
-            expected = "above 0" if positive else "of at least 0"
+        least = values.min(initial=np.inf)
+        if least < 0 or (must_be_positive and least == 0):
+            expected = "above 0" if must_be_positive else "of at least 0"
             raise ShapeError(
-                f"noise.{name} contains {values.min()}, expected numbers {expected}"
+                f"noise.{name} contains {least}, expected numbers {expected}"
             )
 
 
@@ -75,36 +80,40 @@ class Posterior:
 
 
 def heading_frame(past: Floats, heading: Floats) -> Floats:
-    """Positions [N, P, 2] of past boxes relative to the last one, turned so that axis 0 points along the heading."""
-    x, y = (past[..., axis] - past[:, -1:, axis] for axis in range(2))
-    c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    return np.stack([x * c + y * s, y * c - x * s], axis=-1)
+    """Return positions [N, P, 2] of past boxes relative to the last one.
+
+    They are turned so that axis 0 points along the ``heading`` [N].
+    """
+    x = past[..., 0] - past[:, -1:, 0]
+    y = past[..., 1] - past[:, -1:, 1]
+    cos = np.cos(heading)[:, None]
+    sin = np.sin(heading)[:, None]
+    return np.stack([x * cos + y * sin, y * cos - x * sin], axis=-1)
 
 
 def rotation(heading: Floats) -> Floats:
-    """Matrices [N, 2, 2] whose columns are the axes along and across the heading [N]."""
-    c, s = np.cos(heading), np.sin(heading)
-    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+    """Return matrices [N, 2, 2] with axes along and across the heading [N] as columns."""
+    cos = np.cos(heading)
+    sin = np.sin(heading)
+    first_row = np.stack([cos, -sin], axis=-1)
+    second_row = np.stack([sin, cos], axis=-1)
+    return np.stack([first_row, second_row], axis=-2)
 
 
 def filtered(
     position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, dt: float
 ) -> Posterior:
-    """Position, velocity and covariance of tracks now, from their pasts.
+    """Return position, velocity and covariance of tracks now, from their pasts.
 
-    ``position`` [N, P, 2] m, heading frame, oldest first; ``valid`` [N, P]: where a detection was taken; ``class_id``
-    [N] chooses the row of ``noise``; ``dt``: frame period, s.
+    ``position`` [N, P, 2] m, heading frame, oldest first; ``valid`` [N, P]: where a
+    detection was taken; ``class_id`` [N] chooses the row of ``noise``; ``dt``: frame
+    period, s.
     """
-    n = len(position)
-    state = np.empty((n, 2, _STATE))
-    # Copies: compiled code takes arrays that may be written, in one order.
-    place, seen = (
+    state = np.empty((len(position), 2, _STATE))
+    filter_pasts(
+        # Copies: compiled code takes arrays that may be written, in one order.
         np.array(position, dtype=np.float64, order="C"),
         np.array(valid, dtype=bool, order="C"),
-    )
-    filter_pasts(
-        place,
-        seen,
         noise.measurement[class_id],
         noise.jerkiness[class_id],
         noise.speed[class_id],
@@ -115,7 +124,9 @@ def filtered(
     return Posterior(state[..., 0].copy(), state[..., 1].copy(), covariance)
 
 
-_STATE = 5  # of an axis: position, velocity, and variance of position, covariance, variance of velocity
+# Numbers of an axis: position, velocity, variance of position, covariance, variance of
+# velocity.
+_STATE = 5
 
 
 @kernel(
@@ -130,15 +141,21 @@ def filter_pasts(
     dt: float,
     state: Floats,
 ) -> None:
-    """The states [N, 2, 5] after positions [N, P, 2], with the noise of each track: [N], [N, 2], [N, 2]."""
+    """Write the states [N, 2, 5] after positions [N, P, 2].
+
+    The noise of each track is ``measurement`` [N], ``jerkiness`` and ``speed`` [N, 2].
+    """
     for i in range(len(state)):
         for axis in range(2):
-            r2, q, prior = (
-                measurement[i] ** 2,
-                jerkiness[i, axis] ** 2,
-                speed[i, axis] ** 2,
-            )
-            p, v, pp, pv, vv, started = 0.0, 0.0, 0.0, 0.0, prior, False
+            r2 = measurement[i] ** 2
+            q = jerkiness[i, axis] ** 2
+            prior = speed[i, axis] ** 2
+            p = 0.0
+            v = 0.0
+            pp = 0.0
+            pv = 0.0
+            vv = prior
+            started = False
             for step in range(position.shape[1]):
                 p += v * dt
                 pp += 2 * dt * pv + dt * dt * vv + q * dt**3 / 3
@@ -146,113 +163,120 @@ def filter_pasts(
                 vv += q * dt
                 if not valid[i, step]:
                     continue
-                if (
-                    not started
-                ):  # the state begins at the first detection, with the prior
-                    p, pp, pv, vv, started = (
-                        position[i, step, axis],
-                        r2,
-                        0.0,
-                        prior,
-                        True,
-                    )
+                if not started:
+                    # the state begins at the first detection, with the prior
+                    p = position[i, step, axis]
+                    pp = r2
+                    pv = 0.0
+                    vv = prior
+                    started = True
                     continue
-                residual, gain_p, gain_v = (
-                    position[i, step, axis] - p,
-                    pp / (pp + r2),
-                    pv / (pp + r2),
-                )
+                residual = position[i, step, axis] - p
+                gain_p = pp / (pp + r2)
+                gain_v = pv / (pp + r2)
                 p += gain_p * residual
                 v += gain_v * residual
                 vv -= gain_v * pv
-                pp, pv = (1 - gain_p) * pp, (1 - gain_p) * pv
+                pp = (1 - gain_p) * pp
+                pv = (1 - gain_p) * pv
             if not started and q == 0:
                 pp += r2  # else the variance is singular
             row = state[i, axis]
-            row[0], row[1], row[2], row[3], row[4] = p, v, pp, pv, vv
+            row[0] = p
+            row[1] = v
+            row[2] = pp
+            row[3] = pv
+            row[4] = vv
 
 
 def stored_noise(task: Task) -> NoiseTable:
-    """The noise table for the task's condition: its own fit, else the most similar one of those that know most classes.
+    """Return the noise table for the task's condition, its own fit or a similar one.
 
-    A class of the same kind (vehicles, two wheels, people) counts as known. A condition is a domain, as the task's card
-    names it, what is observed and in which frame. Most similar: the same domain and another variant of the detector;
-    the same domain and another detector; another domain. Among equals, and if a card names no domain, the detector
-    decides. True boxes and detections, moving and still frames never stand in for each other. Raises UnknownNameError
-    if no stored condition is left.
+    A condition is a domain, as the task's card names it, what is observed and in which
+    frame. Of the similar conditions those that know most classes count; a class of the
+    same kind (vehicles, two wheels, people) counts as known. Most similar: the same
+    domain and another variant of the detector; the same domain and another detector;
+    another domain. Among equals, and if a card names no domain, the detector decides.
+    True boxes and detections, moving and still frames never stand in for each other.
+    Raises UnknownNameError if no stored condition is left.
     """
     stored = _read_folder(FOLDER)
     similar = [name for name in stored if _similarity(name, task) > 0]
     if not similar:
-        raise UnknownNameError(
-            "motion noise", condition(task), stored, "fit it with `mtp-bench train`"
-        )
-    known = {
-        name: sum(
-            kind in stored[name] or of_kind(kind, stored[name]) is not None
-            for kind in task.classes
-        )
-        for name in similar
-    }
-    best = max(similar, key=lambda name: (known[name], _similarity(name, task)))
+        cure = "fit it with `mtp-bench train`"
+        raise UnknownNameError("motion noise", condition(task), stored, cure)
+
+    def preference(name: str) -> tuple[int, int]:
+        classes = stored[name]
+        is_known = [
+            c in classes or of_kind(c, classes) is not None for c in task.classes
+        ]
+        return sum(is_known), _similarity(name, task)
+
+    best = max(similar, key=preference)
     rows = []
     for class_name in task.classes:
         like = similar_class(class_name, stored[best])
         if like is None:
-            raise UnknownNameError(
-                f"class of motion noise {best!r}", class_name, stored[best]
-            )
+            kind = f"class of motion noise {best!r}"
+            raise UnknownNameError(kind, class_name, stored[best])
         rows.append(stored[best][like])
     return noise_table(rows)
 
 
 def noise_table(rows: Sequence[Noise]) -> NoiseTable:
-    """A noise table from the noise of each class."""
-    names = [field.name for field in fields(NoiseTable)]
-    return NoiseTable(
-        **{
-            name: np.array([row[name] for row in rows], dtype=np.float64)
-            for name in names
-        }
-    )
+    """Return a noise table from the noise of each class."""
+    columns = {
+        name: np.array([row[name] for row in rows], dtype=np.float64)
+        for name in _NOISE_FORM
+    }
+    return NoiseTable(**columns)
 
 
 def observed(task: Task) -> str:
-    """Name of the task's fit in the file of its domain: source of the pasts, and frame."""
+    """Return the name of the task's fit in its domain's file.
+
+    It states the source of the pasts, and the frame.
+    """
     pasts = "truth" if task.observe == "truth" else family_of(task.detector)
     return f"{pasts}-{'world' if task.ego_motion else 'ego'}"
 
 
 def condition(task: Task) -> str:
-    """Name of the fit for a task: the domain that its card names, else the env itself, and what is observed."""
+    """Return the name of the fit for a task: its domain and what is observed.
+
+    The domain is the one that its card names, else the env itself.
+    """
     return f"{task.motion_noise or task.env_id}-{observed(task)}"
 
 
 def _similarity(name: str, task: Task) -> int:
-    """Similarity of the stored condition ``name`` to the task's; 0: it cannot stand in."""
-    stored_domain, pasts, frame = name.rsplit("-", 2)
-    wanted, wanted_frame = observed(task).rsplit("-", 1)
-    if frame != wanted_frame or (pasts == "truth") != (wanted == "truth"):
+    """Return the similarity of the stored condition ``name`` to the task's.
+
+    0: it cannot stand in.
+    """
+    stored_domain, stored_pasts, stored_frame = name.rsplit("-", 2)
+    pasts, frame = observed(task).rsplit("-", 1)
+    if stored_frame != frame or (stored_pasts == "truth") != (pasts == "truth"):
         return 0
-    same_family = pasts.split("_")[-1] == wanted.split("_")[-1]
-    mine = task.motion_noise
+    domain = task.motion_noise
+    same_family = stored_pasts.split("_")[-1] == pasts.split("_")[-1]
     # A name before "_" is a domain of its own: nuScenes_mini is like nuScenes.
-    near = 4 * (stored_domain.split("_")[0] == mine.split("_")[0]) + 2 * (
-        stored_domain == mine
-    )
-    return 1 + same_family + 2 * (pasts == wanted) + near
+    similar_domain = stored_domain.split("_")[0] == domain.split("_")[0]
+    score = 1 + same_family + 2 * (stored_pasts == pasts)
+    return score + 4 * similar_domain + 2 * (stored_domain == domain)
 
 
 @cache
 def _read_folder(folder: Path) -> dict[str, dict[str, Noise]]:
-    """The noise of each class under each condition, in the order that the files state."""
-    files = {
-        path.stem: tomllib.loads(path.read_text(encoding="utf-8"))
-        for path in sorted(folder.glob("*.toml"))
-    }
-    order = {name: content.pop("order", math.inf) for name, content in files.items()}
+    """Read the noise of each class under each condition, in the files' own order."""
+    files = []
+    for path in sorted(folder.glob("*.toml")):
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        files.append((content.pop("order", math.inf), path.stem, content))
+    files.sort(key=itemgetter(0))
     return {
-        f"{name}-{fit}": rows
-        for name, content in sorted(files.items(), key=lambda file: order[file[0]])
+        f"{domain}-{fit}": rows
+        for _, domain, content in files
         for fit, rows in content.items()
     }

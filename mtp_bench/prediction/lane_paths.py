@@ -56,7 +56,8 @@ def lane_paths(
     object_pose[:, :2], object_pose[:, 2], object_pose[:, 3] = place, heading, metres
     size = int(np.ceil(np.max(metres, initial=0.0) / STEP)) + 1
     paths = np.zeros((len(place), most, size, 2))
-    offset, chance = np.zeros((len(place), most)), np.zeros((len(place), most))
+    offset = np.zeros((len(place), most))
+    chance = np.zeros((len(place), most))
     there = np.arange(point.shape[1]) < count[:, None]
     low, high = (np.where(there[..., None], point, sign * np.inf) for sign in (1, -1))
     bound = np.concatenate(
@@ -73,19 +74,29 @@ def _nearest(line: Floats, x: float, y: float) -> tuple[float, float, float, flo
 
     The last number is how far x y is before the beginning or behind the end of the line, along it.
     """
-    least, arc, offset, direction, beyond, length = np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
+    least = np.inf
+    arc = 0.0
+    offset = 0.0
+    direction = 0.0
+    beyond = 0.0
+    length = 0.0
     for q in range(len(line) - 1):
-        ux, uy = line[q + 1, 0] - line[q, 0], line[q + 1, 1] - line[q, 1]
+        ux = line[q + 1, 0] - line[q, 0]
+        uy = line[q + 1, 1] - line[q, 1]
         long = np.hypot(ux, uy)
         if long < 1e-6:
             continue
-        dx, dy = x - line[q, 0], y - line[q, 1]
+        dx = x - line[q, 0]
+        dy = y - line[q, 1]
         ahead = (dx * ux + dy * uy) / long
         along = min(max(ahead, 0.0), long)
-        rx, ry = dx - along * ux / long, dy - along * uy / long
+        rx = dx - along * ux / long
+        ry = dy - along * uy / long
         distance = np.hypot(rx, ry)
         if distance < least:
-            least, arc, direction = distance, length + along, np.arctan2(uy, ux)
+            least = distance
+            arc = length + along
+            direction = np.arctan2(uy, ux)
             offset = distance if ux * ry - uy * rx >= 0 else -distance
             beyond = max(
                 -ahead if q == 0 else 0.0, ahead - long if q == len(line) - 2 else 0.0
@@ -97,15 +108,24 @@ def _nearest(line: Floats, x: float, y: float) -> tuple[float, float, float, flo
 @part
 def _write(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
     """Write points [G, 2], 2 m apart, along the pieces ``chain``, and straight on behind them."""
-    g, begin, cos, sin, x, y = 0, 0.0, 1.0, 0.0, 0.0, 0.0
+    g = 0
+    begin = 0.0
+    cos = 1.0
+    sin = 0.0
+    x = 0.0
+    y = 0.0
     for row in chain:
         for q in range(count[row] - 1):
-            x, y = point[row, q + 1, 0], point[row, q + 1, 1]
-            ux, uy = x - point[row, q, 0], y - point[row, q, 1]
+            x = point[row, q + 1, 0]
+            y = point[row, q + 1, 1]
+            ux = x - point[row, q, 0]
+            uy = y - point[row, q, 1]
             long = np.hypot(ux, uy)
             if long < 1e-6:
                 continue
-            cos, sin, begin = ux / long, uy / long, begin + long
+            cos = ux / long
+            sin = uy / long
+            begin = begin + long
             while STEP * g <= begin and g < len(path):
                 path[g, 0], path[g, 1] = (
                     x - (begin - STEP * g) * cos,
@@ -130,16 +150,19 @@ def _trace(
     share: Floats,
 ) -> int:
     """Write the paths [B, G, 2] from the beginning of piece ``first`` and their shares [B]; return their number."""
-    reach, found, waiting = STEP * (path.shape[1] - 1), 0, 1
-    stack_row, stack_depth = (
-        np.zeros(4 * _DEPTH, np.int64),
-        np.zeros(4 * _DEPTH, np.int64),
-    )
-    chain, end, part_of = np.zeros(_DEPTH, np.int64), np.zeros(_DEPTH), np.ones(_DEPTH)
+    reach = STEP * (path.shape[1] - 1)
+    found = 0
+    waiting = 1
+    stack_row = np.zeros(4 * _DEPTH, np.int64)
+    stack_depth = np.zeros(4 * _DEPTH, np.int64)
+    chain = np.zeros(_DEPTH, np.int64)
+    end = np.zeros(_DEPTH)
+    part_of = np.ones(_DEPTH)
     stack_row[0] = first
     while waiting:
         waiting -= 1
-        row, depth = stack_row[waiting], stack_depth[waiting]
+        row = stack_row[waiting]
+        depth = stack_depth[waiting]
         chain[depth] = row
         end[depth] = length[row] + (end[depth - 1] if depth else 0.0)
         branches = 0
@@ -157,8 +180,10 @@ def _trace(
         part_of[depth + 1] = part_of[depth] / branches
         for after in follow[row]:
             if after >= 0 and count[after] > 1 and branches:
-                stack_row[waiting], stack_depth[waiting] = after, depth + 1
-                waiting, branches = waiting + 1, branches - 1
+                stack_row[waiting] = after
+                stack_depth[waiting] = depth + 1
+                waiting = waiting + 1
+                branches = branches - 1
     return found
 
 
@@ -169,7 +194,8 @@ def _on_lanes(
     """Write the pieces [16] that an object may be on and arc length, distance and weight of each [16, 3]."""
     found = 0
     for i in range(len(count)):
-        x, y = pose[0], pose[1]
+        x = pose[0]
+        y = pose[1]
         if (
             count[i] < 2
             or x < bound[i, 0]
@@ -237,35 +263,36 @@ def find_paths(
     ``point`` [L, Q, 2], ``count``, ``follow`` [L, 4], ``bound`` [L, 4], ``length``: pieces of lanes, successors, and
     the area that is near. The paths from the beginning of a piece are traced once, for all objects on it.
     """
-    pieces, most, size = len(count), paths.shape[1], paths.shape[2]
+    pieces = len(count)
+    most = paths.shape[1]
+    size = paths.shape[2]
     grid = size + int(length.max() / STEP) + 2 if pieces else 0
-    traced, slot = np.zeros(pieces, np.int64), np.zeros(pieces, np.int64)
-    table, share, used = (
-        np.empty((pieces, _BRANCHES, grid, 2)),
-        np.empty((pieces, _BRANCHES)),
-        0,
-    )
-    row, match = np.empty(_STARTS, np.int64), np.empty((_STARTS, 3))
-    kept, arc = (
-        np.empty((_STARTS * _BRANCHES, 2), np.int64),
-        np.empty(_STARTS * _BRANCHES),
-    )
-    aside, weight = np.empty(_STARTS * _BRANCHES), np.empty(_STARTS * _BRANCHES)
+    traced = np.zeros(pieces, np.int64)
+    slot = np.zeros(pieces, np.int64)
+    table = np.empty((pieces, _BRANCHES, grid, 2))
+    share = np.empty((pieces, _BRANCHES))
+    used = 0
+    row = np.empty(_STARTS, np.int64)
+    match = np.empty((_STARTS, 3))
+    kept = np.empty((_STARTS * _BRANCHES, 2), np.int64)
+    arc = np.empty(_STARTS * _BRANCHES)
+    aside = np.empty(_STARTS * _BRANCHES)
+    weight = np.empty(_STARTS * _BRANCHES)
     for n in range(len(pose)):
-        starts, different = _on_lanes(point, count, bound, pose[n], row, match), 0
+        starts = _on_lanes(point, count, bound, pose[n], row, match)
+        different = 0
         for place in np.argsort(-match[:starts, 2]):
             i = int(row[place])
             if traced[i] == 0:
-                slot[i], used = used, used + 1
+                slot[i] = used
+                used = used + 1
                 traced[i] = _trace(
                     i, point, count, length, follow, table[slot[i]], share[slot[i]]
                 )
             for b in range(traced[i]):
-                path, own, before = (
-                    table[slot[i], b],
-                    match[place, 2] * share[slot[i], b],
-                    -1,
-                )
+                path = table[slot[i], b]
+                own = match[place, 2] * share[slot[i], b]
+                before = -1
                 for d in range(different):
                     if _same(
                         table[kept[d, 0], kept[d, 1]],
@@ -289,7 +316,8 @@ def find_paths(
                     b,
                     match[place, 0],
                 )
-                aside[different], weight[different] = match[place, 1], own
+                aside[different] = match[place, 1]
+                weight[different] = own
                 different += 1
         order = np.argsort(-weight[:different])[:most]
         total = 0.0
@@ -297,7 +325,8 @@ def find_paths(
             total += weight[d]
         for m in range(len(order)):
             d = order[m]
-            offset[n, m], chance[n, m] = aside[d], weight[d] / total
+            offset[n, m] = aside[d]
+            chance[n, m] = weight[d] / total
             path = table[kept[d, 0], kept[d, 1]]
             for s in range(size):
                 paths[n, m, s, 0] = _at(path, float(arc[d]) + STEP * s, 0)

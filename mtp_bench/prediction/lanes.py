@@ -39,16 +39,12 @@ class LanePredictor(KinematicPredictor):
 
     def futures(self, frame: Frame, track: Ints, draw: Ints, samples: int) -> Floats:
         """Futures [Q, samples, T, 2], absolute x y, of tracks ``track`` [Q]; ``draw`` [Q] picks the random numbers."""
-        futures, along = (
-            super().futures(frame, track, draw, samples),
-            round(ALONG * samples),
-        )
+        futures = super().futures(frame, track, draw, samples)
+        along = round(ALONG * samples)
         if not self._task.lanes or not along or not len(track):
             return futures
-        state, tau = (
-            self.states(frame.tracks),
-            self._task.dt * np.arange(1, self._task.future + 1),
-        )
+        state = self.states(frame.tracks)
+        tau = self._task.dt * np.arange(1, self._task.future + 1)
         place, velocity = absolute(state)
         speed = np.linalg.norm(velocity, axis=1)
         heading = np.where(
@@ -101,10 +97,16 @@ def bend_limits(paths: Floats, chance: Floats, limit: Floats) -> None:
         for m in range(paths.shape[1]):
             if chance[n, m] <= 0:
                 break
-            path, speed = paths[n, m], limit[n, m]
+            path = paths[n, m]
+            speed = limit[n, m]
             for s in range(len(path)):
-                a, b, c = path[max(s - 2, 0)], path[s], path[min(s + 2, len(path) - 1)]
-                ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - b[0], c[1] - b[1]
+                a = path[max(s - 2, 0)]
+                b = path[s]
+                c = path[min(s + 2, len(path) - 1)]
+                ux = b[0] - a[0]
+                uy = b[1] - a[1]
+                vx = c[0] - b[0]
+                vy = c[1] - b[1]
                 turn = abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
                 bend = (
                     turn / (2 * STEP) if 0 < s < len(path) - 1 else 0.0
@@ -127,19 +129,21 @@ def _follow(
     out: Floats,
 ) -> None:
     """Write places [T, 2] on a path [S, 2] for distances ``ahead`` [T] on a straight road, slower where it bends."""
-    arc, before, last, now = 0.0, 0.0, 0.0, speed
+    arc = 0.0
+    before = 0.0
+    last = 0.0
+    now = speed
     for t in range(len(tau)):
         period = tau[t] - last
         g = min(int(arc / STEP), len(path) - 1)
         wanted = max(ahead[t] - before, 0.0) / period
-        before, last = max(ahead[t], before), tau[t]
+        before = max(ahead[t], before)
+        last = tau[t]
         now = max(min(wanted, limit[g]), min(wanted, now - _HARDEST * period))
         arc += now * period
         g = min(int(arc / STEP), len(path) - 2)
-        ux, uy = (
-            (path[g + 1, 0] - path[g, 0]) / STEP,
-            (path[g + 1, 1] - path[g, 1]) / STEP,
-        )
+        ux = (path[g + 1, 0] - path[g, 0]) / STEP
+        uy = (path[g + 1, 1] - path[g, 1]) / STEP
         aside = offset * np.exp(-arc / _FADING)
         out[t, 0] = path[g, 0] + (arc - STEP * g) * ux - aside * uy
         out[t, 1] = path[g, 1] + (arc - STEP * g) * uy + aside * ux
@@ -165,13 +169,14 @@ def drive(
 
     ``paths`` [N, M, S, 2] with ``chance``, ``offset`` and ``limit``; ``speed`` [N], ``spread`` [N, T]: of the distance.
     """
-    count, ahead = samples.shape[1], np.empty(len(tau))
+    count = samples.shape[1]
+    ahead = np.empty(len(tau))
     for q in range(len(track)):
-        n, total, done = track[q], 0.0, 0
-        share, level = (
-            (0.5 + draw[q] * _EVEN[0]) % 1.0,
-            (0.5 + draw[q] * _EVEN[1]) % 1.0,
-        )
+        n = track[q]
+        total = 0.0
+        done = 0
+        share = (0.5 + draw[q] * _EVEN[0]) % 1.0
+        level = (0.5 + draw[q] * _EVEN[1]) % 1.0
         for m in range(paths.shape[1]):
             if chance[n, m] <= 0:
                 break

@@ -8,13 +8,16 @@ from ..tracking import part
 
 @part
 def existing(log_weight: Floats, rows: Ints) -> int:
-    """Write the indices of the samples with a finite log-weight [S] to ``rows`` [S]; return how many."""
-    n = 0
-    for s in range(len(log_weight)):
-        if np.isfinite(log_weight[s]):
-            rows[n] = s
-            n += 1
-    return n
+    """Write indices of the samples with a finite log-weight [S] to ``rows`` [S].
+
+    Returns how many there are.
+    """
+    count = 0
+    for sample in range(len(log_weight)):
+        if np.isfinite(log_weight[sample]):
+            rows[count] = sample
+            count += 1
+    return count
 
 
 @part
@@ -22,37 +25,47 @@ def pass_on(
     points: Floats,
     log_weight: Floats,
     rows: Ints,
-    n: int,
+    count: int,
     chosen: Floats,
     chosen_log_weight: Floats,
 ) -> None:
-    """Copy the ``n`` samples in ``rows`` to the first rows of ``chosen`` [k, d]; mark the others absent."""
+    """Copy the ``count`` samples in ``rows`` to the first rows of ``chosen`` [k, d].
+
+    The other rows are marked absent.
+    """
     for j in range(len(chosen)):
+        if j < count:
+            chosen_log_weight[j] = log_weight[rows[j]]
+        else:
+            chosen_log_weight[j] = -np.inf
         for axis in range(chosen.shape[1]):
-            chosen[j, axis] = points[rows[j], axis] if j < n else 0.0
-        chosen_log_weight[j] = log_weight[rows[j]] if j < n else -np.inf
+            chosen[j, axis] = points[rows[j], axis] if j < count else 0.0
 
 
 @part
-def masses(log_weight: Floats, rows: Ints, n: int, mass: Floats) -> float:
-    """Log of the total weight of the ``n`` samples in ``rows``; writes normalised weights to ``mass`` [n].
+def masses(log_weight: Floats, rows: Ints, count: int, mass: Floats) -> float:
+    """Return the log of the total weight of the ``count`` samples in ``rows``.
 
-    Weights are relative to the heaviest: an object of unlikely hypotheses alone must not vanish by underflow.
+    Writes normalised weights to ``mass`` [count]. Weights are relative to the heaviest:
+    an object of unlikely hypotheses alone must not vanish by underflow.
     """
-    heaviest, total = -np.inf, 0.0
-    for i in range(n):
+    heaviest = -np.inf
+    for i in range(count):
         heaviest = max(heaviest, log_weight[rows[i]])
-    for i in range(n):
+    total = 0.0
+    for i in range(count):
         mass[i] = np.exp(log_weight[rows[i]] - heaviest)
         total += mass[i]
-    for i in range(n):
+    for i in range(count):
         mass[i] /= total
     return float(heaviest + np.log(total))
 
 
 def as_points(pool: Floats, log_weight: Floats) -> tuple[Floats, Floats]:
-    """The pool [O, S, T, 2] as points [O, S, 2 T] and its log-weights [O, S], contiguous and writable for kernels."""
-    points = np.require(
-        pool.reshape(*pool.shape[:2], 2 * pool.shape[2]), np.float64, ["C", "W"]
-    )
+    """Return the pool [O, S, T, 2] as points [O, S, 2 T], and its log-weights [O, S].
+
+    Both are contiguous and writable for kernels.
+    """
+    flat = pool.reshape(*pool.shape[:2], 2 * pool.shape[2])
+    points = np.require(flat, np.float64, ["C", "W"])
     return points, np.require(log_weight, np.float64, ["C", "W"])

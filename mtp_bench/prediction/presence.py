@@ -68,8 +68,10 @@ def history_of(tracks: Tracks, observation: Observation, dt: float) -> TrackHist
 
     ``observation``: of that frame (only ``ego_pose`` is read, and may be missing); ``dt``: s, nominal frame period.
     """
-    n, valid = len(tracks.box), tracks.past_valid
-    last, seen = valid.shape[1] - 1, valid.any(axis=1)
+    n = len(tracks.box)
+    valid = tracks.past_valid
+    last = valid.shape[1] - 1
+    seen = valid.any(axis=1)
     first = np.where(seen, valid.argmax(axis=1), last)
     lifetime = last - first  # frames
     hits = np.maximum(valid.sum(axis=1), 1) if tracks.hits is None else tracks.hits
@@ -185,7 +187,8 @@ class LearnedPresence:
 
     def probability(self, tracks: Tracks, observation: Observation) -> Floats:
         """Probability [N] that each track's object is there."""
-        class_id, classes = tracks.class_id, self._task.classes
+        class_id = tracks.class_id
+        classes = self._task.classes
         history = history_of(tracks, observation, self._task.dt)
         if self._by_score:
             outside = history.last_score[

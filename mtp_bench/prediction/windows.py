@@ -10,58 +10,62 @@ from numpy.typing import NDArray
 from ..agent import Frame
 from ..core import UNBORN, Bools, Floats, Ints, Observation, Ragged, Tracks, starts_of
 
-LANES = (
-    "lane_point",
-    "lane_valid",
-    "lane_next",
-)  # fields of observations that show lanes
+# fields of observations that show lanes
+LANES = ("lane_point", "lane_valid", "lane_next")
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings(Ragged):
-    """Detections and lanes of m frames, in the frame of the observations; frames of a scene stand one after another."""
+    """Detections and lanes of m frames, in the frame of the observations.
+
+    Frames of a scene stand one after another.
+    """
 
     box: Floats  # [R, 7]
     velocity: Floats  # [R, 2] m/s, 0 where it is not measured
     class_id: Ints  # [R]
     score: Floats  # [R]
-    before: Ints  # [m] frames of the same scene that stand before each frame, without a hole in time
-    lanes: dict[str, NDArray[Any]] = field(
-        default_factory=dict
-    )  # `LANES` [m, L, ...] as observed; empty: none shown
+    # [m] frames of the same scene that stand before each frame, without a hole in time
+    before: Ints
+    # `LANES` [m, L, ...] as observed; empty: none shown
+    lanes: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     def lanes_at(self, moment: int) -> Observation:
-        """The lanes of a frame, as its observation showed them; empty if it showed none."""
+        """Return the lanes of a frame, as its observation showed them.
+
+        Empty if it showed none.
+        """
         return {name: values[moment] for name, values in self.lanes.items()}
 
 
-def surroundings_of(seen: Sequence[Observation]) -> Surroundings:
-    """Detections and lanes of these frames, of one scene."""
-    valid = [
-        np.flatnonzero(np.asarray(observation["detection_valid"]))
-        for observation in seen
-    ]
-    box, velocity, class_id, score = (
-        np.concatenate(
-            [
-                np.asarray(o[f"detection_{name}"])[rows]
-                for o, rows in zip(seen, valid, strict=True)
-            ]
-        )
-        for name in ("box", "velocity", "class", "score")
-    )
-    start = starts_of([len(rows) for rows in valid])
+def surroundings_of(observations: Sequence[Observation]) -> Surroundings:
+    """Return detections and lanes of these frames, of one scene."""
+    rows = [np.flatnonzero(np.asarray(o["detection_valid"])) for o in observations]
+
+    def column(name: str) -> NDArray[Any]:
+        parts = [
+            np.asarray(observation[f"detection_{name}"])[kept_rows]
+            for observation, kept_rows in zip(observations, rows, strict=True)
+        ]
+        return np.concatenate(parts)
+
     return Surroundings(
-        start, box, velocity, class_id, score, np.arange(len(seen)), lanes_of(seen)
+        start=starts_of([len(frame_rows) for frame_rows in rows]),
+        box=column("box"),
+        velocity=column("velocity"),
+        class_id=column("class"),
+        score=column("score"),
+        before=np.arange(len(observations)),
+        lanes=lanes_of(observations),
     )
 
 
-def lanes_of(seen: Sequence[Observation]) -> dict[str, NDArray[Any]]:
-    """Lanes [m, L, ...] of observations by field; empty if they show none."""
+def lanes_of(observations: Sequence[Observation]) -> dict[str, NDArray[Any]]:
+    """Return lanes [m, L, ...] of observations by field; empty if they show none."""
     return {
-        name: np.stack([observation[name] for observation in seen])
+        name: np.stack([observation[name] for observation in observations])
         for name in LANES
-        if name in seen[0]
+        if name in observations[0]
     }
 
 
@@ -69,134 +73,141 @@ def lanes_of(seen: Sequence[Observation]) -> dict[str, NDArray[Any]]:
 class TrackWindows:
     """The last P frames of n tracks, in the frame of the observations; the last row is now."""
 
-    box: Floats  # [n, P, 7] the detection taken, else where the tracker expects it; 0 before birth
+    # [n, P, 7] the detection taken, else where the tracker expects it; 0 before birth
+    box: Floats
     taken: Bools  # [n, P] a detection was taken; alive and not taken: the track coasts
     alive: Bools  # [n, P] the track is born
-    detection: Ints  # [n, P] its row in the observation of that frame; -1: none, or the tracker does not state it
+    # [n, P] its row in the observation of that frame; -1: none, or it is not stated
+    detection: Ints
     score: Floats  # [n, P] of the detection taken, else 0
-    velocity: Floats  # [n, P, 2] m/s that the detector measured with the detection taken, else 0
+    # [n, P, 2] m/s that the detector measured with the detection taken, else 0
+    velocity: Floats
     class_id: Ints  # [n]
     hits: Ints  # [n] detections taken since birth
     age: Ints  # [n] frames since birth, this one included
     mass: Floats  # [n] total weight of the hypotheses that hold the track
     best: Bools  # [n] the heaviest hypothesis holds it
-    ego: Floats  # [n, P, 4] x y z yaw of the platform; before the scene as in its first frame
+    # [n, P, 4] x y z yaw of the platform; before the scene as in its first frame
+    ego: Floats
 
     def __len__(self) -> int:
         return len(self.class_id)
 
     def select(self, rows: Ints | Bools | slice) -> Self:
-        """The windows ``rows``."""
-        return replace(
-            self, **{f.name: getattr(self, f.name)[rows] for f in fields(TrackWindows)}
-        )
+        """Return the windows ``rows``."""
+        names = [column.name for column in fields(TrackWindows)]
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 def shown_as_truth(windows: TrackWindows) -> TrackWindows:
-    """Windows in the form of ground-truth tracks: score 1 for every box, hits and age within the window alone."""
-    hits, age = (
-        np.maximum(mask.sum(axis=1), 1) for mask in (windows.taken, windows.alive)
+    """Return windows in the form of ground-truth tracks.
+
+    Every box has score 1; hits and age are those within the window.
+    """
+    return replace(
+        windows,
+        score=windows.taken.astype(np.float64),
+        hits=np.maximum(windows.taken.sum(axis=1), 1),
+        age=np.maximum(windows.alive.sum(axis=1), 1),
     )
-    return replace(windows, score=windows.taken.astype(np.float64), hits=hits, age=age)
 
 
 def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
-    """The distinct windows of ``past`` frames of a frame's tracks, and the window [N] of each track.
+    """Return the distinct windows of a frame's tracks, and the window [N] of each track.
 
-    Tracks that took the same detections in these frames share the window of the first of them, whatever came before.
-    If such tracks coast, or differ in age, this is not exact: at the simulated intersection with 20 hypotheses the
-    forecasts of 2 % of the objects are of another track's window, half of them by more than 0.4 m. A tracker that does
-    not state the detections it took has a window for each track.
+    ``past``: number of frames. Tracks that took the same detections in these frames
+    share the window of the first of them, whatever came before. If such tracks coast, or
+    differ in age, this is not exact: at the simulated intersection with 20 hypotheses
+    the forecasts of 2 % of the objects are of another track's window, half of them by
+    more than 0.4 m. A tracker that does not state the detections it took has a window
+    for each track.
     """
     tracks = _with_past(frame.tracks, past)
     first, window = _distinct(tracks)
     taken = tracks.past_valid[first]
-    row = (
-        np.where(taken, 0, -1)
-        if tracks.past_detection is None
-        else tracks.past_detection[first]
-    )
-    alive = (
-        np.maximum.accumulate(taken, axis=1)
-        if tracks.past_detection is None
-        else row != UNBORN
-    )
-    score, velocity = _measured(tracks, first, row, frame.seen)
+    if tracks.past_detection is None:
+        alive = np.maximum.accumulate(taken, axis=1)
+        detection = np.full(taken.shape, -1)
+        score = np.where(taken, tracks.score[first][:, None], 0.0)
+        velocity = np.zeros((*taken.shape, 2))
+    else:
+        row = tracks.past_detection[first]
+        alive = row != UNBORN
+        detection = np.maximum(row, -1)
+        score, velocity = _measured(row, frame.seen)
+    hits = np.maximum(taken.sum(axis=1), 1)
+    if tracks.hits is not None:
+        hits = tracks.hits[first]
+    age = np.maximum(alive.sum(axis=1), 1)
+    if tracks.age is not None:
+        age = tracks.age[first]
     mass = np.exp(tracks.log_weight) @ tracks.member
+    count = len(first)
     windows = TrackWindows(
         box=tracks.past[first],
         taken=taken,
-        detection=np.full(taken.shape, -1)
-        if tracks.past_detection is None
-        else np.maximum(row, -1),
         alive=alive,
+        detection=detection,
         score=score,
         velocity=velocity,
         class_id=tracks.class_id[first],
-        hits=np.maximum(taken.sum(axis=1), 1)
-        if tracks.hits is None
-        else tracks.hits[first],
-        age=np.maximum(alive.sum(axis=1), 1)
-        if tracks.age is None
-        else tracks.age[first],
-        mass=np.bincount(window, mass, minlength=len(first)).astype(np.float64),
-        best=np.bincount(window, tracks.member[0], minlength=len(first)) > 0,
-        ego=np.broadcast_to(_ego(frame.seen, past), (len(first), past, 4)),
+        hits=hits,
+        age=age,
+        mass=np.bincount(window, mass, minlength=count).astype(np.float64),
+        best=np.bincount(window, tracks.member[0], minlength=count) > 0,
+        ego=np.broadcast_to(_ego_poses(frame.seen, past), (count, past, 4)),
     )
     return windows, window
 
 
 def _with_past(tracks: Tracks, past: int) -> Tracks:
-    """The tracks with pasts of exactly ``past`` frames, unborn in frames that the tracker does not keep."""
-    more = max(past - tracks.past.shape[1], 0)
+    """Return the tracks with pasts of exactly ``past`` frames.
+
+    They are unborn in frames that the tracker does not keep.
+    """
+    missing = (max(past - tracks.past.shape[1], 0), 0)
     detection = tracks.past_detection
     if detection is not None:
-        detection = np.pad(detection, ((0, 0), (more, 0)), constant_values=UNBORN)[
-            :, -past:
-        ]
-    box = np.pad(tracks.past, ((0, 0), (more, 0), (0, 0)))[:, -past:]
-    valid = np.pad(tracks.past_valid, ((0, 0), (more, 0)))[:, -past:]
+        detection = np.pad(detection, ((0, 0), missing), constant_values=UNBORN)
+        detection = detection[:, -past:]
+    box = np.pad(tracks.past, ((0, 0), missing, (0, 0)))[:, -past:]
+    valid = np.pad(tracks.past_valid, ((0, 0), missing))[:, -past:]
     return replace(tracks, past=box, past_valid=valid, past_detection=detection)
 
 
 def _distinct(tracks: Tracks) -> tuple[Ints, Ints]:
-    """The first track of each window and the window [N] of each track."""
-    n = len(tracks.box)
-    if tracks.past_detection is None or n == 0:
-        return np.arange(n), np.arange(n)
-    key = np.concatenate([tracks.class_id[:, None], tracks.past_detection], axis=1)
-    unseen = (tracks.past_detection < 0).all(
-        axis=1
-    )  # then only the identity distinguishes tracks
-    key = np.concatenate([key, np.where(unseen, tracks.track_id, -1)[:, None]], axis=1)
+    """Return the first track of each window and the window [N] of each track."""
+    count = len(tracks.box)
+    if tracks.past_detection is None or count == 0:
+        return np.arange(count), np.arange(count)
+    # without a detection only the identity distinguishes tracks
+    without_detection = (tracks.past_detection < 0).all(axis=1)
+    identity = np.where(without_detection, tracks.track_id, -1)
+    columns = [tracks.class_id[:, None], tracks.past_detection, identity[:, None]]
+    key = np.concatenate(columns, axis=1)
     _, first, window = np.unique(key, axis=0, return_index=True, return_inverse=True)
     return first, window.reshape(-1)
 
 
-def _measured(
-    tracks: Tracks, first: Ints, row: Ints, seen: Sequence[Observation]
-) -> tuple[Floats, Floats]:
-    """Scores [n, P] and velocities [n, P, 2] of the detections taken."""
-    score, velocity = np.zeros(row.shape), np.zeros((*row.shape, 2))
-    if tracks.past_detection is None:
-        return np.where(row >= 0, tracks.score[first][:, None], 0.0), velocity
-    for back, observation in enumerate(reversed(seen[-row.shape[1] :]), start=1):
-        taken = np.flatnonzero(row[:, -back] >= 0)
-        score[taken, -back] = np.asarray(observation["detection_score"])[
-            row[taken, -back]
-        ]
-        velocity[taken, -back] = np.asarray(observation["detection_velocity"])[
-            row[taken, -back]
-        ]
+def _measured(row: Ints, observations: Sequence[Observation]) -> tuple[Floats, Floats]:
+    """Return scores [n, P] and velocities [n, P, 2] of the detections taken.
+
+    ``row`` [n, P]: their rows, below 0 for none.
+    """
+    score = np.zeros(row.shape)
+    velocity = np.zeros((*row.shape, 2))
+    recent = observations[-row.shape[1] :]
+    for age, observation in enumerate(reversed(recent), start=1):
+        window = np.flatnonzero(row[:, -age] >= 0)
+        taken = row[window, -age]
+        score[window, -age] = np.asarray(observation["detection_score"])[taken]
+        velocity[window, -age] = np.asarray(observation["detection_velocity"])[taken]
     return score, velocity
 
 
-def _ego(seen: Sequence[Observation], past: int) -> Floats:
-    """Poses [P, 4] of the platform; without them, zeros."""
-    poses = np.array(
-        [
-            np.asarray(o.get("ego_pose", np.zeros(4)), dtype=np.float64)
-            for o in seen[-past:]
-        ]
-    )
+def _ego_poses(observations: Sequence[Observation], past: int) -> Floats:
+    """Return poses [P, 4] of the platform; without them, zeros."""
+    no_pose = np.zeros(4)
+    recent = observations[-past:]
+    poses = np.array([o.get("ego_pose", no_pose) for o in recent], dtype=np.float64)
     return np.concatenate([np.repeat(poses[:1], past - len(poses), axis=0), poses])

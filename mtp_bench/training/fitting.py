@@ -175,7 +175,8 @@ def _fit_stage(
     callback: EpochCallback,
 ) -> None:
     """Train a stage until its epochs are over, or the error has not fallen for long."""
-    plan, first = inputs.plan, len(fitted.curve)
+    plan = inputs.plan
+    first = len(fitted.curve)
     epochs = max(1, round(stage.share * plan.epochs))
     statistics = (".mean", ".spread")  # of the data
     names = [
@@ -216,7 +217,8 @@ def _train_epoch(
     epochs: int,
 ) -> None:
     """One pass over the data; the random numbers depend on seed and ``epoch``; ``done`` of the stage's ``epochs``."""
-    network, plan = inputs.network, inputs.plan
+    network = inputs.network
+    plan = inputs.plan
     vary = vary_detections if network.around else vary_tracks
     generator = torch.Generator().manual_seed(plan.seed * 100_003 + epoch)
     batches = shuffled_batches(
@@ -238,7 +240,8 @@ def _train_epoch(
 @torch.no_grad()
 def _validation_error(inputs: _TrainingInputs) -> float:
     """minADE, m, of the windows that are held out, by their weight."""
-    total, weight = 0.0, 0.0
+    total = 0.0
+    weight = 0.0
     for rows in ordered_batches(
         inputs.validation_rows, inputs.moment, 8192 if inputs.moment is None else 1024
     ):

@@ -10,7 +10,9 @@ from ..env import Feed, LocalFrame
 from ..prediction import TrackWindows
 from ..scoring import evaluated, find_targets, neutral_places, pieces
 
-NO_OBJECT, UNKNOWN = -1, -2  # a track follows no true object; the object is unknown
+# a track follows no true object; the object is unknown
+NO_OBJECT = -1
+UNKNOWN = -2
 
 
 class TrackLabels(NamedTuple):
@@ -27,7 +29,8 @@ class SceneLabels:
     """Labels of a scene, whose observations are ``feed``."""
 
     def __init__(self, scene: Scene, card: Card, local: LocalFrame, feed: Feed) -> None:
-        self._scene, self._local = evaluated(scene), local
+        self._scene = evaluated(scene)
+        self._local = local
         truth = self._scene.truth
         self._gate = np.asarray(card.per_class(card.task.forecast_gate))
         self._ids, self._object = np.unique(
@@ -57,11 +60,13 @@ class SceneLabels:
                 for t, rows in enumerate(frames)
             ]
             known = np.concatenate([np.zeros(0, dtype=np.int64), *nearest])
-        self._start, self._of_row = feed.start, np.append(known, UNKNOWN)
+        self._start = feed.start
+        self._of_row = np.append(known, UNKNOWN)
 
     def _nearest(self, t: int, box: Floats, class_id: Ints) -> Ints:
         """The object [n] of boxes in frame ``t``, NO_OBJECT or UNKNOWN."""
-        truth, rows = self._scene.truth, self._scene.truth.rows(t)
+        truth = self._scene.truth
+        rows = self._scene.truth.rows(t)
         label = np.full(len(box), NO_OBJECT if self._scene.truth_complete else UNKNOWN)
         if rows.stop > rows.start and len(box):
             distance = np.linalg.norm(

@@ -170,7 +170,8 @@ def vary_tracks(batch: Tensors, generator: torch.Generator) -> Tensors:
 
     Windows of the same frame, where the batch states it, are mirrored together.
     """
-    (n, past), device = batch["alive"].shape, batch["position"].device
+    (n, past) = batch["alive"].shape
+    device = batch["position"].device
     draw = torch.rand(n, generator=generator)
     if "moment" in batch:
         draw = draw[torch.unique(batch["moment"].cpu(), return_inverse=True)[1]]
@@ -205,7 +206,8 @@ def vary_tracks(batch: Tensors, generator: torch.Generator) -> Tensors:
 
 def vary_detections(batch: Tensors, generator: torch.Generator) -> Tensors:
     """Vary the detections around objects: half of the windows mirrored, headings turned, frames, detections missing."""
-    (n, past, _), device = batch["near"].shape, batch["near"].device
+    (n, past, _) = batch["near"].shape
+    device = batch["near"].device
     turns = _mirrors_and_turns(torch.rand(n, generator=generator), generator)
     mirror, angle, turn = (part.to(device) for part in turns)
     varied = dict(batch)

@@ -192,7 +192,8 @@ def collect(
     The true object is the nearest one of the same class (BEV), at most ``gate`` metres away.
     With ``task.observe == "truth"`` the tracker gets true boxes.
     """
-    no_past, no_future = np.zeros((0, task.past, 2)), np.zeros((0, task.future, 2))
+    no_past = np.zeros((0, task.past, 2))
+    no_future = np.zeros((0, task.future, 2))
     parts = [
         MotionWindows(
             no_past, no_past[..., 0] > 0, no_future, np.zeros(0, dtype=np.int64)
@@ -227,10 +228,8 @@ def _frame_windows(
         tracks.class_id[leaf, None] == truth.class_id[None, now], distance, np.inf
     )
     near = distance.min(axis=1, initial=np.inf) <= gate
-    leaf, nearest = (
-        leaf[near],
-        now[distance[near].argmin(axis=1)] if near.any() else now[:0],
-    )
+    leaf = leaf[near]
+    nearest = now[distance[near].argmin(axis=1)] if near.any() else now[:0]
     complete = ~np.isnan(future[nearest]).any(axis=(1, 2))
     leaf, ahead, heading = (
         leaf[complete],

@@ -38,10 +38,8 @@ def fit_noise(
     card = split.card
     floor = _floor(min_score, card)
     section = card.detector or DetectorSection(field_of_view=card.source.traits.view)
-    reach, field_of_view = (
-        reach or section.reach,
-        field_of_view or section.field_of_view,
-    )
+    reach = reach or section.reach
+    field_of_view = field_of_view or section.field_of_view
     profile = fit_profile(
         map(_complete_scene, split.scenes()),
         card.task.classes,

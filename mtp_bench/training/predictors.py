@@ -60,10 +60,8 @@ class TrainingRequest:
     device: str = "auto"
 
     def __post_init__(self) -> None:
-        stages, epochs = (
-            len(network_of(self.network).recipe.stages),
-            self.chosen_plan.epochs,
-        )
+        stages = len(network_of(self.network).recipe.stages)
+        epochs = self.chosen_plan.epochs
         require_known("value of --on", self.on, ON)
         if epochs < stages:
             raise MtpBenchError(
@@ -204,7 +202,8 @@ def train_predictor(
     ``output``: another file than the one where agents look; ``callback``: called after each epoch. Raises MtpBenchError
     if there is no window to learn from, or none to validate on.
     """
-    network, sizes = network_of(request.network), Sizes.of(found.task)
+    network = network_of(request.network)
+    sizes = Sizes.of(found.task)
     data = training_set(network, found, sizes)
     _require_both_parts(network, found, data)
     path = output or weights_folder() / file_name(

@@ -58,7 +58,8 @@ def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floa
 def fit_logistic(rows: PresenceRows, recipe: PresenceRecipe) -> PresenceModel:
     """The model before calibration, with its numbers as they are stored."""
     estimator, model = logistic_regression(rows, recipe)
-    f, names = len(model.features), sorted(set(rows.class_name))
+    f = len(model.features)
+    names = sorted(set(rows.class_name))
     shared, own = np.split(estimator.coef_[0], [-len(names) * (1 + f)])
     own = _rounded(own).reshape(len(names), 1 + f)
     shared = _rounded(np.concatenate([estimator.intercept_, shared]))

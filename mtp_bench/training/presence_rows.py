@@ -130,7 +130,8 @@ def training_rows(
     recipe: PresenceRecipe, options: RunOptions = DEFAULTS
 ) -> tuple[PresenceRows, list[dict[str, Any]]]:
     """The rows of a recipe, and the scenes they are from."""
-    parts, origin = [], []
+    parts = []
+    origin = []
     for choice in recipe.scenes:
         rows, source = split_rows(choice.open(options))
         parts.append(rows)

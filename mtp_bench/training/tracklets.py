@@ -122,7 +122,8 @@ def windows(
     neutral there, are left out. Raises UnknownNameError for a scene that does not exist, MtpBenchError for another
     ``tracker`` and if there is no track to learn from.
     """
-    played, given = _tracker_of(tracker), {"data": data, "jobs": jobs}
+    played = _tracker_of(tracker)
+    given = {"data": data, "jobs": jobs}
     _, options = asked(
         env_id,
         options,
@@ -241,11 +242,9 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
     feed = make_feed(scene, local, task, card)
     labels = SceneLabels(scene, card, local, feed)
     tracker.reset(task)
-    parts, seen, road = (
-        [_no_windows(task)],
-        deque[Observation](maxlen=task.past),
-        list[Observation](),
-    )
+    parts = [_no_windows(task)]
+    seen = deque[Observation](maxlen=task.past)
+    road = list[Observation]()
     for t in range(scene.frames):
         if task.after_hole(observation := feed.observe(t)):
             seen.clear()
@@ -267,7 +266,8 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
     around = Surroundings(
         feed.start, box, velocity, feed.class_id, score, before, lanes_of(road)
     )
-    scene_number, names = np.zeros(len(rows["frame"]), dtype=np.int64), (scene.name,)
+    scene_number = np.zeros(len(rows["frame"]), dtype=np.int64)
+    names = (scene.name,)
     return Windows(
         **rows,
         scene=scene_number,
@@ -298,7 +298,8 @@ def _no_windows(task: Task) -> dict[str, np.ndarray]:
         np.zeros(0, dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64)
     )
     empty, _ = windows_of(Frame(0, no_tracks, ({},)), task.past)
-    ids, future = np.zeros(0, dtype=np.int64), np.zeros((0, task.future, 2))
+    ids = np.zeros(0, dtype=np.int64)
+    future = np.zeros((0, task.future, 2))
     return _labelled(
         empty,
         TrackLabels(ids, np.zeros((0, 2)), future, future[:, :, 0] > 0, ids > 0),

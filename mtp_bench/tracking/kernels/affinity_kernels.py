@@ -31,17 +31,19 @@ def _share(
     x: float, y: float, end_x: float, end_y: float, half_l: float, half_w: float
 ) -> float:
     """Share of the edge from x, y to end_x, end_y that is inside the rectangle around 0."""
-    dx, dy = end_x - x, end_y - y
+    dx = end_x - x
+    dy = end_y - y
     # parallel: inside for all of its length or for none of it
     inverse_x = 1.0 / (_TINY if abs(dx) < _TINY else dx)
     inverse_y = 1.0 / (_TINY if abs(dy) < _TINY else dy)
-    enter_x, leave_x = (-half_l - x) * inverse_x, (half_l - x) * inverse_x
-    enter_y, leave_y = (-half_w - y) * inverse_y, (half_w - y) * inverse_y
-    lower, upper = (
-        max(min(enter_x, leave_x), min(enter_y, leave_y)),
-        min(max(enter_x, leave_x), max(enter_y, leave_y)),
-    )
-    lower, upper = max(0.0, lower), min(1.0, upper)
+    enter_x = (-half_l - x) * inverse_x
+    leave_x = (half_l - x) * inverse_x
+    enter_y = (-half_w - y) * inverse_y
+    leave_y = (half_w - y) * inverse_y
+    lower = max(min(enter_x, leave_x), min(enter_y, leave_y))
+    upper = min(max(enter_x, leave_x), max(enter_y, leave_y))
+    lower = max(0.0, lower)
+    upper = min(1.0, upper)
     return max(upper - lower, 0.0)
 
 
@@ -57,14 +59,18 @@ def _edge_shares(
     half_w: float,
 ) -> tuple[float, float, float, float]:
     """Shares of the edges of the box at x, y inside the rectangle around 0: left, rear, right, front."""
-    c_l, s_l, c_w, s_w = (
-        cos * (l * 0.5),
-        sin * (l * 0.5),
-        cos * (w * 0.5),
-        sin * (w * 0.5),
-    )
-    x0, y0, x1, y1 = x + c_l - s_w, y + s_l + c_w, x - c_l - s_w, y - s_l + c_w
-    x2, y2, x3, y3 = x - c_l + s_w, y - s_l - c_w, x + c_l + s_w, y + s_l - c_w
+    c_l = cos * (l * 0.5)
+    s_l = sin * (l * 0.5)
+    c_w = cos * (w * 0.5)
+    s_w = sin * (w * 0.5)
+    x0 = x + c_l - s_w
+    y0 = y + s_l + c_w
+    x1 = x - c_l - s_w
+    y1 = y - s_l + c_w
+    x2 = x - c_l + s_w
+    y2 = y - s_l - c_w
+    x3 = x + c_l + s_w
+    y3 = y + s_l - c_w
     return (
         _share(x0, y0, x1, y1, half_l, half_w),
         _share(x1, y1, x2, y2, half_l, half_w),
@@ -85,16 +91,20 @@ def intersection_area(
     w_b: float,
 ) -> float:
     """Area common to box a, around 0 along the x axis, and box b at x, y; see `geometry.bev_intersection_area`."""
-    l_in, w_in = l_a, w_a
+    l_in = l_a
+    w_in = w_a
     if min(abs(cos), abs(sin)) < 1e-3:
-        side_a, side_b = min(l_a, w_a), min(l_b, w_b)
+        side_a = min(l_a, w_a)
+        side_b = min(l_b, w_b)
         hair = _HAIR * min(side_a, side_b)
-        l_in, w_in = max(l_a - hair, 0.0), max(w_a - hair, 0.0)
+        l_in = max(l_a - hair, 0.0)
+        w_in = max(w_a - hair, 0.0)
     left, rear, right, front = _edge_shares(
         x, y, cos, sin, l_b, w_b, l_in * 0.5, w_in * 0.5
     )
     # Twice the triangle over an edge with the centre of a: half an area of b, and what the shift of b adds to it.
-    along, across = cos * x + sin * y, cos * y - sin * x
+    along = cos * x + sin * y
+    across = cos * y - sin * x
     area = (left + right + rear + front) * (l_b * w_b * 0.5)
     area += (left - right) * (l_b * across) + (front - rear) * (w_b * along)
     left, rear, right, front = _edge_shares(
@@ -122,11 +132,18 @@ def _sector(
     v_y: float,
 ) -> float:
     """Twice the hull's area between the directions u and v, a and b the farthest corners; see geometry.py."""
-    d_x, d_y = a_x - b_x, a_y - b_y
+    d_x = a_x - b_x
+    d_y = a_y - b_y
     if d_x * u_x + d_y * u_y >= 0.0:
-        p_x, p_y, q_x, q_y = a_x, a_y, b_x, b_y
+        p_x = a_x
+        p_y = a_y
+        q_x = b_x
+        q_y = b_y
     else:
-        p_x, p_y, q_x, q_y = b_x, b_y, a_x, a_y
+        p_x = b_x
+        p_y = b_y
+        q_x = a_x
+        q_y = a_y
     area = _moment(p_x, p_y, u_x, u_y)
     if (d_x * u_x + d_y * u_y >= 0.0) == (d_x * v_x + d_y * v_y >= 0.0):
         return area - _moment(p_x, p_y, v_x, v_y)
@@ -156,16 +173,22 @@ def hull_area(
         l_b, w_b = w_b, l_b
         cos, sin = abs(sin), abs(cos)
     else:
-        cos, sin = abs(cos), abs(sin)
-    l, w = l_a * 0.5, w_a * 0.5
-    c_l, s_l, c_w, s_w = (
-        cos * (l_b * 0.5),
-        sin * (l_b * 0.5),
-        cos * (w_b * 0.5),
-        sin * (w_b * 0.5),
-    )
-    x0, y0, x1, y1 = x + c_l - s_w, y + s_l + c_w, x - c_l - s_w, y - s_l + c_w
-    x2, y2, x3, y3 = x - c_l + s_w, y - s_l - c_w, x + c_l + s_w, y + s_l - c_w
+        cos = abs(cos)
+        sin = abs(sin)
+    l = l_a * 0.5
+    w = w_a * 0.5
+    c_l = cos * (l_b * 0.5)
+    s_l = sin * (l_b * 0.5)
+    c_w = cos * (w_b * 0.5)
+    s_w = sin * (w_b * 0.5)
+    x0 = x + c_l - s_w
+    y0 = y + s_l + c_w
+    x1 = x - c_l - s_w
+    y1 = y - s_l + c_w
+    x2 = x - c_l + s_w
+    y2 = y - s_l - c_w
+    x3 = x + c_l + s_w
+    y3 = y + s_l - c_w
     area = _sector(l, w, x3, y3, 1.0, 0.0, cos, sin) + _sector(
         l, w, x0, y0, cos, sin, 0.0, 1.0
     )
@@ -212,13 +235,15 @@ def _apart(
     w_b: float,
 ) -> bool:
     """True if an axis of box a or of box b separates them; arguments as for `intersection_area`."""
-    cos_, sin_ = abs(cos), abs(sin)
+    cos_ = abs(cos)
+    sin_ = abs(sin)
     if (
         2.0 * abs(x) > l_a + l_b * cos_ + w_b * sin_
         or 2.0 * abs(y) > w_a + l_b * sin_ + w_b * cos_
     ):
         return True
-    along, across = abs(cos * x + sin * y), abs(cos * y - sin * x)
+    along = abs(cos * x + sin * y)
+    across = abs(cos * y - sin * x)
     return (
         2.0 * along > l_b + l_a * cos_ + w_a * sin_
         or 2.0 * across > w_b + l_a * sin_ + w_a * cos_
@@ -231,22 +256,30 @@ def _overlap_gain(
 ) -> float:
     """IoU or GIoU of two described boxes minus the gate; ``square``: of their distance in BEV."""
     touch = a[i, _RADIUS] + b[j, _RADIUS]
-    l_a, w_a, h_a, l_b, w_b, h_b = (
-        a[i, _L],
-        a[i, _W],
-        a[i, _H],
-        b[j, _L],
-        b[j, _W],
-        b[j, _H],
-    )
-    cos_a, sin_a, cos_b, sin_b = a[i, _COS], a[i, _SIN], b[j, _COS], b[j, _SIN]
-    dx, dy = b[j, _X] - a[i, _X], b[j, _Y] - a[i, _Y]
-    x, y = cos_a * dx + sin_a * dy, cos_a * dy - sin_a * dx
-    cos, sin = cos_a * cos_b + sin_a * sin_b, cos_a * sin_b - sin_a * cos_b
-    top_a, top_b = a[i, _Z] + h_a * 0.5, b[j, _Z] + h_b * 0.5
-    low_a, low_b = a[i, _Z] - h_a * 0.5, b[j, _Z] - h_b * 0.5
-    common, height = 0.0, min(top_a, top_b) - max(low_a, low_b)
-    volume_a, volume_b = l_a * w_a * h_a, l_b * w_b * h_b
+    l_a = a[i, _L]
+    w_a = a[i, _W]
+    h_a = a[i, _H]
+    l_b = b[j, _L]
+    w_b = b[j, _W]
+    h_b = b[j, _H]
+    cos_a = a[i, _COS]
+    sin_a = a[i, _SIN]
+    cos_b = b[j, _COS]
+    sin_b = b[j, _SIN]
+    dx = b[j, _X] - a[i, _X]
+    dy = b[j, _Y] - a[i, _Y]
+    x = cos_a * dx + sin_a * dy
+    y = cos_a * dy - sin_a * dx
+    cos = cos_a * cos_b + sin_a * sin_b
+    sin = cos_a * sin_b - sin_a * cos_b
+    top_a = a[i, _Z] + h_a * 0.5
+    top_b = b[j, _Z] + h_b * 0.5
+    low_a = a[i, _Z] - h_a * 0.5
+    low_b = b[j, _Z] - h_b * 0.5
+    common = 0.0
+    height = min(top_a, top_b) - max(low_a, low_b)
+    volume_a = l_a * w_a * h_a
+    volume_b = l_b * w_b * h_b
     if (
         height > 0.0
         and square <= touch * touch
@@ -256,7 +289,8 @@ def _overlap_gain(
             min(abs(cos), abs(sin)) < 2e-3
         ):  # where edges are nearly parallel the last digits of the turn matter
             turn = b[j, _YAW] - a[i, _YAW]
-            cos, sin = math.cos(turn), math.sin(turn)
+            cos = math.cos(turn)
+            sin = math.sin(turn)
         common = intersection_area(x, y, cos, sin, l_a, w_a, l_b, w_b) * height
         smaller = min(volume_a, volume_b)
         common = min(common, smaller)
@@ -275,7 +309,8 @@ def _reach(a: Floats, i: int, most: Floats, kind: int, gate: float) -> float:
     """No box of a class that is farther from box ``i`` in BEV may match it; ``most``: see `_by_class`."""
     if kind == CENTER_DISTANCE:
         return abs(gate) * _MORE
-    touch, side = (a[i, _RADIUS] + most[0]) * _MORE, min(a[i, _SIDE], most[2])
+    touch = (a[i, _RADIUS] + most[0]) * _MORE
+    side = min(a[i, _SIDE], most[2])
     if kind == IOU_3D:
         return touch if gate > 0.0 else np.inf
     # The largest share of both areas that the hull may have beside the half of them that it has anyway.
@@ -313,21 +348,17 @@ def _by_class(
 
     The extremes [C, 3] are the largest radius and area and the least side of a class.
     """
-    classes, start, place = (
-        len(kind),
-        np.zeros(len(kind) + 2, np.int64),
-        np.empty(len(class_id)),
-    )
+    classes = len(kind)
+    start = np.zeros(len(kind) + 2, np.int64)
+    place = np.empty(len(class_id))
     for j in range(len(class_id)):
         place[j] = np.inf if math.isnan(detection[j, 0]) else detection[j, 0]
         if 0 <= class_id[j] < classes:
             start[class_id[j] + 2] += 1
     for c in range(classes):
         start[c + 2] += start[c + 1]
-    order, described = (
-        np.empty(start[classes + 1], np.int64),
-        np.zeros((start[classes + 1], _COLUMNS)),
-    )
+    order = np.empty(start[classes + 1], np.int64)
+    described = np.zeros((start[classes + 1], _COLUMNS))
     most = np.zeros((classes, 3))
     most[:, 2] = np.inf
     for j in sorted_numbers(place, len(place)):
@@ -360,44 +391,42 @@ def sparse_pairs(
 ) -> tuple[Ints, Ints, Floats]:
     """Allowed pairs as rows: indptr [N + 1], column [E] ascending in each row, gain [E], none negative."""
     start, order, b, most = _by_class(detection, detection_class, kind)
-    n, capacity = len(track_class), 0
-    a, reach, window = np.zeros((n, _COLUMNS)), np.empty(n), np.zeros((n, 2), np.int64)
+    n = len(track_class)
+    capacity = 0
+    a = np.zeros((n, _COLUMNS))
+    reach = np.empty(n)
+    window = np.zeros((n, 2), np.int64)
     for i in range(n):
         c = track_class[i]
         if 0 <= c < len(kind):
-            first, last = int(start[c]), int(start[c + 1])
+            first = int(start[c])
+            last = int(start[c + 1])
             _describe(track, i, int(kind[c]), a, i)
-            reach[i], spare = (
-                _reach(a, i, most[c], int(kind[c]), gate[c]),
-                1e-12 * (1.0 + abs(track[i, 0])),
-            )
+            reach[i] = _reach(a, i, most[c], int(kind[c]), gate[c])
+            spare = 1e-12 * (1.0 + abs(track[i, 0]))
             if reach[i] < np.inf:
                 first = _first_from(b, first, last, a[i, _X] - reach[i] - spare)
                 last = _first_from(b, first, last, a[i, _X] + reach[i] + spare)
             window[i, 0], window[i, 1] = first, last
             capacity += last - first
-    indptr, column, gain, e = (
-        np.zeros(n + 1, np.int64),
-        np.empty(capacity, np.int64),
-        np.empty(capacity),
-        0,
-    )
+    indptr = np.zeros(n + 1, np.int64)
+    column = np.empty(capacity, np.int64)
+    gain = np.empty(capacity)
+    e = 0
     for i in range(n):
         for j in range(window[i, 0], window[i, 1]):
-            near, c = (
-                (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
-                <= reach[i] * reach[i],
-                track_class[i],
-            )
-            value, k = (
-                _gain(a, i, b, j, int(kind[c]), float(gate[c])) if near else -1.0,
-                e,
-            )
+            distance2 = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
+            near = distance2 <= reach[i] * reach[i]
+            c = track_class[i]
+            value = _gain(a, i, b, j, int(kind[c]), float(gate[c])) if near else -1.0
+            k = e
             if value >= 0.0:
                 while k > indptr[i] and column[k - 1] > order[j]:
-                    column[k], gain[k] = column[k - 1], gain[k - 1]
+                    column[k] = column[k - 1]
+                    gain[k] = gain[k - 1]
                     k -= 1
-                column[k], gain[k] = order[j], value
+                column[k] = order[j]
+                gain[k] = value
                 e += 1
         indptr[i + 1] = e
     return indptr, column[:e].copy(), gain[:e].copy()

@@ -44,7 +44,8 @@ def joint_k_best(
     pieces = find_pieces(member, problem.rows, problem.start)
     solutions, total, limit = solve_pieces(problem, pieces, base_cost, k)
     chosen, states = merge(pieces, solutions, total, limit, k)
-    costs, parent = np.empty(len(chosen)), np.empty(len(chosen), np.int64)
+    costs = np.empty(len(chosen))
+    parent = np.empty(len(chosen), np.int64)
     row_to_column = np.empty((len(chosen), member.shape[1]), np.int64)
     write_solutions(
         chosen,
@@ -65,7 +66,8 @@ def write_pairs(
     q: int, solution: int, rows: Ints, pieces: Pieces, solutions: Solutions, pair: Ints
 ) -> None:
     """Write the pairs of a solution of piece ``q`` into ``pair``, by the caller's rows."""
-    begin, end = pieces.begin[q], pieces.begin[q + 1]
+    begin = pieces.begin[q]
+    end = pieces.begin[q + 1]
     at = solutions.pair_at[solution] - begin
     for x in range(begin, end):
         pair[rows[pieces.places[x]]] = solutions.pairs[at + x]
@@ -87,13 +89,14 @@ def write_solutions(
 
     A cost is summed over the rows in their order, so that it does not depend on how the solution was found.
     """
-    rows, of_parent, N = problem.rows, pieces.of_parent, row_to_column.shape[1]
-    cheapest, written = (
-        np.empty((len(base), N), np.int64),
-        np.zeros(len(base), np.bool_),
-    )
+    rows = problem.rows
+    of_parent = pieces.of_parent
+    N = row_to_column.shape[1]
+    cheapest = np.empty((len(base), N), np.int64)
+    written = np.zeros(len(base), np.bool_)
     for i in range(len(chosen)):
-        p, state = states.parent[chosen[i]], chosen[i]
+        p = states.parent[chosen[i]]
+        state = chosen[i]
         if not written[p]:
             written[p] = True
             for row in range(N):
@@ -123,7 +126,8 @@ def write_solutions(
             if e >= 0:
                 total += problem.cost[e]
                 row_to_column[i, row] = problem.column_of_caller[e]
-        costs[i], parent[i] = total, p
+        costs[i] = total
+        parent[i] = p
 
 
 @part
@@ -158,13 +162,12 @@ def sort_solutions(
 ) -> tuple[Floats, Ints, Ints]:
     """Costs, columns and parents of the solutions, cheapest first."""
     order = sorted_order(cost, parent, column)
-    new_cost, new_parent, new_column = (
-        np.empty(len(order)),
-        np.empty(len(order), np.int64),
-        np.empty(column.shape, np.int64),
-    )
+    new_cost = np.empty(len(order))
+    new_parent = np.empty(len(order), np.int64)
+    new_column = np.empty(column.shape, np.int64)
     for i in range(len(order)):
-        new_cost[i], new_parent[i] = cost[order[i]], parent[order[i]]
+        new_cost[i] = cost[order[i]]
+        new_parent[i] = parent[order[i]]
         for row in range(column.shape[1]):
             new_column[i, row] = column[order[i], row]
     return new_cost, new_column, new_parent

@@ -31,7 +31,9 @@ def note(best: Floats, totals: Floats, size: int, gap: float) -> None:
 @inlined
 def keep(total: float, count: int, piece: Block, option: Ints, kept: Kept) -> int:
     """Enter the present choice, which costs ``total``, as a new solution or for the dearest; returns their number."""
-    order, cost, k = kept.order, kept.cost, len(kept.order)
+    order = kept.order
+    cost = kept.cost
+    k = len(kept.order)
     place = order[k - 1] if count == k else count
     count += 1 if count < k else 0
     cost[place] = total
@@ -71,11 +73,19 @@ def enumerate_solutions(
     -1, with ``bound.best`` spoilt, if more than ``patience`` partial choices would have to be looked at.
     ``matching``: the cheapest solution, which costs ``root_cost``, and its potentials; zeros if it is not known.
     """
-    first, last, column, cost = piece.first, piece.last, piece.column, piece.cost
-    u, v = matching.u, matching.v
+    first = piece.first
+    last = piece.last
+    column = piece.column
+    cost = piece.cost
+    u = matching.u
+    v = matching.v
     taken, option, lower, total = choice
-    n, k, count, x = piece.n, len(kept.order), 0, 0
-    lower[0], total[0] = 0.0, 0.0
+    n = piece.n
+    k = len(kept.order)
+    count = 0
+    x = 0
+    lower[0] = 0.0
+    total[0] = 0.0
     option[0] = first[0] - 1
     limit = limit_of(bound)
     while x >= 0:
@@ -96,7 +106,8 @@ def enumerate_solutions(
             lower[x + 1] = lower[x] + cost[e] - u[x] - v[column[e]]
             total[x + 1] = total[x] + cost[e]
         else:
-            lower[x + 1], total[x + 1] = lower[x] - u[x], total[x]
+            lower[x + 1] = lower[x] - u[x]
+            total[x + 1] = total[x]
         patience -= 1
         if patience < 0:
             for y in range(piece.m):

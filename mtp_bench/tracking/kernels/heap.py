@@ -14,9 +14,11 @@ def push(keys: Floats, names: Ints, size: int, key: float, name: int) -> int:
         above = (i - 1) >> 1
         if keys[above] < key or (keys[above] == key and names[above] < name):
             break
-        keys[i], names[i] = keys[above], names[above]
+        keys[i] = keys[above]
+        names[i] = names[above]
         i = above
-    keys[i], names[i] = key, name
+    keys[i] = key
+    names[i] = name
     return size + 1
 
 
@@ -24,8 +26,10 @@ def push(keys: Floats, names: Ints, size: int, key: float, name: int) -> int:
 def pop(keys: Floats, names: Ints, size: int) -> int:
     """Move the least entry behind the heap, to number ``size`` - 1; its new size, which is that number."""
     size -= 1
-    least_key, least_name = keys[0], names[0]
-    key, name = keys[size], names[size]
+    least_key = keys[0]
+    least_name = names[0]
+    key = keys[size]
+    name = names[size]
     i = 0
     while True:
         below = 2 * i + 1
@@ -39,21 +43,22 @@ def pop(keys: Floats, names: Ints, size: int) -> int:
             below = right
         if key < keys[below] or (key == keys[below] and name < names[below]):
             break
-        keys[i], names[i] = keys[below], names[below]
+        keys[i] = keys[below]
+        names[i] = names[below]
         i = below
-    keys[i], names[i] = key, name
-    keys[size], names[size] = least_key, least_name
+    keys[i] = key
+    names[i] = name
+    keys[size] = least_key
+    names[size] = least_name
     return size
 
 
 @part
 def sorted_numbers(keys: Floats, size: int) -> Ints:
     """Numbers of the first ``size`` keys, by ascending keys, equal keys by their numbers; no key is NaN."""
-    waiting, names, order = (
-        np.empty(size),
-        np.empty(size, np.int64),
-        np.empty(size, np.int64),
-    )
+    waiting = np.empty(size)
+    names = np.empty(size, np.int64)
+    order = np.empty(size, np.int64)
     for i in range(size):
         push(waiting, names, i, keys[i], i)
     for i in range(size):

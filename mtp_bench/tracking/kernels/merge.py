@@ -27,10 +27,13 @@ class MergeQueue(NamedTuple):
 @part
 def by_first_gap(begin: Ints, count: Ints, gap: Floats, spare: float) -> Ints:
     """Pieces with a second solution that is dearer by at most ``spare``, by that gap."""
-    numbers, first, size = np.empty(len(begin), np.int64), np.empty(len(begin)), 0
+    numbers = np.empty(len(begin), np.int64)
+    first = np.empty(len(begin))
+    size = 0
     for q in range(len(begin)):
         if count[q] > 1 and gap[begin[q] + 1] <= spare:
-            numbers[size], first[size] = q, gap[begin[q] + 1]
+            numbers[size] = q
+            first[size] = gap[begin[q] + 1]
             size += 1
     order = sorted_numbers(first, size)
     for i in range(size):
@@ -66,12 +69,19 @@ def push_successors(
     The pieces of its parent that can change are ``changeable`` [Q], in their order, up to number ``stop``. A state that
     would cost more than ``limit`` is left out. Writes the next row of ``states`` and an entry of ``queue`` for each.
     """
-    begin, gap = solutions.begin, solutions.gap
-    a, rank, under = states.piece[s], states.rank[s], states.under[s]
+    begin = solutions.begin
+    gap = solutions.gap
+    a = states.piece[s]
+    rank = states.rank[s]
+    under = states.under[s]
     for kind in range(3):
-        b, j, below = a + 1, 1, s
+        b = a + 1
+        j = 1
+        below = s
         if kind == 0:
-            b, j, below = a, rank + 1, under
+            b = a
+            j = rank + 1
+            below = under
         elif kind == 2:
             below = under
         if (kind == 0 and rank == 0) or (kind == 2 and rank != 1) or b >= stop:
@@ -111,7 +121,9 @@ def expand(
 
     ``ordered``: the pieces that can change; ``changeable`` and ``stop``: room for those of each parent.
     """
-    P, found, used = len(total), 0, 0
+    P = len(total)
+    found = 0
+    used = 0
     for p in range(P):
         states.parent[p], states.piece[p], states.rank[p], states.under[p] = (
             p,
@@ -125,7 +137,8 @@ def expand(
     while queue.size[0] > 0 and found < len(out):
         size = pop(queue.keys, queue.names, queue.size[0])
         queue.size[0] = size
-        s, key = queue.names[size], queue.keys[size]
+        s = queue.names[size]
+        key = queue.keys[size]
         p = states.parent[s]
         if states.rank[s] == 0:  # the first of this parent: its pieces, in order
             states.piece[s] = used - 1
@@ -156,16 +169,12 @@ def merge(
         solutions.gap,
         limit - total[sorted_numbers(total, P)[0]],
     )
-    most, changeable = (
-        P + 3 * k,
-        np.empty(P * min(len(ordered), pieces.of_parent.shape[1]), np.int64),
-    )
+    most = P + 3 * k
+    changeable = np.empty(P * min(len(ordered), pieces.of_parent.shape[1]), np.int64)
     numbers = np.empty((5, most), np.int64)
     states = States(numbers[0], numbers[1], numbers[2], numbers[3])
-    queue, out = (
-        MergeQueue(np.empty(most), numbers[4], np.zeros(2, np.int64)),
-        np.empty(k, np.int64),
-    )
+    queue = MergeQueue(np.empty(most), numbers[4], np.zeros(2, np.int64))
+    out = np.empty(k, np.int64)
     found = expand(
         pieces,
         solutions,

@@ -19,7 +19,9 @@ VELOCITY_NOISE = 0.01  # per frame
 
 STATE = 15  # x y z yaw l w h vx vy vz, then covariance and variance:
 _PP, _PV, _VP, _VV, _SHAPE = range(10, STATE)
-_PI, _TWO_PI, _RIGHT = math.pi, 2 * math.pi, math.pi / 2
+_PI = math.pi
+_TWO_PI = 2 * math.pi
+_RIGHT = math.pi / 2
 
 
 @part
@@ -37,7 +39,10 @@ def predict(state: Floats) -> None:
     for i in range(len(state)):
         for axis in range(3):
             state[i, axis] += state[i, 7 + axis]
-        pp, pv, vp, vv = state[i, _PP], state[i, _PV], state[i, _VP], state[i, _VV]
+        pp = state[i, _PP]
+        pv = state[i, _PV]
+        vp = state[i, _VP]
+        vv = state[i, _VV]
         state[i, _PP] = pp + pv + vp + vv + POSITION_NOISE
         state[i, _PV] = pv + vv
         state[i, _VP] = vp + vv
@@ -48,11 +53,12 @@ def predict(state: Floats) -> None:
 @part
 def _take_box(state: Floats, at: int, box: Floats, detection: int) -> None:
     """Update state ``at`` with a detected box, in place. A detection that faces the other way is turned by pi."""
-    pp, pv, vp, vv = state[at, _PP], state[at, _PV], state[at, _VP], state[at, _VV]
-    gain, velocity_gain = (
-        pp / (pp + MEASUREMENT_VARIANCE),
-        vp / (pp + MEASUREMENT_VARIANCE),
-    )
+    pp = state[at, _PP]
+    pv = state[at, _PV]
+    vp = state[at, _VP]
+    vv = state[at, _VV]
+    gain = pp / (pp + MEASUREMENT_VARIANCE)
+    velocity_gain = vp / (pp + MEASUREMENT_VARIANCE)
     for axis in range(3):
         innovation = box[detection, axis] - state[at, axis]
         state[at, axis] += gain * innovation
@@ -76,7 +82,10 @@ def _take_velocity(
     state: Floats, at: int, velocity: Floats, detection: int, dt: float
 ) -> None:
     """Update state ``at`` with a measured velocity in m/s, in place; exactly 0, 0 means not measured."""
-    pp, pv, vp, vv = state[at, _PP], state[at, _PV], state[at, _VP], state[at, _VV]
+    pp = state[at, _PP]
+    pv = state[at, _PV]
+    vp = state[at, _VP]
+    vv = state[at, _VV]
     deviation = VELOCITY_DEVIATION * dt
     measured = (
         1.0 if velocity[detection, 0] != 0.0 or velocity[detection, 1] != 0.0 else 0.0

@@ -85,19 +85,18 @@ def lower_bounds(
 
     The path leaves the row by one pair and enters its column by another, or either way through the hub.
     """
-    n, pair_local, table, potentials, enter = (
-        piece.n,
-        piece.column,
-        nodes.table,
-        nodes.potentials,
-        slacks.enter,
-    )
+    n = piece.n
+    pair_local = piece.column
+    table = nodes.table
+    potentials = nodes.potentials
+    enter = slacks.enter
     depth = table[q, 2 * n]
     for y in range(piece.m):
         enter[y] = -potentials[q, n + y]
     for t in range(depth, n):
         x = table[q, n + t]
-        ux, own = potentials[q, x], table[q, x]
+        ux = potentials[q, x]
+        own = table[q, x]
         least = -ux if own >= 0 and not (t == depth and hub_banned) else np.inf
         for e in range(piece.first[x], piece.last[x]):
             if e != own:
@@ -143,16 +142,18 @@ def sort_rows(q: int, n: int, nodes: Ints, out: Floats, spare: float) -> int:
 def load_child(q: int, t: int, piece: Block, nodes: Nodes, matching: Matching) -> None:
     """Solution and potentials of node ``q``, with its first ``t`` rows and their columns out."""
     match, owner, u, v, row_out, column_out = matching
-    n, pair_local, table, potentials = (
-        piece.n,
-        piece.column,
-        nodes.table,
-        nodes.potentials,
-    )
+    n = piece.n
+    pair_local = piece.column
+    table = nodes.table
+    potentials = nodes.potentials
     for y in range(piece.m):
-        v[y], owner[y], column_out[y] = potentials[q, n + y], HUB, False
+        v[y] = potentials[q, n + y]
+        owner[y] = HUB
+        column_out[y] = False
     for x in range(n):
-        match[x], u[x], row_out[x] = table[q, x], potentials[q, x], False
+        match[x] = table[q, x]
+        u[x] = potentials[q, x]
+        row_out[x] = False
         if match[x] >= 0:
             owner[pair_local[match[x]]] = x
     for i in range(t):
@@ -173,7 +174,10 @@ def save_child(
     cost: float,
 ) -> None:
     """Write child ``t`` of node ``q`` as node ``new``; its rows after number ``t`` in any order."""
-    n, m, table, potentials = piece.n, piece.m, nodes.table, nodes.potentials
+    n = piece.n
+    m = piece.m
+    table = nodes.table
+    potentials = nodes.potentials
     for x in range(n):
         table[new, x], table[new, n + x], potentials[new, x] = (
             matching.match[x],
@@ -202,8 +206,11 @@ def split_node(
     ``spare``: by how much they may be dearer than the node's solution, which costs ``key``.
     ``slacks`` [n] and [m] is workspace; ``entries`` and ``size``: entries of the queue so far, and keys of its heap.
     """
-    n, table = piece.n, nodes.table
-    depth, is_root, hub_banned = table[q, 2 * n], table[q, 2 * n + 1] < 0, False
+    n = piece.n
+    table = nodes.table
+    depth = table[q, 2 * n]
+    is_root = table[q, 2 * n + 1] < 0
+    hub_banned = False
     if not is_root:
         hub_banned = ban(table, q, depth, n, piece.banned, True)
     lower_bounds(q, piece, hub_banned, nodes, slacks)
@@ -234,9 +241,11 @@ def solve_child(
     path: Path,
 ) -> bool:
     """True if child ``t`` of node ``q`` has a solution dearer by at most ``spare``, written to the matching."""
-    n, pair_local = piece.n, piece.column
+    n = piece.n
+    pair_local = piece.column
     load_child(q, t, piece, nodes, matching)
-    source, target = nodes.table[q, n + t], HUB
+    source = nodes.table[q, n + t]
+    target = HUB
     if matching.match[source] >= 0:
         target = pair_local[matching.match[source]]
         matching.owner[target] = HUB
@@ -260,9 +269,12 @@ def search_solutions(
     kept: Kept,
 ) -> int:
     """As `enumeration.enumerate_solutions`, for pieces of any size; ``matching``: the cheapest solution."""
-    n, m, k = piece.n, piece.m, len(kept.order)
+    n = piece.n
+    m = piece.m
+    k = len(kept.order)
     nodes = Nodes(np.empty((16, 2 * n + 2), np.int64), np.empty((16, n + m + 1)))
-    slacks, most = Slacks(np.empty(n), np.empty(m)), 2 * k * n + 2
+    slacks = Slacks(np.empty(n), np.empty(m))
+    most = 2 * k * n + 2
     queue = SearchQueue(
         np.empty(most),
         np.empty(most, np.int64),
@@ -274,11 +286,17 @@ def search_solutions(
     save_child(0, 0, 0, piece, nodes, matching, root_cost)
     nodes.table[0, 2 * n + 1] = -1
     queue.node[0], queue.child[0], queue.keys[0], queue.names[0] = 0, -1, root_cost, 0
-    used, entries, size, count = 1, 1, 1, 0
+    used = 1
+    entries = 1
+    size = 1
+    count = 0
     while size > 0 and count < k:
         size = pop(queue.keys, queue.names, size)
-        key, entry, limit = queue.keys[size], queue.names[size], limit_of(bound)
-        q, t = queue.node[entry], queue.child[entry]
+        key = queue.keys[size]
+        entry = queue.names[size]
+        limit = limit_of(bound)
+        q = queue.node[entry]
+        t = queue.child[entry]
         spare = limit - (key - root_cost)
         if spare < 0.0:
             break

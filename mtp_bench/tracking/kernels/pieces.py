@@ -56,17 +56,19 @@ class Roots(NamedTuple):
 @part
 def new_workspace(problem: Problem, pieces: Pieces, k: int) -> Workspace:
     """Workspace for the largest piece; few arrays, since each takes time to make."""
-    n, m = 1, 1
+    n = 1
+    m = 1
     for q in range(len(pieces.component)):
-        n, m = (
-            max(n, pieces.begin[q + 1] - pieces.begin[q]),
-            max(m, problem.width[pieces.component[q]]),
-        )
-    rows, columns = np.empty((4, n), np.int64), np.empty((4, m), np.int64)
-    row_sums, column_sums = np.zeros((3, n + 1)), np.zeros((2, m))
+        n = max(n, pieces.begin[q + 1] - pieces.begin[q])
+        m = max(m, problem.width[pieces.component[q]])
+    rows = np.empty((4, n), np.int64)
+    columns = np.empty((4, m), np.int64)
+    row_sums = np.zeros((3, n + 1))
+    column_sums = np.zeros((2, m))
     for y in range(m):
         column_sums[1, y] = np.inf
-    row_out, column_out = np.zeros(n, np.bool_), np.zeros(m, np.bool_)
+    row_out = np.zeros(n, np.bool_)
+    column_out = np.zeros(m, np.bool_)
     return Workspace(
         rows[0],
         rows[1],
@@ -82,7 +84,8 @@ def new_workspace(problem: Problem, pieces: Pieces, k: int) -> Workspace:
 @part
 def new_roots(problem: Problem, pieces: Pieces) -> Roots:
     """Arrays for the cheapest solution of every piece, to be filled in."""
-    Q, rows = len(pieces.component), len(pieces.places)
+    Q = len(pieces.component)
+    rows = len(pieces.places)
     v_start = np.zeros(Q + 1, np.int64)
     for q in range(Q):
         v_start[q + 1] = v_start[q] + problem.width[pieces.component[q]]
@@ -100,10 +103,12 @@ def load_piece(
     q: int, problem: Problem, pieces: Pieces, first: Ints, last: Ints, banned: Bools
 ) -> Block:
     """Piece ``q``, with its rows and columns numbered from 0."""
-    low, high = pieces.begin[q], pieces.begin[q + 1]
+    low = pieces.begin[q]
+    high = pieces.begin[q + 1]
     for i in range(low, high):
         place = pieces.places[i]
-        first[i - low], last[i - low] = problem.first[place], problem.first[place + 1]
+        first[i - low] = problem.first[place]
+        last[i - low] = problem.first[place + 1]
     return Block(
         high - low,
         problem.width[pieces.component[q]],
@@ -120,7 +125,9 @@ def count_choices(problem: Problem, pieces: Pieces, choices: Floats, k: int) -> 
     """Write the number of choices of every piece, 0 where all solutions are found at once; pairs of all solutions."""
     pairs = 0
     for q in range(len(choices)):
-        low, high, product = pieces.begin[q], pieces.begin[q + 1], 1
+        low = pieces.begin[q]
+        high = pieces.begin[q + 1]
+        product = 1
         for place in pieces.places[low:high]:
             product *= problem.first[place + 1] - problem.first[place] + 1
             if product > MOST_CHOICES and high - low > 1:
@@ -137,7 +144,9 @@ def record(
     q: int, n: int, count: int, kept: Kept, next_solution: int, solutions: Solutions
 ) -> None:
     """Enter the ``count`` solutions kept of piece ``q``, of ``n`` rows."""
-    rise, cost, order = 0.0, kept.cost, kept.order
+    rise = 0.0
+    cost = kept.cost
+    order = kept.order
     solutions.begin[q], solutions.size[q] = next_solution, count
     for r in range(count):
         rise = max(rise, cost[order[r]] - cost[order[0]])
@@ -156,10 +165,12 @@ def rank_row(
         i = count
         while i > 0 and cost[i - 1] > price:
             if i < k:
-                cost[i], pair[i] = cost[i - 1], pair[i - 1]
+                cost[i] = cost[i - 1]
+                pair[i] = pair[i - 1]
             i -= 1
         if i < k:
-            cost[i], pair[i] = price, e if e < last else -1
+            cost[i] = price
+            pair[i] = e if e < last else -1
             count += 1 if count < k else 0
     return count
 
@@ -175,30 +186,25 @@ def solve_small(
 ) -> tuple[int, int]:
     """Solutions, at most the k best, of the pieces without choices; how many, and how many pairs they have."""
     no_bound = Bound(np.full(len(space.order), np.inf), np.zeros(1), 0, 0.0)
-    first, last, banned, matching, choice = (
-        space.first,
-        space.last,
-        space.banned,
-        space.matching,
-        space.choice,
-    )
-    order, kept_cost, pairs, next_solution, used = (
-        space.order,
-        space.cost,
-        solutions.pairs,
-        0,
-        0,
-    )
+    first = space.first
+    last = space.last
+    banned = space.banned
+    matching = space.matching
+    choice = space.choice
+    order = space.order
+    kept_cost = space.cost
+    pairs = solutions.pairs
+    next_solution = 0
+    used = 0
     for q in range(len(choices)):
         if choices[q] > 0.0:
             continue
         begin = pieces.begin[q]
         if pieces.begin[q + 1] - begin == 1:  # most pieces
-            low, high = (
-                problem.first[pieces.places[begin]],
-                problem.first[pieces.places[begin] + 1],
-            )
-            cost, pair = solutions.gap[next_solution:], pairs[used:]
+            low = problem.first[pieces.places[begin]]
+            high = problem.first[pieces.places[begin] + 1]
+            cost = solutions.gap[next_solution:]
+            pair = pairs[used:]
             count = rank_row(low, high, problem.cost, len(order), cost, pair)
             root_cost[q], solutions.begin[q], solutions.size[q] = (
                 cost[0],
@@ -211,10 +217,8 @@ def solve_small(
             next_solution += count
             used += count
             continue
-        piece, kept = (
-            load_piece(q, problem, pieces, first, last, banned),
-            Kept(order, kept_cost, pairs, used),
-        )
+        piece = load_piece(q, problem, pieces, first, last, banned)
+        kept = Kept(order, kept_cost, pairs, used)
         count = enumerate_solutions(
             piece, matching, 0.0, no_bound, choice, kept, PATIENCE
         )
@@ -230,13 +234,11 @@ def solve_roots(
     problem: Problem, pieces: Pieces, choices: Floats, space: Workspace, roots: Roots
 ) -> None:
     """The cheapest solution of every piece with choices: its pairs, its potentials and its cost."""
-    first, last, banned, matching, path = (
-        space.first,
-        space.last,
-        space.banned,
-        space.matching,
-        space.path,
-    )
+    first = space.first
+    last = space.last
+    banned = space.banned
+    matching = space.matching
+    path = space.path
     for q in range(len(choices)):
         if choices[q] == 0.0:
             continue
@@ -271,14 +273,17 @@ def solve_large(
     kept: Kept,
 ) -> int:
     """Number of solutions kept of piece ``q``: by enumeration or, if that takes too long, by Murty's search."""
-    matching, begin, k = space.matching, pieces.begin[q], len(kept.order)
+    matching = space.matching
+    begin = pieces.begin[q]
+    k = len(kept.order)
     piece = load_piece(q, problem, pieces, space.first, space.last, space.banned)
     for x in range(piece.n):
         matching.match[x], matching.u[x] = roots.pair[begin + x], roots.u[begin + x]
     for y in range(piece.m):
         matching.v[y] = roots.v[roots.v_start[q] + y]
     if choices <= MOST_CHOICES:
-        saved, patience = bound.best.copy(), PATIENCE + PATIENCE_PER_SOLUTION * k
+        saved = bound.best.copy()
+        patience = PATIENCE + PATIENCE_PER_SOLUTION * k
         count = enumerate_solutions(
             piece, matching, roots.cost[q], bound, space.choice, kept, patience
         )
@@ -340,23 +345,20 @@ def solve_pieces(
     Returns with them the cost of each parent's cheapest solution [P], and a limit that the k-th best does not exceed.
     ``base`` [P]: cost of the parents.
     """
-    component, begin, of_parent, Q = (
-        pieces.component,
-        pieces.begin,
-        pieces.of_parent,
-        len(pieces.component),
-    )
-    paired, most = 0.0, 0.0
+    component = pieces.component
+    begin = pieces.begin
+    of_parent = pieces.of_parent
+    Q = len(pieces.component)
+    paired = 0.0
+    most = 0.0
     for price in problem.cost:
         paired += abs(price)
     for price in base:
         most = max(most, abs(price))
     slack = 1e-12 * (paired + most)  # of what no total exceeds
-    space, roots, choices = (
-        new_workspace(problem, pieces, k),
-        new_roots(problem, pieces),
-        np.ones(Q),
-    )
+    space = new_workspace(problem, pieces, k)
+    roots = new_roots(problem, pieces)
+    choices = np.ones(Q)
     if k == 1:
         solve_roots(problem, pieces, choices, space, roots)
         total = totals_of(of_parent, base, roots.cost)
@@ -365,22 +367,18 @@ def solve_pieces(
         )
         return cheapest, total, total[sorted_numbers(total, len(total))[0]] + slack
     pairs: Ints = np.empty(count_choices(problem, pieces, choices, k), np.int64)
-    numbers, gap, pair_at = (
-        np.empty((2, Q), np.int64),
-        np.empty(Q * k),
-        np.empty(Q * k, np.int64),
-    )
+    numbers = np.empty((2, Q), np.int64)
+    gap = np.empty(Q * k)
+    pair_at = np.empty(Q * k, np.int64)
     solutions = Solutions(numbers[0], numbers[1], gap, pair_at, pairs)
     next_solution, used = solve_small(
         problem, pieces, choices, space, roots.cost, solutions
     )
     solve_roots(problem, pieces, choices, space, roots)
     total = totals_of(of_parent, base, roots.cost)
-    ranked, best, totals = (
-        sorted_numbers(total, len(total)),
-        np.full(k, np.inf),
-        np.empty(len(base)),
-    )
+    ranked = sorted_numbers(total, len(total))
+    best = np.full(k, np.inf)
+    totals = np.empty(len(base))
     for i in range(min(k, len(total))):
         best[i] = total[ranked[i]]
     for q in range(Q):

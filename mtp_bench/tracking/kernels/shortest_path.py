@@ -36,21 +36,26 @@ def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no 
     ``hub_banned``, the hub. Rows and columns that are out do not take part. Fills ``path``, whose distances are
     infinite at the start.
     """
-    first, last, pair_local, pair_cost, banned = (
-        piece.first,
-        piece.last,
-        piece.column,
-        piece.cost,
-        piece.banned,
-    )
+    first = piece.first
+    last = piece.last
+    pair_local = piece.column
+    pair_cost = piece.cost
+    banned = piece.banned
     match, owner, u, v, row_out, column_out = matching
     dist, through, by, seen, hub = path
-    count, closed = 0, 0
-    far, hub_open = np.inf, True
+    count = 0
+    closed = 0
+    far = np.inf
+    hub_open = True
     hub[0], hub[1] = -1, -1
-    d, low, high, from_hub = 0.0, source, source + 1, False
+    d = 0.0
+    low = source
+    high = source + 1
+    from_hub = False
     if source == HUB:
-        far, low, high = 0.0, 0, 0
+        far = 0.0
+        low = 0
+        high = 0
     while True:
         for x in range(low, high):
             if from_hub and (match[x] >= 0 or row_out[x] or x == source):
@@ -66,7 +71,9 @@ def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no 
                     if dist[y] == np.inf:
                         seen[count] = y
                         count += 1
-                    dist[y], through[y], by[y] = at, e, x
+                    dist[y] = at
+                    through[y] = e
+                    by[y] = x
                     if y == target:
                         limit = at  # what lies beyond is of no interest
                     elif owner[y] == HUB and hub_open and at < far:
@@ -83,14 +90,17 @@ def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no 
                 hub[0], hub[1] = x, -1
                 if target == HUB:
                     limit = far
-        best, at_best = far if hub_open else np.inf, -1
+        best = far if hub_open else np.inf
+        at_best = -1
         for i in range(closed, count):
             if dist[seen[i]] < best:
-                best, at_best = dist[seen[i]], i
+                best = dist[seen[i]]
+                at_best = i
         hub[2] = count
         if best == np.inf or (dist[target] <= best if target >= 0 else far <= best):
             return float(best), float(far)
-        d, from_hub = best, at_best < 0
+        d = best
+        from_hub = at_best < 0
         if at_best >= 0:
             y = seen[at_best]
             seen[at_best], seen[closed] = seen[closed], y
@@ -104,10 +114,13 @@ def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no 
                 if dist[y] == np.inf:
                     seen[count] = y
                     count += 1
-                dist[y], through[y], by[y] = at, -1, -1
+                dist[y] = at
+                through[y] = -1
+                by[y] = -1
                 if y == target:
                     limit = at
-        low, high = 0, piece.n
+        low = 0
+        high = piece.n
 
 
 @part
@@ -152,14 +165,16 @@ def flip_path(
     while True:
         if y == HUB:
             if path.hub[0] >= 0:
-                x, e = path.hub[0], -1
+                x = path.hub[0]
+                e = -1
             elif path.hub[1] >= 0:
                 y = path.hub[1]
                 continue
             else:
                 return  # the hub is the source
         else:
-            x, e = path.by[y], path.through[y]
+            x = path.by[y]
+            e = path.through[y]
             matching.owner[y] = x
             if e < 0:
                 y = HUB
@@ -177,16 +192,20 @@ def start_greedily(piece: Block, matching: Matching) -> int:
     match, owner, u, v, row_out, _ = matching
     waiting = 0
     for y in range(piece.m):
-        v[y], owner[y] = 0.0, HUB
+        v[y] = 0.0
+        owner[y] = HUB
     for x in range(piece.n):
-        least, chosen = 0.0, -1
+        least = 0.0
+        chosen = -1
         for e in range(piece.first[x], piece.last[x]):
             if piece.cost[e] < least:
-                least, chosen = piece.cost[e], e
+                least = piece.cost[e]
+                chosen = e
         u[x] = least
         if chosen >= 0:
             if owner[piece.column[chosen]] >= 0:
-                chosen, row_out[x] = -1, True
+                chosen = -1
+                row_out[x] = True
                 waiting += 1
             else:
                 owner[piece.column[chosen]] = x

@@ -12,7 +12,8 @@ from .compile import kernel, part
 
 # rows of a memory: class, identity, detections taken, frames since the last one
 CLASS, ID, HITS, AGE = range(4)
-_UNSEEN, _SEEN = -1, -2
+_UNSEEN = -1
+_SEEN = -2
 
 
 @part
@@ -28,7 +29,8 @@ def _mixed(leaf: int) -> int:
 def _sort(values: Ints, n: int) -> None:
     """Sort the first ``n`` values, a handful, in place."""
     for i in range(1, n):
-        value, j = values[i], i - 1
+        value = values[i]
+        j = i - 1
         while j >= 0 and values[j] > value:
             values[j + 1] = values[j]
             j -= 1
@@ -70,9 +72,11 @@ def _spread(
     place = np.full(
         len(takers) + 1, _UNSEEN
     )  # whether the present old leaf has had a choice before
-    choices, count = np.empty(len(parent), np.int64), 0
+    choices = np.empty(len(parent), np.int64)
+    count = 0
     for i in range(len(age)):
-        n, start[i] = 0, count
+        n = 0
+        start[i] = count
         for h in range(len(parent)):
             if not member[parent[h], i]:
                 choice[i, h] = _UNSEEN
@@ -90,7 +94,8 @@ def _spread(
         for j in range(n):
             place[choices[j]] = _UNSEEN
             if choices[j] > 0 or age[i] + 1 < max_age[i]:
-                leaf[count], detection[count] = i, choices[j] - 1
+                leaf[count] = i
+                detection[count] = choices[j] - 1
                 count += 1
     start[len(age)] = count
     return count
@@ -101,8 +106,10 @@ def _hold(taken: _Taken, new: _Leaves, member: Bools, name: Ints) -> None:
     """Let each hypothesis hold its leaves, and name it by the sum of their numbers."""
     choice, by_any, takers = taken
     _, detection, start = new
-    leaves, count = len(choice), member.shape[1]
-    place, number = np.full(len(takers) + 1, _UNSEEN), np.empty(count, np.int64)
+    leaves = len(choice)
+    count = member.shape[1]
+    place = np.full(len(takers) + 1, _UNSEEN)
+    number = np.empty(count, np.int64)
     for e in range(count):
         number[e] = _mixed(e)
     for i in range(leaves):
@@ -156,7 +163,8 @@ def grow(
         if taken.takers[d] < hypotheses:
             new.leaf[count], new.detection[count] = -1, d
             count += 1
-    now, name = np.zeros((hypotheses, count), np.bool_), np.zeros(hypotheses, np.int64)
+    now = np.zeros((hypotheses, count), np.bool_)
+    name = np.zeros(hypotheses, np.int64)
     _hold(taken, new, now, name)
     return new.leaf[:count].copy(), new.detection[:count].copy(), now, name
 
@@ -164,7 +172,8 @@ def grow(
 @kernel("i8[::1](b1[:, ::1], i8[::1])")
 def distinct_rows(member: Bools, name: Ints) -> Ints:
     """Rows [H'] of a membership [H, N] that are not equal to an earlier one; equal rows have equal names [H]."""
-    kept, count = np.empty(len(name), np.int64), 0
+    kept = np.empty(len(name), np.int64)
+    count = 0
     for h in range(len(name)):
         fresh = True
         for j in range(count):
@@ -196,7 +205,8 @@ def descend(
 ) -> int:
     """Write the memories of the new leaves; returns the next free identity."""
     for e in range(len(leaf)):
-        i, d = leaf[e], detection[e]
+        i = leaf[e]
+        d = detection[e]
         if i < 0:
             new_memory[CLASS, e], new_memory[ID, e], new_score[e] = (
                 box_class[d],
@@ -237,7 +247,8 @@ def histories(
     past = np.empty((len(leaf), layers, 7))
     taken = np.empty((len(leaf), layers), np.int64)
     for n in range(len(leaf)):
-        at, layer = leaf[n], last + 1
+        at = leaf[n]
+        layer = last + 1
         for back in range(layers):
             if at < 0 or back >= filled:
                 taken[n, layers - 1 - back] = UNBORN
@@ -245,7 +256,8 @@ def histories(
                     past[n, layers - 1 - back, k] = 0.0
                 continue
             layer = layer - 1 if layer > 0 else layers - 1
-            box, into = measured[layer, at], past[n, layers - 1 - back]
+            box = measured[layer, at]
+            into = past[n, layers - 1 - back]
             into[0], into[1], into[2], into[3] = box[0], box[1], box[2], box[3]
             into[4], into[5], into[6] = box[4], box[5], box[6]
             taken[n, layers - 1 - back] = detection[layer, at]

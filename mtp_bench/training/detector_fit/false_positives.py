@@ -126,7 +126,8 @@ def _count_free(
         return None
     moment = real.scene[free] * _FRAMES + real.frame[free]
     count = np.unique(moment, return_counts=True)[1]
-    rate, place = float(free.sum()) / frames, real.place[free]
+    rate = float(free.sum()) / frames
+    place = real.place[free]
     pairs = Neighbours.within(NEAR, place, moment, np.arange(len(place)))
     distance = np.hypot(*(place[pairs.row] - place[pairs.other]).T)
     length, width, height = (
@@ -177,11 +178,9 @@ class VisibleFalsePositives:
         Rate and dispersion of free ones, shares that stay for 1 and 4 frames, stand together, are beside an object
         without a high score; rate of near ones.
         """
-        near, strong, everyone = (
-            self.beside < NEAR,
-            self.score >= high,
-            np.ones(len(self.score), dtype=bool),
-        )
+        near = self.beside < NEAR
+        strong = self.score >= high
+        everyone = np.ones(len(self.score), dtype=bool)
         alone = (self.beside < BESIDE[1]) & ~(self.parent >= high)
         first, fourth = (self._any_within(_SAME_PLACE, lag, everyone) for lag in (1, 4))
         again = self._any_within(_SAME_PLACE, 1, strong)
@@ -247,7 +246,8 @@ class _FalsePositiveSimulation:
             for key, noise in profile.classes.items()
         }
         self.profile = profile.model_copy(update={"classes": others})
-        self.classes, self.name = classes, name
+        self.classes = classes
+        self.name = name
         self.frames = sum(scene.frames for scene in scenes)
         self.scenes = [
             SensedScene(scene.truth, scene.ego, sensor, 1.0, 1.0) for scene in scenes
@@ -271,11 +271,9 @@ class _FalsePositiveSimulation:
         self, near: NearFalsePositives, free: FreeFalsePositives
     ) -> tuple[NearFalsePositives, FreeFalsePositives]:
         """Parameters with figures nearest to the real ones, from counted ones as a start."""
-        scale, start, dt = (
-            0.08 * np.abs(self.real) + 0.01,
-            np.array(list(_UNKNOWNS.values())),
-            self.profile.dt,
-        )
+        scale = 0.08 * np.abs(self.real) + 0.01
+        start = np.array(list(_UNKNOWNS.values()))
+        dt = self.profile.dt
         unknown = nearest_parameters(
             lambda x: self._figures(*_parameters(near, free, x, dt)),
             self.real,
@@ -318,12 +316,11 @@ class _FalsePositiveSimulation:
     def _simulated(
         self, profile: Profile, number: int, seed: int
     ) -> VisibleFalsePositives:
-        scene, qualities, noise = (
-            self.scenes[number],
-            self.qualities[seed][number],
-            profile.classes[self.name],
-        )
-        truth, draw = scene.truth, 1000 * seed + number
+        scene = self.scenes[number]
+        qualities = self.qualities[seed][number]
+        noise = profile.classes[self.name]
+        truth = scene.truth
+        draw = 1000 * seed + number
         similar = classes_of_same_noise(truth, self.noise_names)
         grid = truth_grid(truth, [profile.noise(name) for name in self.classes], 1.0)
         parts = [near_false_positives(grid, scene, qualities, similar, draw)]

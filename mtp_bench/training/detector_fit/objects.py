@@ -14,17 +14,15 @@ from .samples import HEADING, HEIGHT, RADIAL, SIZE, TANGENTIAL, ObjectSamples
 Axis = tuple[float, float, float]  # s0, s1, gain
 
 _LAGS = (1, 2, 3, 4, 6, 8, 12, 16)  # frames
-_FEW_PAIRS, _FEW = (
-    50,
-    30,
-)  # least pairs for a correlation, least values for other figures
+# least pairs for a correlation, least values for other figures
+_FEW_PAIRS = 50
+_FEW = 30
 _CLOSE = 5.0  # m between neighbours whose errors are compared
 _DRAWS = 100_000
 _MIXES = 50  # draws of shared numbers
-_BOUND, _SIZE_BOUND = (
-    3.0,
-    4.0,
-)  # of latent numbers, so that one large error does not make a correlation
+# of latent numbers, so that one large error does not make a correlation
+_BOUND = 3.0
+_SIZE_BOUND = 4.0
 _NORMAL_MAD = (
     1.4826  # standard deviation over median absolute deviation of a normal number
 )
@@ -34,7 +32,8 @@ def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
     """Fit the noise of a class without its false positives."""
     quality = fit_quality(objects, floor)
     random = np.clip(random_part(objects, quality), -4.0, 4.0)
-    error, distance = objects.error[:, [RADIAL, TANGENTIAL]], objects.feature[:, 1]
+    error = objects.error[:, [RADIAL, TANGENTIAL]]
+    distance = objects.feature[:, 1]
     fitted, nu = _position_margins(error, distance, random, objects.hit)
     moment = objects.scene * (int(objects.frame.max(initial=0)) + 1) + objects.frame
     near = Neighbours.within(NEIGHBOUR_LENGTH, objects.place, moment, objects.object)
@@ -92,7 +91,8 @@ def _heading(objects: ObjectSamples) -> HeadingNoise:
 def _size(objects: ObjectSamples) -> SizeNoise:
     """Fit mean and deviation of the errors of length, width and height, and their share that is new in every frame."""
     error = objects.error[:, SIZE]
-    mean, deviation = error[objects.hit].mean(axis=0), error[objects.hit].std(axis=0)
+    mean = error[objects.hit].mean(axis=0)
+    deviation = error[objects.hit].std(axis=0)
     latent = np.clip(
         (error - mean) / np.maximum(deviation, 1e-9), -_SIZE_BOUND, _SIZE_BOUND
     )
@@ -164,11 +164,9 @@ def _student_loss(
     norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
     total = 0.0
     for column in (0, 1):
-        s0, s1, gain = (
-            np.exp(unknown[3 * column]),
-            np.exp(unknown[3 * column + 1]),
-            unknown[3 * column + 2],
-        )
+        s0 = np.exp(unknown[3 * column])
+        s1 = np.exp(unknown[3 * column + 1])
+        gain = unknown[3 * column + 2]
         log_scale = np.log(s0 + s1 * distance) - gain * quality
         each = (
             norm
@@ -185,7 +183,9 @@ def _position_memory(objects: ObjectSamples, latent: Floats) -> dict[str, float]
     The tail factors last, so an object's errors are normal with a scale of its own: the median change over the median
     error is ``sqrt(2 - 2 correlation)`` for all scales.
     """
-    lags, correlation, weight = [], [], []
+    lags = []
+    correlation = []
+    weight = []
     for lag in _LAGS:
         earlier, later = objects.hit_pairs(lag)
         typical = (

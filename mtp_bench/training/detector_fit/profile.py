@@ -33,7 +33,8 @@ def fit_profile(
     without one the lowest score that occurs; ``alike``: classes, and the class that they are fitted together with and
     whose noise they have. Classes with fewer than 100 detected true boxes are left out; DataError if none remains.
     """
-    scenes, alike = list(scenes), dict(alike or {})
+    scenes = list(scenes)
+    alike = dict(alike or {})
     samples = collect_samples(scenes, classes, sensor, floor, alike)
     fitted = [one for one in samples if samples[one][0].hit.sum() >= LEAST_HITS]
     if not fitted:

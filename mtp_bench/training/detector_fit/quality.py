@@ -58,7 +58,8 @@ _SEARCH_ROUNDS = 8
 def fit_quality(objects: ObjectSamples, floor: float) -> Quality:
     """Fit the quality whose correlations are nearest to the real ones, over candidate shares of lapses."""
     scored = float(np.ptp(objects.score[objects.hit])) > 0
-    best, least = None, np.inf
+    best = None
+    least = np.inf
     for share in _LAPSES:
         quality = _margins(objects, floor, share)
         simulation = _QualitySimulation(objects, quality)
@@ -68,7 +69,8 @@ def fit_quality(objects: ObjectSamples, floor: float) -> Quality:
         )
         difference = (simulation.simulated(unknown) - real)[np.isfinite(real)] / _SCALE
         if float(difference @ difference) < least:
-            best, least = _with_memory(quality, unknown), float(difference @ difference)
+            best = _with_memory(quality, unknown)
+            least = float(difference @ difference)
         if not scored:
             break
     assert best is not None
@@ -131,7 +133,8 @@ def _with_memory(quality: Quality, unknown: Floats) -> Quality:
 
 def memory_of(lasting: float, constant: float, phi: float) -> dict[str, float]:
     """Fields of `Shares` from the lasting share of the variance, and the constant share of that."""
-    bias, ar = round(lasting * constant, 4), round(lasting * (1 - constant), 4)
+    bias = round(lasting * constant, 4)
+    ar = round(lasting * (1 - constant), 4)
     return {
         "bias": bias,
         "ar": ar,
@@ -171,10 +174,8 @@ class _QualitySimulation:
             *((near.row[band], near.other[band]) for band in bands),
         ]
         self.second_threshold = float(np.quantile(objects.score[objects.hit], _SECOND))
-        self.location, self.quality = (
-            objects.feature @ np.array(quality.location),
-            quality,
-        )
+        self.location = objects.feature @ np.array(quality.location)
+        self.quality = quality
 
     def simulated(self, unknown: Floats) -> Floats:
         """Mean `correlations` over seeds, with the memory given by log-odds."""
@@ -197,7 +198,8 @@ class _QualitySimulation:
             - self.location
         )
         strong = hit & (np.nan_to_num(score, nan=-np.inf) >= self.second_threshold)
-        missed, weak = self._residual(~hit), self._residual(~strong)
+        missed = self._residual(~hit)
+        weak = self._residual(~strong)
         result = []
         for one, other in self.pairs:
             both = hit[one] & hit[other]
@@ -218,9 +220,11 @@ class _QualitySimulation:
 def _correlation(value: Floats, one: Ints, other: Ints) -> float:
     if len(one) < _FEW:
         return float("nan")
-    first, second = value[one], value[other]
+    first = value[one]
+    second = value[other]
     mean = 0.5 * (first.mean() + second.mean())  # each pair counts in both orders
-    first, second = first - mean, second - mean
+    first = first - mean
+    second = second - mean
     square = first @ first + second @ second
     return float(2.0 * (first @ second) / square) if square > 0 else 0.0
 
@@ -258,7 +262,8 @@ def _level_loss(
     weight, gaps = np.split(unknown, [feature.shape[1]])
     cut = np.concatenate([[-1e3, 0.0], np.cumsum(np.exp(gaps) + _LEAST_STEP), [1e3]])
     mean = feature @ weight
-    low, high = cut[level] - mean, cut[level + 1] - mean
+    low = cut[level] - mean
+    high = cut[level + 1] - mean
     # of the mirrored number, with the exponential tail above
     chance = np.maximum(skewed_cdf(-low, lapses) - skewed_cdf(-high, lapses), _TINY)
     at_low, at_high = (skewed_density(-x, lapses) / chance for x in (low, high))

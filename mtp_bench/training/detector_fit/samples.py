@@ -22,13 +22,12 @@ from ...core import (
 )
 from ...detector import Sensor, covered, polar, quality_features, visibility_of
 
-RADIAL, TANGENTIAL, HEIGHT, HEADING, SIZE = (
-    0,
-    1,
-    2,
-    3,
-    slice(4, 7),
-)  # columns of ``ObjectSamples.error``
+# columns of ``ObjectSamples.error``
+RADIAL = 0
+TANGENTIAL = 1
+HEIGHT = 2
+HEADING = 3
+SIZE = slice(4, 7)
 
 # m, largest BEV distance of a detection from its true box
 _GATES = {"pedestrian": 1.0, "cyclist": 1.5, "bicycle": 1.5, "motorcycle": 1.5}
@@ -158,7 +157,9 @@ def _object_samples(
     scene_number: int,
 ) -> ObjectSamples:
     """Samples of all true rows, with the detections ``detection`` (-1: undetected)."""
-    true, frame, hit = scene.truth.box, scene.truth.frame_of_rows, detection >= 0
+    true = scene.truth.box
+    frame = scene.truth.frame_of_rows
+    hit = detection >= 0
     box, velocity, score = (
         np.full((len(true), *shape), np.nan) for shape in ((7,), (2,), ())
     )
@@ -168,7 +169,8 @@ def _object_samples(
         detections.velocity.any()
     ):  # some formats write zeros everywhere where velocities were not measured
         velocity[hit] = detections.velocity[detection[hit]]
-    offset, away = box[:, :2] - true[:, :2], true[:, :2] - scene.ego[frame, :2]
+    offset = box[:, :2] - true[:, :2]
+    away = true[:, :2] - scene.ego[frame, :2]
     away = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
     radial = (away * offset).sum(axis=1)
     tangential = away[:, 0] * offset[:, 1] - away[:, 1] * offset[:, 0]
@@ -205,12 +207,14 @@ def _false_positive_samples(
     sensor: Sensor,
     scene_number: int,
 ) -> FalsePositiveSamples:
-    all_frames, truth = detections.frame_of_rows, scene.truth
+    all_frames = detections.frame_of_rows
+    truth = scene.truth
     row = np.flatnonzero(matches.false & np.isin(detections.class_id, class_ids))
     distance, bearing = polar(detections.box[row, :2], scene.ego[all_frames[row]])
     inside = sensor.covers(distance, bearing)
     row = row[inside]
-    frame, box = all_frames[row], detections.box[row]
+    frame = all_frames[row]
+    box = detections.box[row]
     nearest, beside = nearest_true_boxes(
         truth, np.isin(truth.class_id, class_ids), frame, box
     )
@@ -238,17 +242,16 @@ def nearest_true_boxes(
 
     -1 (the index of an appended value) and inf in frames without one.
     """
-    nearest, distance = np.full(len(box), -1), np.full(len(box), np.inf)
+    nearest = np.full(len(box), -1)
+    distance = np.full(len(box), np.inf)
     for t in np.unique(frame):
         rows = truth.rows(int(t))
         true = rows.start + np.flatnonzero(kept[rows])
         if len(true):
             index = np.flatnonzero(frame == t)
             distances = center_distance(box[index, None], truth.box[None, true])
-            nearest[index], distance[index] = (
-                true[distances.argmin(axis=1)],
-                distances.min(axis=1),
-            )
+            nearest[index] = true[distances.argmin(axis=1)]
+            distance[index] = distances.min(axis=1)
     return nearest, distance
 
 
@@ -274,7 +277,8 @@ def match_boxes(
     false = np.ones(len(detections.box), dtype=bool)
     duplicate = np.zeros(len(detections.box), dtype=bool)
     for t in range(truth.frames):
-        true_rows, rows = truth.rows(t), detections.rows(t)
+        true_rows = truth.rows(t)
+        rows = detections.rows(t)
         for class_id, name in enumerate(classes):
             i = true_rows.start + np.flatnonzero(truth.class_id[true_rows] == class_id)
             j = rows.start + np.flatnonzero(detections.class_id[rows] == class_id)
@@ -282,13 +286,13 @@ def match_boxes(
                 continue
             distance = center_distance(truth.box[i, None], detections.box[None, j])
             gate = _GATES.get(name, _VEHICLE_GATE)
-            near, beyond = (
-                distance <= gate,
-                (min(distance.shape) + 1) * (gate + 1.0),
-            )  # more than all pairs together
+            # more than all pairs together
+            near = distance <= gate
+            beyond = (min(distance.shape) + 1) * (gate + 1.0)
             pair_i, pair_j = linear_sum_assignment(np.where(near, distance, beyond))
             kept = near[pair_i, pair_j]
-            pair_i, pair_j = pair_i[kept], pair_j[kept]
+            pair_i = pair_i[kept]
+            pair_j = pair_j[kept]
             detection[i[pair_i]] = j[pair_j]
             false[j[pair_j]] = False
             false[j[near[truth.neutral[i]].any(axis=0)]] = False
