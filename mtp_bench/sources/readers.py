@@ -237,7 +237,9 @@ def _read_cells(
     # rows have numbers only without threads
     read_options = csv.ReadOptions(use_threads=False, column_names=names)
     parse_options = csv.ParseOptions(
-        delimiter, ignore_empty_lines=False, invalid_row_handler=note_misfit
+        delimiter=delimiter,
+        ignore_empty_lines=False,
+        invalid_row_handler=note_misfit,
     )
     convert_options = csv.ConvertOptions(column_types=types)
     try:

@@ -127,7 +127,7 @@ BROKEN: dict[str, tuple[dict[str, Any], str]] = {
     "empty": ({"tx_m": [1, 2, None]}, r"row 3, column 'tx_m': an empty cell"),
     "a class of ours": ({"category": ["bus"] * 3}, "'bus' is not a category of Argoverse 2: did you mean 'BUS'"),
     "a wrong turn": ({"qw": [2.0] * 3}, "row 1: rotation is .*, expected a unit quaternion"),
-    "twice": ({"track_id": [1, 1, 1], "category": ["BUS"] * 3}, "a second box of this track"),
+    "twice": ({"track_id": [1, 1, 1], "category": ["BUS"] * 3}, "row 2: a second box of object 1 in frame 14"),
 }
 
 

@@ -303,7 +303,7 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "far away": ({"detections": [*DETECTIONS, f"2,car,1e12,0,{BOX},1"]}, "line 4, column 'x': 1e+12, expected a"),
     "half a frame": ({"truth": [*TRUTH, f"3.5,1,car,0,0,{BOX}"]}, "line 5, column 'frame': 3.5, expected a whole"),
     "no size": ({"truth": [*TRUTH, "3,1,car,0,0,1,0,0,1,1"]}, "line 5, column 'l': 0, expected a number from 1e-06"),
-    "two boxes": ({"truth": [*TRUTH, TRUTH[1]]}, "line 5, column 'id': a second box of this object in this frame"),
+    "two boxes": ({"truth": [*TRUTH, TRUTH[1]]}, "line 5: a second box of object 1 in frame 0"),
     "degrees": (
         {"detections": [*DETECTIONS, "2,car,0,0,1,-90,4,2,1,1"]},
         "line 4, column 'yaw': -90, expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees",
@@ -357,7 +357,7 @@ def test_broken_files(tmp_path: Path, base: Card) -> None:
     table = tmp_path / "one" / "truth.csv"
     for content in (b"\xff\xfe", table.read_bytes() + b"3,\xff,car,0,0,1,0,1,1,1\n"):
         table.write_bytes(content)
-        with pytest.raises(DataError, match=r"truth\.csv cannot be read as CSV in UTF-8: .*(utf-8|UTF8)"):
+        with pytest.raises(DataError, match=r"truth\.csv cannot be read as text: .*save it as UTF-8"):
             only(base, tmp_path)
     table.unlink()
     (tmp_path / "one" / "truth.parquet").write_bytes(b"PAR1 and more")
@@ -413,7 +413,7 @@ WRONG: dict[str, tuple[Callable[[Scene], Scene], str]] = {
     "a name twice": (lambda scene: replace(scene, object_names={3: "a", 5: "a"}), "object_names of object 5 is 'a'"),
     "no name": (lambda scene: replace(scene, object_names={3: " "}), "object_names of object 3 is ' ', exp"),
     "large id": (with_column("truth", "object_id", 0, 2**31), "truth.object_id has 3 to 2147483648, expected whole"),
-    "second box": (with_column("truth", "object_id", [0, 1], 9), "truth, row 1, column 'id': a second box of this"),
+    "second box": (with_column("truth", "object_id", [0, 1], 9), "truth, row 1: a second box of object 9 in frame 0"),
     "size": (with_column("truth", "box", 2, 0.0), "truth, row 2, column 'l': 0, expected a number from 1e-06"),
     "far away": (with_column("detections", "box", 0, [5e5, *[1.0] * 6]), "detections, row 0, column 'x': 500000, exp"),
     "not finite": (with_column("detections", "score", 0, np.nan), "detections, row 0, column 'score': nan, expected"),

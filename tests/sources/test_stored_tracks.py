@@ -172,7 +172,7 @@ TABLE: dict[str, tuple[str, str]] = {  # content, what the error says; the rest 
     "an id without end": (csv(f"0,{'a' * 201},car,1,1,1,0,4,2,1,1"), "line 2, column 'id'"),
     "a box twice": (
         csv("0,a,car,1,1,1,0,4,2,1,1\n0,a,car,2,1,1,0,4,2,1,1"),
-        "line 3, column 'id': a second box of this car in frame 0"),
+        "line 3: a second box of object a in frame 0"),
 }  # fmt: skip
 
 
