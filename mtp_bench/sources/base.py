@@ -127,8 +127,10 @@ class SourcePackage:
 def section_of(card: Card, kind: type[SectionT]) -> SectionT:
     """Return the card's source section; CardError if it is not of ``kind``."""
     if not isinstance(card.source, kind):
-        got = f"source is {card.source.name!r}"
-        raise CardError(f"{card.id}: {got}, expected the section of {kind.__name__}")
+        raise CardError(
+            f"{card.id}: source is {card.source.name!r}, expected the section of "
+            f"{kind.__name__}"
+        )
     return card.source
 
 
@@ -145,16 +147,20 @@ def own_detections(card: Card) -> Path | None:
     if section.detections_file is None:
         if expected is None:
             return None
-        got = f"{card.id} has the detections with sha256 {expected}"
-        raise DataError(f"{got}: name their file or folder, --detections")
+        raise DataError(
+            f"{card.id} has the detections with sha256 {expected}: name their file or "
+            "folder, --detections"
+        )
     path = Path(section.detections_file).expanduser()
     if not path.exists():
         form = section.traits.detection_file
         raise MissingDataError(f"no file or folder {path}, expected {form}")
     digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
     if expected not in (None, digest):
-        got = f"{path} has the sha256 {digest}, expected {expected}"
-        raise DataError(f"{got}: the detections of {card.id}")
+        raise DataError(
+            f"{path} has the sha256 {digest}, expected {expected}: the detections of "
+            f"{card.id}"
+        )
     return path
 
 
@@ -162,8 +168,10 @@ def detections_folder(root: Path, card: Card, dataset: Dataset) -> Path:
     """Return the folder of stored detections; MissingDataError without one."""
     folder = root / "detections"
     if not folder.is_dir():
-        advice = f"{instead_of_stored(card)}; to get them: {dataset.how_to_get}"
-        raise MissingDataError(f"no folder {folder}{advice}")
+        raise MissingDataError(
+            f"no folder {folder}{instead_of_stored(card)}; to get them: "
+            f"{dataset.how_to_get}"
+        )
     return folder
 
 
@@ -176,8 +184,9 @@ def require_classes(card: Card, dataset: str, known: Collection[str]) -> None:
     """Raise CardError for a class of the task that the dataset does not have."""
     for name in card.task.classes:
         if name not in known:
-            problem = f"{dataset} has no class {name!r}{nearest(name, known)}"
-            raise CardError(f"{card.id}: {problem}")
+            raise CardError(
+                f"{card.id}: {dataset} has no class {name!r}{nearest(name, known)}"
+            )
 
 
 def require_rate(card: Card, dataset: str, rate_hz: float, stride: int = 1) -> None:

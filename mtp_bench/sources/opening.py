@@ -31,8 +31,10 @@ class _Drives:
 
     def load(self, name: str) -> Scene:
         """Raise DataError."""
-        problem = f"{self.env_id} has no scene {name!r} before an agent drives in it"
-        raise DataError(f"{problem}: run one, and open its run")
+        raise DataError(
+            f"{self.env_id} has no scene {name!r} before an agent drives in it: run "
+            "one, and open its run"
+        )
 
 
 def open_source(card: Card, data: DataRoot = None) -> SceneSource:
@@ -81,8 +83,9 @@ def load_scenes(
     """
     source = open_source(card if isinstance(card, Card) else load_card(card), data)
     if isinstance(names, str):
-        expected = f"expected a list: names=[{names!r}]"
-        raise MtpBenchError(f"names is the text {names!r}, {expected}")
+        raise MtpBenchError(
+            f"names is the text {names!r}, expected a list: names=[{names!r}]"
+        )
     chosen_names = tuple(source.names if names is None else names)
     for name in chosen_names:
         require_known("scene", name, source.names)

@@ -121,8 +121,9 @@ def add_column(table: RowTable, column: TableColumn, values: Any) -> None:
     is_text = arrow_type.startswith(_WORD_TYPES)
     if not is_text and not arrow_type.startswith(_NUMBER_TYPES):
         expected = "words" if column.text else "numbers"
-        where = f"{table.source}, column {column.name!r}"
-        raise DataError(f"{where}: {arrow_type}, expected {expected}")
+        raise DataError(
+            f"{table.source}, column {column.name!r}: {arrow_type}, expected {expected}"
+        )
     if column.text:
         table.columns[column.name] = _checked_words(table, column, values)
         return
@@ -187,15 +188,19 @@ def _parse_numbers(table: RowTable, column: TableColumn, values: Any) -> Any:
             try:
                 cell.cast("float64")
             except ArrowInvalid:
-                got = f"{table.where(row, column.name)}: {reprlib.repr(cell.as_py())}"
-                raise DataError(f"{got}, expected {expected}") from None
+                raise DataError(
+                    f"{table.where(row, column.name)}: {reprlib.repr(cell.as_py())}, "
+                    f"expected {expected}"
+                ) from None
         raise
 
 
 def _require_size(path: Path, size_bytes: int, kind: str = "") -> None:
     if size_bytes > MAX_FILE_BYTES:
-        expected = f"expected at most {MAX_FILE_BYTES >> 20} MiB"
-        raise DataError(f"{path}: {size_bytes >> 20} MiB{kind}, {expected}")
+        raise DataError(
+            f"{path}: {size_bytes >> 20} MiB{kind}, expected at most "
+            f"{MAX_FILE_BYTES >> 20} MiB"
+        )
 
 
 def _read_parquet(path: Path, stream: Any) -> Any:
@@ -298,8 +303,9 @@ def _layout_problem(misfit: Any, names: Sequence[str], delimiter: str) -> str:
 def _header_names(path: Path, header: str, columns: Sequence[TableColumn]) -> list[str]:
     """Return the names of the columns in the first line of a CSV file."""
     if not header:
-        expected = "expected a line with the names of the columns"
-        raise DataError(f"{path} is empty, {expected}")
+        raise DataError(
+            f"{path} is empty, expected a line with the names of the columns"
+        )
     if problem := _other_separator(header, ","):
         raise DataError(f"{path}, line 1: {problem}")
     names = [name.strip().strip('"') for name in header.split(",")]
@@ -307,9 +313,10 @@ def _header_names(path: Path, header: str, columns: Sequence[TableColumn]) -> li
     known_names = {column.name for column in columns}
     if any(is_number) and known_names.isdisjoint(names):
         required = [column.name for column in columns if not column.without]
-        expected = f"the names of the columns, such as {', '.join(required)}"
-        got = f"line 1 is {reprlib.repr(header)}"
-        raise DataError(f"{path}: {got}, expected {expected}")
+        raise DataError(
+            f"{path}: line 1 is {reprlib.repr(header)}, expected the names of the "
+            f"columns, such as {', '.join(required)}"
+        )
     _check_names(path, names, columns)
     return names
 
@@ -321,18 +328,23 @@ def _check_names(
     known_names = [column.name for column in columns]
     for name in names:
         if name not in known_names:
-            advice = f"{nearest(name, known_names)}; remove or rename it"
-            raise DataError(f"{path}: unknown column {reprlib.repr(name)}{advice}")
+            raise DataError(
+                f"{path}: unknown column "
+                f"{reprlib.repr(name)}{nearest(name, known_names)}; remove or rename it"
+            )
         if names.count(name) > 1:
             raise DataError(f"{path}: column {name!r} occurs twice, expected once")
     for column in columns:
         if not column.without and column.name not in names:
-            problem = f"no column {column.name!r}: {column.meaning}"
-            raise DataError(f"{path}: {problem}; found: {', '.join(names)}")
+            raise DataError(
+                f"{path}: no column {column.name!r}: {column.meaning}; found: "
+                f"{', '.join(names)}"
+            )
     for column in columns:
         if column.together and column.name in names:
             group = [c.name for c in columns if c.together == column.together]
             if not set(group) <= set(names):
                 listed = ", ".join(map(repr, group))
-                expected = "expected all or none"
-                raise DataError(f"{path}: some of the columns {listed}, {expected}")
+                raise DataError(
+                    f"{path}: some of the columns {listed}, expected all or none"
+                )

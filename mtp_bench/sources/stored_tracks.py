@@ -68,8 +68,9 @@ def find_tracks(
         if form.fits(path):
             return form.open(card, data, path)
     expected = " or ".join(form.name for form in forms)
-    got = f"{path} holds no stored tracks that fit {card.id}"
-    raise DataError(f"{got}, expected {expected}")
+    raise DataError(
+        f"{path} holds no stored tracks that fit {card.id}, expected {expected}"
+    )
 
 
 def with_stored(
@@ -177,17 +178,20 @@ def _refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
         for class_name in classes:
             if class_name.lower() in (word, word.removesuffix("s")):
                 where = table.where(int(np.argmax(names == name)), "class")
-                problem = f"{name!r} is not a class of the task"
-                raise DataError(f"{where}: {problem}; did you mean {class_name!r}?")
+                raise DataError(
+                    f"{where}: {name!r} is not a class of the task; did you mean "
+                    f"{class_name!r}?"
+                )
 
 
 def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
     def read_tracks(scene: Scene) -> Scene:
         path = find_table(folder, file_stem(scene.name))
         if path is None:
-            expected = "expected the tracks of each scene that is run"
-            got = f"no file {table_path(folder, scene.name)}"
-            raise DataError(f"{got}, {expected}; {FEWER}")
+            raise DataError(
+                f"no file {table_path(folder, scene.name)}, expected the tracks of "
+                f"each scene that is run; {FEWER}"
+            )
         return read_track_table(path, scene, card.task.classes)
 
     return read_tracks

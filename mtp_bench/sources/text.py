@@ -48,8 +48,9 @@ def read_text(path: Path) -> str:
     try:
         return _read_content(path).decode("utf-8")
     except UnicodeDecodeError as error:
-        advice = "save it as UTF-8"
-        raise DataError(f"{path} cannot be read as text: {error}; {advice}") from None
+        raise DataError(
+            f"{path} cannot be read as text: {error}; save it as UTF-8"
+        ) from None
 
 
 def _read_content(path: Path) -> bytes:

@@ -57,8 +57,10 @@ def read_feather(
         add_column(table, column, cells[column.name])
     time = cells[TIME]
     if not types.is_integer(time.type):
-        expected = "expected int64: a float does not hold each nanosecond"
-        raise DataError(f"{path}: column {TIME!r} is {time.type}, {expected}")
+        raise DataError(
+            f"{path}: column {TIME!r} is {time.type}, expected int64: a float does not "
+            "hold each nanosecond"
+        )
     problem = "an empty cell, expected a number"
     table.refuse(time.is_null().to_numpy(), problem, TIME)
     return table, time.cast("int64").to_numpy()
@@ -95,8 +97,10 @@ class Sweeps:
         pose_time, first = np.unique(time, return_index=True)
         missing = np.setdiff1d(stamp, pose_time)
         if len(missing):
-            expected = "expected one for each sweep of the annotations"
-            raise DataError(f"{path} has no pose at {TIME} {missing[0]}, {expected}")
+            raise DataError(
+                f"{path} has no pose at {TIME} {missing[0]}, expected one for each "
+                "sweep of the annotations"
+            )
         rows = first[np.searchsorted(pose_time, stamp)]
         place = table.matrix(PLACE)
         origin = np.round(place[first[0]])

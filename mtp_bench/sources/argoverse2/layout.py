@@ -61,8 +61,10 @@ def log_folders(root: Path, split: str) -> dict[str, Path]:
     if not paths:
         others = root.glob(f"{LOGS}/*/annotations.feather")
         splits = sorted({path.parents[1].name for path in others})
-        listed = f"splits with logs: {', '.join(splits) or 'none'}"
-        raise DataError(f"{folder} has no folder with annotations.feather; {listed}")
+        raise DataError(
+            f"{folder} has no folder with annotations.feather; splits with logs: "
+            f"{', '.join(splits) or 'none'}"
+        )
     return {path.parent.name: path.parent for path in paths}
 
 

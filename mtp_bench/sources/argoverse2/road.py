@@ -56,8 +56,9 @@ def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
     records = [record for record in segments if record.lane_type != "BIKE"]
     index = {record.id: number for number, record in enumerate(records)}
     if len(index) < len(records):
-        expected = "expected one of its own for each"
-        raise DataError(f"{paths[0]}: two lanes have the same id, {expected}")
+        raise DataError(
+            f"{paths[0]}: two lanes have the same id, expected one of its own for each"
+        )
     origin = Sweeps.read(folder, 1).origin
     lanes: list[Lane] = []
     for record in records:

@@ -84,8 +84,10 @@ class Argoverse2:
                 stored[str(path)] = detections
                 label = stored_label(path.stem)
             elif is_named:
-                got = f"detections in {used_frames} of the {frames} frames of log {log}"
-                raise DataError(f"{path} has {got}, expected most; {FEWER}")
+                raise DataError(
+                    f"{path} has detections in {used_frames} of the {frames} frames of "
+                    f"log {log}, expected most; {FEWER}"
+                )
         if len(stored) > 1:
             advice = "name one of them with --detections"
             files = " and ".join(stored)

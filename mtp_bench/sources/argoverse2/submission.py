@@ -66,8 +66,10 @@ def read_tracks(path: Path, sweeps: Sweeps, card: Card, scene: Scene) -> Scene:
     boxes = read_boxes(path, sweeps, card, "score", "track_id", scene.name)
     used = boxes.within_reach
     if not used.any():
-        expected = f"expected those of each log that is run; {FEWER}"
-        raise DataError(f"{path} has no tracks of log {scene.name}, {expected}")
+        raise DataError(
+            f"{path} has no tracks of log {scene.name}, expected those of each log "
+            f"that is run; {FEWER}"
+        )
     identity = boxes.table["track_id"]
     boxes.table.refuse_second_box(boxes.frame, identity, boxes.class_id)
     return with_stored(

@@ -48,8 +48,10 @@ def read_arrow(
                 rows = compute.list_parent_indices(column).to_numpy()
                 column = column.flatten()
                 if not np.array_equal(rows, arrays.setdefault("row", rows)):
-                    problem = "other lengths of its lists than the columns before"
-                    raise ValueError(f"{prefix + name} has {problem}")
+                    raise ValueError(
+                        f"{prefix + name} has other lengths of its lists than the "
+                        "columns before"
+                    )
             arrays[name] = _to_numpy(column, width, prefix + name)
         return arrays, metadata
 
@@ -65,6 +67,5 @@ def _to_numpy(column: Any, width: int, name: str) -> Any:
         return values
     numbers = np.asarray(values, dtype=np.float64).reshape(-1, width)
     if width > 1 and not (np.abs(numbers) <= LIMIT).all():
-        problem = "a number that is not finite, or beyond"
-        raise ValueError(f"{name} has {problem} {LIMIT:g}")
+        raise ValueError(f"{name} has a number that is not finite, or beyond {LIMIT:g}")
     return numbers

@@ -102,8 +102,9 @@ def log_tables(log: Path, rate_hz: float, reach_m: float) -> dict[str, Columns]:
     boxes, metadata = read_arrow(path, _BOX_COLUMNS, f"{BOXES}.")
     time = boxes["timestamp_us"][:, 0]
     if not (np.diff(time) > 0).all():
-        problem = "the times of its rows do not increase, expected one row per frame"
-        raise DataError(f"{path}: {problem}")
+        raise DataError(
+            f"{path}: the times of its rows do not increase, expected one row per frame"
+        )
     ego, has_pose, origin = _read_poses(log / f"{EGO}.arrow", time)
     rows = np.flatnonzero(has_pose)[:: _stride(log, time, rate_hz)]
     ego = ego[rows]
@@ -133,8 +134,10 @@ def _stride(log: Path, time: Floats, rate_hz: float) -> int:
     log_rate_hz = SECOND_US / float(np.median(np.diff(time)))
     stride = max(1, round(log_rate_hz / rate_hz))
     if not abs(log_rate_hz / stride / rate_hz - 1) <= PERIOD_TOLERANCE:
-        expected = "expected a rate that every n-th of them gives"
-        raise DataError(f"{log} has {log_rate_hz:.3g} frames per second: {expected}")
+        raise DataError(
+            f"{log} has {log_rate_hz:.3g} frames per second: expected a rate that "
+            "every n-th of them gives"
+        )
     return stride
 
 
@@ -192,8 +195,10 @@ def _read_poses(path: Path, time: Floats) -> tuple[Floats, Bools, Floats]:
         age_us = time - pose_time[last]
         has_pose &= age_us <= MAX_POSE_AGE_US
     if not has_pose.any():
-        age = f"the {MAX_POSE_AGE_US / SECOND_US:g} s before it"
-        raise DataError(f"{path}: no frame of the boxes has a pose of {age}")
+        raise DataError(
+            f"{path}: no frame of the boxes has a pose of the "
+            f"{MAX_POSE_AGE_US / SECOND_US:g} s before it"
+        )
     origin = np.round(pose[0, :3])
     yaw = np.unwrap(yaw_of(pose[:, 3:]))
     state = np.column_stack([pose[:, :3] - origin, yaw])
@@ -219,8 +224,10 @@ def _read_labels(
         LABELS.read_text(encoding="utf-8")
     )
     if registry not in registries:
-        expected = f"expected one of {', '.join(registries)}"
-        raise DataError(f"{path}: unknown labels {registry!r}, {expected}")
+        raise DataError(
+            f"{path}: unknown labels {registry!r}, expected one of "
+            f"{', '.join(registries)}"
+        )
     labels = {float(number): word for number, word in registries[registry].items()}
     refuse(
         ~np.isin(numbers, list(labels)),

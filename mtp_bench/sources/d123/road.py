@@ -94,6 +94,8 @@ def points(packed: dict[bytes, Any]) -> Floats:
     line = numbers.reshape(packed[b"shape"]).astype(np.float64)
     is_line = line.ndim == 2 and line.shape[1] in (2, 3) and len(line) > 1
     if not is_line or not np.isfinite(line).all():
-        got = f"a line of a lane has the shape {list(line.shape)}"
-        raise ValueError(f"{got}, expected two or more finite points")
+        raise ValueError(
+            f"a line of a lane has the shape {list(line.shape)}, expected two or more "
+            "finite points"
+        )
     return line

@@ -71,8 +71,9 @@ def _numbers_in_use(where: str, tables: Mapping[str, RowTable]) -> Ints:
     frames = [table.whole("frame") for table in tables.values()]
     used = np.unique(np.concatenate(frames))
     if not len(used):
-        advice = "an ego table defines the frames"
-        raise DataError(f"{where}: its tables have no rows; {advice}")
+        raise DataError(
+            f"{where}: its tables have no rows; an ego table defines the frames"
+        )
     step = int(np.gcd.reduce(np.diff(used)))
     if step > 1:
         raise DataError(
@@ -80,8 +81,10 @@ def _numbers_in_use(where: str, tables: Mapping[str, RowTable]) -> Ints:
             "apart; number them 0, 1, 2, ..., or define the frames by an ego table"
         )
     if used[-1] - used[0] >= MAX_FRAMES:
-        expected = f"expected at most {MAX_FRAMES} frames"
-        raise DataError(f"{where}: frames {used[0]} to {used[-1]}, {expected}")
+        raise DataError(
+            f"{where}: frames {used[0]} to {used[-1]}, expected at most {MAX_FRAMES} "
+            "frames"
+        )
     return np.arange(used[0], used[-1] + 1)
 
 

@@ -108,10 +108,10 @@ def check_scene_name(name: object, where: str = "") -> None:
     """
     is_text = isinstance(name, str) and name.encode("utf-8", "replace").decode() == name
     if not is_text or not 0 < len(quote(str(name), safe="")) <= MAX_NAME_LETTERS:
-        limit = f"1 to {MAX_NAME_LETTERS} characters"
-        expected = f"expected a text of {limit}, as written in the name of a file"
-        got = f"the name of a scene is {reprlib.repr(name)}"
-        raise DataError(f"{where}{got}, {expected}")
+        raise DataError(
+            f"{where}the name of a scene is {reprlib.repr(name)}, expected a text of 1 "
+            f"to {MAX_NAME_LETTERS} characters, as written in the name of a file"
+        )
 
 
 def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, Columns]:
@@ -127,9 +127,10 @@ def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, Columns]:
     if not isinstance(truth, Truth):
         raise DataError(f"{where}truth is {type(truth).__name__}, expected Truth")
     if not isinstance(detections, Detections):
-        got = f"{where}detections is {type(detections).__name__}"
-        expected = "expected Detections; use one without rows for none"
-        raise DataError(f"{got}, {expected}")
+        raise DataError(
+            f"{where}detections is {type(detections).__name__}, expected Detections; "
+            "use one without rows for none"
+        )
     _check_rows(f"{where}truth", truth, scene.frames, len(names))
     _check_rows(f"{where}detections", detections, scene.frames, len(names))
     _check_objects(scene, f"{where}truth")
@@ -183,15 +184,17 @@ def _check_objects(scene: Scene, where: str) -> None:
         name = scene.name_of(object_id)
         is_text = isinstance(name, str) and 0 < len(name.strip()) <= MAX_WORD_LETTERS
         if not is_text or name in names:
-            limit = f"1 to {MAX_WORD_LETTERS} characters"
             raise DataError(
                 f"scene {scene.name!r}: object_names of object {object_id} is "
-                f"{name!r:.99}, expected {limit} that name no other object"
+                f"{name!r:.99}, expected 1 to {MAX_WORD_LETTERS} characters that name "
+                "no other object"
             )
         names.append(name)
     if number.min() < 0 or number.max() > ID_LIMIT:
-        got = f"{where}.object_id has {number.min()} to {number.max()}"
-        raise DataError(f"{got}, expected whole numbers from 0 to {ID_LIMIT}")
+        raise DataError(
+            f"{where}.object_id has {number.min()} to {number.max()}, expected whole "
+            f"numbers from 0 to {ID_LIMIT}"
+        )
 
 
 def _check_rows(
@@ -202,12 +205,18 @@ def _check_rows(
     class_id = np.asarray(rows.class_id)
     for name, values in (("start", start), ("class_id", class_id)):
         if values.ndim != 1 or (len(values) and values.dtype.kind not in "iu"):
-            got = f"{where}.{name} is {values.dtype} {list(values.shape)}"
-            raise DataError(f"{got}, expected a row of whole numbers")
+            raise DataError(
+                f"{where}.{name} is {values.dtype} {list(values.shape)}, expected a "
+                "row of whole numbers"
+            )
     borders = (len(start) - 1, *start[:1], *start[-1:])
     if borders != (frames, 0, len(rows.box)) or (np.diff(start) < 0).any():
-        problem = f"does not divide the {len(rows.box)} rows into {frames} frames"
-        raise DataError(f"{where}.start {problem}")
+        raise DataError(
+            f"{where}.start does not divide the {len(rows.box)} rows into {frames} "
+            "frames"
+        )
     if len(class_id) and (class_id.min() < 0 or class_id.max() >= classes):
-        got = f"{where}.class_id has {class_id.min()} to {class_id.max()}"
-        raise DataError(f"{got}, expected indices of {classes} classes")
+        raise DataError(
+            f"{where}.class_id has {class_id.min()} to {class_id.max()}, expected "
+            f"indices of {classes} classes"
+        )

@@ -51,11 +51,13 @@ def read_scene(folder: Path, card: Card) -> Scene:
     _refuse_misspelt(folder)
     tables = _read_tables(folder, (*TABLES, "lanes"))
     if "truth" not in tables:
-        problem = "no table truth.csv or truth.parquet, which the score needs"
-        raise DataError(f"{folder}: {problem}")
+        raise DataError(
+            f"{folder}: no table truth.csv or truth.parquet, which the score needs"
+        )
     if not len(tables["truth"]):
-        expected = "expected one per object and frame"
-        raise DataError(f"{tables['truth'].source} has no rows, {expected}")
+        raise DataError(
+            f"{tables['truth'].source} has no rows, expected one per object and frame"
+        )
     lanes = lanes_of(tables.pop("lanes")) if "lanes" in tables else ()
     number, time = scene_frames(str(folder), tables, card.task.rate)
     ego = np.zeros((len(time), 4))
@@ -114,8 +116,10 @@ def find_table(folder: Path, name: str) -> Path | None:
     paths = [folder / f"{name}.{form}" for form in FORMS]
     existing = [path for path in paths if os.path.lexists(path)]
     if len(existing) > 1:
-        names = f"{existing[0].name} and {existing[1].name}"
-        raise DataError(f"{folder} has {names}, expected only one of them")
+        raise DataError(
+            f"{folder} has {existing[0].name} and {existing[1].name}, expected only "
+            "one of them"
+        )
     return existing[0] if existing else None
 
 
@@ -137,8 +141,7 @@ def _refuse_misspelt(folder: Path) -> None:
         form = path.suffix.lower().removeprefix(".")
         name = closest(path.stem, missing, _MIN_SIMILARITY)
         if form in FORMS and name:
-            problem = f"{path} is not a known table"
-            raise DataError(f"{problem}; did you mean {name}.{form}?")
+            raise DataError(f"{path} is not a known table; did you mean {name}.{form}?")
 
 
 def _for_card(scene: Scene, card: Card, where: str, has_detections: bool) -> Scene:

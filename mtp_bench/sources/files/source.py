@@ -74,8 +74,10 @@ def scene_folders(folder: Path) -> dict[str, Path]:
         if path.name.startswith(".") or not is_scene(path):
             continue
         if name in folders:
-            names = f"{folders[name].name} and {path.name}"
-            raise DataError(f"{folder} has the scene {name!r} as {names}, expected one")
+            raise DataError(
+                f"{folder} has the scene {name!r} as {folders[name].name} and "
+                f"{path.name}, expected one"
+            )
         folders[name] = path
     return dict(sorted(folders.items()))
 

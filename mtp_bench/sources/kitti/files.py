@@ -169,8 +169,10 @@ def read_imu_to_camera(path: Path) -> Floats:
         step = read_calibration(path, names, columns)
         rotation = step[:3, :3]
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=ROUNDING):
-            expected = "a rotation in its first 3 columns and finite numbers"
-            raise DataError(f"{path}: line {names[0]!r} must hold {expected}")
+            raise DataError(
+                f"{path}: line {names[0]!r} must hold a rotation in its first 3 "
+                "columns and finite numbers"
+            )
         transform = transform @ step
     return transform
 
@@ -194,8 +196,10 @@ def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats
     try:
         matrix[:3, :columns] = np.array(cells, dtype=np.float64).reshape(3, columns)
     except ValueError:
-        got = f"line {names[0]!r} must hold {3 * columns} numbers"
-        raise DataError(f"{path}: {got}, got {len(cells)}") from None
+        raise DataError(
+            f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got "
+            f"{len(cells)}"
+        ) from None
     if not np.isfinite(matrix).all():
         raise DataError(f"{path}: line {names[0]!r} must hold finite numbers")
     return matrix
@@ -210,8 +214,10 @@ def read_sequence_map(path: Path) -> dict[str, int]:
         return {}
     table = read_table(path, "sequence kind first frames", words="sequence kind")
     if not len(table):
-        expected = "expected rows such as '0001 empty 000000 000447'"
-        raise DataError(f"{path} names no sequence, {expected}")
+        raise DataError(
+            f"{path} names no sequence, expected rows such as '0001 empty 000000 "
+            "000447'"
+        )
     frames = table.whole("frames")
     table.refuse(frames < 1, "expected a number of frames above 0", "frames")
     return dict(zip(table["sequence"].tolist(), frames.tolist(), strict=True))

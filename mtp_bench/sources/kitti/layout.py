@@ -81,8 +81,10 @@ def require_detector(root: Path, card: Card) -> Path:
     detector = section_of(card, KittiSource).detector
     names = sorted(path.name for path in folder.iterdir() if path.is_dir())
     if detector not in names:
-        listed = f"found: {', '.join(names) or 'none'}{instead_of_stored(card)}"
-        raise MissingDataError(f"{folder} has no detector {detector!r}; {listed}")
+        raise MissingDataError(
+            f"{folder} has no detector {detector!r}; found: "
+            f"{', '.join(names) or 'none'}{instead_of_stored(card)}"
+        )
     for name in card.task.classes:
         path = folder / detector / TYPES[name][0]
         if not path.is_dir():

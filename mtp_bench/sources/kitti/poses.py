@@ -116,8 +116,10 @@ def read_poses(root: Path, name: str) -> Poses:
         return integrated_poses(oxts, imu_to_camera)
     odometry = read_odometry(odometry_path)
     if len(odometry) != len(oxts.attitude):
-        got = f"{odometry_path} has {len(odometry)} rows"
-        raise DataError(f"{got}, but {oxts_path} has {len(oxts.attitude)}{RENAME}")
+        raise DataError(
+            f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has "
+            f"{len(oxts.attitude)}{RENAME}"
+        )
     # from camera to camera axes of frame 0, levelled by the first attitude
     first_pose = poses_from_imu(np.zeros((1, 3)), oxts.attitude[:1], imu_to_camera)
     level = first_pose.rotation[0]

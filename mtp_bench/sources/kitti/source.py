@@ -122,8 +122,10 @@ class KittiTracking:
         frame_counts = read_sequence_map(self.root / SEQUENCE_MAP)
         if frame_counts.get(name, length) != length:
             path = self.root / f"training/oxts/{name}.txt"
-            expected = f"expected one for each frame of the sequence map{RENAME}"
-            raise DataError(f"{path} has {length} rows, {expected}")
+            raise DataError(
+                f"{path} has {length} rows, expected one for each frame of the "
+                f"sequence map{RENAME}"
+            )
 
 
 @dataclass(frozen=True)

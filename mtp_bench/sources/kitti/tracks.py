@@ -93,8 +93,10 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
     def read_tracks(scene: Scene) -> Scene:
         path = folder / f"{scene.name}.txt"
         if not path.is_file():
-            expected = "expected tracks of each sequence that is run, or an empty file"
-            raise DataError(f"no file {path}, {expected}; {FEWER}")
+            raise DataError(
+                f"no file {path}, expected tracks of each sequence that is run, or an "
+                f"empty file; {FEWER}"
+            )
         poses = poses_of(card, data, scene.name)
         return read_result(path, scene, card.task.classes, stride, poses)
 

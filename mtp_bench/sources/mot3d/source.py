@@ -126,8 +126,9 @@ class Mot3d:
         """Read the true people of the whole sequence."""
         people = read_rows(self.folder / TRUTH, self._info.seq_length)
         if not len(people.frame):
-            expected = "expected one per person and frame"
-            raise DataError(f"{self.folder / TRUTH} has no rows, {expected}")
+            raise DataError(
+                f"{self.folder / TRUTH} has no rows, expected one per person and frame"
+            )
         people.table.refuse_second_box(people.frame, people.object_id)
         return people
 
@@ -142,8 +143,10 @@ def split_frames(card: Card, length: int) -> dict[str, Ints]:
     size = section.scene_frames
     min_frames = card.task.past + card.task.future
     if size < min_frames:
-        expected = f"expected at least {min_frames}: task.past and task.future"
-        raise CardError(f"{card.id}: source.scene_frames is {size}, {expected}")
+        raise CardError(
+            f"{card.id}: source.scene_frames is {size}, expected at least "
+            f"{min_frames}: task.past and task.future"
+        )
     frames = np.arange(1, length + 1, section.stride)
     parts = np.split(frames, range(size, len(frames), size))
     scenes = [part for part in parts if len(part) >= min_frames]

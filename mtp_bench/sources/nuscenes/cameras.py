@@ -89,9 +89,10 @@ def _fill(tables: TableStore, folder: Path) -> None:
 def _require_sample_file(path: Path, record: ImageRecord) -> None:
     parts = PurePosixPath(record.filename).parts
     if parts[:1] != ("samples",) or ".." in parts:
-        got = f"filename is {record.filename!r}"
-        expected = "expected a file below samples/"
-        raise DataError(f"{path}, record {record.token!r}: {got}, {expected}")
+        raise DataError(
+            f"{path}, record {record.token!r}: filename is {record.filename!r}, "
+            "expected a file below samples/"
+        )
 
 
 def _read_cameras(tables: TableStore) -> dict[str, tuple[str, CameraRecord]]:
@@ -104,8 +105,9 @@ def _read_cameras(tables: TableStore) -> dict[str, tuple[str, CameraRecord]]:
         if not channel.startswith("CAM_"):
             continue
         if len(mount.camera_intrinsic) != 3:
-            problem = "camera_intrinsic needs 3 rows of 3 numbers"
-            raise DataError(f"{path}, record {token!r}: {problem}")
+            raise DataError(
+                f"{path}, record {token!r}: camera_intrinsic needs 3 rows of 3 numbers"
+            )
         cameras[token] = channel, mount
     rotations([mount for _, mount in cameras.values()], path)
     return cameras

@@ -104,8 +104,10 @@ def table_paths(root: Path, version: str) -> dict[str, Path]:
     paths = {name: folder / f"{name}.json" for name in TABLES}
     for path in paths.values():
         if not path.is_file():
-            problem = f"this table of {version} is missing; unpack the metadata again"
-            raise MissingDataError(f"no file {path}: {problem}")
+            raise MissingDataError(
+                f"no file {path}: this table of {version} is missing; unpack the "
+                "metadata again"
+            )
     return paths
 
 
@@ -141,8 +143,10 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
     paths = sorted(path for path in folder.glob(pattern) if path.is_file())
     if not paths:
         names = sorted(path.name for path in folder.glob("*.json") if path.is_file())
-        listed = f"found: {', '.join(names) or 'none'}{instead_of_stored(card)}"
-        raise MissingDataError(f"{folder} has no file {detector}*.json; {listed}")
+        raise MissingDataError(
+            f"{folder} has no file {detector}*.json; found: "
+            f"{', '.join(names) or 'none'}{instead_of_stored(card)}"
+        )
     return tuple(paths)
 
 

@@ -119,13 +119,16 @@ def _read_targets(
             instance, _, sample = entry.partition("_")
             row = keyframes.row.get(sample, -1)
             if instance not in row_of_instance or row not in scene_rows:
-                expected = "the tokens of an instance and of a sample of the scene"
-                where = f"{path}, {scene}, entry {entry!r}"
-                raise DataError(f"{where}: expected {expected}")
+                raise DataError(
+                    f"{path}, {scene}, entry {entry!r}: expected the tokens of an "
+                    "instance and of a sample of the scene"
+                )
             entry_of_key[row_of_instance[instance] * samples + row] = entry
     keys = np.array(list(entry_of_key), dtype=np.int64)
     missing = np.setdiff1d(keys, box_keys).tolist()
     if missing:
-        problem = "the instance has no box in this sample"
-        raise DataError(f"{path}, entry {entry_of_key[missing[0]]!r}: {problem}")
+        raise DataError(
+            f"{path}, entry {entry_of_key[missing[0]]!r}: the instance has no box in "
+            "this sample"
+        )
     return keys

@@ -118,8 +118,10 @@ def read_lanes(path: Path, changed_ns: int = 0) -> tuple[Lane, ...]:
         if len(center) > 1:
             centers[token] = center
     if not centers:
-        expected = "expected a file of the map expansion"
-        raise DataError(f"{path} has no lane with a middle line, {expected}")
+        raise DataError(
+            f"{path} has no lane with a middle line, expected a file of the map "
+            "expansion"
+        )
     number = {token: index for index, token in enumerate(centers)}
     lanes: list[Lane] = []
     for token, center in centers.items():

@@ -97,8 +97,9 @@ class CachedFolder:
     def _fill(self) -> None:
         if _path(self.prefix, self.sources) != self.path:
             files = ", ".join(str(path) for path in self.sources.values())
-            problem = "changed since the scenes were opened; open them again"
-            raise DataError(f"{files}: {problem}")
+            raise DataError(
+                f"{files}: changed since the scenes were opened; open them again"
+            )
         remove_damaged(self.path)
         with whole_folder(self.path) as part_folder:
             self.fill(part_folder)
@@ -114,8 +115,9 @@ def _path(prefix: str, sources: Mapping[str, Path]) -> Path:
         try:
             state = path.stat()
         except OSError as error:
-            problem = f"cannot be read: {error.strerror or error}"
-            raise DataError(f"{path} {problem}") from None
+            raise DataError(
+                f"{path} cannot be read: {error.strerror or error}"
+            ) from None
         times = [state.st_mtime_ns, state.st_ctime_ns]
         numbers = [state.st_size, state.st_ino, *times]
         states.append([name, str(path.resolve()), *numbers])

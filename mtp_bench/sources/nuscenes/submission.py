@@ -143,12 +143,14 @@ def _sample_boxes(
             where,
         )
     except DataError as error:
-        expected = f"expected a submission to the {kind.task} task"
-        raise DataError(f"{error}; {expected}") from None
+        raise DataError(
+            f"{error}; expected a submission to the {kind.task} task"
+        ) from None
     for place, box in enumerate(boxes):
         if box.sample_token != token:
-            got = f"sample_token is {box.sample_token!r}"
-            raise DataError(f"{where}, box {place}: {got}")
+            raise DataError(
+                f"{where}, box {place}: sample_token is {box.sample_token!r}"
+            )
     return boxes
 
 

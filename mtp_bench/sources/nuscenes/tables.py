@@ -54,8 +54,9 @@ def by_token(path: Path, kind: type[RecordT]) -> dict[str, RecordT]:
     table: dict[str, RecordT] = {}
     for record in read_records(path, kind):
         if record.token in table:
-            problem = f"several records have the token {record.token!r}, expected one"
-            raise DataError(f"{path}: {problem}")
+            raise DataError(
+                f"{path}: several records have the token {record.token!r}, expected one"
+            )
         table[record.token] = record
     return table
 
@@ -70,8 +71,10 @@ def find(
     token = getattr(record, key)
     if token not in table:
         name = key.removesuffix("_token")
-        problem = f"{key} is {token!r}, but {name}.json has no such record"
-        raise DataError(f"{path}, record {record.token!r}: {problem}")
+        raise DataError(
+            f"{path}, record {record.token!r}: {key} is {token!r}, but {name}.json has "
+            "no such record"
+        )
     return table[token]
 
 
@@ -247,8 +250,10 @@ def _read_lidar_poses(
             continue
         find(row_of_token, record, "sample_token", path)
         if record.sample_token in poses:
-            problem = f"a second {LIDAR} keyframe of its sample"
-            raise DataError(f"{path}, record {record.token!r}: {problem}")
+            raise DataError(
+                f"{path}, record {record.token!r}: a second {LIDAR} keyframe of its "
+                "sample"
+            )
         poses[record.sample_token] = record.ego_pose_token
     for token in row_of_token:
         if token not in poses:
@@ -267,8 +272,10 @@ def read_poses(
     poses = by_token(path, _Pose)
     for token in tokens:
         if token not in poses:
-            reference = f"which {referring_path.name} names as ego_pose_token"
-            raise DataError(f"{path} has no record {token!r}, {reference}")
+            raise DataError(
+                f"{path} has no record {token!r}, which {referring_path.name} names as "
+                "ego_pose_token"
+            )
     records = [poses[token] for token in tokens]
     place = floats([record.translation for record in records], 3)
     return place, rotations(records, path)

@@ -84,8 +84,10 @@ class People:
                 if len(part) >= min_frames:
                     self._scenes[f"{path.stem}-{part[0]:05d}"] = path, part
         if not self._scenes:
-            expected = f"at least {min_frames} frames: task.past and task.future"
-            raise DataError(f"{root} has no scene of {expected}")
+            raise DataError(
+                f"{root} has no scene of at least {min_frames} frames: task.past and "
+                "task.future"
+            )
         self.names = tuple(self._scenes)
 
     def load(self, name: str) -> Scene:

@@ -90,8 +90,10 @@ class Wildtrack:
         self.names = SPLITS[self.section.split]
         path = self.root / DETECTIONS
         if any(map(self._is_stored, self.names)) and not path.is_file():
-            problem = f"no file {path}, detections of {STORED}{instead_of_stored(card)}"
-            raise MissingDataError(f"{problem}; to get them: {DATASET.how_to_get}")
+            raise MissingDataError(
+                f"no file {path}, detections of {STORED}{instead_of_stored(card)}; to "
+                f"get them: {DATASET.how_to_get}"
+            )
 
     def _is_stored(self, name: str) -> bool:
         return name == STORED and self.section.detector is not None
@@ -163,8 +165,10 @@ def read_annotations(path: Path) -> tuple[Ints, Floats]:
     names, count = np.unique(person, return_counts=True)
     repeated_names = names[count > 1]
     if len(repeated_names):
-        problem = f"person {repeated_names[0]} is there twice"
-        raise DataError(f"{path}: {problem}, expected once per frame")
+        raise DataError(
+            f"{path}: person {repeated_names[0]} is there twice, expected once per "
+            "frame"
+        )
     cell = np.array([entry.position for entry in people], dtype=np.int64)
     return person, metres(np.column_stack([cell % GRID[0], cell // GRID[0]]))
 
