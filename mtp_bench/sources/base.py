@@ -1,7 +1,7 @@
 """Interface of every source of scenes, and the checks that several sources share."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -20,6 +20,7 @@ from ..cards import (
 )
 from ..core import (
     NO_ROWS,
+    Bools,
     CardError,
     DataError,
     Detections,
@@ -31,12 +32,14 @@ from ..core import (
     Truth,
     nearest,
     require_known,
+    starts_of_sorted,
 )
 from .dataset import DataRoot as DataRoot, Dataset, DataStatus
 from .tables import SMALLEST_SIDE_M, refuse_shared_place
 
 HALF_LANE = 1.75  # m
 SectionT = TypeVar("SectionT", bound=SourceSection)
+KeyT = TypeVar("KeyT", bound=Hashable)
 
 
 class SceneSource(Protocol):
@@ -222,6 +225,49 @@ def lane_around(center: Floats, junction: bool) -> Lane:
     offset = HALF_LANE * np.stack([-step[:, 1], step[:, 0]], axis=1)
     offset /= np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
     return Lane(center, center + offset, center - offset, junction=junction)
+
+
+def link_lanes(
+    lanes: Mapping[KeyT, Lane], successors: Mapping[KeyT, Iterable[KeyT]]
+) -> tuple[Lane, ...]:
+    """Return lanes that know their successors by number; others are left out."""
+    number = {key: index for index, key in enumerate(lanes)}
+    linked_lanes: list[Lane] = []
+    for key, lane in lanes.items():
+        following = tuple(number[name] for name in successors[key] if name in number)
+        linked_lanes.append(replace(lane, following=following))
+    return tuple(linked_lanes)
+
+
+def is_near(lane: Lane, places: Floats, reach_m: float) -> bool:
+    """Return True if the middle line passes one of the places [F, 2] within reach."""
+    offset = lane.center - places[:, None]
+    return bool((np.linalg.norm(offset, axis=2) <= reach_m).any())
+
+
+def sorted_rows(frame: Ints, used: Bools) -> Ints:
+    """Return the ``used`` rows [R], sorted by frame and otherwise in their order."""
+    rows = np.flatnonzero(used)
+    return rows[np.argsort(frame[rows], kind="stable")]
+
+
+def detections_by_frame(
+    frames: int,
+    frame: Ints,
+    box: Floats,
+    class_id: Ints,
+    score: Floats,
+    velocity: Floats | None = None,
+) -> Detections:
+    """Return the detections of R rows in any order, of ``frames`` frames.
+
+    ``velocity``: None if it is not measured.
+    """
+    if velocity is None:
+        velocity = np.full((len(frame), 2), np.nan)
+    order = np.argsort(frame, kind="stable")
+    start = starts_of_sorted(frame[order], frames)
+    return Detections(start, box[order], velocity[order], class_id[order], score[order])
 
 
 def no_detections(frames: int) -> Detections:

@@ -17,7 +17,7 @@ from ..core import (
     pieces_of,
     starts_of_sorted,
 )
-from .base import no_detections, stored_label
+from .base import detections_by_frame, no_detections, stored_label
 
 # m, length, width, height: nominal, the same for every person
 PERSON = 0.6, 0.6, 1.75
@@ -115,17 +115,12 @@ def people_truth(
 def people_detections(
     frame: Ints, place: Floats, score: Floats, frames: int
 ) -> Detections:
-    """Return detections of people without velocities.
+    """Return detections of people without velocities, from R rows in any order.
 
-    ``frame`` [R] sorted, ``place`` [R, 2] m, ``score`` [R].
+    ``frame`` [R], ``place`` [R, 2] m, ``score`` [R].
     """
-    return Detections(
-        start=starts_of_sorted(frame, frames),
-        box=person_boxes(place),
-        velocity=unknown_velocity(len(frame)),
-        class_id=np.zeros(len(frame), dtype=np.int64),
-        score=score,
-    )
+    class_id = np.zeros(len(frame), dtype=np.int64)
+    return detections_by_frame(frames, frame, person_boxes(place), class_id, score)
 
 
 def people_scene(

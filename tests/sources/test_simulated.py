@@ -6,6 +6,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+from mtp_bench import detector
 from mtp_bench.cards import load_card, with_detector, with_scenes
 from mtp_bench.core.geometry import rotate, transform_boxes, wrap_angle
 from mtp_bench.core.types import Scene
@@ -107,7 +108,7 @@ def test_detections_are_simulated_once_and_nobody_can_change_those_that_are_kept
     expected = {name: column.copy() for name, column in vars(first).items()}
     first.box[:] = 0.0
     simulate = Mock(return_value=first)
-    monkeypatch.setattr("mtp_bench.detector.simulation.simulate", simulate)
+    monkeypatch.setattr(detector, "simulate", simulate, raising=False)
     for name, column in vars(detected(scene, CARD).detections).items():
         np.testing.assert_array_equal(column, expected[name])
     simulate.assert_not_called()

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...cards import Card
 from ...core import DataError, Floats, Lane, Scene
-from ..base import DataRoot
+from ..base import DataRoot, link_lanes
 from ..text import Number, read_json
 from .feather import Sweeps
 from .layout import log_folder
@@ -54,22 +54,19 @@ def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
         return ()
     segments = read_json(paths[0], _Map).lane_segments.values()
     records = [record for record in segments if record.lane_type != "BIKE"]
-    index = {record.id: number for number, record in enumerate(records)}
-    if len(index) < len(records):
+    successors = {record.id: record.successors for record in records}
+    if len(successors) < len(records):
         raise DataError(
             f"{paths[0]}: two lanes have the same id, expected one of its own for each"
         )
     origin = Sweeps.read(folder, 1).origin
-    lanes: list[Lane] = []
+    lanes: dict[int, Lane] = {}
     for record in records:
         left_border = _points(record.left_lane_boundary) - origin
         right_border = _points(record.right_lane_boundary) - origin
-        # others leave the map
-        following = [index[i] for i in record.successors if i in index]
         lane = lane_between(left_border, right_border)
-        junction = record.is_intersection
-        lanes.append(replace(lane, following=tuple(following), junction=junction))
-    return tuple(lanes)
+        lanes[record.id] = replace(lane, junction=record.is_intersection)
+    return link_lanes(lanes, successors)
 
 
 def _points(border: list[_Point]) -> Floats:

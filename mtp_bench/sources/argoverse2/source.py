@@ -14,6 +14,7 @@ from ..base import (
     require_classes,
     require_rate,
     section_of,
+    sorted_rows,
     stored_label,
 )
 from ..motion import looking_back, unknown_velocity
@@ -133,8 +134,7 @@ def scene_truth(sweeps: Sweeps, card: Card) -> tuple[Truth, dict[int, str]]:
     )
     frames = len(sweeps.time)
     first = first_frames(frame, number, boxes.within_reach, frames)
-    rows = np.argsort(frame, kind="stable")
-    rows = rows[(frame >= first)[rows]]
+    rows = sorted_rows(frame, frame >= first)
     truth = Truth(
         start=starts_of_sorted(frame[rows], frames),
         box=boxes.box[rows],

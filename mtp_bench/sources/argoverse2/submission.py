@@ -19,9 +19,15 @@ from ...core import (
     Ints,
     Scene,
     nearest,
-    starts_of_sorted,
 )
-from ..base import DataRoot, ReadTracks, TrackForm, class_ids, section_of
+from ..base import (
+    DataRoot,
+    ReadTracks,
+    TrackForm,
+    class_ids,
+    detections_by_frame,
+    section_of,
+)
 from ..motion import unknown_velocity
 from ..stored_tracks import FEWER, with_stored
 from ..tables import RowTable
@@ -47,14 +53,13 @@ def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
     wrong, and for a time at which the log has no sweep.
     """
     boxes = read_boxes(path, sweeps, card, "score", log=sweeps.folder.name)
-    rows = np.argsort(boxes.frame, kind="stable")
-    rows = rows[boxes.within_reach[rows]]
-    return Detections(
-        start=starts_of_sorted(boxes.frame[rows], len(sweeps.time)),
-        box=boxes.box[rows],
-        velocity=unknown_velocity(len(rows)),
-        class_id=boxes.class_id[rows],
-        score=boxes.table["score"][rows],
+    used = boxes.within_reach
+    return detections_by_frame(
+        len(sweeps.time),
+        boxes.frame[used],
+        boxes.box[used],
+        boxes.class_id[used],
+        boxes.table["score"][used],
     )
 
 

@@ -1,5 +1,6 @@
 """Lanes of a map of 123D near the path of the ego."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from ...core import Floats, Lane
 from ..argoverse2.road import even, lane_between
+from ..base import is_near, link_lanes
 from ..text import reading
 from .arrow import FORM, read_arrow
 
@@ -40,8 +42,9 @@ def read_lanes(path: Path, ego_place: Floats, origin: Floats) -> tuple[Lane, ...
     columns, about = read_arrow(path, {"object_id": 1, "map_layer": 1, "features": 0})
     # Argoverse 2 makes the middle line of the borders
     has_center = about.get("dataset") != "av2-sensor"
-    features: dict[int, Feature] = {}
+    groups: dict[int, int | None] = {}
     lanes: dict[int, Lane] = {}
+    successors: dict[int, list[int]] = {}
     junction_groups: set[int | None] = set()
     with reading(path, FORM):
         for number, layer, content in zip(*columns.values(), strict=True):
@@ -54,20 +57,14 @@ def read_lanes(path: Path, ego_place: Floats, origin: Floats) -> tuple[Lane, ...
                     junction_groups.add(object_id)
             elif feature.lane_type != _BIKE_LANE:
                 lane = _lane(feature, origin, has_center)
-                offset = lane.center[:, None] - ego_place
-                if (np.linalg.norm(offset, axis=2) <= ROAD_REACH_M).any():
-                    features[object_id] = feature
+                if is_near(lane, ego_place, ROAD_REACH_M):
+                    groups[object_id] = feature.lane_group_id
                     lanes[object_id] = lane
-    index = {object_id: position for position, object_id in enumerate(lanes)}
-    linked_lanes: list[Lane] = []
+                    successors[object_id] = feature.successor_ids
     for object_id, lane in lanes.items():
-        feature = features[object_id]
-        following = tuple(index[i] for i in feature.successor_ids if i in index)
-        junction = feature.lane_group_id in junction_groups
-        linked_lanes.append(
-            Lane(lane.center, lane.left, lane.right, following, junction)
-        )
-    return tuple(linked_lanes)
+        junction = groups[object_id] in junction_groups
+        lanes[object_id] = replace(lane, junction=junction)
+    return link_lanes(lanes, successors)
 
 
 def _lane(feature: Feature, origin: Floats, has_center: bool) -> Lane:

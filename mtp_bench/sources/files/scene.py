@@ -13,7 +13,6 @@ from ...core import (
     ID_LIMIT,
     NO_ROWS,
     DataError,
-    Detections,
     Floats,
     Ints,
     Scene,
@@ -25,9 +24,11 @@ from ...core import (
 from ..base import (
     CameraImage,
     class_ids,
+    detections_by_frame,
     names_by_number,
     no_detections,
     section_of,
+    sorted_rows,
     stored_label,
 )
 from ..motion import backward_velocity, unknown_velocity
@@ -214,12 +215,13 @@ def _with_detections(scene: Scene, table: RowTable, number: Ints, card: Card) ->
     frame = frame_index(table, number)
     rows, skipped = _usable_rows(table, frame, scene.frames, "detections", classes)
     table = table.select(rows)
-    detections = Detections(
-        start=starts_of_sorted(frame[rows], scene.frames),
-        box=boxes_of(table),
-        velocity=velocities_of(table),
-        class_id=class_ids_of(table, classes),
-        score=scores_of(table),
+    detections = detections_by_frame(
+        scene.frames,
+        frame[rows],
+        boxes_of(table),
+        class_ids_of(table, classes),
+        scores_of(table),
+        velocities_of(table),
     )
     return replace(scene, detections=detections, skipped=scene.skipped | skipped)
 
@@ -249,8 +251,7 @@ def _usable_rows(
         if hint := class_hint(other, classes):
             reason += f": {hint}"
         skipped[reason] = count
-    rows = np.flatnonzero(used)
-    return rows[np.argsort(frame[rows], kind="stable")], skipped
+    return sorted_rows(frame, used), skipped
 
 
 def boxes_of(table: RowTable) -> Floats:

@@ -20,13 +20,15 @@ from ...core import (
 )
 from ..base import (
     DataRoot,
+    detections_by_frame,
     no_detections,
     require_classes,
     require_rate,
     section_of,
+    sorted_rows,
     stored_label,
 )
-from ..motion import central_velocity, unknown_velocity
+from ..motion import central_velocity
 from .files import (
     DetectionRows,
     LabelRows,
@@ -138,12 +140,16 @@ class Frames:
 
     def select(self, frame: Ints, used: Bools) -> Ints:
         """Return the ``used`` rows in frames of the scene, sorted by frame."""
-        rows = np.flatnonzero(used & (frame % self.stride == 0))
-        return rows[np.argsort(frame[rows], kind="stable")]
+        return sorted_rows(frame, used & (frame % self.stride == 0))
+
+    @property
+    def count(self) -> int:
+        """Number of frames of the scene."""
+        return -(-self.length // self.stride)
 
     def starts(self, frame: Ints) -> Ints:
         """Return the first row of each frame of the scene, and the number of rows."""
-        return starts_of_sorted(frame // self.stride, -(-self.length // self.stride))
+        return starts_of_sorted(frame // self.stride, self.count)
 
     def place(self, box: Floats, frame: Ints) -> Floats:
         """Return boxes in the frame of reference of the scene."""
@@ -205,13 +211,11 @@ def detections_of(
         score_parts.append(table.score[rows])
     counts = [len(part) for part in frame_parts]
     frame = np.concatenate(frame_parts)
-    order = np.argsort(frame, kind="stable")
-    frame = frame[order]
-    detections = Detections(
-        start=frames.starts(frame),
-        box=frames.place(np.concatenate(box_parts)[order], frame),
-        velocity=unknown_velocity(len(frame)),
-        class_id=np.repeat(np.arange(len(classes)), counts)[order],
-        score=np.concatenate(score_parts)[order],
+    detections = detections_by_frame(
+        frames.count,
+        frame // frames.stride,
+        frames.place(np.concatenate(box_parts), frame),
+        np.repeat(np.arange(len(classes)), counts),
+        np.concatenate(score_parts),
     )
     return detections, dict(+skipped)

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from ...cards import Card, SourceSection, Traits, instead_of_stored
 from ...core import CardError, DataError, Floats, Ints, MissingDataError, Scene
-from ..base import DataRoot, require_classes, require_rate, section_of
+from ..base import DataRoot, require_classes, require_rate, section_of, sorted_rows
 from ..dataset import Dataset
 from ..motion import middle, people_detections, people_scene, people_truth
 from ..readers import read_table
@@ -176,8 +176,7 @@ class Rows:
 
 def _select(table: Rows, numbers: Ints) -> tuple[Ints, Ints]:
     """Return the rows [n] of the frames ``numbers`` and the frame of each [n], sorted."""
-    rows = np.flatnonzero(np.isin(table.frame, numbers))
-    rows = rows[np.argsort(table.frame[rows], kind="stable")]
+    rows = sorted_rows(table.frame, np.isin(table.frame, numbers))
     return rows, np.searchsorted(numbers, table.frame[rows])
 
 

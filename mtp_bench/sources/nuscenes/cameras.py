@@ -78,11 +78,9 @@ def _fill(tables: TableStore, folder: Path) -> None:
     }
     order = np.lexsort((arrays["camera"], sample))
     for name in tables.scenes:
-        scene_samples = tables.samples(name)
-        borders = [scene_samples.start, scene_samples.stop]
-        rows = order[slice(*np.searchsorted(sample[order], borders))]
+        rows = order[tables.rows_of(name, sample[order])]
         scene_arrays = {key: values[rows] for key, values in arrays.items()}
-        scene_arrays["frame"] = scene_arrays["frame"] - scene_samples.start
+        scene_arrays["frame"] = scene_arrays["frame"] - tables.samples(name).start
         write_arrays(folder / f"{name}.npz", scene_arrays)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core import Bools, DataError, Floats, Ints, select
-from ..base import class_ids
+from ..base import class_ids, sorted_rows
 from ..tables import refuse, repeated
 from ..text import read_json
 from .layout import CLASS_OF, CLASSES, NEUTRAL_OF
@@ -97,8 +97,7 @@ def read_annotations(
     points = [record.num_lidar_pts == record.num_radar_pts == 0 for record in records]
     neutral = is_neutral[instance] | np.array(points, dtype=bool)
     tokens = np.array([token.encode() for token in instances], dtype=np.bytes_)
-    used = np.flatnonzero(class_id >= 0)
-    order = used[np.argsort(sample[used], kind="stable")]
+    order = sorted_rows(sample, class_id >= 0)
     boxes = TrueBoxes(sample, tokens[instance], box, class_id, neutral, listed)
     return select(boxes, order)
 

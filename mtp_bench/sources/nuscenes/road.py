@@ -6,7 +6,6 @@ straights, and ``connectivity``, what continues it.
 """
 
 import math
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
@@ -16,7 +15,7 @@ import numpy as np
 
 from ...cards import Card
 from ...core import DataError, Floats, Lane, Scene, unit_vectors
-from ..base import DataRoot, lane_around, section_of
+from ..base import DataRoot, is_near, lane_around, link_lanes, section_of
 from ..text import read_json
 from .layout import DATASET, EXPANSION, VERSIONS, NuScenesSource
 from .tables import SceneRecord, TableRecord, Vector, by_token, find, read_records
@@ -75,17 +74,11 @@ def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
     path = root / EXPANSION / f"{location_of(version, scene.name)}.json"
     if not path.is_file():
         return ()
-    ego = scene.ego[:, None, :2]
-    lanes = read_lanes(path, path.stat().st_mtime_ns)
-    number: dict[int, int] = {}
-    for index, lane in enumerate(lanes):
-        if (np.linalg.norm(lane.center - ego, axis=2) <= ROAD_REACH_M).any():
-            number[index] = len(number)
-    scene_road: list[Lane] = []
-    for index in number:
-        following = [number[i] for i in lanes[index].following if i in number]
-        scene_road.append(replace(lanes[index], following=tuple(following)))
-    return tuple(scene_road)
+    lanes: dict[int, Lane] = {}
+    for index, lane in enumerate(read_lanes(path, path.stat().st_mtime_ns)):
+        if is_near(lane, scene.ego[:, :2], ROAD_REACH_M):
+            lanes[index] = lane
+    return link_lanes(lanes, {index: lane.following for index, lane in lanes.items()})
 
 
 def location_of(version: Path, scene: str) -> str:
@@ -112,24 +105,19 @@ def read_lanes(path: Path, changed_ns: int = 0) -> tuple[Lane, ...]:
     layers = read_json(path, _Map)
     junction = {lane.token: False for lane in layers.lane if lane.lane_type != "BIKE"}
     junction |= {lane.token: True for lane in layers.lane_connector}
-    centers: dict[str, Floats] = {}
-    for token in junction:
+    lanes: dict[str, Lane] = {}
+    successors: dict[str, list[str]] = {}
+    for token, is_junction in junction.items():
         center = _center(layers.arcline_path_3.get(token, []))
         if len(center) > 1:
-            centers[token] = center
-    if not centers:
+            lanes[token] = lane_around(center, is_junction)
+            successors[token] = layers.connectivity.get(token, _Links()).outgoing
+    if not lanes:
         raise DataError(
             f"{path} has no lane with a middle line, expected a file of the map "
             "expansion"
         )
-    number = {token: index for index, token in enumerate(centers)}
-    lanes: list[Lane] = []
-    for token, center in centers.items():
-        outgoing = layers.connectivity.get(token, _Links()).outgoing
-        following = tuple(number[name] for name in outgoing if name in number)
-        lane = lane_around(center, junction[token])
-        lanes.append(replace(lane, following=following))
-    return tuple(lanes)
+    return link_lanes(lanes, successors)
 
 
 def _center(parts: list[_Path]) -> Floats:

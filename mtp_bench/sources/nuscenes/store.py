@@ -141,6 +141,11 @@ class TableStore:
         row = self.scenes.index(scene)
         return range(int(self.start[row]), int(self.start[row + 1]))
 
+    def rows_of(self, scene: str, sample: Ints) -> slice:
+        """Return the rows of a scene in a table sorted by ``sample`` [R]."""
+        samples = self.samples(scene)
+        return slice(*np.searchsorted(sample, [samples.start, samples.stop]))
+
     def sample_tokens(self, scene: str) -> list[str]:
         """Return the tokens of the samples of a scene."""
         return [token.decode() for token in self.tokens[self.samples(scene)].tolist()]

@@ -13,8 +13,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core import Bools, DataError, Detections, Floats, Ints, starts_of_sorted
-from ..base import class_ids
+from ...core import Bools, DataError, Detections, Floats, Ints
+from ..base import class_ids, detections_by_frame
 from ..cache import write_arrays
 from ..readers import MAX_WORD_LETTERS
 from ..rotation import require_rotations
@@ -251,16 +251,15 @@ def scene_detections(
     """
     parts = [store.cache.read(name) for store in stores if store.covered[samples].any()]
     arrays = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
-    frame = arrays["frame"]
     class_id = class_ids(CLASSES, classes)[arrays["class_id"]]
-    used = np.flatnonzero(class_id >= 0)
-    rows = used[np.argsort(frame[used], kind="stable")]
-    return Detections(
-        start=starts_of_sorted(frame[rows], len(samples)),
-        box=arrays["box"][rows],
-        velocity=arrays["velocity"][rows],
-        class_id=class_id[rows],
-        score=arrays["score"][rows],
+    used = class_id >= 0
+    return detections_by_frame(
+        len(samples),
+        arrays["frame"][used],
+        arrays["box"][used],
+        class_id[used],
+        arrays["score"][used],
+        arrays["velocity"][used],
     )
 
 
@@ -271,8 +270,7 @@ def _fill_detections(path: Path, tables: TableStore, folder: Path) -> None:
         samples = tables.samples(name)
         if not covered[samples].any():
             continue
-        borders = [samples.start, samples.stop]
-        rows = slice(*np.searchsorted(boxes.sample, borders))
+        rows = tables.rows_of(name, boxes.sample)
         arrays = {
             "frame": boxes.sample[rows] - samples.start,
             "box": boxes.box[rows],

@@ -43,7 +43,7 @@ def scene_tracks(
         if len(missing) == scene.frames:
             message += f"; {FEWER}"
         raise DataError(message)
-    rows = np.arange(*np.searchsorted(boxes.sample, [samples.start, samples.stop]))
+    rows = np.arange(len(boxes.sample))[tables.rows_of(scene.name, boxes.sample)]
     class_id = class_ids(CLASSES, classes)[boxes.class_id[rows]]
     rows = rows[class_id >= 0]
     class_id = class_id[class_id >= 0]

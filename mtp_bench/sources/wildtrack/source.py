@@ -140,9 +140,8 @@ def _read_scene_detections(path: Path, numbers: Ints) -> Detections:
         lambda row: f"frame {number[row]} {problem}, {expected}",
     )
     frame = np.searchsorted(numbers, number)
-    order = np.argsort(frame, kind="stable")
     score = np.ones(len(frame))  # the file has no scores
-    return people_detections(frame[order], place[order], score, len(numbers))
+    return people_detections(frame, place, score, len(numbers))
 
 
 class _Person(msgspec.Struct):
