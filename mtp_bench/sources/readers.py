@@ -340,11 +340,18 @@ def _check_names(
                 f"{path}: no column {column.name!r}: {column.meaning}; found: "
                 f"{', '.join(names)}"
             )
-    for column in columns:
-        if column.together and column.name in names:
-            group = [c.name for c in columns if c.together == column.together]
-            if not set(group) <= set(names):
-                listed = ", ".join(map(repr, group))
-                raise DataError(
-                    f"{path}: some of the columns {listed}, expected all or none"
-                )
+    _check_groups(path, names, columns)
+
+
+def _check_groups(
+    path: Path, names: Sequence[str], columns: Sequence[TableColumn]
+) -> None:
+    """Raise DataError for some but not all of the columns that belong together."""
+    groups = {column.together for column in columns if column.name in names} - {""}
+    for group in sorted(groups):
+        members = [column.name for column in columns if column.together == group]
+        if not set(members) <= set(names):
+            raise DataError(
+                f"{path}: some of the columns {', '.join(map(repr, members))}, "
+                "expected all or none"
+            )

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from ..cards import Card
+from ..cards import Card, DetectorSection
 from ..core import Detections, Floats, Scene, Truth, pieces_of, rotate, transform_boxes
 from .motion import as_places, extent, looking_back
 
 if TYPE_CHECKING:
-    from ..detector import OpenScene
+    from ..detector import OpenScene, Sensor
 
 MAX_STORED_BYTES = 2**25  # of detected boxes that a process keeps
 _STORED: dict[bytes, Detections] = {}
@@ -40,15 +40,11 @@ def detected(
     """
     if card.detector is None or (scene.detector and not scene.simulated):
         return scene
-    from ..detector import Sensor, simulate, visibility_of, visible_fractions
+    from ..detector import simulate, visibility_of, visible_fractions
 
-    section = card.detector
-    profile = section.resolved
+    profile = card.detector.resolved
     traits = card.source.traits
-    area = section.area
-    if area is None and traits.bounded_by_truth:
-        area = extent(scene.truth.box)
-    sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)), area)
+    sensor = _sensor(card.detector, scene, traits.bounded_by_truth)
     visible = scene.visible
     if visible is None:
         visible = visible_fractions(scene.truth, scene.ego)
@@ -59,20 +55,18 @@ def detected(
     world = in_world(replace(scene, truth=truth))
     if card.velocity:
         world = _with_measured_velocity(world, scene.world is not None, period_s)
-    is_single_use = seed is not None or going_on is not None
-    if seed is None:
-        seed = _scene_seed(section.seed, scene.name)
-    noise = card.task.classes, profile, sensor, seed, period_s
+    scene_seed = _scene_seed(card.detector.seed, scene.name) if seed is None else seed
+    noise = card.task.classes, profile, sensor, scene_seed, period_s
 
     def simulate_scene() -> Detections:
         fractions = visibility_of(world.truth, world.ego, sensor, visible)
         return simulate(world.truth, world.ego, *noise, fractions, going_on)
 
-    if is_single_use:
-        detections = simulate_scene()
-    else:
+    if seed is None and going_on is None:
         arrays = [visible, world.ego, *vars(world.truth).values()]
         detections = _simulated_once(noise, arrays, simulate_scene)
+    else:
+        detections = simulate_scene()
     if scene.world is not None:
         detections = in_frames(detections, scene.world, scene.time, period_s)
     if traits.places_only:
@@ -86,6 +80,16 @@ def detected(
         skipped={},
         visible=visible,
     )
+
+
+def _sensor(section: DetectorSection, scene: Scene, bounded_by_truth: bool) -> Sensor:
+    """Return the sensor of a card's detector; its area may be that of the truth."""
+    from ..detector import Sensor
+
+    area = section.area
+    if area is None and bounded_by_truth:
+        area = extent(scene.truth.box)
+    return Sensor(section.reach, float(np.deg2rad(section.field_of_view)), area)
 
 
 def _scene_seed(seed: int, name: str) -> int:

@@ -4,6 +4,7 @@ They are kept per scene, since their tables have millions of records, and read w
 event is drawn.
 """
 
+from collections.abc import Collection
 from functools import partial
 from pathlib import Path, PurePosixPath
 
@@ -58,11 +59,7 @@ def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage,
 def _fill(tables: TableStore, folder: Path) -> None:
     path = tables.cache.sources["sample_data"]
     cameras = _read_cameras(tables)
-    images: list[ImageRecord] = []
-    for record in read_records(path, ImageRecord):
-        if record.is_key_frame and record.calibrated_sensor_token in cameras:
-            _require_sample_file(path, record)
-            images.append(record)
+    images = _read_images(path, cameras)
     row_of_token = tables.row_of_token
     samples = [find(row_of_token, image, "sample_token", path) for image in images]
     sample = np.array(samples, dtype=np.int64)
@@ -84,13 +81,20 @@ def _fill(tables: TableStore, folder: Path) -> None:
         write_arrays(folder / f"{name}.npz", scene_arrays)
 
 
-def _require_sample_file(path: Path, record: ImageRecord) -> None:
-    parts = PurePosixPath(record.filename).parts
-    if parts[:1] != ("samples",) or ".." in parts:
-        raise DataError(
-            f"{path}, record {record.token!r}: filename is {record.filename!r}, "
-            "expected a file below samples/"
-        )
+def _read_images(path: Path, cameras: Collection[str]) -> list[ImageRecord]:
+    """Read the records of the images of ``cameras`` (tokens) at keyframes."""
+    images: list[ImageRecord] = []
+    for record in read_records(path, ImageRecord):
+        if not record.is_key_frame or record.calibrated_sensor_token not in cameras:
+            continue
+        parts = PurePosixPath(record.filename).parts
+        if parts[:1] != ("samples",) or ".." in parts:
+            raise DataError(
+                f"{path}, record {record.token!r}: filename is {record.filename!r}, "
+                "expected a file below samples/"
+            )
+        images.append(record)
+    return images
 
 
 def _read_cameras(tables: TableStore) -> dict[str, tuple[str, CameraRecord]]:
