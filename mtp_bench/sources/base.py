@@ -183,12 +183,13 @@ def stored_label(detector: str) -> str:
     return f"{detector}, stored detections" if detector else ""
 
 
-def require_classes(card: Card, dataset: str, known: Collection[str]) -> None:
+def require_classes(card: Card, dataset: str, known_names: Collection[str]) -> None:
     """Raise CardError for a class of the task that the dataset does not have."""
     for name in card.task.classes:
-        if name not in known:
+        if name not in known_names:
             raise CardError(
-                f"{card.id}: {dataset} has no class {name!r}{nearest(name, known)}"
+                f"{card.id}: {dataset} has no class "
+                f"{name!r}{nearest(name, known_names)}"
             )
 
 
@@ -202,10 +203,10 @@ def require_rate(card: Card, dataset: str, rate_hz: float, stride: int = 1) -> N
     raise CardError(f"{card.id}: {message}")
 
 
-def class_ids(known: Sequence[str], classes: Sequence[str]) -> Ints:
-    """Return the index of each ``known`` class among those of a task, else -1."""
-    index = {name: number for number, name in enumerate(classes)}
-    return np.array([index.get(name, -1) for name in known], dtype=np.int64)
+def class_ids(known_names: Sequence[str], classes: Sequence[str]) -> Ints:
+    """Return the index of each known class among those of a task, else -1."""
+    class_index = {name: number for number, name in enumerate(classes)}
+    return np.array([class_index.get(name, -1) for name in known_names], dtype=np.int64)
 
 
 def names_by_number(number: Ints, name: NDArray[Any]) -> dict[int, str]:
@@ -221,21 +222,25 @@ def lane_around(center: Floats, junction: bool) -> Lane:
 
     ``center`` [n, 2], of two points or more.
     """
-    step = np.gradient(center, axis=0)
-    offset = HALF_LANE * np.stack([-step[:, 1], step[:, 0]], axis=1)
-    offset /= np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
-    return Lane(center, center + offset, center - offset, junction=junction)
+    point_step = np.gradient(center, axis=0)
+    border_offset = HALF_LANE * np.stack([-point_step[:, 1], point_step[:, 0]], axis=1)
+    border_offset /= np.maximum(np.linalg.norm(point_step, axis=1), 1e-9)[:, None]
+    return Lane(
+        center, center + border_offset, center - border_offset, junction=junction
+    )
 
 
 def link_lanes(
     lanes: Mapping[KeyT, Lane], successors: Mapping[KeyT, Iterable[KeyT]]
 ) -> tuple[Lane, ...]:
     """Return lanes that know their successors by number; others are left out."""
-    number = {key: index for index, key in enumerate(lanes)}
+    lane_number = {key: index for index, key in enumerate(lanes)}
     linked_lanes: list[Lane] = []
     for key, lane in lanes.items():
-        following = tuple(number[name] for name in successors[key] if name in number)
-        linked_lanes.append(replace(lane, following=following))
+        lane_following = tuple(
+            lane_number[name] for name in successors[key] if name in lane_number
+        )
+        linked_lanes.append(replace(lane, following=lane_following))
     return tuple(linked_lanes)
 
 
@@ -247,8 +252,8 @@ def is_near(lane: Lane, places: Floats, reach_m: float) -> bool:
 
 def sorted_rows(frame: Ints, used: Bools) -> Ints:
     """Return the ``used`` rows [R], sorted by frame and otherwise in their order."""
-    rows = np.flatnonzero(used)
-    return rows[np.argsort(frame[rows], kind="stable")]
+    used_rows = np.flatnonzero(used)
+    return used_rows[np.argsort(frame[used_rows], kind="stable")]
 
 
 def detections_by_frame(
@@ -265,9 +270,15 @@ def detections_by_frame(
     """
     if velocity is None:
         velocity = np.full((len(frame), 2), np.nan)
-    order = np.argsort(frame, kind="stable")
-    start = starts_of_sorted(frame[order], frames)
-    return Detections(start, box[order], velocity[order], class_id[order], score[order])
+    row_order = np.argsort(frame, kind="stable")
+    row_start = starts_of_sorted(frame[row_order], frames)
+    return Detections(
+        row_start,
+        box[row_order],
+        velocity[row_order],
+        class_id[row_order],
+        score[row_order],
+    )
 
 
 def no_detections(frames: int) -> Detections:

@@ -30,7 +30,7 @@ def data_root(data: DataRoot) -> tuple[Path, str]:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Facts about a dataset, of the file ``dataset.toml`` in the package of its source."""
+    """Facts about a dataset, of ``dataset.toml`` in the package of its source."""
 
     name: str
     # of the data root in which it may lie, best first; the data root may be that, too

@@ -37,13 +37,17 @@ def backward_velocity(
     ``object_id`` [R], ``position`` [R, 2] m, ``time`` [F] s; ``period``: nominal, s.
     """
     velocity = np.full(position.shape, np.nan)
-    order = np.lexsort((frame, object_id))
-    steps = np.diff(frame[order]) + np.diff(pieces_of(time, period)[frame[order]])
-    follows = (np.diff(object_id[order]) == 0) & (steps == 1)
-    first = order[:-1][follows]
-    second = order[1:][follows]
-    step_s = time[frame[second]] - time[frame[first]]
-    velocity[second] = (position[second] - position[first]) / step_s[:, None]
+    row_order = np.lexsort((frame, object_id))
+    frame_steps = np.diff(frame[row_order]) + np.diff(
+        pieces_of(time, period)[frame[row_order]]
+    )
+    follows = (np.diff(object_id[row_order]) == 0) & (frame_steps == 1)
+    first_rows = row_order[:-1][follows]
+    second_rows = row_order[1:][follows]
+    step_s = time[frame[second_rows]] - time[frame[first_rows]]
+    velocity[second_rows] = (position[second_rows] - position[first_rows]) / step_s[
+        :, None
+    ]
     return velocity
 
 
@@ -68,12 +72,14 @@ def central_velocity(
     velocities has the trait ``velocity_ahead``.
     """
     velocity = np.full(position.shape, np.nan)
-    order = np.lexsort((frame, object_id))
-    first = order[:-2]
-    last = order[2:]
-    follows = (object_id[first] == object_id[last]) & (frame[last] - frame[first] == 2)
-    moved = position[last[follows]] - position[first[follows]]
-    velocity[order[1:-1][follows]] = moved / (2 * period)
+    row_order = np.lexsort((frame, object_id))
+    first_rows = row_order[:-2]
+    last_rows = row_order[2:]
+    follows = (object_id[first_rows] == object_id[last_rows]) & (
+        frame[last_rows] - frame[first_rows] == 2
+    )
+    moved_m = position[last_rows[follows]] - position[first_rows[follows]]
+    velocity[row_order[1:-1][follows]] = moved_m / (2 * period)
     return velocity
 
 
@@ -163,8 +169,8 @@ def middle(place: Floats) -> Floats:
     """Return the middle x y 0 0 of places [R, 2] or more, in whole metres."""
     point = np.zeros(4)
     if len(place):
-        corners = place[:, :2].min(axis=0) + place[:, :2].max(axis=0)
-        point[:2] = np.round(corners / 2) + 0.0  # no negative zero
+        corner_sum = place[:, :2].min(axis=0) + place[:, :2].max(axis=0)
+        point[:2] = np.round(corner_sum / 2) + 0.0  # no negative zero
     return point
 
 

@@ -58,18 +58,20 @@ def read_table(
     ``optional``: the last column, if the first line may lack it. ``finite``: refuse
     NaN, infinity and numbers beyond `LIMIT`. DataError names the line and the column.
     """
-    text = read_text(path)
+    file_text = read_text(path)
     if delimiter == _BLANK:
-        text = "\n".join(" ".join(line.split()) for line in text.splitlines())
-    names = columns.split()
-    first_line = text.lstrip("\r\n").partition("\n")[0]
-    if optional and len(first_line.split(delimiter)) == len(names) - 1:
-        names.remove(optional)
-    cells, line = _read_cells(path, text, names, delimiter)
-    table = RowTable(str(path), "line", line, {})
-    for name in names:
+        file_text = "\n".join(
+            " ".join(line_numbers.split()) for line_numbers in file_text.splitlines()
+        )
+    column_names = columns.split()
+    first_line = file_text.lstrip("\r\n").partition("\n")[0]
+    if optional and len(first_line.split(delimiter)) == len(column_names) - 1:
+        column_names.remove(optional)
+    arrow_cells, line_numbers = _read_cells(path, file_text, column_names, delimiter)
+    table = RowTable(str(path), "line", line_numbers, {})
+    for name in column_names:
         column = TableColumn(name, text=name in words.split(), finite=finite)
-        add_column(table, column, cells[name])
+        add_column(table, column, arrow_cells[name])
     return table
 
 
@@ -81,21 +83,23 @@ def read_named_table(path: Path, columns: Sequence[TableColumn]) -> RowTable:
     if path.suffix == ".parquet":
         with reading(path, "Parquet"), open_regular(path) as stream:
             _require_size(path, os.fstat(stream.fileno()).st_size)
-            cells = _read_parquet(path, stream)
-        unit = "row"
-        line = np.arange(1, cells.num_rows + 1)
+            arrow_cells = _read_parquet(path, stream)
+        line_unit = "row"
+        line_numbers = np.arange(1, arrow_cells.num_rows + 1)
     else:
         with reading(path, "CSV"):
             _require_size(path, path.stat().st_size)
-        header, _, text = read_text(path).partition("\n")
-        names = _header_names(path, header.strip(), columns)
-        unit = "line"
-        cells, line = _read_cells(path, text, names, ",", first_line=2)
-    _check_names(path, cells.column_names, columns)
-    table = RowTable(str(path), unit, line, {})
+        header, _, rows_text = read_text(path).partition("\n")
+        header_names = _header_names(path, header.strip(), columns)
+        line_unit = "line"
+        arrow_cells, line_numbers = _read_cells(
+            path, rows_text, header_names, ",", first_line=2
+        )
+    _check_names(path, arrow_cells.column_names, columns)
+    table = RowTable(str(path), line_unit, line_numbers, {})
     for column in columns:
-        if column.name in cells.column_names:
-            add_column(table, column, cells[column.name])
+        if column.name in arrow_cells.column_names:
+            add_column(table, column, arrow_cells[column.name])
     return table
 
 
@@ -105,8 +109,8 @@ def write_table(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     from pyarrow import csv, parquet
 
     arrays = {
-        name: pyarrow.array(values, from_pandas=True)
-        for name, values in columns.items()
+        name: pyarrow.array(arrow_values, from_pandas=True)
+        for name, arrow_values in columns.items()
     }
     table = pyarrow.table(arrays)
     if path.suffix == ".parquet":
@@ -115,9 +119,9 @@ def write_table(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
         csv.write_csv(table, path, csv.WriteOptions(quoting_style="needed"))
 
 
-def add_column(table: RowTable, column: TableColumn, values: Any) -> None:
+def add_column(table: RowTable, column: TableColumn, arrow_values: Any) -> None:
     """Check an Arrow column and add it to ``table``; DataError names the cell."""
-    arrow_type = str(values.type)
+    arrow_type = str(arrow_values.type)
     is_text = arrow_type.startswith(_WORD_TYPES)
     if not is_text and not arrow_type.startswith(_NUMBER_TYPES):
         expected = "words" if column.text else "numbers"
@@ -125,17 +129,19 @@ def add_column(table: RowTable, column: TableColumn, values: Any) -> None:
             f"{table.source}, column {column.name!r}: {arrow_type}, expected {expected}"
         )
     if column.text:
-        table.columns[column.name] = _checked_words(table, column, values)
+        table.columns[column.name] = _checked_words(table, column, arrow_values)
         return
     if is_text:
-        values = _parse_numbers(table, column, values)
-    table.columns[column.name] = _checked_numbers(table, column, values)
+        arrow_values = _parse_numbers(table, column, arrow_values)
+    table.columns[column.name] = _checked_numbers(table, column, arrow_values)
 
 
 def _checked_words(
-    table: RowTable, column: TableColumn, values: Any
+    table: RowTable, column: TableColumn, arrow_values: Any
 ) -> NDArray[np.str_]:
-    words = [str(word or "").strip() for word in values.cast("string").to_pylist()]
+    words = [
+        str(word or "").strip() for word in arrow_values.cast("string").to_pylist()
+    ]
     letters = np.array([len(word) for word in words], dtype=np.int64)
     expected = f"expected at most {MAX_WORD_LETTERS}"
     table.refuse(
@@ -148,9 +154,9 @@ def _checked_words(
     return np.array(words, dtype=np.str_)
 
 
-def _checked_numbers(table: RowTable, column: TableColumn, values: Any) -> Floats:
-    numbers: Floats = values.cast("float64", safe=False).to_numpy()
-    is_empty = values.is_null().to_numpy()
+def _checked_numbers(table: RowTable, column: TableColumn, arrow_values: Any) -> Floats:
+    numbers: Floats = arrow_values.cast("float64", safe=False).to_numpy()
+    is_empty = arrow_values.is_null().to_numpy()
     if not column.gaps:
         table.refuse(is_empty, "an empty cell, expected a number", column.name)
     if column.finite:
@@ -170,11 +176,13 @@ def _checked_numbers(table: RowTable, column: TableColumn, values: Any) -> Float
     return numbers
 
 
-def _parse_numbers(table: RowTable, column: TableColumn, values: Any) -> Any:
+def _parse_numbers(table: RowTable, column: TableColumn, arrow_values: Any) -> Any:
     """Return the numbers that words stand for; null for an empty cell."""
     from pyarrow import ArrowInvalid, compute, scalar, string
 
-    cells = compute.utf8_trim_whitespace(compute.fill_null(values.cast("string"), ""))
+    cells = compute.utf8_trim_whitespace(
+        compute.fill_null(arrow_values.cast("string"), "")
+    )
     if column.flag:
         cells = compute.utf8_lower(cells)
         for word, number in (("true", "1"), ("false", "0")):
@@ -248,7 +256,7 @@ def _read_cells(
     )
     convert_options = csv.ConvertOptions(column_types=types)
     try:
-        cells = csv.read_csv(
+        arrow_cells = csv.read_csv(
             BufferReader(text.encode()), read_options, parse_options, convert_options
         )
     except ArrowInvalid as error:
@@ -259,11 +267,11 @@ def _read_cells(
         is_last = misfits[0].number == len(text.splitlines())
         cut_off = ": is the file cut off?" * (is_last and problem.endswith("missing"))
         raise DataError(f"{path}, line {number}: {problem}{cut_off}") from None
-    is_filled = np.zeros(cells.num_rows, dtype=bool)
-    for values in cells.columns:
-        is_filled |= compute.not_equal(values, "").to_numpy()
+    is_filled = np.zeros(arrow_cells.num_rows, dtype=bool)
+    for arrow_values in arrow_cells.columns:
+        is_filled |= compute.not_equal(arrow_values, "").to_numpy()
     line = first_line + np.flatnonzero(is_filled)
-    return cells.filter(is_filled), line
+    return arrow_cells.filter(is_filled), line
 
 
 def _other_separator(line: str, delimiter: str) -> str:

@@ -24,7 +24,7 @@ def require_rotations(rotation: Floats, where: Callable[[int], str]) -> None:
 
 
 def yaw_of(rotation: Floats) -> Floats:
-    """Return headings [R] of quaternions [R, 4]: the x axis, projected on the ground."""
+    """Return headings [R] of quaternions [R, 4]: of the x axis on the ground."""
     w, x, y, z = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
     return np.asarray(np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
 

@@ -151,7 +151,7 @@ def in_world(scene: Scene) -> Scene:
 
 
 def in_frames(
-    seen: Detections, world: Floats, time: Floats, period: float
+    detections: Detections, world: Floats, time: Floats, period: float
 ) -> Detections:
     """Return detections of the world in the frames ``world`` [F, 4] x y z yaw.
 
@@ -159,15 +159,15 @@ def in_frames(
     stands in the world moves against a frame that drives. In the first frame, and after
     a hole in time by the nominal ``period``, s, they are those in the world.
     """
-    frame = seen.frame_of_rows
+    frame = detections.frame_of_rows
     is_first = np.diff(pieces_of(time, period), prepend=-1)[frame] > 0
-    previous = np.where(is_first, frame, frame - 1)
-    step_s = np.where(is_first, 1.0, time[frame] - time[previous])[:, None]
-    box = _to_frame(seen.box, world[frame])
-    earlier_box = seen.box.copy()
-    earlier_box[:, :2] -= step_s * seen.velocity
-    moved = box[:, :2] - _to_frame(earlier_box, world[previous])[:, :2]
-    return replace(seen, box=box, velocity=moved / step_s)
+    previous_frame = np.where(is_first, frame, frame - 1)
+    step_s = np.where(is_first, 1.0, time[frame] - time[previous_frame])[:, None]
+    box = _to_frame(detections.box, world[frame])
+    earlier_box = detections.box.copy()
+    earlier_box[:, :2] -= step_s * detections.velocity
+    moved_m = box[:, :2] - _to_frame(earlier_box, world[previous_frame])[:, :2]
+    return replace(detections, box=box, velocity=moved_m / step_s)
 
 
 def _to_world(rows: RowsT, world: Floats) -> RowsT:

@@ -89,19 +89,23 @@ def with_stored(
     m/s, NaN where unknown. An identity in two classes is two identities: some programs
     count per class.
     """
-    order = np.argsort(frame, kind="stable")
-    _, name = np.unique(identity, return_inverse=True)
-    _, number = np.unique(np.stack([name, class_id]), axis=1, return_inverse=True)
-    number = number.reshape(-1)
-    tracks = StoredTracks(
-        start=starts_of_sorted(frame[order], scene.frames),
-        box=box[order],
-        velocity=velocity[order],
-        class_id=class_id[order],
-        score=score[order],
-        object_id=number[order],
+    row_order = np.argsort(frame, kind="stable")
+    _, name_index = np.unique(identity, return_inverse=True)
+    _, track_number = np.unique(
+        np.stack([name_index, class_id]), axis=1, return_inverse=True
     )
-    return replace(scene, tracks=tracks, track_names=names_by_number(number, identity))
+    track_number = track_number.reshape(-1)
+    tracks = StoredTracks(
+        start=starts_of_sorted(frame[row_order], scene.frames),
+        box=box[row_order],
+        velocity=velocity[row_order],
+        class_id=class_id[row_order],
+        score=score[row_order],
+        object_id=track_number[row_order],
+    )
+    return replace(
+        scene, tracks=tracks, track_names=names_by_number(track_number, identity)
+    )
 
 
 def table_path(folder: Path, scene: str) -> Path:
@@ -147,26 +151,26 @@ def import_tracks(
 def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
     """Return the scene with the tracks in a table; DataError names the wrong line."""
     table = read_named_table(path, TRACKS)
-    frame = table.whole("frame")
-    number = ids_of(table)
+    frame = table.whole_numbers("frame")
+    track_number = ids_of(table)
     class_id = class_ids_of(table, classes)
     check_boxes(table, frame, scene.frames, true=False)
     _refuse_misspelt(table, classes)
     # an id in another class is another track
     table.refuse_second_box(frame, table["id"], table["class"])
-    words = table["id"]
-    identity = words
-    if np.array_equal(number.astype(np.str_), words):
-        identity = number
-    used = class_id >= 0
+    track_names = table["id"]
+    identity = track_names
+    if np.array_equal(track_number.astype(np.str_), track_names):
+        identity = track_number
+    is_used = class_id >= 0
     return with_stored(
         scene,
-        frame[used],
-        identity[used],
-        class_id[used],
-        boxes_of(table)[used],
-        scores_of(table)[used],
-        velocities_of(table)[used],
+        frame[is_used],
+        identity[is_used],
+        class_id[is_used],
+        boxes_of(table)[is_used],
+        scores_of(table)[is_used],
+        velocities_of(table)[is_used],
     )
 
 

@@ -47,7 +47,9 @@ class RowTable:
 
     def select(self, rows: Bools | Ints) -> "RowTable":
         """Return the table of some of the rows [R]."""
-        columns = {name: values[rows] for name, values in self.columns.items()}
+        columns = {
+            name: column_values[rows] for name, column_values in self.columns.items()
+        }
         return RowTable(self.source, self.unit, self.line[rows], columns)
 
     def where(self, row: int, column: str = "") -> str:
@@ -80,13 +82,16 @@ class RowTable:
         bad_rows = np.isfinite(angle_rad) & (np.abs(angle_rad) > MAX_ANGLE_RAD)
         self.refuse(bad_rows, lambda row: f"{angle_rad[row]:g}, {RADIANS}", column)
 
-    def whole(self, column: str) -> Ints:
+    def whole_numbers(self, column: str) -> Ints:
         """Return a column as integers; DataError for a number that is not whole."""
-        values = self[column]
-        bad_rows = ~((np.abs(values) <= LIMIT) & (values == np.round(values)))
+        column_values = self[column]
+        bad_rows = ~(
+            (np.abs(column_values) <= LIMIT)
+            & (column_values == np.round(column_values))
+        )
         expected = f"expected a whole number up to {LIMIT:g}"
-        self.refuse(bad_rows, lambda row: f"{values[row]:g}, {expected}", column)
-        return values.astype(np.int64)
+        self.refuse(bad_rows, lambda row: f"{column_values[row]:g}, {expected}", column)
+        return column_values.astype(np.int64)
 
     def refuse_second_box(
         self, frame: Ints, name: NDArray[Any], *keys: NDArray[Any]
@@ -106,10 +111,10 @@ def refuse(bad_rows: Bools | np.bool_, message: Callable[[int], str]) -> None:
 
 def repeated(*keys: NDArray[Any]) -> Bools:
     """Return the rows [R] that have all the ``keys`` [R] of an earlier row."""
-    order = np.lexsort(keys)  # rows that are alike stay in their order
-    is_repeated = np.zeros(len(order), dtype=bool)
-    same_keys = [key[order[1:]] == key[order[:-1]] for key in keys]
-    is_repeated[order[1:]] = np.all(same_keys, axis=0)
+    row_order = np.lexsort(keys)  # rows that are alike stay in their order
+    is_repeated = np.zeros(len(row_order), dtype=bool)
+    same_keys = [key[row_order[1:]] == key[row_order[:-1]] for key in keys]
+    is_repeated[row_order[1:]] = np.all(same_keys, axis=0)
     return is_repeated
 
 
@@ -122,13 +127,13 @@ def refuse_shared_place(
     """
 
     def message(row: int) -> str:
-        sharing = (frame == frame[row]) & (place == place[row]).all(axis=1)
-        names = name[sharing].astype(np.str_).tolist()
+        is_sharing = (frame == frame[row]) & (place == place[row]).all(axis=1)
+        shared_names = name[is_sharing].astype(np.str_).tolist()
         x, y = place[row]
         return (
-            f"{where(row)}: the objects {', '.join(names[:-1])} and {names[-1]} are "
-            f"all at x {x:g}, y {y:g}; expected a place of its own for each: leave out "
-            "objects whose place is unknown"
+            f"{where(row)}: the objects {', '.join(shared_names[:-1])} and "
+            f"{shared_names[-1]} are all at x {x:g}, y {y:g}; expected a place of its "
+            "own for each: leave out objects whose place is unknown"
         )
 
     refuse(repeated(frame, *place.T), message)

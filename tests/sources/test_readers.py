@@ -117,7 +117,7 @@ def test_a_table(tmp_path: Path, line: str, text: str) -> None:
     def read() -> None:
         table = read_table(tmp_path / "table.txt", "frame x yaw", ",")
         table.refuse_degrees("yaw")
-        table.whole("frame")
+        table.whole_numbers("frame")
 
     assert_one_error(tmp_path / "table.txt", ["0,0,0", "", line], text, read)
 
@@ -132,7 +132,7 @@ def test_another_separator_than_blanks(line: str, tmp_path: Path) -> None:
 def test_a_table_that_is_sound(tmp_path: Path) -> None:
     (tmp_path / "table.txt").write_text("0 Car 1.5\r\n\r\n  7  Van -2e3\r\n", encoding="utf-8-sig")
     table = read_table(tmp_path / "table.txt", "frame type x", words="type")
-    assert (table.whole("frame").tolist(), table["x"].tolist()) == ([0, 7], [1.5, -2000.0])
+    assert (table.whole_numbers("frame").tolist(), table["x"].tolist()) == ([0, 7], [1.5, -2000.0])
     assert (table["type"].tolist(), table.line.tolist()) == (["Car", "Van"], [1, 3])
     assert table.select(table["type"] == "Van").line.tolist() == [3]
 

@@ -36,34 +36,34 @@ def read_feather(
     """
     from pyarrow import compute, feather, types
 
-    columns = [TableColumn(name) for name in numbers.split()]
-    columns += [TableColumn(name, text=True) for name in words.split()]
-    names = f"{TIME} {numbers} {words}".split()
+    table_columns = [TableColumn(name) for name in numbers.split()]
+    table_columns += [TableColumn(name, text=True) for name in words.split()]
+    column_names = f"{TIME} {numbers} {words}".split()
     if log:
-        names.append("log_id")
+        column_names.append("log_id")
     with reading(path, "Feather"), open_regular(path) as stream:
         cells = feather.read_table(stream)
-    for name in names:
+    for name in column_names:
         if name not in cells.column_names:
             known_names = nearest(name, cells.column_names)
             raise DataError(f"{path}: no column {name!r}{known_names}")
-    line = np.arange(1, cells.num_rows + 1)
+    row_numbers = np.arange(1, cells.num_rows + 1)
     if log:
         of_log = compute.equal(cells["log_id"].cast("string"), log).fill_null(False)
         cells = cells.filter(of_log)
-        line = line[of_log.to_numpy()]
-    table = RowTable(str(path), "row", line, {})
-    for column in columns:
+        row_numbers = row_numbers[of_log.to_numpy()]
+    table = RowTable(str(path), "row", row_numbers, {})
+    for column in table_columns:
         add_column(table, column, cells[column.name])
-    time = cells[TIME]
-    if not types.is_integer(time.type):
+    row_time = cells[TIME]
+    if not types.is_integer(row_time.type):
         raise DataError(
-            f"{path}: column {TIME!r} is {time.type}, expected int64: a float does not "
-            "hold each nanosecond"
+            f"{path}: column {TIME!r} is {row_time.type}, expected int64: a float "
+            "does not hold each nanosecond"
         )
     problem = "an empty cell, expected a number"
-    table.refuse(time.is_null().to_numpy(), problem, TIME)
-    return table, time.cast("int64").to_numpy()
+    table.refuse(row_time.is_null().to_numpy(), problem, TIME)
+    return table, row_time.cast("int64").to_numpy()
 
 
 def rotations(table: RowTable) -> Floats:
@@ -87,25 +87,28 @@ class Sweeps:
 
     @classmethod
     def read(cls, folder: Path, stride: int) -> Self:
-        """Read the sweeps of the annotations of a log, each with the pose of its time."""
+        """Read the sweeps of the annotations of a log with their poses."""
         annotations = folder / ANNOTATIONS
         stamp = np.unique(read_feather(annotations, "")[1])
         if not len(stamp):
             raise DataError(f"{annotations} has no rows, expected the boxes of a log")
         path = folder / "city_SE3_egovehicle.feather"
         table, time = read_feather(path, f"{ROTATION} {PLACE}")
-        pose_time, first = np.unique(time, return_index=True)
-        missing = np.setdiff1d(stamp, pose_time)
-        if len(missing):
+        pose_time, first_row = np.unique(time, return_index=True)
+        missing_times = np.setdiff1d(stamp, pose_time)
+        if len(missing_times):
             raise DataError(
-                f"{path} has no pose at {TIME} {missing[0]}, expected one for each "
+                f"{path} has no pose at {TIME} {missing_times[0]}, expected one for "
+                "each "
                 "sweep of the annotations"
             )
-        rows = first[np.searchsorted(pose_time, stamp)]
-        place = table.matrix(PLACE)
-        origin = np.round(place[first[0]])
-        rotation = rotations(table)[rows]
-        return cls(folder, stamp, stride, rotation, place[rows] - origin, origin)
+        pose_rows = first_row[np.searchsorted(pose_time, stamp)]
+        pose_place = table.matrix(PLACE)
+        origin = np.round(pose_place[first_row[0]])
+        rotation = rotations(table)[pose_rows]
+        return cls(
+            folder, stamp, stride, rotation, pose_place[pose_rows] - origin, origin
+        )
 
     @property
     def time(self) -> Floats:

@@ -85,8 +85,8 @@ def lane_between(left_border: Floats, right_border: Floats) -> Lane:
 
 def even(line: Floats, count: int) -> Floats:
     """Return points [count, 3] of a polyline [n, 3], evenly spaced along it."""
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    station = np.append(0.0, np.cumsum(steps))
-    even_station = np.linspace(0.0, station[-1], count)
-    axes = [np.interp(even_station, station, axis) for axis in line.T]
-    return np.stack(axes, axis=1)
+    steps_m = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    station_m = np.append(0.0, np.cumsum(steps_m))
+    even_station = np.linspace(0.0, station_m[-1], count)
+    even_axes = [np.interp(even_station, station_m, axis) for axis in line.T]
+    return np.stack(even_axes, axis=1)

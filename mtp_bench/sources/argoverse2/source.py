@@ -101,14 +101,16 @@ class Argoverse2:
         return no_detections(frames), ""
 
 
-def first_frames(frame: Ints, number: Ints, within_reach: Bools, frames: int) -> Ints:
+def first_frames(
+    frame: Ints, object_number: Ints, within_reach: Bools, frames: int
+) -> Ints:
     """Return the first frame [R] in which the object of each row is within reach.
 
-    ``frame`` and object ``number`` [R]; ``frames`` where it never is.
+    ``frame`` and ``object_number`` [R]; ``frames`` where it never is.
     """
-    first = np.full(number.max(initial=-1) + 1, frames)
-    np.minimum.at(first, number[within_reach], frame[within_reach])
-    return first[number]
+    first_frame = np.full(object_number.max(initial=-1) + 1, frames)
+    np.minimum.at(first_frame, object_number[within_reach], frame[within_reach])
+    return first_frame[object_number]
 
 
 def scene_truth(sweeps: Sweeps, card: Card) -> tuple[Truth, dict[int, str]]:
@@ -120,29 +122,31 @@ def scene_truth(sweeps: Sweeps, card: Card) -> tuple[Truth, dict[int, str]]:
     boxes = read_boxes(path, sweeps, card, "num_interior_pts", "track_uuid")
     table = boxes.table
     frame = boxes.frame
-    name = table["track_uuid"]
-    table.refuse_second_box(frame, name)
+    object_name = table["track_uuid"]
+    table.refuse_second_box(frame, object_name)
     is_flat = (boxes.box[:, 4:] < SMALLEST_SIDE_M).any(axis=1)
     table.refuse(is_flat, "a side of the box is not above 0 m")
-    number = np.unique(name, return_inverse=True)[1]
-    labels = CATEGORIES.items()
-    neutral_categories = [word for word, label in labels if label.startswith(NEUTRAL)]
+    object_number = np.unique(object_name, return_inverse=True)[1]
+    category_labels = CATEGORIES.items()
+    neutral_categories = [
+        word for word, label in category_labels if label.startswith(NEUTRAL)
+    ]
     neutral = (
         ~boxes.within_reach
         | (table["num_interior_pts"] == 0)
         | np.isin(table["category"], neutral_categories)
     )
     frames = len(sweeps.time)
-    first = first_frames(frame, number, boxes.within_reach, frames)
-    rows = sorted_rows(frame, frame >= first)
+    first_frame = first_frames(frame, object_number, boxes.within_reach, frames)
+    true_rows = sorted_rows(frame, frame >= first_frame)
     truth = Truth(
-        start=starts_of_sorted(frame[rows], frames),
-        box=boxes.box[rows],
-        velocity=unknown_velocity(len(rows)),
-        class_id=boxes.class_id[rows],
-        object_id=number[rows],
-        eligible=np.ones(len(rows), dtype=bool),
-        neutral=neutral[rows],
+        start=starts_of_sorted(frame[true_rows], frames),
+        box=boxes.box[true_rows],
+        velocity=unknown_velocity(len(true_rows)),
+        class_id=boxes.class_id[true_rows],
+        object_id=object_number[true_rows],
+        eligible=np.ones(len(true_rows), dtype=bool),
+        neutral=neutral[true_rows],
     )
     truth = looking_back(truth, sweeps.time, sweeps.stride / RATE_HZ)
-    return truth, names_by_number(number[rows], name[rows])
+    return truth, names_by_number(object_number[true_rows], object_name[true_rows])

@@ -53,13 +53,13 @@ def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
     wrong, and for a time at which the log has no sweep.
     """
     boxes = read_boxes(path, sweeps, card, "score", log=sweeps.folder.name)
-    used = boxes.within_reach
+    is_used = boxes.within_reach
     return detections_by_frame(
         len(sweeps.time),
-        boxes.frame[used],
-        boxes.box[used],
-        boxes.class_id[used],
-        boxes.table["score"][used],
+        boxes.frame[is_used],
+        boxes.box[is_used],
+        boxes.class_id[is_used],
+        boxes.table["score"][is_used],
     )
 
 
@@ -69,8 +69,8 @@ def read_tracks(path: Path, sweeps: Sweeps, card: Card, scene: Scene) -> Scene:
     Raises DataError as `read_detections`, or without any.
     """
     boxes = read_boxes(path, sweeps, card, "score", "track_id", scene.name)
-    used = boxes.within_reach
-    if not used.any():
+    is_used = boxes.within_reach
+    if not is_used.any():
         raise DataError(
             f"{path} has no tracks of log {scene.name}, expected those of each log "
             f"that is run; {FEWER}"
@@ -79,12 +79,12 @@ def read_tracks(path: Path, sweeps: Sweeps, card: Card, scene: Scene) -> Scene:
     boxes.table.refuse_second_box(boxes.frame, identity, boxes.class_id)
     return with_stored(
         scene,
-        boxes.frame[used],
-        identity[used],
-        boxes.class_id[used],
-        boxes.box[used],
-        boxes.table["score"][used],
-        unknown_velocity(int(used.sum())),
+        boxes.frame[is_used],
+        identity[is_used],
+        boxes.class_id[is_used],
+        boxes.box[is_used],
+        boxes.table["score"][is_used],
+        unknown_velocity(int(is_used.sum())),
     )
 
 
@@ -97,24 +97,26 @@ def read_boxes(
     category or time.
     """
     table, stamp = read_feather(path, f"{BOX} {numbers}", f"category {words}", log)
-    category = table["category"]
+    category_names = table["category"]
 
     def problem(row: int) -> str:
-        name = str(category[row])
+        name = str(category_names[row])
         advice = nearest(name.upper(), CATEGORIES)
         return f"{name!r} is not a category of Argoverse 2{advice}"
 
-    table.refuse(~np.isin(category, list(CATEGORIES)), problem, "category")
-    labels = [CATEGORIES[name].removeprefix(NEUTRAL) for name in category.tolist()]
+    table.refuse(~np.isin(category_names, list(CATEGORIES)), problem, "category")
+    labels = [
+        CATEGORIES[name].removeprefix(NEUTRAL) for name in category_names.tolist()
+    ]
     class_id = class_ids(labels, card.task.classes)
     frame = sweeps.frame_of(table, stamp)
-    used = (frame >= 0) & (class_id >= 0)
-    table = table.select(used)
-    frame = frame[used]
+    is_used = (frame >= 0) & (class_id >= 0)
+    table = table.select(is_used)
+    frame = frame[is_used]
     box = sweeps.boxes(table, frame)
     distance_m = np.linalg.norm(box[:, :2] - sweeps.ego[frame, :2], axis=1)
     within_reach = distance_m <= section_of(card, Argoverse2Source).reach
-    return LogBoxes(table, frame, class_id[used], box, within_reach)
+    return LogBoxes(table, frame, class_id[is_used], box, within_reach)
 
 
 def tracking_submission(

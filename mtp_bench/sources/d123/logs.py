@@ -155,15 +155,15 @@ def _truth(
     the frame on in which it is within reach of the ego for the first time, and neutral
     where it is farther away later.
     """
-    used = np.isin(boxes["row"], chosen_rows) & (labels != "skipped")
-    labels = labels[used]
-    frame = np.searchsorted(chosen_rows, boxes["row"][used])
-    object_ids = boxes["track_token"][used].astype(np.str_)
-    place, rotation, size = np.split(boxes["bounding_box_se3"][used], [3, 7], axis=1)
+    is_used = np.isin(boxes["row"], chosen_rows) & (labels != "skipped")
+    labels = labels[is_used]
+    frame = np.searchsorted(chosen_rows, boxes["row"][is_used])
+    object_ids = boxes["track_token"][is_used].astype(np.str_)
+    place, rotation, size = np.split(boxes["bounding_box_se3"][is_used], [3, 7], axis=1)
     box = np.column_stack([place - origin, yaw_of(rotation), size])
     distance_m = np.linalg.norm(box[:, :2] - ego[frame, :2], axis=1)
     within_reach = distance_m <= reach_m
-    without_points = boxes["num_lidar_points"][used, 0] == 0
+    without_points = boxes["num_lidar_points"][is_used, 0] == 0
     neutral = np.char.startswith(labels, NEUTRAL) | without_points | ~within_reach
     columns = {
         "frame": frame,
@@ -172,9 +172,9 @@ def _truth(
         **dict(zip(BOX, box.T, strict=True)),
         "neutral": neutral.astype(np.int64),
     }
-    number = np.unique(object_ids, return_inverse=True)[1]
-    first = first_frames(frame, number, within_reach, len(chosen_rows))
-    return {name: values[frame >= first] for name, values in columns.items()}
+    object_number = np.unique(object_ids, return_inverse=True)[1]
+    first_frame = first_frames(frame, object_number, within_reach, len(chosen_rows))
+    return {name: values[frame >= first_frame] for name, values in columns.items()}
 
 
 def _read_poses(path: Path, time: Floats) -> tuple[Floats, Bools, Floats]:
@@ -184,15 +184,15 @@ def _read_poses(path: Path, time: Floats) -> tuple[Floats, Bools, Floats]:
     time, else the last one before it and the motion until then: no later one is used.
     The origin is the first pose in whole metres, and is subtracted.
     """
-    columns, _ = read_arrow(path, {"timestamp_us": 1, "imu_se3": 7}, f"{EGO}.")
-    order = np.argsort(columns["timestamp_us"][:, 0], kind="stable")
-    pose_time = columns["timestamp_us"][order, 0]
-    pose = columns["imu_se3"][order]
+    pose_columns, _ = read_arrow(path, {"timestamp_us": 1, "imu_se3": 7}, f"{EGO}.")
+    pose_order = np.argsort(pose_columns["timestamp_us"][:, 0], kind="stable")
+    pose_time = pose_columns["timestamp_us"][pose_order, 0]
+    pose = pose_columns["imu_se3"][pose_order]
     require_rotations(pose[:, 3:], lambda row: f"{path}, pose {row + 1}")
-    last = np.searchsorted(pose_time, time + ROUNDING_US, "right") - 1
-    has_pose = last >= 0
+    last_pose = np.searchsorted(pose_time, time + ROUNDING_US, "right") - 1
+    has_pose = last_pose >= 0
     if len(pose):
-        age_us = time - pose_time[last]
+        age_us = time - pose_time[last_pose]
         has_pose &= age_us <= MAX_POSE_AGE_US
     if not has_pose.any():
         raise DataError(
@@ -201,25 +201,27 @@ def _read_poses(path: Path, time: Floats) -> tuple[Floats, Bools, Floats]:
         )
     origin = np.round(pose[0, :3])
     yaw = np.unwrap(yaw_of(pose[:, 3:]))
-    state = np.column_stack([pose[:, :3] - origin, yaw])
-    span_start = pose_time[last] - MOTION_SPAN_US
-    first = np.maximum(np.searchsorted(pose_time, span_start, "right") - 1, 0)
-    span_us = np.maximum(pose_time[last] - pose_time[first], 1.0)
-    share = np.where(age_us > ROUNDING_US, age_us, 0.0) / span_us
-    ego = state[last] + share[:, None] * (state[last] - state[first])
+    pose_state = np.column_stack([pose[:, :3] - origin, yaw])
+    span_start = pose_time[last_pose] - MOTION_SPAN_US
+    first_pose = np.maximum(np.searchsorted(pose_time, span_start, "right") - 1, 0)
+    span_us = np.maximum(pose_time[last_pose] - pose_time[first_pose], 1.0)
+    motion_share = np.where(age_us > ROUNDING_US, age_us, 0.0) / span_us
+    ego = pose_state[last_pose] + motion_share[:, None] * (
+        pose_state[last_pose] - pose_state[first_pose]
+    )
     ego[:, 3] = wrap_angle(ego[:, 3])
     return ego, has_pose, origin
 
 
 def _read_labels(
-    path: Path, metadata: Mapping[str, Any], numbers: Floats
+    path: Path, metadata: Mapping[str, Any], label_numbers: Floats
 ) -> NDArray[np.str_]:
     """Return a class, `NEUTRAL` and a class, or "skipped" [R] for numbers of labels.
 
     The metadata names their registry.
     """
-    name = str(metadata.get("box_detection_label_class"))
-    registry = name.rsplit(".", maxsplit=1)[-1]
+    registry_name = str(metadata.get("box_detection_label_class"))
+    registry = registry_name.rsplit(".", maxsplit=1)[-1]
     registries: dict[str, dict[str, str]] = tomllib.loads(
         LABELS.read_text(encoding="utf-8")
     )
@@ -228,9 +230,13 @@ def _read_labels(
             f"{path}: unknown labels {registry!r}, expected one of "
             f"{', '.join(registries)}"
         )
-    labels = {float(number): word for number, word in registries[registry].items()}
+    label_of_number = {
+        float(number): word for number, word in registries[registry].items()
+    }
     refuse(
-        ~np.isin(numbers, list(labels)),
-        lambda row: f"{path}: {registry} has no label {numbers[row]:g}",
+        ~np.isin(label_numbers, list(label_of_number)),
+        lambda row: f"{path}: {registry} has no label {label_numbers[row]:g}",
     )
-    return np.array([labels[number] for number in numbers.tolist()], dtype=np.str_)
+    return np.array(
+        [label_of_number[number] for number in label_numbers.tolist()], dtype=np.str_
+    )

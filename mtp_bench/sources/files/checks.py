@@ -53,50 +53,54 @@ def scene_frames(
     is no ego table with times. Raises DataError.
     """
     if "ego" not in tables:
-        number = _numbers_in_use(where, tables)
-        return number, (number - number[0]) / rate_hz
+        frame_numbers = _numbers_in_use(where, tables)
+        return frame_numbers, (frame_numbers - frame_numbers[0]) / rate_hz
     ego = tables["ego"]
     if not len(ego):
         raise DataError(f"{ego.source} has no rows, expected one per frame")
-    number = ego.whole("frame")
-    falls = np.diff(number, prepend=number[0] - 1) <= 0
+    frame_numbers = ego.whole_numbers("frame")
+    falls = np.diff(frame_numbers, prepend=frame_numbers[0] - 1) <= 0
     ego.refuse(falls, "expected a number above that of the row before", "frame")
     if "time" in ego:
-        return number, ego["time"]
-    return number, (number - number[0]) / rate_hz
+        return frame_numbers, ego["time"]
+    return frame_numbers, (frame_numbers - frame_numbers[0]) / rate_hz
 
 
 def _numbers_in_use(where: str, tables: Mapping[str, RowTable]) -> Ints:
     """Return the numbers [F] from the first to the last frame that has a row."""
-    frames = [table.whole("frame") for table in tables.values()]
-    used = np.unique(np.concatenate(frames))
-    if not len(used):
+    frames = [table.whole_numbers("frame") for table in tables.values()]
+    used_frames = np.unique(np.concatenate(frames))
+    if not len(used_frames):
         raise DataError(
             f"{where}: its tables have no rows; an ego table defines the frames"
         )
-    step = int(np.gcd.reduce(np.diff(used)))
-    if step > 1:
+    frame_step = int(np.gcd.reduce(np.diff(used_frames)))
+    if frame_step > 1:
         raise DataError(
-            f"{where}: rows have the frames {used[0]}, {used[1]}, ..., all {step} "
-            "apart; number them 0, 1, 2, ..., or define the frames by an ego table"
+            f"{where}: rows have the frames {used_frames[0]}, {used_frames[1]}, ..., "
+            f"all {frame_step} apart; number them 0, 1, 2, ..., or define the frames "
+            "by an ego table"
         )
-    if used[-1] - used[0] >= MAX_FRAMES:
+    if used_frames[-1] - used_frames[0] >= MAX_FRAMES:
         raise DataError(
-            f"{where}: frames {used[0]} to {used[-1]}, expected at most {MAX_FRAMES} "
+            f"{where}: frames {used_frames[0]} to {used_frames[-1]}, expected at most "
+            f"{MAX_FRAMES} "
             "frames"
         )
-    return np.arange(used[0], used[-1] + 1)
+    return np.arange(used_frames[0], used_frames[-1] + 1)
 
 
-def frame_index(table: RowTable, number: Ints) -> Ints:
-    """Return the index of each row's frame among the ``number`` [F] of a scene.
+def frame_index(table: RowTable, frame_numbers: Ints) -> Ints:
+    """Return the index of each row's frame among the ``frame_numbers`` [F] of a scene.
 
     Raises DataError for an unknown frame.
     """
-    frame = table.whole("frame")
-    index = np.minimum(np.searchsorted(number, frame), len(number) - 1)
-    problem = f"no frame of the scene, which has {number[0]} to {number[-1]}"
-    table.refuse(number[index] != frame, problem, "frame")
+    frame = table.whole_numbers("frame")
+    index = np.minimum(np.searchsorted(frame_numbers, frame), len(frame_numbers) - 1)
+    problem = (
+        f"no frame of the scene, which has {frame_numbers[0]} to {frame_numbers[-1]}"
+    )
+    table.refuse(frame_numbers[index] != frame, problem, "frame")
     return index
 
 
@@ -182,19 +186,23 @@ def check_objects(
     An object has two boxes in a frame or two classes of the task, or two objects have
     one place.
     """
-    name = table["id"]
-    table.refuse_second_box(frame, name)
-    kind = table["class"]
-    used = np.flatnonzero(np.isin(kind, classes))
+    object_names = table["id"]
+    table.refuse_second_box(frame, object_names)
+    class_names = table["class"]
+    used_rows = np.flatnonzero(np.isin(class_names, classes))
     refuse_shared_place(
-        frame[used],
-        table.matrix("x y")[used],
-        name[used],
-        lambda row: table.where(used[row]),
+        frame[used_rows],
+        table.matrix("x y")[used_rows],
+        object_names[used_rows],
+        lambda row: table.where(used_rows[row]),
     )
-    order = used[np.lexsort((frame[used], number[used]))]
-    same_object = np.diff(number[order]) == 0
-    is_changed = np.zeros(len(kind), dtype=bool)
-    is_changed[order[1:]] = same_object & (kind[order[1:]] != kind[order[:-1]])
+    row_order = used_rows[np.lexsort((frame[used_rows], number[used_rows]))]
+    same_object = np.diff(number[row_order]) == 0
+    is_changed = np.zeros(len(class_names), dtype=bool)
+    is_changed[row_order[1:]] = same_object & (
+        class_names[row_order[1:]] != class_names[row_order[:-1]]
+    )
     problem = "but this object has another class before"
-    table.refuse(is_changed, lambda row: f"{str(kind[row])!r}, {problem}", "class")
+    table.refuse(
+        is_changed, lambda row: f"{str(class_names[row])!r}, {problem}", "class"
+    )

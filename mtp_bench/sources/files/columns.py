@@ -1,4 +1,4 @@
-"""Columns of the tables of own scenes; reading, writing and the documentation use them."""
+"""Columns of the tables of own scenes, also for their documentation."""
 
 from dataclasses import replace
 

@@ -23,21 +23,25 @@ def lanes_of(table: RowTable) -> tuple[Lane, ...]:
     DataError names the row that is wrong.
     """
     check_ranges(table)
-    names, first, lane_of_row, count = np.unique(table["lane"], True, True, True)
-    is_single = (count == 1)[lane_of_row]
+    lane_names, first_row, lane_of_row, point_count = np.unique(
+        table["lane"], True, True, True
+    )
+    is_single = (point_count == 1)[lane_of_row]
     table.refuse(is_single, "the only point of this lane, expected two or more", "lane")
-    order = np.argsort(first)
+    lane_order = np.argsort(first_row)
     sorted_rows = np.argsort(lane_of_row, kind="stable")
-    rows = np.split(sorted_rows, np.cumsum(count)[:-1])
-    number = {name: index for index, name in enumerate(names[order].tolist())}
-    return tuple(_lane(table, rows[lane], number) for lane in order.tolist())
+    rows = np.split(sorted_rows, np.cumsum(point_count)[:-1])
+    lane_numbers = {
+        name: index for index, name in enumerate(lane_names[lane_order].tolist())
+    }
+    return tuple(_lane(table, rows[lane], lane_numbers) for lane in lane_order.tolist())
 
 
-def _lane(table: RowTable, rows: Ints, number: Mapping[str, int]) -> Lane:
+def _lane(table: RowTable, rows: Ints, lane_numbers: Mapping[str, int]) -> Lane:
     is_junction = "junction" in table and bool(table["junction"][rows].any())
     lane = lane_around(table.matrix("x y")[rows], is_junction)
     if "following" in table:
-        lane = replace(lane, following=_following(table, rows, number))
+        lane = replace(lane, following=_following(table, rows, lane_numbers))
     if BORDERS[0] in table:
         left_border = table.matrix("left_x left_y")[rows]
         right_border = table.matrix("right_x right_y")[rows]
@@ -46,17 +50,17 @@ def _lane(table: RowTable, rows: Ints, number: Mapping[str, int]) -> Lane:
 
 
 def _following(
-    table: RowTable, rows: Ints, number: Mapping[str, int]
+    table: RowTable, rows: Ints, lane_numbers: Mapping[str, int]
 ) -> tuple[int, ...]:
     """Return the numbers of the lanes that any row of a lane names, each once."""
     following: list[int] = []
     for row in rows.tolist():
         for name in table["following"].item(row).split():
-            if name not in number:
+            if name not in lane_numbers:
                 where = table.where(row, "following")
                 raise DataError(f"{where}: {name!r}, expected a lane of this table")
-            if number[name] not in following:
-                following.append(number[name])
+            if lane_numbers[name] not in following:
+                following.append(lane_numbers[name])
     return tuple(following)
 
 
@@ -75,24 +79,26 @@ def lane_columns(lanes: Sequence[Lane]) -> dict[str, NDArray[Any]]:
     }
 
 
-def images_of(table: RowTable, folder: Path, number: Ints) -> tuple[CameraImage, ...]:
+def images_of(
+    table: RowTable, folder: Path, frame_numbers: Ints
+) -> tuple[CameraImage, ...]:
     """Return the images of a scene in ``folder``, sorted by frame.
 
-    ``number`` [F]: of the frames of the scene. DataError names the row that is wrong.
+    ``frame_numbers`` [F]: of the scene. DataError names the row that is wrong.
     """
-    frame = frame_index(table, number)
-    width = table.whole("width")
-    height = table.whole("height")
+    frame = frame_index(table, frame_numbers)
+    width = table.whole_numbers("width")
+    height = table.whole_numbers("height")
     is_wrong = (np.minimum(width, height) < 1) | (
         np.maximum(width, height) > MAX_PIXELS
     )
     expected = f"expected a width and a height of 1 to {MAX_PIXELS} pixels"
     table.refuse(is_wrong, expected, "width")
-    names = [Path(name) for name in table["file"].tolist()]
-    is_outside = [name.is_absolute() or ".." in name.parts for name in names]
+    file_names = [Path(name) for name in table["file"].tolist()]
+    is_outside = [name.is_absolute() or ".." in name.parts for name in file_names]
     expected = "expected a path inside of the folder of the scene"
     table.refuse(np.array(is_outside, dtype=bool), expected, "file")
-    paths = [folder / name for name in names]
+    paths = [folder / name for name in file_names]
     is_missing = np.array([not path.is_file() for path in paths], dtype=bool)
     table.refuse(is_missing, lambda row: f"no file {paths[row]}", "file")
     projection = table.matrix(" ".join(PROJECTION)).reshape(-1, 3, 4)

@@ -169,30 +169,31 @@ def box_columns(rows: Truth | Detections, names: NDArray[np.str_]) -> Columns:
 
 def _check_objects(scene: Scene, where: str) -> None:
     """Raise DataError for objects at one place, and for impossible ids and names."""
-    number = np.asarray(scene.truth.object_id)
-    if not len(number):
+    object_ids = np.asarray(scene.truth.object_id)
+    if not len(object_ids):
         raise DataError(f"{where} has no rows, expected one per object and frame")
     require_separate(scene.truth, where)
-    if number.dtype.kind not in "iu":
+    if object_ids.dtype.kind not in "iu":
         raise DataError(
-            f"{where}.object_id is {number.dtype}, expected whole numbers; words "
+            f"{where}.object_id is {object_ids.dtype}, expected whole numbers; words "
             "become some by words, number = np.unique(ids, return_inverse=True) and "
             "object_names=dict(enumerate(words.tolist()))"
         )
-    names: list[object] = []
-    for object_id in np.unique(number).tolist():
+    object_names: list[object] = []
+    for object_id in np.unique(object_ids).tolist():
         name = scene.name_of(object_id)
         is_text = isinstance(name, str) and 0 < len(name.strip()) <= MAX_WORD_LETTERS
-        if not is_text or name in names:
+        if not is_text or name in object_names:
             raise DataError(
                 f"scene {scene.name!r}: object_names of object {object_id} is "
                 f"{name!r:.99}, expected 1 to {MAX_WORD_LETTERS} characters that name "
                 "no other object"
             )
-        names.append(name)
-    if number.min() < 0 or number.max() > ID_LIMIT:
+        object_names.append(name)
+    if object_ids.min() < 0 or object_ids.max() > ID_LIMIT:
         raise DataError(
-            f"{where}.object_id has {number.min()} to {number.max()}, expected whole "
+            f"{where}.object_id has {object_ids.min()} to {object_ids.max()}, "
+            "expected whole "
             f"numbers from 0 to {ID_LIMIT}"
         )
 
@@ -201,16 +202,16 @@ def _check_rows(
     where: str, rows: Truth | Detections, frames: int, classes: int
 ) -> None:
     """Raise DataError unless rows are divided into frames and have known classes."""
-    start = np.asarray(rows.start)
+    row_start = np.asarray(rows.start)
     class_id = np.asarray(rows.class_id)
-    for name, values in (("start", start), ("class_id", class_id)):
+    for name, values in (("start", row_start), ("class_id", class_id)):
         if values.ndim != 1 or (len(values) and values.dtype.kind not in "iu"):
             raise DataError(
                 f"{where}.{name} is {values.dtype} {list(values.shape)}, expected a "
                 "row of whole numbers"
             )
-    borders = (len(start) - 1, *start[:1], *start[-1:])
-    if borders != (frames, 0, len(rows.box)) or (np.diff(start) < 0).any():
+    row_borders = (len(row_start) - 1, *row_start[:1], *row_start[-1:])
+    if row_borders != (frames, 0, len(rows.box)) or (np.diff(row_start) < 0).any():
         raise DataError(
             f"{where}.start does not divide the {len(rows.box)} rows into {frames} "
             "frames"

@@ -60,18 +60,18 @@ def read_scene(folder: Path, card: Card) -> Scene:
             f"{tables['truth'].source} has no rows, expected one per object and frame"
         )
     lanes = lanes_of(tables.pop("lanes")) if "lanes" in tables else ()
-    number, time = scene_frames(str(folder), tables, card.task.rate)
+    frame_numbers, time = scene_frames(str(folder), tables, card.task.rate)
     ego = np.zeros((len(time), 4))
     if "ego" in tables:
         for index, column in enumerate(("x", "y", "z", "yaw")):
             if column in tables["ego"]:
                 ego[:, index] = tables["ego"][column]
     check_frames(time, ego, card, str(folder))
-    scene = _true_scene(folder, tables["truth"], number, time, ego, card)
+    scene = _true_scene(folder, tables["truth"], frame_numbers, time, ego, card)
     scene = replace(scene, lanes=lanes)
     has_detections = "detections" in tables
     if has_detections and card.detector is None:
-        scene = _with_detections(scene, tables["detections"], number, card)
+        scene = _with_detections(scene, tables["detections"], frame_numbers, card)
     return _for_card(scene, card, str(folder), has_detections)
 
 
@@ -85,8 +85,8 @@ def read_images(folder: Path, card: Card) -> tuple[CameraImage, ...]:
         return ()
     # the rows of an ego table are the frames
     tables = _read_tables(folder, ["ego"]) or _read_tables(folder, TABLES)
-    number, _ = scene_frames(str(folder), tables, card.task.rate)
-    return images_of(images["images"], folder, number)
+    frame_numbers, _ = scene_frames(str(folder), tables, card.task.rate)
+    return images_of(images["images"], folder, frame_numbers)
 
 
 def checked_scene(scene: Scene, card: Card) -> Scene:
@@ -103,8 +103,8 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
         columns = tables[name]
         for column in columns.keys() - {"frame", "id", "class"}:
             columns[column] = np.asarray(columns[column], dtype=np.float64)
-        rows = np.arange(len(columns["frame"]))
-        table = RowTable(f"{where}: {name}", "row", rows, columns)
+        row_numbers = np.arange(len(columns["frame"]))
+        table = RowTable(f"{where}: {name}", "row", row_numbers, columns)
         frame = columns["frame"]
         check_boxes(table, frame, scene.frames, name == "truth")
         if name == "truth":
@@ -167,21 +167,26 @@ def _for_card(scene: Scene, card: Card, where: str, has_detections: bool) -> Sce
 
 
 def _true_scene(
-    folder: Path, table: RowTable, number: Ints, time: Floats, ego: Floats, card: Card
+    folder: Path,
+    table: RowTable,
+    frame_numbers: Ints,
+    time: Floats,
+    ego: Floats,
+    card: Card,
 ) -> Scene:
     """Return the scene without detections, from the table of its truth.
 
-    ``number`` [F] of its frames, ``time`` [F] s, ``ego`` [F, 4].
+    ``frame_numbers`` [F] of its frames, ``time`` [F] s, ``ego`` [F, 4].
     """
     classes = card.task.classes
     frames = len(time)
-    frame = frame_index(table, number)
-    rows, skipped = _usable_rows(table, frame, frames, "truth", classes)
+    frame = frame_index(table, frame_numbers)
+    used_rows, skipped = _usable_rows(table, frame, frames, "truth", classes)
     object_id = ids_of(table)
     check_objects(table, frame, object_id, classes)
-    table = table.select(rows)
-    frame = frame[rows]
-    object_id = object_id[rows]
+    table = table.select(used_rows)
+    frame = frame[used_rows]
+    object_id = object_id[used_rows]
     box = boxes_of(table)
     if "vx" in table:
         velocity = velocities_of(table)
@@ -209,15 +214,20 @@ def _true_scene(
     )
 
 
-def _with_detections(scene: Scene, table: RowTable, number: Ints, card: Card) -> Scene:
-    """Return the scene with the detections of a table; ``number`` [F] of its frames."""
+def _with_detections(
+    scene: Scene, table: RowTable, frame_numbers: Ints, card: Card
+) -> Scene:
+    """Return the scene with the detections of a table.
+
+    ``frame_numbers`` [F] of its frames.
+    """
     classes = card.task.classes
-    frame = frame_index(table, number)
-    rows, skipped = _usable_rows(table, frame, scene.frames, "detections", classes)
-    table = table.select(rows)
+    frame = frame_index(table, frame_numbers)
+    used_rows, skipped = _usable_rows(table, frame, scene.frames, "detections", classes)
+    table = table.select(used_rows)
     detections = detections_by_frame(
         scene.frames,
-        frame[rows],
+        frame[used_rows],
         boxes_of(table),
         class_ids_of(table, classes),
         scores_of(table),
@@ -234,24 +244,26 @@ def _usable_rows(
     The rows are sorted by frame and otherwise in their order.
     """
     check_boxes(table, frame, frames, name == "truth")
-    kind = table["class"]
-    used = np.isin(kind, list(classes))
-    if len(kind) and not used.any():
-        first = str(kind[0])
-        problem = f"{first!r}, and no other row of the {name} has a class of the task"
+    class_names = table["class"]
+    is_used = np.isin(class_names, list(classes))
+    if len(class_names) and not is_used.any():
+        first_name = str(class_names[0])
+        problem = (
+            f"{first_name!r}, and no other row of the {name} has a class of the task"
+        )
         general_advice = "`mtp-bench envs` shows the classes of each environment"
         raise DataError(
             f"{table.where(0, 'class')}: {problem}, one of {', '.join(classes)}; "
-            f"{class_hint(first, classes) or general_advice}"
+            f"{class_hint(first_name, classes) or general_advice}"
         )
     skipped: dict[str, int] = {}
-    other_kinds, counts = np.unique(kind[~used], return_counts=True)
+    other_kinds, counts = np.unique(class_names[~is_used], return_counts=True)
     for other, count in zip(other_kinds.tolist(), counts.tolist(), strict=True):
         reason = f"{name} of class {other!r}, which the task does not have"
         if hint := class_hint(other, classes):
             reason += f": {hint}"
         skipped[reason] = count
-    return sorted_rows(frame, used), skipped
+    return sorted_rows(frame, is_used), skipped
 
 
 def boxes_of(table: RowTable) -> Floats:
@@ -287,11 +299,11 @@ def ids_of(table: RowTable) -> Ints:
     if not len(words):
         return NO_ROWS
     try:
-        number = words.astype(np.int64)
+        object_numbers = words.astype(np.int64)
     except (ValueError, OverflowError):
         return np.unique(words, return_inverse=True)[1]
-    is_in_range = (number >= 0).all() and (number <= ID_LIMIT).all()
+    is_in_range = (object_numbers >= 0).all() and (object_numbers <= ID_LIMIT).all()
     # otherwise 1 and 01 would be one object
-    if is_in_range and np.array_equal(number.astype(np.str_), words):
-        return number
+    if is_in_range and np.array_equal(object_numbers.astype(np.str_), words):
+        return object_numbers
     return np.unique(words, return_inverse=True)[1]

@@ -97,8 +97,8 @@ def _card_folders(section: FilesSource, card: Card) -> dict[str, Path]:
     folder = split_folder(Path(section.folder), section.split)
     if not folder.is_dir():
         raise MissingDataError(
-            f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one with "
-            "--files"
+            f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one "
+            "with --files"
         )
     folders = scene_folders(folder)
     if not folders:

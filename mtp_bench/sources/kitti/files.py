@@ -84,8 +84,8 @@ def read_labels(path: Path) -> LabelRows:
     """
     table = read_table(path, LABEL, words="type")
     require_kinds(table)
-    frame = table.whole("frame")
-    object_id = table.whole("id")
+    frame = table.whole_numbers("frame")
+    object_id = table.whole_numbers("id")
     boxed = table["type"] != "DontCare"
     boxed_table = table.select(boxed)
     is_flat = (boxed_table.matrix("height width length") <= 0).any(axis=1)
@@ -108,9 +108,11 @@ def read_detections(folder: Path, name: str, kind: str, code: int) -> DetectionR
     if (folder / kind).is_dir():
         path = folder / kind / f"{name}.txt"
         table = read_table(path, DETECTION, ",", finite=False)
-        number = table.whole("type")
+        class_code = table.whole_numbers("type")
         expected = f"expected {code} ({kind})"
-        table.refuse(number != code, lambda row: f"type {number[row]}, {expected}")
+        table.refuse(
+            class_code != code, lambda row: f"type {class_code[row]}, {expected}"
+        )
     else:
         path = folder / f"{name}.txt"
         table = read_table(path, RESULT, words="type", finite=False)
@@ -118,7 +120,7 @@ def read_detections(folder: Path, name: str, kind: str, code: int) -> DetectionR
         table = table.select(table["type"] == kind)
     table.refuse_degrees("rotation_y")
     box = sensor_boxes(table.matrix(BOX_FIELDS))
-    return DetectionRows(table, table.whole("frame"), table["score"], box)
+    return DetectionRows(table, table.whole_numbers("frame"), table["score"], box)
 
 
 def require_kinds(table: RowTable) -> None:
@@ -182,23 +184,25 @@ def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats
 
     ``names``: of its line, one of which the file has. ``columns``: their number.
     """
-    numbers: dict[str, list[str]] = {}
+    cells_of_line: dict[str, list[str]] = {}
     for line in read_text(path).splitlines():
         if line.strip():
-            name, *cells = line.split()
-            numbers[name.rstrip(":")] = cells
-    existing = [name for name in names if name in numbers]
+            line_name, *line_cells = line.split()
+            cells_of_line[line_name.rstrip(":")] = line_cells
+    existing = [line_name for line_name in names if line_name in cells_of_line]
     if not existing:
-        listed = ", ".join(numbers) or "no lines"
+        listed = ", ".join(cells_of_line) or "no lines"
         raise DataError(f"{path}: no line {names[0]!r}; found {listed}")
-    cells = numbers[existing[0]]
+    line_cells = cells_of_line[existing[0]]
     matrix = np.eye(4)
     try:
-        matrix[:3, :columns] = np.array(cells, dtype=np.float64).reshape(3, columns)
+        matrix[:3, :columns] = np.array(line_cells, dtype=np.float64).reshape(
+            3, columns
+        )
     except ValueError:
         raise DataError(
             f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got "
-            f"{len(cells)}"
+            f"{len(line_cells)}"
         ) from None
     if not np.isfinite(matrix).all():
         raise DataError(f"{path}: line {names[0]!r} must hold finite numbers")
@@ -218,7 +222,7 @@ def read_sequence_map(path: Path) -> dict[str, int]:
             f"{path} names no sequence, expected rows such as '0001 empty 000000 "
             "000447'"
         )
-    frames = table.whole("frames")
+    frames = table.whole_numbers("frames")
     table.refuse(frames < 1, "expected a number of frames above 0", "frames")
     return dict(zip(table["sequence"].tolist(), frames.tolist(), strict=True))
 

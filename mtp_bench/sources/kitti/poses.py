@@ -97,8 +97,8 @@ def integrated_poses(
     the integral does not matter within a forecast.
     """
     mean_velocity = (oxts.velocity[1:] + oxts.velocity[:-1]) / 2
-    steps = np.cumsum(mean_velocity * period, axis=0)
-    path = np.concatenate([np.zeros((1, 3)), steps])
+    path_steps = np.cumsum(mean_velocity * period, axis=0)
+    path = np.concatenate([np.zeros((1, 3)), path_steps])
     return poses_from_imu(path, oxts.attitude, imu_to_camera)
 
 
@@ -143,8 +143,11 @@ def _from_first(rotation: Floats, position: Floats) -> Poses:
     yaw = np.arctan2(rotation[0, 1, 0], rotation[0, 0, 0])
     cos = np.cos(yaw)
     sin = np.sin(yaw)
-    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return Poses(rotation=turn @ rotation, position=(position - position[0]) @ turn.T)
+    level_rotation = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return Poses(
+        rotation=level_rotation @ rotation,
+        position=(position - position[0]) @ level_rotation.T,
+    )
 
 
 def _rotations(attitude: Floats) -> Floats:

@@ -170,20 +170,20 @@ def truth_of(labels: LabelRows, classes: Sequence[str], frames: Frames) -> Truth
         is_neighbour = np.isin(labels.type, NEIGHBOURS[name])
         class_id[is_neighbour | (labels.type == TYPES[name][0])] = index
         neutral |= is_neighbour
-    rows = frames.select(labels.frame, class_id >= 0)
-    frame = labels.frame[rows]
-    object_id = labels.object_id[rows]
-    box = frames.place(labels.box[rows], frame)
+    true_rows = frames.select(labels.frame, class_id >= 0)
+    file_frame = labels.frame[true_rows]
+    object_id = labels.object_id[true_rows]
+    box = frames.place(labels.box[true_rows], file_frame)
     period_s = frames.stride * FRAME_PERIOD
-    scene_frame = frame // frames.stride
+    scene_frame = file_frame // frames.stride
     return Truth(
-        start=frames.starts(frame),
+        start=frames.starts(file_frame),
         box=box,
         velocity=central_velocity(scene_frame, object_id, box[:, :2], period_s),
-        class_id=class_id[rows],
+        class_id=class_id[true_rows],
         object_id=object_id,
-        eligible=~neutral[rows],
-        neutral=neutral[rows],
+        eligible=~neutral[true_rows],
+        neutral=neutral[true_rows],
     )
 
 
@@ -199,23 +199,25 @@ def detections_of(
     score_parts: list[Floats] = []
     skipped = Counter[str]()
     for class_name in classes:
-        table = read_detections(folder, name, *TYPES[class_name])
-        frames.check(table)
-        rows = frames.select(table.frame, np.ones(len(table.frame), dtype=bool))
-        is_finite = np.isfinite(table.box[rows]).all(axis=1)
-        is_finite &= np.isfinite(table.score[rows])
+        class_table = read_detections(folder, name, *TYPES[class_name])
+        frames.check(class_table)
+        used_rows = frames.select(
+            class_table.frame, np.ones(len(class_table.frame), dtype=bool)
+        )
+        is_finite = np.isfinite(class_table.box[used_rows]).all(axis=1)
+        is_finite &= np.isfinite(class_table.score[used_rows])
         skipped["detection not finite"] += int((~is_finite).sum())
-        rows = rows[is_finite]
-        frame_parts.append(table.frame[rows])
-        box_parts.append(table.box[rows])
-        score_parts.append(table.score[rows])
-    counts = [len(part) for part in frame_parts]
+        used_rows = used_rows[is_finite]
+        frame_parts.append(class_table.frame[used_rows])
+        box_parts.append(class_table.box[used_rows])
+        score_parts.append(class_table.score[used_rows])
+    row_counts = [len(part) for part in frame_parts]
     frame = np.concatenate(frame_parts)
     detections = detections_by_frame(
         frames.count,
         frame // frames.stride,
         frames.place(np.concatenate(box_parts), frame),
-        np.repeat(np.arange(len(classes)), counts),
+        np.repeat(np.arange(len(classes)), row_counts),
         np.concatenate(score_parts),
     )
     return detections, dict(+skipped)

@@ -35,11 +35,11 @@ def read_result(
     require_kinds(table)
     kinds = [TYPES[name][0] for name in classes]
     class_id = class_ids(table["type"].tolist(), kinds)
-    used = (class_id >= 0) & (table.whole("frame") % stride == 0)
-    table = table.select(used)
-    class_id = class_id[used]
-    frame = table.whole("frame")
-    object_id = table.whole("id")
+    is_used = (class_id >= 0) & (table.whole_numbers("frame") % stride == 0)
+    table = table.select(is_used)
+    class_id = class_id[is_used]
+    frame = table.whole_numbers("frame")
+    object_id = table.whole_numbers("id")
     last_frame = (scene.frames - 1) * stride
     problem = f"but the last one of sequence {scene.name} is {last_frame}"
     is_outside = (frame < 0) | (frame > last_frame)
@@ -49,10 +49,10 @@ def read_result(
     box = sensor_boxes(table.matrix(BOX_FIELDS))
     if poses is not None:
         box = poses.to_world(box, frame)
-    score = table.columns.get("score", np.full(len(frame), np.nan))
+    track_score = table.columns.get("score", np.full(len(frame), np.nan))
     velocity = unknown_velocity(len(box))
     return with_stored(
-        scene, frame // stride, object_id, class_id, box, score, velocity
+        scene, frame // stride, object_id, class_id, box, track_score, velocity
     )
 
 

@@ -97,11 +97,11 @@ class Mot3d:
 
     def load(self, name: str) -> Scene:
         """Read one scene, all its frames, also those without people."""
-        numbers = self._frames[name]
+        frame_numbers = self._frames[name]
         people = self._read_people()
-        rows, frame = _select(people, numbers)
+        rows, frame = _select(people, frame_numbers)
         rate_hz = self._info.frame_rate
-        time = (numbers - 1) / rate_hz
+        time = (frame_numbers - 1) / rate_hz
         truth = people_truth(
             frame,
             people.ground[rows, :2],
@@ -113,10 +113,10 @@ class Mot3d:
         stored = None
         if self.card.detector is None:
             boxes = read_rows(self.folder / DETECTIONS, self._info.seq_length)
-            rows, frame = _select(boxes, numbers)
+            rows, frame = _select(boxes, frame_numbers)
             place = boxes.ground[rows, :2]
             score = boxes.confidence[rows]
-            detections = people_detections(frame, place, score, len(numbers))
+            detections = people_detections(frame, place, score, len(frame_numbers))
             stored = detections, self.section.detector
         reference_point = middle(people.ground)
         sequence = self.section.sequence
@@ -148,8 +148,10 @@ def split_frames(card: Card, length: int) -> dict[str, Ints]:
             f"{min_frames}: task.past and task.future"
         )
     frames = np.arange(1, length + 1, section.stride)
-    parts = np.split(frames, range(size, len(frames), size))
-    scenes = [part for part in parts if len(part) >= min_frames]
+    scene_parts = np.split(frames, range(size, len(frames), size))
+    scenes = [
+        scene_frames for scene_frames in scene_parts if len(scene_frames) >= min_frames
+    ]
     if section.split == "train":
         chosen = scenes[: section.train_scenes]
     else:
@@ -160,7 +162,10 @@ def split_frames(card: Card, length: int) -> dict[str, Ints]:
             f"{len(scenes)} of {size} frames, and source.train_scenes is "
             f"{section.train_scenes}"
         )
-    return {f"{section.sequence}-{part[0]:04d}": part for part in chosen}
+    return {
+        f"{section.sequence}-{scene_frames[0]:04d}": scene_frames
+        for scene_frames in chosen
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,10 +179,10 @@ class Rows:
     ground: Floats  # [R, 3] m, X Y Z of the foot point
 
 
-def _select(table: Rows, numbers: Ints) -> tuple[Ints, Ints]:
-    """Return the rows [n] of the frames ``numbers`` and the frame of each [n], sorted."""
-    rows = sorted_rows(table.frame, np.isin(table.frame, numbers))
-    return rows, np.searchsorted(numbers, table.frame[rows])
+def _select(table: Rows, frame_numbers: Ints) -> tuple[Ints, Ints]:
+    """Return the rows [n] of ``frame_numbers`` and the frame of each [n], sorted."""
+    rows = sorted_rows(table.frame, np.isin(table.frame, frame_numbers))
+    return rows, np.searchsorted(frame_numbers, table.frame[rows])
 
 
 def read_sequence_info(path: Path) -> SequenceInfo:
@@ -201,7 +206,7 @@ def read_rows(path: Path, length: int) -> Rows:
     the 2D benchmark have these names, but no ground coordinates.
     """
     table = read_table(path, COLUMNS, ",")
-    frame = table.whole("frame")
+    frame = table.whole_numbers("frame")
     expected = f"expected 1 to {length}, the seqLength of {SEQINFO}"
     is_outside = (frame < 1) | (frame > length)
     table.refuse(is_outside, lambda row: f"frame {frame[row]}, {expected}")
@@ -212,4 +217,4 @@ def read_rows(path: Path, length: int) -> Rows:
         "ground; get the file of 3D MOT 2015, "
         "https://motchallenge.net/data/3D_MOT_2015",
     )
-    return Rows(table, frame, table.whole("id"), table["confidence"], ground)
+    return Rows(table, frame, table.whole_numbers("id"), table["confidence"], ground)

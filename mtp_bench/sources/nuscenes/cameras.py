@@ -65,18 +65,18 @@ def _fill(tables: TableStore, folder: Path) -> None:
     sample = np.array(samples, dtype=np.int64)
     mounts = [cameras[image.calibrated_sensor_token] for image in images]
     channels = [channel for channel, _ in mounts]
-    size = floats([(image.width, image.height) for image in images], 2)
+    image_size = floats([(image.width, image.height) for image in images], 2)
     arrays = {
         "frame": sample,
         "camera": np.array(channels, dtype=np.str_),
         "path": np.array([image.filename for image in images], dtype=np.str_),
-        "size": np.maximum(size, 1).astype(np.int64),
+        "size": np.maximum(image_size, 1).astype(np.int64),
         "projection": _projections(tables, images, [mount for _, mount in mounts]),
     }
-    order = np.lexsort((arrays["camera"], sample))
+    image_order = np.lexsort((arrays["camera"], sample))
     for name in tables.scenes:
-        rows = order[tables.rows_of(name, sample[order])]
-        scene_arrays = {key: values[rows] for key, values in arrays.items()}
+        image_rows = image_order[tables.rows_of(name, sample[image_order])]
+        scene_arrays = {key: values[image_rows] for key, values in arrays.items()}
         scene_arrays["frame"] = scene_arrays["frame"] - tables.samples(name).start
         write_arrays(folder / f"{name}.npz", scene_arrays)
 
@@ -118,7 +118,7 @@ def _read_cameras(tables: TableStore) -> dict[str, tuple[str, CameraRecord]]:
 def _projections(
     tables: TableStore, images: list[ImageRecord], mounts: list[CameraRecord]
 ) -> Floats:
-    """Return projections [n, 3, 4] from the global frame to the pixels of each image."""
+    """Return projections [n, 3, 4] from the global frame to pixels of each image."""
     sources = tables.cache.sources
     poses = [image.ego_pose_token for image in images]
     place, rotation = read_poses(sources["ego_pose"], sources["sample_data"], poses)

@@ -171,7 +171,7 @@ def scenes_by_split(scenes: Collection[str]) -> dict[str, tuple[str, ...]]:
     """
     splits: dict[str, tuple[str, ...]] = {}
     for split, names in (*official_scenes().items(), ("all", sorted(scenes))):
-        existing = tuple(name for name in names if name in scenes)
-        if existing:
-            splits[split] = existing
+        existing_scenes = tuple(name for name in names if name in scenes)
+        if existing_scenes:
+            splits[split] = existing_scenes
     return splits

@@ -67,43 +67,52 @@ def read_annotations(
     ``prediction``: the list of targets, if any.
     """
     instances = by_token(paths["instance"], _Instance)
-    path = paths["sample_annotation"]
-    records = list(by_token(path, _Box).values())
+    box_path = paths["sample_annotation"]
+    box_records = list(by_token(box_path, _Box).values())
     row_of_instance = {token: row for row, token in enumerate(instances)}
-    samples = [find(keyframes.row, box, "sample_token", path) for box in records]
-    rows = [find(row_of_instance, box, "instance_token", path) for box in records]
+    samples = [
+        find(keyframes.row, box, "sample_token", box_path) for box in box_records
+    ]
+    rows = [
+        find(row_of_instance, box, "instance_token", box_path) for box in box_records
+    ]
     sample = np.array(samples, dtype=np.int64)
     instance = np.array(rows, dtype=np.int64)
     problem = "a second box of its instance in its sample"
     refuse(
         repeated(sample, instance),
-        lambda row: f"{path}, record {records[row].token!r}: {problem}",
+        lambda row: f"{box_path}, record {box_records[row].token!r}: {problem}",
     )
-    box = upright_boxes(records, rotations(records, path))
-    listed = np.zeros(len(records), dtype=bool)
+    box = upright_boxes(box_records, rotations(box_records, box_path))
+    listed = np.zeros(len(box_records), dtype=bool)
     if prediction is not None:
-        key = instance * len(keyframes.token) + sample
-        targets = _read_targets(prediction, row_of_instance, keyframes, key)
-        listed = np.isin(key, targets)
+        box_key = instance * len(keyframes.token) + sample
+        targets = _read_targets(prediction, row_of_instance, keyframes, box_key)
+        listed = np.isin(box_key, targets)
     categories = by_token(paths["category"], _Category)
-    names = [
+    category_names = [
         find(categories, record, "category_token", paths["instance"]).name
         for record in instances.values()
     ]
     class_of = {**NEUTRAL_OF, **CLASS_OF}
-    class_names = [class_of.get(name, "") for name in names]
+    class_names = [class_of.get(name, "") for name in category_names]
     class_id = class_ids(class_names, CLASSES)[instance]
-    is_neutral = np.array([name in NEUTRAL_OF for name in names], dtype=bool)
-    points = [record.num_lidar_pts == record.num_radar_pts == 0 for record in records]
-    neutral = is_neutral[instance] | np.array(points, dtype=bool)
-    tokens = np.array([token.encode() for token in instances], dtype=np.bytes_)
-    order = sorted_rows(sample, class_id >= 0)
-    boxes = TrueBoxes(sample, tokens[instance], box, class_id, neutral, listed)
-    return select(boxes, order)
+    is_neutral = np.array([name in NEUTRAL_OF for name in category_names], dtype=bool)
+    has_no_points = [
+        record.num_lidar_pts == record.num_radar_pts == 0 for record in box_records
+    ]
+    neutral = is_neutral[instance] | np.array(has_no_points, dtype=bool)
+    instance_tokens = np.array([token.encode() for token in instances], dtype=np.bytes_)
+    box_order = sorted_rows(sample, class_id >= 0)
+    boxes = TrueBoxes(sample, instance_tokens[instance], box, class_id, neutral, listed)
+    return select(boxes, box_order)
 
 
 def _read_targets(
-    path: Path, row_of_instance: Mapping[str, int], keyframes: Keyframes, box_keys: Ints
+    path: Path,
+    row_of_instance: Mapping[str, int],
+    keyframes: Keyframes,
+    box_keys: Ints,
 ) -> Ints:
     """Return the keys of the targets in scenes of these tables.
 
@@ -123,11 +132,11 @@ def _read_targets(
                     "instance and of a sample of the scene"
                 )
             entry_of_key[row_of_instance[instance] * samples + row] = entry
-    keys = np.array(list(entry_of_key), dtype=np.int64)
-    missing = np.setdiff1d(keys, box_keys).tolist()
+    target_keys = np.array(list(entry_of_key), dtype=np.int64)
+    missing = np.setdiff1d(target_keys, box_keys).tolist()
     if missing:
         raise DataError(
             f"{path}, entry {entry_of_key[missing[0]]!r}: the instance has no box in "
             "this sample"
         )
-    return keys
+    return target_keys

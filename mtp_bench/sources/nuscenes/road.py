@@ -130,15 +130,15 @@ def _center(parts: list[_Path]) -> Floats:
 def _points(part: _Path) -> Floats:
     """Return points [n, 2] of one part of a middle line."""
     x, y, heading = part.start_pose
-    points = [np.array([[x, y]])]
+    part_points = [np.array([[x, y]])]
     for letter, length_m in zip(part.shape, part.segment_length, strict=True):
         curvature = _TURN[letter] / part.radius if part.radius else 0.0
-        count = max(1, math.ceil(length_m / MAX_STEP_M)) + 1
-        station = np.linspace(0.0, length_m, count)[1:]
-        end_heading = heading + curvature * station
-        chord = station * np.sinc(curvature * station / (2 * np.pi))
+        point_count = max(1, math.ceil(length_m / MAX_STEP_M)) + 1
+        station_m = np.linspace(0.0, length_m, point_count)[1:]
+        end_heading = heading + curvature * station_m
+        chord_m = station_m * np.sinc(curvature * station_m / (2 * np.pi))
         chord_heading = (heading + end_heading) / 2
-        offset = chord[:, None] * unit_vectors(chord_heading)
-        points.append(points[-1][-1] + offset)
+        offset = chord_m[:, None] * unit_vectors(chord_heading)
+        part_points.append(part_points[-1][-1] + offset)
         heading = float(end_heading[-1])
-    return np.concatenate(points)
+    return np.concatenate(part_points)

@@ -122,13 +122,13 @@ def scene_truth(
     """
     class_id = class_ids(CLASSES, classes)[arrays["class_id"]]
     object_id = arrays["object_id"]
-    used = class_id >= 0
+    is_used = class_id >= 0
     neutral = arrays["neutral"]
     eligible = np.ones(len(class_id), dtype=bool)
     if listed:
         eligible = arrays["listed"]
         is_target = np.isin(object_id, object_id[eligible])
-        used &= is_target
+        is_used &= is_target
         neutral = neutral & ~is_target
     truth = Truth(
         start=arrays["start"],
@@ -139,4 +139,4 @@ def scene_truth(
         eligible=eligible,
         neutral=neutral,
     )
-    return looking_back(truth.select(used), time, 1 / RATE_HZ)
+    return looking_back(truth.select(is_used), time, 1 / RATE_HZ)

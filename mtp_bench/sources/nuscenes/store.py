@@ -81,13 +81,15 @@ class CachedFolder:
         """Fill the folder, and read the arrays of one of its files."""
         from filelock import FileLock
 
-        files = list(self.sources.values())
-        name = files[0].name if len(files) == 1 else self.prefix
-        text = f"reading {name} of nuScenes, once per machine"
-        seconds = sum(file.stat().st_size for file in files) / _BYTES_PER_SECOND
+        source_files = list(self.sources.values())
+        work_name = source_files[0].name if len(source_files) == 1 else self.prefix
+        work_text = f"reading {work_name} of nuScenes, once per machine"
+        work_seconds = (
+            sum(file.stat().st_size for file in source_files) / _BYTES_PER_SECOND
+        )
         self.path.parent.mkdir(parents=True, exist_ok=True)
         lock = FileLock(self.path.with_name(f".{self.path.name}.lock"))
-        with long_work(text, seconds), lock:
+        with long_work(work_text, work_seconds), lock:
             arrays = read_arrays(path)  # another process may have filled it meanwhile
             if arrays is None:
                 self._fill()
@@ -118,9 +120,9 @@ def _path(prefix: str, sources: Mapping[str, Path]) -> Path:
             raise DataError(
                 f"{path} cannot be read: {error.strerror or error}"
             ) from None
-        times = [state.st_mtime_ns, state.st_ctime_ns]
-        numbers = [state.st_size, state.st_ino, *times]
-        states.append([name, str(path.resolve()), *numbers])
+        change_times = [state.st_mtime_ns, state.st_ctime_ns]
+        file_state = [state.st_size, state.st_ino, *change_times]
+        states.append([name, str(path.resolve()), *file_state])
     text = json.dumps([FORMAT, *states])
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:16]
     return cache_root() / "nuscenes" / f"{prefix}-{digest}"

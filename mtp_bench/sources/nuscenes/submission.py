@@ -106,17 +106,17 @@ def read_submission(
     is_unknown = np.isnan(velocity).any(axis=1) | (velocity == 0).all(axis=1)
     velocity[is_unknown] = np.nan
     identity = np.array([str(box.identity) for box in boxes], dtype=np.str_)
-    order = np.argsort(sample, kind="stable")
+    sample_order = np.argsort(sample, kind="stable")
     return SubmittedBoxes(
         samples=len(results),
         example=next(iter(results), ""),
         covered=np.sort(np.array(covered, dtype=np.int64)),
-        sample=sample[order],
-        box=upright_boxes(boxes, rotation)[order],
-        velocity=velocity[order],
-        class_id=class_ids([box.name for box in boxes], CLASSES)[order],
-        score=floats([box.score for box in boxes], 1)[order, 0],
-        identity=identity[order],
+        sample=sample[sample_order],
+        box=upright_boxes(boxes, rotation)[sample_order],
+        velocity=velocity[sample_order],
+        class_id=class_ids([box.name for box in boxes], CLASSES)[sample_order],
+        score=floats([box.score for box in boxes], 1)[sample_order, 0],
+        identity=identity[sample_order],
     )
 
 
@@ -249,17 +249,21 @@ def scene_detections(
 
     ``samples``: its rows in the tables. Other classes are dropped.
     """
-    parts = [store.cache.read(name) for store in stores if store.covered[samples].any()]
-    arrays = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    file_parts = [
+        store.cache.read(name) for store in stores if store.covered[samples].any()
+    ]
+    arrays = {
+        key: np.concatenate([part[key] for part in file_parts]) for key in file_parts[0]
+    }
     class_id = class_ids(CLASSES, classes)[arrays["class_id"]]
-    used = class_id >= 0
+    is_used = class_id >= 0
     return detections_by_frame(
         len(samples),
-        arrays["frame"][used],
-        arrays["box"][used],
-        class_id[used],
-        arrays["score"][used],
-        arrays["velocity"][used],
+        arrays["frame"][is_used],
+        arrays["box"][is_used],
+        class_id[is_used],
+        arrays["score"][is_used],
+        arrays["velocity"][is_used],
     )
 
 

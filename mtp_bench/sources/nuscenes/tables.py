@@ -185,8 +185,8 @@ def _read_samples(
     """Return scene names [S] and row starts [S + 1], sample tokens and times [N]."""
     scene_path = paths["scene"]
     sample_path = paths["sample"]
-    records = by_token(scene_path, SceneRecord).values()
-    scenes = sorted(records, key=lambda scene: (scene.name, scene.token))
+    scene_records = by_token(scene_path, SceneRecord).values()
+    scenes = sorted(scene_records, key=lambda scene: (scene.name, scene.token))
     names = tuple(scene.name for scene in scenes)
     for name, next_name in pairwise(names):
         if name == next_name:
@@ -197,18 +197,18 @@ def _read_samples(
         find(row_of_scene, sample, "scene_token", sample_path) for sample in samples
     ]
     scene_row = np.array(scene_rows, dtype=np.int64)
-    count = np.bincount(scene_row, minlength=len(scenes))
+    sample_count = np.bincount(scene_row, minlength=len(scenes))
     problem = f"{sample_path.name} has no sample of this scene"
     refuse(
-        count == 0,
+        sample_count == 0,
         lambda row: f"{scene_path}, record {scenes[row].token!r}: {problem}",
     )
     time = floats([sample.timestamp for sample in samples], 1)[:, 0]
-    order = np.lexsort((time, scene_row))
-    start = starts_of(count)
-    tokens = [samples[row].token for row in order]
-    _check_steps(sample_path, names, start, tokens, time[order])
-    return names, start, tokens, time[order]
+    sample_order = np.lexsort((time, scene_row))
+    start = starts_of(sample_count)
+    tokens = [samples[row].token for row in sample_order]
+    _check_steps(sample_path, names, start, tokens, time[sample_order])
+    return names, start, tokens, time[sample_order]
 
 
 def _check_steps(

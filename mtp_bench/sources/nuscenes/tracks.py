@@ -33,25 +33,25 @@ def scene_tracks(
     track in a sample.
     """
     samples = tables.samples(scene.name)
-    missing = np.setdiff1d(samples, boxes.covered)
-    if len(missing):
-        token = tables.tokens.item(missing[0]).decode()
+    missing_samples = np.setdiff1d(samples, boxes.covered)
+    if len(missing_samples):
+        token = tables.tokens.item(missing_samples[0]).decode()
         message = (
             f"{path}: no entry for sample {token!r} of {scene.name}, expected one for "
             f"each of its {scene.frames} samples, empty where nothing is tracked"
         )
-        if len(missing) == scene.frames:
+        if len(missing_samples) == scene.frames:
             message += f"; {FEWER}"
         raise DataError(message)
-    rows = np.arange(len(boxes.sample))[tables.rows_of(scene.name, boxes.sample)]
-    class_id = class_ids(CLASSES, classes)[boxes.class_id[rows]]
-    rows = rows[class_id >= 0]
+    box_rows = np.arange(len(boxes.sample))[tables.rows_of(scene.name, boxes.sample)]
+    class_id = class_ids(CLASSES, classes)[boxes.class_id[box_rows]]
+    box_rows = box_rows[class_id >= 0]
     class_id = class_id[class_id >= 0]
-    frame = boxes.sample[rows] - samples.start
-    identity = boxes.identity[rows]
+    frame = boxes.sample[box_rows] - samples.start
+    identity = boxes.identity[box_rows]
 
     def message_of(index: int) -> str:
-        token = tables.tokens.item(boxes.sample[rows[index]]).decode()
+        token = tables.tokens.item(boxes.sample[box_rows[index]]).decode()
         problem = f"a second box of tracking_id {str(identity[index])!r}, expected one"
         return f"{path}, sample {token!r}: {problem}"
 
@@ -61,9 +61,9 @@ def scene_tracks(
         frame,
         identity,
         class_id,
-        boxes.box[rows],
-        boxes.score[rows],
-        boxes.velocity[rows],
+        boxes.box[box_rows],
+        boxes.score[box_rows],
+        boxes.velocity[box_rows],
     )
 
 

@@ -78,9 +78,13 @@ class People:
         min_frames = card.task.past + card.task.future
         self._scenes: dict[str, tuple[Path, Ints]] = {}
         for path in (root / file for file in files):
-            numbers = np.unique(read_recording(path)[0])
-            scene_index = (numbers - numbers[:1]) // (FRAME_STEP * SCENE_FRAMES)
-            for part in np.split(numbers, np.flatnonzero(np.diff(scene_index)) + 1):
+            frame_numbers = np.unique(read_recording(path)[0])
+            scene_index = (frame_numbers - frame_numbers[:1]) // (
+                FRAME_STEP * SCENE_FRAMES
+            )
+            for part in np.split(
+                frame_numbers, np.flatnonzero(np.diff(scene_index)) + 1
+            ):
                 if len(part) >= min_frames:
                     self._scenes[f"{path.stem}-{part[0]:05d}"] = path, part
         if not self._scenes:
@@ -92,11 +96,11 @@ class People:
 
     def load(self, name: str) -> Scene:
         """Read one scene; DataError names the file and line that is wrong."""
-        path, numbers = self._scenes[name]
-        number, person, place = read_recording(path)
-        rows = np.isin(number, numbers)
-        time = numbers / FRAME_STEP / RATE_HZ
-        frame = np.searchsorted(numbers, number[rows])
+        path, frame_numbers = self._scenes[name]
+        frame_number, person, place = read_recording(path)
+        rows = np.isin(frame_number, frame_numbers)
+        time = frame_numbers / FRAME_STEP / RATE_HZ
+        frame = np.searchsorted(frame_numbers, frame_number[rows])
         truth = people_truth(frame, place[rows], person[rows], time, 1 / RATE_HZ)
         return people_scene(name, path.stem, time, middle(place), truth)
 
@@ -107,11 +111,11 @@ def read_recording(path: Path) -> tuple[Ints, Ints, Floats]:
     DataError names the line that is wrong.
     """
     table = read_table(path, "frame id x y")
-    number = table.whole("frame")
-    person = table.whole("id")
+    frame_number = table.whole_numbers("frame")
+    person = table.whole_numbers("id")
     expected = f"expected a multiple of {FRAME_STEP}: {RATE_HZ:g} Hz"
-    is_between = number % FRAME_STEP != 0
-    table.refuse(is_between, lambda row: f"frame {number[row]}, {expected}")
-    table.refuse_second_box(number, person)
-    order = np.argsort(number, kind="stable")
-    return number[order], person[order], table.matrix("x y")[order]
+    is_between = frame_number % FRAME_STEP != 0
+    table.refuse(is_between, lambda row: f"frame {frame_number[row]}, {expected}")
+    table.refuse_second_box(frame_number, person)
+    order = np.argsort(frame_number, kind="stable")
+    return frame_number[order], person[order], table.matrix("x y")[order]

@@ -100,24 +100,24 @@ class Wildtrack:
 
     def load(self, name: str) -> Scene:
         """Read one scene; if it has no stored detections, ``detector`` is empty."""
-        numbers = SCENES[name] + FRAME_STEP * np.arange(SCENE_FRAMES)
+        frame_numbers = SCENES[name] + FRAME_STEP * np.arange(SCENE_FRAMES)
         time = np.arange(SCENE_FRAMES) / RATE_HZ
-        truth = _read_truth(self.root / ANNOTATIONS, numbers, time)
+        truth = _read_truth(self.root / ANNOTATIONS, frame_numbers, time)
         middle = np.zeros(4)
         middle[:2] = np.array(CORNER) + CELL_M * np.array(GRID) / 2
         stored = None
         if self._is_stored(name):
-            detections = _read_scene_detections(self.root / DETECTIONS, numbers)
+            detections = _read_scene_detections(self.root / DETECTIONS, frame_numbers)
             stored = detections, str(self.section.detector)
         return people_scene(name, "wildtrack", time, middle, truth, stored)
 
 
-def _read_truth(folder: Path, numbers: Ints, time: Floats) -> Truth:
+def _read_truth(folder: Path, frame_numbers: Ints, time: Floats) -> Truth:
     frames: list[Ints] = []
     people: list[Ints] = []
     places: list[Floats] = []
-    for frame, number in enumerate(numbers):
-        person, place = read_annotations(folder / f"{number:08d}.json")
+    for frame, frame_number in enumerate(frame_numbers):
+        person, place = read_annotations(folder / f"{frame_number:08d}.json")
         frames.append(np.full(len(person), frame))
         people.append(person)
         places.append(place)
@@ -130,18 +130,18 @@ def _read_truth(folder: Path, numbers: Ints, time: Floats) -> Truth:
     )
 
 
-def _read_scene_detections(path: Path, numbers: Ints) -> Detections:
+def _read_scene_detections(path: Path, frame_numbers: Ints) -> Detections:
     """Read MVDet's detections, sorted by frame, otherwise in the order of the file."""
-    table, number, place = read_detections(path)
+    table, frame_number, place = read_detections(path)
     problem = "is not among the annotated test frames"
-    expected = f"{numbers[0]}, {numbers[1]}, ..., {numbers[-1]}"
+    expected = f"{frame_numbers[0]}, {frame_numbers[1]}, ..., {frame_numbers[-1]}"
     table.refuse(
-        ~np.isin(number, numbers),
-        lambda row: f"frame {number[row]} {problem}, {expected}",
+        ~np.isin(frame_number, frame_numbers),
+        lambda row: f"frame {frame_number[row]} {problem}, {expected}",
     )
-    frame = np.searchsorted(numbers, number)
+    frame = np.searchsorted(frame_numbers, frame_number)
     score = np.ones(len(frame))  # the file has no scores
-    return people_detections(frame, place, score, len(numbers))
+    return people_detections(frame, place, score, len(frame_numbers))
 
 
 class _Person(msgspec.Struct):
@@ -179,16 +179,16 @@ def read_detections(path: Path) -> tuple[RowTable, Ints, Floats]:
     on the ground plane, m. DataError names the line that is wrong.
     """
     table = read_table(path, "frame gx gy")
-    number = table.whole("frame")
+    frame_number = table.whole_numbers("frame")
     cell = table.matrix("gx gy")
     is_outside = ((cell < 0) | (cell >= GRID)).any(axis=1)
     grid = f"is off the grid of {GRID[0]} x {GRID[1]}"
     table.refuse(
         is_outside, lambda row: f"cell {cell[row, 0]:g} {cell[row, 1]:g} {grid}"
     )
-    is_repeated = repeated(number, *cell.T)
+    is_repeated = repeated(frame_number, *cell.T)
     table.refuse(is_repeated, "a second detection at the place of an earlier line")
-    return table, number, metres(cell)
+    return table, frame_number, metres(cell)
 
 
 def metres(cell: Floats | Ints) -> Floats:
