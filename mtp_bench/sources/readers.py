@@ -60,9 +60,8 @@ def read_table(
     """
     file_text = read_text(path)
     if delimiter == _BLANK:
-        file_text = "\n".join(
-            " ".join(line_numbers.split()) for line_numbers in file_text.splitlines()
-        )
+        lines = [" ".join(line.split()) for line in file_text.splitlines()]
+        file_text = "\n".join(lines)
     column_names = columns.split()
     first_line = file_text.lstrip("\r\n").partition("\n")[0]
     if optional and len(first_line.split(delimiter)) == len(column_names) - 1:
@@ -109,8 +108,8 @@ def write_table(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     from pyarrow import csv, parquet
 
     arrays = {
-        name: pyarrow.array(arrow_values, from_pandas=True)
-        for name, arrow_values in columns.items()
+        name: pyarrow.array(column_values, from_pandas=True)
+        for name, column_values in columns.items()
     }
     table = pyarrow.table(arrays)
     if path.suffix == ".parquet":

@@ -84,7 +84,13 @@ class KittiTracking:
         stride = self.section.stride
         poses = read_poses(self.root, name)
         length = len(poses.position)
-        self._require_length(name, length)
+        frame_counts = read_sequence_map(self.root / SEQUENCE_MAP)
+        if frame_counts.get(name, length) != length:
+            path = self.root / f"training/oxts/{name}.txt"
+            raise DataError(
+                f"{path} has {length} rows, expected one for each frame of the "
+                f"sequence map{RENAME}"
+            )
         frames = Frames(length, stride, poses if ego_motion else None)
         labels = read_labels(self.root / LABELS / f"{name}.txt")
         frames.check(labels)
@@ -119,15 +125,6 @@ class KittiTracking:
         if ego_motion:
             return scene
         return replace(scene, ego=np.zeros((len(frame), 4)), world=ego)
-
-    def _require_length(self, name: str, length: int) -> None:
-        frame_counts = read_sequence_map(self.root / SEQUENCE_MAP)
-        if frame_counts.get(name, length) != length:
-            path = self.root / f"training/oxts/{name}.txt"
-            raise DataError(
-                f"{path} has {length} rows, expected one for each frame of the "
-                f"sequence map{RENAME}"
-            )
 
 
 @dataclass(frozen=True)

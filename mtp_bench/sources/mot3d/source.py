@@ -98,7 +98,12 @@ class Mot3d:
     def load(self, name: str) -> Scene:
         """Read one scene, all its frames, also those without people."""
         frame_numbers = self._frames[name]
-        people = self._read_people()
+        people = read_rows(self.folder / TRUTH, self._info.seq_length)
+        if not len(people.frame):
+            raise DataError(
+                f"{self.folder / TRUTH} has no rows, expected one per person and frame"
+            )
+        people.table.refuse_second_box(people.frame, people.object_id)
         rows, frame = _select(people, frame_numbers)
         rate_hz = self._info.frame_rate
         time = (frame_numbers - 1) / rate_hz
@@ -121,16 +126,6 @@ class Mot3d:
         reference_point = middle(people.ground)
         sequence = self.section.sequence
         return people_scene(name, sequence, time, reference_point, truth, stored)
-
-    def _read_people(self) -> "Rows":
-        """Read the true people of the whole sequence."""
-        people = read_rows(self.folder / TRUTH, self._info.seq_length)
-        if not len(people.frame):
-            raise DataError(
-                f"{self.folder / TRUTH} has no rows, expected one per person and frame"
-            )
-        people.table.refuse_second_box(people.frame, people.object_id)
-        return people
 
 
 def split_frames(card: Card, length: int) -> dict[str, Ints]:
