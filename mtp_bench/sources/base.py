@@ -51,7 +51,10 @@ class SceneSource(Protocol):
         ...
 
     def load(self, name: str) -> Scene:
-        """Read a scene of `names`; DataError names the file and line that is wrong."""
+        """Read a scene of `names`.
+
+        DataError names the file and line that is wrong.
+        """
         ...
 
 
@@ -68,7 +71,10 @@ class ChangedScenes:
         return self.source.names
 
     def load(self, name: str) -> Scene:
-        """Read one scene and change it; UnknownNameError for an unknown name."""
+        """Read one scene and change it.
+
+        Raises UnknownNameError for an unknown name.
+        """
         require_known("scene", name, self.source.names)
         return self.change(self.source.load(name))
 
@@ -128,7 +134,10 @@ class SourcePackage:
 
 
 def section_of(card: Card, kind: type[SectionT]) -> SectionT:
-    """Return the card's source section; CardError if it is not of ``kind``."""
+    """Return the card's source section.
+
+    Raises CardError if it is not of ``kind``.
+    """
     if not isinstance(card.source, kind):
         raise CardError(
             f"{card.id}: source is {card.source.name!r}, expected the section of "
@@ -138,10 +147,10 @@ def section_of(card: Card, kind: type[SectionT]) -> SectionT:
 
 
 def own_detections(card: Card) -> Path | None:
-    """Return a user's file or folder of detections; None if the card names none.
+    """Return a user's file or folder of detections.
 
-    Raises DataError if it is missing, or has another content than when the card was
-    made.
+    None if the card names none. Raises DataError if it is missing, or has another
+    content than when the card was made.
     """
     section = card.source
     if not isinstance(section, DetectionsSection):
@@ -168,7 +177,10 @@ def own_detections(card: Card) -> Path | None:
 
 
 def detections_folder(root: Path, card: Card, dataset: Dataset) -> Path:
-    """Return the folder of stored detections; MissingDataError without one."""
+    """Return the folder of stored detections.
+
+    Raises MissingDataError without one.
+    """
     folder = root / "detections"
     if not folder.is_dir():
         raise MissingDataError(
@@ -179,7 +191,10 @@ def detections_folder(root: Path, card: Card, dataset: Dataset) -> Path:
 
 
 def stored_label(detector: str) -> str:
-    """Return the `Scene.detector` of stored detections; empty without a detector."""
+    """Return the `Scene.detector` of stored detections.
+
+    Empty without a detector.
+    """
     return f"{detector}, stored detections" if detector else ""
 
 
@@ -233,7 +248,10 @@ def lane_around(center: Floats, junction: bool) -> Lane:
 def link_lanes(
     lanes: Mapping[KeyT, Lane], successors: Mapping[KeyT, Iterable[KeyT]]
 ) -> tuple[Lane, ...]:
-    """Return lanes that know their successors by number; others are left out."""
+    """Return lanes that know their successors by number.
+
+    Others are left out.
+    """
     lane_number = {key: index for index, key in enumerate(lanes)}
     linked_lanes: list[Lane] = []
     for key, lane in lanes.items():

@@ -27,7 +27,10 @@ def content_hash(arrays: Arrays) -> str:
 
 
 def read_arrays(path: Path) -> Arrays | None:
-    """Read stored arrays; None if the file is missing or not as it was written."""
+    """Read stored arrays.
+
+    None if the file is missing or not as it was written.
+    """
     try:
         with open_regular(path) as stream, np.load(stream, allow_pickle=False) as file:
             arrays: Arrays = {name: file[name] for name in file.files}
@@ -38,9 +41,9 @@ def read_arrays(path: Path) -> Arrays | None:
 
 
 def write_arrays(path: Path, arrays: Arrays, level: int = 1) -> None:
-    """Write arrays with a hash of their content, atomically; raises OSError.
+    """Write arrays with a hash of their content, atomically.
 
-    ``level`` of compression.
+    Raises OSError. ``level`` of compression.
     """
     digest = np.array(content_hash(arrays))
     with whole_file(path) as part_path:

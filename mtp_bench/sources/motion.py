@@ -100,10 +100,11 @@ def people_truth(
     period: float,
     neutral: Bools | None = None,
 ) -> Truth:
-    """Return the truth of people; velocities are backward differences.
+    """Return the truth of people.
 
-    ``frame`` [R] sorted, ``place`` [R, 2] m, ``person`` [R], ``time`` [F] s,
-    ``neutral`` [R]; ``period``: nominal time between two frames, s.
+    Velocities are backward differences. ``frame`` [R] sorted, ``place`` [R, 2] m,
+    ``person`` [R], ``time`` [F] s, ``neutral`` [R]; ``period``: nominal time between
+    two frames, s.
     """
     if neutral is None:
         neutral = np.zeros(len(frame), dtype=bool)
@@ -137,7 +138,7 @@ def people_scene(
     truth: Truth,
     stored: tuple[Detections, str] | None = None,
 ) -> Scene:
-    """Return a scene of people who are all in view, without an ego vehicle.
+    """Return a scene of people in full view, without an ego vehicle.
 
     ``reference_point`` [4] stands for the ego; ``stored``: detections and the name of
     their detector, None if they are to be simulated.
@@ -157,7 +158,10 @@ def people_scene(
 
 
 def extent(box: Floats) -> tuple[float, float, float, float] | None:
-    """Return least x and y, largest x and y of boxes [R, 7], m; None without any."""
+    """Return least x and y, largest x and y of boxes [R, 7], m.
+
+    None without any.
+    """
     if not len(box):
         return None
     x = box[:, 0]

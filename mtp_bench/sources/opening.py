@@ -152,7 +152,10 @@ def prepare(
 
 
 def _with_lanes(scene: Scene, card: Card, data: DataRoot) -> Scene:
-    """Return the scene with its road map; DataError if it has none."""
+    """Return the scene with its road map.
+
+    Raises DataError if it has none.
+    """
     lanes = tuple(package_of(card).lanes(card, data, scene))
     if not lanes:
         raise DataError(

@@ -52,11 +52,12 @@ def read_table(
     optional: str = "",
     finite: bool = True,
 ) -> RowTable:
-    """Read a text without a header; an empty file gives no rows.
+    """Read a text without a header.
 
-    ``columns``: their names, with blanks between; ``words``: those that hold words.
-    ``optional``: the last column, if the first line may lack it. ``finite``: refuse
-    NaN, infinity and numbers beyond `LIMIT`. DataError names the line and the column.
+    An empty file gives no rows. ``columns``: their names, with blanks between;
+    ``words``: those that hold words. ``optional``: the last column, if the first line
+    may lack it. ``finite``: refuse NaN, infinity and numbers beyond `LIMIT`. DataError
+    names the line and the column.
     """
     file_text = read_text(path)
     if delimiter == _BLANK:
@@ -103,7 +104,10 @@ def read_named_table(path: Path, columns: Sequence[TableColumn]) -> RowTable:
 
 
 def write_table(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns as CSV or, by the suffix, Parquet; NaN becomes an empty cell."""
+    """Write columns as CSV or, by the suffix, Parquet.
+
+    NaN becomes an empty cell.
+    """
     import pyarrow
     from pyarrow import csv, parquet
 
@@ -119,7 +123,10 @@ def write_table(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def add_column(table: RowTable, column: TableColumn, arrow_values: Any) -> None:
-    """Check an Arrow column and add it to ``table``; DataError names the cell."""
+    """Check an Arrow column and add it to ``table``.
+
+    DataError names the cell.
+    """
     arrow_type = str(arrow_values.type)
     is_text = arrow_type.startswith(_WORD_TYPES)
     if not is_text and not arrow_type.startswith(_NUMBER_TYPES):
@@ -176,7 +183,10 @@ def _checked_numbers(table: RowTable, column: TableColumn, arrow_values: Any) ->
 
 
 def _parse_numbers(table: RowTable, column: TableColumn, arrow_values: Any) -> Any:
-    """Return the numbers that words stand for; null for an empty cell."""
+    """Return the numbers that words stand for.
+
+    Null for an empty cell.
+    """
     from pyarrow import ArrowInvalid, compute, scalar, string
 
     cells = compute.utf8_trim_whitespace(

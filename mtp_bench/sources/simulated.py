@@ -83,7 +83,10 @@ def detected(
 
 
 def _sensor(section: DetectorSection, scene: Scene, bounded_by_truth: bool) -> Sensor:
-    """Return the sensor of a card's detector; its area may be that of the truth."""
+    """Return the sensor of a card's detector.
+
+    Its area may be that of the truth.
+    """
     from ..detector import Sensor
 
     area = section.area

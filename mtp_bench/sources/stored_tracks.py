@@ -149,7 +149,10 @@ def import_tracks(
 
 
 def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
-    """Return the scene with the tracks in a table; DataError names the wrong line."""
+    """Return the scene with the tracks in a table.
+
+    DataError names the wrong line.
+    """
     table = read_named_table(path, TRACKS)
     frame = table.whole_numbers("frame")
     track_number = ids_of(table)

@@ -83,7 +83,10 @@ class RowTable:
         self.refuse(bad_rows, lambda row: f"{angle_rad[row]:g}, {RADIANS}", column)
 
     def whole_numbers(self, column: str) -> Ints:
-        """Return a column as integers; DataError for a number that is not whole."""
+        """Return a column as integers.
+
+        Raises DataError for a number that is not whole.
+        """
         column_values = self[column]
         bad_rows = ~(
             (np.abs(column_values) <= LIMIT)

@@ -64,10 +64,11 @@ def _read_content(path: Path) -> bytes:
 
 
 def read_json(path: Path, kind: type[ContentT]) -> ContentT:
-    """Decode a JSON file as ``kind``; DataError names the place in the file.
+    """Decode a JSON file as ``kind``.
 
-    NaN, which official files have for unknown velocities, counts as null. Infinity
-    becomes 1e300, which no number may be: the error about it then names the place.
+    DataError names the place in the file. NaN, which official files have for unknown
+    velocities, counts as null. Infinity becomes 1e300, which no number may be: the
+    error about it then names the place.
     """
     content = _read_content(path)
     if b"NaN" in content:
@@ -80,7 +81,10 @@ def read_json(path: Path, kind: type[ContentT]) -> ContentT:
 def decode(
     content: bytes | msgspec.Raw, kind: type[ContentT], source: object
 ) -> ContentT:
-    """Decode JSON as ``kind``; DataError names the ``source`` and the place in it."""
+    """Decode JSON as ``kind``.
+
+    DataError names the ``source`` and the place in it.
+    """
     try:
         return msgspec.json.decode(content, type=kind)
     except RecursionError:

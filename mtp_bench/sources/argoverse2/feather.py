@@ -67,7 +67,10 @@ def read_feather(
 
 
 def rotations(table: RowTable) -> Floats:
-    """Return unit quaternions [R, 4]; DataError for one that is not of norm 1."""
+    """Return unit quaternions [R, 4].
+
+    Raises DataError for one that is not of norm 1.
+    """
     rotation = table.matrix(ROTATION)
     require_rotations(rotation, table.where)
     return np.asarray(rotation / np.linalg.norm(rotation, axis=1, keepdims=True))

@@ -55,7 +55,10 @@ class Argoverse2Source(DetectionsSection):
 
 
 def log_folders(root: Path, split: str) -> dict[str, Path]:
-    """Return the folders of the logs of a split by name; DataError without logs."""
+    """Return the folders of the logs of a split by name.
+
+    Raises DataError without logs.
+    """
     folder = root / "sensor" / split
     paths = sorted(folder.glob("*/annotations.feather"))
     if not paths:
@@ -69,9 +72,9 @@ def log_folders(root: Path, split: str) -> dict[str, Path]:
 
 
 def detection_files(root: Path, card: Card) -> tuple[Path, ...]:
-    """Return the files of detections of the card; empty for simulated ones.
+    """Return the files of detections of the card.
 
-    They are the one that it names, else all that there are.
+    They are the one that it names, else all that there are; none for simulated ones.
     """
     own_file = own_detections(card)
     if own_file is not None:

@@ -44,9 +44,9 @@ class _Map(msgspec.Struct):
 
 
 def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
-    """Return the lanes of a log in the frame of its scene; none without a map.
+    """Return the lanes of a log in the frame of its scene.
 
-    Raises DataError for a wrong map.
+    None without a map. Raises DataError for a wrong map.
     """
     folder = log_folder(card, data, scene.name)
     paths = sorted(folder.glob("map/log_map_archive_*.json"))

@@ -53,7 +53,10 @@ class Argoverse2:
         self._files = detection_files(root, card)
 
     def load(self, name: str) -> Scene:
-        """Read one log; if it has no stored detections, ``detector`` is empty."""
+        """Read one log.
+
+        If it has no stored detections, ``detector`` is empty.
+        """
         sweeps = Sweeps.read(self.folders[name], self.section.stride)
         truth, names = scene_truth(sweeps, self.card)
         detections, detector = self._read_detections(sweeps)

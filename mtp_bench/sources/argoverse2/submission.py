@@ -47,10 +47,10 @@ class LogBoxes:
 
 
 def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
-    """Read detections of a log within reach, sorted by frame; without velocities.
+    """Read detections of a log within reach, sorted by frame.
 
-    Otherwise they are in the order of the file. Raises DataError for a cell that is
-    wrong, and for a time at which the log has no sweep.
+    Without velocities. Otherwise they are in the order of the file. Raises DataError
+    for a cell that is wrong, and for a time at which the log has no sweep.
     """
     boxes = read_boxes(path, sweeps, card, "score", log=sweeps.folder.name)
     is_used = boxes.within_reach

@@ -91,7 +91,10 @@ def _log_folders(source: Path) -> list[Path]:
 
 
 def log_tables(log: Path, rate_hz: float, reach_m: float) -> dict[str, Columns]:
-    """Return the tables of a log by name; DataError for a log that is wrong."""
+    """Return the tables of a log by name.
+
+    Raises DataError for a log that is wrong.
+    """
     _, about = read_arrow(log / f"{SYNC}.arrow", {})
     if "interpolated" in str(about.get("split")):
         raise DataError(

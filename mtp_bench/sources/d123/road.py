@@ -83,7 +83,10 @@ def _lane(feature: Feature, origin: Floats, has_center: bool) -> Lane:
 
 
 def points(packed: dict[bytes, Any]) -> Floats:
-    """Return points [n, 2 or 3] of a line; ValueError for a broken one."""
+    """Return points [n, 2 or 3] of a line.
+
+    Raises ValueError for a broken one.
+    """
     is_packed = {b"data", b"dtype", b"shape"} <= packed.keys()
     if not is_packed or packed[b"dtype"] not in ("<f8", "<f4"):
         raise ValueError("a lane lacks one of its lines")

@@ -49,8 +49,8 @@ def scene_frames(
 ) -> tuple[Ints, Floats]:
     """Return numbers [F], rising, and times [F] in s of the frames.
 
-    They are the rows of the ego table, else all numbers in use. ``rate_hz``: if there
-    is no ego table with times. Raises DataError.
+    They are the rows of the ego table, else all numbers in use. ``rate_hz`` gives the
+    times without an ego table that has them. Raises DataError.
     """
     if "ego" not in tables:
         frame_numbers = _numbers_in_use(where, tables)

@@ -158,7 +158,10 @@ def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, Columns]:
 
 
 def box_columns(rows: Truth | Detections, names: NDArray[np.str_]) -> Columns:
-    """Return the columns of boxes; ``names``: of the class ids."""
+    """Return the columns of boxes.
+
+    ``names``: of the class ids.
+    """
     return {
         "frame": rows.frame_of_rows,
         "class": names[np.asarray(rows.class_id, dtype=np.int64)],

@@ -76,9 +76,9 @@ def read_scene(folder: Path, card: Card) -> Scene:
 
 
 def read_images(folder: Path, card: Card) -> tuple[CameraImage, ...]:
-    """Return the camera images of the scene in ``folder``; none without their table.
+    """Return the camera images of the scene in ``folder``.
 
-    Raises DataError as `read_scene`.
+    None without their table. Raises DataError as `read_scene`.
     """
     images = _read_tables(folder, ["images"])
     if not images:
@@ -113,7 +113,10 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
 
 
 def find_table(folder: Path, name: str) -> Path | None:
-    """Return the file of a table; None without one, DataError if there are two."""
+    """Return the file of a table.
+
+    None without one, DataError if there are two.
+    """
     paths = [folder / f"{name}.{form}" for form in FORMS]
     existing = [path for path in paths if os.path.lexists(path)]
     if len(existing) > 1:
@@ -239,9 +242,9 @@ def _with_detections(
 def _usable_rows(
     table: RowTable, frame: Ints, frames: int, name: str, classes: Collection[str]
 ) -> tuple[Ints, dict[str, int]]:
-    """Return the rows of ``classes`` and the counts of skipped rows; check all rows.
+    """Return the rows of ``classes`` and the counts of skipped rows.
 
-    The rows are sorted by frame and otherwise in their order.
+    All rows are checked. The rows are sorted by frame and otherwise in their order.
     """
     check_boxes(table, frame, frames, name == "truth")
     class_names = table["class"]
@@ -267,20 +270,29 @@ def _usable_rows(
 
 
 def boxes_of(table: RowTable) -> Floats:
-    """Return boxes [R, 7]; without z they stand on the ground."""
+    """Return boxes [R, 7].
+
+    Without z they stand on the ground.
+    """
     columns = {"z": table["h"] / 2, **table.columns}
     return np.column_stack([columns[name] for name in BOX])
 
 
 def velocities_of(table: RowTable) -> Floats:
-    """Return velocities [R, 2]; NaN if the table has none."""
+    """Return velocities [R, 2].
+
+    NaN if the table has none.
+    """
     if "vx" in table:
         return table.matrix("vx vy")
     return unknown_velocity(len(table))
 
 
 def scores_of(table: RowTable) -> Floats:
-    """Return scores [R]; 1 if the table has none."""
+    """Return scores [R].
+
+    1 if the table has none.
+    """
     return table.columns.get("score", np.ones(len(table)))
 
 

@@ -24,9 +24,10 @@ class OwnScenes:
     """
 
     def __init__(self, card: Card, data: object = None) -> None:
-        """Find the scenes; ``data`` is not needed.
+        """Find the scenes.
 
-        Raises DataError for a missing folder, no scene, or other files than the card's.
+        ``data`` is not needed. Raises DataError for a missing folder, no scene, or
+        other files than the card's.
         """
         self.card = card
         self.section = section_of(card, FilesSource)
@@ -43,7 +44,10 @@ class OwnScenes:
             check_scene_name(name, f"{card.id}: ")
 
     def load(self, name: str) -> Scene:
-        """Read one scene; DataError names the file, line and column that is wrong."""
+        """Read one scene.
+
+        DataError names the file, line and column that is wrong.
+        """
         if name in self._scenes:
             scene = checked_scene(self._scenes[name], self.card)
         else:
@@ -56,7 +60,10 @@ class OwnScenes:
         return scene
 
     def images(self, name: str) -> tuple[CameraImage, ...]:
-        """Return the camera images of a scene in a folder; none for a `Scene`."""
+        """Return the camera images of a scene in a folder.
+
+        None for a `Scene`.
+        """
         if name not in self._folders:
             return ()
         return read_images(self._folders[name], self.card)
@@ -88,7 +95,10 @@ def is_scene(folder: Path) -> bool:
 
 
 def _card_folders(section: FilesSource, card: Card) -> dict[str, Path]:
-    """Return names and folders of the scenes; DataError if they are not the card's."""
+    """Return names and folders of the scenes.
+
+    Raises DataError if they are not the card's.
+    """
     if section.folder is None:
         raise DataError(
             f"{card.id}: its scenes were objects in memory, which are not stored; give "

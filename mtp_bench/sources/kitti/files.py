@@ -78,9 +78,9 @@ class Oxts:
 
 
 def read_labels(path: Path) -> LabelRows:
-    """Read the labels of one sequence; an empty file gives no rows.
+    """Read the labels of one sequence.
 
-    DataError names the line that is wrong.
+    An empty file gives no rows. DataError names the line that is wrong.
     """
     table = read_table(path, LABEL, words="type")
     require_kinds(table)
@@ -99,11 +99,12 @@ def read_labels(path: Path) -> LabelRows:
 
 
 def read_detections(folder: Path, name: str, kind: str, code: int) -> DetectionRows:
-    """Read the detections of one sequence and class; an empty file gives no rows.
+    """Read the detections of one sequence and class.
 
-    They lie in a folder for each class, as of AB3DMOT, whose number of the class is
-    ``code``, or in one file for all types, in the result form of KITTI's benchmark. NaN
-    and sizes that are not positive are kept. DataError names the line that is wrong.
+    An empty file gives no rows. They lie in a folder for each class, as of AB3DMOT,
+    whose number of the class is ``code``, or in one file for all types, in the result
+    form of KITTI's benchmark. NaN and sizes that are not positive are kept. DataError
+    names the line that is wrong.
     """
     if (folder / kind).is_dir():
         path = folder / kind / f"{name}.txt"

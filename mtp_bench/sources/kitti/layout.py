@@ -73,7 +73,10 @@ def split_names(root: Path, split: str) -> tuple[str, ...]:
 
 
 def require_detector(root: Path, card: Card) -> Path:
-    """Return the folder of the card's detections; DataError unless it is complete."""
+    """Return the folder of the card's detections.
+
+    Raises DataError unless it is complete.
+    """
     own_folder = own_detections(card)
     if own_folder is not None:
         return own_folder

@@ -63,7 +63,10 @@ class Poses:
         return np.column_stack([self.position, yaw])
 
     def to_world(self, box: Floats, frame: Ints) -> Floats:
-        """Bring boxes [R, 7] seen in ``frame`` [R] to the world; they stay upright."""
+        """Bring boxes [R, 7] seen in ``frame`` [R] to the world.
+
+        They stay upright.
+        """
         rotation = self.rotation[frame]
         heading = np.column_stack([unit_vectors(box[:, 3]), np.zeros(len(box))])
         heading = np.einsum("rij,rj->ri", rotation, heading)

@@ -181,7 +181,10 @@ def _select(table: Rows, frame_numbers: Ints) -> tuple[Ints, Ints]:
 
 
 def read_sequence_info(path: Path) -> SequenceInfo:
-    """Read frame rate and number of frames; DataError names the wrong key."""
+    """Read frame rate and number of frames.
+
+    DataError names the wrong key.
+    """
     parser = configparser.RawConfigParser()
     # keys keep their capitals
     parser.optionxform = str  # type: ignore[assignment, method-assign]

@@ -127,10 +127,10 @@ def require_maps(root: Path, card: Card) -> None:
 
 
 def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
-    """Return the detection files of the card; empty for a simulated detector.
+    """Return the detection files of the card.
 
-    They are the one that it names, else all of its detector. Raises DataError if there
-    are no files, naming those of other detectors.
+    Empty for a simulated detector. They are the one that it names, else all of its
+    detector. Raises DataError if there are no files, naming those of other detectors.
     """
     if card.detector is not None:
         return ()

@@ -62,9 +62,10 @@ class TrueBoxes:
 def read_annotations(
     paths: Mapping[str, Path], prediction: Path | None, keyframes: Keyframes
 ) -> TrueBoxes:
-    """Read all boxes; DataError names the file and token that is wrong.
+    """Read all boxes.
 
-    ``prediction``: the list of targets, if any.
+    DataError names the file and token that is wrong. ``prediction``: the list of
+    targets, if any.
     """
     instances = by_token(paths["instance"], _Instance)
     box_path = paths["sample_annotation"]

@@ -56,7 +56,10 @@ class NuScenes:
         self.detections = open_detections(paths, self.tables, self.names)
 
     def _find_scenes(self) -> tuple[str, ...]:
-        """Return the scenes of the split; DataError without any."""
+        """Return the scenes of the split.
+
+        Raises DataError without any.
+        """
         section = self.section
         scenes = list(self.tables.scenes)
         condition = ""

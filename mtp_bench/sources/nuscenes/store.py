@@ -56,11 +56,11 @@ class CachedFolder:
         return cls(prefix, sources, fill, _path(prefix, sources))
 
     def read(self, name: str) -> Arrays:
-        """Read the arrays of the file ``name``; fill the folder first if needed.
+        """Read the arrays of the file ``name``.
 
-        It is filled if the file is missing or broken. Raises DataError if the sources
-        are wrong or changed since the folder was opened, or if the cache cannot be
-        written.
+        The folder is filled first if the file is missing or broken.
+        Raises DataError if the sources are wrong or changed since the folder was
+        opened, or if the cache cannot be written.
         """
         path = self.path / f"{name}.npz"
         arrays = read_arrays(path)

@@ -87,10 +87,10 @@ class SubmittedBoxes:
 def read_submission(
     path: Path, row_of_token: Mapping[str, int], kind: BoxKind = DetectedBox
 ) -> SubmittedBoxes:
-    """Read boxes of the samples in ``row_of_token``; others are left out.
+    """Read boxes of the samples in ``row_of_token``.
 
-    Raises DataError that names the file, the sample token and the place of the box that
-    is wrong.
+    Others are left out. Raises DataError that names the file, the sample token and the
+    place of the box that is wrong.
     """
     results = read_json(path, _File).results
     covered: list[int] = []

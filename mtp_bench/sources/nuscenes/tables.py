@@ -50,7 +50,10 @@ def read_records(path: Path, kind: type[RecordT]) -> list[RecordT]:
 
 
 def by_token(path: Path, kind: type[RecordT]) -> dict[str, RecordT]:
-    """Read the records of a table by their tokens; DataError for a shared token."""
+    """Read the records of a table by their tokens.
+
+    Raises DataError for a shared token.
+    """
     table: dict[str, RecordT] = {}
     for record in read_records(path, kind):
         if record.token in table:
@@ -84,7 +87,10 @@ def floats(rows: Sequence[Any], columns: int) -> Floats:
 
 
 def rotations(records: Sequence[Any], path: Path) -> Floats:
-    """Return quaternions [R, 4] of records of a table; DataError unless of norm 1."""
+    """Return quaternions [R, 4] of records of a table.
+
+    Raises DataError unless of norm 1.
+    """
     rotation = floats([record.rotation for record in records], 4)
     require_rotations(rotation, lambda row: f"{path}, record {records[row].token!r}")
     return rotation
@@ -267,7 +273,7 @@ def read_poses(
     """Read places [N, 3] and quaternions [N, 4] of the ego by pose tokens [N].
 
     A table has many more poses. ``referring_path``: the table that names them.
-    DataError for a pose that is missing, or that two records share.
+    Raises DataError for a pose that is missing, or that two records share.
     """
     poses = by_token(path, _Pose)
     for token in tokens:

@@ -27,10 +27,10 @@ def scene_tracks(
     scene: Scene,
     classes: Sequence[str],
 ) -> Scene:
-    """Return the scene with its tracks; other classes are left out.
+    """Return the scene with its tracks.
 
-    Raises DataError for a sample that the file does not have, and for two boxes of one
-    track in a sample.
+    Other classes are left out. Raises DataError for a sample that the file does not
+    have, and for two boxes of one track in a sample.
     """
     samples = tables.samples(scene.name)
     missing_samples = np.setdiff1d(samples, boxes.covered)

@@ -95,7 +95,10 @@ class People:
         self.names = tuple(self._scenes)
 
     def load(self, name: str) -> Scene:
-        """Read one scene; DataError names the file and line that is wrong."""
+        """Read one scene.
+
+        DataError names the file and line that is wrong.
+        """
         path, frame_numbers = self._scenes[name]
         frame_number, person, place = read_recording(path)
         rows = np.isin(frame_number, frame_numbers)

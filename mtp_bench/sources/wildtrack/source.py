@@ -99,7 +99,10 @@ class Wildtrack:
         return name == STORED and self.section.detector is not None
 
     def load(self, name: str) -> Scene:
-        """Read one scene; if it has no stored detections, ``detector`` is empty."""
+        """Read one scene.
+
+        If it has no stored detections, ``detector`` is empty.
+        """
         frame_numbers = SCENES[name] + FRAME_STEP * np.arange(SCENE_FRAMES)
         time = np.arange(SCENE_FRAMES) / RATE_HZ
         truth = _read_truth(self.root / ANNOTATIONS, frame_numbers, time)
