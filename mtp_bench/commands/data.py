@@ -29,27 +29,24 @@ def data(
             "the splits of environments differ: name one with --env",
             param_hint="--split",
         )
-    cards = [
-        changed_card(load_card(env_id), split)
-        for env_id in ([env] if env else card_ids())
-    ]
+    env_names = [env] if env else card_ids()
+    cards = [changed_card(load_card(env_id), split) for env_id in env_names]
     statuses = {}
     with reported("checking data") as progress:
         progress.started(len(cards))
         for card in cards:
             statuses[card.id] = read_status(card, root)
             progress.done(card.id)
-    write_json(
-        json_file, {env_id: status_json(status) for env_id, status in statuses.items()}
-    )
+    content = {env_id: status_json(status) for env_id, status in statuses.items()}
+    write_json(json_file, content)
     show_table(status_table(statuses))
     show("\n".join(data_lines(statuses)))
-    lacking = [
-        env_id
-        for env_id, status in statuses.items()
-        if status.problems or (env and not status.usable)
-    ]
-    if lacking:
+    incomplete: list[str] = []
+    for env_id, status in statuses.items():
+        if status.problems or (env and not status.usable):
+            incomplete.append(env_id)
+    if incomplete:
         raise MtpBenchError(
-            f"data is missing or broken for {', '.join(lacking)}; see the listing above"
+            f"data is missing or broken for {', '.join(incomplete)}; see the listing "
+            "above"
         )

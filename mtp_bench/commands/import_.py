@@ -18,6 +18,8 @@ import_ = Typer(
     rich_markup_mode=None,
     help="Tables from other programs.",
 )
+# above which scenes are played by the environment of 10 Hz
+MAX_SLOW_RATE_HZ = 5
 OutputOption = Annotated[
     Path, Option("-o", "--output", help="New folder for the tables.")
 ]
@@ -40,14 +42,15 @@ def tracks(
     prepare(env, options)
     card = options.card(env)
     source = with_tracks(open_source(card, root), card, root, file)
-    names = options.chosen(source.names)
+    scene_names = options.chosen(source.names)
     with reported("importing tracks") as progress:
-        progress.started(len(names))
-        number, boxes = import_tracks(source, names, card, output, progress.done)
-    show(
-        f"{counted(boxes, 'tracked position')} of {counted(number, 'scene')} in {output}; next:"
-    )
-    run = command_line(
+        progress.started(len(scene_names))
+        scene_count, box_count = import_tracks(
+            source, scene_names, card, output, progress.done
+        )
+    positions = counted(box_count, "tracked position")
+    show(f"{positions} of {counted(scene_count, 'scene')} in {output}; next:")
+    run_command = command_line(
         "run",
         "given_tracks",
         env=env,
@@ -56,7 +59,7 @@ def tracks(
         split=split,
         tracks=output,
     )
-    show_command(f"{run} -o runs/given_tracks")
+    show_command(f"{run_command} -o runs/given_tracks")
 
 
 @import_.command("123d")
@@ -73,14 +76,17 @@ def logs(
         Option(min=1, max=1000, help="m from the ego: as far as the detector sees."),
     ] = 60.0,
 ) -> None:
-    """Write driving logs of 123D as own scenes, which --files plays: true boxes, the ego and lanes."""
+    """Write driving logs of 123D as own scenes, which --files plays.
+
+    They have true boxes, the ego and lanes.
+    """
     with reported("importing logs") as progress:
-        found = import_logs(folder, output, rate, reach, progress.done)
-    content = (
-        f"{counted(found['truth'], 'box', 'es')} in {counted(found['ego'], 'frame')}"
+        counts = import_logs(folder, output, rate, reach, progress.done)
+    boxes = (
+        f"{counted(counts['truth'], 'box', 'es')} in {counted(counts['ego'], 'frame')}"
     )
-    show(
-        f"{counted(found['logs'], 'log')} with {content} and {counted(found['lanes'], 'lane')} in {output}; next:"
-    )
-    env = "MTP-AV2-10Hz-v0" if rate > 5 else "MTP-AV2-v0"
-    show_command(f"{command_line('study', env=env, files=output)} --quick -o study")
+    lanes = f"{counted(counts['lanes'], 'lane')} in {output}"
+    show(f"{counted(counts['logs'], 'log')} with {boxes} and {lanes}; next:")
+    env = "MTP-AV2-10Hz-v0" if rate > MAX_SLOW_RATE_HZ else "MTP-AV2-v0"
+    study_command = command_line("study", env=env, files=output)
+    show_command(f"{study_command} --quick -o study")

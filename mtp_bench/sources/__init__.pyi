@@ -2,7 +2,6 @@ from .argoverse2.layout import Argoverse2Source as Argoverse2Source
 from .argoverse2.submission import tracking_submission as tracking_submission
 from .base import (
     CameraImage as CameraImage,
-    DataRoot as DataRoot,
     SceneSource as SceneSource,
     SourcePackage as SourcePackage,
     Work as Work,
@@ -26,7 +25,6 @@ from .dataset import (
 )
 from .files.columns import BOX as BOX
 from .files.save import save_scene as save_scene
-from .files.table import write_table as write_table
 from .kitti.layout import TYPES as TYPES, KittiSource as KittiSource
 from .kitti.tracks import poses_of as poses_of, result_lines as result_lines
 from .nuscenes.layout import NuScenesSource as NuScenesSource
@@ -43,5 +41,6 @@ from .opening import (
     with_map as with_map,
     with_tracks as with_tracks,
 )
+from .readers import write_table as write_table
 from .simulated import detected as detected, in_world as in_world
 from .stored_tracks import import_tracks as import_tracks, table_path as table_path

@@ -1,7 +1,7 @@
-"""Interface of every source of scenes, and the checks of cards that several sources share."""
+"""Interface of every source of scenes, and the checks that several sources share."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -15,10 +15,12 @@ from ..cards import (
     DetectionsSection,
     SourceSection,
     folder_digest,
+    instead_of_stored,
     known_digest,
 )
 from ..core import (
     NO_ROWS,
+    Bools,
     CardError,
     DataError,
     Detections,
@@ -30,12 +32,14 @@ from ..core import (
     Truth,
     nearest,
     require_known,
+    starts_of_sorted,
 )
 from .dataset import DataRoot as DataRoot, Dataset, DataStatus
-from .text import SMALLEST, refuse_shared_place
+from .tables import SMALLEST_SIDE_M, refuse_shared_place
 
 HALF_LANE = 1.75  # m
 SectionT = TypeVar("SectionT", bound=SourceSection)
+KeyT = TypeVar("KeyT", bound=Hashable)
 
 
 class SceneSource(Protocol):
@@ -47,7 +51,10 @@ class SceneSource(Protocol):
         ...
 
     def load(self, name: str) -> Scene:
-        """Read one scene of `names`; DataError names the file and line that is wrong."""
+        """Read a scene of `names`.
+
+        DataError names the file and line that is wrong.
+        """
         ...
 
 
@@ -64,25 +71,29 @@ class ChangedScenes:
         return self.source.names
 
     def load(self, name: str) -> Scene:
-        """Read one scene and change it; raises UnknownNameError for a name that the source does not have."""
+        """Read one scene and change it.
+
+        Raises UnknownNameError for an unknown name.
+        """
         require_known("scene", name, self.source.names)
         return self.change(self.source.load(name))
 
 
 @dataclass(frozen=True, eq=False)
 class CameraImage:
-    """One image of a recording, found but not read; shown beside events, and used for nothing else."""
+    """One image of a recording, found but not read; only shown beside events."""
 
     frame: int
     camera: str  # such as "CAM_FRONT"
     path: Path
     size: tuple[int, int]  # pixels, width and height, that ``projection`` is for
-    projection: Floats  # [3, 4] from the scene's frame of reference, homogeneous, to pixels; its third row gives metres
+    # [3, 4] from the scene's frame of reference, homogeneous, to pixels; its third row
+    # gives metres
+    projection: Floats
 
 
-Work = tuple[
-    int, Iterable[str]
-]  # number of pieces of work, and their names, each when it is done
+# number of pieces of work, and their names, each when it is finished
+Work = tuple[int, Iterable[str]]
 ReadTracks = Callable[[Scene], Scene]  # with ``tracks`` and ``track_names``
 
 
@@ -97,45 +108,49 @@ class TrackForm:
 
 @dataclass(frozen=True)
 class SourcePackage:
-    """Functions of the package of a source, its ``PACKAGE``; `mtp_bench.sources` finds it by the card's section."""
+    """Functions of a source, its ``PACKAGE``, found by the section of a card."""
 
     open: Callable[[Card, DataRoot], SceneSource]
     dataset: Dataset  # such as its licence
-    locate: Callable[
-        [Card, DataRoot], DataStatus
-    ]  # where the files are, see `Dataset.status`
-    tracks: TrackForm | None = (
-        None  # in which trackers store their tracks of this dataset
-    )
+    # where the files are, see `Dataset.status`
+    locate: Callable[[Card, DataRoot], DataStatus]
+    # in which trackers store their tracks of this dataset
+    tracks: TrackForm | None = None
     prepare: Callable[[Card, DataRoot, int | None, int], Work] = (
         lambda card, data, scenes, workers: (0, ())
     )
-    discard: Callable[[Card], None] = lambda card: (
-        None
-    )  # removes simulated scenes of the card's split from the cache
-    # lets no other user of this machine read the simulated scenes of the card, or their names, which hold the seeds
+    # removes simulated scenes of the card's split from the cache
+    discard: Callable[[Card], None] = lambda card: None
+    # lets no other user of this machine read the simulated scenes of the card, or their
+    # names, which hold the seeds
     keep_private: Callable[[Card], None] = lambda card: None
     lanes: Callable[[Card, DataRoot, Scene], Sequence[Lane]] = (
         lambda card, data, scene: scene.lanes
     )
+    # for pictures
     images: Callable[[Card, DataRoot, Scene], Sequence[CameraImage]] = (
         lambda card, data, scene: ()
-    )  # for pictures
+    )
 
 
 def section_of(card: Card, kind: type[SectionT]) -> SectionT:
-    """The card's source section, which must be of ``kind``; raises CardError for that of another source."""
+    """Return the card's source section.
+
+    Raises CardError if it is not of ``kind``.
+    """
     if not isinstance(card.source, kind):
         raise CardError(
-            f"{card.id}: source is {card.source.name!r}, expected the section of {kind.__name__}"
+            f"{card.id}: source is {card.source.name!r}, expected the section of "
+            f"{kind.__name__}"
         )
     return card.source
 
 
 def own_detections(card: Card) -> Path | None:
-    """A user's file or folder of detections that replaces the detector's; None if the card names none.
+    """Return a user's file or folder of detections.
 
-    Raises DataError if it is missing, or has another content than when the card was made.
+    None if the card names none. Raises DataError if it is missing, or has another
+    content than when the card was made.
     """
     section = card.source
     if not isinstance(section, DetectionsSection):
@@ -145,105 +160,180 @@ def own_detections(card: Card) -> Path | None:
         if expected is None:
             return None
         raise DataError(
-            f"{card.id} has the detections with sha256 {expected}: name their file or folder, --detections"
+            f"{card.id} has the detections with sha256 {expected}: name their file or "
+            "folder, --detections"
         )
     path = Path(section.detections_file).expanduser()
     if not path.exists():
-        raise MissingDataError(
-            f"no file or folder {path}, expected {section.traits.detection_file}"
-        )
+        form = section.traits.detection_file
+        raise MissingDataError(f"no file or folder {path}, expected {form}")
     digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
     if expected not in (None, digest):
         raise DataError(
-            f"{path} has the sha256 {digest}, expected {expected}: the detections of {card.id}"
+            f"{path} has the sha256 {digest}, expected {expected}: the detections of "
+            f"{card.id}"
         )
     return path
 
 
-def require_classes(card: Card, dataset: str, known: Collection[str]) -> None:
+def detections_folder(root: Path, card: Card, dataset: Dataset) -> Path:
+    """Return the folder of stored detections.
+
+    Raises MissingDataError without one.
+    """
+    folder = root / "detections"
+    if not folder.is_dir():
+        raise MissingDataError(
+            f"no folder {folder}{instead_of_stored(card)}; to get them: "
+            f"{dataset.how_to_get}"
+        )
+    return folder
+
+
+def stored_label(detector: str) -> str:
+    """Return the `Scene.detector` of stored detections.
+
+    Empty without a detector.
+    """
+    return f"{detector}, stored detections" if detector else ""
+
+
+def require_classes(card: Card, dataset: str, known_names: Collection[str]) -> None:
     """Raise CardError for a class of the task that the dataset does not have."""
     for name in card.task.classes:
-        if name not in known:
+        if name not in known_names:
             raise CardError(
-                f"{card.id}: {dataset} has no class {name!r}{nearest(name, known)}"
+                f"{card.id}: {dataset} has no class "
+                f"{name!r}{nearest(name, known_names)}"
             )
 
 
-def require_rate(card: Card, dataset: str, rate: float, stride: int = 1) -> None:
-    """Raise CardError unless every ``stride``-th frame of a dataset with ``rate`` Hz gives the rate of the task."""
-    if not np.isclose(card.task.rate * stride, rate):
-        thinned = (
-            f", which with stride {stride} gives {rate / stride:g} Hz"
-            if stride > 1
-            else ""
-        )
-        raise CardError(
-            f"{card.id}: task.rate is {card.task.rate:g} Hz, but {dataset} has {rate:g} Hz{thinned}"
-        )
+def require_rate(card: Card, dataset: str, rate_hz: float, stride: int = 1) -> None:
+    """Raise CardError unless every ``stride``-th frame gives the rate of the task."""
+    if np.isclose(card.task.rate * stride, rate_hz):
+        return
+    message = f"task.rate is {card.task.rate:g} Hz, but {dataset} has {rate_hz:g} Hz"
+    if stride > 1:
+        message += f", which with stride {stride} gives {rate_hz / stride:g} Hz"
+    raise CardError(f"{card.id}: {message}")
 
 
-def class_ids(known: Sequence[str], classes: Sequence[str]) -> Ints:
-    """Index of each of the ``known`` classes of a dataset among those of a task, -1 for a class that is not in it."""
-    return np.array(
-        [classes.index(name) if name in classes else -1 for name in known],
-        dtype=np.int64,
-    )
+def class_ids(known_names: Sequence[str], classes: Sequence[str]) -> Ints:
+    """Return the index of each known class among those of a task, else -1."""
+    class_index = {name: number for number, name in enumerate(classes)}
+    return np.array([class_index.get(name, -1) for name in known_names], dtype=np.int64)
 
 
 def names_by_number(number: Ints, name: NDArray[Any]) -> dict[int, str]:
-    """Name in the files of each number, where they differ; ``number`` and ``name`` ``[R]``."""
-    numbers, row = np.unique(number, return_index=True)
-    names = zip(numbers.tolist(), name[row].astype(np.str_).tolist(), strict=True)
-    return {one: word for one, word in names if word != str(one)}
+    """Return the name in the files of each number [R], where they differ."""
+    numbers, rows = np.unique(number, return_index=True)
+    words = name[rows].astype(np.str_).tolist()
+    pairs = zip(numbers.tolist(), words, strict=True)
+    return {number: word for number, word in pairs if word != str(number)}
 
 
 def lane_around(center: Floats, junction: bool) -> Lane:
-    """Lane with borders at `HALF_LANE` from its middle line ``center`` ``[n, 2]``, of two points or more."""
-    step = np.gradient(center, axis=0)
-    aside = HALF_LANE * np.stack([-step[:, 1], step[:, 0]], axis=1)
-    aside /= np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
-    return Lane(center, center + aside, center - aside, junction=junction)
+    """Return the lane with borders at `HALF_LANE` from its middle line.
+
+    ``center`` [n, 2], of two points or more.
+    """
+    point_step = np.gradient(center, axis=0)
+    border_offset = HALF_LANE * np.stack([-point_step[:, 1], point_step[:, 0]], axis=1)
+    border_offset /= np.maximum(np.linalg.norm(point_step, axis=1), 1e-9)[:, None]
+    return Lane(
+        center, center + border_offset, center - border_offset, junction=junction
+    )
+
+
+def link_lanes(
+    lanes: Mapping[KeyT, Lane], successors: Mapping[KeyT, Iterable[KeyT]]
+) -> tuple[Lane, ...]:
+    """Return lanes that know their successors by number.
+
+    Others are left out.
+    """
+    lane_number = {key: index for index, key in enumerate(lanes)}
+    linked_lanes: list[Lane] = []
+    for key, lane in lanes.items():
+        lane_following = tuple(
+            lane_number[name] for name in successors[key] if name in lane_number
+        )
+        linked_lanes.append(replace(lane, following=lane_following))
+    return tuple(linked_lanes)
+
+
+def is_near(lane: Lane, places: Floats, reach_m: float) -> bool:
+    """Return True if the middle line passes one of the places [F, 2] within reach."""
+    offset = lane.center - places[:, None]
+    return bool((np.linalg.norm(offset, axis=2) <= reach_m).any())
+
+
+def sorted_rows(frame: Ints, used: Bools) -> Ints:
+    """Return the ``used`` rows [R], sorted by frame and otherwise in their order."""
+    used_rows = np.flatnonzero(used)
+    return used_rows[np.argsort(frame[used_rows], kind="stable")]
+
+
+def detections_by_frame(
+    frames: int,
+    frame: Ints,
+    box: Floats,
+    class_id: Ints,
+    score: Floats,
+    velocity: Floats | None = None,
+) -> Detections:
+    """Return the detections of R rows in any order, of ``frames`` frames.
+
+    ``velocity``: None if it is not measured.
+    """
+    if velocity is None:
+        velocity = np.full((len(frame), 2), np.nan)
+    row_order = np.argsort(frame, kind="stable")
+    row_start = starts_of_sorted(frame[row_order], frames)
+    return Detections(
+        row_start,
+        box[row_order],
+        velocity[row_order],
+        class_id[row_order],
+        score[row_order],
+    )
 
 
 def no_detections(frames: int) -> Detections:
-    """Detections of a scene of ``frames`` frames without any."""
+    """Return detections of a scene without any."""
     start = np.zeros(frames + 1, dtype=np.int64)
     return Detections(start, np.zeros((0, 7)), np.zeros((0, 2)), NO_ROWS, np.zeros(0))
 
 
 def usable(scene: Scene) -> Scene:
-    """The scene without detected and tracked boxes of size 0 or below; tracks without a score (NaN) have 1.
+    """Return the scene without detected and tracked boxes of size 0 or below.
 
-    ``skipped`` counts both. Raises DataError for true objects at one place.
+    Tracks without a score (NaN) get 1. ``skipped`` counts both. Raises DataError for
+    true objects at one place.
     """
     require_separate(scene.truth, f"scene {scene.name!r}")
     changes: dict[str, Any] = {}
     skipped = Counter(scene.skipped)
     for name, kind in (("detections", "detection"), ("tracks", "track")):
-        boxes: Detections | None = getattr(scene, name)
-        if boxes is None:
+        rows: Detections | None = getattr(scene, name)
+        if rows is None:
             continue
-        sized = np.all(boxes.box[:, 4:7] >= SMALLEST, axis=1)
-        unscored = np.isnan(boxes.score) & sized
-        skipped[f"{kind} size not above 0"] += int((~sized).sum())
-        skipped[f"{kind} without a score, taken as 1"] += int(unscored.sum())
-        changes[name] = replace(
-            boxes, score=np.where(unscored, 1.0, boxes.score)
-        ).select(sized)
-    counted = dict(+skipped)
-    return (
-        replace(scene, skipped=counted, **changes)
-        if counted != scene.skipped
-        else scene
-    )
+        has_size = np.all(rows.box[:, 4:7] >= SMALLEST_SIDE_M, axis=1)
+        is_unscored = np.isnan(rows.score) & has_size
+        skipped[f"{kind} size not above 0"] += int((~has_size).sum())
+        skipped[f"{kind} without a score, taken as 1"] += int(is_unscored.sum())
+        scored = replace(rows, score=np.where(is_unscored, 1.0, rows.score))
+        changes[name] = scored.select(has_size)
+    if +skipped == scene.skipped:
+        return scene
+    return replace(scene, skipped=dict(+skipped), **changes)
 
 
 def require_separate(truth: Truth, where: str) -> None:
-    """Raise DataError if objects of a frame have one and the same x and y: their places were not measured."""
+    """Raise DataError if objects of a frame have the same x and y."""
     frame = truth.frame_of_rows
-    refuse_shared_place(
-        frame,
-        truth.box[:, :2],
-        truth.object_id,
-        lambda row: f"{where}, frame {frame[row]}",
-    )
+
+    def place_of(row: int) -> str:
+        return f"{where}, frame {frame[row]}"
+
+    refuse_shared_place(frame, truth.box[:, :2], truth.object_id, place_of)

@@ -15,7 +15,7 @@ DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data fo
 
 
 def data_root(data: DataRoot) -> tuple[Path, str]:
-    """The data root and, for messages, where its name comes from.
+    """Return the data root and, for messages, where its name comes from.
 
     It is the given one, else that of MTP_BENCH_DATA, else the user data folder.
     """
@@ -30,60 +30,61 @@ def data_root(data: DataRoot) -> tuple[Path, str]:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Facts about a dataset, of the file ``dataset.toml`` in the package of its source."""
+    """Facts about a dataset, of ``dataset.toml`` in the package of its source."""
 
     name: str
-    folders: tuple[
-        str, ...
-    ]  # of the data root in which it may lie, best first; the data root may be that folder, too
+    # of the data root in which it may lie, best first; the data root may be that, too
+    folders: tuple[str, ...]
     layout: str
     licence: str
     citation: str
     how_to_get: str
-    optional: Mapping[str, str] = field(
-        default_factory=dict
-    )  # pattern of files -> note if there are none
-    generated: bool = False  # made by the library: there are no files to read and check
+    # pattern of files -> note if there are none
+    optional: Mapping[str, str] = field(default_factory=dict)
+    # made by the library: there are no files to read and check
+    generated: bool = False
 
     @classmethod
-    def of(cls, module: str) -> Self:
-        """The facts in ``dataset.toml`` beside the file ``module``."""
-        content = toml_beside(module, "dataset.toml")
+    def of(cls, module_file: str) -> Self:
+        """Read the facts in ``dataset.toml`` beside a module."""
+        content = toml_beside(module_file, "dataset.toml")
         return cls(**{**content, "folders": tuple(content["folders"])})
 
     def searched(self, data: DataRoot) -> tuple[Path, ...]:
-        """Folders in which the dataset may lie, best first."""
+        """Return the folders in which the dataset may lie, best first."""
         root, _ = data_root(data)
         return (*(root / folder for folder in self.folders), root)
 
     def find(self, data: DataRoot, holds: str) -> Path:
-        """The folder that holds the file or folder ``holds``, or a pattern; DataError names what was searched."""
+        """Return the folder that holds a file, a folder or a pattern.
+
+        DataError names what was searched.
+        """
         folders = self.searched(data)
         for folder in folders:
             if any(folder.glob(holds)):
                 return folder
+        names = ", ".join(map(str, folders))
         raise MissingDataError(
-            f"no {self.name} data: {holds} is in none of {', '.join(map(str, folders))} ({data_root(data)[1]})"
-            f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
+            f"no {self.name} data: {holds} is in none of {names} "
+            f"({data_root(data)[1]}); name another root with --data or MTP_BENCH_DATA, "
+            f"or get the data: {self.how_to_get}"
         )
 
     def status(self, data: DataRoot, holds: str) -> "DataStatus":
-        """Status of the folder that has ``holds``, still to be completed; without it the root is unknown."""
+        """Return the status of the folder that has ``holds``, still to be completed.
+
+        Without the folder the root is unknown.
+        """
         try:
             root = self.find(data, holds)
         except DataError:
             return DataStatus(self, None, self.searched(data))
-        absent = [
-            (pattern, note)
-            for pattern, note in self.optional.items()
-            if not any(root.glob(pattern))
-        ]
-        return DataStatus(
-            self,
-            root,
-            (root,),
-            notes=[f"{pattern} is missing: {note}" for pattern, note in absent],
-        )
+        status = DataStatus(self, root, (root,))
+        for pattern, note in self.optional.items():
+            if not any(root.glob(pattern)):
+                status.notes.append(f"{pattern} is missing: {note}")
+        return status
 
 
 @dataclass
@@ -93,20 +94,17 @@ class DataStatus:
     about: Dataset
     root: Path | None  # None: not found
     searched: tuple[Path, ...]  # folders in which the root was looked for
-    missing: list[str] = field(
-        default_factory=list
-    )  # files and folders that the card needs, one sentence each
+    # files and folders that the card needs, one sentence each
+    missing: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)  # on optional files
-    problems: list[str] = field(
-        default_factory=list
-    )  # files that cannot be read, one sentence each
-    counts: Counter[str] = field(
-        default_factory=Counter
-    )  # scenes, frames and rows of the card that were read
+    # files that cannot be read, one sentence each
+    problems: list[str] = field(default_factory=list)
+    # scenes, frames and rows of the card that were read
+    counts: Counter[str] = field(default_factory=Counter)
 
     @property
     def usable(self) -> bool:
-        """True if the card's scenes can be read: every needed file is there and sound."""
+        """True if every file that the card's scenes need is there and sound."""
         return self.root is not None and not self.missing and not self.problems
 
     @contextmanager
@@ -114,9 +112,9 @@ class DataStatus:
         """Note a DataError of the block, once, in place of raising it."""
         try:
             yield
+        except MissingDataError as error:
+            if str(error) not in self.missing:
+                self.missing.append(str(error))
         except DataError as error:
-            lines = (
-                self.missing if isinstance(error, MissingDataError) else self.problems
-            )
-            if str(error) not in lines:
-                lines.append(str(error))
+            if str(error) not in self.problems:
+                self.problems.append(str(error))

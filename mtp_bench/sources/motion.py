@@ -1,42 +1,64 @@
-"""Velocities from positions, and people as boxes of one nominal size, of whom the place on the ground is known."""
+"""Velocities from positions, and people of whom only the place is known.
+
+People are boxes of one nominal size.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 
-from ..core import Bools, Detections, Floats, Ints, Truth, pieces_of, starts_of_sorted
+from ..core import (
+    Bools,
+    Detections,
+    Floats,
+    Ints,
+    Scene,
+    Truth,
+    pieces_of,
+    starts_of_sorted,
+)
+from .base import detections_by_frame, no_detections, stored_label
 
-PERSON = 0.6, 0.6, 1.75  # m, length, width, height: nominal, the same for every person
+# m, length, width, height: nominal, the same for every person
+PERSON = 0.6, 0.6, 1.75
 
 
 def unknown_velocity(rows: int) -> Floats:
-    """Velocities ``[R, 2]`` of boxes whose velocity is not measured: NaN."""
+    """Return velocities [R, 2] that are not measured: NaN."""
     return np.full((rows, 2), np.nan)
 
 
 def backward_velocity(
     frame: Ints, object_id: Ints, position: Floats, time: Floats, period: float
 ) -> Floats:
-    """Velocities ``[R, 2]`` m/s since the object's position in the frame before; NaN if it was absent, or after a hole.
+    """Return velocities [R, 2] m/s since the position in the frame before.
 
-    ``frame`` and ``object_id`` ``[R]``, ``position`` ``[R, 2]`` m, ``time`` ``[F]`` s; ``period``: nominal, s.
+    NaN if the object was absent there, or after a hole in time. ``frame`` and
+    ``object_id`` [R], ``position`` [R, 2] m, ``time`` [F] s; ``period``: nominal, s.
     """
     velocity = np.full(position.shape, np.nan)
-    order = np.lexsort((frame, object_id))
-    before, now = order[:-1], order[1:]
-    step = np.diff(frame[order]) + np.diff(pieces_of(time, period)[frame[order]])
-    follows = (object_id[before] == object_id[now]) & (step == 1)
-    before, now = before[follows], now[follows]
-    velocity[now] = (position[now] - position[before]) / (
-        time[frame[now]] - time[frame[before]]
-    )[:, None]
+    row_order = np.lexsort((frame, object_id))
+    frame_steps = np.diff(frame[row_order]) + np.diff(
+        pieces_of(time, period)[frame[row_order]]
+    )
+    follows = (np.diff(object_id[row_order]) == 0) & (frame_steps == 1)
+    first_rows = row_order[:-1][follows]
+    second_rows = row_order[1:][follows]
+    step_s = time[frame[second_rows]] - time[frame[first_rows]]
+    velocity[second_rows] = (position[second_rows] - position[first_rows]) / step_s[
+        :, None
+    ]
     return velocity
 
 
 def looking_back(truth: Truth, time: Floats, period: float) -> Truth:
-    """``truth`` with backward velocities: which an agent may see. ``time`` ``[F]`` s; ``period``: nominal, s."""
+    """Return the truth with backward velocities, which an agent may see.
+
+    ``time`` [F] s; ``period``: nominal, s.
+    """
+    position = truth.box[:, :2]
     velocity = backward_velocity(
-        truth.frame_of_rows, truth.object_id, truth.box[:, :2], time, period
+        truth.frame_of_rows, truth.object_id, position, time, period
     )
     return replace(truth, velocity=velocity)
 
@@ -44,23 +66,25 @@ def looking_back(truth: Truth, time: Floats, period: float) -> Truth:
 def central_velocity(
     frame: Ints, object_id: Ints, position: Floats, period: float
 ) -> Floats:
-    """Velocities ``[R, 2]`` m/s from the object's positions ``[R, 2]`` one frame before and after; NaN without both.
+    """Return velocities [R, 2] m/s from the positions one frame before and after.
 
-    They show where the object is in the next frame: a source of such velocities has the trait ``velocity_ahead``.
+    NaN without both. They show where the object is in the next frame: a source of such
+    velocities has the trait ``velocity_ahead``.
     """
     velocity = np.full(position.shape, np.nan)
-    order = np.lexsort((frame, object_id))
-    before, here, after = order[:-2], order[1:-1], order[2:]
-    follows = (object_id[before] == object_id[after]) & (
-        frame[after] - frame[before] == 2
+    row_order = np.lexsort((frame, object_id))
+    first_rows = row_order[:-2]
+    last_rows = row_order[2:]
+    follows = (object_id[first_rows] == object_id[last_rows]) & (
+        frame[last_rows] - frame[first_rows] == 2
     )
-    before, here, after = before[follows], here[follows], after[follows]
-    velocity[here] = (position[after] - position[before]) / (2 * period)
+    moved_m = position[last_rows[follows]] - position[first_rows[follows]]
+    velocity[row_order[1:-1][follows]] = moved_m / (2 * period)
     return velocity
 
 
 def person_boxes(place: Floats) -> Floats:
-    """Boxes ``[R, 7]`` of people at places ``[R, 2]``, heading along x."""
+    """Return boxes [R, 7] of people at places [R, 2], heading along x."""
     box = np.zeros((len(place), 7))
     box[:, :2] = place
     box[:, 2] = PERSON[2] / 2
@@ -76,54 +100,88 @@ def people_truth(
     period: float,
     neutral: Bools | None = None,
 ) -> Truth:
-    """Truth of people; velocities are backward differences.
+    """Return the truth of people.
 
-    ``frame`` ``[R]`` sorted, ``place`` ``[R, 2]`` m, ``person`` ``[R]``, ``time`` ``[F]`` s, ``neutral`` ``[R]``;
-    ``period``: nominal time between two frames, s.
+    Velocities are backward differences. ``frame`` [R] sorted, ``place`` [R, 2] m,
+    ``person`` [R], ``time`` [F] s, ``neutral`` [R]; ``period``: nominal time between
+    two frames, s.
     """
-    start, class_id = (
-        starts_of_sorted(frame, len(time)),
-        np.zeros(len(frame), dtype=np.int64),
-    )
-    velocity = backward_velocity(frame, person, place, time, period)
-    neutral = np.zeros(len(frame), dtype=bool) if neutral is None else neutral
+    if neutral is None:
+        neutral = np.zeros(len(frame), dtype=bool)
     return Truth(
-        start, person_boxes(place), velocity, class_id, person, ~neutral, neutral
+        start=starts_of_sorted(frame, len(time)),
+        box=person_boxes(place),
+        velocity=backward_velocity(frame, person, place, time, period),
+        class_id=np.zeros(len(frame), dtype=np.int64),
+        object_id=person,
+        eligible=~neutral,
+        neutral=neutral,
     )
 
 
 def people_detections(
     frame: Ints, place: Floats, score: Floats, frames: int
 ) -> Detections:
-    """Detections of people without velocities: ``frame`` ``[R]`` sorted, ``place`` ``[R, 2]`` m, ``score`` ``[R]``."""
+    """Return detections of people without velocities, from R rows in any order.
+
+    ``frame`` [R], ``place`` [R, 2] m, ``score`` [R].
+    """
     class_id = np.zeros(len(frame), dtype=np.int64)
-    velocity = unknown_velocity(len(frame))
-    return Detections(
-        starts_of_sorted(frame, frames), person_boxes(place), velocity, class_id, score
+    return detections_by_frame(frames, frame, person_boxes(place), class_id, score)
+
+
+def people_scene(
+    name: str,
+    recording: str,
+    time: Floats,
+    reference_point: Floats,
+    truth: Truth,
+    stored: tuple[Detections, str] | None = None,
+) -> Scene:
+    """Return a scene of people in full view, without an ego vehicle.
+
+    ``reference_point`` [4] stands for the ego; ``stored``: detections and the name of
+    their detector, None if they are to be simulated.
+    """
+    frames = len(time)
+    detections, detector = stored or (no_detections(frames), "")
+    return Scene(
+        name=name,
+        time=time,
+        ego=np.tile(reference_point, (frames, 1)),
+        truth=truth,
+        detections=detections,
+        detector=stored_label(detector),
+        visible=np.ones(len(truth.box)),
+        recording=recording,
     )
 
 
 def extent(box: Floats) -> tuple[float, float, float, float] | None:
-    """Least x and y, largest x and y of boxes ``[R, 7]``, m; None without any."""
+    """Return least x and y, largest x and y of boxes [R, 7], m.
+
+    None without any.
+    """
     if not len(box):
         return None
-    low, high = box[:, :2].min(axis=0), box[:, :2].max(axis=0)
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+    x = box[:, 0]
+    y = box[:, 1]
+    return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
 
 def middle(place: Floats) -> Floats:
-    """State ``x y z yaw`` of a fixed reference point: the middle of places ``[R, 2]`` or more, in whole metres."""
-    if not len(place):
-        return np.zeros(4)
-    x, y = (
-        np.round((place[:, :2].min(axis=0) + place[:, :2].max(axis=0)) / 2) + 0.0
-    )  # no negative zero
-    return np.array([x, y, 0.0, 0.0])
+    """Return the middle x y 0 0 of places [R, 2] or more, in whole metres."""
+    point = np.zeros(4)
+    if len(place):
+        corner_sum = place[:, :2].min(axis=0) + place[:, :2].max(axis=0)
+        point[:2] = np.round(corner_sum / 2) + 0.0  # no negative zero
+    return point
 
 
 def as_places(detections: Detections) -> Detections:
-    """``detections`` as boxes of the nominal person: places are all that such a detector reports.
+    """Return detections as boxes of the nominal person: only places are reported.
 
-    A simulated false positive has a heading and a size of its own, which would tell it from a true one.
+    A simulated false positive has a heading and a size of its own, which would tell it
+    from a true one.
     """
     return replace(detections, box=person_boxes(detections.box[:, :2]))

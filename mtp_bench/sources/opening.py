@@ -1,4 +1,4 @@
-"""Sources of scenes: recorded logs in their official layouts and simulated traffic, as `mtp_bench.core.types.Scene`."""
+"""Opening of a card's source: recordings in official layouts, own scenes, traffic."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ Note = Callable[[str], object]
 
 @dataclass(frozen=True)
 class _Drives:
-    """Scenes of a closed loop: names alone, as each agent drives in a world of its own."""
+    """Names of a closed loop's scenes: each agent drives in a world of its own."""
 
     env_id: str
     names: tuple[str, ...]
@@ -32,68 +32,73 @@ class _Drives:
     def load(self, name: str) -> Scene:
         """Raise DataError."""
         raise DataError(
-            f"{self.env_id} has no scene {name!r} before an agent drives in it: run one, and open its run"
+            f"{self.env_id} has no scene {name!r} before an agent drives in it: run "
+            "one, and open its run"
         )
 
 
 def open_source(card: Card, data: DataRoot = None) -> SceneSource:
     """Find the scenes that ``card`` names, without reading them.
 
-    ``data`` is the data root; None stands for the environment variable MTP_BENCH_DATA, else the user data folder.
-    Raises DataError when the root, a folder or the card's detector is missing.
+    ``data`` is the data root; None stands for the environment variable MTP_BENCH_DATA,
+    else the user data folder. Raises DataError when the root, a folder or the card's
+    detector is missing.
     """
     with long_work(f"opening {card.id}", around=True):
-        found = package_of(card).open(card, data)
+        source = package_of(card).open(card, data)
     if card.drive is not None:
-        return _Drives(card.id, found.names)
-    with_lanes = (
-        (lambda scene: scene)
-        if card.lanes is None
-        else (lambda scene: _with_lanes(scene, card, data))
-    )
-    return ChangedScenes(found, lambda scene: with_lanes(detected(usable(scene), card)))
+        return _Drives(card.id, source.names)
+
+    def complete(scene: Scene) -> Scene:
+        scene = detected(usable(scene), card)
+        return scene if card.lanes is None else _with_lanes(scene, card, data)
+
+    return ChangedScenes(source, complete)
 
 
 def with_tracks(
     source: SceneSource, card: Card, data: DataRoot, path: str | Path
 ) -> SceneSource:
-    """The scenes of ``source`` with the stored tracks of another program, in a form of `sources.stored_tracks`.
+    """Return the scenes of a source with the stored tracks of another program.
 
-    ``card`` and ``data``: those that ``source`` was opened with. Raises DataError if ``path`` holds no tracks for it.
+    ``path``: in a form of `sources.stored_tracks`. ``card`` and ``data``: those that
+    ``source`` was opened with. Raises DataError if ``path`` holds no tracks for it.
     """
     card.require_same_scenes(
         "which takes no stored tracks",
         "they are of other scenes than those that agents drive in",
     )
-    read = find_tracks(package_of(card), card, data, path)
-    return ChangedScenes(source, lambda scene: usable(read(scene)))
+    read_tracks = find_tracks(package_of(card), card, data, path)
+    return ChangedScenes(source, lambda scene: usable(read_tracks(scene)))
 
 
 def load_scenes(
     card: str | Card, data: DataRoot = None, names: Iterable[str] | None = None
 ) -> Iterator[Scene]:
-    """Read the scenes of an env, ground truth included, one after the other as they are asked for.
+    """Read the scenes of an env, ground truth included, as they are asked for.
 
-    ``card``: an env id, the path of a card, or a card (`with_split` chooses another split). ``data``: the data root,
-    else that of MTP_BENCH_DATA. ``names``: those scenes alone. Raises UnknownNameError or DataError.
+    ``card``: an env id, the path of a card, or a card (`with_split` chooses another
+    split). ``data``: the data root, else that of MTP_BENCH_DATA. ``names``: only those
+    scenes. Raises UnknownNameError or DataError.
     """
     source = open_source(card if isinstance(card, Card) else load_card(card), data)
     if isinstance(names, str):
         raise MtpBenchError(
             f"names is the text {names!r}, expected a list: names=[{names!r}]"
         )
-    chosen = tuple(source.names if names is None else names)
-    for name in chosen:
+    chosen_names = tuple(source.names if names is None else names)
+    for name in chosen_names:
         require_known("scene", name, source.names)
-    return (source.load(name) for name in chosen)
+    return map(source.load, chosen_names)
 
 
 def with_map(
     scene: Scene, card: Card, data: DataRoot = None, note: Note = lambda text: None
 ) -> Scene:
-    """``scene`` with the road for pictures of it: that of the map expansion of nuScenes, if it is there.
+    """Return the scene with the road for pictures of it, if there is a map.
 
-    Runs, scores and trainings read no map, so `SceneSource.load` leaves it out. A broken one is a message to ``note``.
+    Runs, scores and trainings read no map, so `SceneSource.load` leaves it out. A
+    broken one is a message to ``note``.
     """
     try:
         return replace(scene, lanes=tuple(package_of(card).lanes(card, data, scene)))
@@ -105,7 +110,7 @@ def with_map(
 def camera_images(
     scene: Scene, card: Card, data: DataRoot = None, note: Note = lambda text: None
 ) -> tuple[CameraImage, ...]:
-    """The images of the cameras of a recording whose files are there, in the order of frames.
+    """Return the camera images whose files are there, in the order of frames.
 
     A broken table is a message to ``note``, and there are no images.
     """
@@ -117,7 +122,10 @@ def camera_images(
 
 
 def describe(card: Card, data: DataRoot = None) -> DataStatus:
-    """Folder of the data that ``card`` needs, and what stops its source from being opened; no scene is read."""
+    """Find the data that ``card`` needs, and what stops its source from opening.
+
+    No scene is read.
+    """
     status = package_of(card).locate(card, data)
     if status.root is not None:
         with status.noted():
@@ -128,10 +136,11 @@ def describe(card: Card, data: DataRoot = None) -> DataStatus:
 def prepare(
     card: Card, data: DataRoot = None, scenes: int | None = None, workers: int = 1
 ) -> None:
-    """Do now the work that is done once per machine: simulate scenes, or make the compact copy of nuScenes tables.
+    """Do the work that is done once per machine.
 
-    ``scenes``: number of simulated scenes to make, None for all; those in the cache are not made again. ``workers``:
-    processes that simulate. Raises DataError.
+    Simulate scenes, or make the compact copy of nuScenes tables. ``scenes``: number of
+    simulated scenes to make, None for all; those in the cache are not made again.
+    ``workers``: processes that simulate. Raises DataError.
     """
     if card.drive is not None:  # scenes are made while they are driven
         return
@@ -143,18 +152,22 @@ def prepare(
 
 
 def _with_lanes(scene: Scene, card: Card, data: DataRoot) -> Scene:
-    """The scene with its road map; raises DataError if it has none."""
+    """Return the scene with its road map.
+
+    Raises DataError if it has none.
+    """
     lanes = tuple(package_of(card).lanes(card, data, scene))
     if not lanes:
-        lacking = f"scene {scene.name!r} has no lanes, which {card.id} shows to agents"
         raise DataError(
-            f"{lacking}: get the map (`mtp-bench data` says from where), or add a table lanes to own scenes"
+            f"scene {scene.name!r} has no lanes, which {card.id} shows to agents: get "
+            "the map (`mtp-bench data` says from where), or add a table lanes to own "
+            "scenes"
         )
     return replace(scene, lanes=lanes)
 
 
 def package_of(card: Card) -> SourcePackage:
-    """The package of the card's source, which has the name of its section; imported when it is first needed."""
+    """Import the package of the card's source, named as its section."""
     is_traffic = SOURCES[card.source.name].startswith("mtp_bench.traffic.")
     room = "traffic" if is_traffic else "sources"
     module = import_module(f"mtp_bench.{room}.{card.source.name}")

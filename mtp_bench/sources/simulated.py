@@ -1,4 +1,7 @@
-"""Simulated detections in place of stored ones, for any source and for scenes whose frames have separate axes."""
+"""Simulated detections in place of stored ones, for any source.
+
+Scenes whose frames have separate axes are detected in the world.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +13,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from ..cards import Card
+from ..cards import Card, DetectorSection
 from ..core import Detections, Floats, Scene, Truth, pieces_of, rotate, transform_boxes
 from .motion import as_places, extent, looking_back
 
 if TYPE_CHECKING:
-    from ..detector import OpenScene
+    from ..detector import OpenScene, Sensor
 
-KEPT_BYTES = 2**25  # of detected boxes that a process keeps
-_KEPT: dict[bytes, Detections] = {}
+MAX_STORED_BYTES = 2**25  # of detected boxes that a process keeps
+_STORED: dict[bytes, Detections] = {}
 _LOCK = Lock()
 RowsT = TypeVar("RowsT", Truth, Detections)
 
@@ -26,141 +29,158 @@ RowsT = TypeVar("RowsT", Truth, Detections)
 def detected(
     scene: Scene, card: Card, seed: int | None = None, going_on: OpenScene | None = None
 ) -> Scene:
-    """``scene`` with the detections of the card's simulated detector; unchanged if it has stored ones.
+    """Return the scene with the detections of the card's simulated detector.
 
-    The noise depends on the scene's name and the detector's seed, or on ``seed`` alone if it is given. Measured
-    velocities do not contain the next frame: true velocities that do are replaced by backward ones. An unknown velocity
-    is measured as 0, as that of a false positive, since a missing one would show that a box is true and new. If every
-    frame has its own frame of reference, velocities are those in the world, turned into the frames.
+    Unchanged if it has stored ones. The noise depends on the scene's name and the
+    detector's seed, or on ``seed`` if it is given. Measured velocities do not contain
+    the next frame: true velocities that do are replaced by backward ones. An unknown
+    velocity is measured as 0, as that of a false positive, since a missing one would
+    show that a box is true and new. If every frame has its own frame of reference,
+    velocities are those in the world, turned into the frames.
     """
     if card.detector is None or (scene.detector and not scene.simulated):
         return scene
-    from ..detector import Sensor, simulate, visibility_of, visible_fractions
+    from ..detector import simulate, visibility_of, visible_fractions
 
-    section, profile = card.detector, card.detector.resolved
-    area = section.area
-    if area is None and card.source.traits.bounded_by_truth:
-        area = extent(scene.truth.box)
-    sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)), area)
-    visible = (
-        scene.visible
-        if scene.visible is not None
-        else visible_fractions(scene.truth, scene.ego)
-    )
-    truth, period = scene.truth, 1.0 / card.task.rate
-    if card.velocity and card.source.traits.velocity_ahead:
-        truth = looking_back(truth, scene.time, period)
-    once = seed is not None or going_on is not None
-    if seed is None:  # equal in every process and on every machine
-        digest = hashlib.sha256(
-            f"{section.seed}|detector|{scene.name}".encode()
-        ).digest()
-        seed = int.from_bytes(digest[:8], "big")
+    profile = card.detector.resolved
+    traits = card.source.traits
+    sensor = _sensor(card.detector, scene, traits.bounded_by_truth)
+    visible = scene.visible
+    if visible is None:
+        visible = visible_fractions(scene.truth, scene.ego)
+    truth = scene.truth
+    period_s = 1.0 / card.task.rate
+    if card.velocity and traits.velocity_ahead:
+        truth = looking_back(truth, scene.time, period_s)
     world = in_world(replace(scene, truth=truth))
     if card.velocity:
-        moving = (
-            world.truth
-            if scene.world is None
-            else looking_back(world.truth, scene.time, period)
-        )
-        world = replace(
-            world, truth=replace(moving, velocity=np.nan_to_num(moving.velocity))
-        )
-    noise = card.task.classes, profile, sensor, seed, period
+        world = _with_measured_velocity(world, scene.world is not None, period_s)
+    scene_seed = _scene_seed(card.detector.seed, scene.name) if seed is None else seed
+    noise = card.task.classes, profile, sensor, scene_seed, period_s
 
-    def simulated() -> Detections:
-        seen = visibility_of(world.truth, world.ego, sensor, visible)
-        return simulate(world.truth, world.ego, *noise, seen, going_on)
+    def simulate_scene() -> Detections:
+        fractions = visibility_of(world.truth, world.ego, sensor, visible)
+        return simulate(world.truth, world.ego, *noise, fractions, going_on)
 
-    found = (
-        simulated()
-        if once
-        else _remembered(
-            noise, [visible, world.ego, *vars(world.truth).values()], simulated
-        )
-    )
+    if seed is None and going_on is None:
+        arrays = [visible, world.ego, *vars(world.truth).values()]
+        detections = _simulated_once(noise, arrays, simulate_scene)
+    else:
+        detections = simulate_scene()
     if scene.world is not None:
-        found = in_frames(found, scene.world, scene.time, period)
-    if card.source.traits.places_only:
-        found = as_places(found)
-    label = f"{profile.name}, simulated detections"
+        detections = in_frames(detections, scene.world, scene.time, period_s)
+    if traits.places_only:
+        detections = as_places(detections)
     return replace(
         scene,
         truth=truth,
-        detections=found,
-        detector=label,
+        detections=detections,
+        detector=f"{profile.name}, simulated detections",
         simulated=True,
         skipped={},
         visible=visible,
     )
 
 
-def _remembered(
+def _sensor(section: DetectorSection, scene: Scene, bounded_by_truth: bool) -> Sensor:
+    """Return the sensor of a card's detector.
+
+    Its area may be that of the truth.
+    """
+    from ..detector import Sensor
+
+    area = section.area
+    if area is None and bounded_by_truth:
+        area = extent(scene.truth.box)
+    return Sensor(section.reach, float(np.deg2rad(section.field_of_view)), area)
+
+
+def _scene_seed(seed: int, name: str) -> int:
+    """Return a seed that is equal in every process and on every machine."""
+    digest = hashlib.sha256(f"{seed}|detector|{name}".encode()).digest()
+    return int.from_bytes(digest[:8], "big")
+
+
+def _with_measured_velocity(scene: Scene, was_moved: bool, period_s: float) -> Scene:
+    """Return the scene in the world with velocities that a detector measures.
+
+    ``was_moved``: it had other frames of reference before, with other velocities.
+    """
+    truth = scene.truth
+    if was_moved:
+        truth = looking_back(truth, scene.time, period_s)
+    velocity = np.nan_to_num(truth.velocity)
+    return replace(scene, truth=replace(truth, velocity=velocity))
+
+
+def _simulated_once(
     noise: object, arrays: Sequence[Any], simulate: Callable[[], Detections]
 ) -> Detections:
-    """Detections of ``noise`` and ``arrays``, simulated once: all settings of a comparison play the same scenes."""
-    digest = hashlib.sha256(repr(noise).encode())
+    """Simulate detections once per ``noise`` and ``arrays``.
+
+    All settings of a comparison play the same scenes.
+    """
+    sha256 = hashlib.sha256(repr(noise).encode())
     for array in arrays:
-        digest.update(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
+        sha256.update(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
+    key = sha256.digest()
     with _LOCK:
-        found = _KEPT.pop(digest.digest(), None)
-    found = simulate() if found is None else found
+        detections = _STORED.pop(key, None)
+    if detections is None:
+        detections = simulate()
     with _LOCK:
-        _KEPT[digest.digest()] = found
-        while sum(each.box.nbytes for each in _KEPT.values()) > KEPT_BYTES:
-            del _KEPT[next(iter(_KEPT))]  # not asked for for longest
-    return replace(
-        found, **{name: np.array(column) for name, column in vars(found).items()}
-    )
+        _STORED[key] = detections
+        while sum(entry.box.nbytes for entry in _STORED.values()) > MAX_STORED_BYTES:
+            del _STORED[next(iter(_STORED))]  # not asked for for longest
+    columns = {name: np.array(values) for name, values in vars(detections).items()}
+    return replace(detections, **columns)
 
 
 def in_world(scene: Scene) -> Scene:
-    """Truth, detections and ego of a scene in one frame of reference, if the scene knows where its frames are.
+    """Return truth, detections and ego of a scene in one frame of reference.
 
-    Else the scene as it is. Boxes turn about z alone and stay upright; velocities are turned, not made anew.
+    The scene as it is if it does not know where its frames are. Boxes turn about z
+    alone and stay upright; velocities are turned, not made anew.
     """
     if scene.world is None:
         return scene
-    truth, detections = (
-        _moved(scene.truth, scene.world),
-        _moved(scene.detections, scene.world),
-    )
     return replace(
-        scene, ego=scene.world, world=None, truth=truth, detections=detections
+        scene,
+        ego=scene.world,
+        world=None,
+        truth=_to_world(scene.truth, scene.world),
+        detections=_to_world(scene.detections, scene.world),
     )
 
 
 def in_frames(
-    seen: Detections, world: Floats, time: Floats, period: float
+    detections: Detections, world: Floats, time: Floats, period: float
 ) -> Detections:
-    """Detections of the world in the frames ``world`` ``[F, 4]`` x y z yaw, which are at the times ``time`` ``[F]`` s.
+    """Return detections of the world in the frames ``world`` [F, 4] x y z yaw.
 
-    Velocities are those in the frames: an object that stands in the world moves against a frame that drives. In the
-    first frame, and after a hole in time by the nominal ``period``, s, they are those in the world.
+    ``time`` [F] s of the frames. Velocities are those in the frames: an object that
+    stands in the world moves against a frame that drives. In the first frame, and after
+    a hole in time by the nominal ``period``, s, they are those in the world.
     """
-    frame = seen.frame_of_rows
-    first = np.diff(pieces_of(time, period), prepend=-1)[frame] > 0
-    before = np.where(first, frame, frame - 1)
-    passed = np.where(first, 1.0, time[frame] - time[before])[:, None]
-    box = _placed(seen.box, world[frame])
-    back = np.concatenate(
-        [seen.box[:, :2] - passed * seen.velocity, seen.box[:, 2:]], axis=1
-    )
-    return replace(
-        seen,
-        box=box,
-        velocity=(box[:, :2] - _placed(back, world[before])[:, :2]) / passed,
-    )
+    frame = detections.frame_of_rows
+    is_first = np.diff(pieces_of(time, period), prepend=-1)[frame] > 0
+    previous_frame = np.where(is_first, frame, frame - 1)
+    step_s = np.where(is_first, 1.0, time[frame] - time[previous_frame])[:, None]
+    box = _to_frame(detections.box, world[frame])
+    earlier_box = detections.box.copy()
+    earlier_box[:, :2] -= step_s * detections.velocity
+    moved_m = box[:, :2] - _to_frame(earlier_box, world[previous_frame])[:, :2]
+    return replace(detections, box=box, velocity=moved_m / step_s)
 
 
-def _moved(rows: RowsT, world: Floats) -> RowsT:
-    """Rows in the frames ``world`` ``[F, 4]``, brought to the world."""
+def _to_world(rows: RowsT, world: Floats) -> RowsT:
+    """Bring rows in the frames ``world`` [F, 4] to the world."""
     pose = world[rows.frame_of_rows]
     box = transform_boxes(rows.box, pose[:, 3], pose[:, :3])
     return replace(rows, box=box, velocity=rotate(rows.velocity, pose[:, 3]))
 
 
-def _placed(box: Floats, pose: Floats) -> Floats:
-    """Boxes ``[R, 7]`` of the world as seen from ``pose`` ``[R, 4]``."""
-    turn = -pose[:, 3]
-    return transform_boxes(box, turn, -rotate(pose[:, :3], turn))
+def _to_frame(box: Floats, pose: Floats) -> Floats:
+    """Return boxes [R, 7] of the world as seen from ``pose`` [R, 4]."""
+    yaw = -pose[:, 3]
+    return transform_boxes(box, yaw, -rotate(pose[:, :3], yaw))

@@ -271,16 +271,10 @@ def test_the_digest_holds_what_the_files_hold_and_not_where_they_are(tmp_path: P
 # --- one sentence for every mistake ----------------------------------------------------------------------------------
 TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "no truth": ({"truth": None}, "one: no table truth.csv or truth.parquet, which the score needs"),
-    "a name in the singular": (
-        {"detections": None, "detection": DETECTIONS},
-        "detection.csv is not a known table; did you mean detections.csv?",
-    ),
+    "a name in the singular": ({"detections": None, "detection": DETECTIONS}, "detection.csv is not a known table; di"),
     "a lane in the singular": ({"lane": LANES}, "lane.csv is not a known table; did you mean lanes.csv?"),
     "a lane of one point": ({"lanes": LANES[:2]}, "lanes.csv, line 2, column 'lane': the only point of this lane, exp"),
-    "a lane of another map": (
-        {"lanes": [*LANES, "way,12,0,0,turn exit"]},
-        "lanes.csv, line 7, column 'following': 'exit', expected a lane of this table",
-    ),
+    "a lane of another map": ({"lanes": [*LANES, "way,12,0,0,turn exit"]}, "lanes.csv, line 7, column 'following': 'e"),
     "a border": ({"lanes": ["lane,x,y,left_x"]}, "lanes.csv: some of the columns 'left_x', 'left_y', 'right_x', 'r"),
     "no detections": ({"detections": None}, "one: no detections; without them a simulated detector runs at once"),
     "names alone": ({"truth": TRUTH[:1]}, "truth.csv has no rows, expected one per object and frame"),
@@ -288,60 +282,29 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
         {"truth": [*TRUTH, f"1,bob,car,3,0,{BOX}", f"1,7,tram,3,0,{BOX}", f"1,eve,pedestrian,3,0,{BOX}"]},
         "truth.csv, line 7: the objects bob and eve are all at x 3, y 0; expected a place of its own for each",
     ),
-    "blanks": (
-        {"truth": [line.replace(",", " ") for line in TRUTH]},
-        "truth.csv, line 1: this file is separated by blanks, expected commas",
-    ),
-    "bars": ({"truth": [line.replace(",", "|") for line in TRUTH]}, "this file is separated by bars, expected commas"),
-    "a long row": ({"truth": [*TRUTH, TRUTH[1] + ",more"]}, "truth.csv, line 5: 11 columns, expected 10 (frame, id"),
-    "empty file": ({"truth": []}, "truth.csv is empty, expected a line with the names of the columns"),
+    "blanks": ({"truth": [line.replace(",", " ") for line in TRUTH]}, "truth.csv, line 1: this file is separated by b"),
     "column twice": ({"truth": [TRUTH[0] + ",x"]}, "truth.csv: column 'x' occurs twice, expected once"),
     "column lacking": ({"truth": ["frame,id,class,x"]}, "truth.csv: no column 'y': m, centre of the box; found"),
+    "a long row": ({"truth": [*TRUTH, TRUTH[1] + ",more"]}, "truth.csv, line 5: 11 columns, expected 10 (frame, id"),
+    "empty file": ({"truth": []}, "truth.csv is empty, expected a line with the names of the columns"),
     "a short row": ({"truth": [*TRUTH, "3,1,car"]}, "truth.csv, line 5: 3 columns, expected 10 (frame, id"),
-    "a word": ({"truth": [*TRUTH, f"3,1,car,far,0,{BOX}"]}, "truth.csv, line 5, column 'x': 'far', expected a number"),
-    "not finite": ({"truth": [*TRUTH, f"3,1,car,nan,0,{BOX}"]}, "line 5, column 'x': nan, expected a finite number"),
-    "far away": ({"detections": [*DETECTIONS, f"2,car,1e12,0,{BOX},1"]}, "line 4, column 'x': 1e+12, expected a"),
-    "half a frame": ({"truth": [*TRUTH, f"3.5,1,car,0,0,{BOX}"]}, "line 5, column 'frame': 3.5, expected a whole"),
     "no size": ({"truth": [*TRUTH, "3,1,car,0,0,1,0,0,1,1"]}, "line 5, column 'l': 0, expected a number from 1e-06"),
-    "two boxes": ({"truth": [*TRUTH, TRUTH[1]]}, "line 5, column 'id': a second box of this object in this frame"),
-    "degrees": (
-        {"detections": [*DETECTIONS, "2,car,0,0,1,-90,4,2,1,1"]},
-        "line 4, column 'yaw': -90, expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees",
-    ),
-    "a flag": (
-        {"truth": [TRUTH[0] + ",neutral", *(f"{line},2" for line in TRUTH[1:])]},
-        "truth.csv, line 2, column 'neutral': 2, expected 0 or 1",
-    ),
+    "two boxes": ({"truth": [*TRUTH, TRUTH[1]]}, "line 5: a second box of object 1 in frame 0"),
+    "degrees": ({"detections": [*DETECTIONS, "2,car,0,0,1,-90,4,2,1,1"]}, "line 4, column 'yaw': -90, expected radian"),
     "steps": (
         {"truth": [TRUTH[0], f"0,1,car,0,0,{BOX}", f"5,1,car,1,0,{BOX}"], "detections": DETECTIONS[:2]},
         "one: rows have the frames 0, 5, ..., all 5 apart; number them 0, 1, 2, ..., or define the frames by",
     ),
-    "endless": (
-        {"truth": [*TRUTH, f"99999999,1,car,0,0,{BOX}"]},
-        "one: frames 0 to 99999999, expected at most 1000000 frames",
-    ),
-    "ego that stands still": (
-        {"ego": [*EGO, "3,0.2,0,0,0,0"]},
-        "one: time 0.2 of frame 3, expected a number above that of the frame before",
-    ),
-    "a frame that the ego has not": (
-        {"ego": EGO[:3]},
-        "truth.csv, line 4, column 'frame': no frame of the scene, which has 0 to 1",
-    ),
+    "endless": ({"truth": [*TRUTH, f"99999999,1,car,0,0,{BOX}"]}, "one: frames 0 to 99999999, expected at most 100000"),
+    "ego that stands still": ({"ego": [*EGO, "3,0.2,0,0,0,0"]}, "one: time 0.2 of frame 3, expected a number above th"),
+    "a frame that the ego has not": ({"ego": EGO[:3]}, "truth.csv, line 4, column 'frame': no frame of the scene, whi"),
     "an object of two classes": (
         {"truth": [*TRUTH[:2], TRUTH[2].replace("car", "pedestrian"), TRUTH[3]]},
         "truth.csv, line 3, column 'class': 'pedestrian', but this object has another class before",
     ),
-    "a word without end": (
-        {"truth": [*TRUTH, f"3,{'a' * 100_000},car,0,0,{BOX}"]},
-        "truth.csv, line 5, column 'id': a word of 100000 characters, expected at most 200",
-    ),
     "a pose in degrees": ({"ego": [*EGO[:3], "2,0.2,0,0,0,90"]}, "yaw of the ego in frame 2 is 90, expected radians"),
     "a pose far away": ({"ego": [*EGO[:3], "2,0.2,0,0,1e6,0"]}, "z of the ego in frame 2 is "),
-    "another rate": (
-        {"ego": ["frame,time", "0,0", "1,0.02", "2,0.04"]},
-        "one: frames are 0.02 s apart, but MTP-Small-v0 has 10 frames per second: keep frames of that rate",
-    ),
+    "another rate": ({"ego": ["frame,time", "0,0", "1,0.02", "2,0.04"]}, "one: frames are 0.02 s apart, but MTP-Small"),
 }  # fmt: skip
 
 
@@ -357,7 +320,7 @@ def test_broken_files(tmp_path: Path, base: Card) -> None:
     table = tmp_path / "one" / "truth.csv"
     for content in (b"\xff\xfe", table.read_bytes() + b"3,\xff,car,0,0,1,0,1,1,1\n"):
         table.write_bytes(content)
-        with pytest.raises(DataError, match=r"truth\.csv cannot be read as CSV in UTF-8: .*(utf-8|UTF8)"):
+        with pytest.raises(DataError, match=r"truth\.csv cannot be read as text: .*save it as UTF-8"):
             only(base, tmp_path)
     table.unlink()
     (tmp_path / "one" / "truth.parquet").write_bytes(b"PAR1 and more")
@@ -413,7 +376,7 @@ WRONG: dict[str, tuple[Callable[[Scene], Scene], str]] = {
     "a name twice": (lambda scene: replace(scene, object_names={3: "a", 5: "a"}), "object_names of object 5 is 'a'"),
     "no name": (lambda scene: replace(scene, object_names={3: " "}), "object_names of object 3 is ' ', exp"),
     "large id": (with_column("truth", "object_id", 0, 2**31), "truth.object_id has 3 to 2147483648, expected whole"),
-    "second box": (with_column("truth", "object_id", [0, 1], 9), "truth, row 1, column 'id': a second box of this"),
+    "second box": (with_column("truth", "object_id", [0, 1], 9), "truth, row 1: a second box of object 9 in frame 0"),
     "size": (with_column("truth", "box", 2, 0.0), "truth, row 2, column 'l': 0, expected a number from 1e-06"),
     "far away": (with_column("detections", "box", 0, [5e5, *[1.0] * 6]), "detections, row 0, column 'x': 500000, exp"),
     "not finite": (with_column("detections", "score", 0, np.nan), "detections, row 0, column 'score': nan, expected"),

@@ -11,7 +11,8 @@ import pytest
 from mtp_bench.core.errors import DataError
 from mtp_bench.sources import open_source
 from mtp_bench.sources.nuscenes.layout import SPLITS, official_scenes, scenes_by_split
-from mtp_bench.sources.nuscenes.tables import TableRecord, read_records, yaw_of
+from mtp_bench.sources.nuscenes.tables import TableRecord, read_records
+from mtp_bench.sources.rotation import yaw_of
 from mtp_bench.sources.text import decode
 from tests.support.nuscenes_root import DETECTIONS, PREDICTION, VERSION, edited, nuscenes_card, sample
 

@@ -55,7 +55,7 @@ def test_lanes_are_where_they_were_drawn(mapped: Path) -> None:
     np.testing.assert_allclose(np.hypot(*(bend.left - bend.center).T), HALF_LANE)
     for lane in (own, other, bend):
         assert lane.left.shape == lane.right.shape == lane.center.shape
-        assert 0.01 < np.hypot(*np.diff(lane.center, axis=0).T).max() <= road.STEP + 1e-9
+        assert 0.01 < np.hypot(*np.diff(lane.center, axis=0).T).max() <= road.MAX_STEP_M + 1e-9
 
 
 def test_without_the_expansion_nothing_is_read(data: Path) -> None:

@@ -6,6 +6,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+from mtp_bench import detector
 from mtp_bench.cards import load_card, with_detector, with_scenes
 from mtp_bench.core.geometry import rotate, transform_boxes, wrap_angle
 from mtp_bench.core.types import Scene
@@ -102,17 +103,17 @@ def test_detections_are_simulated_once_and_nobody_can_change_those_that_are_kept
 ) -> None:
     truth, ego = traffic(frames=20)
     scene = Scene("kept", np.arange(20) / CARD.task.rate, ego, truth, no_detections(20))
-    monkeypatch.setattr(simulated, "_KEPT", {})
+    monkeypatch.setattr(simulated, "_STORED", {})
     first = detected(scene, CARD).detections
     expected = {name: column.copy() for name, column in vars(first).items()}
     first.box[:] = 0.0
     simulate = Mock(return_value=first)
-    monkeypatch.setattr("mtp_bench.detector.simulation.simulate", simulate)
+    monkeypatch.setattr(detector, "simulate", simulate, raising=False)
     for name, column in vars(detected(scene, CARD).detections).items():
         np.testing.assert_array_equal(column, expected[name])
     simulate.assert_not_called()
     detected(replace(scene, name="of another name, so another noise"), CARD)
-    monkeypatch.setattr(simulated, "KEPT_BYTES", 0)
+    monkeypatch.setattr(simulated, "MAX_STORED_BYTES", 0)
     detected(replace(scene, ego=ego + 1.0), CARD)
     assert len(simulate.mock_calls) == 2
-    assert not simulated._KEPT
+    assert not simulated._STORED

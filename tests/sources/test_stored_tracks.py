@@ -164,15 +164,13 @@ def csv(row: str, header: str = "frame,id,class,x,y,z,yaw,l,w,h,score") -> str:
 
 
 TABLE: dict[str, tuple[str, str]] = {  # content, what the error says; the rest is as of any table of own scenes
-    "no id": (csv("0,car,1,1,1,0,4,2,1", "frame,class,x,y,z,yaw,l,w,h"), "0001.csv: no column 'id'"),
     "after the end": (csv("9,1,car,1,1,1,0,4,2,1,1"), "line 2, column 'frame': frame 9"),
     "a class in capitals": (
         csv("0,1,pedestrian,1,1,1,0,4,2,1,1\n0,2,Car,1,1,1,0,4,2,1,1"),
         "line 3, column 'class': 'Car' is not a class of the task; did you mean 'car'"),
-    "an id without end": (csv(f"0,{'a' * 201},car,1,1,1,0,4,2,1,1"), "line 2, column 'id'"),
     "a box twice": (
         csv("0,a,car,1,1,1,0,4,2,1,1\n0,a,car,2,1,1,0,4,2,1,1"),
-        "line 3, column 'id': a second box of this car in frame 0"),
+        "line 3: a second box of object a in frame 0"),
 }  # fmt: skip
 
 

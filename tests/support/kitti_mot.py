@@ -53,7 +53,7 @@ class Annotations:
     def hidden(self) -> Bools:
         """Rows that AB3DMOT's evaluation ignores: cut off at the border of the image, or occluded."""
         table = self.labels.table
-        return np.asarray((table.whole("truncated") > 0) | (table.whole("occluded") > MAX_OCCLUSION))
+        return np.asarray((table.whole_numbers("truncated") > 0) | (table.whole_numbers("occluded") > MAX_OCCLUSION))
 
     def ignored(self, class_name: str) -> Bools:
         """Rows that count neither as found nor as missed."""

@@ -1,4 +1,4 @@
-"""Argoverse 2 in a card and in a folder: the section ``[source]``, official categories, logs and detection files."""
+"""Argoverse 2 in a card and in a folder: ``[source]``, categories, logs, detections."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,32 +20,26 @@ NEUTRAL = "neutral "  # before the class that a detector reports
 CATEGORIES: Mapping[str, str] = MappingProxyType(
     toml_beside(__file__, "categories.toml")
 )
-CLASSES = tuple(
-    dict.fromkeys(
-        word
-        for word in CATEGORIES.values()
-        if word != "skipped" and NEUTRAL not in word
-    )
-)
+_REPORTED = [label.removeprefix(NEUTRAL) for label in CATEGORIES.values()]
+CLASSES = tuple(dict.fromkeys(name for name in _REPORTED if name != "skipped"))
 
 
 class Argoverse2Source(DetectionsSection):
-    """Argoverse 2 sensor logs: real boxes where a file of detections has the log, simulated ones elsewhere.
+    """Argoverse 2 sensor logs with real boxes where a file of detections has the log.
 
-    Simulated detections are those of the card's ``[detector]``.
+    Elsewhere the detections are simulated, by the card's ``[detector]``.
     """
 
     splits = ("train", "val", "test")
 
+    # of the files of detections: one whose settings agents know, a hyphen and a word;
+    # None: simulated everywhere
     detector: Annotated[str, Field(pattern=STORED_DETECTOR)] | None = "megvii-av2"
-    # of the files of detections: one whose settings agents know, a hyphen and a word; None: simulated everywhere
     stride: Annotated[int, Field(ge=1, le=20)] = 5  # keep every n-th sweep of 10 Hz
-    reach: Annotated[float, Field(gt=0, le=300)] = (
-        60.0  # m from the ego: what lies beyond is neither true nor detected
-    )
-    min_detection_score: float = (
-        0.1  # least score in ``detections/``; a file that is named has its own
-    )
+    # m from the ego: what lies beyond is neither true nor detected
+    reach: Annotated[float, Field(gt=0, le=300)] = 60.0
+    # least score in ``detections/``; a file that is named has its own
+    min_detection_score: float = 0.1
 
     @property
     def traits(self) -> Traits:
@@ -54,40 +48,42 @@ class Argoverse2Source(DetectionsSection):
             stored_detector=self.detector or "",
             without_detections="" if self.detections_sha256 else "most of Argoverse 2",
             mixed_detections=True,
-            detection_file="a .feather file in the form of Argoverse 2's detection submission",
+            detection_file="a .feather file in the form of Argoverse 2's detection "
+            "submission",
             lanes=True,
         )
 
 
 def log_folders(root: Path, split: str) -> dict[str, Path]:
-    """Folders of the logs of a split by name; raises DataError for a split without logs."""
-    paths = sorted((root / "sensor" / split).glob("*/annotations.feather"))
+    """Return the folders of the logs of a split by name.
+
+    Raises DataError without logs.
+    """
+    folder = root / "sensor" / split
+    paths = sorted(folder.glob("*/annotations.feather"))
     if not paths:
-        splits = sorted(
-            {
-                path.parents[1].name
-                for path in root.glob(f"{LOGS}/*/annotations.feather")
-            }
-        )
-        found = f"splits with logs: {', '.join(splits) or 'none'}"
+        others = root.glob(f"{LOGS}/*/annotations.feather")
+        splits = sorted({path.parents[1].name for path in others})
         raise DataError(
-            f"{root / 'sensor' / split} has no folder with annotations.feather; {found}"
+            f"{folder} has no folder with annotations.feather; splits with logs: "
+            f"{', '.join(splits) or 'none'}"
         )
     return {path.parent.name: path.parent for path in paths}
 
 
 def detection_files(root: Path, card: Card) -> tuple[Path, ...]:
-    """Files of detections of the card: the one that it names, else all that there are; empty for simulated ones."""
-    own = own_detections(card)
-    if own is not None:
-        return (own,)
-    return (
-        tuple(sorted(root.glob(DETECTIONS)))
-        if section_of(card, Argoverse2Source).detector
-        else ()
-    )
+    """Return the files of detections of the card.
+
+    They are the one that it names, else all that there are; none for simulated ones.
+    """
+    own_file = own_detections(card)
+    if own_file is not None:
+        return (own_file,)
+    if not section_of(card, Argoverse2Source).detector:
+        return ()
+    return tuple(sorted(root.glob(DETECTIONS)))
 
 
 def log_folder(card: Card, data: DataRoot, log: str) -> Path:
-    """Folder of a log of the card's split."""
+    """Return the folder of a log of the card's split."""
     return log_folders(DATASET.find(data, LOGS), card.source.split)[log]

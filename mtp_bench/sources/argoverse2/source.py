@@ -1,12 +1,12 @@
-"""Argoverse 2 sensor logs as scenes: truth within reach, and the boxes of detection files that have the log."""
+"""Argoverse 2 sensor logs as scenes: truth within reach, and stored detections.
 
-from dataclasses import replace
-from pathlib import Path
+Detections are the boxes of detection files that have the log.
+"""
 
 import numpy as np
 
 from ...cards import Card
-from ...core import DataError, Detections, Scene, Truth, starts_of_sorted
+from ...core import Bools, DataError, Detections, Ints, Scene, Truth, starts_of_sorted
 from ..base import (
     DataRoot,
     names_by_number,
@@ -14,11 +14,13 @@ from ..base import (
     require_classes,
     require_rate,
     section_of,
+    sorted_rows,
+    stored_label,
 )
 from ..motion import looking_back, unknown_velocity
 from ..stored_tracks import FEWER
-from ..text import SMALLEST, repeated
-from .feather import ANNOTATIONS, RATE, Sweeps
+from ..tables import SMALLEST_SIDE_M
+from .feather import ANNOTATIONS, RATE_HZ, Sweeps
 from .layout import (
     CATEGORIES,
     CLASSES,
@@ -33,98 +35,121 @@ from .submission import read_boxes, read_detections
 
 
 class Argoverse2:
-    """Logs of one split, named by their ids, in the frame of their city less an origin in whole metres.
+    """Logs of one split, named by their ids, in the frame of their city.
 
-    Frames are every ``stride``-th sweep at their real times, from 0. The truth of an object begins where it first comes
-    within reach; where it is beyond later, or has no lidar point, it is neutral.
+    An origin in whole metres is subtracted. Frames are every ``stride``-th sweep at
+    their real times, from 0. The truth of an object begins where it first comes within
+    reach; where it is beyond later, or has no lidar point, it is neutral.
     """
 
     def __init__(self, card: Card, data: DataRoot = None) -> None:
         self.card = card
         self.section = section_of(card, Argoverse2Source)
         require_classes(card, DATASET.name, CLASSES)
-        require_rate(card, DATASET.name, RATE, self.section.stride)
+        require_rate(card, DATASET.name, RATE_HZ, self.section.stride)
         root = DATASET.find(data, LOGS)
         self.folders = log_folders(root, self.section.split)
         self.names = tuple(self.folders)
         self._files = detection_files(root, card)
 
     def load(self, name: str) -> Scene:
-        """Read one log; if it has no stored detections, ``detector`` is empty."""
+        """Read one log.
+
+        If it has no stored detections, ``detector`` is empty.
+        """
         sweeps = Sweeps.read(self.folders[name], self.section.stride)
         truth, names = scene_truth(sweeps, self.card)
-        none = no_detections(len(sweeps.time))
-        scene = Scene(name, sweeps.time, sweeps.ego, truth, none, object_names=names)
-        return self._detected(scene, sweeps)
-
-    def _detected(self, scene: Scene, sweeps: Sweeps) -> Scene:
-        """The scene with the stored detections of its log, if any.
-
-        A file of ``detections/`` with boxes in less than half of the frames has another rate and is passed over.
-        """
-        own, having = (
-            self.section.detections_sha256 is not None,
-            dict[str, Detections](),
+        detections, detector = self._read_detections(sweeps)
+        return Scene(
+            name=name,
+            time=sweeps.time,
+            ego=sweeps.ego,
+            truth=truth,
+            detections=detections,
+            detector=detector,
+            object_names=names,
         )
+
+    def _read_detections(self, sweeps: Sweeps) -> tuple[Detections, str]:
+        """Read the stored detections of a log, if any, and their label.
+
+        A file of ``detections/`` with boxes in less than half of the frames has another
+        rate and is passed over.
+        """
+        frames = len(sweeps.time)
+        log = sweeps.folder.name
+        is_named = self.section.detections_sha256 is not None
+        stored: dict[str, Detections] = {}
+        label = ""
         for path in self._files:
-            seen = read_detections(path, sweeps, self.card)
-            frames = int((seen.counts > 0).sum())
-            if 2 * frames >= scene.frames:
-                having[str(path)] = (
-                    seen
-                    if own
-                    else seen.select(seen.score >= self.section.min_detection_score)
+            detections = read_detections(path, sweeps, self.card)
+            used_frames = int((detections.counts > 0).sum())
+            if 2 * used_frames >= frames:
+                stored[str(path)] = detections
+                label = stored_label(path.stem)
+            elif is_named:
+                raise DataError(
+                    f"{path} has detections in {used_frames} of the {frames} frames of "
+                    f"log {log}, expected most; {FEWER}"
                 )
-            elif own:
-                few = f"{path} has detections in {frames} of the {scene.frames} frames of log {scene.name}"
-                raise DataError(f"{few}, expected most; {FEWER}")
-        if len(having) > 1:
-            both = " and ".join(having)
-            raise DataError(
-                f"{both} both have detections of log {scene.name}; name one of them with --detections"
-            )
-        for file, seen in having.items():
-            return replace(
-                scene, detections=seen, detector=f"{Path(file).stem}, stored detections"
-            )
-        return scene
+        if len(stored) > 1:
+            advice = "name one of them with --detections"
+            files = " and ".join(stored)
+            raise DataError(f"{files} both have detections of log {log}; {advice}")
+        for detections in stored.values():
+            if is_named:
+                return detections, label
+            is_likely = detections.score >= self.section.min_detection_score
+            return detections.select(is_likely), label
+        return no_detections(frames), ""
+
+
+def first_frames(
+    frame: Ints, object_number: Ints, within_reach: Bools, frames: int
+) -> Ints:
+    """Return the first frame [R] in which the object of each row is within reach.
+
+    ``frame`` and ``object_number`` [R]; ``frames`` where it never is.
+    """
+    first_frame = np.full(object_number.max(initial=-1) + 1, frames)
+    np.minimum.at(first_frame, object_number[within_reach], frame[within_reach])
+    return first_frame[object_number]
 
 
 def scene_truth(sweeps: Sweeps, card: Card) -> tuple[Truth, dict[int, str]]:
-    """Truth of a log, and the names of its objects; raises DataError for annotations that are wrong."""
+    """Return the truth of a log, and the names of its objects.
+
+    Raises DataError for annotations that are wrong.
+    """
     path = sweeps.folder / ANNOTATIONS
-    table, frame, class_id, box, near = read_boxes(
-        path, sweeps, card, "num_interior_pts", "track_uuid"
-    )
-    name = table.words["track_uuid"]
-    table.refuse(
-        repeated(frame, name),
-        "a second box of this object in its sweep, expected one",
-        "track_uuid",
-    )
-    table.refuse(
-        np.asarray((box[:, 4:] < SMALLEST).any(axis=1)),
-        "a side of the box is not above 0 m",
-    )
-    uuid, number = np.unique(name, return_inverse=True)
-    first = np.full(len(uuid), len(sweeps.stamp))
-    np.minimum.at(first, number[near], frame[near])
-    like = [word for word, meaning in CATEGORIES.items() if meaning.startswith(NEUTRAL)]
+    boxes = read_boxes(path, sweeps, card, "num_interior_pts", "track_uuid")
+    table = boxes.table
+    frame = boxes.frame
+    object_name = table["track_uuid"]
+    table.refuse_second_box(frame, object_name)
+    is_flat = (boxes.box[:, 4:] < SMALLEST_SIDE_M).any(axis=1)
+    table.refuse(is_flat, "a side of the box is not above 0 m")
+    object_number = np.unique(object_name, return_inverse=True)[1]
+    category_labels = CATEGORIES.items()
+    neutral_categories = [
+        word for word, label in category_labels if label.startswith(NEUTRAL)
+    ]
     neutral = (
-        ~near
+        ~boxes.within_reach
         | (table["num_interior_pts"] == 0)
-        | np.isin(table.words["category"], like)
+        | np.isin(table["category"], neutral_categories)
     )
-    row = np.argsort(frame, kind="stable")
-    row = row[(frame >= first[number])[row]]
-    start, velocity = (
-        starts_of_sorted(frame[row], len(sweeps.time)),
-        unknown_velocity(len(row)),
-    )
-    eligible = np.ones(len(row), dtype=bool)
+    frames = len(sweeps.time)
+    first_frame = first_frames(frame, object_number, boxes.within_reach, frames)
+    true_rows = sorted_rows(frame, frame >= first_frame)
     truth = Truth(
-        start, box[row], velocity, class_id[row], number[row], eligible, neutral[row]
+        start=starts_of_sorted(frame[true_rows], frames),
+        box=boxes.box[true_rows],
+        velocity=unknown_velocity(len(true_rows)),
+        class_id=boxes.class_id[true_rows],
+        object_id=object_number[true_rows],
+        eligible=np.ones(len(true_rows), dtype=bool),
+        neutral=neutral[true_rows],
     )
-    return looking_back(truth, sweeps.time, sweeps.stride / RATE), names_by_number(
-        number[row], name[row]
-    )
+    truth = looking_back(truth, sweeps.time, sweeps.stride / RATE_HZ)
+    return truth, names_by_number(object_number[true_rows], object_name[true_rows])

@@ -1,5 +1,9 @@
-"""Detections and tracks in the official submission form: one Feather file, boxes in the ego frame of their sweep."""
+"""Detections and tracks in the official submission form.
 
+One Feather file, boxes in the ego frame of their sweep.
+"""
+
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,90 +19,104 @@ from ...core import (
     Ints,
     Scene,
     nearest,
-    starts_of_sorted,
 )
-from ..base import DataRoot, ReadTracks, TrackForm, class_ids, section_of
+from ..base import (
+    DataRoot,
+    ReadTracks,
+    TrackForm,
+    class_ids,
+    detections_by_frame,
+    section_of,
+)
 from ..motion import unknown_velocity
 from ..stored_tracks import FEWER, with_stored
-from ..text import RowTable, repeated
-from .feather import BOX, PLACE, ROTATION, SIZE, TIME, Sweeps, read_feather
+from ..tables import RowTable
+from .feather import BOX, TIME, Sweeps, read_feather
 from .layout import CATEGORIES, NEUTRAL, Argoverse2Source, log_folder
 
 
-def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
-    """Detections of a log within reach, sorted by frame, otherwise in the order of the file; no velocities.
+@dataclass(frozen=True, eq=False)
+class LogBoxes:
+    """Boxes of a log in the frames and of the classes of a card, neutral ones too."""
 
-    Raises DataError for a cell that is wrong, and for a time at which the log has no sweep.
+    table: RowTable  # rows in the file
+    frame: Ints  # [R]
+    class_id: Ints  # [R] of the task
+    box: Floats  # [R, 7] in the city less the origin
+    within_reach: Bools  # [R] the centre is within reach of the ego
+
+
+def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
+    """Read detections of a log within reach, sorted by frame.
+
+    Without velocities. Otherwise they are in the order of the file. Raises DataError
+    for a cell that is wrong, and for a time at which the log has no sweep.
     """
-    table, frame, class_id, box, near = read_boxes(
-        path, sweeps, card, "score", log=sweeps.folder.name
-    )
-    row = np.argsort(frame, kind="stable")
-    row = row[near[row]]
-    start = starts_of_sorted(frame[row], len(sweeps.time))
-    return Detections(
-        start, box[row], unknown_velocity(len(row)), class_id[row], table["score"][row]
+    boxes = read_boxes(path, sweeps, card, "score", log=sweeps.folder.name)
+    is_used = boxes.within_reach
+    return detections_by_frame(
+        len(sweeps.time),
+        boxes.frame[is_used],
+        boxes.box[is_used],
+        boxes.class_id[is_used],
+        boxes.table["score"][is_used],
     )
 
 
 def read_tracks(path: Path, sweeps: Sweeps, card: Card, scene: Scene) -> Scene:
-    """The scene with the tracks of its log within reach; raises DataError as `read_detections`, or without any."""
-    table, frame, class_id, box, near = read_boxes(
-        path, sweeps, card, "score", "track_id", scene.name
-    )
-    if not near.any():
+    """Return the scene with the tracks of its log within reach.
+
+    Raises DataError as `read_detections`, or without any.
+    """
+    boxes = read_boxes(path, sweeps, card, "score", "track_id", scene.name)
+    is_used = boxes.within_reach
+    if not is_used.any():
         raise DataError(
-            f"{path} has no tracks of log {scene.name}, expected those of each log that is run; {FEWER}"
+            f"{path} has no tracks of log {scene.name}, expected those of each log "
+            f"that is run; {FEWER}"
         )
-    identity, velocity = table.words["track_id"], unknown_velocity(int(near.sum()))
-    twice = repeated(frame, identity, class_id)
-    table.refuse(
-        twice, "a second box of this track in its sweep, expected one", "track_id"
-    )
+    identity = boxes.table["track_id"]
+    boxes.table.refuse_second_box(boxes.frame, identity, boxes.class_id)
     return with_stored(
         scene,
-        frame[near],
-        identity[near],
-        class_id[near],
-        box[near],
-        table["score"][near],
-        velocity,
+        boxes.frame[is_used],
+        identity[is_used],
+        boxes.class_id[is_used],
+        boxes.box[is_used],
+        boxes.table["score"][is_used],
+        unknown_velocity(int(is_used.sum())),
     )
 
 
 def read_boxes(
     path: Path, sweeps: Sweeps, card: Card, numbers: str, words: str = "", log: str = ""
-) -> tuple[RowTable, Ints, Ints, Floats, Bools]:
-    """Boxes of a log in the frames and of the classes of ``card``, neutral ones too.
+) -> LogBoxes:
+    """Read boxes with further columns ``numbers`` and ``words``.
 
-    Their rows in the file with the further columns ``numbers`` and ``words``, the frame [R] and the class [R] of each,
-    the box [R, 7] in the city less the origin, and True [R] for those with their centre within reach of the ego.
+    ``log``: read only its rows. Raises DataError as `read_feather`, and for an unknown
+    category or time.
     """
     table, stamp = read_feather(path, f"{BOX} {numbers}", f"category {words}", log)
-    category = table.words["category"]
+    category_names = table["category"]
 
     def problem(row: int) -> str:
-        got = str(category[row])
-        return f"{got!r} is not a category of Argoverse 2{nearest(got.upper(), CATEGORIES)}"
+        name = str(category_names[row])
+        advice = nearest(name.upper(), CATEGORIES)
+        return f"{name!r} is not a category of Argoverse 2{advice}"
 
-    table.refuse(~np.isin(category, tuple(CATEGORIES)), problem, "category")
-    kind, place = np.unique(category, return_inverse=True)
-    names = [CATEGORIES[word].removeprefix(NEUTRAL) for word in kind.tolist()]
-    frame, class_id = (
-        sweeps.frame_of(table, stamp),
-        class_ids(names, card.task.classes)[place],
-    )
-    used = (frame >= 0) & (class_id >= 0)
-    table, frame = table.select(used), frame[used]
+    table.refuse(~np.isin(category_names, list(CATEGORIES)), problem, "category")
+    labels = [
+        CATEGORIES[name].removeprefix(NEUTRAL) for name in category_names.tolist()
+    ]
+    class_id = class_ids(labels, card.task.classes)
+    frame = sweeps.frame_of(table, stamp)
+    is_used = (frame >= 0) & (class_id >= 0)
+    table = table.select(is_used)
+    frame = frame[is_used]
     box = sweeps.boxes(table, frame)
-    away = np.linalg.norm(box[:, :2] - sweeps.ego[frame, :2], axis=1)
-    return (
-        table,
-        frame,
-        class_id[used],
-        box,
-        away <= section_of(card, Argoverse2Source).reach,
-    )
+    distance_m = np.linalg.norm(box[:, :2] - sweeps.ego[frame, :2], axis=1)
+    within_reach = distance_m <= section_of(card, Argoverse2Source).reach
+    return LogBoxes(table, frame, class_id[is_used], box, within_reach)
 
 
 def tracking_submission(
@@ -111,32 +129,28 @@ def tracking_submission(
     box: Floats,
     score: Floats,
 ) -> dict[str, NDArray[Any]]:
-    """Columns of a tracking submission for boxes [R, 7] of a scene; ``classes`` [R]: names of the task's classes."""
+    """Return columns of a tracking submission for boxes [R, 7] of a scene.
+
+    ``classes`` [R]: names of the task's classes.
+    """
     sweeps = _sweeps(card, data, scene)
-    category = {name: word for word, name in reversed(list(CATEGORIES.items()))}
+    category = {label: name for name, label in reversed(list(CATEGORIES.items()))}
+    categories = [category[name] for name in classes.tolist()]
     place, rotation = sweeps.to_ego(frame, box)
+    columns = np.hstack([place, box[:, 4:], rotation]).T
     return {
         "log_id": np.full(len(box), scene.name),
         TIME: sweeps.stamp[frame * sweeps.stride],
-        "category": np.array(
-            [category[name] for name in classes.tolist()], dtype=np.str_
-        ),
-        **dict(
-            zip(
-                f"{PLACE} {SIZE} {ROTATION}".split(),
-                np.hstack([place, box[:, 4:], rotation]).T,
-                strict=True,
-            )
-        ),
+        "category": np.array(categories, dtype=np.str_),
+        **dict(zip(BOX.split(), columns, strict=True)),
         "score": score,
         "track_id": track_id,
     }
 
 
 def _sweeps(card: Card, data: DataRoot, scene: Scene) -> Sweeps:
-    return Sweeps.read(
-        log_folder(card, data, scene.name), section_of(card, Argoverse2Source).stride
-    )
+    stride = section_of(card, Argoverse2Source).stride
+    return Sweeps.read(log_folder(card, data, scene.name), stride)
 
 
 def _open(card: Card, data: DataRoot, path: Path) -> ReadTracks:

@@ -1,4 +1,4 @@
-"""Logs of 123D as tables of own scenes: true boxes within reach, poses of the ego, and lanes."""
+"""Logs of 123D as tables of own scenes: true boxes within reach, the ego, and lanes."""
 
 import tomllib
 from collections import Counter
@@ -6,310 +6,240 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core import (
-    Bools,
-    DataError,
-    Floats,
-    Ints,
-    Lane,
-    file_stem,
-    new_folder,
-    wrap_angle,
-)
-from ..argoverse2.road import even, lane_between
-from ..files.checks import TOLERANCE
+from ...core import Bools, DataError, Floats, Ints, file_stem, new_folder, wrap_angle
+from ..argoverse2.source import first_frames
+from ..files.checks import PERIOD_TOLERANCE
 from ..files.columns import BOX
 from ..files.pictures import lane_columns
-from ..files.table import write_table
-from ..nuscenes.tables import require_rotations, yaw_of
-from ..text import refuse
-from .arrow import read_arrow, reading
+from ..files.save import Columns
+from ..readers import write_table
+from ..rotation import require_rotations, yaw_of
+from ..tables import refuse
+from ..text import reading
+from .arrow import FORM, read_arrow
+from .road import read_lanes
 
-SECOND = 1e6  # microseconds
-ROUNDING = 1  # us by which a time of the ego may be off
-STALE = 100_000  # us, age of the last pose from which a frame has none, and is left out
-BACK = 50_000  # us over which the motion of the ego is taken
+SECOND_US = 1e6
+ROUNDING_US = 1  # by which a time of the ego may be off
+# age of the last pose from which a frame has none, and is left out
+MAX_POSE_AGE_US = 100_000
+# over which the motion of the ego is taken
+MOTION_SPAN_US = 50_000
 LABELS = Path(__file__).with_name("labels.toml")
-BOXES, SYNC, EGO = "box_detections_se3", "sync", "ego_state_se3"
-NEUTRAL = "neutral "  # before the class that a label is like: a match with it is neither right nor wrong
-ROAD = 200.0  # m from the way of the ego, beyond which lanes are left out: a map may be that of a city
-STEP = 2.0  # m between points of a lane, at most
-_LANE, _GROUP, _BIKE = 0, 1, 3  # two layers of a map, and a type of lane
-
-Columns = dict[str, NDArray[Any]]
+BOXES = "box_detections_se3"
+SYNC = "sync"
+EGO = "ego_state_se3"
+# before the class that a label is like: a match with it is neither right nor wrong
+NEUTRAL = "neutral "
+_BOX_COLUMNS = {
+    "timestamp_us": 1,
+    "bounding_box_se3": 10,
+    "track_token": 0,
+    "label": 1,
+    "num_lidar_points": 1,
+}
 
 
 def import_logs(
     source: Path,
     folder: Path,
-    rate: float,
-    reach: float,
-    done: Callable[[str], object] = lambda _: None,
+    rate_hz: float,
+    reach_m: float,
+    report_done: Callable[[str], object] = lambda _: None,
 ) -> Counter[str]:
-    """Write the log, or the logs of a split, in the folder ``source`` as scenes at ``rate`` Hz into ``folder``.
+    """Write the log, or the logs of a split, as scenes into ``folder``.
 
-    ``reach``: m from the ego, within which objects are true. Returns the numbers of rows, by table, and of logs.
-    Raises DataError for a log that is wrong, and MtpBenchError if ``folder`` is not empty; it then writes no file.
+    ``source``: their folder. ``reach_m``: from the ego, within which objects are true.
+    Returns the numbers of rows, by table, and of logs. Raises DataError for a log that
+    is wrong, and MtpBenchError if ``folder`` is not empty; it then writes no file.
     """
-    found, source = Counter[str](), source.expanduser().absolute()
-    logs = (
-        [source]
-        if (source / f"{BOXES}.arrow").exists()
-        else sorted(source.glob(f"*/{BOXES}.arrow"))
-    )
-    if not logs:
-        splits = sorted(
-            {path.parents[1].name for path in source.glob(f"*/*/{BOXES}.arrow")}
-        )
-        advice = f"; logs are in {', '.join(splits)}: name one" if splits else ""
-        expected = (
-            f"expected a log of 123D, or a folder of logs such as a split{advice}"
-        )
-        raise DataError(f"{source} has no {BOXES}.arrow, {expected}")
-    with new_folder(folder.expanduser().absolute()) as part:
-        for log in (path if path.is_dir() else path.parent for path in logs):
-            scene = part / file_stem(log.name)
-            scene.mkdir()
-            with reading(log):
-                tables = log_tables(log, rate, reach)
+    counts = Counter[str]()
+    logs = _log_folders(source.expanduser().absolute())
+    with new_folder(folder.expanduser().absolute()) as part_folder:
+        for log in logs:
+            scene_folder = part_folder / file_stem(log.name)
+            scene_folder.mkdir()
+            with reading(log, FORM):
+                tables = log_tables(log, rate_hz, reach_m)
             for name, columns in tables.items():
-                write_table(scene / f"{name}.parquet", columns)
-                found[name] += (
-                    len(np.unique(columns["lane"]))
-                    if name == "lanes"
-                    else len(columns["frame"])
-                )
-            found["logs"] += 1
-            done(log.name)
-    return found
+                write_table(scene_folder / f"{name}.parquet", columns)
+            counts["logs"] += 1
+            counts["truth"] += len(tables["truth"]["frame"])
+            counts["ego"] += len(tables["ego"]["frame"])
+            if "lanes" in tables:
+                counts["lanes"] += len(np.unique(tables["lanes"]["lane"]))
+            report_done(log.name)
+    return counts
 
 
-def log_tables(log: Path, rate: float, reach: float) -> dict[str, Columns]:
-    """Tables of a log by name; raises DataError for a log that is wrong."""
+def _log_folders(source: Path) -> list[Path]:
+    """Return the folders of the log, or of the logs, in ``source``."""
+    if (source / f"{BOXES}.arrow").exists():
+        return [source]
+    logs = sorted(path.parent for path in source.glob(f"*/{BOXES}.arrow"))
+    if not logs:
+        expected = "expected a log of 123D, or a folder of logs such as a split"
+        paths = source.glob(f"*/*/{BOXES}.arrow")
+        splits = sorted({path.parents[1].name for path in paths})
+        if splits:
+            expected += f"; logs are in {', '.join(splits)}: name one"
+        raise DataError(f"{source} has no {BOXES}.arrow, {expected}")
+    return logs
+
+
+def log_tables(log: Path, rate_hz: float, reach_m: float) -> dict[str, Columns]:
+    """Return the tables of a log by name.
+
+    Raises DataError for a log that is wrong.
+    """
     _, about = read_arrow(log / f"{SYNC}.arrow", {})
     if "interpolated" in str(about.get("split")):
-        expected = "whose boxes between keyframes show the next keyframe; convert the split without interpolation"
-        raise DataError(f"{log} is of the split {about['split']!r}, {expected}")
-    names = {
-        "timestamp_us": 1,
-        "bounding_box_se3": 10,
-        "track_token": 0,
-        "label": 1,
-        "num_lidar_points": 1,
-    }
-    boxes, metadata = read_arrow(log / f"{BOXES}.arrow", names, f"{BOXES}.")
+        raise DataError(
+            f"{log} is of the split {about['split']!r}, whose boxes between keyframes "
+            "show the next keyframe; convert the split without interpolation"
+        )
+    path = log / f"{BOXES}.arrow"
+    boxes, metadata = read_arrow(path, _BOX_COLUMNS, f"{BOXES}.")
     time = boxes["timestamp_us"][:, 0]
     if not (np.diff(time) > 0).all():
         raise DataError(
-            f"{log / BOXES}.arrow: the times of its rows do not increase, expected one row per frame"
+            f"{path}: the times of its rows do not increase, expected one row per frame"
         )
-    ego, posed, origin = _poses(log / f"{EGO}.arrow", time)
-    own = SECOND / float(np.median(np.diff(time))) if len(time) > 1 else rate
-    stride = max(1, round(own / rate))
-    if not abs(own / stride / rate - 1) <= TOLERANCE:
-        raise DataError(
-            f"{log} has {own:.3g} frames per second: expected a rate that every n-th of them gives"
-        )
-    chosen = np.flatnonzero(posed)[::stride]
-    ego, time = ego[chosen], time[chosen]
-    word = _words(log / f"{BOXES}.arrow", metadata, boxes["label"][:, 0])
-    truth = _truth(boxes, word, chosen, ego, origin, reach)
+    ego, has_pose, origin = _read_poses(log / f"{EGO}.arrow", time)
+    rows = np.flatnonzero(has_pose)[:: _stride(log, time, rate_hz)]
+    ego = ego[rows]
+    labels = _read_labels(path, metadata, boxes["label"][:, 0])
+    seconds = (time[rows] - time[rows[0]]) / SECOND_US
     pose = dict(zip(("x", "y", "z", "yaw"), ego.T, strict=True))
     tables = {
-        "truth": truth,
-        "ego": {
-            "frame": np.arange(len(time)),
-            "time": (time - time[0]) / SECOND,
-            **pose,
-        },
+        "truth": _truth(boxes, labels, rows, ego, origin, reach_m),
+        "ego": {"frame": np.arange(len(rows)), "time": seconds, **pose},
     }
-    data, road = about.get("dataset"), log / "map.arrow"
-    if not road.exists():  # some datasets have a map for each city
-        road = (
-            log.parent.parent.parent
-            / "maps"
-            / str(data)
-            / f"{data}_{about.get('location')}.arrow"
+    map_path = log / "map.arrow"
+    if not map_path.exists():  # some datasets have a map for each city
+        dataset = about.get("dataset")
+        city_map = f"maps/{dataset}/{dataset}_{about.get('location')}.arrow"
+        map_path = log.parent.parent.parent / city_map
+    if map_path.exists():
+        lanes = read_lanes(map_path, ego[:, :2], origin)
+        if lanes:
+            tables["lanes"] = lane_columns(lanes)
+    return tables
+
+
+def _stride(log: Path, time: Floats, rate_hz: float) -> int:
+    """Return n, if every n-th frame of a log gives the rate."""
+    if len(time) < 2:
+        return 1
+    log_rate_hz = SECOND_US / float(np.median(np.diff(time)))
+    stride = max(1, round(log_rate_hz / rate_hz))
+    if not abs(log_rate_hz / stride / rate_hz - 1) <= PERIOD_TOLERANCE:
+        raise DataError(
+            f"{log} has {log_rate_hz:.3g} frames per second: expected a rate that "
+            "every n-th of them gives"
         )
-    lanes = read_lanes(road, ego[:, :2], origin) if road.exists() else ()
-    return tables | ({"lanes": lane_columns(lanes)} if lanes else {})
+    return stride
 
 
 def _truth(
     boxes: Columns,
-    word: NDArray[np.str_],
-    chosen: Ints,
+    labels: NDArray[np.str_],
+    chosen_rows: Ints,
     ego: Floats,
     origin: Floats,
-    reach: float,
+    reach_m: float,
 ) -> Columns:
-    """The table of the boxes in the frames ``chosen`` [C], less the ``origin`` [3]; ``word`` [R], ``ego`` [C, 4].
+    """Return the table of the boxes in the frames ``chosen_rows`` [C].
 
-    An object is true from the frame on in which it is within ``reach`` m of the ego for the first time, and neutral
+    ``origin`` [3] is subtracted; ``labels`` [R], ``ego`` [C, 4]. An object is true from
+    the frame on in which it is within reach of the ego for the first time, and neutral
     where it is farther away later.
     """
-    frame = np.searchsorted(chosen, boxes["row"])
-    used = np.isin(boxes["row"], chosen) & (word != "skipped")
-    frame, word, track = (
-        frame[used],
-        word[used],
-        boxes["track_token"][used].astype(np.str_),
-    )
-    place, rotation, size = np.split(boxes["bounding_box_se3"][used], [3, 7], axis=1)
+    is_used = np.isin(boxes["row"], chosen_rows) & (labels != "skipped")
+    labels = labels[is_used]
+    frame = np.searchsorted(chosen_rows, boxes["row"][is_used])
+    object_ids = boxes["track_token"][is_used].astype(np.str_)
+    place, rotation, size = np.split(boxes["bounding_box_se3"][is_used], [3, 7], axis=1)
     box = np.column_stack([place - origin, yaw_of(rotation), size])
-    near = np.linalg.norm(box[:, :2] - ego[frame, :2], axis=1) <= reach
-    _, number = np.unique(track, return_inverse=True)
-    begin = np.full(len(frame), len(chosen))
-    np.minimum.at(begin, number[near], frame[near])
-    neutral = (
-        np.char.startswith(word, NEUTRAL)
-        | (boxes["num_lidar_points"][used, 0] == 0)
-        | ~near
-    )
-    rows = frame >= begin[number]
-    columns = {"frame": frame, "id": track, "class": np.char.replace(word, NEUTRAL, "")}
-    columns |= {
+    distance_m = np.linalg.norm(box[:, :2] - ego[frame, :2], axis=1)
+    within_reach = distance_m <= reach_m
+    without_points = boxes["num_lidar_points"][is_used, 0] == 0
+    neutral = np.char.startswith(labels, NEUTRAL) | without_points | ~within_reach
+    columns = {
+        "frame": frame,
+        "id": object_ids,
+        "class": np.char.replace(labels, NEUTRAL, ""),
         **dict(zip(BOX, box.T, strict=True)),
         "neutral": neutral.astype(np.int64),
     }
-    return {name: column[rows] for name, column in columns.items()}
+    object_number = np.unique(object_ids, return_inverse=True)[1]
+    first_frame = first_frames(frame, object_number, within_reach, len(chosen_rows))
+    return {name: values[frame >= first_frame] for name, values in columns.items()}
 
 
-def _poses(path: Path, time: Floats) -> tuple[Floats, Bools, Floats]:
-    """Poses x y z yaw [F, 4] of the ego at ``time`` [F] us, frames [F] that have one, and the origin [3].
+def _read_poses(path: Path, time: Floats) -> tuple[Floats, Bools, Floats]:
+    """Return poses x y z yaw [F, 4] of the ego at ``time`` [F] us.
 
-    A pose is the one of that time, else the last one before it and the motion until then: no later one is used. The
-    origin is the first pose in whole metres, and is subtracted.
+    And the frames [F] that have one, and the origin [3]. A pose is the one of that
+    time, else the last one before it and the motion until then: no later one is used.
+    The origin is the first pose in whole metres, and is subtracted.
     """
-    columns, _ = read_arrow(path, {"timestamp_us": 1, "imu_se3": 7}, f"{EGO}.")
-    order = np.argsort(columns["timestamp_us"][:, 0], kind="stable")
-    at, pose = columns["timestamp_us"][order, 0], columns["imu_se3"][order]
+    pose_columns, _ = read_arrow(path, {"timestamp_us": 1, "imu_se3": 7}, f"{EGO}.")
+    pose_order = np.argsort(pose_columns["timestamp_us"][:, 0], kind="stable")
+    pose_time = pose_columns["timestamp_us"][pose_order, 0]
+    pose = pose_columns["imu_se3"][pose_order]
     require_rotations(pose[:, 3:], lambda row: f"{path}, pose {row + 1}")
-    now = np.searchsorted(at, time + ROUNDING, "right") - 1
-    age = time - at[now] if len(at) else np.full(len(time), np.inf)
-    posed = (now >= 0) & (age <= STALE)
-    if not posed.any():
+    last_pose = np.searchsorted(pose_time, time + ROUNDING_US, "right") - 1
+    has_pose = last_pose >= 0
+    if len(pose):
+        age_us = time - pose_time[last_pose]
+        has_pose &= age_us <= MAX_POSE_AGE_US
+    if not has_pose.any():
         raise DataError(
-            f"{path}: no frame of the boxes has a pose of the {STALE / SECOND:g} s before it"
+            f"{path}: no frame of the boxes has a pose of the "
+            f"{MAX_POSE_AGE_US / SECOND_US:g} s before it"
         )
     origin = np.round(pose[0, :3])
-    own = np.column_stack([pose[:, :3] - origin, np.unwrap(yaw_of(pose[:, 3:]))])
-    before = np.maximum(np.searchsorted(at, at[now] - BACK, "right") - 1, 0)
-    ahead = np.where(age > ROUNDING, age, 0.0) / np.maximum(at[now] - at[before], 1.0)
-    moved = own[now] + ahead[:, None] * (own[now] - own[before])
-    moved[:, 3] = wrap_angle(moved[:, 3])
-    return moved, posed, origin
-
-
-def _words(path: Path, metadata: Mapping[str, Any], label: Floats) -> NDArray[np.str_]:
-    """A class, `NEUTRAL` and a class, or "skipped" [R] for labels of the registry that the metadata names."""
-    registry = str(metadata.get("box_detection_label_class")).rsplit(".", maxsplit=1)[
-        -1
-    ]
-    known: dict[str, dict[str, str]] = tomllib.loads(LABELS.read_text(encoding="utf-8"))
-    if registry not in known:
-        raise DataError(
-            f"{path}: unknown labels {registry!r}, expected one of {', '.join(known)}"
-        )
-    words = {float(number): word for number, word in known[registry].items()}
-    refuse(
-        ~np.isin(label, list(words)),
-        lambda row: f"{path}: {registry} has no label {label[row]:g}",
+    yaw = np.unwrap(yaw_of(pose[:, 3:]))
+    pose_state = np.column_stack([pose[:, :3] - origin, yaw])
+    span_start = pose_time[last_pose] - MOTION_SPAN_US
+    first_pose = np.maximum(np.searchsorted(pose_time, span_start, "right") - 1, 0)
+    span_us = np.maximum(pose_time[last_pose] - pose_time[first_pose], 1.0)
+    motion_share = np.where(age_us > ROUNDING_US, age_us, 0.0) / span_us
+    ego = pose_state[last_pose] + motion_share[:, None] * (
+        pose_state[last_pose] - pose_state[first_pose]
     )
-    return np.array([words[number] for number in label.tolist()], dtype=np.str_)
+    ego[:, 3] = wrap_angle(ego[:, 3])
+    return ego, has_pose, origin
 
 
-class Feature(msgspec.Struct):
-    """A lane, or a group of lanes; lines are arrays as msgpack-numpy packs them."""
+def _read_labels(
+    path: Path, metadata: Mapping[str, Any], label_numbers: Floats
+) -> NDArray[np.str_]:
+    """Return a class, `NEUTRAL` and a class, or "skipped" [R] for numbers of labels.
 
-    lane_type: int = 0
-    lane_group_id: int | None = None
-    intersection_id: int | None = None
-    successor_ids: list[int] = []
-    centerline: dict[bytes, Any] = {}
-    left_boundary: dict[bytes, Any] = {}
-    right_boundary: dict[bytes, Any] = {}
-
-
-def read_lanes(path: Path, way: Floats, origin: Floats) -> tuple[Lane, ...]:
-    """Lanes near the ``way`` [F, 2] of the ego, those of bicycles left out, less the ``origin`` [3].
-
-    Raises DataError for a map that is wrong.
+    The metadata names their registry.
     """
-    columns, about = read_arrow(path, {"object_id": 1, "map_layer": 1, "features": 0})
-    lanes: dict[int, tuple[Feature, Lane]] = {}
-    crossings: set[int] = set()
-    with reading(path):
-        for number, layer, content in zip(*columns.values(), strict=True):
-            if (
-                layer == _GROUP
-                and msgspec.msgpack.decode(content, type=Feature).intersection_id
-                is not None
-            ):
-                crossings.add(int(number[0]))
-            elif (
-                layer == _LANE
-                and (feature := msgspec.msgpack.decode(content, type=Feature)).lane_type
-                != _BIKE
-            ):
-                lane = _lane(feature, origin, about.get("dataset") == "av2-sensor")
-                if (np.linalg.norm(lane.center[:, None] - way, axis=2) <= ROAD).any():
-                    lanes[int(number[0])] = feature, lane
-    index = {number: place for place, number in enumerate(lanes)}
-    return tuple(
-        Lane(
-            lane.center,
-            lane.left,
-            lane.right,
-            tuple(index[i] for i in feature.successor_ids if i in index),
-            feature.lane_group_id in crossings,
-        )
-        for feature, lane in lanes.values()
+    registry_name = str(metadata.get("box_detection_label_class"))
+    registry = registry_name.rsplit(".", maxsplit=1)[-1]
+    registries: dict[str, dict[str, str]] = tomllib.loads(
+        LABELS.read_text(encoding="utf-8")
     )
-
-
-def _lane(feature: Feature, origin: Floats, middle: bool) -> Lane:
-    """The lane less the ``origin``; ``middle``: its middle line is made of the borders anyway."""
-    lines = [
-        points(line)
-        for line in (feature.centerline, feature.left_boundary, feature.right_boundary)
-    ]
-    center, left, right = (line - origin[: line.shape[1]] for line in lines)
-    if middle:
-        return lane_between(left, right)
-    count = (
-        max(
-            1,
-            int(np.ceil(np.linalg.norm(np.diff(center, axis=0), axis=1).sum() / STEP)),
+    if registry not in registries:
+        raise DataError(
+            f"{path}: unknown labels {registry!r}, expected one of "
+            f"{', '.join(registries)}"
         )
-        + 1
+    label_of_number = {
+        float(number): word for number, word in registries[registry].items()
+    }
+    refuse(
+        ~np.isin(label_numbers, list(label_of_number)),
+        lambda row: f"{path}: {registry} has no label {label_numbers[row]:g}",
     )
-    return Lane(*(even(line, count)[:, :2] for line in (center, left, right)))  # type: ignore[arg-type]
-
-
-def points(packed: dict[bytes, Any]) -> Floats:
-    """Points [n, 2 or 3] of a line; raises ValueError for a broken one."""
-    if not {b"data", b"dtype", b"shape"} <= packed.keys() or packed[b"dtype"] not in (
-        "<f8",
-        "<f4",
-    ):
-        raise ValueError("a lane lacks one of its lines")
-    line = (
-        np.frombuffer(packed[b"data"], packed[b"dtype"])
-        .reshape(packed[b"shape"])
-        .astype(np.float64)
+    return np.array(
+        [label_of_number[number] for number in label_numbers.tolist()], dtype=np.str_
     )
-    if (
-        line.ndim != 2
-        or line.shape[1] not in (2, 3)
-        or len(line) < 2
-        or not np.isfinite(line).all()
-    ):
-        raise ValueError(
-            f"a line of a lane has the shape {list(line.shape)}, expected two or more finite points"
-        )
-    return line

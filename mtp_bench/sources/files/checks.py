@@ -1,174 +1,208 @@
 """Checks of own scenes: frames, the ego, boxes and objects."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ...cards import Card
 from ...core import DataError, Floats, Ints
-from ..text import (
-    LIMIT,
+from ..tables import (
+    MAX_ANGLE_RAD,
     RADIANS,
-    SMALLEST,
-    TURN,
+    SMALLEST_SIDE_M,
     RowTable,
     refuse,
     refuse_shared_place,
-    repeated,
 )
+from ..text import LIMIT
 from .columns import BORDERS
 
-MOST_FRAMES = 1_000_000
-FARTHEST = 1e5  # m, x and y: rollouts keep boxes in single precision, which is coarser than centimetres farther away
-TOLERANCE = 0.2  # share by which the frame period of a scene may differ from the task's
-_NEAR = (
-    f"expected -{FARTHEST:g} to {FARTHEST:g} m: boxes are kept in single precision, so subtract a fixed origin from "
-    "all coordinates, such as the first position of the ego"
+MAX_FRAMES = 1_000_000
+# x and y: rollouts keep boxes in single precision, which is coarser than centimetres
+# farther away
+MAX_COORDINATE_M = 1e5
+# share by which the frame period of a scene may differ from the task's
+PERIOD_TOLERANCE = 0.2
+_NEAR_ORIGIN = (
+    f"expected -{MAX_COORDINATE_M:g} to {MAX_COORDINATE_M:g} m: boxes are kept in "
+    "single precision, so subtract a fixed origin from all coordinates, such as the "
+    "first position of the ego"
 )
-_SIZE = SMALLEST, LIMIT, f"expected a number from {SMALLEST:g} to {LIMIT:g}"
-_VELOCITY = -LIMIT, LIMIT, f"expected a number from {-LIMIT:g} to {LIMIT:g}"
-RANGES = {  # column -> least, largest, message
-    **dict.fromkeys(("x", "y", *BORDERS), (-FARTHEST, FARTHEST, _NEAR)),
+_SIZE = (
+    SMALLEST_SIDE_M,
+    LIMIT,
+    f"expected a number from {SMALLEST_SIDE_M:g} to {LIMIT:g}",
+)
+_ANY_NUMBER = (-LIMIT, LIMIT, f"expected a number from {-LIMIT:g} to {LIMIT:g}")
+_PLACE = (-MAX_COORDINATE_M, MAX_COORDINATE_M, _NEAR_ORIGIN)
+_RANGES = {  # column -> least, largest, message
+    **dict.fromkeys(("x", "y", *BORDERS), _PLACE),
     **dict.fromkeys(("l", "w", "h"), _SIZE),
-    **dict.fromkeys(("z", "vx", "vy", "score"), _VELOCITY),
-    "yaw": (-TURN, TURN, RADIANS),
+    **dict.fromkeys(("z", "vx", "vy", "score"), _ANY_NUMBER),
+    "yaw": (-MAX_ANGLE_RAD, MAX_ANGLE_RAD, RADIANS),
     "visible": (0.0, 1.0, "expected a number from 0 to 1"),
 }
 
 
 def scene_frames(
-    where: str, tables: dict[str, RowTable], rate: float
+    where: str, tables: Mapping[str, RowTable], rate_hz: float
 ) -> tuple[Ints, Floats]:
-    """Numbers [F], rising, and times [F] in s of the frames: the rows of the ego table, else all numbers in use.
+    """Return numbers [F], rising, and times [F] in s of the frames.
 
-    ``rate``: frames per second if there is no ego table with times. Raises DataError.
+    They are the rows of the ego table, else all numbers in use. ``rate_hz`` gives the
+    times without an ego table that has them. Raises DataError.
     """
-    ego = tables.get("ego")
-    if ego is not None:
-        if not len(ego):
-            raise DataError(f"{ego.source} has no rows, expected one per frame")
-        number = ego.whole("frame")
-        falls = np.diff(number, prepend=number[0] - 1) <= 0
-        ego.refuse(falls, "expected a number above that of the row before", "frame")
-        return number, ego.numbers["time"] if ego.has("time") else (
-            number - number[0]
-        ) / rate
-    used = np.unique(
-        np.concatenate([table.whole("frame") for table in tables.values()])
-    )
-    if not len(used):
+    if "ego" not in tables:
+        frame_numbers = _numbers_in_use(where, tables)
+        return frame_numbers, (frame_numbers - frame_numbers[0]) / rate_hz
+    ego = tables["ego"]
+    if not len(ego):
+        raise DataError(f"{ego.source} has no rows, expected one per frame")
+    frame_numbers = ego.whole_numbers("frame")
+    falls = np.diff(frame_numbers, prepend=frame_numbers[0] - 1) <= 0
+    ego.refuse(falls, "expected a number above that of the row before", "frame")
+    if "time" in ego:
+        return frame_numbers, ego["time"]
+    return frame_numbers, (frame_numbers - frame_numbers[0]) / rate_hz
+
+
+def _numbers_in_use(where: str, tables: Mapping[str, RowTable]) -> Ints:
+    """Return the numbers [F] from the first to the last frame that has a row."""
+    frames = [table.whole_numbers("frame") for table in tables.values()]
+    used_frames = np.unique(np.concatenate(frames))
+    if not len(used_frames):
         raise DataError(
             f"{where}: its tables have no rows; an ego table defines the frames"
         )
-    step = int(np.gcd.reduce(np.diff(used))) if len(used) > 1 else 1
-    if step > 1:
-        advice = "number them 0, 1, 2, ..., or define the frames by an ego table"
+    frame_step = int(np.gcd.reduce(np.diff(used_frames)))
+    if frame_step > 1:
         raise DataError(
-            f"{where}: rows have the frames {used[0]}, {used[1]}, ..., all {step} apart; {advice}"
+            f"{where}: rows have the frames {used_frames[0]}, {used_frames[1]}, ..., "
+            f"all {frame_step} apart; number them 0, 1, 2, ..., or define the frames "
+            "by an ego table"
         )
-    if used[-1] - used[0] >= MOST_FRAMES:
+    if used_frames[-1] - used_frames[0] >= MAX_FRAMES:
         raise DataError(
-            f"{where}: frames {used[0]} to {used[-1]}, expected at most {MOST_FRAMES} frames"
+            f"{where}: frames {used_frames[0]} to {used_frames[-1]}, expected at most "
+            f"{MAX_FRAMES} "
+            "frames"
         )
-    number = np.arange(used[0], used[-1] + 1)
-    return number, (number - number[0]) / rate
+    return np.arange(used_frames[0], used_frames[-1] + 1)
 
 
-def frame_index(table: RowTable, number: Ints) -> Ints:
-    """Index of each row's frame among the ``number`` [F] of a scene; DataError for an unknown frame."""
-    frame = table.whole("frame")
-    index = np.minimum(np.searchsorted(number, frame), len(number) - 1)
-    table.refuse(
-        number[index] != frame,
-        f"no frame of the scene, which has {number[0]} to {number[-1]}",
-        "frame",
+def frame_index(table: RowTable, frame_numbers: Ints) -> Ints:
+    """Return the index of each row's frame among the ``frame_numbers`` [F] of a scene.
+
+    Raises DataError for an unknown frame.
+    """
+    frame = table.whole_numbers("frame")
+    index = np.minimum(np.searchsorted(frame_numbers, frame), len(frame_numbers) - 1)
+    problem = (
+        f"no frame of the scene, which has {frame_numbers[0]} to {frame_numbers[-1]}"
     )
+    table.refuse(frame_numbers[index] != frame, problem, "frame")
     return index
 
 
 def check_frames(time: Floats, ego: Floats, card: Card, where: str) -> None:
-    """Raise DataError unless there are frames with rising times, the task's period and possible poses of the ego.
+    """Raise DataError unless the frames have sound times and poses of the ego.
 
-    Frames may be missing: no track or forecast crosses such a hole in time.
+    Times rise with the task's period. Frames may be missing: no track or forecast
+    crosses such a hole in time.
     """
     if not len(time):
         raise DataError(f"{where}: no frames, expected at least one")
-    wrong = ~((np.abs(time) < np.inf) & (np.diff(time, prepend=-np.inf) > 0))
+    rises = (np.abs(time) < np.inf) & (np.diff(time, prepend=-np.inf) > 0)
     expected = "expected a number above that of the frame before"
-    refuse(wrong, lambda t: f"{where}: time {time[t]:g} of frame {t}, {expected}")
-    place, yaw = ego[:, :3], ego[:, 3]
-    far = ~(np.abs(place) <= FARTHEST).ravel()
+    refuse(~rises, lambda t: f"{where}: time {time[t]:g} of frame {t}, {expected}")
+    place = ego[:, :3]
+    yaw = ego[:, 3]
+
+    def place_problem(index: int) -> str:
+        frame, axis = divmod(index, 3)
+        name = f"{'xyz'[axis]} of the ego in frame {frame}"
+        return f"{where}: {name} is {place[frame, axis]:.10g}, {_NEAR_ORIGIN}"
+
+    refuse(~(np.abs(place) <= MAX_COORDINATE_M).ravel(), place_problem)
     refuse(
-        far,
-        lambda i: (
-            f"{where}: {'xyz'[i % 3]} of the ego in frame {i // 3} is {place.flat[i]:.10g}, {_NEAR}"
-        ),
-    )
-    refuse(
-        ~(np.abs(yaw) <= TURN),
+        ~(np.abs(yaw) <= MAX_ANGLE_RAD),
         lambda t: f"{where}: yaw of the ego in frame {t} is {yaw[t]:g}, {RADIANS}",
     )
-    period, step = 1.0 / card.task.rate, np.diff(time)
-    median = float(np.median(step)) if len(step) else period
-    if abs(median - period) > TOLERANCE * period:
+    _check_period(time, card, where)
+
+
+def _check_period(time: Floats, card: Card, where: str) -> None:
+    if len(time) < 2:
+        return
+    period_s = 1.0 / card.task.rate
+    median_s = float(np.median(np.diff(time)))
+    if abs(median_s - period_s) > PERIOD_TOLERANCE * period_s:
         raise DataError(
-            f"{where}: frames are {median:g} s apart, but {card.id} has {card.task.rate:g} frames per second: keep "
-            "frames of that rate alone, or take a card with the rate of the scene"
+            f"{where}: frames are {median_s:g} s apart, but {card.id} has "
+            f"{card.task.rate:g} frames per second: keep frames of that rate alone, or "
+            "take a card with the rate of the scene"
         )
 
 
 def check_boxes(table: RowTable, frame: Ints, frames: int, true: bool) -> None:
-    """Raise DataError for the first impossible value; only ``true`` boxes need a size above 0."""
-    outside = (frame < 0) | (frame >= frames)
+    """Raise DataError for the first impossible value.
+
+    Only ``true`` boxes need a size above 0.
+    """
+    problem = f"but the scene has the frames 0 to {frames - 1}"
     table.refuse(
-        outside,
-        lambda row: (
-            f"frame {frame[row]}, but the scene has the frames 0 to {frames - 1}"
-        ),
+        (frame < 0) | (frame >= frames),
+        lambda row: f"frame {frame[row]}, {problem}",
         "frame",
     )
     check_ranges(table, true)
 
 
 def check_ranges(table: RowTable, true: bool = True) -> None:
-    """Raise DataError for the first number outside of its range; only ``true`` boxes need a size above 0."""
-    for column in filter(table.has, RANGES):
-        _check_range(
-            table, column, -LIMIT if column in "lwh" and not true else RANGES[column][0]
-        )
+    """Raise DataError for the first number outside of its range."""
+    for column, (least, largest, expected) in _RANGES.items():
+        if column not in table:
+            continue
+        may_be_negative = column in "lwh" and not true
+        low = -LIMIT if may_be_negative else least
+        _check_range(table, column, low, largest, expected)
 
 
-def _check_range(table: RowTable, column: str, low: float) -> None:
-    _, high, expected = RANGES[column]
-    value = table.numbers[column]
-    unknown = np.isnan(value) & (column in ("vx", "vy"))
-    bad = ~(unknown | ((value >= low) & (value <= high)))
-    table.refuse(bad, lambda row: f"{value[row]:.10g}, {expected}", column)
+def _check_range(
+    table: RowTable, column: str, least: float, largest: float, expected: str
+) -> None:
+    values = table[column]
+    is_sound = (values >= least) & (values <= largest)
+    if column in ("vx", "vy"):
+        is_sound |= np.isnan(values)
+    table.refuse(~is_sound, lambda row: f"{values[row]:.10g}, {expected}", column)
 
 
 def check_objects(
     table: RowTable, frame: Ints, number: Ints, classes: Sequence[str]
 ) -> None:
-    """Raise DataError if an object has two boxes in a frame or two classes of the task, or two objects one place."""
-    table.refuse(
-        repeated(frame, number), "a second box of this object in this frame", "id"
-    )
-    kind = table.words["class"]
-    used = np.flatnonzero(np.isin(kind, classes))
-    name = table.words.get("id", number)
+    """Raise DataError for impossible objects.
+
+    An object has two boxes in a frame or two classes of the task, or two objects have
+    one place.
+    """
+    object_names = table["id"]
+    table.refuse_second_box(frame, object_names)
+    class_names = table["class"]
+    used_rows = np.flatnonzero(np.isin(class_names, classes))
     refuse_shared_place(
-        frame[used],
-        table.matrix("x y")[used],
-        name[used],
-        lambda row: table.where(used[row]),
+        frame[used_rows],
+        table.matrix("x y")[used_rows],
+        object_names[used_rows],
+        lambda row: table.where(used_rows[row]),
     )
-    order = used[np.lexsort((frame[used], number[used]))]
-    changed = np.zeros(len(kind), dtype=bool)
-    changed[order[1:]] = (np.diff(number[order]) == 0) & (
-        kind[order[1:]] != kind[order[:-1]]
+    row_order = used_rows[np.lexsort((frame[used_rows], number[used_rows]))]
+    same_object = np.diff(number[row_order]) == 0
+    is_changed = np.zeros(len(class_names), dtype=bool)
+    is_changed[row_order[1:]] = same_object & (
+        class_names[row_order[1:]] != class_names[row_order[:-1]]
     )
+    problem = "but this object has another class before"
     table.refuse(
-        changed,
-        lambda row: f"{str(kind[row])!r}, but this object has another class before",
-        "class",
+        is_changed, lambda row: f"{str(class_names[row])!r}, {problem}", "class"
     )

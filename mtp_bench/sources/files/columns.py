@@ -1,22 +1,13 @@
-"""Columns of the tables of own scenes; reading, writing and the documentation use them."""
+"""Columns of the tables of own scenes, also for their documentation."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+
+from ..readers import TableColumn
 
 FORMS = ("csv", "parquet")  # suffixes of tables
 BOX = ("x", "y", "z", "yaw", "l", "w", "h")
-
-
-@dataclass(frozen=True)
-class TableColumn:
-    """A column of a table."""
-
-    name: str
-    meaning: str
-    without: str = ""  # effect if it is missing; empty: it is required
-    text: bool = False  # words instead of numbers
-    gaps: bool = False  # cells may be empty
-    flag: bool = False  # 1 or 0, true or false
-
+# s: clocks that count from 1970 fit
+_LATEST_TIME_S = 1e12
 
 _FRAME = TableColumn("frame", "whole number of the frame")
 _CENTRE = (
@@ -39,9 +30,10 @@ _CLASS = TableColumn(
 )
 _SCORE = TableColumn("score", "as the detector gives it", "1")
 _VELOCITY = tuple(
-    TableColumn(name, "m/s; empty: unknown", "unknown", gaps=True)
+    TableColumn(name, "m/s; empty: unknown", "unknown", gaps=True, together="velocity")
     for name in ("vx", "vy")
 )
+_DIFFERENCES = "differences to the frame before"
 TABLES: dict[str, tuple[TableColumn, ...]] = {
     "truth": (
         _FRAME,
@@ -50,10 +42,7 @@ TABLES: dict[str, tuple[TableColumn, ...]] = {
         ),
         _CLASS,
         *_CENTRE,
-        *(
-            replace(column, without="differences to the frame before")
-            for column in _VELOCITY
-        ),
+        *(replace(column, without=_DIFFERENCES) for column in _VELOCITY),
         TableColumn(
             "eligible",
             "1 or 0, true or false: can be a prediction target",
@@ -62,7 +51,8 @@ TABLES: dict[str, tuple[TableColumn, ...]] = {
         ),
         TableColumn(
             "neutral",
-            "1 or 0, true or false: a match with it counts neither as right nor as wrong, such as a van beside cars",
+            "1 or 0, true or false: a match with it counts neither as right nor as "
+            "wrong, such as a van beside cars",
             "0",
             flag=True,
         ),
@@ -75,7 +65,9 @@ TABLES: dict[str, tuple[TableColumn, ...]] = {
     "detections": (_FRAME, _CLASS, *_CENTRE, _SCORE, *_VELOCITY),
     "ego": (
         _FRAME,
-        TableColumn("time", "s", "`frame` times the period of the task"),
+        TableColumn(
+            "time", "s", "`frame` times the period of the task", largest=_LATEST_TIME_S
+        ),
         *(TableColumn(name, "m, position of the sensors", "0") for name in "xyz"),
         TableColumn("yaw", "rad, heading of the sensors", "0"),
     ),
@@ -87,12 +79,16 @@ PICTURES: dict[str, tuple[TableColumn, ...]] = {  # beside those of the boxes
         TableColumn("lane", "the lane: a number or a word", text=True),
         TableColumn(
             "x",
-            "m, point of its middle line; the rows of a lane are in the direction of travel",
+            "m, point of its middle line; the rows of a lane are in the direction of "
+            "travel",
         ),
         TableColumn("y", "m, point of its middle line"),
         *(
             TableColumn(
-                name, "m, point of a border beside x y", "1.75 m from the middle line"
+                name,
+                "m, point of a border beside x y",
+                "1.75 m from the middle line",
+                together="borders",
             )
             for name in BORDERS
         ),
@@ -106,8 +102,8 @@ PICTURES: dict[str, tuple[TableColumn, ...]] = {  # beside those of the boxes
             "following",
             "lanes that continue it, with blanks between them; empty: none",
             "none",
-            True,
-            True,
+            text=True,
+            gaps=True,
         ),
     ),
     "images": (
@@ -124,7 +120,6 @@ PICTURES: dict[str, tuple[TableColumn, ...]] = {  # beside those of the boxes
         ),
     ),
 }
-TOGETHER = (("vx", "vy"), BORDERS)  # columns that a table has all or none of
 TRACKS = (  # of a table of stored tracks, which is a separate file
     replace(_FRAME, meaning="whole number of the frame, from 0"),
     TableColumn(

@@ -10,107 +10,106 @@ from numpy.typing import NDArray
 
 from ...core import DataError, Ints, Lane
 from ..base import CameraImage, lane_around
-from ..text import RowTable
+from ..tables import RowTable
 from .checks import check_ranges, frame_index
 from .columns import BORDERS, PROJECTION
 
-MOST_PIXELS = 10_000
+MAX_PIXELS = 10_000
 
 
 def lanes_of(table: RowTable) -> tuple[Lane, ...]:
-    """Lanes of a table, in the order of their first rows; DataError names the row that is wrong."""
+    """Return the lanes of a table, in the order of their first rows.
+
+    DataError names the row that is wrong.
+    """
     check_ranges(table)
-    name, first, of_row, count = np.unique(table.words["lane"], True, True, True)
-    table.refuse(
-        (count == 1)[of_row],
-        "the only point of this lane, expected two or more",
-        "lane",
+    lane_names, first_row, lane_of_row, point_count = np.unique(
+        table["lane"], True, True, True
     )
-    rows = np.split(np.argsort(of_row, kind="stable"), np.cumsum(count)[:-1])
-    order = np.argsort(first)
-    number = {word: index for index, word in enumerate(name[order].tolist())}
-    return tuple(_lane(table, rows[lane], number) for lane in order.tolist())
+    is_single = (point_count == 1)[lane_of_row]
+    table.refuse(is_single, "the only point of this lane, expected two or more", "lane")
+    lane_order = np.argsort(first_row)
+    sorted_rows = np.argsort(lane_of_row, kind="stable")
+    rows = np.split(sorted_rows, np.cumsum(point_count)[:-1])
+    lane_numbers = {
+        name: index for index, name in enumerate(lane_names[lane_order].tolist())
+    }
+    return tuple(_lane(table, rows[lane], lane_numbers) for lane in lane_order.tolist())
 
 
-def _lane(table: RowTable, rows: Ints, number: Mapping[str, int]) -> Lane:
-    lane = lane_around(
-        table.matrix("x y")[rows],
-        table.has("junction") and bool(table["junction"][rows].any()),
-    )
-    if table.has("following"):
-        lane = replace(lane, following=_following(table, rows, number))
-    if not table.has(BORDERS[0]):
-        return lane
-    return replace(
-        lane,
-        left=table.matrix("left_x left_y")[rows],
-        right=table.matrix("right_x right_y")[rows],
-    )
+def _lane(table: RowTable, rows: Ints, lane_numbers: Mapping[str, int]) -> Lane:
+    is_junction = "junction" in table and bool(table["junction"][rows].any())
+    lane = lane_around(table.matrix("x y")[rows], is_junction)
+    if "following" in table:
+        lane = replace(lane, following=_following(table, rows, lane_numbers))
+    if BORDERS[0] in table:
+        left_border = table.matrix("left_x left_y")[rows]
+        right_border = table.matrix("right_x right_y")[rows]
+        lane = replace(lane, left=left_border, right=right_border)
+    return lane
 
 
 def _following(
-    table: RowTable, rows: Ints, number: Mapping[str, int]
+    table: RowTable, rows: Ints, lane_numbers: Mapping[str, int]
 ) -> tuple[int, ...]:
-    """Numbers of the lanes that any row of a lane names, each once."""
-    found: dict[int, None] = {}
+    """Return the numbers of the lanes that any row of a lane names, each once."""
+    following: list[int] = []
     for row in rows.tolist():
-        for word in table.words["following"].item(row).split():
-            if word not in number:
-                raise DataError(
-                    f"{table.where(row, 'following')}: {word!r}, expected a lane of this table"
-                )
-            found[number[word]] = None
-    return tuple(found)
+        for name in table["following"].item(row).split():
+            if name not in lane_numbers:
+                where = table.where(row, "following")
+                raise DataError(f"{where}: {name!r}, expected a lane of this table")
+            if lane_numbers[name] not in following:
+                following.append(lane_numbers[name])
+    return tuple(following)
 
 
 def lane_columns(lanes: Sequence[Lane]) -> dict[str, NDArray[Any]]:
-    """Columns of the table of at least one lane."""
+    """Return the columns of the table of at least one lane."""
     count = [len(lane.center) for lane in lanes]
-    lines = [
-        np.concatenate([getattr(lane, line) for lane in lanes])
-        for line in ("center", "left", "right")
-    ]
+    names = [" ".join(map(str, lane.following)) for lane in lanes]
+    points = np.concatenate(
+        [np.column_stack([lane.center, lane.left, lane.right]) for lane in lanes]
+    )
     return {
         "lane": np.repeat(np.arange(len(lanes)), count),
-        **dict(zip(("x", "y", *BORDERS), np.column_stack(lines).T, strict=True)),
+        **dict(zip(("x", "y", *BORDERS), points.T, strict=True)),
         "junction": np.repeat([int(lane.junction) for lane in lanes], count),
-        "following": np.repeat(
-            [" ".join(map(str, lane.following)) for lane in lanes], count
-        ),
+        "following": np.repeat(names, count),
     }
 
 
-def images_of(table: RowTable, folder: Path, number: Ints) -> tuple[CameraImage, ...]:
-    """Images of a table of the scene in ``folder``, sorted by frame; DataError names the row that is wrong.
+def images_of(
+    table: RowTable, folder: Path, frame_numbers: Ints
+) -> tuple[CameraImage, ...]:
+    """Return the images of a scene in ``folder``, sorted by frame.
 
-    ``number`` [F]: of the frames of the scene.
+    ``frame_numbers`` [F]: of the scene. DataError names the row that is wrong.
     """
-    frame, width, height = (
-        frame_index(table, number),
-        table.whole("width"),
-        table.whole("height"),
+    frame = frame_index(table, frame_numbers)
+    width = table.whole_numbers("width")
+    height = table.whole_numbers("height")
+    is_wrong = (np.minimum(width, height) < 1) | (
+        np.maximum(width, height) > MAX_PIXELS
     )
-    wrong = (np.minimum(width, height) < 1) | (np.maximum(width, height) > MOST_PIXELS)
-    table.refuse(
-        wrong, f"expected a width and a height of 1 to {MOST_PIXELS} pixels", "width"
-    )
-    paths = [folder / name for name in table.words["file"].tolist()]
-    away = np.array(
-        [
-            Path(name).is_absolute() or ".." in Path(name).parts
-            for name in table.words["file"].tolist()
-        ]
-    )
-    table.refuse(away, "expected a path inside of the folder of the scene", "file")
-    lost = np.array([not path.is_file() for path in paths], dtype=bool)
-    table.refuse(lost, lambda row: f"no file {paths[row]}", "file")
+    expected = f"expected a width and a height of 1 to {MAX_PIXELS} pixels"
+    table.refuse(is_wrong, expected, "width")
+    file_names = [Path(name) for name in table["file"].tolist()]
+    is_outside = [name.is_absolute() or ".." in name.parts for name in file_names]
+    expected = "expected a path inside of the folder of the scene"
+    table.refuse(np.array(is_outside, dtype=bool), expected, "file")
+    paths = [folder / name for name in file_names]
+    is_missing = np.array([not path.is_file() for path in paths], dtype=bool)
+    table.refuse(is_missing, lambda row: f"no file {paths[row]}", "file")
     projection = table.matrix(" ".join(PROJECTION)).reshape(-1, 3, 4)
-    camera, size = (
-        table.words["camera"].tolist(),
-        np.column_stack([width, height]).tolist(),
-    )
-    order = np.argsort(frame, kind="stable").tolist()
-    return tuple(
-        CameraImage(int(frame[i]), camera[i], paths[i], tuple(size[i]), projection[i])
-        for i in order
-    )
+    images = [
+        CameraImage(
+            frame=int(frame[row]),
+            camera=table["camera"].item(row),
+            path=paths[row],
+            size=(int(width[row]), int(height[row])),
+            projection=projection[row],
+        )
+        for row in np.argsort(frame, kind="stable").tolist()
+    ]
+    return tuple(images)

@@ -23,16 +23,16 @@ from ...core import (
     whole_folder,
 )
 from ..base import require_separate
-from ..text import MOST_LETTERS
+from ..readers import MAX_WORD_LETTERS, write_table
 from .columns import BOX, FORMS, TABLES
 from .pictures import lane_columns
-from .table import write_table
 
+Columns = dict[str, NDArray[Any]]
 TableForm = Literal["csv", "parquet"]
-LONGEST_NAME = 200  # characters of a quoted name: files allow 255 bytes, and writers need some of them
-_EMPTY: dict[
-    str, Any
-] = {  # fields that tables do not have, with the value of a scene without them
+# of a quoted name: files allow 255 bytes, and writers need some of them
+MAX_NAME_LETTERS = 200
+# fields that tables do not have, with the value of a scene without them
+_EMPTY: dict[str, Any] = {
     "image": None,
     "world": None,
     "recording": "",
@@ -40,135 +40,128 @@ _EMPTY: dict[
     "listed_targets": False,
     "tracks": None,
 }
+_ADVICE = "which would be lost: choose another folder, or move it away"
 
 
 def save_scene(
     scene: Scene, folder: str | Path, classes: Sequence[str], form: TableForm = "csv"
 ) -> Path:
-    """Write a scene as tables into a sub-folder of a folder of own scenes, and return the sub-folder.
+    """Write a scene as tables into a sub-folder of ``folder``, and return that.
 
-    ``classes``: names of its class ids, as ``task.classes`` of a card. Reading gives equal numbers to the last bit, but
-    ids of objects that have names are written as these names and numbered anew when they are read.
-    Raises DataError for a wrong scene, and MtpBenchError if it cannot be written or would replace other files.
+    ``classes``: names of its class ids, as ``task.classes`` of a card. Reading gives
+    equal numbers to the last bit, but ids of objects that have names are written as
+    these names and numbered anew when they are read. Raises DataError for a wrong
+    scene, and MtpBenchError if it cannot be written or would replace other files.
     """
     require_known("form of a scene", form, FORMS)
     check_scene_name(scene.name)
-    values = {name: getattr(scene, name) for name in _EMPTY}
-    extra = [
-        name
-        for name, value in values.items()
-        if isinstance(value, np.ndarray) or value != _EMPTY[name]
-    ]
-    if extra:
-        without = f"dataclasses.replace(scene, {', '.join(f'{name}={_EMPTY[name]!r}' for name in extra)})"
-        got = f"scene {scene.name!r} has {', '.join(extra)}, which tables cannot hold"
-        raise MtpBenchError(f"{got}: write it without, as {without}")
-    tables, folder = scene_tables(scene, classes), Path(folder).expanduser()
+    _require_storable(scene)
+    tables = scene_tables(scene, classes)
     if scene.object_names:
-        tables["truth"]["id"] = np.array(
-            [scene.name_of(number) for number in tables["truth"]["id"].tolist()]
-        )
+        numbers = tables["truth"]["id"].tolist()
+        tables["truth"]["id"] = np.array([scene.name_of(i) for i in numbers])
     if scene.lanes:
         tables["lanes"] = lane_columns(scene.lanes)
+    folder = Path(folder).expanduser()
     make_folder(folder)
-    path = folder / file_stem(scene.name)
-    require_replaceable(path)
-    if path.exists() and not path.is_dir():
-        raise MtpBenchError(
-            f"{path} is a file, which would be lost: choose another folder, or move it away"
-        )
-    ours = {
-        ".DS_Store",
-        *(f"{name}.{form}" for name in (*TABLES, "lanes") for form in FORMS),
-    }
-    other = (
-        sorted(file.name for file in path.iterdir() if file.name not in ours)
-        if path.is_dir()
-        else []
-    )
-    if other:
-        raise MtpBenchError(
-            f"{path} has {other[0]!r}, which would be lost: choose another folder, or move it away"
-        )
-    with whole_folder(path) as part:
+    scene_folder = folder / file_stem(scene.name)
+    _require_free(scene_folder)
+    with whole_folder(scene_folder) as part_folder:
         for name, columns in tables.items():
-            write_table(part / f"{name}.{form}", columns)
-    return path
+            write_table(part_folder / f"{name}.{form}", columns)
+    return scene_folder
+
+
+def _require_storable(scene: Scene) -> None:
+    """Raise MtpBenchError for a scene with fields that tables cannot hold."""
+    filled: list[str] = []
+    for name, empty in _EMPTY.items():
+        value = getattr(scene, name)
+        if isinstance(value, np.ndarray) or value != empty:
+            filled.append(name)
+    if filled:
+        changes = ", ".join(f"{name}={_EMPTY[name]!r}" for name in filled)
+        raise MtpBenchError(
+            f"scene {scene.name!r} has {', '.join(filled)}, which tables cannot hold: "
+            f"write it without, as dataclasses.replace(scene, {changes})"
+        )
+
+
+def _require_free(folder: Path) -> None:
+    """Raise MtpBenchError if a folder for tables would replace other files."""
+    require_replaceable(folder)
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise MtpBenchError(f"{folder} is a file, {_ADVICE}")
+    names = (*TABLES, "lanes")
+    tables = {f"{name}.{form}" for name in names for form in FORMS}
+    others = {path.name for path in folder.iterdir()} - tables - {".DS_Store"}
+    if others:
+        raise MtpBenchError(f"{folder} has {min(others)!r}, {_ADVICE}")
 
 
 def check_scene_name(name: object, where: str = "") -> None:
-    """Raise DataError, which begins with ``where``, for a name of a scene that a file cannot have."""
-    sound = isinstance(name, str) and name.encode("utf-8", "replace").decode() == name
-    if not sound or not 0 < len(quote(str(name), safe="")) <= LONGEST_NAME:
-        expected = f"expected a text of 1 to {LONGEST_NAME} characters, as written in the name of a file"
-        raise DataError(
-            f"{where}the name of a scene is {reprlib.repr(name)}, {expected}"
-        )
+    """Raise DataError for a name of a scene that a file cannot have.
 
-
-def scene_tables(
-    scene: Scene, classes: Sequence[str]
-) -> dict[str, dict[str, NDArray[Any]]]:
-    """Tables of a scene: ego, truth and, if it has detections, detections; columns by name.
-
-    Raises DataError for rows that are not divided into frames, unknown classes and impossible object ids.
+    ``where``: begin of the message.
     """
-    names, of_scene = np.array(classes, dtype=np.str_), f"scene {scene.name!r}:"
-    truth, detections = scene.truth, scene.detections
-    for name, rows, kind in (
-        ("truth", truth, Truth),
-        ("detections", detections, Detections),
-    ):
-        where = f"{of_scene} {name}"
-        if not isinstance(rows, kind):
-            hint = "; use one without rows for none" if kind is Detections else ""
-            raise DataError(
-                f"{where} is {type(rows).__name__}, expected {kind.__name__}{hint}"
-            )
-        _check_rows(where, rows, scene.frames, len(names))
-    number = np.asarray(truth.object_id)
-    if not len(number):
+    is_text = isinstance(name, str) and name.encode("utf-8", "replace").decode() == name
+    if not is_text or not 0 < len(quote(str(name), safe="")) <= MAX_NAME_LETTERS:
         raise DataError(
-            f"{of_scene} truth has no rows, expected one per object and frame"
+            f"{where}the name of a scene is {reprlib.repr(name)}, expected a text of 1 "
+            f"to {MAX_NAME_LETTERS} characters, as written in the name of a file"
         )
-    require_separate(truth, f"{of_scene} truth")
-    if number.dtype.kind not in "iu":
+
+
+def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, Columns]:
+    """Return the tables of a scene: ego, truth and, if it has some, detections.
+
+    Raises DataError for rows that are not divided into frames, unknown classes and
+    impossible object ids.
+    """
+    where = f"scene {scene.name!r}: "
+    names = np.array(classes, dtype=np.str_)
+    truth = scene.truth
+    detections = scene.detections
+    if not isinstance(truth, Truth):
+        raise DataError(f"{where}truth is {type(truth).__name__}, expected Truth")
+    if not isinstance(detections, Detections):
         raise DataError(
-            f"{of_scene} truth.object_id is {number.dtype}, expected whole numbers; words become some by "
-            "words, number = np.unique(ids, return_inverse=True) and object_names=dict(enumerate(words.tolist()))"
+            f"{where}detections is {type(detections).__name__}, expected Detections; "
+            "use one without rows for none"
         )
-    _check_names(scene, np.unique(number).tolist())
-    if number.min() < 0 or number.max() > ID_LIMIT:
-        got = f"{number.min()} to {number.max()}"
-        raise DataError(
-            f"{of_scene} truth.object_id has {got}, expected whole numbers from 0 to {ID_LIMIT}"
-        )
-    ego = dict(zip(("x", "y", "z", "yaw"), np.asarray(scene.ego).T, strict=True))
-    tables = {
-        "ego": {"frame": np.arange(scene.frames), "time": np.asarray(scene.time), **ego}
-    }
+    _check_rows(f"{where}truth", truth, scene.frames, len(names))
+    _check_rows(f"{where}detections", detections, scene.frames, len(names))
+    _check_objects(scene, f"{where}truth")
+    pose = dict(zip(("x", "y", "z", "yaw"), np.asarray(scene.ego).T, strict=True))
+    frame = np.arange(scene.frames)
     columns = box_columns(truth, names)
-    tables["truth"] = {"frame": columns["frame"], "id": number, **columns}
-    tables["truth"] |= {
-        name: np.asarray(getattr(truth, name)).astype(np.int64)
-        for name in ("eligible", "neutral")
+    true_columns = {
+        "frame": columns.pop("frame"),
+        "id": np.asarray(truth.object_id),
+        **columns,
+        "eligible": np.asarray(truth.eligible).astype(np.int64),
+        "neutral": np.asarray(truth.neutral).astype(np.int64),
     }
     if scene.visible is not None:
-        tables["truth"]["visible"] = scene.visible
-    if scene.detector or len(
-        detections.box
-    ):  # otherwise it has none, which differs from an empty frame
-        tables["detections"] = {
-            **box_columns(detections, names),
-            "score": detections.score,
-        }
+        true_columns["visible"] = scene.visible
+    tables = {
+        "ego": {"frame": frame, "time": np.asarray(scene.time), **pose},
+        "truth": true_columns,
+    }
+    # otherwise it has none, which differs from an empty frame
+    if scene.detector or len(detections.box):
+        columns = box_columns(detections, names)
+        tables["detections"] = {**columns, "score": detections.score}
     return tables
 
 
-def box_columns(
-    rows: Truth | Detections, names: NDArray[np.str_]
-) -> dict[str, NDArray[Any]]:
-    """Columns of boxes; ``names``: of the class ids."""
+def box_columns(rows: Truth | Detections, names: NDArray[np.str_]) -> Columns:
+    """Return the columns of boxes.
+
+    ``names``: of the class ids.
+    """
     return {
         "frame": rows.frame_of_rows,
         "class": names[np.asarray(rows.class_id, dtype=np.int64)],
@@ -177,43 +170,57 @@ def box_columns(
     }
 
 
-def _check_names(scene: Scene, numbers: Sequence[int]) -> None:
-    names = [scene.name_of(number) for number in numbers]
-    for i, name in enumerate(names):
-        if (
-            not isinstance(name, str)
-            or not 0 < len(name.strip()) <= MOST_LETTERS
-            or name in names[:i]
-        ):
-            where, expected = (
-                f"scene {scene.name!r}: object_names of object {numbers[i]}",
-                f"1 to {MOST_LETTERS}",
-            )
+def _check_objects(scene: Scene, where: str) -> None:
+    """Raise DataError for objects at one place, and for impossible ids and names."""
+    object_ids = np.asarray(scene.truth.object_id)
+    if not len(object_ids):
+        raise DataError(f"{where} has no rows, expected one per object and frame")
+    require_separate(scene.truth, where)
+    if object_ids.dtype.kind not in "iu":
+        raise DataError(
+            f"{where}.object_id is {object_ids.dtype}, expected whole numbers; words "
+            "become some by words, number = np.unique(ids, return_inverse=True) and "
+            "object_names=dict(enumerate(words.tolist()))"
+        )
+    object_names: list[object] = []
+    for object_id in np.unique(object_ids).tolist():
+        name = scene.name_of(object_id)
+        is_text = isinstance(name, str) and 0 < len(name.strip()) <= MAX_WORD_LETTERS
+        if not is_text or name in object_names:
             raise DataError(
-                f"{where} is {name!r:.99}, expected {expected} characters that name no other object"
+                f"scene {scene.name!r}: object_names of object {object_id} is "
+                f"{name!r:.99}, expected 1 to {MAX_WORD_LETTERS} characters that name "
+                "no other object"
             )
+        object_names.append(name)
+    if object_ids.min() < 0 or object_ids.max() > ID_LIMIT:
+        raise DataError(
+            f"{where}.object_id has {object_ids.min()} to {object_ids.max()}, "
+            "expected whole "
+            f"numbers from 0 to {ID_LIMIT}"
+        )
 
 
 def _check_rows(
     where: str, rows: Truth | Detections, frames: int, classes: int
 ) -> None:
-    start, class_id = np.asarray(rows.start), np.asarray(rows.class_id)
-    for name, value in (("start", start), ("class_id", class_id)):
-        if value.ndim != 1 or (len(value) and value.dtype.kind not in "iu"):
+    """Raise DataError unless rows are divided into frames and have known classes."""
+    row_start = np.asarray(rows.start)
+    class_id = np.asarray(rows.class_id)
+    for name, values in (("start", row_start), ("class_id", class_id)):
+        if values.ndim != 1 or (len(values) and values.dtype.kind not in "iu"):
             raise DataError(
-                f"{where}.{name} is {value.dtype} {list(value.shape)}, expected a row of whole numbers"
+                f"{where}.{name} is {values.dtype} {list(values.shape)}, expected a "
+                "row of whole numbers"
             )
-    if (
-        len(start) != frames + 1
-        or start[0] != 0
-        or start[-1] != len(rows.box)
-        or (np.diff(start) < 0).any()
-    ):
+    row_borders = (len(row_start) - 1, *row_start[:1], *row_start[-1:])
+    if row_borders != (frames, 0, len(rows.box)) or (np.diff(row_start) < 0).any():
         raise DataError(
-            f"{where}.start does not divide the {len(rows.box)} rows into {frames} frames"
+            f"{where}.start does not divide the {len(rows.box)} rows into {frames} "
+            "frames"
         )
     if len(class_id) and (class_id.min() < 0 or class_id.max() >= classes):
-        got = f"{class_id.min()} to {class_id.max()}"
         raise DataError(
-            f"{where}.class_id has {got}, expected indices of {classes} classes"
+            f"{where}.class_id has {class_id.min()} to {class_id.max()}, expected "
+            f"indices of {classes} classes"
         )

@@ -1,7 +1,7 @@
 """Scenes from their tables, and the checks of own scenes."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
@@ -13,7 +13,6 @@ from ...core import (
     ID_LIMIT,
     NO_ROWS,
     DataError,
-    Detections,
     Floats,
     Ints,
     Scene,
@@ -22,22 +21,33 @@ from ...core import (
     closest,
     starts_of_sorted,
 )
-from ..base import CameraImage, class_ids, names_by_number, no_detections, section_of
+from ..base import (
+    CameraImage,
+    class_ids,
+    detections_by_frame,
+    names_by_number,
+    no_detections,
+    section_of,
+    sorted_rows,
+    stored_label,
+)
 from ..motion import backward_velocity, unknown_velocity
-from ..text import RowTable
+from ..readers import read_named_table
+from ..tables import RowTable
 from .checks import check_boxes, check_frames, check_objects, frame_index, scene_frames
-from .columns import BOX, FORMS, PICTURES, TABLES
+from .columns import BOX, COLUMNS, FORMS, PICTURES, TABLES
 from .pictures import images_of, lanes_of
 from .save import scene_tables
-from .table import read_table
 
-_SIMILAR = 0.85  # of file names: `detection` and `lane`, not `detections_old`
+# of file names: `detection` and `lane`, not `detections_old`
+_MIN_SIMILARITY = 0.85
 
 
 def read_scene(folder: Path, card: Card) -> Scene:
-    """The scene with the tables in ``folder``, which has its name; rows of classes outside the task are skipped.
+    """Read the scene with the tables in ``folder``, which has its name.
 
-    Raises DataError that names the file, the line and the column that is wrong.
+    Rows of classes outside the task are skipped. Raises DataError that names the file,
+    the line and the column that is wrong.
     """
     _refuse_misspelt(folder)
     tables = _read_tables(folder, (*TABLES, "lanes"))
@@ -50,245 +60,262 @@ def read_scene(folder: Path, card: Card) -> Scene:
             f"{tables['truth'].source} has no rows, expected one per object and frame"
         )
     lanes = lanes_of(tables.pop("lanes")) if "lanes" in tables else ()
-    number, time = scene_frames(str(folder), tables, card.task.rate)
+    frame_numbers, time = scene_frames(str(folder), tables, card.task.rate)
     ego = np.zeros((len(time), 4))
-    for i, column in enumerate(("x", "y", "z", "yaw")):
-        if "ego" in tables and tables["ego"].has(column):
-            ego[:, i] = tables["ego"].numbers[column]
+    if "ego" in tables:
+        for index, column in enumerate(("x", "y", "z", "yaw")):
+            if column in tables["ego"]:
+                ego[:, index] = tables["ego"][column]
     check_frames(time, ego, card, str(folder))
-    index = frame_index(tables["truth"], number)
-    scene = replace(
-        _true_scene(unquote(folder.name), tables["truth"], index, time, ego, card),
-        lanes=lanes,
-    )
-    if "detections" not in tables:
-        return _for_card(scene, card, str(folder), detected=False)
-    if card.detector is None:
-        index = frame_index(tables["detections"], number)
-        scene = replace(
-            scene,
-            detections=_detections(
-                tables["detections"], index, len(time), card, scene.skipped
-            ),
-        )
-    return _for_card(scene, card, str(folder), detected=True)
+    scene = _true_scene(folder, tables["truth"], frame_numbers, time, ego, card)
+    scene = replace(scene, lanes=lanes)
+    has_detections = "detections" in tables
+    if has_detections and card.detector is None:
+        scene = _with_detections(scene, tables["detections"], frame_numbers, card)
+    return _for_card(scene, card, str(folder), has_detections)
 
 
 def read_images(folder: Path, card: Card) -> tuple[CameraImage, ...]:
-    """The camera images of the scene in ``folder``; none without a table of them. Raises DataError as `read_scene`."""
+    """Return the camera images of the scene in ``folder``.
+
+    None without their table. Raises DataError as `read_scene`.
+    """
     images = _read_tables(folder, ["images"])
     if not images:
         return ()
-    tables = _read_tables(folder, ["ego"]) or _read_tables(
-        folder, TABLES
-    )  # the rows of an ego table are the frames
-    number, _ = scene_frames(str(folder), tables, card.task.rate)
-    return images_of(images["images"], folder, number)
+    # the rows of an ego table are the frames
+    tables = _read_tables(folder, ["ego"]) or _read_tables(folder, TABLES)
+    frame_numbers, _ = scene_frames(str(folder), tables, card.task.rate)
+    return images_of(images["images"], folder, frame_numbers)
 
 
 def checked_scene(scene: Scene, card: Card) -> Scene:
-    """A `Scene` object for ``card``, whose classes its class ids index; raises DataError for impossible values."""
+    """Return a `Scene` object for ``card``, whose classes its class ids index.
+
+    Raises DataError for impossible values.
+    """
     where = f"scene {scene.name!r}"
-    columns = scene_tables(scene, card.task.classes)
+    tables = scene_tables(scene, card.task.classes)
     check_frames(np.asarray(scene.time), np.asarray(scene.ego), card, where)
     for name in ("truth", "detections"):
-        if name in columns:
-            words = {"class": columns[name].pop("class")}
-            rows = np.arange(len(words["class"]))
-            numbers: dict[str, Floats] = {
-                key: np.asarray(own, dtype=np.float64)
-                for key, own in columns[name].items()
-            }
-            table = RowTable(f"{where}: {name}", "row", rows, numbers, words)
-            check_boxes(table, table.whole("frame"), scene.frames, name == "truth")
-            if name == "truth":
-                check_objects(
-                    table, table.whole("frame"), table.whole("id"), card.task.classes
-                )
-    return _for_card(scene, card, where, detected="detections" in columns)
+        if name not in tables:
+            continue
+        columns = tables[name]
+        for column in columns.keys() - {"frame", "id", "class"}:
+            columns[column] = np.asarray(columns[column], dtype=np.float64)
+        row_numbers = np.arange(len(columns["frame"]))
+        table = RowTable(f"{where}: {name}", "row", row_numbers, columns)
+        frame = columns["frame"]
+        check_boxes(table, frame, scene.frames, name == "truth")
+        if name == "truth":
+            check_objects(table, frame, columns["id"], card.task.classes)
+    return _for_card(scene, card, where, "detections" in tables)
 
 
 def find_table(folder: Path, name: str) -> Path | None:
-    """The file of a table; None without one. Raises DataError if there are two."""
-    paths = [
-        path for form in FORMS if os.path.lexists(path := folder / f"{name}.{form}")
-    ]
-    if len(paths) > 1:
+    """Return the file of a table.
+
+    None without one, DataError if there are two.
+    """
+    paths = [folder / f"{name}.{form}" for form in FORMS]
+    existing = [path for path in paths if os.path.lexists(path)]
+    if len(existing) > 1:
         raise DataError(
-            f"{folder} has {paths[0].name} and {paths[1].name}, expected only one of them"
+            f"{folder} has {existing[0].name} and {existing[1].name}, expected only "
+            "one of them"
         )
-    return paths[0] if paths else None
+    return existing[0] if existing else None
 
 
 def _read_tables(folder: Path, names: Iterable[str]) -> dict[str, RowTable]:
-    """Tables of the folder by name; of ``names``, those that it has."""
-    paths = {name: find_table(folder, name) for name in names}
-    return {
-        name: read_table(path, name) for name, path in paths.items() if path is not None
-    }
+    """Read those of the tables ``names`` that the folder has."""
+    tables: dict[str, RowTable] = {}
+    for name in names:
+        path = find_table(folder, name)
+        if path is not None:
+            tables[name] = read_named_table(path, COLUMNS[name])
+    return tables
 
 
 def _refuse_misspelt(folder: Path) -> None:
-    """Raise DataError for a file with nearly the name of a missing table (``detection.csv``)."""
-    missing = [
-        name for name in (*TABLES, *PICTURES) if find_table(folder, name) is None
-    ]
+    """Raise DataError for nearly the name of a missing table (``detection.csv``)."""
+    names = (*TABLES, *PICTURES)
+    missing = [name for name in names if find_table(folder, name) is None]
     for path in sorted(folder.iterdir()):
         form = path.suffix.lower().removeprefix(".")
-        meant = closest(path.stem, missing, _SIMILAR)
-        if form in FORMS and meant:
-            raise DataError(
-                f"{path} is not a known table; did you mean {meant}.{form}?"
-            )
+        name = closest(path.stem, missing, _MIN_SIMILARITY)
+        if form in FORMS and name:
+            raise DataError(f"{path} is not a known table; did you mean {name}.{form}?")
 
 
-def _for_card(scene: Scene, card: Card, where: str, detected: bool) -> Scene:
-    """The scene as the card says: its truth is complete or not, its detections are stored or to be simulated."""
+def _for_card(scene: Scene, card: Card, where: str, has_detections: bool) -> Scene:
+    """Return the scene as the card says.
+
+    Its truth is complete or not, its detections are stored or to be simulated.
+    """
     if not card.source.traits.truth_complete:
         scene = replace(scene, truth_complete=False)
-    if card.detector is None and not detected:
-        raise DataError(f"{where}: no detections{instead_of_stored(card)}")
     if card.detector is None:
-        return replace(
-            scene,
-            detector=scene.detector
-            or f"{section_of(card, FilesSource).detector}, stored detections",
-        )
+        if not has_detections:
+            raise DataError(f"{where}: no detections{instead_of_stored(card)}")
+        label = stored_label(section_of(card, FilesSource).detector)
+        return replace(scene, detector=scene.detector or label)
     if not scene.truth_complete:
-        got = "its truth has prediction targets only, so a simulated detector would miss all other objects"
-        raise DataError(f"{where}: {got}; use the detections of the files")
-    return replace(
-        scene, detections=no_detections(scene.frames), detector="", simulated=False
-    )
+        raise DataError(
+            f"{where}: its truth has prediction targets only, so a simulated detector "
+            "would miss all other objects; use the detections of the files"
+        )
+    none = no_detections(scene.frames)
+    return replace(scene, detections=none, detector="", simulated=False)
 
 
 def _true_scene(
-    name: str, table: RowTable, frame: Ints, time: Floats, ego: Floats, card: Card
+    folder: Path,
+    table: RowTable,
+    frame_numbers: Ints,
+    time: Floats,
+    ego: Floats,
+    card: Card,
 ) -> Scene:
-    """Scene without detections, from the table of its truth."""
-    skipped: dict[str, int] = {}
-    row = _usable_rows(table, frame, len(time), "truth", card.task.classes, skipped)
-    number = ids_of(table)
-    check_objects(table, frame, number, card.task.classes)
-    frame, number, box = frame[row], number[row], boxes_of(table)[row]
-    backward = backward_velocity(frame, number, box[:, :2], time, 1 / card.task.rate)
-    velocity = velocities_of(table)[row] if table.has("vx") else backward
-    class_id = class_ids_of(table, card.task.classes)[row]
-    eligible = table.numbers.get("eligible", np.ones(len(table)))[row] == 1
-    neutral = table.numbers.get("neutral", np.zeros(len(table)))[row] == 1
+    """Return the scene without detections, from the table of its truth.
+
+    ``frame_numbers`` [F] of its frames, ``time`` [F] s, ``ego`` [F, 4].
+    """
+    classes = card.task.classes
+    frames = len(time)
+    frame = frame_index(table, frame_numbers)
+    used_rows, skipped = _usable_rows(table, frame, frames, "truth", classes)
+    object_id = ids_of(table)
+    check_objects(table, frame, object_id, classes)
+    table = table.select(used_rows)
+    frame = frame[used_rows]
+    object_id = object_id[used_rows]
+    box = boxes_of(table)
+    if "vx" in table:
+        velocity = velocities_of(table)
+    else:
+        period_s = 1 / card.task.rate
+        velocity = backward_velocity(frame, object_id, box[:, :2], time, period_s)
     truth = Truth(
-        starts_of_sorted(frame, len(time)),
-        box,
-        velocity,
-        class_id,
-        number,
-        eligible,
-        neutral,
+        start=starts_of_sorted(frame, frames),
+        box=box,
+        velocity=velocity,
+        class_id=class_ids_of(table, classes),
+        object_id=object_id,
+        eligible=table.columns.get("eligible", np.ones(len(table))) == 1,
+        neutral=table.columns.get("neutral", np.zeros(len(table))) == 1,
     )
-    none, names = (
-        no_detections(len(time)),
-        names_by_number(number, table.words["id"][row]),
-    )
-    visible = table.numbers["visible"][row] if table.has("visible") else None
     return Scene(
-        name,
-        time,
-        ego,
-        truth,
-        none,
-        visible=visible,
+        name=unquote(folder.name),
+        time=time,
+        ego=ego,
+        truth=truth,
+        detections=no_detections(frames),
+        visible=table.columns.get("visible"),
         skipped=skipped,
-        object_names=names,
+        object_names=names_by_number(object_id, table["id"]),
     )
 
 
-def _detections(
-    table: RowTable, frame: Ints, frames: int, card: Card, skipped: dict[str, int]
-) -> Detections:
-    row = _usable_rows(table, frame, frames, "detections", card.task.classes, skipped)
-    start, class_id = (
-        starts_of_sorted(frame[row], frames),
-        class_ids_of(table, card.task.classes)[row],
+def _with_detections(
+    scene: Scene, table: RowTable, frame_numbers: Ints, card: Card
+) -> Scene:
+    """Return the scene with the detections of a table.
+
+    ``frame_numbers`` [F] of its frames.
+    """
+    classes = card.task.classes
+    frame = frame_index(table, frame_numbers)
+    used_rows, skipped = _usable_rows(table, frame, scene.frames, "detections", classes)
+    table = table.select(used_rows)
+    detections = detections_by_frame(
+        scene.frames,
+        frame[used_rows],
+        boxes_of(table),
+        class_ids_of(table, classes),
+        scores_of(table),
+        velocities_of(table),
     )
-    return Detections(
-        start,
-        boxes_of(table)[row],
-        velocities_of(table)[row],
-        class_id,
-        scores_of(table)[row],
-    )
+    return replace(scene, detections=detections, skipped=scene.skipped | skipped)
 
 
 def _usable_rows(
-    table: RowTable,
-    frame: Ints,
-    frames: int,
-    name: str,
-    classes: Sequence[str],
-    skipped: dict[str, int],
-) -> Ints:
-    """Rows of ``classes``, sorted by frame and otherwise in their order; all rows are checked."""
+    table: RowTable, frame: Ints, frames: int, name: str, classes: Collection[str]
+) -> tuple[Ints, dict[str, int]]:
+    """Return the rows of ``classes`` and the counts of skipped rows.
+
+    All rows are checked. The rows are sorted by frame and otherwise in their order.
+    """
     check_boxes(table, frame, frames, name == "truth")
-    kind = table.words["class"]
-    used = np.isin(kind, classes)
-    others, count = (
-        column.tolist() for column in np.unique(kind[~used], return_counts=True)
-    )
-    if others and not used.any():
-        first = str(kind[0])
-        advice = (
-            class_hint(first, classes)
-            or "`mtp-bench envs` shows the classes of each environment"
+    class_names = table["class"]
+    is_used = np.isin(class_names, list(classes))
+    if len(class_names) and not is_used.any():
+        first_name = str(class_names[0])
+        problem = (
+            f"{first_name!r}, and no other row of the {name} has a class of the task"
         )
-        got = f"{first!r}, and no other row of the {name} has a class of the task"
+        general_advice = "`mtp-bench envs` shows the classes of each environment"
         raise DataError(
-            f"{table.where(0, 'class')}: {got}, one of {', '.join(classes)}; {advice}"
+            f"{table.where(0, 'class')}: {problem}, one of {', '.join(classes)}; "
+            f"{class_hint(first_name, classes) or general_advice}"
         )
-    for other, number in zip(others, count, strict=True):
-        parts = (
-            f"{name} of class {other!r}, which the task does not have",
-            class_hint(other, classes),
-        )
-        skipped[": ".join(filter(None, parts))] = number
-    row = np.flatnonzero(used)
-    return row[np.argsort(frame[row], kind="stable")]
+    skipped: dict[str, int] = {}
+    other_kinds, counts = np.unique(class_names[~is_used], return_counts=True)
+    for other, count in zip(other_kinds.tolist(), counts.tolist(), strict=True):
+        reason = f"{name} of class {other!r}, which the task does not have"
+        if hint := class_hint(other, classes):
+            reason += f": {hint}"
+        skipped[reason] = count
+    return sorted_rows(frame, is_used), skipped
 
 
 def boxes_of(table: RowTable) -> Floats:
-    """Boxes ``[R, 7]``; without z they stand on the ground."""
-    columns = {"z": table["h"] / 2, **table.numbers}
+    """Return boxes [R, 7].
+
+    Without z they stand on the ground.
+    """
+    columns = {"z": table["h"] / 2, **table.columns}
     return np.column_stack([columns[name] for name in BOX])
 
 
 def velocities_of(table: RowTable) -> Floats:
-    """Velocities ``[R, 2]``; NaN if the table has none."""
-    return table.matrix("vx vy") if table.has("vx") else unknown_velocity(len(table))
+    """Return velocities [R, 2].
+
+    NaN if the table has none.
+    """
+    if "vx" in table:
+        return table.matrix("vx vy")
+    return unknown_velocity(len(table))
 
 
 def scores_of(table: RowTable) -> Floats:
-    """Scores ``[R]``; 1 if the table has none."""
-    return table.numbers.get("score", np.ones(len(table)))
+    """Return scores [R].
+
+    1 if the table has none.
+    """
+    return table.columns.get("score", np.ones(len(table)))
 
 
 def class_ids_of(table: RowTable, classes: Sequence[str]) -> Ints:
-    """Index of each row's class among ``classes`` ``[R]``, -1 for another class."""
-    names, index = np.unique(table.words["class"], return_inverse=True)
+    """Return the index of each row's class among ``classes`` [R], else -1."""
+    names, index = np.unique(table["class"], return_inverse=True)
     return class_ids(names.tolist(), classes)[index]
 
 
 def ids_of(table: RowTable) -> Ints:
-    """Numbers of the objects ``[R]``: those of the table, or indices of the sorted words.
+    """Return numbers of the objects [R]: those of the table, or of the sorted words.
 
     If one id is not a whole number from 0 to `ID_LIMIT`, all are words.
     """
-    words = table.words["id"]
+    words = table["id"]
+    if not len(words):
+        return NO_ROWS
     try:
-        number = words.astype(np.int64) if len(words) else NO_ROWS
-        fits = not ((number < 0) | (number > ID_LIMIT)).any()
-        if fits and np.array_equal(
-            number.astype(np.str_), words
-        ):  # otherwise 1 and 01 would be one object
-            return number
+        object_numbers = words.astype(np.int64)
     except (ValueError, OverflowError):
-        pass
+        return np.unique(words, return_inverse=True)[1]
+    is_in_range = (object_numbers >= 0).all() and (object_numbers <= ID_LIMIT).all()
+    # otherwise 1 and 01 would be one object
+    if is_in_range and np.array_equal(object_numbers.astype(np.str_), words):
+        return object_numbers
     return np.unique(words, return_inverse=True)[1]

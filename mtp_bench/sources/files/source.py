@@ -18,19 +18,25 @@ DATASET = Dataset.of(__file__)
 
 
 class OwnScenes:
-    """Scenes of a card with the source ``files``, in the frame of reference of the files.
+    """Scenes of a card with the source ``files``, in the files' frame of reference.
 
     Scenes of a folder are sorted by name; `Scene` objects keep their order.
     """
 
     def __init__(self, card: Card, data: object = None) -> None:
-        """``data``: not needed. Raises DataError for a missing folder, no scene, or other files than the card's."""
+        """Find the scenes.
+
+        ``data`` is not needed. Raises DataError for a missing folder, no scene, or
+        other files than the card's.
+        """
         self.card = card
         self.section = section_of(card, FilesSource)
-        self._scenes = {scene.name: scene for scene in self.section.scenes or ()}
-        self._folders = (
-            _card_folder(self.section, card) if self.section.scenes is None else {}
-        )
+        self._scenes: dict[str, Scene] = {}
+        self._folders: dict[str, Path] = {}
+        if self.section.scenes is None:
+            self._folders = _card_folders(self.section, card)
+        else:
+            self._scenes = {scene.name: scene for scene in self.section.scenes}
         self.names = (*self._folders, *self._scenes)
         if not self.names:
             raise DataError(f"{card.id}: no scene in the list, expected at least one")
@@ -38,84 +44,94 @@ class OwnScenes:
             check_scene_name(name, f"{card.id}: ")
 
     def load(self, name: str) -> Scene:
-        """Read one scene; DataError names the file, line and column that is wrong."""
+        """Read one scene.
+
+        DataError names the file, line and column that is wrong.
+        """
         if name in self._scenes:
             scene = checked_scene(self._scenes[name], self.card)
         else:
             scene = read_scene(self._folders[name], self.card)
-        if (
-            self.card.velocity and self.section.traits.velocity_ahead
-        ):  # agents must not see future positions
-            return replace(
-                scene,
-                truth=looking_back(scene.truth, scene.time, 1 / self.card.task.rate),
-            )
+        # agents must not see future positions
+        if self.card.velocity and self.section.traits.velocity_ahead:
+            period_s = 1 / self.card.task.rate
+            truth = looking_back(scene.truth, scene.time, period_s)
+            scene = replace(scene, truth=truth)
         return scene
 
     def images(self, name: str) -> tuple[CameraImage, ...]:
-        """The camera images of a scene in a folder; none for a `Scene` object."""
-        return (
-            read_images(self._folders[name], self.card) if name in self._folders else ()
-        )
+        """Return the camera images of a scene in a folder.
+
+        None for a `Scene`.
+        """
+        if name not in self._folders:
+            return ()
+        return read_images(self._folders[name], self.card)
 
 
 def scene_folders(folder: Path) -> dict[str, Path]:
-    """Sub-folders with tables by the name of their scene, sorted; names that begin with a dot are hidden.
+    """Return the sub-folders with tables by the name of their scene, sorted.
 
-    Raises DataError if two sub-folders have the same name.
+    Names that begin with a dot are hidden. Raises DataError if two sub-folders have the
+    same name.
     """
-    found: dict[str, Path] = {}
+    folders: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         name = unquote(path.name)
         if path.name.startswith(".") or not is_scene(path):
             continue
-        if name in found:
+        if name in folders:
             raise DataError(
-                f"{folder} has the scene {name!r} as {found[name].name} and {path.name}, expected one"
+                f"{folder} has the scene {name!r} as {folders[name].name} and "
+                f"{path.name}, expected one"
             )
-        found[name] = path
-    return found
+        folders[name] = path
+    return dict(sorted(folders.items()))
 
 
 def is_scene(folder: Path) -> bool:
-    """True if the folder has a table of a scene."""
+    """Return True if the folder has a table of a scene."""
     return any(find_table(folder, name) for name in TABLES)
 
 
-def _card_folder(section: FilesSource, card: Card) -> dict[str, Path]:
-    """Names and folders of the card's scenes; raises DataError if the folder is not the card's."""
+def _card_folders(section: FilesSource, card: Card) -> dict[str, Path]:
+    """Return names and folders of the scenes.
+
+    Raises DataError if they are not the card's.
+    """
     if section.folder is None:
-        advice = "give them again (cards.with_scenes), or name a folder of scenes with --files"
         raise DataError(
-            f"{card.id}: its scenes were objects in memory, which are not stored; {advice}"
+            f"{card.id}: its scenes were objects in memory, which are not stored; give "
+            "them again (cards.with_scenes), or name a folder of scenes with --files"
         )
     folder = split_folder(Path(section.folder), section.split)
     if not folder.is_dir():
         raise MissingDataError(
-            f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one with --files"
+            f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one "
+            "with --files"
         )
     folders = scene_folders(folder)
     if not folders:
-        advice = (
-            f"; it is a scene itself: name the folder above, {folder.parent}"
-            if is_scene(folder)
-            else ""
-        )
-        raise MissingDataError(f"{folder} has no scene, expected {EXPECTED}{advice}")
+        message = f"{folder} has no scene, expected {EXPECTED}"
+        if is_scene(folder):
+            advice = f"name the folder above, {folder.parent}"
+            message += f"; it is a scene itself: {advice}"
+        raise MissingDataError(message)
     digest = own_digest(folder, card.lanes is not None)
     if section.sha256 not in (None, digest):
         raise DataError(
-            f"{folder}: its files have the sha256 {digest[:12]}, expected {str(section.sha256)[:12]}: they are not "
-            f"those of {card.id}, or changed after a run with this card; run the agent again"
+            f"{folder}: its files have the sha256 {digest[:12]}, expected "
+            f"{str(section.sha256)[:12]}: they are not those of {card.id}, or changed "
+            "after a run with this card; run the agent again"
         )
-    return dict(sorted(folders.items()))
+    return folders
 
 
 def files_status(card: Card, data: object = None) -> DataStatus:
-    """The folder of the card's scenes."""
+    """Return the status of the folder of the card's scenes."""
     section = section_of(card, FilesSource)
     folder = split_folder(Path(section.folder or ""), section.split)
-    there = section.scenes is not None or (
-        section.folder is not None and folder.is_dir()
-    )
-    return DataStatus(DATASET, folder if there else None, (folder,))
+    has_folder = section.folder is not None and folder.is_dir()
+    if section.scenes is None and not has_folder:
+        return DataStatus(DATASET, None, (folder,))
+    return DataStatus(DATASET, folder, (folder,))

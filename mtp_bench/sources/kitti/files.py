@@ -1,7 +1,7 @@
 """Text files of the KITTI tracking benchmark, read into arrays.
 
-Boxes come out in the sensor frame of their own image: the rectified camera 0 with its axes renamed to x forward
-(camera z), y left (-camera x), z up (-camera y).
+Boxes come out in the sensor frame of their own image: the rectified camera 0 with its
+axes renamed to x forward (camera z), y left (-camera x), z up (-camera y).
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core import DataError, Floats, Ints, wrap_angle
-from ..text import RowTable, numbered_lines, read_table
+from ..readers import read_table
+from ..tables import RowTable
+from ..text import read_text
 
 BOX_FIELDS = "height width length x y z rotation_y"  # in camera axes
 LABEL = f"frame id type truncated occluded alpha left top right bottom {BOX_FIELDS}"
@@ -21,7 +23,7 @@ OXTS = (
     "lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu "
     "pos_accuracy vel_accuracy navstat numsats posmode velmode orimode"
 )
-ODOMETRY = " ".join(f"{row}{column}" for row in "xyz" for column in "123t")
+ODOMETRY = "x1 x2 x3 xt y1 y2 y3 yt z1 z2 z3 zt"
 KINDS = (
     "Car",
     "Van",
@@ -34,8 +36,15 @@ KINDS = (
     "Misc",
     "DontCare",
 )
-ROUNDING = 1e-2  # of the entries of a rotation, which may have few digits
+# of the entries of a rotation, which may have few digits
+ROUNDING = 1e-2
 SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+# names in files of the benchmark and of the raw data, and number of columns
+_IMU_TO_CAMERA = (
+    (("R_rect", "R0_rect"), 3),
+    (("Tr_velo_cam", "Tr_velo_to_cam"), 4),
+    (("Tr_imu_velo", "Tr_imu_to_velo"), 4),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,80 +78,84 @@ class Oxts:
 
 
 def read_labels(path: Path) -> LabelRows:
-    """Labels of one sequence; an empty file gives no rows. DataError names the line that is wrong."""
-    table = read_table(path, LABEL, text="type")
+    """Read the labels of one sequence.
+
+    An empty file gives no rows. DataError names the line that is wrong.
+    """
+    table = read_table(path, LABEL, words="type")
     require_kinds(table)
-    kind = table.words["type"]
-    boxed = kind != "DontCare"
-    table.refuse_not_finite(LABEL.replace(" type", ""))
-    flat = (table.matrix("height width length") <= 0).any(axis=1)
-    table.refuse(boxed & flat, "a box with a size that is not above 0")
-    table.refuse_degrees("rotation_y", boxed)
-    frame, object_id = table.whole("frame"), table.whole("id")
-    table.refuse_second_box(frame, object_id, np.flatnonzero(boxed))
+    frame = table.whole_numbers("frame")
+    object_id = table.whole_numbers("id")
+    boxed = table["type"] != "DontCare"
+    boxed_table = table.select(boxed)
+    is_flat = (boxed_table.matrix("height width length") <= 0).any(axis=1)
+    boxed_table.refuse(is_flat, "a box with a size that is not above 0")
+    boxed_table.refuse_degrees("rotation_y")
+    boxed_table.refuse_second_box(frame[boxed], object_id[boxed])
     box = sensor_boxes(table.matrix(BOX_FIELDS))
     box[~boxed] = np.nan
-    return LabelRows(
-        table, frame, object_id, kind, table.matrix("left top right bottom"), box
-    )
+    image_box = table.matrix("left top right bottom")
+    return LabelRows(table, frame, object_id, table["type"], image_box, box)
 
 
 def read_detections(folder: Path, name: str, kind: str, code: int) -> DetectionRows:
-    """Detections of one sequence and class; an empty file gives no rows. DataError names the line that is wrong.
+    """Read the detections of one sequence and class.
 
-    They lie in a folder for each class, as of AB3DMOT, whose number of the class is ``code``, or in one file for all
-    types, in the result form of KITTI's benchmark. NaN and sizes that are not positive are kept.
+    An empty file gives no rows. They lie in a folder for each class, as of AB3DMOT,
+    whose number of the class is ``code``, or in one file for all types, in the result
+    form of KITTI's benchmark. NaN and sizes that are not positive are kept. DataError
+    names the line that is wrong.
     """
     if (folder / kind).is_dir():
-        table = read_table(folder / kind / f"{name}.txt", DETECTION, ",")
-        got = table.whole("type")
+        path = folder / kind / f"{name}.txt"
+        table = read_table(path, DETECTION, ",", finite=False)
+        class_code = table.whole_numbers("type")
+        expected = f"expected {code} ({kind})"
         table.refuse(
-            got != code, lambda row: f"type {got[row]}, expected {code} ({kind})"
+            class_code != code, lambda row: f"type {class_code[row]}, {expected}"
         )
     else:
-        every = read_table(folder / f"{name}.txt", RESULT, text="type")
-        require_kinds(every)
-        table = every.select(every.words["type"] == kind)
+        path = folder / f"{name}.txt"
+        table = read_table(path, RESULT, words="type", finite=False)
+        require_kinds(table)
+        table = table.select(table["type"] == kind)
     table.refuse_degrees("rotation_y")
-    return DetectionRows(
-        table,
-        table.whole("frame"),
-        table["score"],
-        sensor_boxes(table.matrix(BOX_FIELDS)),
-    )
+    box = sensor_boxes(table.matrix(BOX_FIELDS))
+    return DetectionRows(table, table.whole_numbers("frame"), table["score"], box)
 
 
 def require_kinds(table: RowTable) -> None:
     """Raise DataError for the first row with a type that KITTI does not have."""
-    kind = table.words["type"]
+    kind = table["type"]
+    expected = f"expected one of {', '.join(KINDS)}"
     table.refuse(
-        ~np.isin(kind, KINDS),
-        lambda row: f"type {str(kind[row])!r}, expected one of {', '.join(KINDS)}",
+        ~np.isin(kind, KINDS), lambda row: f"type {str(kind[row])!r}, {expected}"
     )
 
 
 def read_oxts(path: Path) -> Oxts:
-    """GPS/IMU rows of one sequence, at least one."""
-    table = _rows_of_frames(path, OXTS)
-    table.refuse_not_finite("lat lon alt roll pitch yaw vn ve vu")
+    """Read the GPS/IMU rows of one sequence, at least one."""
+    table = _read_frames(path, OXTS)
     return Oxts(table.matrix("roll pitch yaw"), table.matrix("ve vn vu"))
 
 
 def read_odometry(path: Path) -> Floats:
-    """Poses ``[F, 3, 4]`` camera to world (world = camera axes of frame 0), one row of 12 numbers per frame."""
-    table = _rows_of_frames(path, ODOMETRY)
-    table.refuse_not_finite(ODOMETRY)
+    """Read poses [F, 3, 4] camera to world, one row of 12 numbers per frame.
+
+    The world has the camera axes of frame 0.
+    """
+    table = _read_frames(path, ODOMETRY)
     pose = table.matrix(ODOMETRY).reshape(-1, 3, 4)
-    turn = pose[:, :, :3]
-    off = np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > ROUNDING
+    rotation = pose[:, :, :3]
+    error = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
     table.refuse(
-        off | (np.linalg.det(turn) < 0),
+        (error > ROUNDING) | (np.linalg.det(rotation) < 0),
         "expected a rotation in the first three columns of a 3 x 4 matrix",
     )
     return pose
 
 
-def _rows_of_frames(path: Path, columns: str) -> RowTable:
+def _read_frames(path: Path, columns: str) -> RowTable:
     table = read_table(path, columns)
     if not len(table):
         raise DataError(f"{path} is empty, expected one row per frame")
@@ -150,74 +163,88 @@ def _rows_of_frames(path: Path, columns: str) -> RowTable:
 
 
 def read_imu_to_camera(path: Path) -> Floats:
-    """Transform ``[4, 4]`` from the GPS/IMU unit to the rectified camera 0: R_rect x Tr_velo_cam x Tr_imu_velo."""
-    whole = np.eye(4)
-    for names in (
-        ("R_rect", "R0_rect"),
-        ("Tr_velo_cam", "Tr_velo_to_cam"),
-        ("Tr_imu_velo", "Tr_imu_to_velo"),
-    ):
-        motion = read_calibration(path, names, 3 if names[0] == "R_rect" else 4)
-        turn = motion[:3, :3]
-        if not np.allclose(turn @ turn.T, np.eye(3), atol=ROUNDING):
+    """Read the transform [4, 4] from the GPS/IMU unit to the rectified camera 0.
+
+    It is R_rect x Tr_velo_cam x Tr_imu_velo.
+    """
+    transform = np.eye(4)
+    for names, columns in _IMU_TO_CAMERA:
+        step = read_calibration(path, names, columns)
+        rotation = step[:3, :3]
+        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=ROUNDING):
             raise DataError(
-                f"{path}: line {names[0]!r} must hold a rotation in its first 3 columns and finite numbers"
+                f"{path}: line {names[0]!r} must hold a rotation in its first 3 "
+                "columns and finite numbers"
             )
-        whole = whole @ motion
-    return whole
+        transform = transform @ step
+    return transform
 
 
 def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats:
-    """The matrix of 3 rows and ``columns`` under one of these names, as a part of a unit matrix ``[4, 4]``."""
-    rows = {
-        words[0].rstrip(":"): words[1:]
-        for words in (line.split() for line in numbered_lines(path)[1])
-    }
-    words = next((rows[name] for name in names if name in rows), None)
-    if words is None:
-        raise DataError(
-            f"{path}: no line {names[0]!r}; found {', '.join(rows) or 'no lines'}"
-        )
-    whole = np.eye(4)
+    """Read a matrix of 3 rows, completed to [4, 4] by those of a unit matrix.
+
+    ``names``: of its line, one of which the file has. ``columns``: their number.
+    """
+    cells_of_line: dict[str, list[str]] = {}
+    for line in read_text(path).splitlines():
+        if line.strip():
+            line_name, *line_cells = line.split()
+            cells_of_line[line_name.rstrip(":")] = line_cells
+    existing = [line_name for line_name in names if line_name in cells_of_line]
+    if not existing:
+        listed = ", ".join(cells_of_line) or "no lines"
+        raise DataError(f"{path}: no line {names[0]!r}; found {listed}")
+    line_cells = cells_of_line[existing[0]]
+    matrix = np.eye(4)
     try:
-        whole[:3, :columns] = np.array(words, dtype=np.float64).reshape(3, columns)
+        matrix[:3, :columns] = np.array(line_cells, dtype=np.float64).reshape(
+            3, columns
+        )
     except ValueError:
         raise DataError(
-            f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got {len(words)}"
+            f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got "
+            f"{len(line_cells)}"
         ) from None
-    if not np.isfinite(whole).all():
+    if not np.isfinite(matrix).all():
         raise DataError(f"{path}: line {names[0]!r} must hold finite numbers")
-    return whole
+    return matrix
 
 
 def read_sequence_map(path: Path) -> dict[str, int]:
-    """Frames of each sequence, in the order of the file (``0001 empty 000000 000447``); empty without a file."""
+    """Read the frames of each sequence, in the order of the file.
+
+    Its rows are ``0001 empty 000000 000447``; empty without a file.
+    """
     if not path.is_file():
         return {}
-    rows = [line.split() for line in numbered_lines(path)[1]]
-    if not rows or not all(
-        len(row) == 4 and row[3].isdigit() and int(row[3]) for row in rows
-    ):
-        expected = "expected rows such as '0001 empty 000000 000447'"
-        raise DataError(f"{path} names no sequence or has a wrong row, {expected}")
-    return {row[0]: int(row[3]) for row in rows}
+    table = read_table(path, "sequence kind first frames", words="sequence kind")
+    if not len(table):
+        raise DataError(
+            f"{path} names no sequence, expected rows such as '0001 empty 000000 "
+            "000447'"
+        )
+    frames = table.whole_numbers("frames")
+    table.refuse(frames < 1, "expected a number of frames above 0", "frames")
+    return dict(zip(table["sequence"].tolist(), frames.tolist(), strict=True))
 
 
 def camera_fields(box: Floats) -> Floats:
-    """KITTI's camera-frame fields [R, 7] height width length x y z rotation_y of boxes [R, 7] in the sensor frame.
+    """Return KITTI's fields [R, 7] of boxes [R, 7] in the sensor frame.
 
-    The inverse of `sensor_boxes`.
+    They are in camera axes: height width length x y z rotation_y; the inverse of
+    `sensor_boxes`.
     """
     x, y, z, yaw, length, width, height = box.T
-    return np.column_stack(
-        [height, width, length, -y, height / 2 - z, x, wrap_angle(-yaw - np.pi / 2)]
-    )
+    rotation_y = wrap_angle(-yaw - np.pi / 2)
+    bottom = height / 2 - z
+    return np.column_stack([height, width, length, -y, bottom, x, rotation_y])
 
 
 def sensor_boxes(fields: Floats) -> Floats:
-    """Boxes [R, 7] in the sensor frame of KITTI's camera-frame fields [R, 7] height width length x y z rotation_y.
+    """Return boxes [R, 7] in the sensor frame of KITTI's fields [R, 7].
 
-    The place x y z is the centre of the bottom face; the heading is (cos ry, 0, -sin ry) in camera axes.
+    The fields are in camera axes: height width length x y z rotation_y. The place x y z
+    is the centre of the bottom face; the heading is (cos ry, 0, -sin ry).
     """
     height, width, length, x, y, z, rotation_y = fields.T
     yaw = wrap_angle(-rotation_y - np.pi / 2)

@@ -1,4 +1,4 @@
-"""KITTI tracking in a card and in a folder: the section ``[source]``, splits and detections."""
+"""KITTI tracking in a card and in a folder: ``[source]``, splits and detections."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +7,7 @@ from pydantic import Field
 
 from ...cards import Card, DetectionsSection, Traits, instead_of_stored
 from ...core import MissingDataError
-from ..base import own_detections, section_of
+from ..base import detections_folder, own_detections, section_of
 from ..dataset import Dataset
 from .files import read_sequence_map
 
@@ -26,15 +26,15 @@ VALIDATION = (
     "0018",
     "0019",
 )
-TYPES = {
-    "car": ("Car", 2),
-    "pedestrian": ("Pedestrian", 1),
-    "cyclist": ("Cyclist", 3),
-}  # label type, detection code
+# label type, detection code
+TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}
 LABELS = "training/label_02"
 IMAGES = "training/image_02"  # shown beside an event
 DATASET = Dataset.of(__file__)
-RENAME = "; a recording of your own needs a name that no official sequence has, such as 7001, in all folders"
+RENAME = (
+    "; a recording of your own needs a name that no official sequence has, such as "
+    "7001, in all folders"
+)
 
 
 class KittiSource(DetectionsSection):
@@ -43,7 +43,8 @@ class KittiSource(DetectionsSection):
     splits = ("train", "val")
 
     detector: str = "pointrcnn"  # folder under detections/
-    ego_motion: bool = True  # False: every frame in its own camera frame, as without ego-motion compensation
+    # False: every frame in its own camera frame, as without ego-motion compensation
+    ego_motion: bool = True
     stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
 
     @property
@@ -59,31 +60,36 @@ class KittiSource(DetectionsSection):
 
 
 def split_names(root: Path, split: str) -> tuple[str, ...]:
-    """Validation: the sequence map, if there is one; training: every other sequence that has labels."""
+    """Return the sequences of a split.
+
+    Validation: those of the sequence map, if there is one; training: every other
+    sequence that has labels.
+    """
     validation = tuple(read_sequence_map(root / SEQUENCE_MAP)) or VALIDATION
     if split == "val":
         return validation
-    labelled = sorted(path.stem for path in (root / LABELS).glob("*.txt"))
-    return tuple(name for name in labelled if name not in validation)
+    labelled = {path.stem for path in (root / LABELS).glob("*.txt")}
+    return tuple(sorted(labelled.difference(validation)))
 
 
 def require_detector(root: Path, card: Card) -> Path:
-    """The folder of the card's detections; raises DataError unless it is there with all classes."""
-    own, section = own_detections(card), section_of(card, KittiSource)
-    if own is not None:
-        return own
-    folder = root / "detections"
-    if not folder.is_dir():
-        raise MissingDataError(
-            f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}"
-        )
+    """Return the folder of the card's detections.
+
+    Raises DataError unless it is complete.
+    """
+    own_folder = own_detections(card)
+    if own_folder is not None:
+        return own_folder
+    folder = detections_folder(root, card, DATASET)
+    detector = section_of(card, KittiSource).detector
     names = sorted(path.name for path in folder.iterdir() if path.is_dir())
-    if section.detector not in names:
-        found = f"found: {', '.join(names) or 'none'}{instead_of_stored(card)}"
+    if detector not in names:
         raise MissingDataError(
-            f"{folder} has no detector {section.detector!r}; {found}"
+            f"{folder} has no detector {detector!r}; found: "
+            f"{', '.join(names) or 'none'}{instead_of_stored(card)}"
         )
     for name in card.task.classes:
-        if not (path := folder / section.detector / TYPES[name][0]).is_dir():
+        path = folder / detector / TYPES[name][0]
+        if not path.is_dir():
             raise MissingDataError(f"no folder {path}, expected for class {name!r}")
-    return folder / section.detector
+    return folder / detector

@@ -1,7 +1,8 @@
-"""Path of the KITTI car, and its left colour camera (image 2): the poses start at the first one.
+"""Path of the KITTI car, and its left colour camera (image 2).
 
-The sensor frame is the rectified camera 0 with x forward, y left, z up (see `files`). The world is level
-(z against gravity), has its origin in the first sensor position and its x axis along the first heading.
+The poses start at the first one. The sensor frame is the rectified camera 0 with x
+forward, y left, z up (see `files`). The world is level (z against gravity), has its
+origin in the first sensor position and its x axis along the first heading.
 """
 
 from collections.abc import Sequence
@@ -24,21 +25,24 @@ from .files import (
 from .layout import DATASET, IMAGES, LABELS, RENAME, KittiSource
 
 FRAME_PERIOD = 0.1036
-"""Seconds between images. The benchmark gives no time stamps and calls it 10 Hz; 0.1036 s makes the integrated
-velocities cover the distance between the GPS positions, and lets parked cars wander least (tests/sources)."""
+"""Seconds between images. The benchmark gives no time stamps and calls it 10 Hz; 0.1036
+s makes the integrated velocities cover the distance between the GPS positions, and lets
+parked cars wander least (tests/sources)."""
 
 CAMERA = "image_02"
 
-# Width and height of the images of each recording day, by the focal length of its calibration; the images are not
-# needed. The right and bottom ends of DontCare regions agree: they reach exactly to these borders.
+# Width and height of the images of each recording day, by the focal length of its
+# calibration; the images are not needed. The right and bottom ends of DontCare regions
+# agree: they reach exactly to these borders.
 SIZES = {
     721.5377: (1242, 375),
     707.0493: (1224, 370),
     718.3351: (1238, 374),
     718.856: (1241, 376),
 }
-# m, length width height: medians over all labelled boxes of the type Car (17 750), Pedestrian (1 346) and Cyclist (529)
-# of the ten sequences outside the validation split; `tests/sources/test_kitti_recordings.py` measures them again.
+# m, length width height: medians over all labelled boxes of the type Car (17 750),
+# Pedestrian (1 346) and Cyclist (529) of the ten sequences outside the validation
+# split; `tests/sources/test_kitti_recordings.py` measures them again.
 BOX_SIZES = {
     "car": (3.88, 1.63, 1.50),
     "pedestrian": (0.67, 0.60, 1.71),
@@ -54,54 +58,61 @@ class Poses:
     position: Floats  # [F, 3] m, world
 
     def ego(self) -> Floats:
-        """States ``[F, 4]``: x y z yaw of the sensor."""
+        """Return states [F, 4]: x y z yaw of the sensor."""
         yaw = np.arctan2(self.rotation[:, 1, 0], self.rotation[:, 0, 0])
         return np.column_stack([self.position, yaw])
 
     def to_world(self, box: Floats, frame: Ints) -> Floats:
-        """Boxes ``[R, 7]`` seen in ``frame [R]``, brought to the world, where they stay upright."""
+        """Bring boxes [R, 7] seen in ``frame`` [R] to the world.
+
+        They stay upright.
+        """
         rotation = self.rotation[frame]
         heading = np.column_stack([unit_vectors(box[:, 3]), np.zeros(len(box))])
         heading = np.einsum("rij,rj->ri", rotation, heading)
         place = np.einsum("rij,rj->ri", rotation, box[:, :3]) + self.position[frame]
-        return np.column_stack(
-            [place, np.arctan2(heading[:, 1], heading[:, 0]), box[:, 4:]]
-        )
+        yaw = np.arctan2(heading[:, 1], heading[:, 0])
+        return np.column_stack([place, yaw, box[:, 4:]])
 
     def to_sensor(self, box: Floats, frame: Ints) -> Floats:
-        """Boxes ``[R, 7]`` of the world as seen in ``frame [R]``: the inverse of `to_world`."""
+        """Bring boxes [R, 7] of the world to the sensor in ``frame`` [R].
+
+        The inverse of `to_world`.
+        """
         rotation = self.rotation[frame]
-        heading = unit_vectors(box[:, 3])
-        # its shadow is the heading there
-        heading = np.linalg.solve(rotation[:, :2, :2], heading[..., None])[..., 0]
-        moved = (box[:, :3] - self.position[frame])[..., None]
-        place = np.linalg.solve(rotation, moved)[
-            ..., 0
-        ]  # odometry's are rotations up to rounding
-        return np.column_stack(
-            [place, np.arctan2(heading[:, 1], heading[:, 0]), box[:, 4:]]
-        )
+        # the heading's shadow in the world is the box's heading there
+        shadow = unit_vectors(box[:, 3])[..., None]
+        heading = np.linalg.solve(rotation[:, :2, :2], shadow)[..., 0]
+        offset = (box[:, :3] - self.position[frame])[..., None]
+        # odometry's are rotations up to rounding
+        place = np.linalg.solve(rotation, offset)[..., 0]
+        yaw = np.arctan2(heading[:, 1], heading[:, 0])
+        return np.column_stack([place, yaw, box[:, 4:]])
 
 
 def integrated_poses(
     oxts: Oxts, imu_to_camera: Floats, period: float = FRAME_PERIOD
 ) -> Poses:
-    """Poses from the attitude and the integrated velocity of the GPS/IMU unit.
+    """Return poses from the attitude and integrated velocity of the GPS/IMU unit.
 
-    Differences of latitude and longitude jitter by centimetres from frame to frame: the unit's samples come every
-    10 ms and are not those of the images. The slow drift of the integral does not matter within a forecast.
+    Differences of latitude and longitude jitter by centimetres from frame to frame: the
+    unit's samples come every 10 ms and are not those of the images. The slow drift of
+    the integral does not matter within a forecast.
     """
-    mean = (oxts.velocity[1:] + oxts.velocity[:-1]) / 2
-    path = np.concatenate([np.zeros((1, 3)), np.cumsum(mean * period, axis=0)])
+    mean_velocity = (oxts.velocity[1:] + oxts.velocity[:-1]) / 2
+    path_steps = np.cumsum(mean_velocity * period, axis=0)
+    path = np.concatenate([np.zeros((1, 3)), path_steps])
     return poses_from_imu(path, oxts.attitude, imu_to_camera)
 
 
 def read_poses(root: Path, name: str) -> Poses:
-    """Poses of one sequence: odometry if ``poses_orbslam3`` has it (0019: bad GPS), else OXTS."""
-    oxts_path, odometry_path = (
-        root / f"training/oxts/{name}.txt",
-        root / f"poses_orbslam3/{name}.txt",
-    )
+    """Read the poses of one sequence.
+
+    They are those of odometry if ``poses_orbslam3`` has it (0019: bad GPS), else of
+    OXTS.
+    """
+    oxts_path = root / f"training/oxts/{name}.txt"
+    odometry_path = root / f"poses_orbslam3/{name}.txt"
     oxts = read_oxts(oxts_path)
     imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
     if not odometry_path.is_file():
@@ -109,18 +120,21 @@ def read_poses(root: Path, name: str) -> Poses:
     odometry = read_odometry(odometry_path)
     if len(odometry) != len(oxts.attitude):
         raise DataError(
-            f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has {len(oxts.attitude)}{RENAME}"
+            f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has "
+            f"{len(oxts.attitude)}{RENAME}"
         )
     # from camera to camera axes of frame 0, levelled by the first attitude
-    level = poses_from_imu(np.zeros((1, 3)), oxts.attitude[:1], imu_to_camera).rotation[
-        0
-    ]
+    first_pose = poses_from_imu(np.zeros((1, 3)), oxts.attitude[:1], imu_to_camera)
+    level = first_pose.rotation[0]
     rotation = level @ SENSOR_FROM_CAMERA @ odometry[:, :, :3] @ SENSOR_FROM_CAMERA.T
     return _from_first(rotation, odometry[:, :, 3] @ (level @ SENSOR_FROM_CAMERA).T)
 
 
 def poses_from_imu(path: Floats, attitude: Floats, imu_to_camera: Floats) -> Poses:
-    """Poses from positions ``[F, 3]`` (east, north, up) and attitudes ``[F, 3]`` of the GPS/IMU unit."""
+    """Return poses from positions and attitudes [F, 3] of the GPS/IMU unit.
+
+    ``path`` is east, north, up.
+    """
     imu_from_sensor = np.linalg.inv(imu_to_camera)
     level_from_imu = _rotations(attitude)
     rotation = level_from_imu @ (imu_from_sensor[:3, :3] @ SENSOR_FROM_CAMERA.T)
@@ -128,21 +142,24 @@ def poses_from_imu(path: Floats, attitude: Floats, imu_to_camera: Floats) -> Pos
 
 
 def _from_first(rotation: Floats, position: Floats) -> Poses:
-    """Poses in the level frame of the first one."""
+    """Return poses in the level frame of the first one."""
     yaw = np.arctan2(rotation[0, 1, 0], rotation[0, 0, 0])
-    turn = np.array(
-        [
-            [np.cos(yaw), np.sin(yaw), 0.0],
-            [-np.sin(yaw), np.cos(yaw), 0.0],
-            [0.0, 0.0, 1.0],
-        ]
+    cos = np.cos(yaw)
+    sin = np.sin(yaw)
+    level_rotation = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return Poses(
+        rotation=level_rotation @ rotation,
+        position=(position - position[0]) @ level_rotation.T,
     )
-    return Poses(rotation=turn @ rotation, position=(position - position[0]) @ turn.T)
 
 
 def _rotations(attitude: Floats) -> Floats:
-    """Rotations ``[F, 3, 3]`` Rz(yaw) Ry(pitch) Rx(roll) from forward, left, up to east, north, up."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(attitude).T, np.sin(attitude).T
+    """Return rotations [F, 3, 3] Rz(yaw) Ry(pitch) Rx(roll) of ``attitude`` [F, 3].
+
+    They are from forward, left, up to east, north, up.
+    """
+    cr, cp, cy = np.cos(attitude).T
+    sr, sp, sy = np.sin(attitude).T
     rows = [
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
         [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
@@ -159,50 +176,54 @@ def image_field(
     region_start: Ints,
     classes: Sequence[str],
 ) -> ImageField:
-    """Area in which the image of each frame of a scene can confirm objects.
+    """Return the area in which the image of each frame can confirm objects.
 
-    ``path`` of the calibration, ``poses`` of the F frames, ``region`` [R, 4] and ``region_start`` [F + 1] of DontCare.
-    The ground is level below the camera: that fits the labels better than ground that tilts with it.
+    ``path`` of the calibration, ``poses`` of the F frames, ``region`` [R, 4] and
+    ``region_start`` [F + 1] of DontCare. The ground is level below the camera: that
+    fits the labels better than ground that tilts with it.
     """
     camera = read_calibration(path, ("P2",), 4)[:3]
-    state = poses.ego()
-    origin, heading = state[:, :3], state[:, 3]
-    turn = poses.rotation.swapaxes(1, 2)  # scene to sensor
+    ego = poses.ego()
+    origin = ego[:, :3]
+    heading = ego[:, 3]
+    rotation = poses.rotation.swapaxes(1, 2)  # scene to sensor
     if not ego_motion:
         level = np.column_stack([np.zeros((len(heading), 2)), heading])
-        turn, origin, heading = (
-            turn @ _rotations(level),
-            np.zeros_like(origin),
-            np.zeros_like(heading),
-        )
-    turn = camera[:, :3] @ SENSOR_FROM_CAMERA.T @ turn
-    shift = camera[:, 3] - np.einsum("fij,fj->fi", turn, origin)
-    focal = min(SIZES, key=lambda known: abs(known - camera[0, 0]))
-    projection = np.concatenate([turn, shift[..., None]], axis=2)
-    box_size = np.array([BOX_SIZES[name] for name in classes])
+        rotation = rotation @ _rotations(level)
+        origin = np.zeros_like(origin)
+        heading = np.zeros_like(heading)
+    rotation = camera[:, :3] @ SENSOR_FROM_CAMERA.T @ rotation
+    shift = camera[:, 3] - np.einsum("fij,fj->fi", rotation, origin)
+    focal_length = min(SIZES, key=lambda length: abs(length - camera[0, 0]))
     return ImageField(
-        projection, origin[:, 2], heading, SIZES[focal], region, region_start, box_size
+        projection=np.concatenate([rotation, shift[..., None]], axis=2),
+        height=origin[:, 2],
+        heading=heading,
+        size=SIZES[focal_length],
+        region=region,
+        region_start=region_start,
+        box_size=np.array([BOX_SIZES[name] for name in classes]),
     )
 
 
 def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage, ...]:
-    """The images of the frames of a sequence whose files are there."""
-    section, root = section_of(card, KittiSource), DATASET.find(data, LABELS)
+    """Return the images of the frames of a sequence whose files are there."""
+    root = DATASET.find(data, LABELS)
     folder = root / IMAGES / scene.name
     if scene.image is None or not folder.is_dir():
         return ()
-    size, projection = scene.image.size, scene.image.projection
-    if (
-        scene.world is not None
-    ):  # every frame in its own sensor frame, which the labels are given in
-        camera = read_calibration(
-            root / f"training/calib/{scene.name}.txt", ("P2",), 4
-        )[:3]
+    projection = scene.image.projection
+    # every frame in its own sensor frame, which the labels are given in
+    if scene.world is not None:
+        path = root / f"training/calib/{scene.name}.txt"
+        camera = read_calibration(path, ("P2",), 4)[:3]
         camera = np.column_stack([camera[:, :3] @ SENSOR_FROM_CAMERA.T, camera[:, 3]])
         projection = np.broadcast_to(camera, (scene.frames, 3, 4))
-    paths = [folder / f"{t * section.stride:06d}.png" for t in range(scene.frames)]
-    return tuple(
-        CameraImage(t, CAMERA, path, size, projection[t])
-        for t, path in enumerate(paths)
-        if path.is_file()
-    )
+    stride = section_of(card, KittiSource).stride
+    images: list[CameraImage] = []
+    for frame in range(scene.frames):
+        path = folder / f"{frame * stride:06d}.png"
+        if path.is_file():
+            size = scene.image.size
+            images.append(CameraImage(frame, CAMERA, path, size, projection[frame]))
+    return tuple(images)

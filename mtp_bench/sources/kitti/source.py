@@ -18,8 +18,17 @@ from ...core import (
     Truth,
     starts_of_sorted,
 )
-from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
-from ..motion import central_velocity, unknown_velocity
+from ..base import (
+    DataRoot,
+    detections_by_frame,
+    no_detections,
+    require_classes,
+    require_rate,
+    section_of,
+    sorted_rows,
+    stored_label,
+)
+from ..motion import central_velocity
 from .files import (
     DetectionRows,
     LabelRows,
@@ -39,7 +48,8 @@ from .layout import (
 )
 from .poses import FRAME_PERIOD, Poses, image_field, read_poses
 
-# Types that KITTI's own evaluation leaves out of account: their annotation overlaps with the class.
+# Types that KITTI's own evaluation leaves out of account: their annotation overlaps
+# with the class.
 NEIGHBOURS = {
     "car": ("Van",),
     "pedestrian": ("Person", "Person_sitting"),
@@ -48,11 +58,12 @@ NEIGHBOURS = {
 
 
 class KittiTracking:
-    """Scenes of one split of the KITTI tracking benchmark, with or without ego-motion compensation.
+    """Scenes of one split of KITTI tracking, with or without ego-motion compensation.
 
-    Frames of reference: with compensation the world of `kitti.poses`; without it every frame is given in its own
-    sensor frame (x forward, y left, z up) and the ego state is all zeros; `Scene.world` says where those frames are.
-    Time is frame index x 0.1036 s.
+    Frames of reference: with compensation the world of `kitti.poses`; without it every
+    frame is given in its own sensor frame (x forward, y left, z up) and the ego state
+    is all zeros; `Scene.world` says where those frames are. Time is frame index x
+    0.1036 s.
     """
 
     def __init__(self, card: Card, data: DataRoot = None) -> None:
@@ -62,55 +73,58 @@ class KittiTracking:
         require_classes(card, "KITTI", TYPES)
         require_rate(card, "KITTI", 10.0, self.section.stride)
         self.names = split_names(self.root, self.section.split)
-        self._detections = (
-            require_detector(self.root, card) if card.detector is None else None
-        )
+        self._detections: Path | None = None
+        if card.detector is None:
+            self._detections = require_detector(self.root, card)
 
     def load(self, name: str) -> Scene:
-        """Read one sequence; all its frames count, also those without labels or detections."""
-        section, classes = self.section, self.card.task.classes
+        """Read one sequence, all its frames, also those without labels."""
+        classes = self.card.task.classes
+        ego_motion = self.section.ego_motion
+        stride = self.section.stride
         poses = read_poses(self.root, name)
         length = len(poses.position)
-        if read_sequence_map(self.root / SEQUENCE_MAP).get(name, length) != length:
+        frame_counts = read_sequence_map(self.root / SEQUENCE_MAP)
+        if frame_counts.get(name, length) != length:
             path = self.root / f"training/oxts/{name}.txt"
             raise DataError(
-                f"{path} has {length} rows, expected one for each frame of the sequence map{RENAME}"
+                f"{path} has {length} rows, expected one for each frame of the "
+                f"sequence map{RENAME}"
             )
-        frames = Frames(length, section.stride, poses if section.ego_motion else None)
-        kept = np.arange(0, length, section.stride)
+        frames = Frames(length, stride, poses if ego_motion else None)
         labels = read_labels(self.root / LABELS / f"{name}.txt")
         frames.check(labels)
-        detections, skipped, label = no_detections(len(kept)), dict[str, int](), ""
-        if self._detections is not None:
-            label = f"{section.detector}, stored detections"
-            detections, skipped = detections_of(self._detections, name, classes, frames)
-        calibration = self.root / f"training/calib/{name}.txt"
-        of_scene = Poses(poses.rotation[kept], poses.position[kept])
+        frame = np.arange(0, length, stride)
+        scene_poses = Poses(poses.rotation[frame], poses.position[frame])
+        ego = scene_poses.ego()
         region = frames.select(labels.frame, labels.type == "DontCare")
-        regions = labels.image_box[region], frames.starts(labels.frame[region])
         image = image_field(
-            calibration, of_scene, section.ego_motion, *regions, classes
-        )
-        time, truth, ego = (
-            kept * FRAME_PERIOD,
-            truth_of(labels, classes, frames),
-            of_scene.ego(),
+            self.root / f"training/calib/{name}.txt",
+            scene_poses,
+            ego_motion,
+            labels.image_box[region],
+            frames.starts(labels.frame[region]),
+            classes,
         )
         scene = Scene(
-            name,
-            time,
-            ego,
-            truth,
-            detections,
-            detector=label,
-            skipped=skipped,
+            name=name,
+            time=frame * FRAME_PERIOD,
+            ego=ego,
+            truth=truth_of(labels, classes, frames),
+            detections=no_detections(len(frame)),
             image=image,
         )
-        return (
-            scene
-            if section.ego_motion
-            else replace(scene, ego=np.zeros((len(kept), 4)), world=ego)
-        )
+        if self._detections is not None:
+            detections, skipped = detections_of(self._detections, name, classes, frames)
+            scene = replace(
+                scene,
+                detections=detections,
+                detector=stored_label(self.section.detector),
+                skipped=skipped,
+            )
+        if ego_motion:
+            return scene
+        return replace(scene, ego=np.zeros((len(frame), 4)), world=ego)
 
 
 @dataclass(frozen=True)
@@ -121,68 +135,86 @@ class Frames:
     stride: int
     poses: Poses | None  # None: every frame in its own sensor frame
 
-    def select(self, frame: Ints, keep: Bools) -> Ints:
-        """Indices of the rows to keep in frames of the scene, sorted by frame, otherwise in their order."""
-        row = np.flatnonzero(keep & (frame % self.stride == 0))
-        return row[np.argsort(frame[row], kind="stable")]
+    def select(self, frame: Ints, used: Bools) -> Ints:
+        """Return the ``used`` rows in frames of the scene, sorted by frame."""
+        return sorted_rows(frame, used & (frame % self.stride == 0))
+
+    @property
+    def count(self) -> int:
+        """Number of frames of the scene."""
+        return -(-self.length // self.stride)
 
     def starts(self, frame: Ints) -> Ints:
-        """First row of each frame of the scene, and the number of rows."""
-        return starts_of_sorted(frame // self.stride, -(-self.length // self.stride))
+        """Return the first row of each frame of the scene, and the number of rows."""
+        return starts_of_sorted(frame // self.stride, self.count)
 
     def place(self, box: Floats, frame: Ints) -> Floats:
-        """Boxes in the frame of reference of the scene."""
+        """Return boxes in the frame of reference of the scene."""
         return self.poses.to_world(box, frame) if self.poses else box
 
     def check(self, rows: LabelRows | DetectionRows) -> None:
         """Raise DataError for a row outside of the sequence."""
-        outside = (rows.frame < 0) | (rows.frame >= self.length)
+        is_outside = (rows.frame < 0) | (rows.frame >= self.length)
         problem = f"but the sequence has {self.length} frames{RENAME}"
-        rows.table.refuse(outside, lambda row: f"frame {rows.frame[row]}, {problem}")
+        rows.table.refuse(is_outside, lambda row: f"frame {rows.frame[row]}, {problem}")
 
 
 def truth_of(labels: LabelRows, classes: Sequence[str], frames: Frames) -> Truth:
-    """The truth of a sequence: boxes of ``classes``, and as neutral those of `NEIGHBOURS`."""
+    """Return the truth of a sequence: boxes of ``classes``, `NEIGHBOURS` as neutral."""
     class_id = np.full(len(labels.frame), -1)
     neutral = np.zeros(len(labels.frame), dtype=bool)
     for index, name in enumerate(classes):
-        beside = np.isin(labels.type, NEIGHBOURS[name])
-        class_id[beside | (labels.type == TYPES[name][0])] = index
-        neutral |= beside
-    row = frames.select(labels.frame, class_id >= 0)
-    frame, object_id = labels.frame[row], labels.object_id[row]
-    box, neutral = frames.place(labels.box[row], frame), neutral[row]
-    velocity = central_velocity(
-        frame // frames.stride, object_id, box[:, :2], frames.stride * FRAME_PERIOD
-    )
+        is_neighbour = np.isin(labels.type, NEIGHBOURS[name])
+        class_id[is_neighbour | (labels.type == TYPES[name][0])] = index
+        neutral |= is_neighbour
+    true_rows = frames.select(labels.frame, class_id >= 0)
+    file_frame = labels.frame[true_rows]
+    object_id = labels.object_id[true_rows]
+    box = frames.place(labels.box[true_rows], file_frame)
+    period_s = frames.stride * FRAME_PERIOD
+    scene_frame = file_frame // frames.stride
     return Truth(
-        frames.starts(frame), box, velocity, class_id[row], object_id, ~neutral, neutral
+        start=frames.starts(file_frame),
+        box=box,
+        velocity=central_velocity(scene_frame, object_id, box[:, :2], period_s),
+        class_id=class_id[true_rows],
+        object_id=object_id,
+        eligible=~neutral[true_rows],
+        neutral=neutral[true_rows],
     )
 
 
 def detections_of(
     folder: Path, name: str, classes: Sequence[str], frames: Frames
 ) -> tuple[Detections, dict[str, int]]:
-    """Detections of all classes, sorted by frame, class and place in the file; and the counts of skipped rows."""
-    parts: list[tuple[Ints, Floats, Floats, Ints]] = []
+    """Return the detections of all classes, and the counts of skipped rows.
+
+    They are sorted by frame, class and place in the file.
+    """
+    frame_parts: list[Ints] = []
+    box_parts: list[Floats] = []
+    score_parts: list[Floats] = []
     skipped = Counter[str]()
-    for index, class_name in enumerate(classes):
-        kind, code = TYPES[class_name]
-        rows = read_detections(folder, name, kind, code)
-        frames.check(rows)
-        row = frames.select(rows.frame, np.ones(len(rows.frame), dtype=bool))
-        finite = np.isfinite(rows.box[row]).all(axis=1) & np.isfinite(rows.score[row])
-        skipped["detection not finite"] += int((~finite).sum())
-        row = row[finite]
-        parts.append(
-            (rows.frame[row], rows.box[row], rows.score[row], np.full(len(row), index))
+    for class_name in classes:
+        class_table = read_detections(folder, name, *TYPES[class_name])
+        frames.check(class_table)
+        used_rows = frames.select(
+            class_table.frame, np.ones(len(class_table.frame), dtype=bool)
         )
-    frame, box, score, class_id = (
-        np.concatenate(column) for column in zip(*parts, strict=True)
+        is_finite = np.isfinite(class_table.box[used_rows]).all(axis=1)
+        is_finite &= np.isfinite(class_table.score[used_rows])
+        skipped["detection not finite"] += int((~is_finite).sum())
+        used_rows = used_rows[is_finite]
+        frame_parts.append(class_table.frame[used_rows])
+        box_parts.append(class_table.box[used_rows])
+        score_parts.append(class_table.score[used_rows])
+    row_counts = [len(part) for part in frame_parts]
+    frame = np.concatenate(frame_parts)
+    detections = detections_by_frame(
+        frames.count,
+        frame // frames.stride,
+        frames.place(np.concatenate(box_parts), frame),
+        np.repeat(np.arange(len(classes)), row_counts),
+        np.concatenate(score_parts),
     )
-    order = np.argsort(frame, kind="stable")
-    frame = frame[order]
-    box, velocity = frames.place(box[order], frame), unknown_velocity(len(frame))
-    return Detections(
-        frames.starts(frame), box, velocity, class_id[order], score[order]
-    ), dict(+skipped)
+    return detections, dict(+skipped)

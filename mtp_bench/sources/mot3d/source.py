@@ -1,4 +1,7 @@
-"""3DMOT2015: people on the ground plane with stored ACF detections, one sequence cut into scenes; its card section."""
+"""3DMOT2015: people on the ground plane with stored ACF detections; its card section.
+
+One sequence is cut into scenes.
+"""
 
 import configparser
 from dataclasses import dataclass
@@ -11,45 +14,40 @@ from pydantic import Field
 
 from ...cards import Card, SourceSection, Traits, instead_of_stored
 from ...core import CardError, DataError, Floats, Ints, MissingDataError, Scene
-from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
+from ..base import DataRoot, require_classes, require_rate, section_of, sorted_rows
 from ..dataset import Dataset
-from ..motion import middle, people_detections, people_truth
-from ..text import RowTable, read_table, read_text
+from ..motion import middle, people_detections, people_scene, people_truth
+from ..readers import read_table
+from ..tables import RowTable
+from ..text import read_text
 
 DATASET = Dataset.of(__file__)
-SEQINFO, TRUTH, DETECTIONS = (
-    "seqinfo.ini",
-    "gt/gt.txt",
-    "det/det.txt",
-)  # inside train/<sequence>
+# inside train/<sequence>
+SEQINFO = "seqinfo.ini"
+TRUTH = "gt/gt.txt"
+DETECTIONS = "det/det.txt"
 COLUMNS = "frame id left top width height confidence X Y Z"
 
 
-class SequenceInfo(msgspec.Struct, frozen=True):
+class SequenceInfo(msgspec.Struct, frozen=True, rename="camel"):
     """Content of the section [Sequence] of ``seqinfo.ini``."""
 
-    rate: Annotated[float, msgspec.Meta(gt=0, le=1e6)] = msgspec.field(
-        name="frameRate"
-    )  # Hz
-    length: Annotated[int, msgspec.Meta(gt=0, le=10**6)] = msgspec.field(
-        name="seqLength"
-    )  # frames
+    frame_rate: Annotated[float, msgspec.Meta(gt=0, le=1e6)]  # Hz
+    seq_length: Annotated[int, msgspec.Meta(gt=0, le=10**6)]  # frames
 
 
 class Mot3dSource(SourceSection):
-    """3DMOT2015: people on the ground plane, seen by a fixed camera, with stored detections."""
+    """3DMOT2015: people seen by a fixed camera, with stored detections."""
 
     splits = ("train", "val")
 
     sequence: Literal["PETS09-S2L1", "TUD-Stadtmitte"]
     detector: Literal["acf"] = "acf"  # det/det.txt
     stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
-    scene_frames: Annotated[int, Field(ge=2)] = (
-        140  # kept frames per scene, the last scene may have fewer
-    )
-    train_scenes: Annotated[int, Field(ge=0)] = (
-        2  # the first ones are for training, the others are "val"
-    )
+    # kept frames per scene, the last scene may have fewer
+    scene_frames: Annotated[int, Field(ge=2)] = 140
+    # the first ones are for training, the others are "val"
+    train_scenes: Annotated[int, Field(ge=0)] = 2
 
     @property
     def traits(self) -> Traits:
@@ -63,18 +61,20 @@ class Mot3dSource(SourceSection):
 
 
 def folder_of(card: Card) -> str:
-    """The folder of the card's sequence, relative to the root."""
+    """Return the folder of the card's sequence, relative to the root."""
     return f"train/{section_of(card, Mot3dSource).sequence}"
 
 
 class Mot3d:
-    """Scenes of one sequence of 3DMOT2015, cut from it one after the other into ``scene_frames`` kept frames.
+    """Scenes of one sequence of 3DMOT2015, cut one after the other.
 
-    Neighbouring scenes show partly the same people, so intervals over them are narrower than over recordings.
+    A scene has ``scene_frames`` kept frames. Neighbouring scenes show partly the same
+    people, so intervals over them are narrower than over recordings.
 
-    Frame of reference: the ground plane of the files, in metres. Boxes are nominal, with yaw 0. There is no ego
-    vehicle: the ego state is the middle of all true positions of the sequence in whole metres. Time is (official
-    frame - 1) / frame rate. Truth rows with confidence 0 are neutral. Raises CardError or DataError.
+    Frame of reference: the ground plane of the files, in metres. Boxes are nominal,
+    with yaw 0. There is no ego vehicle: the ego state is the middle of all true
+    positions of the sequence in whole metres. Time is (official frame - 1) / frame
+    rate. Truth rows with confidence 0 are neutral. Raises CardError or DataError.
     """
 
     def __init__(self, card: Card, data: DataRoot = None) -> None:
@@ -84,89 +84,83 @@ class Mot3d:
         folder = folder_of(card)
         self.folder = DATASET.find(data, folder) / folder
         self._info = read_sequence_info(self.folder / SEQINFO)
-        require_rate(card, self.section.sequence, self._info.rate, self.section.stride)
-        for name in (SEQINFO, TRUTH, *([DETECTIONS] if card.detector is None else [])):
-            if not (self.folder / name).is_file():
-                advice = instead_of_stored(card) if name == DETECTIONS else ""
-                raise MissingDataError(f"no file {self.folder / name}{advice}")
-        self._kept = split_frames(card, self._info.length)
-        self.names = tuple(
-            self._kept
-        )  # the sequence and the official number of the scene's first frame
+        rate_hz = self._info.frame_rate
+        require_rate(card, self.section.sequence, rate_hz, self.section.stride)
+        if not (self.folder / TRUTH).is_file():
+            raise MissingDataError(f"no file {self.folder / TRUTH}")
+        if card.detector is None and not (self.folder / DETECTIONS).is_file():
+            advice = instead_of_stored(card)
+            raise MissingDataError(f"no file {self.folder / DETECTIONS}{advice}")
+        self._frames = split_frames(card, self._info.seq_length)
+        # the sequence and the official number of the scene's first frame
+        self.names = tuple(self._frames)
 
     def load(self, name: str) -> Scene:
-        """Read one scene; all its frames count, also those without people or detections."""
-        kept, section = self._kept[name], self.section
-        people = read_rows(self.folder / TRUTH, self._info.length)
+        """Read one scene, all its frames, also those without people."""
+        frame_numbers = self._frames[name]
+        people = read_rows(self.folder / TRUTH, self._info.seq_length)
         if not len(people.frame):
             raise DataError(
                 f"{self.folder / TRUTH} has no rows, expected one per person and frame"
             )
-        people.table.refuse_second_box(
-            people.frame, people.object_id, np.arange(len(people.frame))
-        )
-        stored = section.detector if self.card.detector is None else None
-        detections = no_detections(len(kept))
-        if stored:
-            found = read_rows(self.folder / DETECTIONS, self._info.length)
-            row, frame = _select(found, kept)
-            detections = people_detections(
-                frame, found.ground[row, :2], found.confidence[row], len(kept)
-            )
-        time = (kept - 1) / self._info.rate
-        row, frame = _select(people, kept)
-        period, neutral = (
-            1 / self._info.rate * section.stride,
-            people.confidence[row] == 0,
-        )
+        people.table.refuse_second_box(people.frame, people.object_id)
+        rows, frame = _select(people, frame_numbers)
+        rate_hz = self._info.frame_rate
+        time = (frame_numbers - 1) / rate_hz
         truth = people_truth(
-            frame, people.ground[row, :2], people.object_id[row], time, period, neutral
-        )
-        ego, visible = (
-            np.tile(middle(people.ground), (len(kept), 1)),
-            np.ones(len(truth.box)),
-        )
-        label = f"{stored}, stored detections" if stored else ""
-        return Scene(
-            name,
+            frame,
+            people.ground[rows, :2],
+            people.object_id[rows],
             time,
-            ego,
-            truth,
-            detections,
-            detector=label,
-            visible=visible,
-            recording=section.sequence,
+            period=1 / rate_hz * self.section.stride,
+            neutral=people.confidence[rows] == 0,
         )
+        stored = None
+        if self.card.detector is None:
+            boxes = read_rows(self.folder / DETECTIONS, self._info.seq_length)
+            rows, frame = _select(boxes, frame_numbers)
+            place = boxes.ground[rows, :2]
+            score = boxes.confidence[rows]
+            detections = people_detections(frame, place, score, len(frame_numbers))
+            stored = detections, self.section.detector
+        reference_point = middle(people.ground)
+        sequence = self.section.sequence
+        return people_scene(name, sequence, time, reference_point, truth, stored)
 
 
 def split_frames(card: Card, length: int) -> dict[str, Ints]:
-    """Official numbers (from 1) of the kept frames of each scene of the card's split, by the scene's name.
+    """Return the official numbers (from 1) of the kept frames of each scene by name.
 
-    The first ``train_scenes`` scenes are "train", the others "val". Raises CardError for a split without scenes.
+    The first ``train_scenes`` scenes are "train", the others "val". Raises CardError
+    for a split without scenes.
     """
-    section, shortest = section_of(card, Mot3dSource), card.task.past + card.task.future
-    if section.scene_frames < shortest:
-        expected = f"expected at least {shortest}: task.past and task.future"
+    section = section_of(card, Mot3dSource)
+    size = section.scene_frames
+    min_frames = card.task.past + card.task.future
+    if size < min_frames:
         raise CardError(
-            f"{card.id}: source.scene_frames is {section.scene_frames}, {expected}"
+            f"{card.id}: source.scene_frames is {size}, expected at least "
+            f"{min_frames}: task.past and task.future"
         )
-    kept = np.arange(1, length + 1, section.stride)
-    cut = [
-        kept[first : first + section.scene_frames]
-        for first in range(0, len(kept), section.scene_frames)
+    frames = np.arange(1, length + 1, section.stride)
+    scene_parts = np.split(frames, range(size, len(frames), size))
+    scenes = [
+        scene_frames for scene_frames in scene_parts if len(scene_frames) >= min_frames
     ]
-    scenes = [frames for frames in cut if len(frames) >= shortest]
-    chosen = (
-        scenes[: section.train_scenes]
-        if section.split == "train"
-        else scenes[section.train_scenes :]
-    )
+    if section.split == "train":
+        chosen = scenes[: section.train_scenes]
+    else:
+        chosen = scenes[section.train_scenes :]
     if not chosen:
         raise CardError(
-            f"{card.id}: split {section.split!r} has no scenes: {section.sequence} has {len(scenes)} of "
-            f"{section.scene_frames} frames, and source.train_scenes is {section.train_scenes}"
+            f"{card.id}: split {section.split!r} has no scenes: {section.sequence} has "
+            f"{len(scenes)} of {size} frames, and source.train_scenes is "
+            f"{section.train_scenes}"
         )
-    return {f"{section.sequence}-{frames[0]:04d}": frames for frames in chosen}
+    return {
+        f"{section.sequence}-{scene_frames[0]:04d}": scene_frames
+        for scene_frames in chosen
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,47 +174,45 @@ class Rows:
     ground: Floats  # [R, 3] m, X Y Z of the foot point
 
 
-def _select(rows: Rows, kept: Ints) -> tuple[Ints, Ints]:
-    """Rows ``[n]`` of the kept frames, sorted by frame, and the index of each row's frame ``[n]``."""
-    row = np.flatnonzero(np.isin(rows.frame, kept))
-    row = row[np.argsort(rows.frame[row], kind="stable")]
-    return row, np.searchsorted(kept, rows.frame[row])
+def _select(table: Rows, frame_numbers: Ints) -> tuple[Ints, Ints]:
+    """Return the rows [n] of ``frame_numbers`` and the frame of each [n], sorted."""
+    rows = sorted_rows(table.frame, np.isin(table.frame, frame_numbers))
+    return rows, np.searchsorted(frame_numbers, table.frame[rows])
 
 
 def read_sequence_info(path: Path) -> SequenceInfo:
-    """Frame rate and number of frames; DataError names the key that is missing or wrong."""
+    """Read frame rate and number of frames.
+
+    DataError names the wrong key.
+    """
     parser = configparser.RawConfigParser()
-    parser.optionxform = str  # type: ignore[assignment, method-assign]  # keys keep their capitals
+    # keys keep their capitals
+    parser.optionxform = str  # type: ignore[assignment, method-assign]
     try:
         parser.read_string(read_text(path), source=str(path))
-        return msgspec.convert(
-            dict(parser.items("Sequence")), SequenceInfo, strict=False
-        )
+        section = dict(parser.items("Sequence"))
+        return msgspec.convert(section, SequenceInfo, strict=False)
     except (configparser.Error, msgspec.ValidationError) as error:
-        raise DataError(
-            f"{path} cannot be read: {' '.join(str(error).split())}"
-        ) from None
+        problem = " ".join(str(error).split())
+        raise DataError(f"{path} cannot be read: {problem}") from None
 
 
 def read_rows(path: Path, length: int) -> Rows:
-    """Rows of either file in a sequence of ``length`` frames; an empty file gives no rows.
+    """Read rows of either file in a sequence of ``length`` frames.
 
-    DataError names the line that is wrong. Sequences of the 2D benchmark have these names, but no ground coordinates.
+    An empty file gives no rows. DataError names the line that is wrong. Sequences of
+    the 2D benchmark have these names, but no ground coordinates.
     """
     table = read_table(path, COLUMNS, ",")
-    table.refuse_not_finite(COLUMNS)
-    frame = table.whole("frame")
-    outside = (frame < 1) | (frame > length)
-    table.refuse(
-        outside,
-        lambda row: (
-            f"frame {frame[row]}, expected 1 to {length}, the seqLength of {SEQINFO}"
-        ),
-    )
+    frame = table.whole_numbers("frame")
+    expected = f"expected 1 to {length}, the seqLength of {SEQINFO}"
+    is_outside = (frame < 1) | (frame > length)
+    table.refuse(is_outside, lambda row: f"frame {frame[row]}, {expected}")
     ground = table.matrix("X Y Z")
-    flat = (
-        "X, Y and Z are -1, as in the 2D benchmark (2DMOT2015), expected metres on the ground; get the file of 3D MOT "
-        "2015, https://motchallenge.net/data/3D_MOT_2015"
+    table.refuse(
+        (ground == -1).all(axis=1),
+        "X, Y and Z are -1, as in the 2D benchmark (2DMOT2015), expected metres on the "
+        "ground; get the file of 3D MOT 2015, "
+        "https://motchallenge.net/data/3D_MOT_2015",
     )
-    table.refuse((ground == -1).all(axis=1), flat)
-    return Rows(table, frame, table.whole("id"), table["confidence"], ground)
+    return Rows(table, frame, table.whole_numbers("id"), table["confidence"], ground)

@@ -1,4 +1,4 @@
-"""nuScenes: the official tables and detections in the official submission form, read into scenes."""
+"""nuScenes: official tables and detections in the submission form, as scenes."""
 
 from ..base import SourcePackage
 from .cameras import scene_images

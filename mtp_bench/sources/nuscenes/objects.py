@@ -1,4 +1,4 @@
-"""Boxes of all objects: the tables of categories, instances and annotations, and the list of prediction targets."""
+"""Boxes of all objects: the tables of annotations, and the prediction targets."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core import Bools, DataError, Floats, Ints, select
-from ..text import read_json, refuse, repeated
+from ..base import class_ids, sorted_rows
+from ..tables import refuse, repeated
+from ..text import read_json
 from .layout import CLASS_OF, CLASSES, NEUTRAL_OF
 from .tables import (
     Keyframes,
@@ -43,93 +45,99 @@ class _Box(TableRecord):
 
 @dataclass(frozen=True, eq=False)
 class TrueBoxes:
-    """Boxes of the classes of the detection task, neutral ones included, sorted by sample and place in the table."""
+    """Boxes of the classes of the detection task, neutral ones included.
+
+    They are sorted by sample and place in the table.
+    """
 
     sample: Ints  # [R] row of the keyframe
     instance: NDArray[np.bytes_]  # [R] token
     box: Floats  # [R, 7] global frame
     class_id: Ints  # [R] index into CLASSES
-    neutral: Bools  # [R] of a category beside the evaluated ones, or without a point of lidar and radar
+    # [R] of a category beside the evaluated ones, or without a point of lidar and radar
+    neutral: Bools
     listed: Bools  # [R] a target of the prediction challenge
 
 
 def read_annotations(
     paths: Mapping[str, Path], prediction: Path | None, keyframes: Keyframes
 ) -> TrueBoxes:
-    """Read all boxes; ``prediction``: the list of targets, if any. DataError names the file and token that is wrong."""
-    instances, categories = (
-        by_token(paths["instance"], _Instance),
-        by_token(paths["category"], _Category),
-    )
-    names = [
-        find(categories, each, "category_token", paths["instance"]).name
-        for each in instances.values()
+    """Read all boxes.
+
+    DataError names the file and token that is wrong. ``prediction``: the list of
+    targets, if any.
+    """
+    instances = by_token(paths["instance"], _Instance)
+    box_path = paths["sample_annotation"]
+    box_records = list(by_token(box_path, _Box).values())
+    row_of_instance = {token: row for row, token in enumerate(instances)}
+    samples = [
+        find(keyframes.row, box, "sample_token", box_path) for box in box_records
     ]
-    path = paths["sample_annotation"]
-    records = list(by_token(path, _Box).values())
-    row = {token: index for index, token in enumerate(instances)}
-    sample = np.array(
-        [find(keyframes.row, record, "sample_token", path) for record in records],
-        dtype=np.int64,
-    )
-    instance = np.array(
-        [find(row, record, "instance_token", path) for record in records],
-        dtype=np.int64,
-    )
-    second = repeated(sample, instance)
+    rows = [
+        find(row_of_instance, box, "instance_token", box_path) for box in box_records
+    ]
+    sample = np.array(samples, dtype=np.int64)
+    instance = np.array(rows, dtype=np.int64)
+    problem = "a second box of its instance in its sample"
     refuse(
-        second,
-        lambda i: (
-            f"{path}, record {records[i].token!r}: a second box of its instance in its sample"
-        ),
+        repeated(sample, instance),
+        lambda row: f"{box_path}, record {box_records[row].token!r}: {problem}",
     )
-    box = upright_boxes(records, rotations(records, path))
-    listed = np.zeros(len(records), dtype=bool)
+    box = upright_boxes(box_records, rotations(box_records, box_path))
+    listed = np.zeros(len(box_records), dtype=bool)
     if prediction is not None:
-        key = instance * len(keyframes.token) + sample
-        listed = np.isin(key, _read_targets(prediction, row, keyframes, key))
-    used_as = [CLASS_OF.get(name) or NEUTRAL_OF.get(name) for name in names]
-    class_of = np.array(
-        [-1 if name is None else CLASSES.index(name) for name in used_as],
-        dtype=np.int64,
-    )
-    neutral = np.array([name in NEUTRAL_OF for name in names], dtype=bool)[instance]
-    neutral |= np.array(
-        [record.num_lidar_pts == record.num_radar_pts == 0 for record in records],
-        dtype=bool,
-    )
-    token = np.array([token.encode() for token in instances], dtype=np.bytes_)
-    used = np.flatnonzero(class_of[instance] >= 0)
-    order = used[np.argsort(sample[used], kind="stable")]
-    return select(
-        TrueBoxes(sample, token[instance], box, class_of[instance], neutral, listed),
-        order,
-    )
+        box_key = instance * len(keyframes.token) + sample
+        targets = _read_targets(prediction, row_of_instance, keyframes, box_key)
+        listed = np.isin(box_key, targets)
+    categories = by_token(paths["category"], _Category)
+    category_names = [
+        find(categories, record, "category_token", paths["instance"]).name
+        for record in instances.values()
+    ]
+    class_of = {**NEUTRAL_OF, **CLASS_OF}
+    class_names = [class_of.get(name, "") for name in category_names]
+    class_id = class_ids(class_names, CLASSES)[instance]
+    is_neutral = np.array([name in NEUTRAL_OF for name in category_names], dtype=bool)
+    has_no_points = [
+        record.num_lidar_pts == record.num_radar_pts == 0 for record in box_records
+    ]
+    neutral = is_neutral[instance] | np.array(has_no_points, dtype=bool)
+    instance_tokens = np.array([token.encode() for token in instances], dtype=np.bytes_)
+    box_order = sorted_rows(sample, class_id >= 0)
+    boxes = TrueBoxes(sample, instance_tokens[instance], box, class_id, neutral, listed)
+    return select(boxes, box_order)
 
 
 def _read_targets(
-    path: Path, instances: Mapping[str, int], keyframes: Keyframes, known: Ints
+    path: Path,
+    row_of_instance: Mapping[str, int],
+    keyframes: Keyframes,
+    box_keys: Ints,
 ) -> Ints:
-    """Keys (instance x samples + sample) of the targets in scenes of these tables; ``known``: keys of all boxes."""
+    """Return the keys of the targets in scenes of these tables.
+
+    A key is instance x samples + sample; ``box_keys``: of all boxes.
+    """
+    samples = len(keyframes.token)
     targets = read_json(path, dict[str, list[str]])
-    keys: list[int] = []
+    entry_of_key: dict[int, str] = {}
     for index, scene in enumerate(keyframes.scene):
-        own = range(keyframes.start[index], keyframes.start[index + 1])
+        scene_rows = range(keyframes.start[index], keyframes.start[index + 1])
         for entry in targets.get(scene, []):
             instance, _, sample = entry.partition("_")
-            if instance not in instances or keyframes.row.get(sample, -1) not in own:
-                expected = (
-                    "expected the tokens of an instance and of a sample of the scene"
+            row = keyframes.row.get(sample, -1)
+            if instance not in row_of_instance or row not in scene_rows:
+                raise DataError(
+                    f"{path}, {scene}, entry {entry!r}: expected the tokens of an "
+                    "instance and of a sample of the scene"
                 )
-                raise DataError(f"{path}, {scene}, entry {entry!r}: {expected}")
-            keys.append(
-                instances[instance] * len(keyframes.token) + keyframes.row[sample]
-            )
-    key = np.array(keys, dtype=np.int64)
-    if len(lost := np.setdiff1d(key, known)):
-        instance_row, sample_row = divmod(int(lost[0]), len(keyframes.token))
-        entry = f"{list(instances)[instance_row]}_{keyframes.token[sample_row]}"
+            entry_of_key[row_of_instance[instance] * samples + row] = entry
+    target_keys = np.array(list(entry_of_key), dtype=np.int64)
+    missing = np.setdiff1d(target_keys, box_keys).tolist()
+    if missing:
         raise DataError(
-            f"{path}, entry {entry!r}: the instance has no box in this sample"
+            f"{path}, entry {entry_of_key[missing[0]]!r}: the instance has no box in "
+            "this sample"
         )
-    return key
+    return target_keys

@@ -1,11 +1,11 @@
-"""The road around a scene, of the nuScenes map expansion (v1.3): lanes with their middle lines and successors.
+"""The road around a scene, of the nuScenes map expansion (v1.3).
 
-Of a map the layers ``lane`` and ``lane_connector`` (a way through a junction) are read, and by the tokens of both
-``arcline_path_3``, the middle line in parts of three arcs or straights, and ``connectivity``, what continues it.
+Of a map the layers ``lane`` and ``lane_connector`` (a way through a junction) are read,
+and by the tokens of both ``arcline_path_3``, the middle line in parts of three arcs or
+straights, and ``connectivity``, what continues it.
 """
 
 import math
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
@@ -15,13 +15,16 @@ import numpy as np
 
 from ...cards import Card
 from ...core import DataError, Floats, Lane, Scene, unit_vectors
-from ..base import DataRoot, lane_around, section_of
+from ..base import DataRoot, is_near, lane_around, link_lanes, section_of
 from ..text import read_json
 from .layout import DATASET, EXPANSION, VERSIONS, NuScenesSource
 from .tables import SceneRecord, TableRecord, Vector, by_token, find, read_records
 
-REACH = 100.0  # m from the way of the ego, within which the road is read
-STEP = 2.0  # m, between points of a middle line, at most
+# from the path of the ego, within which the road is read
+ROAD_REACH_M = 100.0
+MAX_STEP_M = 2.0  # between points of a middle line
+# parts of a middle line meet in a point
+_MIN_STEP_M = 1e-3
 _TURN = {"L": 1.0, "S": 0.0, "R": -1.0}  # sign of the curvature
 _Length = Annotated[float, msgspec.Meta(ge=0, le=5e3)]  # m
 
@@ -59,41 +62,32 @@ class _Map(msgspec.Struct):
 
 
 def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
-    """The lanes near the way of the ego, in the global frame; none if there is no map of its location.
+    """Return the lanes near the path of the ego, in the global frame.
 
-    Raises DataError for a map or a table that is wrong.
+    None if there is no map of its location. Raises DataError for a map or a table that
+    is wrong.
     """
     root = DATASET.find(data, VERSIONS)
     if not (root / EXPANSION).is_dir():
         return ()
-    path = (
-        root
-        / EXPANSION
-        / f"{location_of(root / section_of(card, NuScenesSource).version, scene.name)}.json"
-    )
+    version = root / section_of(card, NuScenesSource).version
+    path = root / EXPANSION / f"{location_of(version, scene.name)}.json"
     if not path.is_file():
         return ()
-    ego = scene.ego[:, None, :2]
-    lanes = read_lanes(path, path.stat().st_mtime_ns)
-    near = (
-        i
-        for i, lane in enumerate(lanes)
-        if (np.linalg.norm(lane.center - ego, axis=2) <= REACH).any()
-    )
-    number = {i: place for place, i in enumerate(near)}
-    after = (
-        tuple(number[each] for each in lanes[i].following if each in number)
-        for i in number
-    )
-    return tuple(
-        replace(lanes[i], following=following)
-        for i, following in zip(number, after, strict=True)
-    )
+    lanes: dict[int, Lane] = {}
+    for index, lane in enumerate(read_lanes(path, path.stat().st_mtime_ns)):
+        if is_near(lane, scene.ego[:, :2], ROAD_REACH_M):
+            lanes[index] = lane
+    return link_lanes(lanes, {index: lane.following for index, lane in lanes.items()})
 
 
 def location_of(version: Path, scene: str) -> str:
-    """The place where a scene was recorded, such as "boston-seaport", by the tables in the folder ``version``."""
-    logs, path = by_token(version / "log.json", _Log), version / "scene.json"
+    """Return the place where a scene was recorded, such as "boston-seaport".
+
+    ``version``: folder of the tables.
+    """
+    logs = by_token(version / "log.json", _Log)
+    path = version / "scene.json"
     for record in read_records(path, _Scene):
         if record.name == scene:
             return find(logs, record, "log_token", path).location
@@ -101,55 +95,50 @@ def location_of(version: Path, scene: str) -> str:
 
 
 @lru_cache(maxsize=1)
-def read_lanes(path: Path, changed: int = 0) -> tuple[Lane, ...]:
-    """The lanes of a location, but for bike lanes, in the global frame, with borders at `base.HALF_LANE`.
+def read_lanes(path: Path, changed_ns: int = 0) -> tuple[Lane, ...]:
+    """Read the lanes of a location, without bike lanes, in the global frame.
 
-    Successors without a middle line are left out. The last map is kept; ``changed``: state of the file, for that
-    memory. DataError names the file and the place that is wrong.
+    Borders are at `base.HALF_LANE`. Successors without a middle line are left out. The
+    last map is kept; ``changed_ns``: state of the file, for that memory. DataError
+    names the file and the place that is wrong.
     """
     layers = read_json(path, _Map)
     junction = {lane.token: False for lane in layers.lane if lane.lane_type != "BIKE"}
     junction |= {lane.token: True for lane in layers.lane_connector}
-    centers = (
-        (token, _center(layers.arcline_path_3.get(token, []))) for token in junction
-    )
-    lines = {token: center for token, center in centers if len(center) > 1}
-    if not lines:
+    lanes: dict[str, Lane] = {}
+    successors: dict[str, list[str]] = {}
+    for token, is_junction in junction.items():
+        center = _center(layers.arcline_path_3.get(token, []))
+        if len(center) > 1:
+            lanes[token] = lane_around(center, is_junction)
+            successors[token] = layers.connectivity.get(token, _Links()).outgoing
+    if not lanes:
         raise DataError(
-            f"{path} has no lane with a middle line, expected a file of the map expansion"
+            f"{path} has no lane with a middle line, expected a file of the map "
+            "expansion"
         )
-    number = {token: i for i, token in enumerate(lines)}
-    outgoing = (layers.connectivity.get(token, _Links()).outgoing for token in lines)
-    after = (
-        tuple(number[token] for token in tokens if token in number)
-        for tokens in outgoing
-    )
-    lanes = (lane_around(center, junction[token]) for token, center in lines.items())
-    return tuple(
-        replace(lane, following=following)
-        for lane, following in zip(lanes, after, strict=True)
-    )
+    return link_lanes(lanes, successors)
 
 
 def _center(parts: list[_Path]) -> Floats:
-    """Points [n, 2] of a middle line."""
+    """Return points [n, 2] of a middle line."""
     line = np.concatenate([np.zeros((0, 2)), *(_points(part) for part in parts)])
-    moves = (
-        np.linalg.norm(np.diff(line, axis=0, prepend=np.inf), axis=1) > 1e-3
-    )  # parts meet in a point
-    return np.asarray(line[moves])
+    step_m = np.linalg.norm(np.diff(line, axis=0, prepend=np.inf), axis=1)
+    return np.asarray(line[step_m > _MIN_STEP_M])
 
 
 def _points(part: _Path) -> Floats:
-    """Points [n, 2] of one part of a middle line."""
+    """Return points [n, 2] of one part of a middle line."""
     x, y, heading = part.start_pose
-    points = [np.array([[x, y]])]
-    for letter, length in zip(part.shape, part.segment_length, strict=True):
+    part_points = [np.array([[x, y]])]
+    for letter, length_m in zip(part.shape, part.segment_length, strict=True):
         curvature = _TURN[letter] / part.radius if part.radius else 0.0
-        along = np.linspace(0.0, length, max(1, math.ceil(length / STEP)) + 1)[1:]
-        turned = heading + curvature * along
-        chord = along * np.sinc(curvature * along / (2 * np.pi))
-        way = (heading + turned) / 2  # of a chord of the arc
-        points.append(points[-1][-1] + chord[:, None] * unit_vectors(way))
-        heading = float(turned[-1])
-    return np.concatenate(points)
+        point_count = max(1, math.ceil(length_m / MAX_STEP_M)) + 1
+        station_m = np.linspace(0.0, length_m, point_count)[1:]
+        end_heading = heading + curvature * station_m
+        chord_m = station_m * np.sinc(curvature * station_m / (2 * np.pi))
+        chord_heading = (heading + end_heading) / 2
+        offset = chord_m[:, None] * unit_vectors(chord_heading)
+        part_points.append(part_points[-1][-1] + offset)
+        heading = float(end_heading[-1])
+    return np.concatenate(part_points)

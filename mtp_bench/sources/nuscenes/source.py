@@ -1,7 +1,6 @@
 """nuScenes logs with stored detections, from the official tables."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from ..base import (
     require_classes,
     require_rate,
     section_of,
+    stored_label,
 )
 from ..cache import Arrays
 from ..motion import looking_back, unknown_velocity
@@ -30,82 +30,88 @@ from .layout import (
 )
 from .store import open_tables
 from .submission import open_detections, scene_detections
-from .tables import SECOND
+from .tables import SECOND_US
 
-RATE = 2.0  # Hz of the keyframes, nominal
+RATE_HZ = 2.0  # of the keyframes, nominal
 
 
 class NuScenes:
     """Scenes of one split of nuScenes, in the global frame of their map.
 
-    Frames are the keyframes at their real times, from 0. The ego is the LIDAR_TOP pose of each. With ``truth =
-    "targets"`` only the objects that the prediction challenge names in a scene are in its truth.
+    Frames are the keyframes at their real times, from 0. The ego is the LIDAR_TOP pose
+    of each. With ``truth = "targets"`` the truth has only the objects that the
+    prediction challenge names in a scene, and only scenes with one are listed.
     """
 
     def __init__(self, card: Card, data: DataRoot = None) -> None:
         self.card = card
         self.section = section_of(card, NuScenesSource)
         require_classes(card, DATASET.name, CLASSES)
-        require_rate(card, DATASET.name, RATE)
+        require_rate(card, DATASET.name, RATE_HZ)
         self.root = DATASET.find(data, VERSIONS)
         require_maps(self.root, card)
         paths = detection_paths(self.root, card)
         self.tables = open_tables(self.root, self.section.version)
-        targets = self.tables.targets if self.section.truth == "targets" else None
-        listed = (
-            name
-            for i, name in enumerate(self.tables.scenes)
-            if targets is None or targets[i]
-        )
-        splits = scenes_by_split(
-            tuple(listed)
-        )  # with targets alone: only the scenes that have one
-        self.names = splits.get(self.section.split, ())
-        if not self.names:
-            found = (
-                ", ".join(f"{split} ({len(names)})" for split, names in splits.items())
-                or "none"
-            )
-            needed = (
-                " with prediction targets" if self.section.truth == "targets" else ""
-            )
-            raise DataError(
-                f"{self.root / self.section.version} has no scene of split {self.section.split!r}{needed}; splits "
-                f"with scenes: {found}; choose one with --split or split="
-            )
+        self.names = self._find_scenes()
         self.detections = open_detections(paths, self.tables, self.names)
+
+    def _find_scenes(self) -> tuple[str, ...]:
+        """Return the scenes of the split.
+
+        Raises DataError without any.
+        """
+        section = self.section
+        scenes = list(self.tables.scenes)
+        condition = ""
+        if section.truth == "targets":
+            condition = " with prediction targets"
+            if self.tables.targets is not None:
+                rows = np.flatnonzero(self.tables.targets)
+                scenes = [scenes[row] for row in rows]
+        splits = scenes_by_split(scenes)
+        if section.split not in splits:
+            counts = [f"{split} ({len(names)})" for split, names in splits.items()]
+            raise DataError(
+                f"{self.root / section.version} has no scene of split "
+                f"{section.split!r}{condition}; splits with scenes: "
+                f"{', '.join(counts) or 'none'}; choose one with --split or split="
+            )
+        return splits[section.split]
 
     def load(self, name: str) -> Scene:
         """Read one scene from the cache."""
-        arrays, classes = self.tables.cache.read(name), self.card.task.classes
-        time = (arrays["time"] - arrays["time"][0]) / SECOND
-        detections, label = no_detections(len(time)), ""
+        arrays = self.tables.cache.read(name)
+        classes = self.card.task.classes
+        time = (arrays["time"] - arrays["time"][0]) / SECOND_US
+        detections = no_detections(len(time))
+        detector = ""
         if self.detections:
-            label = f"{self.section.detector}, stored detections"
-            detections = scene_detections(
-                self.detections, self.tables.samples(name), name, classes
-            )
+            samples = self.tables.samples(name)
+            detections = scene_detections(self.detections, samples, name, classes)
+            detector = self.section.detector
         listed = self.section.truth == "targets"
         truth = scene_truth(arrays, time, classes, listed)
-        names = names_by_number(truth.object_id, arrays["instance"][truth.object_id])
-        scene = Scene(
-            name,
-            time,
-            arrays["ego"],
-            truth,
-            detections,
-            detector=label,
-            object_names=names,
+        instances = arrays["instance"][truth.object_id]
+        return Scene(
+            name=name,
+            time=time,
+            ego=arrays["ego"],
+            truth=truth,
+            detections=detections,
+            detector=stored_label(detector),
+            object_names=names_by_number(truth.object_id, instances),
+            truth_complete=not listed,
+            listed_targets=listed,
         )
-        return replace(scene, truth_complete=not listed, listed_targets=listed)
 
 
 def prepare_nuscenes(
     card: Card, data: DataRoot, scenes: int | None, workers: int
 ) -> Work:
-    """Make the compact copy of the tables and detections of ``card`` if it is missing; one piece of work.
+    """Make the compact copy of the tables and detections of ``card``, if missing.
 
-    Raises DataError for everything that stops the card's scenes from being read.
+    It is one piece of work. Raises DataError for everything that stops the card's
+    scenes from being read.
     """
     return 1, (NuScenes(card, data).section.version for _ in range(1))
 
@@ -113,18 +119,27 @@ def prepare_nuscenes(
 def scene_truth(
     arrays: Arrays, time: Floats, classes: Sequence[str], listed: bool
 ) -> Truth:
-    """Truth of a scene from its cached arrays; ``listed``: of listed objects only, whose listed rows are eligible."""
+    """Return the truth of a scene from its cached arrays.
+
+    ``listed``: only of listed objects, whose listed rows are eligible.
+    """
     class_id = class_ids(CLASSES, classes)[arrays["class_id"]]
-    keep, neutral, eligible = (
-        class_id >= 0,
-        arrays["neutral"],
-        np.ones(len(class_id), dtype=bool),
-    )
+    object_id = arrays["object_id"]
+    is_used = class_id >= 0
+    neutral = arrays["neutral"]
+    eligible = np.ones(len(class_id), dtype=bool)
     if listed:
-        known = np.isin(arrays["object_id"], arrays["object_id"][arrays["listed"]])
-        keep, neutral, eligible = keep & known, neutral & ~known, arrays["listed"]
-    start, box, object_id = (arrays[name] for name in ("start", "box", "object_id"))
+        eligible = arrays["listed"]
+        is_target = np.isin(object_id, object_id[eligible])
+        is_used &= is_target
+        neutral = neutral & ~is_target
     truth = Truth(
-        start, box, unknown_velocity(len(box)), class_id, object_id, eligible, neutral
-    ).select(keep)
-    return looking_back(truth, time, 1 / RATE)
+        start=arrays["start"],
+        box=arrays["box"],
+        velocity=unknown_velocity(len(class_id)),
+        class_id=class_id,
+        object_id=object_id,
+        eligible=eligible,
+        neutral=neutral,
+    )
+    return looking_back(truth.select(is_used), time, 1 / RATE_HZ)

@@ -1,4 +1,7 @@
-"""The compact copy of nuScenes in the cache: folders of files of arrays, and that of the tables of one version."""
+"""The compact copy of nuScenes in the cache: folders of files of arrays.
+
+One folder has the tables of one version.
+"""
 
 import hashlib
 import json
@@ -26,15 +29,16 @@ from .objects import TrueBoxes, read_annotations
 from .tables import Keyframes, read_keyframes
 
 FORMAT = 3  # of the arrays in the cache: a change gets a new number
-_BYTES_PER_SECOND = (
-    2.3e7  # of tables and detections, read and checked on a machine that is busy
-)
-INDEX, SAMPLES = "all.index", "all.samples"  # no scene has a dot in its name
+# of tables and detections, read and checked on a machine that is busy
+_BYTES_PER_SECOND = 2.3e7
+# no scene has a dot in its name
+INDEX = "all.index"
+SAMPLES = "all.samples"
 
 
 @dataclass(frozen=True)
 class CachedFolder:
-    """A folder of files of arrays, which ``fill`` makes from ``sources`` once per machine."""
+    """A folder of files of arrays, made from ``sources`` once per machine."""
 
     prefix: str  # of its name
     sources: Mapping[str, Path]  # the files that it is made from, by what they are
@@ -45,61 +49,70 @@ class CachedFolder:
     def of(
         cls, prefix: str, sources: Mapping[str, Path], fill: Callable[[Path], None]
     ) -> Self:
-        """The folder for these files in their present state; raises DataError if one of them cannot be read."""
+        """Find the folder for these files in their present state.
+
+        Raises DataError if one of them cannot be read.
+        """
         return cls(prefix, sources, fill, _path(prefix, sources))
 
     def read(self, name: str) -> Arrays:
-        """Arrays of the file ``name``; the folder is filled first if the file is missing or broken.
+        """Read the arrays of the file ``name``.
 
-        Raises DataError if the sources are wrong or changed since the folder was opened, or if the cache cannot be
-        written.
+        The folder is filled first if the file is missing or broken.
+        Raises DataError if the sources are wrong or changed since the folder was
+        opened, or if the cache cannot be written.
         """
         path = self.path / f"{name}.npz"
         arrays = read_arrays(path)
-        return self._made(path) if arrays is None else arrays
-
-    def _made(self, path: Path) -> Arrays:
-        from filelock import FileLock
-
-        names = [path.name for path in self.sources.values()]
-        text = f"reading {names[0] if len(names) == 1 else self.prefix} of nuScenes, once per machine"
+        if arrays is not None:
+            return arrays
         try:
-            seconds = (
-                sum(path.stat().st_size for path in self.sources.values())
-                / _BYTES_PER_SECOND
-            )
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with (
-                long_work(text, seconds),
-                FileLock(self.path.with_name(f".{self.path.name}.lock")),
-            ):
-                arrays = read_arrays(
-                    path
-                )  # another process may have filled it meanwhile
-                if arrays is None:
-                    self._fill()
-                    arrays = read_arrays(path)
+            arrays = self._make(path)
         except OSError as error:
-            got = f"the compact copy of nuScenes cannot be kept in {self.path.parent}: {error.strerror or error}"
-            raise DataError(f"{got}; {CACHE} names another folder") from None
+            raise DataError(
+                f"the compact copy of nuScenes cannot be kept in {self.path.parent}: "
+                f"{error.strerror or error}; {CACHE} names another folder"
+            ) from None
         if arrays is None:
             raise DataError(f"{path} cannot be read back after writing it")
         return arrays
 
+    def _make(self, path: Path) -> Arrays | None:
+        """Fill the folder, and read the arrays of one of its files."""
+        from filelock import FileLock
+
+        source_files = list(self.sources.values())
+        work_name = source_files[0].name if len(source_files) == 1 else self.prefix
+        work_text = f"reading {work_name} of nuScenes, once per machine"
+        work_seconds = (
+            sum(file.stat().st_size for file in source_files) / _BYTES_PER_SECOND
+        )
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(self.path.with_name(f".{self.path.name}.lock"))
+        with long_work(work_text, work_seconds), lock:
+            arrays = read_arrays(path)  # another process may have filled it meanwhile
+            if arrays is None:
+                self._fill()
+                arrays = read_arrays(path)
+        return arrays
+
     def _fill(self) -> None:
         if _path(self.prefix, self.sources) != self.path:
-            changed = ", ".join(str(path) for path in self.sources.values())
+            files = ", ".join(str(path) for path in self.sources.values())
             raise DataError(
-                f"{changed}: changed since the scenes were opened; open them again"
+                f"{files}: changed since the scenes were opened; open them again"
             )
         remove_damaged(self.path)
-        with whole_folder(self.path) as part:
-            self.fill(part)
+        with whole_folder(self.path) as part_folder:
+            self.fill(part_folder)
 
 
 def _path(prefix: str, sources: Mapping[str, Path]) -> Path:
-    """Path of the folder by the state of the files; programs can restore all of a state but its ``ctime``."""
-    states = []
+    """Return the path of the folder by the state of the files.
+
+    Programs can restore all of a state but its ``ctime``.
+    """
+    states: list[list[str | int]] = []
     for name, path in sorted(sources.items()):
         try:
             state = path.stat()
@@ -107,19 +120,11 @@ def _path(prefix: str, sources: Mapping[str, Path]) -> Path:
             raise DataError(
                 f"{path} cannot be read: {error.strerror or error}"
             ) from None
-        states.append(
-            [
-                name,
-                str(path.resolve()),
-                state.st_size,
-                state.st_ino,
-                state.st_mtime_ns,
-                state.st_ctime_ns,
-            ]
-        )
-    digest = hashlib.sha256(
-        json.dumps([FORMAT, *states]).encode("utf-8", "surrogatepass")
-    ).hexdigest()[:16]
+        change_times = [state.st_mtime_ns, state.st_ctime_ns]
+        file_state = [state.st_size, state.st_ino, *change_times]
+        states.append([name, str(path.resolve()), *file_state])
+    text = json.dumps([FORMAT, *states])
+    digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:16]
     return cache_root() / "nuscenes" / f"{prefix}-{digest}"
 
 
@@ -134,12 +139,17 @@ class TableStore:
     targets: Ints | None  # [S] prediction targets; None without the list of targets
 
     def samples(self, scene: str) -> range:
-        """Rows of the samples of a scene."""
+        """Return the rows of the samples of a scene."""
         row = self.scenes.index(scene)
         return range(int(self.start[row]), int(self.start[row + 1]))
 
+    def rows_of(self, scene: str, sample: Ints) -> slice:
+        """Return the rows of a scene in a table sorted by ``sample`` [R]."""
+        samples = self.samples(scene)
+        return slice(*np.searchsorted(sample, [samples.start, samples.stop]))
+
     def sample_tokens(self, scene: str) -> list[str]:
-        """Tokens of the samples of a scene."""
+        """Return the tokens of the samples of a scene."""
         return [token.decode() for token in self.tokens[self.samples(scene)].tolist()]
 
     @cached_property
@@ -154,60 +164,55 @@ class TableStore:
 
 
 def open_tables(root: Path, version: str) -> TableStore:
-    """The cached tables of ``version``, which are read first if they are not in the cache.
+    """Open the cached tables of ``version``, which are read first if needed.
 
     Raises DataError naming the file, and the token, that is wrong.
     """
     sources = table_paths(root, version)
     if (root / PREDICTION).is_file():
         sources[PREDICTION] = root / PREDICTION
-    cache = CachedFolder.of(version, sources, partial(_fill, sources))
+    cache = CachedFolder.of(version, sources, partial(_fill_tables, sources))
     index = cache.read(INDEX)
-    return TableStore(
-        version,
-        cache,
-        tuple(index["scene"].tolist()),
-        index["start"],
-        index.get("targets"),
-    )
+    scenes = tuple(index["scene"].tolist())
+    return TableStore(version, cache, scenes, index["start"], index.get("targets"))
 
 
-def _fill(sources: dict[str, Path], folder: Path) -> None:
+def _fill_tables(sources: Mapping[str, Path], folder: Path) -> None:
     keyframes = read_keyframes(sources)
     boxes = read_annotations(sources, sources.get(PREDICTION), keyframes)
-    targets = []
+    targets: list[int] = []
     for index, name in enumerate(keyframes.scene):
         arrays = _scene_arrays(index, keyframes, boxes)
         write_arrays(folder / f"{name}.npz", arrays)
         targets.append(int(arrays["listed"].sum()))
     tokens = np.array([token.encode() for token in keyframes.token], dtype=np.bytes_)
     write_arrays(folder / f"{SAMPLES}.npz", {"token": tokens})
-    listed = (
-        {"targets": np.array(targets, dtype=np.int64)} if PREDICTION in sources else {}
-    )
-    index_arrays = {
+    index_arrays: Arrays = {
         "scene": np.array(keyframes.scene, dtype=np.str_),
         "start": keyframes.start,
-        **listed,
     }
+    if PREDICTION in sources:
+        index_arrays["targets"] = np.array(targets, dtype=np.int64)
     write_arrays(folder / f"{INDEX}.npz", index_arrays)
 
 
 def _scene_arrays(index: int, keyframes: Keyframes, boxes: TrueBoxes) -> Arrays:
-    """Arrays of a scene with F frames and R boxes; objects are numbered in the order of their tokens."""
-    first, end = (int(row) for row in keyframes.start[index : index + 2])
-    row = slice(*np.searchsorted(boxes.sample, [first, end]))
-    instance, object_id = np.unique(boxes.instance[row], return_inverse=True)
+    """Return the arrays of a scene with F frames and R boxes.
+
+    Objects are numbered in the order of their tokens.
+    """
+    first, end = keyframes.start[index : index + 2].tolist()
+    rows = slice(*np.searchsorted(boxes.sample, [first, end]))
+    instance, object_id = np.unique(boxes.instance[rows], return_inverse=True)
+    frames = np.arange(first, end + 1)
     return {
         "time": keyframes.time[first:end],  # [F] microseconds
         "ego": keyframes.ego[first:end],  # [F, 4] x y z yaw
-        "start": np.searchsorted(
-            boxes.sample[row], np.arange(first, end + 1)
-        ),  # [F + 1]
-        "box": boxes.box[row],  # [R, 7]
-        "class_id": boxes.class_id[row],  # [R] index into CLASSES
-        "neutral": boxes.neutral[row],  # [R]
-        "listed": boxes.listed[row],  # [R]
+        "start": np.searchsorted(boxes.sample[rows], frames),  # [F + 1]
+        "box": boxes.box[rows],  # [R, 7]
+        "class_id": boxes.class_id[rows],  # [R] index into CLASSES
+        "neutral": boxes.neutral[rows],  # [R]
+        "listed": boxes.listed[rows],  # [R]
         "object_id": object_id,  # [R] index into instance
         "instance": np.char.decode(instance),  # [O] tokens
     }

@@ -1,4 +1,7 @@
-"""Files in the official submission form of the detection or the tracking task, and the detections of a card, cached."""
+"""Files in the official submission form, and the detections of a card, cached.
+
+They are of the detection or the tracking task.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,29 +13,21 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core import Bools, DataError, Detections, Floats, Ints, starts_of_sorted
-from ..base import class_ids
+from ...core import Bools, DataError, Detections, Floats, Ints
+from ..base import class_ids, detections_by_frame
 from ..cache import write_arrays
-from ..text import LIMIT, MOST_LETTERS, decode, read_json
+from ..readers import MAX_WORD_LETTERS
+from ..rotation import require_rotations
+from ..text import LIMIT, Number, decode, read_json
 from .layout import CLASSES, ClassName
 from .store import INDEX, CachedFolder, TableStore
-from .tables import (
-    LONGEST,
-    Number,
-    Quaternion,
-    Vector,
-    floats,
-    require_rotations,
-    upright_boxes,
-)
+from .tables import MAX_SIDE_M, Quaternion, Vector, floats, upright_boxes
 
-MOST_TILTED = 0.05  # share of boxes: a detector may be wrong about some
-_CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
+# share of boxes: a detector may be wrong about some
+MAX_TILTED_SHARE = 0.05
 
-
-_Side = Annotated[
-    float, msgspec.Meta(ge=-LIMIT, le=LONGEST)
-]  # m; boxes of size 0 or below are skipped
+# m; boxes of size 0 or below are skipped
+_Side = Annotated[float, msgspec.Meta(ge=-LIMIT, le=MAX_SIDE_M)]
 
 
 class _Box(msgspec.Struct, gc=False):
@@ -58,11 +53,12 @@ class TrackedBox(_Box, gc=False, kw_only=True):
     task: ClassVar = "tracking"
     name: ClassName = msgspec.field(name="tracking_name")
     score: Number = msgspec.field(name="tracking_score")
-    identity: Annotated[str, msgspec.Meta(max_length=MOST_LETTERS)] | int = (
+    identity: Annotated[str, msgspec.Meta(max_length=MAX_WORD_LETTERS)] | int = (
         msgspec.field(name="tracking_id")
     )
 
 
+SubmittedBox = DetectedBox | TrackedBox
 BoxKind = type[DetectedBox] | type[TrackedBox]
 
 
@@ -72,7 +68,10 @@ class _File(msgspec.Struct):
 
 @dataclass(frozen=True, eq=False)
 class SubmittedBoxes:
-    """Boxes of those samples of a file that the tables have, sorted by sample, otherwise in the order of the file."""
+    """Boxes of those samples of a file that the tables have.
+
+    They are sorted by sample, otherwise in the order of the file.
+    """
 
     samples: int  # in the file
     example: str  # a token of the file
@@ -86,53 +85,62 @@ class SubmittedBoxes:
 
 
 def read_submission(
-    path: Path, row: Mapping[str, int], kind: BoxKind = DetectedBox
+    path: Path, row_of_token: Mapping[str, int], kind: BoxKind = DetectedBox
 ) -> SubmittedBoxes:
-    """Boxes of the samples in ``row`` (token to row); other samples of the file are left out.
+    """Read boxes of the samples in ``row_of_token``.
 
-    Raises DataError that names the file, the sample token and the place of the box that is wrong.
+    Others are left out. Raises DataError that names the file, the sample token and the
+    place of the box that is wrong.
     """
     results = read_json(path, _File).results
-    covered = [token for token in results if token in row]
-    boxes: list[DetectedBox | TrackedBox] = []
-    for token in covered:
-        boxes += _sample_boxes(path, token, results[token], kind)
-    sample = np.array([row[box.sample_token] for box in boxes], dtype=np.int64)
+    covered: list[int] = []
+    boxes: list[SubmittedBox] = []
+    for token, content in results.items():
+        if token in row_of_token:
+            covered.append(row_of_token[token])
+            boxes += _sample_boxes(path, token, content, kind)
+    sample = np.array([row_of_token[box.sample_token] for box in boxes], dtype=np.int64)
     rotation = floats([box.rotation for box in boxes], 4)
     _require_upright(path, boxes, rotation)
     velocity = floats([box.velocity or (np.nan, np.nan) for box in boxes], 2)
-    velocity[np.isnan(velocity).any(axis=1) | (velocity == 0).all(axis=1)] = np.nan
-    order = np.argsort(sample, kind="stable")
+    is_unknown = np.isnan(velocity).any(axis=1) | (velocity == 0).all(axis=1)
+    velocity[is_unknown] = np.nan
+    identity = np.array([str(box.identity) for box in boxes], dtype=np.str_)
+    sample_order = np.argsort(sample, kind="stable")
     return SubmittedBoxes(
         samples=len(results),
         example=next(iter(results), ""),
-        covered=np.sort(np.array([row[token] for token in covered], dtype=np.int64)),
-        sample=sample[order],
-        box=upright_boxes(boxes, rotation)[order],
-        velocity=velocity[order],
-        class_id=np.array([_CLASS_INDEX[box.name] for box in boxes], dtype=np.int64)[
-            order
-        ],
-        score=floats([box.score for box in boxes], 1)[order, 0],
-        identity=np.array([str(box.identity) for box in boxes], dtype=np.str_)[order],
+        covered=np.sort(np.array(covered, dtype=np.int64)),
+        sample=sample[sample_order],
+        box=upright_boxes(boxes, rotation)[sample_order],
+        velocity=velocity[sample_order],
+        class_id=class_ids([box.name for box in boxes], CLASSES)[sample_order],
+        score=floats([box.score for box in boxes], 1)[sample_order, 0],
+        identity=identity[sample_order],
     )
 
 
-def no_match(path: Path, samples: int, example: str, version: str, what: str) -> str:
-    """Message that a file of ``what`` has ``samples`` samples, and none of them is in the tables of ``version``."""
-    tokens = f"{samples} sample tokens" + (
-        f" (for example {example!r})" if example else ""
-    )
-    return f"{path}: none of its {tokens} is in sample.json of {version}; expected {what} of these scenes"
+def no_match(path: Path, samples: int, example: str, version: str, content: str) -> str:
+    """Return the message that no sample of a file is in the tables.
+
+    ``samples``: their number in the file; ``content`` of the file, in words.
+    """
+    tokens = f"{samples} sample tokens"
+    if example:
+        tokens += f" (for example {example!r})"
+    problem = f"none of its {tokens} is in sample.json of {version}"
+    return f"{path}: {problem}; expected {content} of these scenes"
 
 
 def _sample_boxes(
     path: Path, token: str, content: msgspec.Raw, kind: BoxKind
-) -> Sequence[DetectedBox | TrackedBox]:
+) -> Sequence[SubmittedBox]:
+    where = f"{path}, sample {token!r}"
     try:
-        kinds = list[kind]  # type: ignore[valid-type]
-        boxes: list[DetectedBox | TrackedBox] = decode(
-            content, kinds, f"{path}, sample {token!r}"
+        boxes: list[SubmittedBox] = decode(
+            content,
+            list[kind],  # type: ignore[valid-type]
+            where,
         )
     except DataError as error:
         raise DataError(
@@ -141,122 +149,140 @@ def _sample_boxes(
     for place, box in enumerate(boxes):
         if box.sample_token != token:
             raise DataError(
-                f"{path}, sample {token!r}, box {place}: sample_token is {box.sample_token!r}"
+                f"{where}, box {place}: sample_token is {box.sample_token!r}"
             )
     return boxes
 
 
 def _require_upright(
-    path: Path, boxes: Sequence[DetectedBox | TrackedBox], rotation: Floats
+    path: Path, boxes: Sequence[SubmittedBox], rotation: Floats
 ) -> None:
-    """Raise DataError for a rotation that is not a unit quaternion, and if many boxes do not stand upright."""
+    """Raise DataError for rotations that are not unit quaternions, or many tilted."""
 
     def where(row: int) -> str:
         return f"{path}, sample {boxes[row].sample_token!r}"
 
     require_rotations(rotation, where)
     _, x, y, _ = rotation.T
-    tilted = 1.0 - 2.0 * (x * x + y * y) < np.sqrt(0.5)  # by over 45 degrees
-    if len(boxes) and tilted.mean() > MOST_TILTED:
-        row = int(np.argmax(tilted))
+    is_tilted = 1.0 - 2.0 * (x * x + y * y) < np.sqrt(0.5)  # by over 45 degrees
+    if is_tilted.sum() > MAX_TILTED_SHARE * len(boxes):
+        row = int(np.argmax(is_tilted))
         raise DataError(
-            f"{where(row)}: rotation is {rotation[row].tolist()}, expected w, x, y, z of a box that stands upright; "
-            f"{tilted.sum()} of {len(boxes)} do not: is w written last?"
+            f"{where(row)}: rotation is {rotation[row].tolist()}, expected w, x, y, z "
+            f"of a box that stands upright; {is_tilted.sum()} of {len(boxes)} do not: "
+            "is w written last?"
         )
 
 
 @dataclass(frozen=True, eq=False)
 class DetectionStore:
-    """A detection file and its cache, which holds the boxes of samples in the tables."""
+    """A detection file and its cache, which has the boxes of samples in the tables."""
 
     path: Path
     cache: CachedFolder
     covered: Bools  # [N] samples of the tables that the file has
 
+    @classmethod
+    def open(cls, path: Path, tables: TableStore) -> "DetectionStore":
+        """Open a file, which is read first if it is not in the cache."""
+        fill = partial(_fill_detections, path, tables)
+        cache = CachedFolder.of(tables.cache.path.name, {"detections": path}, fill)
+        return cls(path, cache, cache.read(INDEX)["covered"])
+
 
 def open_detections(
     paths: Sequence[Path], tables: TableStore, names: Sequence[str]
 ) -> tuple[DetectionStore, ...]:
-    """Open files, the smallest first, until they cover the scenes ``names``; a file is read whole once, and cached.
+    """Open files, the smallest first, until they cover the scenes ``names``.
 
-    Raises DataError for an invalid file, naming the sample token, if no file has samples of these tables, and unless
-    each frame of the scenes is in exactly one of the files.
+    A file is read whole once, and cached. Raises DataError for an invalid file, naming
+    the sample token, if no file has samples of these tables, and unless each frame of
+    the scenes is in exactly one of the files.
     """
-    wanted = np.concatenate([np.array(tables.samples(name)) for name in names])
+    required = np.concatenate([np.array(tables.samples(name)) for name in names])
     stores: list[DetectionStore] = []
-    files = np.zeros(tables.start[-1], dtype=np.int64)  # [N] that have the sample
+    file_count = np.zeros(tables.start[-1], dtype=np.int64)  # [N] that have the sample
     for path in sorted(paths, key=lambda path: (path.stat().st_size, path)):
-        if not files[wanted].all():
-            stores.append(_open(path, tables))
-            files += stores[-1].covered
+        if not file_count[required].all():
+            store = DetectionStore.open(path, tables)
+            stores.append(store)
+            file_count += store.covered
     if not stores:
         return ()
-    if not files.any():
-        every = [(store.path, store.cache.read(INDEX)) for store in stores]
-        told = [
-            no_match(
-                path, int(i["samples"]), str(i["example"]), tables.version, "detections"
+    if not file_count.any():
+        problems: list[str] = []
+        for store in stores:
+            index = store.cache.read(INDEX)
+            samples = int(index["samples"])
+            example = str(index["example"])
+            problems.append(
+                no_match(store.path, samples, example, tables.version, "detections")
             )
-            for path, i in every
-        ]
-        raise DataError("; ".join(told))
-    wrong = wanted[files[wanted] != 1]
-    if len(wrong):
-        holders = sorted(str(store.path) for store in stores if store.covered[wrong[0]])
-        scene = tables.scenes[
-            int(np.searchsorted(tables.start, wrong[0], side="right")) - 1
-        ]
-        sample = f"sample {tables.tokens.item(wrong[0]).decode()!r} of {scene}"
-        if holders:
-            raise DataError(
-                f"{' and '.join(holders)} both have {sample}; name one of them with --detections"
-            )
-        covered = sum(bool(files[tables.samples(name)].all()) for name in names)
-        raise DataError(
-            f"{', '.join(str(store.path) for store in stores)}: no entry for {sample}: detections cover {covered} of "
-            f"the {len(names)} scenes; choose another split with --split or split="
-        )
+        raise DataError("; ".join(problems))
+    wrong_rows = required[file_count[required] != 1]
+    if len(wrong_rows):
+        covered = [file_count[tables.samples(name)].all() for name in names]
+        coverage = f"{sum(map(bool, covered))} of the {len(names)} scenes"
+        raise DataError(_coverage_problem(stores, tables, wrong_rows[0], coverage))
     return tuple(stores)
+
+
+def _coverage_problem(
+    stores: Sequence[DetectionStore], tables: TableStore, row: int, coverage: str
+) -> str:
+    """Return the message about a sample that two files or none of them have."""
+    scene = tables.scenes[int(np.searchsorted(tables.start, row, side="right")) - 1]
+    sample = f"sample {tables.tokens.item(row).decode()!r} of {scene}"
+    holders = sorted(str(store.path) for store in stores if store.covered[row])
+    if holders:
+        advice = "name one of them with --detections"
+        return f"{' and '.join(holders)} both have {sample}; {advice}"
+    files = ", ".join(str(store.path) for store in stores)
+    advice = "choose another split with --split or split="
+    return f"{files}: no entry for {sample}: detections cover {coverage}; {advice}"
 
 
 def scene_detections(
     stores: Sequence[DetectionStore], samples: range, name: str, classes: Sequence[str]
 ) -> Detections:
-    """Detections of the scene ``name`` (rows ``samples`` of the tables) from all files; other classes are dropped."""
-    parts = [store.cache.read(name) for store in stores if store.covered[samples].any()]
-    frame, box, velocity, score, kind = (
-        np.concatenate([part[key] for part in parts])
-        for key in ("frame", "box", "velocity", "score", "class_id")
+    """Return the detections of the scene ``name`` from all files.
+
+    ``samples``: its rows in the tables. Other classes are dropped.
+    """
+    file_parts = [
+        store.cache.read(name) for store in stores if store.covered[samples].any()
+    ]
+    arrays = {
+        key: np.concatenate([part[key] for part in file_parts]) for key in file_parts[0]
+    }
+    class_id = class_ids(CLASSES, classes)[arrays["class_id"]]
+    is_used = class_id >= 0
+    return detections_by_frame(
+        len(samples),
+        arrays["frame"][is_used],
+        arrays["box"][is_used],
+        class_id[is_used],
+        arrays["score"][is_used],
+        arrays["velocity"][is_used],
     )
-    class_id = class_ids(CLASSES, classes)[kind]
-    used = np.flatnonzero(class_id >= 0)
-    row = used[np.argsort(frame[used], kind="stable")]
-    start = starts_of_sorted(frame[row], len(samples))
-    return Detections(start, box[row], velocity[row], class_id[row], score[row])
 
 
-def _open(path: Path, tables: TableStore) -> DetectionStore:
-    cache = CachedFolder.of(
-        tables.cache.path.name, {"detections": path}, partial(_fill, path, tables)
-    )
-    return DetectionStore(path, cache, cache.read(INDEX)["covered"])
-
-
-def _fill(path: Path, tables: TableStore, folder: Path) -> None:
+def _fill_detections(path: Path, tables: TableStore, folder: Path) -> None:
     boxes = read_submission(path, tables.row_of_token)
     covered = np.isin(np.arange(tables.start[-1]), boxes.covered)
     for name in tables.scenes:
         samples = tables.samples(name)
-        if covered[samples].any():
-            row = slice(*np.searchsorted(boxes.sample, [samples.start, samples.stop]))
-            arrays = {
-                "frame": boxes.sample[row] - samples.start,
-                "box": boxes.box[row],
-                "velocity": boxes.velocity[row],
-                "class_id": boxes.class_id[row],
-                "score": boxes.score[row],
-            }
-            write_arrays(folder / f"{name}.npz", arrays)
+        if not covered[samples].any():
+            continue
+        rows = tables.rows_of(name, boxes.sample)
+        arrays = {
+            "frame": boxes.sample[rows] - samples.start,
+            "box": boxes.box[rows],
+            "velocity": boxes.velocity[rows],
+            "class_id": boxes.class_id[rows],
+            "score": boxes.score[rows],
+        }
+        write_arrays(folder / f"{name}.npz", arrays)
     index = {
         "covered": covered,
         "samples": np.array(boxes.samples),

@@ -1,9 +1,10 @@
-"""Tables of nuScenes, decoded by msgspec into typed records; scenes, their samples (keyframes) and the ego poses.
+"""Tables of nuScenes, decoded into typed records: scenes, keyframes and ego poses.
 
-A file is read whole: ``sample_data.json`` of v1.0-trainval takes 1.2 GB for its text and 1.1 GB for its records.
+A file is read whole: ``sample_data.json`` of v1.0-trainval takes 1.2 GB for its text
+and 1.1 GB for its records.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -13,24 +14,25 @@ import msgspec
 import numpy as np
 
 from ...core import DataError, Floats, Ints, starts_of
-from ..text import LIMIT, read_json, refuse
+from ..rotation import require_rotations, yaw_of
+from ..tables import refuse
+from ..text import Number, read_json
 
-SECOND = 1e6  # microseconds
-STEPS = 0.25, 1.0  # s, between samples: nominally 0.5
-LIDAR = "LIDAR_TOP"  # its keyframes carry the ego pose of a sample, as in the official development kit
-LONGEST = 100.0  # m, side of a box
-NORM_TOLERANCE = (
-    1e-2  # of a quaternion; smaller deviations are rounding and are normalised
-)
+SECOND_US = 1e6
+# s, between samples: nominally 0.5
+MIN_STEP_S = 0.25
+MAX_STEP_S = 1.0
+# its keyframes carry the ego pose of a sample, as in the official development kit
+LIDAR = "LIDAR_TOP"
+MAX_SIDE_M = 100.0  # of a box
 
-Number = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LIMIT)]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]  # w x y z
 _Pixels = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
-_Side = Annotated[float, msgspec.Meta(gt=0, le=LONGEST)]
+_Side = Annotated[float, msgspec.Meta(gt=0, le=MAX_SIDE_M)]
 Size = tuple[_Side, _Side, _Side]  # width, length, height
 
-Content = TypeVar("Content")
+ContentT = TypeVar("ContentT")
 
 
 class TableRecord(msgspec.Struct, gc=False):
@@ -43,72 +45,64 @@ RecordT = TypeVar("RecordT", bound=TableRecord)
 
 
 def read_records(path: Path, kind: type[RecordT]) -> list[RecordT]:
-    """All records of a table, in its order."""
+    """Read all records of a table, in its order."""
     return read_json(path, list[kind])  # type: ignore[valid-type]
 
 
 def by_token(path: Path, kind: type[RecordT]) -> dict[str, RecordT]:
-    """Records of a table by their tokens; raises DataError for a token that two of them share."""
-    records = read_records(path, kind)
-    table = {record.token: record for record in records}
-    if len(table) < len(records):
-        token = next(
-            record.token for record in records if table[record.token] is not record
-        )
-        raise DataError(
-            f"{path}: several records have the token {token!r}, expected one"
-        )
+    """Read the records of a table by their tokens.
+
+    Raises DataError for a shared token.
+    """
+    table: dict[str, RecordT] = {}
+    for record in read_records(path, kind):
+        if record.token in table:
+            raise DataError(
+                f"{path}: several records have the token {record.token!r}, expected one"
+            )
+        table[record.token] = record
     return table
 
 
 def find(
-    table: dict[str, Content], record: TableRecord, key: str, path: Path
-) -> Content:
-    """Entry of ``table`` that the token ``key`` of a record of ``path`` names; raises DataError if it is missing."""
+    table: Mapping[str, ContentT], record: TableRecord, key: str, path: Path
+) -> ContentT:
+    """Return the entry of ``table`` that the token ``key`` of a record names.
+
+    ``path`` of the record's table. Raises DataError if the entry is missing.
+    """
     token = getattr(record, key)
     if token not in table:
         name = key.removesuffix("_token")
         raise DataError(
-            f"{path}, record {record.token!r}: {key} is {token!r}, but {name}.json has no such record"
+            f"{path}, record {record.token!r}: {key} is {token!r}, but {name}.json has "
+            "no such record"
         )
     return table[token]
 
 
 def floats(rows: Sequence[Any], columns: int) -> Floats:
-    """Tuples of ``columns`` numbers as ``[R, columns]``."""
+    """Return tuples of ``columns`` numbers as [R, columns]."""
     return np.array(rows, dtype=np.float64).reshape(-1, columns)
 
 
-def require_rotations(rotation: Floats, where: Callable[[int], str]) -> None:
-    """Raise DataError for the first row of quaternions ``[R, 4]`` that are not of norm 1; ``where``: name of a row."""
-    wrong = np.abs(np.linalg.norm(rotation, axis=1) - 1.0) > NORM_TOLERANCE
-    refuse(
-        wrong,
-        lambda row: (
-            f"{where(row)}: rotation is {rotation[row].tolist()}, expected a unit quaternion"
-        ),
-    )
-
-
-def yaw_of(rotation: Floats) -> Floats:
-    """Headings ``[R]`` of quaternions ``[R, 4]`` (w, x, y, z): the turned x axis, projected on the ground."""
-    w, x, y, z = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
-    return np.asarray(np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
-
-
 def rotations(records: Sequence[Any], path: Path) -> Floats:
-    """Quaternions ``[R, 4]`` of records of a table; raises DataError for one that is not of norm 1."""
+    """Return quaternions [R, 4] of records of a table.
+
+    Raises DataError unless of norm 1.
+    """
     rotation = floats([record.rotation for record in records], 4)
     require_rotations(rotation, lambda row: f"{path}, record {records[row].token!r}")
     return rotation
 
 
 def upright_boxes(records: Sequence[Any], rotation: Floats) -> Floats:
-    """Boxes ``[R, 7]`` x y z yaw l w h of records with a translation and a size, and their quaternions ``[R, 4]``."""
-    place, size = (
-        floats([each.translation for each in records], 3),
-        floats([each.size for each in records], 3),
-    )
+    """Return boxes [R, 7] x y z yaw l w h of records.
+
+    They have a translation and a size; ``rotation`` [R, 4]: their quaternions.
+    """
+    place = floats([record.translation for record in records], 3)
+    size = floats([record.size for record in records], 3)
     return np.column_stack([place, yaw_of(rotation), size[:, [1, 0, 2]]])
 
 
@@ -120,9 +114,8 @@ class SceneRecord(TableRecord):
 
 class _Sample(TableRecord):
     scene_token: str
-    timestamp: Annotated[
-        float, msgspec.Meta(ge=0, le=2.0**53)
-    ]  # microseconds; a float holds each of them exactly
+    # microseconds; a float has each of them exactly
+    timestamp: Annotated[float, msgspec.Meta(ge=0, le=2.0**53)]
 
 
 class SensorRecord(TableRecord):
@@ -138,7 +131,7 @@ class MountRecord(TableRecord):
 
 
 class CameraRecord(MountRecord):
-    """A record of ``calibrated_sensor.json``: how a sensor is mounted, and what a camera shows."""
+    """A record of ``calibrated_sensor.json``: the mount, and what a camera shows."""
 
     translation: Vector  # m, in the frame of the ego
     rotation: Quaternion
@@ -155,7 +148,7 @@ class DataRecord(TableRecord):
 
 
 class ImageRecord(DataRecord):
-    """A record of ``sample_data.json`` with the file and the size of an image, in pixels."""
+    """A record of ``sample_data.json`` with file and size of an image, in pixels."""
 
     filename: str
     width: _Pixels
@@ -180,107 +173,115 @@ class Keyframes:
 
 
 def read_keyframes(paths: Mapping[str, Path]) -> Keyframes:
-    """Read the tables of scenes, samples, sensors and ego poses; DataError names the file and token that is wrong."""
-    scene, start, token, time = _read_samples(paths)
-    row = {name: index for index, name in enumerate(token)}
-    pose = _read_lidar_poses(paths, row)
-    position, rotation = read_poses(paths["ego_pose"], paths["sample_data"], pose)
-    return Keyframes(
-        scene, start, token, row, time, np.column_stack([position, yaw_of(rotation)])
-    )
+    """Read the tables of scenes, samples, sensors and ego poses.
+
+    DataError names the file and token that is wrong.
+    """
+    names, start, tokens, time = _read_samples(paths)
+    row_of_token = {token: row for row, token in enumerate(tokens)}
+    poses = _read_lidar_poses(paths, row_of_token)
+    place, rotation = read_poses(paths["ego_pose"], paths["sample_data"], poses)
+    ego = np.column_stack([place, yaw_of(rotation)])
+    return Keyframes(names, start, tokens, row_of_token, time, ego)
 
 
 def _read_samples(
     paths: Mapping[str, Path],
 ) -> tuple[tuple[str, ...], Ints, list[str], Floats]:
-    """Scene names [S] and row starts [S + 1], sample tokens [N] and times [N]."""
-    path, table = paths["scene"], paths["sample"]
-    scenes = sorted(
-        by_token(path, SceneRecord).values(),
-        key=lambda scene: (scene.name, scene.token),
-    )
-    for before, after in pairwise(scenes):
-        if before.name == after.name:
-            raise DataError(f"{path} has several scenes {before.name!r}, expected one")
-    row = {scene.token: index for index, scene in enumerate(scenes)}
-    samples = list(by_token(table, _Sample).values())
-    group = np.array(
-        [find(row, sample, "scene_token", table) for sample in samples], dtype=np.int64
-    )
-    count = np.bincount(group, minlength=len(scenes))
+    """Return scene names [S] and row starts [S + 1], sample tokens and times [N]."""
+    scene_path = paths["scene"]
+    sample_path = paths["sample"]
+    scene_records = by_token(scene_path, SceneRecord).values()
+    scenes = sorted(scene_records, key=lambda scene: (scene.name, scene.token))
+    names = tuple(scene.name for scene in scenes)
+    for name, next_name in pairwise(names):
+        if name == next_name:
+            raise DataError(f"{scene_path} has several scenes {name!r}, expected one")
+    row_of_scene = {scene.token: row for row, scene in enumerate(scenes)}
+    samples = list(by_token(sample_path, _Sample).values())
+    scene_rows = [
+        find(row_of_scene, sample, "scene_token", sample_path) for sample in samples
+    ]
+    scene_row = np.array(scene_rows, dtype=np.int64)
+    sample_count = np.bincount(scene_row, minlength=len(scenes))
+    problem = f"{sample_path.name} has no sample of this scene"
     refuse(
-        count == 0,
-        lambda i: (
-            f"{path}, record {scenes[i].token!r}: {table.name} has no sample of this scene"
-        ),
+        sample_count == 0,
+        lambda row: f"{scene_path}, record {scenes[row].token!r}: {problem}",
     )
     time = floats([sample.timestamp for sample in samples], 1)[:, 0]
-    order = np.lexsort((time, group))
-    start, tokens, time = (
-        starts_of(count),
-        [samples[index].token for index in order],
-        time[order],
-    )
-    names = tuple(scene.name for scene in scenes)
-    _check_steps(table, names, start, tokens, time)
-    return names, start, tokens, time
+    sample_order = np.lexsort((time, scene_row))
+    start = starts_of(sample_count)
+    tokens = [samples[row].token for row in sample_order]
+    _check_steps(sample_path, names, start, tokens, time[sample_order])
+    return names, start, tokens, time[sample_order]
 
 
 def _check_steps(
-    path: Path, scene: tuple[str, ...], start: Ints, token: list[str], time: Floats
+    path: Path, names: Sequence[str], start: Ints, tokens: Sequence[str], time: Floats
 ) -> None:
-    """Raise DataError for a scene whose steps are not about half a second: its times have another unit."""
-    for name, first, end in zip(scene, start[:-1], start[1:], strict=True):
-        steps = np.diff(time[first:end]) / SECOND
-        step = float(np.median(steps)) if len(steps) else STEPS[0]
-        if not steps.all() or not STEPS[0] <= step <= STEPS[1]:
-            row = first + int(np.argmin(steps))
-            raise DataError(
-                f"{path}, record {token[row]!r}: the samples of {name} are {step:g} s apart (median), at least "
-                f"{steps.min():g} s; expected {STEPS[0]:g} to {STEPS[1]:g} s: timestamp must be in microseconds"
-            )
+    """Raise DataError for a scene whose steps are not about half a second.
 
-
-def _read_lidar_poses(paths: Mapping[str, Path], row: dict[str, int]) -> list[str]:
-    """Token [N] of the ego pose of each sample: that of its LIDAR_TOP keyframe."""
-    path, mounts = paths["sample_data"], paths["calibrated_sensor"]
-    sensors = by_token(paths["sensor"], SensorRecord)
-    mounted = by_token(mounts, MountRecord).items()
-    channel = {
-        token: find(sensors, mount, "sensor_token", mounts).channel
-        for token, mount in mounted
-    }
-    pose = [""] * len(row)
-    for record in read_records(path, DataRecord):
-        if (
-            find(channel, record, "calibrated_sensor_token", path) != LIDAR
-            or not record.is_key_frame
-        ):
+    Its times have another unit.
+    """
+    for name, first, end in zip(names, start[:-1], start[1:], strict=True):
+        steps_s = np.diff(time[first:end]) / SECOND_US
+        if not len(steps_s):
             continue
-        sample = find(row, record, "sample_token", path)
-        if pose[sample]:
+        median_s = float(np.median(steps_s))
+        if not steps_s.all() or not MIN_STEP_S <= median_s <= MAX_STEP_S:
+            row = first + int(np.argmin(steps_s))
             raise DataError(
-                f"{path}, record {record.token!r}: a second {LIDAR} keyframe of its sample"
+                f"{path}, record {tokens[row]!r}: the samples of {name} are "
+                f"{median_s:g} s apart (median), at least {steps_s.min():g} s; "
+                f"expected {MIN_STEP_S:g} to {MAX_STEP_S:g} s: timestamp must be in "
+                "microseconds"
             )
-        pose[sample] = record.ego_pose_token
-    if "" in pose:
-        token = next(token for token, sample in row.items() if not pose[sample])
-        raise DataError(f"{path} has no {LIDAR} keyframe of sample {token!r}")
-    return pose
 
 
-def read_poses(path: Path, referrer: Path, pose: list[str]) -> tuple[Floats, Floats]:
-    """Places [N, 3] and quaternions [N, 4] of the ego by pose tokens [N]; a table has many more poses.
+def _read_lidar_poses(
+    paths: Mapping[str, Path], row_of_token: Mapping[str, int]
+) -> list[str]:
+    """Return the token [N] of the ego pose of each sample's LIDAR_TOP keyframe."""
+    path = paths["sample_data"]
+    mount_path = paths["calibrated_sensor"]
+    sensors = by_token(paths["sensor"], SensorRecord)
+    channels: dict[str, str] = {}
+    for token, mount in by_token(mount_path, MountRecord).items():
+        channels[token] = find(sensors, mount, "sensor_token", mount_path).channel
+    poses: dict[str, str] = {}
+    for record in read_records(path, DataRecord):
+        channel = find(channels, record, "calibrated_sensor_token", path)
+        if channel != LIDAR or not record.is_key_frame:
+            continue
+        find(row_of_token, record, "sample_token", path)
+        if record.sample_token in poses:
+            raise DataError(
+                f"{path}, record {record.token!r}: a second {LIDAR} keyframe of its "
+                "sample"
+            )
+        poses[record.sample_token] = record.ego_pose_token
+    for token in row_of_token:
+        if token not in poses:
+            raise DataError(f"{path} has no {LIDAR} keyframe of sample {token!r}")
+    return [poses[token] for token in row_of_token]
 
-    ``referrer``: the table that names them. DataError for a pose that is missing, or that two records share.
+
+def read_poses(
+    path: Path, referring_path: Path, tokens: Sequence[str]
+) -> tuple[Floats, Floats]:
+    """Read places [N, 3] and quaternions [N, 4] of the ego by pose tokens [N].
+
+    A table has many more poses. ``referring_path``: the table that names them.
+    Raises DataError for a pose that is missing, or that two records share.
     """
     poses = by_token(path, _Pose)
-    missing = next((token for token in pose if token not in poses), None)
-    if missing is not None:
-        raise DataError(
-            f"{path} has no record {missing!r}, which {referrer.name} names as ego_pose_token"
-        )
-    records = [poses[token] for token in pose]
-    return floats([record.translation for record in records], 3), rotations(
-        records, path
-    )
+    for token in tokens:
+        if token not in poses:
+            raise DataError(
+                f"{path} has no record {token!r}, which {referring_path.name} names as "
+                "ego_pose_token"
+            )
+    records = [poses[token] for token in tokens]
+    place = floats([record.translation for record in records], 3)
+    return place, rotations(records, path)

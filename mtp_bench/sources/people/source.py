@@ -1,4 +1,7 @@
-"""ETH/UCY: eight recordings of people on the ground plane, cut into scenes; their detections are simulated."""
+"""ETH/UCY: eight recordings of people on the ground plane, cut into scenes.
+
+Their detections are simulated.
+"""
 
 from pathlib import Path
 
@@ -6,13 +9,15 @@ import numpy as np
 
 from ...cards import Card, SourceSection, Traits
 from ...core import DataError, Floats, Ints, Scene
-from ..base import DataRoot, no_detections, require_classes, require_rate, section_of
+from ..base import DataRoot, require_classes, require_rate, section_of
 from ..dataset import Dataset
-from ..motion import middle, people_truth
-from ..text import read_table
+from ..motion import middle, people_scene, people_truth
+from ..readers import read_table
 
-RATE, STEP = 2.5, 10  # Hz; frames are numbered in steps of ten
-SCENE_FRAMES = 100  # 40 s; the last scene of a recording, and one with holes, has fewer
+RATE_HZ = 2.5
+FRAME_STEP = 10  # between the numbers of two frames
+# 40 s; the last scene of a recording, and one with holes, has fewer
+SCENE_FRAMES = 100
 TESTS = {
     "eth": ("biwi_eth",),
     "hotel": ("biwi_hotel",),
@@ -21,24 +26,20 @@ TESTS = {
     "zara2": ("crowds_zara02",),
 }
 TRAINING = ("crowds_zara03", "uni_examples")  # never held out
-RECORDINGS = (*sum(TESTS.values(), ()), *TRAINING)
-SPLITS = {
-    "val": RECORDINGS[: -len(TRAINING)],
-    "train": TRAINING,
-    **TESTS,
-    **{
-        f"train-{name}": tuple(each for each in RECORDINGS if each not in held)
-        for name, held in TESTS.items()
-    },
-}
+_HELD_OUT = sum(TESTS.values(), ())
+RECORDINGS = (*_HELD_OUT, *TRAINING)
+SPLITS = {"val": _HELD_OUT, "train": TRAINING, **TESTS}
+for _name, _tests in TESTS.items():
+    SPLITS[f"train-{_name}"] = tuple(r for r in RECORDINGS if r not in _tests)
 DATASET = Dataset.of(__file__)
 
 
 class PeopleSource(SourceSection):
     """ETH/UCY: people on the ground plane; the detections are simulated.
 
-    Splits: ``"eth"`` holds out ETH, and ``"train-eth"`` has all other recordings; ``"hotel"``, ``"univ"``, ``"zara1"``
-    and ``"zara2"`` alike. ``"val"``: all that are held out; ``"train"``: the two that never are.
+    Splits: ``"eth"`` holds out ETH, and ``"train-eth"`` has all other recordings;
+    ``"hotel"``, ``"univ"``, ``"zara1"`` and ``"zara2"`` alike. ``"val"``: all that are
+    held out; ``"train"``: the two that never are.
     """
 
     splits = tuple(SPLITS)
@@ -55,67 +56,69 @@ class PeopleSource(SourceSection):
 
 
 def files_of(card: Card) -> tuple[str, ...]:
-    """Files of the recordings of the card's split."""
-    return tuple(
-        f"{recording}.txt" for recording in SPLITS[section_of(card, PeopleSource).split]
-    )
+    """Return the files of the recordings of the card's split."""
+    recordings = SPLITS[section_of(card, PeopleSource).split]
+    return tuple(f"{recording}.txt" for recording in recordings)
 
 
 class People:
     """Scenes of at most 40 s, named by recording and number of the first frame.
 
-    Frame of reference: the ground plane of the recording's file, in metres. Boxes are nominal, with yaw 0. Frames
-    without people are not in the files: a hole in time, which no past and no future crosses. There is no ego vehicle:
-    the ego state is the middle of the recording's positions in whole metres. Raises CardError or DataError.
+    Frame of reference: the ground plane of the recording's file, in metres. Boxes are
+    nominal, with yaw 0. Frames without people are not in the files: a hole in time,
+    which no past and no future crosses. There is no ego vehicle: the ego state is the
+    middle of the recording's positions in whole metres. Raises CardError or DataError.
     """
 
     def __init__(self, card: Card, data: DataRoot = None) -> None:
         require_classes(card, DATASET.name, ("pedestrian",))
-        require_rate(card, DATASET.name, RATE)
+        require_rate(card, DATASET.name, RATE_HZ)
         files = files_of(card)
         root = DATASET.find(data, files[0])
-        least = card.task.past + card.task.future
+        min_frames = card.task.past + card.task.future
         self._scenes: dict[str, tuple[Path, Ints]] = {}
         for path in (root / file for file in files):
-            frames = np.unique(read_recording(path)[0])
-            scene = (frames - frames[:1]) // (STEP * SCENE_FRAMES)
-            for part in np.split(frames, np.flatnonzero(np.diff(scene)) + 1):
-                if len(part) >= least:
+            frame_numbers = np.unique(read_recording(path)[0])
+            scene_index = (frame_numbers - frame_numbers[:1]) // (
+                FRAME_STEP * SCENE_FRAMES
+            )
+            for part in np.split(
+                frame_numbers, np.flatnonzero(np.diff(scene_index)) + 1
+            ):
+                if len(part) >= min_frames:
                     self._scenes[f"{path.stem}-{part[0]:05d}"] = path, part
         if not self._scenes:
             raise DataError(
-                f"{root} has no scene of at least {least} frames: task.past and task.future"
+                f"{root} has no scene of at least {min_frames} frames: task.past and "
+                "task.future"
             )
         self.names = tuple(self._scenes)
 
     def load(self, name: str) -> Scene:
-        """Read one scene; DataError names the file and line that is wrong."""
-        path, frames = self._scenes[name]
-        frame, person, place = read_recording(path)
-        row = np.isin(frame, frames)
-        time, index = frames / STEP / RATE, np.searchsorted(frames, frame[row])
-        truth = people_truth(index, place[row], person[row], time, 1 / RATE)
-        ego, visible = np.tile(middle(place), (len(frames), 1)), np.ones(len(truth.box))
-        return Scene(
-            name,
-            time,
-            ego,
-            truth,
-            no_detections(len(frames)),
-            visible=visible,
-            recording=path.stem,
-        )
+        """Read one scene.
+
+        DataError names the file and line that is wrong.
+        """
+        path, frame_numbers = self._scenes[name]
+        frame_number, person, place = read_recording(path)
+        rows = np.isin(frame_number, frame_numbers)
+        time = frame_numbers / FRAME_STEP / RATE_HZ
+        frame = np.searchsorted(frame_numbers, frame_number[rows])
+        truth = people_truth(frame, place[rows], person[rows], time, 1 / RATE_HZ)
+        return people_scene(name, path.stem, time, middle(place), truth)
 
 
 def read_recording(path: Path) -> tuple[Ints, Ints, Floats]:
-    """Frame [R], sorted, person [R] and place [R, 2], m, of each row; DataError names the line that is wrong."""
+    """Read frame number [R], sorted, person [R] and place [R, 2], m, of each row.
+
+    DataError names the line that is wrong.
+    """
     table = read_table(path, "frame id x y")
-    table.refuse_not_finite("x y")
-    frame, person = table.whole("frame"), table.whole("id")
-    table.refuse(
-        frame % STEP != 0,
-        lambda row: f"frame {frame[row]}, expected a multiple of {STEP}: {RATE:g} Hz",
-    )
-    table.refuse_second_box(frame, person, np.arange(len(frame)))
-    order = np.argsort(frame, kind="stable")
-    return frame[order], person[order], table.matrix("x y")[order]
+    frame_number = table.whole_numbers("frame")
+    person = table.whole_numbers("id")
+    expected = f"expected a multiple of {FRAME_STEP}: {RATE_HZ:g} Hz"
+    is_between = frame_number % FRAME_STEP != 0
+    table.refuse(is_between, lambda row: f"frame {frame_number[row]}, {expected}")
+    table.refuse_second_box(frame_number, person)
+    order = np.argsort(frame_number, kind="stable")
+    return frame_number[order], person[order], table.matrix("x y")[order]

@@ -1,0 +1,101 @@
+"""Lanes of a map of 123D near the path of the ego."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from ...core import Floats, Lane
+from ..argoverse2.road import even, lane_between
+from ..base import is_near, link_lanes
+from ..text import reading
+from .arrow import FORM, read_arrow
+
+# from the path of the ego, beyond which lanes are left out: a map may be that of a city
+ROAD_REACH_M = 200.0
+MAX_STEP_M = 2.0  # between points of a lane
+# two layers of a map, and a type of lane
+_LANE_LAYER = 0
+_GROUP_LAYER = 1
+_BIKE_LANE = 3
+
+
+class Feature(msgspec.Struct):
+    """A lane, or a group of lanes; lines are arrays as msgpack-numpy packs them."""
+
+    lane_type: int = 0
+    lane_group_id: int | None = None
+    intersection_id: int | None = None
+    successor_ids: list[int] = []
+    centerline: dict[bytes, Any] = {}
+    left_boundary: dict[bytes, Any] = {}
+    right_boundary: dict[bytes, Any] = {}
+
+
+def read_lanes(path: Path, ego_place: Floats, origin: Floats) -> tuple[Lane, ...]:
+    """Return lanes near the places [F, 2] of the ego, without those of bicycles.
+
+    The ``origin`` [3] is subtracted. Raises DataError for a map that is wrong.
+    """
+    columns, about = read_arrow(path, {"object_id": 1, "map_layer": 1, "features": 0})
+    # Argoverse 2 makes the middle line of the borders
+    has_center = about.get("dataset") != "av2-sensor"
+    groups: dict[int, int | None] = {}
+    lanes: dict[int, Lane] = {}
+    successors: dict[int, list[int]] = {}
+    junction_groups: set[int | None] = set()
+    with reading(path, FORM):
+        for number, layer, content in zip(*columns.values(), strict=True):
+            if layer not in (_LANE_LAYER, _GROUP_LAYER):
+                continue
+            feature = msgspec.msgpack.decode(content, type=Feature)
+            object_id = int(number[0])
+            if layer == _GROUP_LAYER:
+                if feature.intersection_id is not None:
+                    junction_groups.add(object_id)
+            elif feature.lane_type != _BIKE_LANE:
+                lane = _lane(feature, origin, has_center)
+                if is_near(lane, ego_place, ROAD_REACH_M):
+                    groups[object_id] = feature.lane_group_id
+                    lanes[object_id] = lane
+                    successors[object_id] = feature.successor_ids
+    for object_id, lane in lanes.items():
+        junction = groups[object_id] in junction_groups
+        lanes[object_id] = replace(lane, junction=junction)
+    return link_lanes(lanes, successors)
+
+
+def _lane(feature: Feature, origin: Floats, has_center: bool) -> Lane:
+    """Return the lane less the ``origin``."""
+    packed_lines = feature.centerline, feature.left_boundary, feature.right_boundary
+    lines: list[Floats] = []
+    for packed in packed_lines:
+        line = points(packed)
+        lines.append(line - origin[: line.shape[1]])
+    if not has_center:
+        return lane_between(lines[1], lines[2])
+    length_m = np.linalg.norm(np.diff(lines[0], axis=0), axis=1).sum()
+    count = max(1, int(np.ceil(length_m / MAX_STEP_M))) + 1
+    center, left_border, right_border = (even(line, count)[:, :2] for line in lines)
+    return Lane(center, left_border, right_border)
+
+
+def points(packed: dict[bytes, Any]) -> Floats:
+    """Return points [n, 2 or 3] of a line.
+
+    Raises ValueError for a broken one.
+    """
+    is_packed = {b"data", b"dtype", b"shape"} <= packed.keys()
+    if not is_packed or packed[b"dtype"] not in ("<f8", "<f4"):
+        raise ValueError("a lane lacks one of its lines")
+    numbers = np.frombuffer(packed[b"data"], packed[b"dtype"])
+    line = numbers.reshape(packed[b"shape"]).astype(np.float64)
+    is_line = line.ndim == 2 and line.shape[1] in (2, 3) and len(line) > 1
+    if not is_line or not np.isfinite(line).all():
+        raise ValueError(
+            f"a line of a lane has the shape {list(line.shape)}, expected two or more "
+            "finite points"
+        )
+    return line
