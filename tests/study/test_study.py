@@ -21,6 +21,7 @@ from mtp_bench.viz.terminal.notes import label_of
 from tests.support.browser import chromium
 from tests.support.colours import APART, VISION, distance
 from tests.support.command_line import CommandLine, write_submission
+from tests.support.report_rows import detail, rows
 from tests.test_readme import blocks
 
 
@@ -41,8 +42,8 @@ def made(tmp_path_factory: pytest.TempPathFactory, repository: Path, card: str, 
 
 def errors_by_label(report: Report) -> dict[str, float]:
     """BADE of each agent in its main setting, by its label in figures."""
-    rows = [block["all"] for block in main_settings(report).values()]
-    return {label_of(row): row.error for row in rows if row.error is not None}
+    shown = [block["all"] for block in main_settings(report).values()]
+    return {label_of(row): row.error for row in shown if row.error is not None}
 
 
 # ---- files
@@ -60,8 +61,8 @@ def test_every_table_is_written_for_programs_and_for_papers(made: Study) -> None
 
 
 def test_the_rows_are_those_of_the_report(made: Study) -> None:
-    rows = json.loads((made.folder / "tables" / "rows.json").read_text())["rows"]
-    assert rows == json.loads(json.dumps(made.report.to_json()["rows"]))
+    written = json.loads((made.folder / "tables" / "rows.json").read_text())["rows"]
+    assert written == json.loads(json.dumps(made.report.to_json()["rows"]))
     samples = made.tables["samples"].rows
     assert [row["minADE"] for row in samples] == [m for each in made.report.details for m in each.k_curve.values()]
     switches = {(row["agent"], row["hypotheses"], row["budget"]): row["ids"] for row in made.tables["events"].rows}
@@ -105,9 +106,9 @@ def test_the_command_on_own_agents(cli: CommandLine, tmp_path: Path, card: str, 
     page = html.unescape((folder / "index.html").read_text())
     assert re.search("! broken failed .*no more", page)
     assert f"mtp-bench study --env {card}" in page
-    rows = json.loads((folder / "tables" / "rows.json").read_text())["rows"]
-    assert "mine" in {row["agent"] for row in rows}
-    assert {row["seeds"] for row in rows} == {1}
+    written = json.loads((folder / "tables" / "rows.json").read_text())["rows"]
+    assert "mine" in {row["agent"] for row in written}
+    assert {row["seeds"] for row in written} == {1}
     assert not (folder / "stale.txt").exists()
     assert not (folder / "figures" / "hypotheses.svg").exists(), "no agent has several numbers of hypotheses"
 
@@ -132,6 +133,12 @@ def test_every_figure_is_written_and_equal_reports_give_equal_files(made: Study,
         assert (tmp_path / name).read_bytes() == (made.folder / "figures" / name).read_bytes(), name
 
 
+def test_without_targets_there_is_no_figure(tmp_path: Path) -> None:
+    setting = ("stp", 1, 20, "equal")
+    empty = rows(setting, error=None, interval=None, difference_to_stp=None, targets=0)
+    assert draw_figures(Report("MTP-KITTI-v0", "2.0", empty, [], [detail(setting)]), tmp_path) == []
+
+
 def test_dots_and_bars_are_the_errors_of_the_agents(made: Study) -> None:
     expected = errors_by_label(made.report)
     errors: Any = FIGURES["errors"].draw(made.report)
@@ -150,9 +157,9 @@ def test_dots_and_bars_are_the_errors_of_the_agents(made: Study) -> None:
 def test_the_gain_of_hypotheses_stands_beside_its_controls(made: Study) -> None:
     figure: Any = FIGURES["hypotheses"].draw(made.report)
     lines = {line.get_label(): list(line.get_ydata()) for line in figure.axes[0].lines}
-    rows = [row for row in made.report.rows if row.subset == "all" and row.budget == "equal"]
-    differences = {row.agent: row.difference_to_stp for row in rows}
-    assert lines["mtp"] == [row.difference_to_stp for row in rows if row.agent == "mtp"]
+    shown = [row for row in made.report.rows if row.subset == "all" and row.budget == "equal"]
+    differences = {row.agent: row.difference_to_stp for row in shown}
+    assert lines["mtp"] == [row.difference_to_stp for row in shown if row.agent == "mtp"]
     assert len(lines["mtp"]) == 3
     for control in ("stp_same_samples", "stp_neighbours"):
         assert lines[control][0] == differences[control]

@@ -1,7 +1,10 @@
 """Figures of a study, drawn with matplotlib from the rows of its report."""
 
-from collections.abc import Callable, Mapping, Sequence
+from base64 import b64encode
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -76,14 +79,16 @@ class DrawnFigure:
     name: str
     title: str
     caption: str
-    svg: bytes
+    data_uri: str  # the SVG, for a page
 
 
 def draw_figures(report: Report, folder: Path) -> list[DrawnFigure]:
     """Draw the figures that the report has values for, each as SVG, PDF and PNG."""
     from matplotlib import style
 
-    figures = []
+    figures: list[DrawnFigure] = []
+    if not _main_blocks(report):  # no targets
+        return figures
     with style.context(["default", _STYLE]):
         for name, spec in FIGURES.items():
             figure = spec.draw(report)
@@ -92,8 +97,9 @@ def draw_figures(report: Report, folder: Path) -> list[DrawnFigure]:
             for suffix in FILE_SUFFIXES:
                 path = folder / f"{name}{suffix}"
                 figure.savefig(path, metadata=_NO_DATE[suffix])
-            svg = (folder / f"{name}.svg").read_bytes()
-            figures.append(DrawnFigure(name, spec.title, spec.caption, svg))
+            svg = b64encode((folder / f"{name}.svg").read_bytes()).decode("ascii")
+            data_uri = f"data:image/svg+xml;base64,{svg}"
+            figures.append(DrawnFigure(name, spec.title, spec.caption, data_uri))
     return figures
 
 
@@ -101,14 +107,12 @@ def _draw_errors(report: Report) -> "Figure":
     """Draw bADE with its interval, a panel per subset and a row per agent."""
     blocks = _main_blocks(report)
     subsets = _subsets_with(blocks, "error")
-    figure, axes = _row_panels(
-        len(subsets), [label_of(block["all"]) for block in blocks]
-    )
+    figure, axes = _row_panels(len(subsets), blocks)
     for axis, subset in zip(axes, subsets, strict=True):
-        for place, block in enumerate(blocks):
-            row = block[subset]
-            is_reference = row.unranked_because in REFERENCES
-            color = REFERENCE_COLOR if is_reference else AGENT_COLOR
+        for place, row in enumerate(_on(blocks, subset)):
+            color = AGENT_COLOR
+            if row.unranked_because in REFERENCES:
+                color = REFERENCE_COLOR
             axis.plot(row.error, place, marker="o", color=color)
             if row.interval is not None:
                 axis.hlines(place, *row.interval, color=color)
@@ -118,13 +122,14 @@ def _draw_errors(report: Report) -> "Figure":
 
 def _draw_parts(report: Report) -> "Figure":
     """Draw the parts of bADE as stacked bars; negative ones extend to the left."""
-    rows = [block["all"] for block in _main_blocks(report)]
-    figure, (axis,) = _row_panels(1, [label_of(row) for row in rows])
-    places = np.arange(len(rows))
-    right_m = np.zeros(len(rows))
-    left_m = np.zeros(len(rows))
+    blocks = _main_blocks(report)
+    figure, (axis,) = _row_panels(1, blocks)
+    places = np.arange(len(blocks))
+    right_m = np.zeros(len(blocks))
+    left_m = np.zeros(len(blocks))
     for key, name in PARTS.items():
-        part_m = np.array([getattr(row, f"cost_{key}") or 0.0 for row in rows])
+        part_m = _values(_on(blocks, "all"), f"cost_{key}")
+        part_m = np.nan_to_num(np.array(part_m, dtype=float))
         start_m = np.where(part_m >= 0, right_m, left_m)
         axis.barh(places, part_m, left=start_m, color=PART_COLORS[key], label=name)
         right_m += np.maximum(part_m, 0)
@@ -136,21 +141,20 @@ def _draw_parts(report: Report) -> "Figure":
 
 def _draw_hypotheses(report: Report) -> "Figure | None":
     """Draw the gain over stp by the number of hypotheses, beside the controls."""
-    curves = _blocks_by_agent(report)
-    swept = {agent: blocks for agent, blocks in curves.items() if len(blocks) > 1}
+    agents = _blocks_by_agent(report)
+    swept = {agent: blocks for agent, blocks in agents.items() if len(blocks) > 1}
     if not swept:
         return None
-    levels = [controls()[role] for role in HYPOTHESIS_CONTROLS]
-    swept_blocks = [block for blocks in swept.values() for block in blocks]
-    subsets = _subsets_with(swept_blocks, "difference_to_stp")
+    subsets = _subsets_with(chain.from_iterable(swept.values()), "difference_to_stp")
     figure, axes = _panels(len(subsets))
     for axis, subset in zip(axes, subsets, strict=True):
         axis.axhline(0.0, color=REFERENCE_COLOR, label="stp")
         for agent, blocks in swept.items():
-            _plot_sweep(axis, agent, [block[subset] for block in blocks])
-        for agent, style in zip(levels, ("--", ":"), strict=True):
-            level_m = curves[agent][0][subset].difference_to_stp
-            axis.axhline(level_m, color="#6000d8", linestyle=style, label=agent)
+            _plot_sweep(axis, agent, _on(blocks, subset))
+        for role, line_style in zip(HYPOTHESIS_CONTROLS, ("--", ":"), strict=True):
+            agent = controls()[role]
+            level_m = agents[agent][0][subset].difference_to_stp
+            axis.axhline(level_m, color="#6000d8", linestyle=line_style, label=agent)
         axis.set(title=NAMES[subset], xlabel="hypotheses H")
     axes[0].set_ylabel("bADE less that of stp, m")
     _add_legend(figure, axes[0])
@@ -159,8 +163,8 @@ def _draw_hypotheses(report: Report) -> "Figure | None":
 
 def _plot_sweep(axis: Any, agent: str, rows: Sequence[Row]) -> None:
     """Plot differences to stp over hypotheses, with intervals as vertical lines."""
-    counts = [row.hypotheses for row in rows]
-    (line,) = axis.plot(counts, [row.difference_to_stp for row in rows], label=agent)
+    counts = _values(rows, "hypotheses")
+    (line,) = axis.plot(counts, _values(rows, "difference_to_stp"), label=agent)
     for row in rows:
         if row.difference_interval is not None:
             low_m, high_m = row.difference_interval
@@ -170,19 +174,19 @@ def _plot_sweep(axis: Any, agent: str, rows: Sequence[Row]) -> None:
 
 def _draw_samples(report: Report) -> "Figure":
     """Draw expected minADE over k, of the setting of each agent with most samples."""
-    largest: dict[str, Details] = {}
-    agents = [block["all"].agent for block in _main_blocks(report)]
+    agents = _values(_on(_main_blocks(report), "all"), "agent")
+    most_samples: dict[str, Details] = {}
     for details in sorted(report.details, key=lambda details: details.samples):
         if details.agent in agents:
-            largest[details.agent] = details
+            most_samples[details.agent] = details
     figure, (axis,) = _panels(1)
-    tick_labels: dict[int, str] = {}
-    for details in largest.values():
-        tick_labels |= {int(k): k for k in details.k_curve}
-        counts = [int(k) for k in details.k_curve]
-        axis.plot(counts, list(details.k_curve.values()), label=details.agent)
+    ticks: set[int] = set()
+    for agent, details in most_samples.items():
+        counts = list(map(int, details.k_curve))
+        axis.plot(counts, list(details.k_curve.values()), label=agent)
+        ticks.update(counts)
     axis.set(xlabel="samples k", ylabel="expected minADE, m", xscale="log")
-    axis.set_xticks(list(tick_labels), list(tick_labels.values()))
+    axis.set_xticks(sorted(ticks), list(map(str, sorted(ticks))))
     axis.minorticks_off()
     _add_legend(figure, axis)
     return figure
@@ -191,14 +195,15 @@ def _draw_samples(report: Report) -> "Figure":
 def _draw_events(report: Report) -> "Figure":
     """Draw the number of each agent's own events, a panel per kind."""
     blocks = _main_blocks(report)
-    by_setting = {_setting(details): details for details in report.details}
-    chosen = [by_setting[_setting(block["all"])] for block in blocks]
-    labels = [label_of(block["all"]) for block in blocks]
-    figure, axes = _row_panels(len(_EVENT_KINDS), labels)
+    own_events = {
+        _setting_key(details): details.own_events for details in report.details
+    }
+    figure, axes = _row_panels(len(_EVENT_KINDS), blocks)
     for axis, kind in zip(axes, _EVENT_KINDS, strict=True):
-        counts = [details.own_events[kind] for details in chosen]
-        bars = axis.barh(range(len(counts)), counts, color=AGENT_COLOR)
-        axis.bar_label(bars, padding=2)
+        for place, row in enumerate(_on(blocks, "all")):
+            count = own_events[_setting_key(row)][kind]
+            bars = axis.barh(place, count, color=AGENT_COLOR)
+            axis.bar_label(bars, padding=2)
         axis.margins(x=0.2)
         axis.set(title=NAMES[kind], xlabel="events")
     return figure
@@ -206,10 +211,10 @@ def _draw_events(report: Report) -> "Figure":
 
 def _blocks_by_agent(report: Report) -> dict[str, list[Block]]:
     """Return the settings of each agent with the k samples of the environment."""
-    blocks: dict[str, list[Block]] = {}
+    blocks: dict[str, list[Block]] = defaultdict(list)
     for block in blocks_of(report):
         if block["all"].budget == "equal":
-            blocks.setdefault(block["all"].agent, []).append(block)
+            blocks[block["all"].agent].append(block)
     return blocks
 
 
@@ -220,17 +225,26 @@ def _main_blocks(report: Report) -> list[Block]:
     return sorted(scored, key=lambda block: block["all"].error or 0.0)
 
 
-def _subsets_with(blocks: Sequence[Block], key: str) -> list[Subset]:
+def _subsets_with(blocks: Iterable[Block], key: str) -> list[Subset]:
     """Return the subsets on which every row has a value of ``key``."""
+    all_blocks = list(blocks)
     return [
         subset
         for subset in _SUBSETS
-        if all(getattr(block[subset], key) is not None for block in blocks)
+        if None not in _values(_on(all_blocks, subset), key)
     ]
 
 
-def _setting(row: Row | Details) -> tuple[str, int, int]:
-    return row.agent, row.hypotheses, row.samples
+def _on(blocks: Sequence[Block], subset: Subset) -> list[Row]:
+    return [block[subset] for block in blocks]
+
+
+def _values(rows: Sequence[Row], key: str) -> list[Any]:
+    return [getattr(row, key) for row in rows]
+
+
+def _setting_key(setting: Row | Details) -> tuple[str, int, int]:
+    return setting.agent, setting.hypotheses, setting.samples
 
 
 def _panels(count: int, height_in: float = 3.6) -> "tuple[Figure, Sequence[Any]]":
@@ -241,14 +255,14 @@ def _panels(count: int, height_in: float = 3.6) -> "tuple[Figure, Sequence[Any]]
     return figure, figure.subplots(1, count, squeeze=False)[0]
 
 
-def _row_panels(count: int, labels: Sequence[str]) -> "tuple[Figure, Sequence[Any]]":
+def _row_panels(count: int, blocks: Sequence[Block]) -> "tuple[Figure, Sequence[Any]]":
     """Return a figure with ``count`` axes whose rows are agents, the first on top."""
-    figure, axes = _panels(count, 1.2 + _ROW_HEIGHT_IN * len(labels))
+    figure, axes = _panels(count, 1.2 + _ROW_HEIGHT_IN * len(blocks))
     for axis in axes:
         axis.grid(axis="x")
-        axis.set_yticks(range(len(labels)), [""] * len(labels))
-        axis.set_ylim(len(labels) - 0.5, -0.5)
-    axes[0].set_yticklabels(labels)
+        axis.set_yticks(range(len(blocks)), [""] * len(blocks))
+        axis.set_ylim(len(blocks) - 0.5, -0.5)
+    axes[0].set_yticklabels(list(map(label_of, _on(blocks, "all"))))
     return figure, axes
 
 

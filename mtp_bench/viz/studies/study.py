@@ -1,7 +1,6 @@
 """One comparison of agents, written as tables, figures, a page and a notebook."""
 
-from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
@@ -82,21 +81,23 @@ def study(
     options.card(env_id).require_same_scenes("of which there is no study")
     comparison = compare(agents, env_id, options)
     report = comparison.report
-    names = dict.fromkeys(setting.submission.name for setting in comparison.settings)
-    compared = [name for name in names if name in agents or name not in control_names()]
-    lines = [*warnings(report), skipped_line(comparison.skipped)]
+    ran = dict.fromkeys(setting.submission.name for setting in comparison.settings)
+    compared = [name for name in ran if name in agents or name not in control_names()]
+    lines = list(warnings(report))
+    skipped = skipped_line(comparison.skipped)
+    if skipped:
+        lines.append(skipped)
     with whole_folder(folder) as part:
-        tables = study_tables(report)
-        _write_tables(part / "tables", tables)
         make_folder(part / "figures")
         result = Study(
             folder=folder,
             report=report,
-            tables={table.name: table for table in tables},
+            tables=study_tables(report),
             figures=draw_figures(report, part / "figures"),
             findings=verdict(report, compared),
-            warnings=[line for line in lines if line],
+            warnings=lines,
         )
+        _write_tables(part / "tables", result.tables)
         write_text(part / _PAGE, study_page(result, command))
         write_text(part / _NOTEBOOK, text_of(_TEMPLATES, _NOTEBOOK))
     return result
@@ -116,12 +117,12 @@ def require_study_folder(folder: Path) -> None:
         )
 
 
-def _write_tables(folder: Path, tables: Sequence[Table]) -> None:
+def _write_tables(folder: Path, tables: Mapping[str, Table]) -> None:
     make_folder(folder)
-    for table in tables:
+    for name, table in tables.items():
         for suffix in TABLE_SUFFIXES:
             text = tables_text(suffix, [table], table)
-            write_text(folder / f"{table.name}{suffix}", text)
+            write_text(folder / f"{name}{suffix}", text)
 
 
 def study_page(result: Study, command: str) -> str:
@@ -131,9 +132,6 @@ def study_page(result: Study, command: str) -> str:
     """
     style = text_of(_TEMPLATES, "page.css")
     template = templates_of(_TEMPLATES).get_template("page.html")
-    images = {
-        figure.name: b64encode(figure.svg).decode("ascii") for figure in result.figures
-    }
     content = template.render(
         style=style,
         policy=f"default-src 'none'; style-src {source_of(style)}; img-src data:",
@@ -142,17 +140,16 @@ def study_page(result: Study, command: str) -> str:
         units=result.report.rows[0].effective_units,
         needed_units=RANKED_UNITS,
         study=result,
-        images=images,
-        tables={name: to_html(table) for name, table in result.tables.items()},
+        to_html=to_html,
         command=command,
     )
     return f"{content}\n"
 
 
 def _facts(report: Report) -> dict[str, str]:
-    """Return the conditions of a report by name, without empty ones."""
+    """Return the conditions of a report by name; empty where there is none."""
     condition, row = report.condition, report.rows[0]
-    facts = {
+    return {
         "environment": f"{report.env}, split {condition['split']}",
         "targets": f"{row.targets} of {row.objects} objects in {row.scenes} scenes",
         "seeds": str(row.seeds),
@@ -163,4 +160,3 @@ def _facts(report: Report) -> dict[str, str]:
         "trained on": condition.get("trained", ""),
         "definitions": report.definitions,
     }
-    return {name: text for name, text in facts.items() if text}

@@ -2,34 +2,31 @@
 
 from collections.abc import Iterator
 
-from ...core import Column, Table
-from ...scoring import AgentSetting, Report, main_table
+from ...core import Column, Table, columns_of
+from ...scoring import AgentSetting, Details, Report, main_table
 from ..terminal.tables import data_table, full_tables
 
-_SETTING_COLUMNS = tuple(
-    Column(key=key, heading=heading)
-    for key, heading in zip(AgentSetting.model_fields, ("", "H", "K", ""), strict=True)
-)
+_SETTING_COLUMNS = columns_of(AgentSetting)
 
 
-def study_tables(report: Report) -> list[Table]:
-    """Return the tables of a study; the last one has every number of the report."""
-    return [
+def study_tables(report: Report) -> dict[str, Table]:
+    """Return the tables by name; the last one has every number of the report."""
+    tables = (
         main_table(report),
         *full_tables(report),
         _event_table(report),
         _sample_table(report),
         data_table(report),
-    ]
+    )
+    return {table.name: table for table in tables}
 
 
 def _event_table(report: Report) -> Table:
     """Return the agents' own events, on targets or not, in the first seed."""
     rows = []
     for details in report.details:
-        setting = {key: getattr(details, key) for key in AgentSetting.model_fields}
-        in_all_hypotheses = details.own["all_h_ids"].targets
-        rows.append(setting | details.own_events | {"all_h_ids": in_all_hypotheses})
+        in_all_hypotheses = {"all_h_ids": details.own["all_h_ids"].targets}
+        rows.append(_setting(details) | details.own_events | in_all_hypotheses)
     columns = (
         *_SETTING_COLUMNS,
         Column("identity switches", key="ids"),
@@ -50,6 +47,9 @@ def _sample_table(report: Report) -> Table:
 
 def _sample_rows(report: Report) -> Iterator[dict[str, object]]:
     for details in report.details:
-        setting = {key: getattr(details, key) for key in AgentSetting.model_fields}
         for k, minade_m in details.k_curve.items():
-            yield setting | {"k": int(k), "minADE": minade_m}
+            yield _setting(details) | {"k": int(k), "minADE": minade_m}
+
+
+def _setting(details: Details) -> dict[str, object]:
+    return {key: getattr(details, key) for key in AgentSetting.model_fields}

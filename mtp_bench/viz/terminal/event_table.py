@@ -173,7 +173,37 @@ def longest_only(rows: Sequence[Listed]) -> list[Listed]:
 def event_table(rows: Sequence[Listed]) -> Table:
     """Return one row per event, to be shown with EVENT_CAPTION below."""
     title = "Events of the best hypothesis, along its lineage"
-    return Table("events", title, "", rows, _COLUMNS)
+    columns = (
+        Column(key="scene"),
+        Column("frame", key="frames"),
+        Column(key="event"),
+        Column("object", key="object_name"),
+        Column(key="track"),
+        Column(key="minADE", format=".2f"),
+        Column(key="error", format=".2f"),
+        Column("parts", key="parts_text"),
+        Column("confi-\ndence", key="confidence", format=".2f"),
+    )
+    return Table("events", title, "", [_cells(row) for row in rows], columns)
+
+
+def _cells(row: Listed) -> dict[str, Any]:
+    """Return the record of an event with the texts of its row in the table."""
+    event = row.incident
+    frames = dict.fromkeys(map(str, (event.frame, event.until)))
+    old_id, new_id = (
+        BLANK if track_id < 0 else str(track_id)
+        for track_id in (event.old_id, event.new_id)
+    )
+    track = new_id if event.kind == "spurious" else f"{old_id} → {new_id}"
+    return {
+        **_record(row),
+        "frames": "–".join(frames),
+        "event": event.name + "*" * event.wrong,
+        "object_name": row.object_name,
+        "track": track,
+        "parts_text": event.parts and parts_text(event.parts, most=2),
+    }
 
 
 def tally_line(tally: Tally, all_listed: bool) -> str:
@@ -258,40 +288,3 @@ def _record(row: Listed) -> dict[str, Any]:
         "cause": row.cause or None,
         "at_fault": row.at_fault,
     }
-
-
-def _frames(row: Listed) -> str:
-    frame, end = row.incident.frame, row.incident.until
-    return str(frame) if frame == end else f"{frame}–{end}"
-
-
-def _tracks(row: Listed) -> str:
-    incident = row.incident
-    old_id, new_id = (
-        BLANK if track_id < 0 else str(track_id)
-        for track_id in (incident.old_id, incident.new_id)
-    )
-    return new_id if incident.kind == "spurious" else f"{old_id} → {new_id}"
-
-
-def _parts(row: Listed) -> str | None:
-    parts = row.incident.parts
-    return None if not parts else parts_text(parts, most=2)
-
-
-_COLUMNS = (
-    Column("scene", read=lambda row: row.scene.name),
-    Column(key="frame", read=_frames),
-    Column(key="event", read=lambda row: row.incident.name + "*" * row.incident.wrong),
-    Column(key="object", read=lambda row: row.object_name),
-    Column(key="track", read=_tracks),
-    Column(key="minADE", format=".2f", read=lambda row: row.incident.minADE),
-    Column(key="error", format=".2f", read=lambda row: row.incident.error),
-    Column(key="parts", read=_parts),
-    Column(
-        "confi-\ndence",
-        key="confidence",
-        format=".2f",
-        read=lambda row: row.incident.confidence,
-    ),
-)

@@ -15,36 +15,43 @@ def env_table(cards: Sequence[Card]) -> Table:
     """Return one row per environment."""
     columns = (
         Column(key="id"),
-        Column(key="rate", read=lambda card: f"{card.task.rate:g} Hz"),
-        Column(
-            "past / future",
-            key="frames",
-            read=lambda card: f"{card.task.past} / {card.task.future}",
-        ),
-        Column("k", key="samples", read=lambda card: card.task.samples),
-        Column(key="classes", read=_classes),
-        Column("what", key="summary", read=_summary),
+        Column(key="rate"),
+        Column("past / future", key="frames"),
+        Column("k", key="samples"),
+        Column(key="classes"),
+        Column("what", key="summary"),
     )
-    return Table("envs", "Environments", "", cards, columns)
+    return Table("envs", "Environments", "", list(map(_env_cells, cards)), columns)
 
 
-def _classes(card: Card) -> str:
-    names = card.task.classes
-    return ", ".join(names) if len(names) <= MAX_NAMED_CLASSES else str(len(names))
-
-
-def _summary(card: Card) -> str:
-    return card.summary if card.drive is None else f"Closed loop. {card.summary}"
+def _env_cells(card: Card) -> dict[str, str | int]:
+    task = card.task
+    class_text = ", ".join(task.classes)
+    if len(task.classes) > MAX_NAMED_CLASSES:
+        class_text = str(len(task.classes))
+    loop_text = "" if card.drive is None else "Closed loop. "
+    return {
+        "id": card.id,
+        "rate": f"{task.rate:g} Hz",
+        "frames": f"{task.past} / {task.future}",
+        "samples": task.samples,
+        "classes": class_text,
+        "summary": f"{loop_text}{card.summary}",
+    }
 
 
 def status_table(statuses: Mapping[str, DataStatus]) -> Table:
     """Return the state of the data of each environment."""
     columns = (
-        Column("environment", key="env", read=lambda row: row[0]),
-        Column(key="dataset", read=lambda row: row[1].about.name),
-        Column(key="state", read=lambda row: _state(row[1])),
+        Column("environment", key="env"),
+        Column(key="dataset"),
+        Column(key="state"),
     )
-    return Table("data", "Data", "", list(statuses.items()), columns)
+    rows = [
+        {"env": env_id, "dataset": status.about.name, "state": _state(status)}
+        for env_id, status in statuses.items()
+    ]
+    return Table("data", "Data", "", rows, columns)
 
 
 def _state(status: DataStatus) -> str:

@@ -59,30 +59,32 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
 
     ``total``: cost of all targets of the run, m.
     """
+    cells = [_record(row) | _cells(row, total) for row in rows]
     columns = [
-        Column("moment", read=lambda row: f"{row.class_name} {row.incident.name}"),
-        Column("seconds", read=lambda row: f"{row.start:.1f}–{row.end:.1f}"),
-        Column(
-            "to ego\n(m)",
-            format=".0f",
-            optional=True,
-            read=lambda row: row.moment.distance,
-        ),
-        Column("share", unit="share", read=lambda row: row.moment.cost / total),
-        Column("error\n(m)", format=".1f", read=lambda row: row.error),
-        Column("fault", read=lambda row: row.fault),
-        Column("causes", read=_causes),
+        Column("moment", key="object"),
+        Column(key="seconds"),
+        Column("to ego\n(m)", key="distance", format=".0f", optional=True),
+        Column(key="share", unit="share"),
+        Column("error\n(m)", key="error", format=".1f"),
+        Column(key="fault"),
+        Column(key="causes"),
     ]
     if len({row.scene.name for row in rows}) > 1:
-        columns.insert(0, Column("scene", read=lambda row: row.scene.name))
-    return Table("worst", "Worst moments", "", rows, columns)
+        columns.insert(0, Column(key="scene"))
+    return Table("worst", "Worst moments", "", cells, columns)
 
 
-def _causes(row: WorstRow) -> str:
-    text = parts_text(row.moment.parts, most=3)
+def _cells(row: WorstRow, total: float) -> dict[str, Any]:
+    """Return the texts of a row that its record does not have."""
+    causes = parts_text(row.moment.parts, most=3)
     if row.moment.borrowed:
-        text += "\n(the detections there are of other objects)"
-    return text
+        causes += "\n(the detections there are of other objects)"
+    return {
+        "object": f"{row.class_name} {row.incident.name}",
+        "seconds": f"{row.start:.1f}–{row.end:.1f}",
+        "share": row.moment.cost / total,
+        "causes": causes,
+    }
 
 
 def worst_json(
