@@ -50,7 +50,7 @@ def study(
         ),
     ] = None,
 ) -> None:
-    """Compare agents with the controls, and write a page, tables, figures and a notebook."""
+    """Compare agents, and write a page, tables, figures and a notebook."""
     require_study_folder(output.absolute())
     default_seeds = 1 if quick else SEEDS
     options = on.options(workers, range(seeds or default_seeds))

@@ -1,4 +1,4 @@
-"""Figures of a study, drawn with matplotlib from the rows of its report."""
+"""Figures of a study, drawn from the rows of its report."""
 
 from base64 import b64encode
 from collections import defaultdict
@@ -65,7 +65,10 @@ Block = Mapping[Subset, Row]  # rows of one agent and setting
 
 
 class FigureSpec(NamedTuple):
-    """Texts of a figure, and the function that draws it; None without values."""
+    """Texts of a figure, and the function that draws it.
+
+    The function returns None without values.
+    """
 
     title: str
     caption: str
@@ -83,7 +86,10 @@ class DrawnFigure:
 
 
 def draw_figures(report: Report, folder: Path) -> list[DrawnFigure]:
-    """Draw the figures that the report has values for, each as SVG, PDF and PNG."""
+    """Draw the figures of a report as SVG, PDF and PNG.
+
+    Figures without values are left out.
+    """
     from matplotlib import style
 
     figures: list[DrawnFigure] = []
@@ -104,7 +110,7 @@ def draw_figures(report: Report, folder: Path) -> list[DrawnFigure]:
 
 
 def _draw_errors(report: Report) -> "Figure":
-    """Draw bADE with its interval, a panel per subset and a row per agent."""
+    """Draw bADE with intervals, a panel per subset."""
     blocks = _main_blocks(report)
     subsets = _subsets_with(blocks, "error")
     figure, axes = _row_panels(len(subsets), blocks)
@@ -121,7 +127,10 @@ def _draw_errors(report: Report) -> "Figure":
 
 
 def _draw_parts(report: Report) -> "Figure":
-    """Draw the parts of bADE as stacked bars; negative ones extend to the left."""
+    """Draw the parts of bADE as stacked bars.
+
+    Negative parts extend to the left.
+    """
     blocks = _main_blocks(report)
     figure, (axis,) = _row_panels(1, blocks)
     places = np.arange(len(blocks))
@@ -140,7 +149,7 @@ def _draw_parts(report: Report) -> "Figure":
 
 
 def _draw_hypotheses(report: Report) -> "Figure | None":
-    """Draw the gain over stp by the number of hypotheses, beside the controls."""
+    """Draw the gain over stp by hypotheses, beside the controls."""
     agents = _blocks_by_agent(report)
     swept = {agent: blocks for agent, blocks in agents.items() if len(blocks) > 1}
     if not swept:
@@ -173,7 +182,10 @@ def _plot_sweep(axis: Any, agent: str, rows: Sequence[Row]) -> None:
 
 
 def _draw_samples(report: Report) -> "Figure":
-    """Draw expected minADE over k, of the setting of each agent with most samples."""
+    """Draw expected minADE over k.
+
+    Each agent has its setting with most samples.
+    """
     agents = _values(_on(_main_blocks(report), "all"), "agent")
     most_samples: dict[str, Details] = {}
     for details in sorted(report.details, key=lambda details: details.samples):
@@ -193,7 +205,7 @@ def _draw_samples(report: Report) -> "Figure":
 
 
 def _draw_events(report: Report) -> "Figure":
-    """Draw the number of each agent's own events, a panel per kind."""
+    """Draw each agent's own events, a panel per kind."""
     blocks = _main_blocks(report)
     own_events = {
         _setting_key(details): details.own_events for details in report.details
@@ -210,7 +222,7 @@ def _draw_events(report: Report) -> "Figure":
 
 
 def _blocks_by_agent(report: Report) -> dict[str, list[Block]]:
-    """Return the settings of each agent with the k samples of the environment."""
+    """Return the settings of each agent at equal k."""
     blocks: dict[str, list[Block]] = defaultdict(list)
     for block in blocks_of(report):
         if block["all"].budget == "equal":
@@ -219,14 +231,14 @@ def _blocks_by_agent(report: Report) -> dict[str, list[Block]]:
 
 
 def _main_blocks(report: Report) -> list[Block]:
-    """Return the rows of each agent in its main setting, the lowest bADE first."""
+    """Return the main setting of each agent, lowest bADE first."""
     blocks = main_settings(report).values()
     scored = [block for block in blocks if block["all"].error is not None]
     return sorted(scored, key=lambda block: block["all"].error or 0.0)
 
 
 def _subsets_with(blocks: Iterable[Block], key: str) -> list[Subset]:
-    """Return the subsets on which every row has a value of ``key``."""
+    """Return the subsets on which every row has ``key``."""
     all_blocks = list(blocks)
     return [
         subset
@@ -256,7 +268,7 @@ def _panels(count: int, height_in: float = 3.6) -> "tuple[Figure, Sequence[Any]]
 
 
 def _row_panels(count: int, blocks: Sequence[Block]) -> "tuple[Figure, Sequence[Any]]":
-    """Return a figure with ``count`` axes whose rows are agents, the first on top."""
+    """Return a figure of ``count`` panels with a row per agent."""
     figure, axes = _panels(count, 1.2 + _ROW_HEIGHT_IN * len(blocks))
     for axis in axes:
         axis.grid(axis="x")

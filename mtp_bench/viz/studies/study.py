@@ -1,4 +1,4 @@
-"""One comparison of agents, written as tables, figures, a page and a notebook."""
+"""One comparison, written as tables, figures, a page and a notebook."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ def study(
     command: str = "",
     **keywords: Unpack[RunKeywords],
 ) -> Study:
-    """Compare agents on an env, and write tables, figures and a page into ``folder``.
+    """Compare agents, and write tables, figures and a page.
 
     Args:
         agents: Folders of submissions, or names of baselines.
@@ -126,9 +126,9 @@ def _write_tables(folder: Path, tables: Mapping[str, Table]) -> None:
 
 
 def study_page(result: Study, command: str) -> str:
-    """Return the HTML of a study: one file without a script, which loads no other.
+    """Return the HTML of a study.
 
-    Equal results give equal bytes.
+    It has no script and loads no other file. Equal results give equal bytes.
     """
     style = text_of(_TEMPLATES, "page.css")
     template = templates_of(_TEMPLATES).get_template("page.html")
@@ -147,7 +147,7 @@ def study_page(result: Study, command: str) -> str:
 
 
 def _facts(report: Report) -> dict[str, str]:
-    """Return the conditions of a report by name; empty where there is none."""
+    """Return the conditions of a report by name."""
     condition, row = report.condition, report.rows[0]
     return {
         "environment": f"{report.env}, split {condition['split']}",

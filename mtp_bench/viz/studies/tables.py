@@ -1,4 +1,4 @@
-"""Tables of a study: those of ``compare --full``, the agents' events, and samples."""
+"""Tables of a study: those of ``compare --full``, events and samples."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ _SETTING_COLUMNS = columns_of(AgentSetting)
 
 
 def study_tables(report: Report) -> dict[str, Table]:
-    """Return the tables by name; the last one has every number of the report."""
+    """Return the tables by name. The last has every number."""
     tables = (
         main_table(report),
         *full_tables(report),
@@ -22,7 +22,7 @@ def study_tables(report: Report) -> dict[str, Table]:
 
 
 def _event_table(report: Report) -> Table:
-    """Return the agents' own events, on targets or not, in the first seed."""
+    """Return the agents' own events in the first seed."""
     rows = []
     for details in report.details:
         in_all_hypotheses = {"all_h_ids": details.own["all_h_ids"].targets}
@@ -39,7 +39,7 @@ def _event_table(report: Report) -> Table:
 
 
 def _sample_table(report: Report) -> Table:
-    """Return expected minADE of k random samples out of the K of each setting."""
+    """Return expected minADE of k random samples of each setting."""
     columns = (*_SETTING_COLUMNS, Column(key="k"), Column(key="minADE", unit="m"))
     title = "Expected minADE of k random samples out of K (all targets, m)"
     return Table("samples", title, "", list(_sample_rows(report)), columns)

@@ -1,4 +1,4 @@
-"""A table of chosen columns of a report: a row per agent and setting."""
+"""A table of chosen columns: a row per agent and setting."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,20 +22,20 @@ from ...scoring import (
 
 @dataclass(frozen=True)
 class AgentLine:
-    """An agent in one setting: its rows by subset, and its details."""
+    """An agent in one setting: rows by subset, and details."""
 
     rows: Mapping[Subset, Row]
     details: Details
 
 
 def agent_lines(report: Report) -> list[AgentLine]:
-    """Return a line per agent and setting, in the order of the report."""
+    """Return a line per agent and setting, in report order."""
     pairs = zip(blocks_of(report), report.details, strict=True)
     return [AgentLine(rows, details) for rows, details in pairs]
 
 
 def row_columns(report: Report) -> dict[str, Column]:
-    """Return the columns of the report's rows by key, with those of further metrics."""
+    """Return the columns of report rows by key, with further metrics."""
     row_type = type(report.rows[0]) if report.rows else Row
     return {column.key: column for column in columns_of(row_type)}
 
@@ -58,7 +58,7 @@ def chosen_table(
     title: str = "",
     table_name: str = "chosen",
 ) -> Table:
-    """Return a table of the columns ``keys`` on ``subsets``, the lowest bADE first.
+    """Return a table of ``keys`` on ``subsets``, lowest bADE first.
 
     Each agent has a row for its main setting, or for each of ``all_settings``. Columns
     that do not depend on the subset stand at the end, once. ``names``: of subsets,
@@ -80,7 +80,7 @@ def _chosen_columns(
     subsets: Sequence[Subset],
     names: Mapping[Subset, str],
 ) -> Iterator[Column]:
-    """Yield the columns of the setting, then of each subset, then of the agent."""
+    """Yield columns of the setting, the subsets, then the agent."""
     setting_keys = {"agent", "hypotheses", *keys} & AgentSetting.model_fields.keys()
     number_keys = [key for key in keys if key not in setting_keys]
     of_agents = {column.key: column for column in _agent_columns()}
@@ -94,7 +94,10 @@ def _chosen_columns(
 
 
 def subset_column(column: Column, subset: Subset, title: str = "") -> Column:
-    """Return a column of report rows as one of lines, which reads the row of ``subset``."""
+    """Return a column of report rows as one of lines.
+
+    It reads the row of ``subset``.
+    """
     key = column.key
     if subset != "all":
         key = f"{subset}_{key}"
@@ -115,7 +118,7 @@ def _agent_columns() -> Iterator[Column]:
 
 
 def _part_column(column: Column, part_of: Callable[[AgentLine], Any]) -> Column:
-    """Return a column of a part of a line as a column of lines."""
+    """Return a column of parts of lines as one of lines."""
 
     def read(line: AgentLine) -> Value:
         part = part_of(line)

@@ -1,4 +1,4 @@
-"""List of the events of a run: object, tracks, error, and the command that shows each."""
+"""List of the events of a run: object, tracks and error."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
@@ -72,11 +72,14 @@ class Listed:
         return f"{self.class_name} {self.scene.short_name(object_id)}"
 
     def seconds(self, t: int) -> float:
-        """Return the time of frame ``t`` since the first frame of the scene."""
+        """Return the time of frame ``t`` since the first frame."""
         return float(self.scene.time[t] - self.scene.time[0])
 
     def record(self, *names: str) -> dict[str, Any]:
-        """Return what ``--json`` states of any row, and fields of the incident."""
+        """Return what ``--json`` states of any row.
+
+        ``names``: further fields of the incident.
+        """
         incident = self.incident
         track_names = self.scene.track_names
         object_name = None
@@ -126,7 +129,9 @@ class Tally:
 
 
 def in_order(rows: Sequence[Listed], order: str) -> list[Listed]:
-    """Sort rows by ``order`` of ORDERS, the largest first; "time" keeps their order.
+    """Sort rows by ``order`` of ORDERS, the largest first.
+
+    "time" keeps the order of the rows.
 
     "cost": by the error without the part below threshold, then by its rise since the
     frame before and by minADE. False forecasts have no error, and come last by
@@ -161,7 +166,7 @@ def _length(row: Listed) -> int:
 
 
 def longest_only(rows: Sequence[Listed]) -> list[Listed]:
-    """Keep only the LONGEST longest runs of false forecasts of each scene."""
+    """Keep only the longest runs of false forecasts of each scene."""
     runs: dict[str, list[Listed]] = defaultdict(list)
     for row in sorted(rows, key=_length, reverse=True):
         if row.incident.kind == "spurious":
@@ -188,7 +193,7 @@ def event_table(rows: Sequence[Listed]) -> Table:
 
 
 def _cells(row: Listed) -> dict[str, Any]:
-    """Return the record of an event with the texts of its row in the table."""
+    """Return the record of an event, and its table texts."""
     event = row.incident
     frames = dict.fromkeys(map(str, (event.frame, event.until)))
     old_id, new_id = (
@@ -207,7 +212,7 @@ def _cells(row: Listed) -> dict[str, Any]:
 
 
 def tally_line(tally: Tally, all_listed: bool) -> str:
-    """Return the numbers of events, with a note where not all of them are listed."""
+    """Return the numbers of events, and how to list the others."""
     count = tally.events
     tracks = (
         f"{counted(count['ids'], 'identity switch', 'es')}, {count['lost']} lost "
@@ -237,7 +242,7 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
 def show_collisions(
     rows: Sequence[Listed], rollouts: Sequence[Rollout], shown: str = ""
 ) -> None:
-    """Print a line per collision of a closed loop, and the command of the first.
+    """Print a line per collision, and the command of the first.
 
     Those at fault come first, then those of the fastest ego. The command is left out
     if it is ``shown`` above.
@@ -248,7 +253,7 @@ def show_collisions(
         if rollout.drive is not None
     }
     collisions = [(drives[row.scene.name], row) for row in rows if row.cause]
-    collisions.sort(key=lambda pair: (not pair[0].at_fault, -_speed_mps(pair[0])))
+    collisions.sort(key=lambda pair: (not pair[0].at_fault, -_last_step_m(pair[0])))
     for drive, row in collisions:
         fault = "at fault" if drive.at_fault else "not at fault"
         collision = f"collision at {drive.seconds:.1f} s with {row.object_name}"
@@ -258,8 +263,8 @@ def show_collisions(
         show_command(collisions[0][1].view)
 
 
-def _speed_mps(drive: Drive) -> float:
-    """Return the speed of the ego in its last plan, up to the length of a step."""
+def _last_step_m(drive: Drive) -> float:
+    """Return the length of the first step of the last plan."""
     return float(np.hypot(*np.diff(drive.plan[-1, :2], axis=0)[0]))
 
 

@@ -77,7 +77,7 @@ def status_json(status: DataStatus) -> dict[str, Any]:
 
 
 def data_lines(statuses: Mapping[str, DataStatus]) -> list[str]:
-    """Return lines per dataset: folder, errors, notes, licence and how to get it."""
+    """Return lines per dataset, such as errors, licence and citation."""
     datasets: dict[str, dict[str, DataStatus]] = defaultdict(dict)
     for env_id, status in statuses.items():
         datasets[status.about.name][env_id] = status
@@ -89,7 +89,7 @@ def data_lines(statuses: Mapping[str, DataStatus]) -> list[str]:
 
 
 def _findings(statuses: Mapping[str, DataStatus]) -> Iterator[str]:
-    """Yield each finding about a dataset once, with the envs that it is limited to."""
+    """Yield each finding once, with the envs it is limited to."""
     env_ids: dict[str, list[str]] = defaultdict(list)
     for env_id, status in statuses.items():
         for line in _env_findings(status):

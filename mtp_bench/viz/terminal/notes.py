@@ -1,4 +1,4 @@
-"""Lines below the tables of a report: meaning of the columns, and warnings."""
+"""Lines below the tables of a report: meanings and warnings."""
 
 from collections.abc import Iterator
 
@@ -11,14 +11,14 @@ REFERENCES = (SAW_TRUTH, ASSOCIATED)  # reasons of `why_unranked`
 
 
 def label_of(row: Row) -> str:
-    """Return the agent of a row, with its number of hypotheses if above one."""
+    """Return the agent of a row, with several hypotheses counted."""
     if row.hypotheses == 1:
         return row.agent
     return f"{row.agent} (H = {row.hypotheses})"
 
 
 def notes(report: Report) -> list[str]:
-    """Return the meaning of the columns of the tables, and of a star in them."""
+    """Return the meaning of the columns, and of a star."""
     lines = [_column_note(report)]
     for details in report.details:
         if details.guessed_parents:
@@ -50,7 +50,7 @@ def _column_note(report: Report) -> str:
 
 
 def warnings(report: Report) -> Iterator[str]:
-    """Yield lines that no reader may miss, such as failures and missing targets."""
+    """Yield lines that no reader may miss, such as failures."""
     for agent, reason in report.failures.items():
         yield f"! {agent} {reason}"
     yield from _coverage_warnings(report)
@@ -69,7 +69,7 @@ def warnings(report: Report) -> Iterator[str]:
 
 
 def _coverage_warnings(report: Report) -> Iterator[str]:
-    """Yield a warning if there is no target, or no forecast near a target."""
+    """Yield a warning if no target exists or has forecasts."""
     if report.rows and not report.rows[0].targets:
         yield (
             "! there is no target: no object that may be one is present in all past "
@@ -91,7 +91,7 @@ def _coverage_warnings(report: Report) -> Iterator[str]:
 
 
 def _rankable_rows(report: Report) -> list[Row]:
-    """Return the rows over all targets of agents that did not see the truth."""
+    """Return the rows of agents that did not see the truth."""
     return [
         row
         for row in report.rows

@@ -16,13 +16,16 @@ TEXT_WIDTH = 80  # columns of reports
 
 
 def show(text: str) -> None:
-    """Print a text unchanged, without markup; a terminal wraps it."""
+    """Print a text unchanged, without markup.
+
+    A terminal wraps it.
+    """
     console = _console()
     console.print(text, crop=False, soft_wrap=not console.is_terminal)
 
 
 def show_lines(texts: Iterable[str], sign: str = "") -> None:
-    """Print texts wrapped at TEXT_WIDTH columns, each with a ``sign`` before it."""
+    """Print texts in lines of TEXT_WIDTH columns, each behind ``sign``."""
     indent = " " * len(sign)
     for text in texts:
         lines = textwrap.wrap(
@@ -32,7 +35,7 @@ def show_lines(texts: Iterable[str], sign: str = "") -> None:
 
 
 def command_line(*words: str, **options: object) -> str:
-    """Return the command ``mtp-bench`` with options that are not None, for a shell."""
+    """Return a command of ``mtp-bench`` for a shell, without missing options."""
     arguments = ["mtp-bench", *words]
     for name, value in options.items():
         if value is not None:
@@ -41,7 +44,7 @@ def command_line(*words: str, **options: object) -> str:
 
 
 def show_command(words: str) -> None:
-    """Print a command as one line that can be pasted, however long it is."""
+    """Print a command as one line that can be pasted."""
     _console().print(words, soft_wrap=True)
 
 
@@ -50,7 +53,10 @@ def show_table(
     console: "Console | None" = None,
     style: Callable[[Any], str] | None = None,
 ) -> None:
-    """Print a table at the width of the terminal; ``style``: rich's style of a row."""
+    """Print a table at the width of the terminal.
+
+    ``style``: rich's style of a row.
+    """
     console = console or _console()
     console.print(data.title, style="bold")
     for row, line in table_lines(data, console.width):

@@ -16,7 +16,7 @@ PAPER_SUBSETS: dict[Subset, str] = {  # ours -> the paper's
 
 
 def paper_errors(env_id: str, row: Row) -> PaperErrors:
-    """Return the paper's errors for the env and setting of ``row``; empty without any."""
+    """Return the paper's errors for the setting of ``row``, if any."""
     roles = {agent: role for role, agent in controls().items()}
     role = roles.get(row.agent, "")
     errors = _dataset_errors(env_id).get(role, {})
@@ -26,7 +26,10 @@ def paper_errors(env_id: str, row: Row) -> PaperErrors:
 
 
 def paper_gap(env_id: str, row: Row) -> float | None:
-    """Return the share of the gap on IDS that the paper's agent closes, by minADE."""
+    """Return the share of the gap that the paper closes.
+
+    The gap is that of minADE on IDS. None if the paper does not have the numbers.
+    """
     dataset = _dataset_errors(env_id)
     single = dataset.get("single", {}).get("ids")
     truth = dataset.get("ground_truth", {}).get("ids")
@@ -38,6 +41,6 @@ def paper_gap(env_id: str, row: Row) -> float | None:
 
 @cache
 def _dataset_errors(env_id: str) -> dict[str, Any]:
-    """Return the table of the env's data set; empty for other envs."""
+    """Return the paper's table of an env, empty for others."""
     paper = toml_beside(__file__, "paper.toml")
     return dict(paper.get(paper["dataset"].get(env_id, ""), {}))

@@ -1,4 +1,4 @@
-"""Tables of a report: every number, and those of ``--full`` behind the main one."""
+"""Tables of a report: every number, and those of ``--full``."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -143,7 +143,10 @@ def full_tables(report: Report) -> Iterator[Table]:
 def _settings_table(
     report: Report, name: str, title: str, keys: Sequence[str], *subsets: Subset
 ) -> Table:
-    """Return a table of all settings; several subsets are named above their columns."""
+    """Return a table of all settings.
+
+    Several subsets are named above their columns.
+    """
     names: dict[Subset, str] = dict.fromkeys(subsets, "")
     if len(subsets) > 1:
         names = {subset: subset for subset in subsets}
@@ -153,7 +156,10 @@ def _settings_table(
 
 
 def paper_table(report: Report) -> Table:
-    """Return minADE/minFDE here and in the paper; no row on changed or other scenes."""
+    """Return minADE/minFDE here and in the paper.
+
+    Changed cards and other scenes have no row.
+    """
     env = shipped_env(report)
     rows = []
     for block in blocks_of(report):
@@ -186,7 +192,7 @@ def _displacements(ade: float | None, fde: float | None) -> str | None:
 
 
 def _subset_table(report: Report) -> Table:
-    """Return the numbers of targets, objects, scenes and units of each subset."""
+    """Return the targets, objects, scenes and units of each subset."""
     rows = list(next(iter(blocks_of(report)), {}).values())
     known_columns = row_columns(report)
     columns = [known_columns[key] for key in _COUNT_KEYS]
@@ -206,7 +212,7 @@ def _paired_table(report: Report) -> Table:
 
 
 def _tables_of_all_targets(report: Report) -> Iterator[Table]:
-    """Yield the tables over all targets: reasons, parts of bADE and further metrics."""
+    """Yield the tables over all targets, such as parts of bADE."""
     yield _settings_table(
         report,
         "gap_reasons",
@@ -238,14 +244,14 @@ def _tables_of_all_targets(report: Report) -> Iterator[Table]:
 
 
 def _tracking_table(report: Report) -> Table:
-    """Return the tracking numbers of the first seed, with the agents' own events."""
+    """Return tracking numbers and own events of the first seed."""
     keys = [column.key for column in columns_of(Clear)]
     table = _settings_table(report, "tracking", "Tracking of the first seed", keys)
     return replace(table, columns=[*table.columns, *_OWN_EVENT_COLUMNS])
 
 
 def _own_events(line: AgentLine) -> str:
-    """Return own events; a star where the lineage was guessed, see `notes`."""
+    """Return own events, with a star if the lineage was guessed."""
     events = "/".join(str(line.details.own_events[kind]) for kind in EVENTS)
     return events + "*" * bool(line.details.guessed_parents)
 
@@ -262,7 +268,7 @@ _OWN_EVENT_COLUMNS = (
 
 
 def _bin_tables(report: Report) -> Iterator[Table]:
-    """Yield bADE by distance, class and motion of agents with equal samples."""
+    """Yield bADE by distance, class and motion, at equal samples."""
     lines = agent_lines(report)
     lines = [line for line in lines if line.details.budget == "equal"] or lines
     if not lines:
@@ -276,7 +282,7 @@ def _bin_tables(report: Report) -> Iterator[Table]:
 
 
 def _bin_column(part: Bin) -> Column:
-    """Return the column of bADE in a bin, with the number of targets in its heading."""
+    """Return the column of bADE in a bin, with its targets."""
     name = wrap(part.bin.replace("_", " "), _BIN_HEADING_WIDTH)
 
     def read(line: AgentLine) -> Value:
@@ -289,7 +295,7 @@ def _bin_column(part: Bin) -> Column:
 
 
 def parts_text(row: Row) -> str:
-    """Return the parts of bADE in one line, without those below half a centimetre."""
+    """Return the parts of bADE above half a centimetre as text."""
     texts = []
     for key, name in zip(PART_KEYS, PARTS.values(), strict=True):
         part_m = getattr(row, key)

@@ -46,7 +46,7 @@ _SHARE = Column(format=".1%")
 
 
 class Gap(NamedTuple):
-    """Fields of a row that state the share of a gap, and the name of the gap."""
+    """Fields of a row about a gap, and the gap's name."""
 
     share: str
     interval: str
@@ -75,7 +75,9 @@ _ASSOCIATION_GAP = Gap(
 
 
 def short_verdict(report: Report, names: Sequence[str]) -> str:
-    """Return one sentence about the submissions ``names``; empty without a comparison.
+    """Return one sentence about the submissions ``names``.
+
+    It is empty if nothing can be compared.
 
     Of baselines: what perfect association and several hypotheses win beyond the
     controls on identity switches. Of others: the best agent over all targets, and its
@@ -107,7 +109,7 @@ def _gain(pair: PairedRow) -> str:
 
 
 def _best(report: Report, names: Sequence[str]) -> str:
-    """Return the best agent that may be ranked, over all targets, and its lead."""
+    """Return the best agent over all targets, and its lead."""
     rows = _rankable_rows(report)
     best, *rivals = [*rows] or [""]
     if best not in names:
@@ -129,7 +131,7 @@ def _best(report: Report, names: Sequence[str]) -> str:
 
 
 def _rankable_rows(report: Report) -> dict[str, Row]:
-    """Return the rows over all targets of agents that may be ranked, best first."""
+    """Return the rows of agents that may be ranked, best first."""
     rows: dict[str, Row] = {}
     for name, block in main_settings(report).items():
         row = block["all"]
@@ -159,7 +161,7 @@ def verdict(report: Report, names: Sequence[str]) -> list[str]:
 
 
 def _costs(report: Report) -> Iterator[str]:
-    """Yield the costs of detection, tracking and association, if they are known."""
+    """Yield the costs of detection, tracking and association."""
     sentences = []
     knows_association = False
     for subset in ("all", "ids"):
@@ -182,7 +184,7 @@ def _costs(report: Report) -> Iterator[str]:
 
 
 def _paired(report: Report, agent: str, control: str, subset: str) -> PairedRow | None:
-    """Return the difference of an agent with its most hypotheses to a control."""
+    """Return the difference of an agent's most hypotheses to a control."""
     key = (agent, "equal", control, subset)
     pairs = [
         row
@@ -219,7 +221,7 @@ def _against_controls(report: Report, row: Row) -> Iterator[str]:
 
 
 def _gaps(report: Report, block: Mapping[Subset, Row]) -> Iterator[str]:
-    """Yield the shares of gaps that an agent closes or widens, and missing ones."""
+    """Yield the shares of gaps that an agent closes or widens."""
     row = block["all"]
     texts = _gap_texts(block)
     in_paper = paper_gap(shipped_env(report), row)
@@ -236,7 +238,7 @@ def _gaps(report: Report, block: Mapping[Subset, Row]) -> Iterator[str]:
 
 
 def _gap_texts(block: Mapping[Subset, Row]) -> dict[str, list[str]]:
-    """Return the gaps with their shares, or why these are missing, by verb."""
+    """Return gaps with their shares, or why these are missing."""
     texts: dict[str, list[str]] = {"closes": [], "widens": [], "closes no share of": []}
     for gap in (_GAP, _GAP_SAME_PREDICTOR, _ASSOCIATION_GAP):
         shares = _shares(block, gap)
@@ -251,7 +253,7 @@ def _gap_texts(block: Mapping[Subset, Row]) -> dict[str, list[str]]:
 
 
 def _shares(block: Mapping[Subset, Row], gap: Gap) -> dict[str, list[str]]:
-    """Return the shares of a gap on both subsets by verb, "closes" or "widens"."""
+    """Return the shares of a gap by "closes" or "widens"."""
     shares: dict[str, list[str]] = {}
     for row in (block["all"], block["ids"]):
         share = getattr(row, gap.share)
@@ -268,7 +270,7 @@ def _shares(block: Mapping[Subset, Row], gap: Gap) -> dict[str, list[str]]:
 
 
 def _unranked(report: Report) -> Iterator[str]:
-    """Yield the reasons of missing ranks, by subset; ranks stand in the table."""
+    """Yield the reasons of missing ranks, by subset."""
     texts: list[str] = []
     for subset in ("all", *RANKED_SUBSETS):
         texts += _unranked_on(report, subset)
@@ -304,7 +306,7 @@ def _unranked_on(report: Report, subset: str) -> Iterator[str]:
 def _chance(
     interval: Interval | None, p: float | None, column: Column = _SIGNED
 ) -> str:
-    """Return an interval and p, in words where the difference could be chance."""
+    """Return an interval, p, and whether it could be chance."""
     if interval is None or p is None:
         return "too few recordings for an interval"
     p_text = "p < 0.001" if p < 0.001 else f"p = {p:.3f}"

@@ -1,4 +1,4 @@
-"""List of the worst moments of a run: object, span, cost, causes, and a command."""
+"""List of the worst moments of a run, with causes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -75,7 +75,7 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
 
 
 def _cells(row: WorstRow, total: float) -> dict[str, Any]:
-    """Return the texts of a row that its record does not have."""
+    """Return the cells that the record of a row lacks."""
     causes = parts_text(row.moment.parts, most=3)
     if row.moment.borrowed:
         causes += "\n(the detections there are of other objects)"
@@ -94,7 +94,10 @@ def worst_json(
     env_id: str,
     agent: str,
 ) -> dict[str, Any]:
-    """Return the content of ``worst --json``; ``parts``: of the run's error, m."""
+    """Return the content of ``worst --json``.
+
+    ``parts``: of the run's error, m; ``total``: cost of all targets, m.
+    """
     return {
         "env": env_id,
         "agent": agent,
@@ -125,7 +128,7 @@ def _record(row: WorstRow) -> dict[str, Any]:
 
 
 def run_line(parts: Mapping[str, float], scenes: int) -> str:
-    """Return the error of all targets, and its shares by the part of the stack."""
+    """Return the error of all targets, and shares by fault."""
     error_m = sum(parts.values())
     shares = [
         f"{fault} {part_m / error_m:.0%}"
