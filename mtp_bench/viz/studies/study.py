@@ -34,7 +34,8 @@ from .figures import DrawnFigure, draw_figures
 from .tables import study_tables
 
 TABLE_SUFFIXES = (".csv", ".json", ".tex")
-_PAGE, _NOTEBOOK = "index.html", "study.ipynb"
+_PAGE = "index.html"
+_NOTEBOOK = "study.ipynb"
 _TEMPLATES = Path(__file__).parent
 
 
@@ -148,7 +149,8 @@ def study_page(result: Study, command: str) -> str:
 
 def _facts(report: Report) -> dict[str, str]:
     """Return the conditions of a report by name."""
-    condition, row = report.condition, report.rows[0]
+    condition = report.condition
+    row = report.rows[0]
     return {
         "environment": f"{report.env}, split {condition['split']}",
         "targets": f"{row.targets} of {row.objects} objects in {row.scenes} scenes",

@@ -85,7 +85,9 @@ def _chosen_columns(
     number_keys = [key for key in keys if key not in setting_keys]
     of_agents = {column.key: column for column in _agent_columns()}
     of_rows = row_columns(report)
-    yield from _pick(of_agents, [key for key in of_agents if key in setting_keys])
+    for key, column in of_agents.items():
+        if key in setting_keys:
+            yield column
     for subset in subsets:
         for column in _pick(of_rows, number_keys):
             on_subset = subset_column(column, subset, column.title)

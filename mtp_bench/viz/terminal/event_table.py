@@ -247,12 +247,12 @@ def show_collisions(
     Those at fault come first, then those of the fastest ego. The command is left out
     if it is ``shown`` above.
     """
-    drives = {
-        rollout.scene: rollout.drive
-        for rollout in rollouts
-        if rollout.drive is not None
-    }
-    collisions = [(drives[row.scene.name], row) for row in rows if row.cause]
+    drives = {rollout.scene: rollout.drive for rollout in rollouts}
+    collisions = []
+    for row in rows:
+        drive = drives.get(row.scene.name)
+        if row.cause and drive is not None:
+            collisions.append((drive, row))
     collisions.sort(key=lambda pair: (not pair[0].at_fault, -_last_step_m(pair[0])))
     for drive, row in collisions:
         fault = "at fault" if drive.at_fault else "not at fault"

@@ -109,7 +109,7 @@ def full_tables(report: Report) -> Iterator[Table]:
         ("error", "interval"),
         *_EVENT_SUBSETS,
     )
-    if any(row.subset == "turning" for row in report.rows):
+    if "turning" in next(blocks_of(report), {}):
         yield _settings_table(
             report,
             "turning",
@@ -193,7 +193,7 @@ def _displacements(ade: float | None, fde: float | None) -> str | None:
 
 def _subset_table(report: Report) -> Table:
     """Return the targets, objects, scenes and units of each subset."""
-    rows = list(next(iter(blocks_of(report)), {}).values())
+    rows = list(next(blocks_of(report), {}).values())
     known_columns = row_columns(report)
     columns = [known_columns[key] for key in _COUNT_KEYS]
     title = "Subsets (units: blocks of at most 20 s)"
@@ -203,8 +203,10 @@ def _subset_table(report: Report) -> Table:
 def _paired_table(report: Report) -> Table:
     """Return the differences to the controls, by control and subset."""
     shown_subsets = ("all", *RANKED_SUBSETS, "turning")
-    rows = [row for row in report.paired if row.subset in shown_subsets]
-    rows = [row for row in rows if row.error is not None]
+    rows = []
+    for row in report.paired:
+        if row.error is not None and row.subset in shown_subsets:
+            rows.append(row)
     rows.sort(key=lambda row: (row.other, KNOWN_SUBSETS.index(row.subset)))
     columns = [column for column in columns_of(PairedRow) if column.key in _PAIRED_KEYS]
     title = "Differences to the controls (m; below: 95 % interval)"
@@ -232,8 +234,11 @@ def _tables_of_all_targets(report: Report) -> Iterator[Table]:
     yield _settings_table(
         report, "further", "Further metrics (all targets)", optional_keys, "all"
     )
-    detail_keys = [column.key for column in columns_of(Details)]
-    number_keys = [key for key in detail_keys if key not in AgentSetting.model_fields]
+    number_keys = [
+        column.key
+        for column in columns_of(Details)
+        if column.key not in AgentSetting.model_fields
+    ]
     yield _settings_table(
         report,
         "other",

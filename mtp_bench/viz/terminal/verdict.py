@@ -85,11 +85,11 @@ def short_verdict(report: Report, names: Sequence[str]) -> str:
     """
     submitted = [name for name in names if name not in controls().values()]
     association = _paired(report, ASSOCIATED, SAME_SAMPLES, "ids")
-    gains = [
-        _gain(pair)
-        for control in (SAME_SAMPLES, NEIGHBOURS)
-        if (pair := _paired(report, SEVERAL, control, "ids")) is not None
-    ]
+    gains = []
+    for control in (SAME_SAMPLES, NEIGHBOURS):
+        pair = _paired(report, SEVERAL, control, "ids")
+        if pair is not None:
+            gains.append(_gain(pair))
     if submitted or SEVERAL not in names or association is None or not gains:
         return _best(report, submitted or names)
     return (
@@ -101,9 +101,11 @@ def short_verdict(report: Report, names: Sequence[str]) -> str:
 def _gain(pair: PairedRow) -> str:
     """Return the gain or loss of an agent against a control."""
     error_m = pair.error or 0.0
-    verb, interval = "loses", pair.interval
+    verb = "loses"
+    interval = pair.interval
     if error_m < 0:
-        verb, interval = "wins", _negated(pair.interval)
+        verb = "wins"
+        interval = _negated(interval)
     chance = _chance(interval, pair.p, _METRES)
     return f"{verb} {_METRES.text(abs(error_m))} m against {pair.other} ({chance})"
 
@@ -259,9 +261,11 @@ def _shares(block: Mapping[Subset, Row], gap: Gap) -> dict[str, list[str]]:
         share = getattr(row, gap.share)
         if share is None:
             continue
-        verb, interval = "closes", getattr(row, gap.interval)
+        verb = "closes"
+        interval = getattr(row, gap.interval)
         if share < 0:
-            verb, interval = "widens", _negated(interval)
+            verb = "widens"
+            interval = _negated(interval)
         text = _SHARE.text(abs(share))
         if interval is not None:
             text += f" (95 % {_SHARE.text(interval)})"
