@@ -1,24 +1,24 @@
 """``mtp-bench study``."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from typer import BadParameter, Option
+from typer import Exit, Option
 
 from ..agent import controls
 from ..viz import (
-    QUICK_SCENES,
     command_line,
-    quick_options,
     require_study_folder,
     show,
     show_lines,
     study as run_study,
-    summary,
 )
 from .options import SEEDS, AgentScenes, WorkerChoice, submissions
 from .output import prepare
+
+QUICK_SCENES = 6
 
 
 def study(
@@ -27,7 +27,7 @@ def study(
     agent: Annotated[
         list[str] | None,
         Option(
-            help="Name of a baseline or folder of a submission; repeatable, the story is about the first. "
+            help="Name of a baseline or folder of a submission; repeatable. "
             f"Default: {controls()['several']}.",
             autocompletion=submissions,
         ),
@@ -38,34 +38,31 @@ def study(
     quick: Annotated[
         bool,
         Option(
-            "--quick", help="A first look in a minute or two: few scenes, one seed."
+            "--quick",
+            help=f"A first look: {QUICK_SCENES} scenes and one seed, "
+            "unless --scenes and --seeds say otherwise.",
         ),
     ] = False,
     seeds: Annotated[
         int | None,
         Option(
-            min=1, max=1000, help=f"Random draws of ranked agents. Default: {SEEDS}."
+            min=1, max=1000, help=f"Runs with different random draws. Default: {SEEDS}."
         ),
     ] = None,
 ) -> None:
-    """Write a page on the cost of detection and tracking on an environment: the paper's tables, figures and more."""
+    """Compare agents, and write a page, tables, figures and a notebook."""
     require_study_folder(output.absolute())
-    options = on.options(workers, range(1 if quick else seeds or SEEDS))
-    if quick and ((seeds or 1) > 1 or (options.scenes or 1) > QUICK_SCENES):
-        raise BadParameter(
-            f"means one seed and at most {QUICK_SCENES} scenes; leave it out",
-            param_hint="--quick",
-        )
-    options = quick_options(options) if quick else options
-    prepare(on.card, options, agent or ())
-    made = run_study(
-        agent or [controls()["several"]],
-        on.card,
-        output,
-        options,
-        quick,
-        command_line(*sys.argv[1:]),
-    )
-    show_lines(summary(made.findings), "- ")
-    show("")
-    show(f"{len(made.tables)} tables and {made.figures} figures: {made.page}")
+    default_seeds = 1 if quick else SEEDS
+    options = on.options(workers, range(seeds or default_seeds))
+    if quick and options.scenes is None:
+        options = replace(options, scenes=QUICK_SCENES)
+    agents = agent or [controls()["several"]]
+    prepare(on.card, options, agents)
+    command = command_line(*sys.argv[1:])
+    result = run_study(agents, on.card, output, options, command)
+    show_lines(result.findings, "- ")
+    show_lines(result.warnings)
+    page = output / result.page.name
+    show(f"{len(result.tables)} tables, {len(result.figures)} figures: {page}")
+    if result.report.failures:
+        raise Exit(1)

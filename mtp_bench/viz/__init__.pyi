@@ -34,14 +34,15 @@ from .rerun.viewer import (
 )
 from .run_replay import Replay as Replay, replay as replay
 from .sentences import sentence as sentence
-from .studies.conduct import (
-    QUICK_SCENES as QUICK_SCENES,
+from .studies.study import (
     Study as Study,
-    quick_options as quick_options,
     require_study_folder as require_study_folder,
     study as study,
 )
-from .studies.page import summary as summary
+from .terminal.chosen_table import (
+    chosen_table as chosen_table,
+    column_keys as column_keys,
+)
 from .terminal.event_table import (
     EVENT_CAPTION as EVENT_CAPTION,
     LOOK as LOOK,
@@ -61,6 +62,7 @@ from .terminal.listings import (
     status_json as status_json,
     status_table as status_table,
 )
+from .terminal.notes import notes as notes, warnings as warnings
 from .terminal.output import (
     command_line as command_line,
     counted as counted,
@@ -69,14 +71,7 @@ from .terminal.output import (
     show_lines as show_lines,
     show_table as show_table,
 )
-from .terminal.tables import (
-    chosen_table as chosen_table,
-    column_keys as column_keys,
-    data_table as data_table,
-    full_tables as full_tables,
-    notes as notes,
-    warnings as warnings,
-)
+from .terminal.tables import data_table as data_table, full_tables as full_tables
 from .terminal.verdict import short_verdict as short_verdict, verdict as verdict
 from .terminal.worst_table import (
     CAPTION_BELOW as CAPTION_BELOW,

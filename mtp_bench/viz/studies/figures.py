@@ -1,383 +1,318 @@
-"""Figures of a study, as data: each is made of the rows of tables, and drawn by the drawers of `drawing`."""
+"""Figures of a study, drawn from the rows of its report."""
 
-import textwrap
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
-from typing import Any
+from base64 import b64encode
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ...core import Table
-from ...running import Setting
-from ...scoring import PARTS
-from ..terminal.output import counted
-from .drawing import (
-    COLORS,
-    HATCHES,
-    LINES,
-    MARKERS,
-    SERIES,
-    Drawing,
-    Panel,
-    Series,
-    Sketch,
-    draw,
+import numpy as np
+
+from ...agent import controls
+from ...running import HYPOTHESIS_CONTROLS
+from ...scoring import (
+    NAMES,
+    PARTS,
+    Details,
+    Report,
+    Row,
+    Subset,
+    blocks_of,
+    main_settings,
 )
-from .rows import subset_name, texts_of
-from .runs import Findings
+from ..terminal.notes import REFERENCES, label_of
 
-Tables = dict[str, Table]  # by name
-PART_COLORS = (
-    "green",
-    "sky",
-    "blue",
-    "vermillion",
-    "lime",
-    "orange",
-    "yellow",
-    "purple",
-    "brown",
-    "grey",
-    "violet",
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# after Okabe and Ito: people with any kind of colour vision tell them apart
+PART_COLORS = dict(
+    zip(
+        PARTS,
+        (
+            "#009e73",
+            "#56b4e9",
+            "#0072b2",
+            "#d55e00",
+            "#a8d890",
+            "#e69f00",
+            "#f0e442",
+            "#cc79a7",
+            "#6b3410",
+            "#555b61",
+            "#6000d8",
+        ),
+        strict=True,
+    )
 )
-EVENT_COLORS = {
-    "ids": "vermillion",
-    "lost": "orange",
-    "reacquired": "sky",
-    "frag": "blue",
+AGENT_COLOR = "#0072b2"
+REFERENCE_COLOR = "#8a929a"  # of agents that saw the truth
+FILE_SUFFIXES = (".svg", ".pdf", ".png")
+_NO_DATE: dict[str, dict[str, None]] = {  # equal figures have equal bytes
+    ".svg": {"Date": None},
+    ".pdf": {"CreationDate": None},
+    ".png": {"Software": None},
 }
-FROM_ZERO = (0.0, None)
+_EVENT_KINDS: tuple[Subset, ...] = ("ids", "lost", "reacquired")
+_SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired")
+_WIDTH_IN = 9.0
+_ROW_HEIGHT_IN = 0.3
+_STYLE = Path(__file__).with_name("figure.mplstyle")
+
+Block = Mapping[Subset, Row]  # rows of one agent and setting
 
 
-def make_figures(findings: Findings, tables: Tables) -> dict[str, Drawing]:
-    """Every figure whose table has the values that it shows, by name."""
-    figures = {}
-    for name, (table, sketch_of) in FIGURES.items():
-        sketch = (
-            sketch_of(findings, tables[table].rows) if table in tables else Sketch(())
-        )
-        if sketch.panels:
-            figures[name] = draw(
-                name, *texts_of("figures", name, findings), n_of(findings), sketch
-            )
+class FigureSpec(NamedTuple):
+    """Texts of a figure, and the function that draws it.
+
+    The function returns None without values.
+    """
+
+    title: str
+    caption: str
+    draw: "Callable[[Report], Figure | None]"
+
+
+@dataclass(frozen=True)
+class DrawnFigure:
+    """A figure in the files ``name``.svg, .pdf and .png."""
+
+    name: str
+    title: str
+    caption: str
+    data_uri: str  # the SVG, for a page
+
+
+def draw_figures(report: Report, folder: Path) -> list[DrawnFigure]:
+    """Draw the figures of a report as SVG, PDF and PNG.
+
+    Figures without values are left out.
+    """
+    from matplotlib import style
+
+    figures: list[DrawnFigure] = []
+    if not _main_blocks(report):  # no targets
+        return figures
+    with style.context(["default", _STYLE]):
+        for name, spec in FIGURES.items():
+            figure = spec.draw(report)
+            if figure is None:
+                continue
+            for suffix in FILE_SUFFIXES:
+                path = folder / f"{name}{suffix}"
+                figure.savefig(path, metadata=_NO_DATE[suffix])
+            svg = b64encode((folder / f"{name}.svg").read_bytes()).decode("ascii")
+            data_uri = f"data:image/svg+xml;base64,{svg}"
+            figures.append(DrawnFigure(name, spec.title, spec.caption, data_uri))
     return figures
 
 
-def n_of(findings: Findings) -> str:
-    """Numbers of targets, objects, scenes and seeds."""
-    row = findings.row(findings.subject.single, "all")
-    parts = (
-        (row.targets, "target"),
-        (row.objects, "object"),
-        (row.scenes, "scene"),
-        (row.seeds, "seed"),
-    )
-    return ", ".join(counted(*part) for part in parts)
+def _draw_errors(report: Report) -> "Figure":
+    """Draw bADE with intervals, a panel per subset."""
+    blocks = _main_blocks(report)
+    subsets = _subsets_with(blocks, "error")
+    figure, axes = _row_panels(len(subsets), blocks)
+    for axis, subset in zip(axes, subsets, strict=True):
+        for place, row in enumerate(_on(blocks, subset)):
+            color = AGENT_COLOR
+            if row.unranked_because in REFERENCES:
+                color = REFERENCE_COLOR
+            axis.plot(row.error, place, marker="o", color=color)
+            if row.interval is not None:
+                axis.hlines(place, *row.interval, color=color)
+        axis.set(title=NAMES[subset], xlabel="bADE, m")
+    return figure
 
 
-def _cost(findings: Findings, rows: Sequence[Any]) -> Sketch:
-    pasts = {
-        "GT tracks": (findings.subject.truth, "green"),
-        "tracklets": (findings.subject.reference, "blue"),
+def _draw_parts(report: Report) -> "Figure":
+    """Draw the parts of bADE as stacked bars.
+
+    Negative parts extend to the left.
+    """
+    blocks = _main_blocks(report)
+    figure, (axis,) = _row_panels(1, blocks)
+    places = np.arange(len(blocks))
+    right_m = np.zeros(len(blocks))
+    left_m = np.zeros(len(blocks))
+    for key, name in PARTS.items():
+        part_m = _values(_on(blocks, "all"), f"cost_{key}")
+        part_m = np.nan_to_num(np.array(part_m, dtype=float))
+        start_m = np.where(part_m >= 0, right_m, left_m)
+        axis.barh(places, part_m, left=start_m, color=PART_COLORS[key], label=name)
+        right_m += np.maximum(part_m, 0)
+        left_m += np.minimum(part_m, 0)
+    axis.set(xlabel="bADE, m")
+    figure.legend(loc="outside right upper")
+    return figure
+
+
+def _draw_hypotheses(report: Report) -> "Figure | None":
+    """Draw the gain over stp by hypotheses, beside the controls."""
+    agents = _blocks_by_agent(report)
+    swept = {agent: blocks for agent, blocks in agents.items() if len(blocks) > 1}
+    if not swept:
+        return None
+    subsets = _subsets_with(chain.from_iterable(swept.values()), "difference_to_stp")
+    figure, axes = _panels(len(subsets))
+    for axis, subset in zip(axes, subsets, strict=True):
+        axis.axhline(0.0, color=REFERENCE_COLOR, label="stp")
+        for agent, blocks in swept.items():
+            _plot_sweep(axis, agent, _on(blocks, subset))
+        for role, line_style in zip(HYPOTHESIS_CONTROLS, ("--", ":"), strict=True):
+            agent = controls()[role]
+            level_m = agents[agent][0][subset].difference_to_stp
+            axis.axhline(level_m, color="#6000d8", linestyle=line_style, label=agent)
+        axis.set(title=NAMES[subset], xlabel="hypotheses H")
+    axes[0].set_ylabel("bADE less that of stp, m")
+    _add_legend(figure, axes[0])
+    return figure
+
+
+def _plot_sweep(axis: Any, agent: str, rows: Sequence[Row]) -> None:
+    """Plot differences to stp over hypotheses, with intervals as vertical lines."""
+    counts = _values(rows, "hypotheses")
+    (line,) = axis.plot(counts, _values(rows, "difference_to_stp"), label=agent)
+    for row in rows:
+        if row.difference_interval is not None:
+            low_m, high_m = row.difference_interval
+            axis.vlines(row.hypotheses, low_m, high_m, color=line.get_color())
+    axis.set_xticks(counts)
+
+
+def _draw_samples(report: Report) -> "Figure":
+    """Draw expected minADE over k.
+
+    Each agent has its setting with most samples.
+    """
+    agents = _values(_on(_main_blocks(report), "all"), "agent")
+    most_samples: dict[str, Details] = {}
+    for details in sorted(report.details, key=lambda details: details.samples):
+        if details.agent in agents:
+            most_samples[details.agent] = details
+    figure, (axis,) = _panels(1)
+    ticks: set[int] = set()
+    for agent, details in most_samples.items():
+        counts = list(map(int, details.k_curve))
+        axis.plot(counts, list(details.k_curve.values()), label=agent)
+        ticks.update(counts)
+    axis.set(xlabel="samples k", ylabel="expected minADE, m", xscale="log")
+    axis.set_xticks(sorted(ticks), list(map(str, sorted(ticks))))
+    axis.minorticks_off()
+    _add_legend(figure, axis)
+    return figure
+
+
+def _draw_events(report: Report) -> "Figure":
+    """Draw each agent's own events, a panel per kind."""
+    blocks = _main_blocks(report)
+    own_events = {
+        _setting_key(details): details.own_events for details in report.details
     }
-    names = [
-        row.targets_of
-        for row in _where(rows, agent=pasts["tracklets"][0].label)
-        if row.minADE is not None
-    ]
-    names, series = list(dict.fromkeys(names)), []
-    for i, (past, (setting, color)) in enumerate(pasts.items()):
-        own = [
-            row for row in _where(rows, agent=setting.label) if row.targets_of in names
-        ]
-        own = list({row.targets_of: row for row in own}.values())
-        x = [float(names.index(row.targets_of)) for row in own]
-        series.append(_series_of(own, past, color, x, "minADE", kind="bar"))
-        series.append(
-            _paper_series(
-                own, [at + 0.38 * (i - 0.5) for at in x], "the paper's" if i else ""
-            )
-        )
-    counts = {row.targets_of: row.targets for row in rows}
-    ticks = _named_ticks(
-        f"{textwrap.fill(name, 10)}\nn = {counts[name]}" for name in names
-    )
-    return Sketch(
-        [
-            Panel(
-                series,
-                "targets with an event of this kind",
-                "minADE, m",
-                ticks,
-                FROM_ZERO,
-            )
-        ]
-    )
+    figure, axes = _row_panels(len(_EVENT_KINDS), blocks)
+    for axis, kind in zip(axes, _EVENT_KINDS, strict=True):
+        for place, row in enumerate(_on(blocks, "all")):
+            count = own_events[_setting_key(row)][kind]
+            bars = axis.barh(place, count, color=AGENT_COLOR)
+            axis.bar_label(bars, padding=2)
+        axis.margins(x=0.2)
+        axis.set(title=NAMES[kind], xlabel="events")
+    return figure
 
 
-def _gain(findings: Findings, rows: Sequence[Any]) -> Sketch:
-    subject, panels = findings.subject, []
-    levels = {**_rivals(findings), "green": subject.truth}
-    for subset in map(subset_name, ("paper_ids", "ids", "all")):
-        here = _where(rows, targets_of=subset)
-        if all(row.minADE is None for row in here):
-            continue
-        single = _where(
-            here, agent=subject.single.label, H=subject.single.hypotheses or 1
-        )[:1]
-        series = []
-        for sampling, color, label in (
-            ("k of all", "vermillion", "k samples"),
-            ("none", "sky", "H·k samples"),
-        ):
-            own = single + [
-                row
-                for row in _where(here, agent=subject.name, sampling=sampling)
-                if row.H > 1
-            ]
-            series.append(
-                _series_of(
-                    own, f"{subject.name}, {label}", color, "H", "minADE", intervals=()
-                )
-            )
-            style = {"linestyle": ":", "marker": MARKERS[color]}
-            series.append(
-                _paper_series(
-                    own, _pick(own, "H"), f"the paper's, {label}", color, **style
-                )
-            )
-        series += [
-            _level_of(here, setting, "minADE", color)
-            for color, setting in levels.items()
-        ]
-        ticks = _count_ticks(_pick(here, "H"))
-        panels.append(
-            Panel(series, "hypotheses H", f"minADE on {subset}, m", ticks, FROM_ZERO)
-        )
-    return Sketch(panels, size=(9.2, 3.7), legend=2)
+def _blocks_by_agent(report: Report) -> dict[str, list[Block]]:
+    """Return the settings of each agent at equal k."""
+    blocks: dict[str, list[Block]] = defaultdict(list)
+    for block in blocks_of(report):
+        if block["all"].budget == "equal":
+            blocks[block["all"].agent].append(block)
+    return blocks
 
 
-def _ranked(findings: Findings, rows: Sequence[Any]) -> Sketch:
-    subject, panels = findings.subject, []
-    for subset in map(subset_name, ("all", "ids", "reacquired")):
-        here = _where(rows, targets_of=subset)
-        own = [
-            r
-            for r in _where(here, agent=subject.name, sampling="k of all")
-            if r.to_single is not None
-        ]
-        counts, differences = [1, *_pick(own, "H")], [0.0, *_pick(own, "to_single")]
-        intervals = [(0.0, 0.0), *_pick(own, "to_single_interval")]
-        series = [
-            Series(subject.name, counts, differences, "vermillion", intervals=intervals)
-        ]
-        series += [
-            _level_of(here, setting, "to_single", color)
-            for color, setting in _rivals(findings).items()
-        ]
-        series.append(_level(subject.single.label, [0.0], "blue", linewidth=1.2))
-        panels.append(
-            Panel(
-                series,
-                "hypotheses H",
-                f"bADE on {subset}, m,\ndifference",
-                _count_ticks(counts),
-            )
-        )
-    return Sketch(panels, size=(9.2, 3.3))
+def _main_blocks(report: Report) -> list[Block]:
+    """Return the main setting of each agent, lowest bADE first."""
+    blocks = main_settings(report).values()
+    scored = [block for block in blocks if block["all"].error is not None]
+    return sorted(scored, key=lambda block: block["all"].error or 0.0)
 
 
-def _events(findings: Findings, rows: Sequence[Any]) -> Sketch:
-    rows, lines = _where(rows, agent=findings.subject.name), []
-    single = _where(rows, H=1)
-    style = {
-        "color": [COLORS[EVENT_COLORS[row.kind]] for row in single],
-        "hatch": HATCHES[: len(single)],
-    }
-    bars = _series_of(
-        single,
-        "",
-        "blue",
-        range(len(single)),
-        "per_trajectory",
-        kind="bar",
-        style=style,
-    )
-    bars = replace(bars, texts=_pick(single, "events"))
-    one = _level("", [1.0], "soft", linestyle=":")
-    panels = [
-        Panel(
-            [bars, one],
-            "kind of event",
-            "events per trajectory",
-            _named_ticks(_pick(single, "kind")),
-        )
-    ]
-    for kind in ("ids", "lost", "reacquired"):
-        own = [row for row in _where(rows, kind=kind) if row.left is not None]
-        if own:
-            shares = [100 * row.left for row in own]
-            lines.append(
-                Series(
-                    f"{kind} (n = {own[0].events})",
-                    _pick(own, "H"),
-                    shares,
-                    EVENT_COLORS[kind],
-                )
-            )
-    if len(rows) > len(single):
-        y, ticks = (
-            "events in every hypothesis,\n% of those with one",
-            _count_ticks(_pick(rows, "H")),
-        )
-        panels.append(Panel(lines, "hypotheses H", y, ticks, (0, 105)))
-    return Sketch(panels)
-
-
-def _samples(findings: Findings, rows: Sequence[Any]) -> Sketch:
-    rows = _where(rows, agent=findings.subject.name)
-    colors = dict(zip(dict.fromkeys(_pick(rows, "H")), SERIES, strict=False))
-    series = [
-        _series_of(_where(rows, H=h), f"H = {h}", color, "k", "minADE")
-        for h, color in colors.items()
-    ]
-    ticks = _count_ticks(_pick(rows, "k"))
-    return Sketch(
-        [
-            Panel(
-                series,
-                "samples k (logarithmic)",
-                "expected minADE, m",
-                ticks,
-                FROM_ZERO,
-                log=True,
-            )
-        ]
-    )
-
-
-def _parts(findings: Findings, rows: Sequence[Any]) -> Sketch:
-    rows = _where(rows, targets_of="all")
-    rows = [row for row in rows if row.H in (1, max(_pick(rows, "H")))][::-1]
-    if findings.few:  # controls whose errors are not split
-        own = {
-            label
-            for each in findings.plan.subjects
-            for label in (each.single.label, each.most.label)
-        }
-        rows = [
-            row for row in rows if row.cost_ground_truth is not None or row.agent in own
-        ]
-    places = range(len(rows))
-    names = {**PARTS, "rest": "rest (not split)"}
-    values = {
-        name: [getattr(row, f"cost_{key}") or 0.0 for row in rows]
-        for key, name in names.items()
-    }
-    colored = zip(values.items(), PART_COLORS, strict=True)
-    series = [
-        Series(name, places, part, color, "bar") for (name, part), color in colored
-    ]
-    mark = {"marker": "|", "markersize": 17, "markeredgewidth": 2}
-    series.append(
-        _series_of(rows, "bADE", "ink", places, "error", kind="dots", style=mark)
-    )
-    ends = [
-        max(row.error, sum(part[i] for part in values.values() if part[i] > 0))
-        for i, row in enumerate(rows)
-    ]
-    texts = [f"{row.error:.2f}" for row in rows]
-    series.append(Series("", places, ends, "ink", "dots", (), texts, {"marker": ""}))
-    series.append(_level("", [0.0], "soft", linewidth=0.8))
-    x = "bADE, m, averaged over budgets of false forecasts"
-    agents = [
-        f"{row.agent}, H = {row.H}" if row.H > 1 else str(row.agent) for row in rows
-    ]
-    panel = Panel(series, "", x, _named_ticks(agents), stacked=True)
-    return Sketch([panel], size=(8.1, 1.3 + 0.36 * len(rows)), legend=4)
-
-
-def _where(rows: Iterable[Any], **values: Any) -> list[Any]:
+def _subsets_with(blocks: Iterable[Block], key: str) -> list[Subset]:
+    """Return the subsets on which every row has ``key``."""
+    all_blocks = list(blocks)
     return [
-        row
-        for row in rows
-        if all(getattr(row, name) == value for name, value in values.items())
+        subset
+        for subset in _SUBSETS
+        if None not in _values(_on(all_blocks, subset), key)
     ]
 
 
-def _pick(rows: Iterable[Any], name: str) -> list[Any]:
-    return [getattr(row, name) for row in rows]
+def _on(blocks: Sequence[Block], subset: Subset) -> list[Row]:
+    return [block[subset] for block in blocks]
 
 
-def _series_of(
-    rows: Sequence[Any],
-    label: str,
-    color: str,
-    x: str | Sequence[float],
-    y: str,
-    **more: Any,
-) -> Series:
-    """A series of the column ``y`` of rows over their column ``x`` or over given numbers, with its intervals if any."""
-    at = _pick(rows, x) if isinstance(x, str) else x
-    intervals = [getattr(row, f"{y}_interval", None) for row in rows]
-    return Series(
-        label,
-        at,
-        _pick(rows, y),
-        color,
-        **{"intervals": intervals if any(intervals) else (), **more},
-    )
+def _values(rows: Sequence[Row], key: str) -> list[Any]:
+    return [getattr(row, key) for row in rows]
 
 
-def _paper_series(
-    rows: Sequence[Any],
-    x: Sequence[float],
-    label: str,
-    color: str = "ink",
-    **style: Any,
-) -> Series:
-    """The paper's minADE, at those rows for which the paper states one."""
-    known = {
-        at: row.paper_minADE
-        for at, row in zip(x, rows, strict=True)
-        if row.paper_minADE is not None
-    }
-    return Series(
-        label if known else "", [*known], [*known.values()], color, "paper", style=style
-    )
+def _setting_key(setting: Row | Details) -> tuple[str, int, int]:
+    return setting.agent, setting.hypotheses, setting.samples
 
 
-def _level(
-    label: str, values: Sequence[float | None], color: str, **style: Any
-) -> Series:
-    """Straight lines across a panel at these values."""
-    return Series(label, (), values, color, "level", style=style)
+def _panels(count: int, height_in: float = 3.6) -> "tuple[Figure, Sequence[Any]]":
+    """Return a figure with ``count`` axes in a row."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
+    return figure, figure.subplots(1, count, squeeze=False)[0]
 
 
-def _rivals(findings: Findings) -> dict[str, Setting]:
-    """The controls that a gain of hypotheses must exceed, by the colour of their level."""
-    return dict(zip(("orange", "purple"), findings.plan.rivals, strict=True))
+def _row_panels(count: int, blocks: Sequence[Block]) -> "tuple[Figure, Sequence[Any]]":
+    """Return a figure of ``count`` panels with a row per agent."""
+    figure, axes = _panels(count, 1.2 + _ROW_HEIGHT_IN * len(blocks))
+    for axis in axes:
+        axis.grid(axis="x")
+        axis.set_yticks(range(len(blocks)), [""] * len(blocks))
+        axis.set_ylim(len(blocks) - 0.5, -0.5)
+    axes[0].set_yticklabels(list(map(label_of, _on(blocks, "all"))))
+    return figure, axes
 
 
-def _level_of(rows: Sequence[Any], setting: Setting, column: str, color: str) -> Series:
-    """The level of a setting's value in a column of ``rows``."""
-    values = _pick(_where(rows, agent=setting.label)[:1], column)
-    return _level(setting.label, values, color, linestyle=LINES[color])
+def _add_legend(figure: "Figure", axis: Any) -> None:
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=4)
 
 
-def _named_ticks(names: Iterable[str]) -> list[tuple[float, str]]:
-    return [(float(i), name) for i, name in enumerate(names)]
-
-
-def _count_ticks(values: Iterable[int]) -> list[tuple[float, str]]:
-    return [(float(value), str(value)) for value in sorted(set(values))]
-
-
-FIGURES: dict[
-    str, tuple[str, Callable[[Findings, Sequence[Any]], Sketch]]
-] = {  # name -> its table, and its content
-    "cost": ("errors", _cost),
-    "gain": ("errors", _gain),
-    "ranked": ("errors", _ranked),
-    "events": ("events", _events),
-    "samples": ("samples", _samples),
-    "parts": ("parts", _parts),
+FIGURES = {
+    "errors": FigureSpec(
+        "bADE of each agent",
+        "Dots are bADE, lines its 95 % interval over recordings. Agents in grey saw "
+        "the truth or which detections are of one object, and are never ranked.",
+        _draw_errors,
+    ),
+    "parts": FigureSpec(
+        "Parts of bADE over all targets",
+        "The parts of a bar add up to bADE. Those left of zero take away from it. "
+        "The rest is the error of forecasts that no reference run splits. Parts from "
+        "“below threshold” on are of targets without a forecast.",
+        _draw_parts,
+    ),
+    "hypotheses": FigureSpec(
+        "Gain of hypotheses at equal k",
+        "Differences to one hypothesis at equal k, with 95 % intervals. A gain of "
+        "hypotheses must exceed that of both controls: more samples of one hypothesis, "
+        "and futures of neighbours. The table of differences has the paired tests.",
+        _draw_hypotheses,
+    ),
+    "samples": FigureSpec(
+        "Error by the number of samples",
+        "Expected minADE of k random samples, over targets with a forecast. It falls "
+        "with k even where samples are worthless.",
+        _draw_samples,
+    ),
+    "events": FigureSpec(
+        "Events of each agent's own tracks",
+        "Numbers of identity switches, losses and re-acquisitions along the best "
+        "hypothesis in the first seed, on targets or not.",
+        _draw_events,
+    ),
 }

@@ -1,12 +1,13 @@
-"""List of the events of a run: time, object, tracks, error of the forecast, and a command that shows it."""
+"""List of the events of a run: object, tracks and error."""
 
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
 
-from ...core import BLANK, Column, Rollout, Scene, Table
+from ...core import BLANK, Column, Drive, Rollout, Scene, Table
 from ...scoring import parts_text
 from ..focus import Focus
 from ..incident import INCIDENT_KINDS, Incident
@@ -15,13 +16,12 @@ from ..run_replay import Replay
 from .output import command_line, counted, show_command, show_lines
 
 ORDERS = ("time", "cost", "confidence", "length")
-LONGEST = (
-    3  # runs of false forecasts of a scene in the table, unless their kind is asked for
-)
+LONGEST = 3  # runs of false forecasts per scene that are listed, if not asked for
 EVENT_CAPTION = (
-    "minADE: of the forecast made then, metres; – where the object is not a target, or was not forecast. error: what "
-    "it adds to bADE, and its parts. confidence: that of the forecast; of a run of false forecasts (spurious) the "
-    "highest. *: the old track is still output, outside the gate."
+    "minADE: of the forecast made then, metres; – where the object is not a target, or "
+    "was not forecast. error: what it adds to bADE, and its parts. confidence: that of "
+    "the forecast; of a run of false forecasts (spurious) the highest. *: the old "
+    "track is still output, outside the gate."
 )
 _PICTURE = "with --png FILE.png it becomes a picture, without a screen:"
 LOOK = f"To look at one, name its scene and event as for the first of them; {_PICTURE}"
@@ -36,72 +36,80 @@ class Listed:
     incident: Incident
     view: str  # the command that shows it
     cause: str = field(default="", kw_only=True)  # of a collision
-    at_fault: bool | None = field(
-        default=None, kw_only=True
-    )  # of the ego in a collision
+    # of the ego, in a collision
+    at_fault: bool | None = field(default=None, kw_only=True)
 
     @classmethod
-    def of(cls, replay: Replay, at: Incident, *run: str | None, **further: Any) -> Self:
-        """The row of an incident; ``run``: folder, data root and env that name the run in the command."""
-        folder, data, env = run
-        view = command_line(
-            "view", str(folder), scene=replay.scene.name, at=at.name, data=data, env=env
-        )
-        if at.kind == "collision" and (drive := replay.rollout.drive):
-            further |= {
-                "cause": collision_cause(Focus(replay, at)),
-                "at_fault": drive.at_fault,
-            }
-        return cls(
-            replay.scene, replay.card.task.classes[at.class_id], at, view, **further
-        )
+    def of(
+        cls,
+        replay: Replay,
+        incident: Incident,
+        folder: str,
+        data: str | None,
+        env: str | None,
+        **fields: Any,
+    ) -> Self:
+        """Return the row of an incident.
+
+        ``folder``, ``data`` root and ``env`` name the run in the command; ``fields``:
+        further ones of a subclass.
+        """
+        options = {"scene": replay.scene.name, "at": incident.name}
+        view = command_line("view", folder, **options, data=data, env=env)
+        drive = replay.rollout.drive
+        if incident.kind == "collision" and drive is not None:
+            fields["cause"] = collision_cause(Focus(replay, incident))
+            fields["at_fault"] = drive.at_fault
+        class_name = replay.card.task.classes[incident.class_id]
+        return cls(replay.scene, class_name, incident, view, **fields)
 
     @property
     def object_name(self) -> str:
         """Class and short id of the object."""
-        known = self.incident.object_id >= 0
-        return (
-            f"{self.class_name} {self.scene.short_name(self.incident.object_id)}"
-            if known
-            else self.class_name
-        )
+        object_id = self.incident.object_id
+        if object_id < 0:
+            return self.class_name
+        return f"{self.class_name} {self.scene.short_name(object_id)}"
 
     def seconds(self, t: int) -> float:
-        """Time of frame ``t`` since the first frame of the scene."""
+        """Return the time of frame ``t`` since the first frame."""
         return float(self.scene.time[t] - self.scene.time[0])
 
     def record(self, *names: str) -> dict[str, Any]:
-        """Content of ``--json`` that all lists have, and fields of the incident by their ``names``."""
-        at, numbers = self.incident, ("object_id", "old_id", "new_id")
-        ids = {
-            name: None if (number := getattr(at, name)) < 0 else number
-            for name in numbers
-        }
-        tracks = {
-            f"{name}_in_file": self.scene.track_names.get(getattr(at, name))
-            for name in numbers[1:]
-        }
+        """Return what ``--json`` states of any row.
+
+        ``names``: further fields of the incident.
+        """
+        incident = self.incident
+        track_names = self.scene.track_names
+        object_name = None
+        if incident.object_id >= 0:
+            object_name = self.scene.name_of(incident.object_id)
+        names = ("frame", "until", "minADE", "confidence", *names)
         return {
             "scene": self.scene.name,
             "class": self.class_name,
-            "object": ids["object_id"],
-            **ids,
-            **tracks,
-            "object_id": None if at.object_id < 0 else self.scene.name_of(at.object_id),
-            **{
-                name: getattr(at, name)
-                for name in ("frame", "until", "minADE", "confidence", *names)
-            },
+            "object": _id_or_none(incident.object_id),
+            "object_id": object_name,
+            "old_id": _id_or_none(incident.old_id),
+            "new_id": _id_or_none(incident.new_id),
+            "old_id_in_file": track_names.get(incident.old_id),
+            "new_id_in_file": track_names.get(incident.new_id),
+            **{name: getattr(incident, name) for name in names},
             "view": self.view,
         }
+
+
+def _id_or_none(number: int) -> int | None:
+    return None if number < 0 else number
 
 
 @dataclass
 class Tally:
     """Counts of events over scenes, listed or not."""
 
-    events: dict[str, int] = field(
-        default_factory=lambda: dict.fromkeys(INCIDENT_KINDS, 0)
+    events: Counter[str] = field(
+        default_factory=lambda: Counter(dict.fromkeys(INCIDENT_KINDS, 0))
     )
     wrong: int = 0  # losses whose old track is still output
     forecasts: int = 0  # false ones
@@ -121,108 +129,155 @@ class Tally:
 
 
 def in_order(rows: Sequence[Listed], order: str) -> list[Listed]:
-    """The rows by ``order`` of ORDERS, the largest first.
+    """Sort rows by ``order`` of ORDERS, the largest first.
 
-    "cost": by the error without the part below threshold, then by its rise since the frame before and by minADE; false
-    forecasts, which have none, by confidence. Objects that are not targets cost nothing and come last.
+    "time" keeps the order of the rows.
+
+    "cost": by the error without the part below threshold, then by its rise since the
+    frame before and by minADE. False forecasts have no error, and come last by
+    confidence, as do objects that are not targets.
     """
-    return (
-        sorted(rows, key=_ORDER[order], reverse=True) if order in _ORDER else list(rows)
-    )
+    if order == "time":
+        return list(rows)
+    keys: dict[str, Callable[[Listed], Any]] = {
+        "cost": _cost,
+        "confidence": _confidence,
+        "length": _length,
+    }
+    return sorted(rows, key=keys[order], reverse=True)
 
 
 def _cost(row: Listed) -> tuple[float, ...]:
     event = row.incident
     if event.error is None:
-        return -1.0, event.confidence or 0.0
-    rise = 0.0 if event.error_before is None else event.error - event.error_before
-    return event.blame, rise, event.minADE or 0.0
+        return -1.0, _confidence(row)
+    rise_m = 0.0
+    if event.error_before is not None:
+        rise_m = event.error - event.error_before
+    return event.blame, rise_m, event.minADE or 0.0
 
 
-_ORDER: dict[str, Callable[[Listed], Any]] = {
-    "cost": _cost,
-    "confidence": lambda row: row.incident.confidence or 0.0,
-    "length": lambda row: row.incident.until - row.incident.frame,
-}
+def _confidence(row: Listed) -> float:
+    return row.incident.confidence or 0.0
+
+
+def _length(row: Listed) -> int:
+    return row.incident.until - row.incident.frame
 
 
 def longest_only(rows: Sequence[Listed]) -> list[Listed]:
-    """The rows, with only the LONGEST longest runs of false forecasts of each scene."""
-    runs = [row for row in rows if row.incident.kind == "spurious"]
-    kept: dict[str, list[int]] = {}
-    for row in sorted(runs, key=lambda row: row.incident.frame - row.incident.until):
-        kept.setdefault(row.scene.name, []).append(id(row))
-    return [
-        row
-        for row in rows
-        if row.incident.kind != "spurious" or id(row) in kept[row.scene.name][:LONGEST]
-    ]
+    """Keep only the longest runs of false forecasts of each scene."""
+    runs: dict[str, list[Listed]] = defaultdict(list)
+    for row in sorted(rows, key=_length, reverse=True):
+        if row.incident.kind == "spurious":
+            runs[row.scene.name].append(row)
+    dropped = {id(row) for of_scene in runs.values() for row in of_scene[LONGEST:]}
+    return [row for row in rows if id(row) not in dropped]
 
 
 def event_table(rows: Sequence[Listed]) -> Table:
-    """One row per event, to be shown with EVENT_CAPTION below."""
-    return Table(
-        "events", "Events of the best hypothesis, along its lineage", "", rows, _COLUMNS
+    """Return one row per event, to be shown with EVENT_CAPTION below."""
+    title = "Events of the best hypothesis, along its lineage"
+    columns = (
+        Column(key="scene"),
+        Column("frame", key="frames"),
+        Column(key="event"),
+        Column("object", key="object_name"),
+        Column(key="track"),
+        Column(key="minADE", format=".2f"),
+        Column(key="error", format=".2f"),
+        Column("parts", key="parts_text"),
+        Column("confi-\ndence", key="confidence", format=".2f"),
     )
+    return Table("events", title, "", [_cells(row) for row in rows], columns)
+
+
+def _cells(row: Listed) -> dict[str, Any]:
+    """Return the record of an event, and its table texts."""
+    event = row.incident
+    frames = dict.fromkeys(map(str, (event.frame, event.until)))
+    old_id, new_id = (
+        BLANK if track_id < 0 else str(track_id)
+        for track_id in (event.old_id, event.new_id)
+    )
+    track = new_id if event.kind == "spurious" else f"{old_id} → {new_id}"
+    return {
+        **_record(row),
+        "frames": "–".join(frames),
+        "event": event.name + "*" * event.wrong,
+        "object_name": row.object_name,
+        "track": track,
+        "parts_text": event.parts and parts_text(event.parts, most=2),
+    }
 
 
 def tally_line(tally: Tally, all_listed: bool) -> str:
-    """Numbers of events, with a note where not all of them are listed."""
+    """Return the numbers of events, and how to list the others."""
     count = tally.events
-    text = (
-        f"{counted(count['ids'], 'identity switch', 'es')}, {count['lost']} lost ({tally.wrong} of them with their "
-        f"track elsewhere), {count['reacquired']} reacquired; "
+    tracks = (
+        f"{counted(count['ids'], 'identity switch', 'es')}, {count['lost']} lost "
+        f"({tally.wrong} of them with their track elsewhere), "
+        f"{count['reacquired']} reacquired"
     )
+    texts = [tracks]
     if tally.complete:
-        text += f"{counted(tally.forecasts, 'false forecast')} in {counted(count['spurious'], 'run')}"
+        false_forecasts = counted(tally.forecasts, "false forecast")
+        texts.append(f"{false_forecasts} in {counted(count['spurious'], 'run')}")
     else:
-        text += "false forecasts are not known, as there are objects outside the truth"
-    text += f"; {counted(count['collision'], 'collision')}" if tally.driven else ""
-    text += f"; {counted(tally.scenes, 'scene')}"
-    if not all_listed and count["spurious"]:
-        longest = (
-            f"The {LONGEST} longest runs of false forecasts of each scene are listed"
+        texts.append(
+            "false forecasts are not known, as there are objects outside the truth"
         )
-        text += f"\n{longest}; all of them: --kind spurious"
-    return text
+    if tally.driven:
+        texts.append(counted(count["collision"], "collision"))
+    texts.append(counted(tally.scenes, "scene"))
+    line = "; ".join(texts)
+    if all_listed or not count["spurious"]:
+        return line
+    return (
+        f"{line}\nThe {LONGEST} longest runs of false forecasts of each scene are "
+        "listed; all of them: --kind spurious"
+    )
 
 
 def show_collisions(
     rows: Sequence[Listed], rollouts: Sequence[Rollout], shown: str = ""
 ) -> None:
-    """Print a line per collision of a closed loop, those at fault first, then of the fastest ego.
+    """Print a line per collision, and the command of the first.
 
-    Below it the command that shows the first, unless it is ``shown`` above.
+    Those at fault come first, then those of the fastest ego. The command is left out
+    if it is ``shown`` above.
     """
-    drives, end = (
-        {each.scene: each.drive for each in rollouts if each.drive is not None},
-        ("not at fault", "at fault"),
-    )
-    hits = [(drives[row.scene.name], row) for row in rows if row.cause]
-    hits.sort(
-        key=lambda hit: (
-            not hit[0].at_fault,
-            -np.hypot(*np.diff(hit[0].plan[-1, :2], axis=0)[0]),
-        )
-    )
-    for drive, row in hits:
-        what = f"collision at {drive.seconds:.1f} s with {row.object_name}, {end[drive.at_fault]}; {row.cause}"
-        show_lines([f"scene {row.scene.name}: {what}"])
-    if hits and hits[0][1].view != shown:
+    drives = {rollout.scene: rollout.drive for rollout in rollouts}
+    collisions = []
+    for row in rows:
+        drive = drives.get(row.scene.name)
+        if row.cause and drive is not None:
+            collisions.append((drive, row))
+    collisions.sort(key=lambda pair: (not pair[0].at_fault, -_last_step_m(pair[0])))
+    for drive, row in collisions:
+        fault = "at fault" if drive.at_fault else "not at fault"
+        collision = f"collision at {drive.seconds:.1f} s with {row.object_name}"
+        show_lines([f"scene {row.scene.name}: {collision}, {fault}; {row.cause}"])
+    if collisions and collisions[0][1].view != shown:
         show_lines([f"To look at the first collision; {_PICTURE}"])
-        show_command(hits[0][1].view)
+        show_command(collisions[0][1].view)
+
+
+def _last_step_m(drive: Drive) -> float:
+    """Return the length of the first step of the last plan."""
+    return float(np.hypot(*np.diff(drive.plan[-1, :2], axis=0)[0]))
 
 
 def events_json(
     rows: Sequence[Listed], tally: Tally, env_id: str, agent: str
 ) -> dict[str, Any]:
-    """Content of ``events --json``."""
+    """Return the content of ``events --json``."""
+    counts = {"wrong": tally.wrong, "spurious_forecasts": tally.forecasts}
     return {
         "env": env_id,
         "agent": agent,
         "scenes": tally.scenes,
-        "counts": tally.events
-        | {"wrong": tally.wrong, "spurious_forecasts": tally.forecasts},
+        "counts": {**tally.events, **counts},
         "truth_complete": tally.complete,
         "events": [_record(row) for row in rows],
     }
@@ -230,49 +285,11 @@ def events_json(
 
 def _record(row: Listed) -> dict[str, Any]:
     event = row.incident
-    own = {
+    return {
         "time": row.seconds(event.frame),
         "event": event.name,
         "position": list(event.position),
+        **row.record("kind", "wrong", "error", "parts", "error_before"),
+        "cause": row.cause or None,
+        "at_fault": row.at_fault,
     }
-    collision = {"cause": row.cause or None, "at_fault": row.at_fault}
-    return (
-        own | row.record("kind", "wrong", "error", "parts", "error_before") | collision
-    )
-
-
-def _track(row: Listed) -> str:
-    old, new = (
-        BLANK if each < 0 else str(each)
-        for each in (row.incident.old_id, row.incident.new_id)
-    )
-    return new if row.incident.kind == "spurious" else f"{old} → {new}"
-
-
-_COLUMNS = (
-    Column("scene", read=lambda row: row.scene.name),
-    Column(
-        key="frame",
-        read=lambda row: "–".join(
-            map(str, dict.fromkeys([row.incident.frame, row.incident.until]))
-        ),
-    ),
-    Column(
-        key="event",
-        read=lambda row: row.incident.name + ("*" if row.incident.wrong else ""),
-    ),
-    Column(key="object", read=lambda row: row.object_name),
-    Column(key="track", read=_track),
-    Column(key="minADE", format=".2f", read=lambda row: row.incident.minADE),
-    Column(key="error", format=".2f", read=lambda row: row.incident.error),
-    Column(
-        key="parts",
-        read=lambda row: row.incident.parts and parts_text(row.incident.parts, most=2),
-    ),
-    Column(
-        "confi-\ndence",
-        key="confidence",
-        format=".2f",
-        read=lambda row: row.incident.confidence,
-    ),
-)

@@ -1,137 +1,126 @@
 """Listings of environments and data for the terminal."""
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ...cards import Card
 from ...core import Column, Table
 from ...sources import DataStatus
 
-FEW = 3  # classes that a cell names; `envs --json` names all
+MAX_NAMED_CLASSES = 3  # of a cell; `envs --json` names all
 
 
 def env_table(cards: Sequence[Card]) -> Table:
-    """One row per environment."""
+    """Return one row per environment."""
     columns = (
         Column(key="id"),
-        Column(key="rate", read=lambda card: f"{card.task.rate:g} Hz"),
-        Column(
-            "past / future",
-            key="frames",
-            read=lambda card: f"{card.task.past} / {card.task.future}",
-        ),
-        Column("k", key="samples", read=lambda card: card.task.samples),
-        Column(key="classes", read=_classes),
-        Column(
-            "what",
-            key="summary",
-            read=lambda card: "Closed loop. " * (card.drive is not None) + card.summary,
-        ),
+        Column(key="rate"),
+        Column("past / future", key="frames"),
+        Column("k", key="samples"),
+        Column(key="classes"),
+        Column("what", key="summary"),
     )
-    return Table("envs", "Environments", "", cards, columns)
+    return Table("envs", "Environments", "", list(map(_env_cells, cards)), columns)
 
 
-def _classes(card: Card) -> str:
-    names = card.task.classes
-    return ", ".join(names) if len(names) <= FEW else str(len(names))
+def _env_cells(card: Card) -> dict[str, str | int]:
+    task = card.task
+    class_text = ", ".join(task.classes)
+    if len(task.classes) > MAX_NAMED_CLASSES:
+        class_text = str(len(task.classes))
+    loop_text = "" if card.drive is None else "Closed loop. "
+    return {
+        "id": card.id,
+        "rate": f"{task.rate:g} Hz",
+        "frames": f"{task.past} / {task.future}",
+        "samples": task.samples,
+        "classes": class_text,
+        "summary": f"{loop_text}{card.summary}",
+    }
 
 
 def status_table(statuses: Mapping[str, DataStatus]) -> Table:
-    """State of the data of each environment."""
-    rows = [
-        {"env": env_id, "dataset": each.about.name, "state": _state(each)}
-        for env_id, each in statuses.items()
-    ]
+    """Return the state of the data of each environment."""
     columns = (
         Column("environment", key="env"),
         Column(key="dataset"),
         Column(key="state"),
     )
+    rows = [
+        {"env": env_id, "dataset": status.about.name, "state": _state(status)}
+        for env_id, status in statuses.items()
+    ]
     return Table("data", "Data", "", rows, columns)
 
 
 def _state(status: DataStatus) -> str:
     if status.about.generated:
         return "made when used"
-    return (
-        "complete"
-        if status.usable
-        else "missing"
-        if status.root is None
-        else "incomplete"
-    )
-
-
-def data_lines(statuses: Mapping[str, DataStatus]) -> list[str]:
-    """Per dataset: its folder, missing and wrong files, notes, licence, citation, and how to get it."""
-    datasets: dict[str, dict[str, DataStatus]] = {}
-    for env_id, status in statuses.items():
-        datasets.setdefault(status.about.name, {})[env_id] = status
-    return [
-        line
-        for name, members in datasets.items()
-        for line in (
-            "",
-            name,
-            *(f"  {text}" for text in (*_findings(members), *_about(members))),
-        )
-    ]
+    if status.usable:
+        return "complete"
+    return "missing" if status.root is None else "incomplete"
 
 
 def status_json(status: DataStatus) -> dict[str, Any]:
-    """State of one environment's data for ``data --json``."""
-    root, searched = (
-        None if status.root is None else str(status.root),
-        [str(path) for path in status.searched],
-    )
-    found = {
-        name: getattr(status, name)
-        for name in ("usable", "missing", "problems", "notes")
-    }
+    """Return the state of one environment's data for ``data --json``."""
     return {
         "dataset": status.about.name,
-        "root": root,
-        "searched": searched,
-        **found,
+        "root": None if status.root is None else str(status.root),
+        "searched": [str(path) for path in status.searched],
+        "usable": status.usable,
+        "missing": status.missing,
+        "problems": status.problems,
+        "notes": status.notes,
         "counts": dict(status.counts),
     }
 
 
-def _findings(statuses: Mapping[str, DataStatus]) -> list[str]:
-    """Findings about a dataset, each once; a line that does not hold for all of its environments names those."""
-    envs: dict[str, list[str]] = {}
+def data_lines(statuses: Mapping[str, DataStatus]) -> list[str]:
+    """Return lines per dataset, such as errors, licence and citation."""
+    datasets: dict[str, dict[str, DataStatus]] = defaultdict(dict)
     for env_id, status in statuses.items():
-        for line in _found(status):
-            envs.setdefault(line, []).append(env_id)
-    return [
-        line if len(ids) == len(statuses) else f"{', '.join(ids)}: {line}"
-        for line, ids in envs.items()
-    ]
-
-
-def _found(status: DataStatus) -> list[str]:
-    where = (
-        f"in {status.root}"
-        if status.root
-        else f"missing; looked in {', '.join(map(str, status.searched))}"
-    )
-    counts = ", ".join(f"{number} {what}" for what, number in status.counts.items())
-    return [
-        where,
-        *(f"missing: {line}" for line in status.missing),
-        *(f"wrong: {line}" for line in status.problems),
-        *([f"found: {counts}"] if counts else []),
-        *status.notes,
-    ]
-
-
-def _about(statuses: Mapping[str, DataStatus]) -> list[str]:
-    about = next(iter(statuses.values())).about
-    lines = [f"licence: {about.licence}", f"please cite: {about.citation}"]
-    if not all(status.usable for status in statuses.values()):
-        lines += [
-            f"how to get it: {about.how_to_get}",
-            "expected layout:",
-            *about.layout.splitlines(),
-        ]
+        datasets[status.about.name][env_id] = status
+    lines = []
+    for name, by_env in datasets.items():
+        lines += ["", name]
+        lines += [f"  {text}" for text in (*_findings(by_env), *_about(by_env))]
     return lines
+
+
+def _findings(statuses: Mapping[str, DataStatus]) -> Iterator[str]:
+    """Yield each finding once, with the envs it is limited to."""
+    env_ids: dict[str, list[str]] = defaultdict(list)
+    for env_id, status in statuses.items():
+        for line in _env_findings(status):
+            env_ids[line].append(env_id)
+    for line, ids in env_ids.items():
+        if len(ids) == len(statuses):
+            yield line
+        else:
+            yield f"{', '.join(ids)}: {line}"
+
+
+def _env_findings(status: DataStatus) -> Iterator[str]:
+    if status.root:
+        yield f"in {status.root}"
+    else:
+        yield f"missing; looked in {', '.join(map(str, status.searched))}"
+    for line in status.missing:
+        yield f"missing: {line}"
+    for line in status.problems:
+        yield f"wrong: {line}"
+    if status.counts:
+        counts = (f"{number} {noun}" for noun, number in status.counts.items())
+        yield f"found: {', '.join(counts)}"
+    yield from status.notes
+
+
+def _about(statuses: Mapping[str, DataStatus]) -> Iterator[str]:
+    about = next(iter(statuses.values())).about
+    yield f"licence: {about.licence}"
+    yield f"please cite: {about.citation}"
+    if not all(status.usable for status in statuses.values()):
+        yield f"how to get it: {about.how_to_get}"
+        yield "expected layout:"
+        yield from about.layout.splitlines()

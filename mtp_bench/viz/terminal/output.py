@@ -16,33 +16,35 @@ TEXT_WIDTH = 80  # columns of reports
 
 
 def show(text: str) -> None:
-    """Print a text unchanged, without markup; a terminal wraps it."""
+    """Print a text unchanged, without markup.
+
+    A terminal wraps it.
+    """
     console = _console()
     console.print(text, crop=False, soft_wrap=not console.is_terminal)
 
 
 def show_lines(texts: Iterable[str], sign: str = "") -> None:
-    """Print texts of a report in lines of at most TEXT_WIDTH columns, each with a ``sign`` before it."""
+    """Print texts in lines of TEXT_WIDTH columns, each behind ``sign``."""
+    indent = " " * len(sign)
     for text in texts:
         lines = textwrap.wrap(
-            text, TEXT_WIDTH, initial_indent=sign, subsequent_indent=" " * len(sign)
+            text, TEXT_WIDTH, initial_indent=sign, subsequent_indent=indent
         )
         show("\n".join(lines))
 
 
 def command_line(*words: str, **options: object) -> str:
-    """The command ``mtp-bench`` of these words and of the options that are not None; it can be pasted into a shell."""
-    given = [
-        part
-        for name, value in options.items()
-        if value is not None
-        for part in (f"--{name}", str(value))
-    ]
-    return shlex.join(["mtp-bench", *words, *given])
+    """Return a command of ``mtp-bench`` for a shell, without missing options."""
+    arguments = ["mtp-bench", *words]
+    for name, value in options.items():
+        if value is not None:
+            arguments += [f"--{name}", str(value)]
+    return shlex.join(arguments)
 
 
 def show_command(words: str) -> None:
-    """Print a command as one line that can be pasted, however long it is."""
+    """Print a command as one line that can be pasted."""
     _console().print(words, soft_wrap=True)
 
 
@@ -51,17 +53,23 @@ def show_table(
     console: "Console | None" = None,
     style: Callable[[Any], str] | None = None,
 ) -> None:
-    """Print a table as `table_lines` makes it for the width of the terminal; ``style``: rich's style of a row."""
+    """Print a table at the width of the terminal.
+
+    ``style``: rich's style of a row.
+    """
     console = console or _console()
     console.print(data.title, style="bold")
     for row, line in table_lines(data, console.width):
-        look = style(row) if style is not None and row is not None else ""
-        console.print(line, style=look, soft_wrap=True)
+        row_style = "" if style is None or row is None else style(row)
+        console.print(line, style=row_style, soft_wrap=True)
 
 
 def _console() -> "Console":
+    """Return a console that shows texts as they are.
+
+    ":x:" and "[red]" in a name are neither emoji nor markup, and commands are pasted.
+    """
     from rich.console import Console
 
-    # Texts are shown as they are: ":x:" and "[red]" in a name are no emoji and no markup, and commands are pasted.
     width = None if sys.stdout.isatty() else PIPE_WIDTH
     return Console(emoji=False, markup=False, highlight=False, width=width)

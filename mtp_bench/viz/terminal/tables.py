@@ -1,22 +1,15 @@
-"""Tables of a report behind its main one, that of every number, and notes: warnings, and what the columns mean."""
+"""Tables of a report: every number, and those of ``--full``."""
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from textwrap import wrap
-from typing import Any
 
-from ...core import BLANK, Column, Table, Value, columns_of, short
+from ...core import Column, Table, Value, columns_of, short
 from ...scoring import (
-    ASSOCIATED,
     EVENTS,
     KNOWN_SUBSETS,
-    NAMES,
-    NOT_CAUSAL,
     PARTS,
     RANKED_SUBSETS,
-    SAW_TRUTH,
     AgentSetting,
     Bin,
     Clear,
@@ -26,33 +19,44 @@ from ...scoring import (
     Row,
     Subset,
     blocks_of,
-    heading,
-    main_settings,
     shipped_env,
 )
-from .output import counted
-from .paper import PAPER_SUBSETS, paper_figures
+from .chosen_table import (
+    AgentLine,
+    agent_lines,
+    chosen_table,
+    row_columns,
+    subset_column,
+)
+from .paper import PAPER_SUBSETS, paper_errors
 
-_EVENTS: tuple[Subset, ...] = (
-    "ids",
-    "reacquired",
-    "lost",
-    "frag",
-)  # the first two may rank
-_COSTS = [f"cost_{part}" for part in PARTS]
-_MADE_OF: dict[str, Sequence[str]] = {
-    "bADE of targets with and without a forecast": ("error", "localisation", "missed"),
-    "Parts of bADE of targets with a forecast": _COSTS[:5],
-    "Parts of bADE of targets without a forecast": _COSTS[5:],
+_EVENT_SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired", "lost", "frag")
+PART_KEYS = tuple(f"cost_{part}" for part in PARTS)
+_PARTS_WITH_FORECAST = 5  # the first of PART_KEYS
+_PART_TABLES: dict[str, tuple[str, Sequence[str]]] = {  # name -> title and keys
+    "forecasts": (
+        "bADE of targets with and without a forecast",
+        ("error", "localisation", "missed"),
+    ),
+    "parts_with_forecast": (
+        "Parts of bADE of targets with a forecast",
+        PART_KEYS[:_PARTS_WITH_FORECAST],
+    ),
+    "parts_without_forecast": (
+        "Parts of bADE of targets without a forecast",
+        PART_KEYS[_PARTS_WITH_FORECAST:],
+    ),
 }
-_GAPS = (
+_GAP_KEYS = (
     "gap_closed",
     "gap_interval",
     "association_gap_closed",
     "association_gap_interval",
 )
-_BLANK = ("gap_blank_because", "association_gap_blank_because")
-_COUNTS = (
+_GAP_REASON_KEYS = ("gap_blank_because", "association_gap_blank_because")
+_COUNT_KEYS = (
+    "subset",
+    "events",
     "targets",
     "effective_targets",
     "objects",
@@ -60,279 +64,204 @@ _COUNTS = (
     "scenes",
     "effective_units",
 )
-_PAIRED = ("agent", "hypotheses", "other", "subset", "error", "interval", "p", "minADE")
-REFERENCES = (SAW_TRUTH, ASSOCIATED)  # reasons of `why_unranked`
-_LEAST = 0.005  # m: smaller parts are left out of a line
+_PAIRED_KEYS = (
+    "agent",
+    "hypotheses",
+    "other",
+    "subset",
+    "error",
+    "interval",
+    "p",
+    "minADE",
+)
+_MIN_SHOWN_PART_M = 0.005
+_BIN_HEADING_WIDTH = 8
 _METRES = Column(format=".2f")
 
 
-@dataclass(frozen=True)
-class AgentLine:
-    """An agent in one setting: its rows by subset, and its details."""
-
-    rows: Mapping[Subset, Row]
-    details: Details
-
-
-def paper_table(report: Report) -> Table:
-    """minADE/minFDE of the settings that the paper has numbers of, here and there; no row on other scenes."""
-    env = shipped_env(report)
-    rows = [
-        (block, figures)
-        for block in blocks_of(report)
-        if (figures := paper_figures(env, block["all"]))
-    ]
-
-    def pair(ours: Subset, theirs: str) -> tuple[Column, Column]:
-        declared = Column(
-            unit="m", group="all targets" if ours == "all" else theirs.upper()
-        )
-        here = replace(
-            declared,
-            heading="here",
-            read=lambda row: _both(row[0][ours].minADE, row[0][ours].minFDE),
-        )
-        return here, replace(
-            declared,
-            heading="paper",
-            read=lambda row: _both(*row[1].get(theirs, (None, None))),
-        )
-
-    named = Column(
-        "agent H",
-        read=lambda row: (
-            row[0]["all"].agent + f" {row[0]['all'].hypotheses}".removesuffix(" 1")
-        ),
-    )
-    columns = [
-        named,
-        *chain(*(pair(ours, theirs) for ours, theirs in PAPER_SUBSETS.items())),
-    ]
-    return Table(
-        "paper",
-        "minADE/minFDE here and in the paper, whose detections are others (m)",
-        "",
-        rows,
-        columns,
-    )
-
-
-def _both(ade: float | None, fde: float | None) -> str | None:
-    return None if ade is None or fde is None else f"{short(ade)}/{short(fde)}"
-
-
 def data_table(report: Report) -> Table:
-    """Every number of every subset: a row per agent, setting and subset."""
-    return Table("rows", report.env, "", report.rows, _row_columns(report))
-
-
-def column_keys() -> list[str]:
-    """Keys of the columns that `chosen_table` can show."""
-    keys = [column.key for kind in (Row, Details, Clear) for column in columns_of(kind)]
-    return [key for key in dict.fromkeys(keys) if key != "subset"]
-
-
-def chosen_table(
-    report: Report,
-    keys: Sequence[str],
-    subsets: Sequence[Subset],
-    all_settings: bool = True,
-    names: Mapping[Subset, str] = NAMES,
-    title: str = "",
-) -> Table:
-    """A table of the columns ``keys`` on ``subsets``: a row per agent in its main setting, or in all of them.
-
-    Columns that do not depend on the subset stand once, at the end. ``names``: of subsets, above their columns.
-    """
-    chosen = main_settings(report).values()
-    lines = [line for line in _lines_of(report) if all_settings or line.rows in chosen]
-    lines.sort(
-        key=lambda line: (
-            math.inf if (error := line.rows["all"].error) is None else error
-        )
-    )
-    of_row = {column.key: column for column in _row_columns(report)}
-    once = [_of(column, lambda line: line.details) for column in columns_of(Details)]
-    once += [
-        _of(column, lambda line: line.details.tracking.all)
-        for column in columns_of(Clear)
-    ]
-    naming = {"agent", "hypotheses", *keys} & AgentSetting.model_fields.keys()
-    first = [column for column in once if column.key in naming]
-    last = [
-        column
-        for key in keys
-        for column in once
-        if column.key == key and key not in naming
-    ]
-    subset_columns = [
-        of_row[key] for key in keys if key in of_row and key not in naming
-    ]
-    columns = [
-        replace(_on(each, name, each.title), group=names[name])
-        for name in subsets
-        for each in subset_columns
-    ]
-    return Table(
-        "chosen", title or heading(report), "", lines, [*first, *columns, *last]
-    )
-
-
-def _lines_of(report: Report) -> list[AgentLine]:
-    return [
-        AgentLine(block, details)
-        for block, details in zip(blocks_of(report), report.details, strict=True)
-    ]
+    """Return every number: a row per agent, setting and subset."""
+    columns = list(row_columns(report).values())
+    return Table("rows", report.env, "", report.rows, columns)
 
 
 def full_tables(report: Report) -> Iterator[Table]:
-    """All tables but the main one."""
-
-    def table(title: str, keys: Sequence[str], *subsets: Subset) -> Table:
-        names: Mapping[Subset, str] = {
-            name: name if len(subsets) > 1 else "" for name in subsets
-        }
-        return chosen_table(
-            report, ["samples", *keys], subsets, names=names, title=title
-        )
-
-    yield table("All settings (m)", ("error", "rank_range"), "all", "ids")
-    yield table(
+    """Yield all tables but the main one."""
+    displacements = ("minADE", "minFDE")
+    yield _settings_table(
+        report, "settings", "All settings (m)", ("error", "rank_range"), "all", "ids"
+    )
+    yield _settings_table(
+        report,
+        "paper_subsets",
         "minADE/minFDE with the paper's subsets (m)",
-        ("minADE", "minFDE"),
-        "all",
-        "paper_ids",
-        "paper_frag",
+        displacements,
+        *PAPER_SUBSETS,
     )
-    if (paper := paper_table(report)).rows:
+    paper = paper_table(report)
+    if paper.rows:
         yield paper
-    lines = _lines_of(report)
-    known = {column.key: column for column in _row_columns(report)}
-    subsets = list(lines[0].rows.values()) if lines else []
-    counts = [known[name] for name in ("subset", "events", *_COUNTS)]
-    yield Table(
-        "subsets", "Subsets (units: blocks of at most 20 s)", "", subsets, counts
-    )
-    yield table(
+    yield _subset_table(report)
+    yield _settings_table(
+        report,
+        "event_errors",
         "Error on events (m; below: 95 % interval)",
         ("error", "interval"),
-        "all",
-        *_EVENTS,
+        *_EVENT_SUBSETS,
     )
-    if "turning" in {row.subset for row in report.rows}:
-        yield table(
+    if "turning" in next(blocks_of(report), {}):
+        yield _settings_table(
+            report,
+            "turning",
             "Turning targets (m; below: 95 % interval)",
-            (*_PAIRED[4:6], "minADE", "minFDE"),
+            ("error", "interval", *displacements),
             "all",
             "turning",
         )
-    yield table(
+    yield _settings_table(
+        report,
+        "event_displacements",
         "minADE/minFDE on events (m, of targets with a forecast)",
-        ("minADE", "minFDE"),
-        *_EVENTS,
+        displacements,
+        *_EVENT_SUBSETS[1:],
     )
     if report.paired:
-        subsets_shown = ("all", *RANKED_SUBSETS, "turning")
-        shown = [
-            row
-            for row in report.paired
-            if row.error is not None and row.subset in subsets_shown
+        yield _paired_table(report)
+    yield _settings_table(
+        report,
+        "gaps",
+        "Shares of gaps closed (below: 95 % interval)",
+        _GAP_KEYS,
+        "all",
+        "ids",
+    )
+    yield from _tables_of_all_targets(report)
+    yield _tracking_table(report)
+    yield from _bin_tables(report)
+
+
+def _settings_table(
+    report: Report, name: str, title: str, keys: Sequence[str], *subsets: Subset
+) -> Table:
+    """Return a table of all settings.
+
+    Several subsets are named above their columns.
+    """
+    names: dict[Subset, str] = dict.fromkeys(subsets, "")
+    if len(subsets) > 1:
+        names = {subset: subset for subset in subsets}
+    return chosen_table(
+        report, ("samples", *keys), subsets, names=names, title=title, table_name=name
+    )
+
+
+def paper_table(report: Report) -> Table:
+    """Return minADE/minFDE here and in the paper.
+
+    Changed cards and other scenes have no row.
+    """
+    env = shipped_env(report)
+    rows = []
+    for block in blocks_of(report):
+        setting = block["all"]
+        errors = paper_errors(env, setting)
+        if not errors:
+            continue
+        hypotheses = f" {setting.hypotheses}".removesuffix(" 1")
+        row: dict[str, str | None] = {"agent": f"{setting.agent}{hypotheses}"}
+        for subset, paper_subset in PAPER_SUBSETS.items():
+            row[subset] = _displacements(block[subset].minADE, block[subset].minFDE)
+            paper = errors.get(paper_subset, (None, None))
+            row[f"{subset}_in_paper"] = _displacements(*paper)
+        rows.append(row)
+    columns = [Column("agent H", key="agent")]
+    for subset, paper_subset in PAPER_SUBSETS.items():
+        group = "all targets" if subset == "all" else paper_subset.upper()
+        columns += [
+            Column("here", "m", key=subset, group=group),
+            Column("paper", "m", key=f"{subset}_in_paper", group=group),
         ]
-        shown.sort(key=lambda row: (row.other, KNOWN_SUBSETS.index(row.subset)))
-        columns = [column for column in columns_of(PairedRow) if column.key in _PAIRED]
-        yield Table(
-            "paired",
-            "Differences to the controls (m; below: 95 % interval)",
-            "",
-            shown,
-            columns,
-        )
-    yield table("Shares of gaps closed (below: 95 % interval)", _GAPS, "all", "ids")
-    yield table("Reasons of missing shares (all targets)", _BLANK, "all")
-    for title, names in _MADE_OF.items():
-        yield table(f"{title} (all targets, m)", names, "all")
-    shown_already = {name for names in _MADE_OF.values() for name in names}
-    optional = [
+    title = "minADE/minFDE here and in the paper, whose detections are others (m)"
+    return Table("paper", title, "", rows, columns)
+
+
+def _displacements(ade: float | None, fde: float | None) -> str | None:
+    if ade is None or fde is None:
+        return None
+    return f"{short(ade)}/{short(fde)}"
+
+
+def _subset_table(report: Report) -> Table:
+    """Return the targets, objects, scenes and units of each subset."""
+    rows = list(next(blocks_of(report), {}).values())
+    known_columns = row_columns(report)
+    columns = [known_columns[key] for key in _COUNT_KEYS]
+    title = "Subsets (units: blocks of at most 20 s)"
+    return Table("subsets", title, "", rows, columns)
+
+
+def _paired_table(report: Report) -> Table:
+    """Return the differences to the controls, by control and subset."""
+    shown_subsets = ("all", *RANKED_SUBSETS, "turning")
+    rows = []
+    for row in report.paired:
+        if row.error is not None and row.subset in shown_subsets:
+            rows.append(row)
+    rows.sort(key=lambda row: (row.other, KNOWN_SUBSETS.index(row.subset)))
+    columns = [column for column in columns_of(PairedRow) if column.key in _PAIRED_KEYS]
+    title = "Differences to the controls (m; below: 95 % interval)"
+    return Table("differences", title, "", rows, columns)
+
+
+def _tables_of_all_targets(report: Report) -> Iterator[Table]:
+    """Yield the tables over all targets, such as parts of bADE."""
+    yield _settings_table(
+        report,
+        "gap_reasons",
+        "Reasons of missing shares (all targets)",
+        _GAP_REASON_KEYS,
+        "all",
+    )
+    part_keys: set[str] = set()
+    for name, (title, keys) in _PART_TABLES.items():
+        part_keys.update(keys)
+        yield _settings_table(report, name, f"{title} (all targets, m)", keys, "all")
+    optional_keys = [
         key
-        for key, column in known.items()
-        if column.optional and key not in shown_already
+        for key, column in row_columns(report).items()
+        if column.optional and key not in part_keys
     ]
-    yield table("Further metrics (all targets)", optional, "all")
-    others = [
+    yield _settings_table(
+        report, "further", "Further metrics (all targets)", optional_keys, "all"
+    )
+    number_keys = [
         column.key
         for column in columns_of(Details)
         if column.key not in AgentSetting.model_fields
     ]
-    yield table(
+    yield _settings_table(
+        report,
+        "other",
         "Other numbers (all targets; forecasts per live frame)",
-        [*others, "ms_per_frame"],
+        [*number_keys, "ms_per_frame"],
         "all",
     )
-    tracking = table(
-        "Tracking of the first seed", [column.key for column in columns_of(Clear)]
-    )
-    yield replace(tracking, columns=[*tracking.columns, *_OWN])
-    for by in ("distance", "class", "motion"):
-        equal = [line for line in lines if line.details.budget == "equal"] or lines
-        bins = [
-            part for line in equal[:1] for part in line.details.bins if part.by == by
-        ]
-        if bins:
-            named = [_on(column, "all") for column in columns_of(Row)[:2]]
-            yield Table(
-                by, f"bADE (m) by {by}, targets", "", equal, [*named, *map(_bin, bins)]
-            )
 
 
-def _row_columns(report: Report) -> tuple[Column, ...]:
-    return columns_of(type(report.rows[0]) if report.rows else Row)
-
-
-def _of(column: Column, part_of: Callable[[Any], Any], **changes: Any) -> Column:
-    """A column of a part of a line as a column of lines; ``part_of`` gets the part."""
-    return replace(
-        column,
-        read=lambda line: (part := part_of(line)) and column.value(part),
-        **changes,
-    )
-
-
-def _on(column: Column, subset: Subset, heading: str = "") -> Column:
-    """A column of report rows as a column of lines, which reads their row of ``subset``."""
-    key = column.key if subset == "all" else f"{subset}_{column.key}"
-    return _of(
-        column,
-        lambda line: line.rows.get(subset),
-        key=key,
-        heading=heading or column.heading,
-        optional=False,
-    )
-
-
-def _bin(part: Bin) -> Column:
-    """The error of lines in a bin; its heading ends with the number of targets."""
-    heading = "\n".join(
-        [*wrap(part.bin.replace("_", " "), 8), str(part.errors.targets)]
-    )
-
-    def read(line: AgentLine) -> Value:
-        same = (
-            each
-            for each in line.details.bins
-            if (each.by, each.bin) == (part.by, part.bin)
-        )
-        return next((each.errors.error for each in same), None)
-
-    return Column(heading, key=part.bin, read=read)
+def _tracking_table(report: Report) -> Table:
+    """Return tracking numbers and own events of the first seed."""
+    keys = [column.key for column in columns_of(Clear)]
+    table = _settings_table(report, "tracking", "Tracking of the first seed", keys)
+    return replace(table, columns=[*table.columns, *_OWN_EVENT_COLUMNS])
 
 
 def _own_events(line: AgentLine) -> str:
-    """Own switches, losses and re-acquisitions; a star where the lineage of hypotheses was guessed, see `notes`."""
+    """Return own events, with a star if the lineage was guessed."""
     events = "/".join(str(line.details.own_events[kind]) for kind in EVENTS)
-    return events + ("*" if line.details.guessed_parents else "")
+    return events + "*" * bool(line.details.guessed_parents)
 
 
-_OWN = (
+_OWN_EVENT_COLUMNS = (
     Column(key="false tracks", read=lambda line: line.details.tracking.false_tracks),
     Column("own ids/\nlost/reac.", key="own_events", read=_own_events),
     Column(
@@ -343,72 +272,38 @@ _OWN = (
 )
 
 
-def notes(report: Report) -> list[str]:
-    """Meaning of the columns of the tables, and of a star in them."""
-    guessed = (
-        "* {} states no parents: lineage of own events guessed in {:.0%} of frames"
-    )
-    shares = [
-        (each.agent, each.guessed_parents)
-        for each in report.details
-        if each.guessed_parents
-    ]
-    return [_about(report), *(guessed.format(*share) for share in shares)]
+def _bin_tables(report: Report) -> Iterator[Table]:
+    """Yield bADE by distance, class and motion, at equal samples."""
+    lines = agent_lines(report)
+    lines = [line for line in lines if line.details.budget == "equal"] or lines
+    if not lines:
+        return
+    setting_columns = [subset_column(column, "all") for column in columns_of(Row)[:2]]
+    for by in ("distance", "class", "motion"):
+        bins = [part for part in lines[0].details.bins if part.by == by]
+        if bins:
+            columns = [*setting_columns, *map(_bin_column, bins)]
+            yield Table(by, f"bADE (m) by {by}, targets", "", lines, columns)
 
 
-def label_of(row: Row) -> str:
-    """The agent of a row, with its number of hypotheses."""
-    return f"{row.agent} (H = {row.hypotheses})" if row.hypotheses > 1 else row.agent
+def _bin_column(part: Bin) -> Column:
+    """Return the column of bADE in a bin, with its targets."""
+    name = wrap(part.bin.replace("_", " "), _BIN_HEADING_WIDTH)
+
+    def read(line: AgentLine) -> Value:
+        for candidate in line.details.bins:
+            if (candidate.by, candidate.bin) == (part.by, part.bin):
+                return candidate.errors.error
+        return None
+
+    return Column("\n".join([*name, str(part.errors.targets)]), key=part.bin, read=read)
 
 
 def parts_text(row: Row) -> str:
-    """The parts of bADE of a row in one line, without those below half a centimetre."""
-    parts = ((name, getattr(row, f"cost_{key}")) for key, name in PARTS.items())
-    return ", ".join(
-        f"{name} {_METRES.text(part)}"
-        for name, part in parts
-        if abs(part or 0.0) >= _LEAST
-    )
-
-
-def _about(report: Report) -> str:
-    empty = next((details.nothing_predicted for details in report.details), None)
-    nothing = "" if empty is None else f" c, if nothing is predicted: {short(empty)}."
-    env = shipped_env(report)
-    paper = (
-        " (paper): the paper's numbers."
-        if any(paper_figures(env, row) for row in report.rows)
-        else ""
-    )
-    return (
-        "minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event, as in the paper."
-        f"{paper}{nothing} {BLANK} as a rank: shown only. Definitions {report.definitions}."
-    )
-
-
-def warnings(report: Report) -> Iterator[str]:
-    """Lines that no reader may miss: agents that failed, no targets, no forecasts near them, rejected rows."""
-    for agent, why in report.failures.items():
-        yield f"! {agent} {why}"
-    honest = [
-        row
-        for row in report.rows
-        if row.subset == "all" and row.unranked_because not in REFERENCES
-    ]
-    agents = {row.agent for row in honest}
-    details = [each for each in report.details if each.agent in agents]
-    if report.rows and not report.rows[0].targets:
-        yield "! there is no target: no object that may be one is present in all past and future frames"
-    elif (
-        report.rows
-        and not any(row.coverage for row in honest)
-        and any(d.forecasts_per_frame for d in details)
-    ):
-        yield "! no forecast is near a target: are detections and truth in one frame of reference, in metres?"
-    for agent in dict.fromkeys(
-        row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL
-    ):
-        yield f"{agent}: never ranked, {NOT_CAUSAL}"
-    if dropped := max((each.dropped_detections for each in details), default=0):
-        yield f"! {counted(dropped, 'detection')} not shown to agents: beyond the range or the number of the task"
-    yield from report.notes()
+    """Return the parts of bADE above half a centimetre as text."""
+    texts = []
+    for key, name in zip(PART_KEYS, PARTS.values(), strict=True):
+        part_m = getattr(row, key)
+        if abs(part_m or 0.0) >= _MIN_SHOWN_PART_M:
+            texts.append(f"{name} {_METRES.text(part_m)}")
+    return ", ".join(texts)

@@ -1,12 +1,14 @@
 """The verdict of a comparison: one sentence, and all sentences."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
-from ...agent import Role, controls
+from ...agent import controls
 from ...core import Column
 from ...scoring import (
     RANKED_SUBSETS,
     SIGNIFICANT,
+    AgentScores,
     Interval,
     PairedRow,
     Report,
@@ -16,251 +18,301 @@ from ...scoring import (
     paired_row,
     shipped_env,
 )
+from .notes import REFERENCES, label_of
 from .paper import paper_gap
-from .tables import REFERENCES, label_of
 
-_ROLES: tuple[Role, ...] = (
-    "single",
-    "ground_truth",
-    "same_samples",
-    "neighbours",
-    "associated_same_samples",
-    "several",
-)
-STP, TRUTH, CONTROL, NEIGHBOURS, ASSOCIATED, SEVERAL = (
-    controls()[role] for role in _ROLES
-)
+STP = controls()["single"]
+GT_TRACKS = controls()["ground_truth"]
+SAME_SAMPLES = controls()["same_samples"]
+NEIGHBOURS = controls()["neighbours"]
+ASSOCIATED = controls()["associated_same_samples"]
+SEVERAL = controls()["several"]
 CONTROL_DRAWS = 20  # times k samples
-_CONTROLS = {
+_CONTROL_MEANINGS = {
     STP: "one hypothesis with k samples",
-    CONTROL: f"one hypothesis with {CONTROL_DRAWS} times k samples",
-    NEIGHBOURS: "as many, a third of them a near neighbour's (hypotheses must gain beyond both)",
+    SAME_SAMPLES: f"one hypothesis with {CONTROL_DRAWS} times k samples",
+    NEIGHBOURS: (
+        "as many, a third of them a near neighbour's (hypotheses must gain beyond both)"
+    ),
 }
-_SAME = "gap_closed_same_predictor"
-_GAPS = {  # field of a share -> the beginning of the other fields of its gap, and its name
-    "gap_closed": ("gap", f"gap between {STP} and ground-truth tracks"),
-    _SAME: ("gap_same_predictor", "same gap with its own predictor and presence"),
-    "association_gap_closed": ("association_gap", "association gap"),
-}
-_SIGNED, _METRES, _SHARE = (
-    Column(format="+.3f"),
-    Column(format=".3f"),
-    Column(format=".1%"),
-)
-WHERE = {
+_SUBSET_PHRASES = {
     "all": "over all targets",
     "ids": "on identity switches",
     "reacquired": "on re-acquisitions",
 }
+_SIGNED = Column(format="+.3f")
+_METRES = Column(format=".3f")
+_SHARE = Column(format=".1%")
+
+
+class Gap(NamedTuple):
+    """Fields of a row about a gap, and the gap's name."""
+
+    share: str
+    interval: str
+    blank_because: str
+    name: str
+
+
+_GAP = Gap(
+    "gap_closed",
+    "gap_interval",
+    "gap_blank_because",
+    f"gap between {STP} and ground-truth tracks",
+)
+_GAP_SAME_PREDICTOR = Gap(
+    "gap_closed_same_predictor",
+    "gap_same_predictor_interval",
+    "",
+    "same gap with its own predictor and presence",
+)
+_ASSOCIATION_GAP = Gap(
+    "association_gap_closed",
+    "association_gap_interval",
+    "association_gap_blank_because",
+    "association gap",
+)
 
 
 def short_verdict(report: Report, names: Sequence[str]) -> str:
-    """One sentence about the submissions ``names``; empty where nothing can be compared.
+    """Return one sentence about the submissions ``names``.
 
-    Of baselines: what perfect association and several hypotheses win beyond the controls on identity switches.
-    Of others: the best agent over all targets, and its difference to the next one, or to the best of ``names``.
+    It is empty if nothing can be compared.
+
+    Of baselines: what perfect association and several hypotheses win beyond the
+    controls on identity switches. Of others: the best agent over all targets, and its
+    difference to the next one, or to the best of ``names``.
     """
-    own = [name for name in names if name not in controls().values()]
-    cost = _paired(report, ASSOCIATED, CONTROL, "ids", None)
-    pairs = [
-        _paired(report, SEVERAL, control, "ids", None)
-        for control in (CONTROL, NEIGHBOURS)
-    ]
-    gains = [_gain(pair) for pair in pairs if pair is not None]
-    if own or SEVERAL not in names or cost is None or not gains:
-        return _best(report, own or names)
-    return f"On identity switches perfect association {_gain(cost)}; {SEVERAL} {' and '.join(gains)}."
+    submitted = [name for name in names if name not in controls().values()]
+    association = _paired(report, ASSOCIATED, SAME_SAMPLES, "ids")
+    gains = []
+    for control in (SAME_SAMPLES, NEIGHBOURS):
+        pair = _paired(report, SEVERAL, control, "ids")
+        if pair is not None:
+            gains.append(_gain(pair))
+    if submitted or SEVERAL not in names or association is None or not gains:
+        return _best(report, submitted or names)
+    return (
+        f"On identity switches perfect association {_gain(association)}; "
+        f"{SEVERAL} {' and '.join(gains)}."
+    )
 
 
 def _gain(pair: PairedRow) -> str:
-    """The gain or loss of an agent against a control."""
-    error = pair.error or 0.0
-    verb, interval = (
-        ("wins", _turned(pair.interval)) if error < 0 else ("loses", pair.interval)
-    )
-    return f"{verb} {_METRES.text(abs(error))} m against {pair.other} ({_chance(interval, pair.p, _METRES)})"
+    """Return the gain or loss of an agent against a control."""
+    error_m = pair.error or 0.0
+    verb = "loses"
+    interval = pair.interval
+    if error_m < 0:
+        verb = "wins"
+        interval = _negated(interval)
+    chance = _chance(interval, pair.p, _METRES)
+    return f"{verb} {_METRES.text(abs(error_m))} m against {pair.other} ({chance})"
 
 
 def _best(report: Report, names: Sequence[str]) -> str:
-    """The best agent over all targets that may be ranked, and how sure that is."""
-    settings = {name: rows["all"] for name, rows in main_settings(report).items()}
-    able = [
-        name
-        for name, row in settings.items()
-        if row.error is not None and row.unranked_because not in REFERENCES
-    ]
-    first, *others = sorted(able, key=lambda name: settings[name].error or 0.0) or [""]
-    other = next((name for name in others if first in names or name in names), None)
-    if other is None:
+    """Return the best agent over all targets, and its lead."""
+    rows = _rankable_rows(report)
+    best, *rivals = [*rows] or [""]
+    if best not in names:
+        rivals = [name for name in rivals if name in names]
+    if not rivals:
         return ""
-    tables = {
-        (t.setting.agent, t.setting.hypotheses, t.setting.samples): t
-        for t in report.tables
-    }
-    best, next_best = (
-        tables.get((r.agent, r.hypotheses, r.samples))
-        for r in (settings[first], settings[other])
-    )
-    if best is None or next_best is None:
+    tables = {_setting_key(table.setting): table for table in report.tables}
+    best_table = tables.get(_setting_key(rows[best]))
+    rival_table = tables.get(_setting_key(rows[rivals[0]]))
+    if best_table is None or rival_table is None:
         return ""
-    pair = paired_row(next_best, best, "all")
+    pair = paired_row(rival_table, best_table, "all")
     return (
-        f"Over all targets {first} has the lowest bADE, {_METRES.text(settings[first].error)} m; {other} has "
-        f"{_METRES.text(pair.error)} m more ({_chance(pair.interval, pair.p, _METRES)})."
+        f"Over all targets {best} has the lowest bADE, "
+        f"{_METRES.text(rows[best].error)} m; {rivals[0]} has "
+        f"{_METRES.text(pair.error)} m more "
+        f"({_chance(pair.interval, pair.p, _METRES)})."
     )
+
+
+def _rankable_rows(report: Report) -> dict[str, Row]:
+    """Return the rows of agents that may be ranked, best first."""
+    rows: dict[str, Row] = {}
+    for name, block in main_settings(report).items():
+        row = block["all"]
+        if row.error is not None and row.unranked_because not in REFERENCES:
+            rows[name] = row
+    return dict(sorted(rows.items(), key=lambda item: item[1].error or 0.0))
+
+
+def _setting_key(setting: Row | AgentScores) -> tuple[str, int, int]:
+    return setting.agent, setting.hypotheses, setting.samples
 
 
 def verdict(report: Report, names: Sequence[str]) -> list[str]:
-    """Sentences about the submissions ``names``; those whose numbers are missing are left out.
+    """Return sentences about the submissions ``names``, without missing numbers.
 
-    Of a submission with several settings they state the one with the most hypotheses, at equal k.
+    Of a submission with several settings they state the one with the most hypotheses,
+    at equal k.
     """
     blocks = main_settings(report)
-    sentences = [_costs(report)]
-    for rows in (
-        blocks[name]
-        for name in names
-        if name in blocks and name not in (STP, TRUTH, ASSOCIATED)
-    ):
-        sentences += [*_against_controls(report, rows["all"]), _gap(report, rows)]
-    sentences.append(_unranked(report))
-    return [sentence for sentence in sentences if sentence]
+    sentences = list(_costs(report))
+    for name in names:
+        if name in blocks and name not in (STP, GT_TRACKS, ASSOCIATED):
+            sentences += _against_controls(report, blocks[name]["all"])
+            sentences += _gaps(report, blocks[name])
+    sentences += _unranked(report)
+    return sentences
 
 
-def _costs(report: Report) -> str | None:
-    """Costs of detection, tracking and association; only that of association is one of tracking errors alone."""
-    sentences, known = [], False
+def _costs(report: Report) -> Iterator[str]:
+    """Yield the costs of detection, tracking and association."""
+    sentences = []
+    knows_association = False
     for subset in ("all", "ids"):
-        both, own = (
-            _paired(report, TRUTH, STP, subset),
-            _paired(report, ASSOCIATED, CONTROL, subset),
-        )
-        if both is not None:
-            association = f", of which association {_cost(own)}" if own else ""
-            where = WHERE[subset].capitalize()
-            sentences.append(
-                f"{where} detection and tracking together cost {_cost(both)}{association}"
-            )
-            known |= own is not None
-    if known:
+        tracks = _paired(report, GT_TRACKS, STP, subset)
+        association = _paired(report, ASSOCIATED, SAME_SAMPLES, subset)
+        if tracks is None:
+            continue
+        text = f"detection and tracking together cost {_cost(tracks)}"
+        if association is not None:
+            knows_association = True
+            text += f", of which association {_cost(association)}"
+        sentences.append(f"{_SUBSET_PHRASES[subset].capitalize()} {text}.")
+    if knows_association:
         sentences.append(
-            "The cost of association is that to perfect association of the same detections. It is a lower bound: "
-            "duplicate detections still make switches"
+            "The cost of association is that to perfect association of the same "
+            "detections. It is a lower bound: duplicate detections still make switches."
         )
-    return ". ".join(sentences) + "." if sentences else None
+    if sentences:
+        yield " ".join(sentences)
 
 
-def _paired(
-    report: Report, agent: str, other: str, subset: str, hypotheses: int | None = 1
-) -> PairedRow | None:
-    """The difference of an agent to a control on a subset; None without both. ``hypotheses``: None takes the most."""
-    key = (agent, "equal", other, subset)
-    rows = [
-        r
-        for r in report.paired
-        if (r.agent, r.budget, r.other, r.subset) == key and r.error is not None
+def _paired(report: Report, agent: str, control: str, subset: str) -> PairedRow | None:
+    """Return the difference of an agent's most hypotheses to a control."""
+    key = (agent, "equal", control, subset)
+    pairs = [
+        row
+        for row in report.paired
+        if (row.agent, row.budget, row.other, row.subset) == key
+        and row.error is not None
     ]
-    rows = [row for row in rows if hypotheses in (None, row.hypotheses)]
-    return max(rows, key=lambda row: row.hypotheses, default=None)
+    return max(pairs, key=lambda row: row.hypotheses, default=None)
 
 
 def _cost(pair: PairedRow) -> str:
-    """The error of the control less that of the agent."""
-    return f"{_SIGNED.text(-(pair.error or 0.0))} m ({_chance(_turned(pair.interval), pair.p)})"
+    """Return the error of the control less that of the agent."""
+    cost_m = -(pair.error or 0.0)
+    return f"{_SIGNED.text(cost_m)} m ({_chance(_negated(pair.interval), pair.p)})"
 
 
-def _turned(interval: Interval | None) -> Interval | None:
-    """The interval of the number with its sign reversed."""
+def _negated(interval: Interval | None) -> Interval | None:
+    """Return the interval of the number with its sign reversed."""
     return None if interval is None else (-interval[1], -interval[0])
 
 
 def _against_controls(report: Report, row: Row) -> Iterator[str]:
-    """Differences to the controls that have one hypothesis."""
-    for control, description in _CONTROLS.items():
-        pairs = [
-            _paired(report, row.agent, control, subset, row.hypotheses)
-            for subset in ("all", "ids")
-        ]
-        parts = [f"{WHERE[pair.subset]} {_difference(pair)}" for pair in pairs if pair]
-        if parts:
-            yield f"{label_of(row)} against {control}, {description}: {'; '.join(parts)}."
+    """Yield differences to the controls that have one hypothesis."""
+    for control, meaning in _CONTROL_MEANINGS.items():
+        texts = []
+        for subset in ("all", "ids"):
+            pair = _paired(report, row.agent, control, subset)
+            if pair is not None:
+                chance = _chance(pair.interval, pair.p)
+                phrase = _SUBSET_PHRASES[subset]
+                texts.append(f"{phrase} {_SIGNED.text(pair.error)} m, {chance}")
+        if texts:
+            yield f"{label_of(row)} against {control}, {meaning}: {'; '.join(texts)}."
 
 
-def _gap(report: Report, of_subsets: Mapping[Subset, Row]) -> str | None:
-    """Shares of the gaps that an agent closes, with that in the paper, and reasons of those that are blank."""
-    rows = row, _ = of_subsets["all"], of_subsets["ids"]
-    parts: dict[str, list[str]] = {"closes": [], "widens": [], "closes no share of": []}
-    for key, (gap, name) in _GAPS.items():
-        shares = _shares(rows, key, f"{gap}_interval")
-        if key == _SAME and shares == _shares(rows, "gap_closed", "gap_interval"):
-            continue
-        for verb, texts in shares.items():
-            parts[verb].append(f"the {name} by {' and '.join(texts)}")
-        if not shares and (why := getattr(row, f"{gap}_blank_because", None)):
-            parts["closes no share of"].append(f"the {name}: {why}")
-    paper = paper_gap(shipped_env(report), row)
-    if paper is not None and parts["closes"]:
-        parts["closes"][-1] += (
-            f" (in the paper, by minADE on IDS: {_SHARE.text(paper)})"
-        )
+def _gaps(report: Report, block: Mapping[Subset, Row]) -> Iterator[str]:
+    """Yield the shares of gaps that an agent closes or widens."""
+    row = block["all"]
+    texts = _gap_texts(block)
+    in_paper = paper_gap(shipped_env(report), row)
+    if in_paper is not None and texts["closes"]:
+        share = _SHARE.text(in_paper)
+        texts["closes"][-1] += f" (in the paper, by minADE on IDS: {share})"
     sentences = [
-        f"{label_of(row)} {verb} {'; '.join(texts)}."
-        for verb, texts in parts.items()
-        if texts
+        f"{label_of(row)} {verb} {'; '.join(gap_texts)}."
+        for verb, gap_texts in texts.items()
+        if gap_texts
     ]
-    return " ".join(sentences) or None
+    if sentences:
+        yield " ".join(sentences)
 
 
-def _shares(rows: Sequence[Row], share: str, interval: str) -> dict[str, list[str]]:
-    """Shares on the subsets of the rows, with intervals, of gaps that are closed and of those that are widened."""
+def _gap_texts(block: Mapping[Subset, Row]) -> dict[str, list[str]]:
+    """Return gaps with their shares, or why these are missing."""
+    texts: dict[str, list[str]] = {"closes": [], "widens": [], "closes no share of": []}
+    for gap in (_GAP, _GAP_SAME_PREDICTOR, _ASSOCIATION_GAP):
+        shares = _shares(block, gap)
+        if gap is _GAP_SAME_PREDICTOR and shares == _shares(block, _GAP):
+            continue
+        for verb, of_subsets in shares.items():
+            texts[verb].append(f"the {gap.name} by {' and '.join(of_subsets)}")
+        reason = getattr(block["all"], gap.blank_because, None)
+        if reason and not shares:
+            texts["closes no share of"].append(f"the {gap.name}: {reason}")
+    return texts
+
+
+def _shares(block: Mapping[Subset, Row], gap: Gap) -> dict[str, list[str]]:
+    """Return the shares of a gap by "closes" or "widens"."""
     shares: dict[str, list[str]] = {}
-    for row in rows:
-        value, ends = getattr(row, share), getattr(row, interval)
-        if value is not None:
-            ends, verb = (ends, "closes") if value >= 0 else (_turned(ends), "widens")
-            known = "" if ends is None else f" (95 % {_SHARE.text(ends)})"
-            shares.setdefault(verb, []).append(
-                f"{_SHARE.text(abs(value))}{known} {WHERE[row.subset]}"
-            )
+    for row in (block["all"], block["ids"]):
+        share = getattr(row, gap.share)
+        if share is None:
+            continue
+        verb = "closes"
+        interval = getattr(row, gap.interval)
+        if share < 0:
+            verb = "widens"
+            interval = _negated(interval)
+        text = _SHARE.text(abs(share))
+        if interval is not None:
+            text += f" (95 % {_SHARE.text(interval)})"
+        shares.setdefault(verb, []).append(f"{text} {_SUBSET_PHRASES[row.subset]}")
     return shares
 
 
-def _unranked(report: Report) -> str | None:
-    """Reasons of missing ranks, by subset; ranks stand in the table."""
-    parts = []
+def _unranked(report: Report) -> Iterator[str]:
+    """Yield the reasons of missing ranks, by subset."""
+    texts: list[str] = []
     for subset in ("all", *RANKED_SUBSETS):
-        rows = [
-            row for row in report.rows if row.subset == subset and row.budget == "equal"
-        ]
-        reasons: dict[str, list[str]] = {}
-        for row in rows:
-            if row.unranked_because not in (None, *REFERENCES):
-                reasons.setdefault(str(row.unranked_because), []).append(label_of(row))
-        if any(row.place is not None for row in rows):
-            parts += [
-                f"Not ranked {WHERE[subset]} ({why}): {', '.join(labels)}"
-                for why, labels in reasons.items()
-            ]
-        elif reasons:
-            parts.append(f"No agent is ranked {WHERE[subset]} ({'; '.join(reasons)})")
-    ideal = dict.fromkeys(
+        texts += _unranked_on(report, subset)
+    references = [
         row.agent for row in report.rows if row.unranked_because in REFERENCES
-    )
-    parts += (
-        [f"Never ranked, as they saw the truth: {', '.join(ideal)}"] if ideal else []
-    )
-    return ". ".join(parts) + "." if parts else None
+    ]
+    if references:
+        agents = ", ".join(dict.fromkeys(references))
+        texts.append(f"Never ranked, as they saw the truth: {agents}")
+    if texts:
+        yield ". ".join(texts) + "."
 
 
-def _difference(pair: PairedRow) -> str:
-    return f"{_SIGNED.text(pair.error)} m, {_chance(pair.interval, pair.p)}"
+def _unranked_on(report: Report, subset: str) -> Iterator[str]:
+    """Yield the agents without a rank on a subset, by reason."""
+    agents_by_reason: dict[str, list[str]] = {}
+    has_ranks = False
+    for row in report.rows:
+        if row.subset != subset or row.budget != "equal":
+            continue
+        has_ranks |= row.place is not None
+        reason = row.unranked_because
+        if reason is not None and reason not in REFERENCES:
+            agents_by_reason.setdefault(reason, []).append(label_of(row))
+    phrase = _SUBSET_PHRASES[subset]
+    if has_ranks:
+        for reason, agents in agents_by_reason.items():
+            yield f"Not ranked {phrase} ({reason}): {', '.join(agents)}"
+    elif agents_by_reason:
+        yield f"No agent is ranked {phrase} ({'; '.join(agents_by_reason)})"
 
 
 def _chance(
     interval: Interval | None, p: float | None, column: Column = _SIGNED
 ) -> str:
-    """An interval and p, in words where it could be chance."""
+    """Return an interval, p, and whether it could be chance."""
     if interval is None or p is None:
         return "too few recordings for an interval"
+    p_text = "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
     chance = ", could be chance" if p >= SIGNIFICANT else ""
-    return f"95 % {column.text(interval)}, {'p < 0.001' if p < 0.001 else f'p = {p:.3f}'}{chance}"
+    return f"95 % {column.text(interval)}, {p_text}{chance}"

@@ -1,4 +1,4 @@
-"""List of the worst moments of a run: object, span, cost and causes, and a command that shows it."""
+"""List of the worst moments of a run, with causes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,14 +11,16 @@ from .event_table import Listed
 from .output import counted
 
 WORST_CAPTION = (
-    "A moment is a time in which the blame of one object is above the run's mean. Blame is the error without the "
-    "part below threshold, which depends on the confidence of all other forecasts. share: of all blame, by "
-    "which moments are sorted. error: mean of its frames, m; fault: the part of the stack that causes most of it; "
-    "causes: its parts, the largest by name, the rest as others."
+    "A moment is a time in which the blame of one object is above the run's mean. "
+    "Blame is the error without the part below threshold, which depends on the "
+    "confidence of all other forecasts. share: of all blame, by which moments are "
+    "sorted. error: mean of its frames, m; fault: the part of the stack that causes "
+    "most of it; causes: its parts, the largest by name, the rest as others."
 )
 CAPTION_BELOW = (
-    "A moment is a time in which the part below threshold of one object is above the run's mean. share: of "
-    "that part of the error of the run, by which moments are sorted. error: mean of its frames, m, and its parts."
+    "A moment is a time in which the part below threshold of one object is above the "
+    "run's mean. share: of that part of the error of the run, by which moments are "
+    "sorted. error: mean of its frames, m, and its parts."
 )
 UNSPLIT = "The error of forecasts is not split, but stands under rest: {}."
 
@@ -32,42 +34,57 @@ class WorstRow(Listed):
     @property
     def fault(self) -> str:
         """The part of the stack at fault."""
-        return (
-            "detector"
-            if self.moment.borrowed
-            else fault_of(self.moment.parts).partition(":")[0]
-        )
+        if self.moment.borrowed:
+            return "detector"
+        return fault_of(self.moment.parts).partition(":")[0]
 
     @property
     def error(self) -> float:
         """Mean error of its frames, m."""
         return sum(self.moment.parts.values())
 
+    @property
+    def start(self) -> float:
+        """First second of the moment."""
+        return self.seconds(self.incident.first)
+
+    @property
+    def end(self) -> float:
+        """Last second of the moment."""
+        return self.seconds(self.incident.until)
+
 
 def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
-    """One row per moment, to be shown with WORST_CAPTION below; ``total``: cost of all targets of the run, m."""
-    several = len({row.scene.name for row in rows}) > 1
-    columns = (
-        *([Column("scene", read=lambda row: row.scene.name)] if several else []),
-        Column("moment", read=lambda row: f"{row.class_name} {row.moment.at.name}"),
-        Column(
-            "seconds",
-            read=lambda row: (
-                f"{row.seconds(row.incident.first):.1f}–{row.seconds(row.incident.until):.1f}"
-            ),
-        ),
-        Column(
-            "to ego\n(m)",
-            format=".0f",
-            optional=True,
-            read=lambda row: row.moment.distance,
-        ),
-        Column("share", unit="share", read=lambda row: row.moment.cost / total),
-        Column("error\n(m)", format=".1f", read=lambda row: row.error),
-        Column("fault", read=lambda row: row.fault),
-        Column("causes", read=_causes),
-    )
-    return Table("worst", "Worst moments", "", rows, columns)
+    """Return one row per moment, to be shown with WORST_CAPTION below.
+
+    ``total``: cost of all targets of the run, m.
+    """
+    cells = [_record(row) | _cells(row, total) for row in rows]
+    columns = [
+        Column("moment", key="object"),
+        Column(key="seconds"),
+        Column("to ego\n(m)", key="distance", format=".0f", optional=True),
+        Column(key="share", unit="share"),
+        Column("error\n(m)", key="error", format=".1f"),
+        Column(key="fault"),
+        Column(key="causes"),
+    ]
+    if len({row.scene.name for row in rows}) > 1:
+        columns.insert(0, Column(key="scene"))
+    return Table("worst", "Worst moments", "", cells, columns)
+
+
+def _cells(row: WorstRow, total: float) -> dict[str, Any]:
+    """Return the cells that the record of a row lacks."""
+    causes = parts_text(row.moment.parts, most=3)
+    if row.moment.borrowed:
+        causes += "\n(the detections there are of other objects)"
+    return {
+        "object": f"{row.class_name} {row.incident.name}",
+        "seconds": f"{row.start:.1f}–{row.end:.1f}",
+        "share": row.moment.cost / total,
+        "causes": causes,
+    }
 
 
 def worst_json(
@@ -77,45 +94,28 @@ def worst_json(
     env_id: str,
     agent: str,
 ) -> dict[str, Any]:
-    """Content of ``worst --json``; ``parts``: of the error of the run, m, by name."""
-    run = {
+    """Return the content of ``worst --json``.
+
+    ``parts``: of the run's error, m; ``total``: cost of all targets, m.
+    """
+    return {
+        "env": env_id,
+        "agent": agent,
         "error": sum(parts.values()),
         "parts": dict(parts),
         "faults": by_fault(parts),
         "cost": total,
-    }
-    return {
-        "env": env_id,
-        "agent": agent,
-        **run,
         "moments": [_record(row) for row in rows],
     }
 
 
-def run_line(parts: Mapping[str, float], scenes: int) -> str:
-    """The error of all targets of the scenes listed, and its shares by the part of the stack."""
-    error = sum(parts.values())
-    shares = (
-        f"{who} {size / error:.0%}"
-        for who, size in by_fault(parts).items()
-        if error and size
-    )
-    return f"All targets of {counted(scenes, 'scene')}: {error:.2f} m: {', '.join(shares) or 'nothing to blame'}."
-
-
-def _causes(row: WorstRow) -> str:
-    beside = (
-        "\n(the detections there are of other objects)" if row.moment.borrowed else ""
-    )
-    return f"{parts_text(row.moment.parts, most=3)}{beside}"
-
-
 def _record(row: WorstRow) -> dict[str, Any]:
-    moment, at = row.moment, row.incident
-    return row.record("first") | {
-        "moment": at.name,
-        "start": row.seconds(at.first),
-        "end": row.seconds(at.until),
+    moment = row.moment
+    return {
+        **row.record("first"),
+        "moment": row.incident.name,
+        "start": row.start,
+        "end": row.end,
         "frames": moment.frames,
         "cost": moment.cost,
         "error": row.error,
@@ -125,3 +125,15 @@ def _record(row: WorstRow) -> dict[str, Any]:
         "distance": moment.distance,
         "borrowed": moment.borrowed,
     }
+
+
+def run_line(parts: Mapping[str, float], scenes: int) -> str:
+    """Return the error of all targets, and shares by fault."""
+    error_m = sum(parts.values())
+    shares = [
+        f"{fault} {part_m / error_m:.0%}"
+        for fault, part_m in by_fault(parts).items()
+        if error_m and part_m
+    ]
+    text = ", ".join(shares) or "nothing to blame"
+    return f"All targets of {counted(scenes, 'scene')}: {error_m:.2f} m: {text}."

@@ -1,0 +1,164 @@
+"""One comparison, written as tables, figures, a page and a notebook."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Unpack
+
+from ...cards import Card
+from ...core import (
+    MtpBenchError,
+    Table,
+    make_folder,
+    require_folder,
+    require_replaceable,
+    tables_text,
+    to_html,
+    whole_folder,
+    write_text,
+)
+from ...running import (
+    DEFAULTS,
+    RunKeywords,
+    RunOptions,
+    asked,
+    compare,
+    control_names,
+    skipped_line,
+)
+from ...scoring import RANKED_UNITS, Report, place_of
+from ..pages import source_of, templates_of, text_of
+from ..terminal.notes import warnings
+from ..terminal.verdict import verdict
+from .figures import DrawnFigure, draw_figures
+from .tables import study_tables
+
+TABLE_SUFFIXES = (".csv", ".json", ".tex")
+_PAGE = "index.html"
+_NOTEBOOK = "study.ipynb"
+_TEMPLATES = Path(__file__).parent
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Results of a study, and the folder of its files."""
+
+    folder: Path
+    report: Report
+    tables: dict[str, Table]  # by name
+    figures: list[DrawnFigure]
+    findings: list[str]  # sentences of the verdict
+    warnings: list[str]
+
+    @property
+    def page(self) -> Path:
+        """The HTML page."""
+        return self.folder / _PAGE
+
+
+def study(
+    agents: Sequence[str],
+    env_id: str | Card,
+    folder: str | Path,
+    options: RunOptions = DEFAULTS,
+    command: str = "",
+    **keywords: Unpack[RunKeywords],
+) -> Study:
+    """Compare agents, and write tables, figures and a page.
+
+    Args:
+        agents: Folders of submissions, or names of baselines.
+        env_id: Id of the env, path of its card, or a card.
+        folder: New or empty, or the folder of an earlier study, which is replaced.
+        options: Data, scenes, seeds, workers and progress, as of `compare`.
+        command: Command that makes the study again, shown on the page.
+        keywords: As of `compare`, in place of options.
+
+    Raises MtpBenchError for wrong arguments and broken data.
+    """
+    folder = Path(folder).absolute()
+    require_study_folder(folder)
+    env_id, options = asked(env_id, options, keywords)
+    options.card(env_id).require_same_scenes("of which there is no study")
+    comparison = compare(agents, env_id, options)
+    report = comparison.report
+    ran = dict.fromkeys(setting.submission.name for setting in comparison.settings)
+    compared = [name for name in ran if name in agents or name not in control_names()]
+    lines = list(warnings(report))
+    skipped = skipped_line(comparison.skipped)
+    if skipped:
+        lines.append(skipped)
+    with whole_folder(folder) as part:
+        make_folder(part / "figures")
+        result = Study(
+            folder=folder,
+            report=report,
+            tables=study_tables(report),
+            figures=draw_figures(report, part / "figures"),
+            findings=verdict(report, compared),
+            warnings=lines,
+        )
+        _write_tables(part / "tables", result.tables)
+        write_text(part / _PAGE, study_page(result, command))
+        write_text(part / _NOTEBOOK, text_of(_TEMPLATES, _NOTEBOOK))
+    return result
+
+
+def require_study_folder(folder: Path) -> None:
+    """Raise MtpBenchError unless ``folder`` is new, empty or an earlier study."""
+    require_folder(folder)
+    require_replaceable(folder)
+    if not folder.is_dir() or (folder / _NOTEBOOK).is_file():
+        return
+    names = sorted(path.name for path in folder.iterdir())
+    if names:
+        raise MtpBenchError(
+            f"{folder} contains {names[0]!r}, which a study did not write; "
+            "choose another folder with -o"
+        )
+
+
+def _write_tables(folder: Path, tables: Mapping[str, Table]) -> None:
+    make_folder(folder)
+    for name, table in tables.items():
+        for suffix in TABLE_SUFFIXES:
+            text = tables_text(suffix, [table], table)
+            write_text(folder / f"{name}{suffix}", text)
+
+
+def study_page(result: Study, command: str) -> str:
+    """Return the HTML of a study.
+
+    It has no script and loads no other file. Equal results give equal bytes.
+    """
+    style = text_of(_TEMPLATES, "page.css")
+    template = templates_of(_TEMPLATES).get_template("page.html")
+    content = template.render(
+        style=style,
+        policy=f"default-src 'none'; style-src {source_of(style)}; img-src data:",
+        place=place_of(result.report),
+        facts=_facts(result.report),
+        units=result.report.rows[0].effective_units,
+        needed_units=RANKED_UNITS,
+        study=result,
+        to_html=to_html,
+        command=command,
+    )
+    return f"{content}\n"
+
+
+def _facts(report: Report) -> dict[str, str]:
+    """Return the conditions of a report by name."""
+    condition = report.condition
+    row = report.rows[0]
+    return {
+        "environment": f"{report.env}, split {condition['split']}",
+        "targets": f"{row.targets} of {row.objects} objects in {row.scenes} scenes",
+        "seeds": str(row.seeds),
+        "detections": condition["detections"],
+        "truth": condition["truth"],
+        "event weights": condition["weights"],
+        "budgets of false forecasts": condition["budget"],
+        "trained on": condition.get("trained", ""),
+        "definitions": report.definitions,
+    }
