@@ -42,15 +42,15 @@ GROUPS = (
     Group(
         "Agents",
         "agents",
-        ("agent", "tracks", "submission"),
+        ("agent", "core.tracks"),
         intro="Interfaces of an agent and of its parts.",
     ),
     Group(
         "Records",
         "records",
-        ("types", "sources"),
+        ("core.arrays", "core.rollout", "core.scenes", "core.task", "sources"),
         intro="Arrays of scenes, observations, actions and rollouts.",
-        beside=("mtp_bench.core.types.Ragged",),
+        beside=("mtp_bench.core.arrays.Ragged",),
     ),
     Group(
         "Running and training",
@@ -69,7 +69,7 @@ GROUPS = (
     Group(
         "Errors",
         "errors",
-        ("errors",),
+        ("core.errors",),
         intro="Every error that a user can cause is an `MtpBenchError`.",
     ),
     OTHERS,
@@ -123,7 +123,7 @@ def _index() -> str:
         if _names(group)
     ]
     legend = inspect.cleandoc(
-        importlib.import_module("mtp_bench.core.types").__doc__ or ""
+        importlib.import_module("mtp_bench.core.arrays").__doc__ or ""
     ).split("\n\n", 1)[1]
     return (
         HEAD
@@ -185,8 +185,11 @@ def _offered(name: str, value: Any) -> bool:
 def _group_of(name: str) -> Group:
     """The page of a name of `mtp_bench`, by the module that its code lies in; type aliases are records."""
     value = getattr(importlib.import_module("mtp_bench"), name)
-    module = getattr(value, "__module__", "mtp_bench.core.types")
-    part = (
-        module if module.startswith("mtp_bench.") else "mtp_bench.core.types"
-    ).split(".")[1]
-    return next((group for group in GROUPS if part in group.modules), OTHERS)
+    module = getattr(value, "__module__", "")
+    if not module.startswith("mtp_bench."):
+        module = "mtp_bench.core.arrays"
+    place = module.removeprefix("mtp_bench.") + "."
+    for group in GROUPS:
+        if any(place.startswith(f"{part}.") for part in group.modules):
+            return group
+    return OTHERS

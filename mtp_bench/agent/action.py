@@ -1,7 +1,7 @@
 """Table of the fields of an action.
 
 The action space, the checks, the conformance suite, `mtp_bench.make_action` and the table of ``envs/README.md`` come
-from it. Shapes are in the letters of `mtp_bench.core.types`.
+from it. Shapes are in the letters of `mtp_bench.core.arrays`.
 """
 
 import math

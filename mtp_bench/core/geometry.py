@@ -8,7 +8,7 @@ coordinates of any size keep their precision.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .types import Floats
+from .arrays import Floats
 
 # Signs of the corners, counter-clockwise from front left: corner j is the farthest one in the j-th quadrant.
 _ALONG = np.array([1.0, -1.0, -1.0, 1.0]) / 2

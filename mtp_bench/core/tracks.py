@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .types import Bools, Floats, Ints
+from .arrays import Bools, Floats, Ints
 
 UNBORN = -2  # in `Tracks.past_detection`: the track was not there yet
 _NOT_BY_TRACK = ("member", "log_weight", "parent", "affinity")

@@ -27,7 +27,7 @@ from .observation import LocalFrame
 
 FAINTEST = -1000.0  # a normalised log-weight; exp of it is 0 already
 
-# of every array of a Rollout, in the order of the digest: dtype, and shape in the letters of types.py;
+# of every array of a Rollout, in the order of the digest: dtype, and shape in the letters of core/arrays.py;
 # R rows of tracks, S rows of forecast objects, F1 is F + 1, C1 is C + 1
 ARRAYS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "track_start": ("<i8", ("F1",)),

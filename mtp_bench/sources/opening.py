@@ -1,4 +1,4 @@
-"""Sources of scenes: recorded logs in their official layouts and simulated traffic, as `mtp_bench.core.types.Scene`."""
+"""Sources of scenes: recorded logs in their official layouts and simulated traffic, as `mtp_bench.core.Scene`."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace

@@ -11,7 +11,7 @@ import pytest
 
 from mtp_bench import Action, ActionError, MTPEnv, Observation, load_submission, make_action
 from mtp_bench.agent.checks import examine
-from mtp_bench.core.types import Scene
+from mtp_bench.core import Scene
 from mtp_bench.running.playing import agent_task
 from tests.env.conftest import MakeEnv
 from tests.env.test_answer import CASES, Break, both, cast, drop, put

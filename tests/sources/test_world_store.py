@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.core import notice
+from mtp_bench.core import Floats, Lane, notice
 from mtp_bench.core.errors import CardError, DataError, UnknownNameError
 from mtp_bench.core.files import CACHE
-from mtp_bench.core.types import Floats, Lane
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import content_hash

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtp_bench.agent.checks import examine
+from mtp_bench.core import Action as Action, Detections, Floats, Ints, Scene, Task, Truth
 from mtp_bench.core.bundle import bundled
-from mtp_bench.core.types import Action as Action, Detections, Floats, Ints, Scene, Task, Truth
 from mtp_bench.env.rollouts import RecordedAction, record_action
 from tests.support.scoring_scenes import make_scene as drawn_scene
 
