@@ -1,6 +1,7 @@
 """Strict TOML and JSON: every key is known, every value has its type, and a typo is answered with the nearest key.
 
-Input is bounded: the size of the file, the depth of its tables, and the size of its numbers.
+Input is bounded: the size of the file, the depth of its tables, and the size of its
+numbers.
 """
 
 import json
@@ -118,7 +119,8 @@ def require_part(
 
 def explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
     """The first of pydantic's ``errors`` on a ``model`` in one sentence: the key, what was got, what was expected."""
-    # A misspelt required key is both missing and unknown: the unknown one says what to do.
+    # A misspelt required key is both missing and unknown: the unknown one says what to
+    # do.
     first = min(errors, key=lambda detail: detail["type"] != "extra_forbidden")
     where, section = _locate(model, first["loc"])
     if first["type"] == "extra_forbidden":

@@ -15,7 +15,8 @@ SHARE = "share"  # unit of numbers from 0 to 1 that are shown as percentages
 class Column:
     """A column. As metadata of an annotated field it takes the name of the field as its key.
 
-    A column of intervals is shown with the column before it, but written to CSV and JSON on its own.
+    A column of intervals is shown with the column before it, but written to CSV and
+    JSON on its own.
     """
 
     heading: str = ""  # empty: the key with spaces
@@ -77,7 +78,8 @@ class Column:
 def columns_of(kind: type) -> tuple[Column, ...]:
     """Columns that the annotated fields of a dataclass or a pydantic model declare, in the order of the fields.
 
-    Of several declarations of one field, as where an alias declares a unit, a later one adds to the earlier ones.
+    Of several declarations of one field, as where an alias declares a unit, a later one
+    adds to the earlier ones.
     """
     columns = []
     for name, hint in get_type_hints(kind, include_extras=True).items():

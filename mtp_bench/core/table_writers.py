@@ -47,7 +47,8 @@ Lines = list[str]  # of a cell
 def tables_text(suffix: str, shown: Sequence[Table], data: Table) -> str:
     """Content of a file with this suffix of `SUFFIXES`.
 
-    CSV and JSON hold ``data``, with every column and a key for each; Markdown and LaTeX the tables that are ``shown``.
+    CSV and JSON hold ``data``, with every column and a key for each; Markdown and LaTeX
+    the tables that are ``shown``.
     """
     writers: dict[str, Callable[[], str]] = {
         ".csv": lambda: to_csv(data),
@@ -185,8 +186,8 @@ def to_text(table: Table, width: int = WIDTH) -> str:
 def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
     """The lines of a table, each with its row; None above the first row.
 
-    Intervals stand below their numbers. Where the table would be wider than ``width``, columns of texts are folded, the
-    first one last; numbers are never cut off.
+    Intervals stand below their numbers. Where the table would be wider than ``width``,
+    columns of texts are folded, the first one last; numbers are never cut off.
     """
     columns = [column for column, _ in table.pairs]
     if not columns:

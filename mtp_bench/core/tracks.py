@@ -25,26 +25,32 @@ class Affinity(NamedTuple):
 class Tracks:
     """State of a tracker after a frame: distinct tracks (leaves) and the hypotheses that share them."""
 
-    track_id: Ints  # [N] identity along the lineage of a hypothesis; one hypothesis never holds it twice
+    # [N] identity along the lineage of a hypothesis; one hypothesis never holds it
+    # twice
+    track_id: Ints
     box: Floats  # [N, 7] now
     class_id: Ints  # [N]
     score: Floats  # [N] mean score of the detections that the track took
     detection: Ints  # [N] the detection of this frame that the track took, -1 for none
-    past: Floats  # [N, P, 7] the detections that the track took, oldest first, the last row is now
+    # [N, P, 7] the detections that the track took, oldest first, the last row is now
+    past: Floats
     past_valid: Bools  # [N, P] False: no detection taken, or not yet born
     member: Bools  # [H, N]
     log_weight: Floats  # [H] normalised, heaviest first
     parent: Ints | None = (
-        None  # [H] hypothesis of the frame before, by its row there, that it descends from
+        # [H] hypothesis of the frame before, by its row there, that it descends from
+        None
     )
     last_score: Floats | None = None  # [N] of the last detection that the track took
     hits: Ints | None = None  # [N] detections that the track took
     age: Ints | None = None  # [N] frames since its first detection, this one included
     past_detection: Ints | None = (
-        None  # [N, P] detection taken, its row in that frame's observation; -1: none, UNBORN
+        # [N, P] detection taken, its row in that frame's observation; -1: none, UNBORN
+        None
     )
     covariance: Floats | None = (
-        None  # [N, 2, 2] of position (m) and velocity (m/frame), per axis, as the filter says
+        # [N, 2, 2] of position (m) and velocity (m/frame), per axis, as the filter says
+        None
     )
     affinity: Affinity | None = None
 
@@ -69,7 +75,8 @@ class Tracks:
     ) -> "Tracks":
         """Tracks of these identities [N], boxes [N, 7] and classes [N], all in one hypothesis.
 
-        ``fields``: further ones; without them the tracks have no past, and took no detection.
+        ``fields``: further ones; without them the tracks have no past, and took no
+        detection.
         """
         n = len(box)
         bare: dict[str, Any] = {
@@ -95,16 +102,20 @@ class Objects:
     box: Floats  # [O, 7] in the heaviest hypothesis that holds the object
     class_id: Ints  # [O]
     score: Floats  # [O] of the track in that hypothesis
-    leaf: Ints  # [O, H] the track that stands for the object in each hypothesis, -1 where it holds none
+    # [O, H] the track that stands for the object in each hypothesis, -1 where it holds
+    # none
+    leaf: Ints
     log_mass: Floats  # [O] total weight of the hypotheses that hold the object
 
 
 def group(tracks: Tracks, most: int, min_mass: float = 0.0) -> Objects:
     """The at most ``most`` objects held by hypotheses of a total weight of at least ``min_mass``.
 
-    Tracks of different hypotheses are one object if they took the same detection. A track that took none stands, in its
-    hypothesis, for the object whose detection its identity took elsewhere (in the heaviest hypothesis that knows one),
-    unless another track took that detection there: then it is an object of its own, as in a single hypothesis.
+    Tracks of different hypotheses are one object if they took the same detection. A
+    track that took none stands, in its hypothesis, for the object whose detection its
+    identity took elsewhere (in the heaviest hypothesis that knows one), unless another
+    track took that detection there: then it is an object of its own, as in a single
+    hypothesis.
     """
     leaf = np.concatenate([_by_detection(tracks), _by_identity(tracks)])
     _move_coasting(tracks, leaf)
