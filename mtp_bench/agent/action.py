@@ -71,7 +71,10 @@ _OFFSET = Content(
 
 @dataclass(frozen=True)
 class ActionField:
-    """One array of an action; its first axis are rows of tracks, hypotheses or objects."""
+    """One array of an action.
+
+    Its first axis are rows of tracks, hypotheses or objects.
+    """
 
     name: str
     rows: RowKind
@@ -98,7 +101,7 @@ class ActionField:
         return f"an array of shape {self.shape_in(task)} and {' or '.join(names)} dtype"
 
     def values_in(self, task: Task) -> range:
-        """Return the values of a field of classes or of parents under ``task``."""
+        """Return the values of a field of classes or parents."""
         count = len(task.classes)
         if self.content.name == "parent":
             count = task.hypotheses

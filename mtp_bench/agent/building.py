@@ -121,7 +121,7 @@ def _forecast_array(forecasts: ArrayLike, objects: int, task: Task) -> NDArray[A
 
 
 def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
-    """Return the fields of the tracks that fit, those of the heaviest hypotheses first.
+    """Return the fields of the tracks that fit, heaviest hypotheses first.
 
     Tracks without a hypothesis come last.
     """
@@ -150,7 +150,10 @@ def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
 def _array(
     name: str, value: ArrayLike, kinds: str, *shapes: tuple[int | str, ...]
 ) -> NDArray[Any]:
-    """Return the argument as an array of one of the shapes; a letter fits any size."""
+    """Return the argument as an array of one of the shapes.
+
+    A letter fits any size.
+    """
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -175,7 +178,7 @@ def _fits(shape: tuple[int, ...], expected: tuple[int | str, ...]) -> bool:
 
 
 def _require_sound(action: Action, task: Task) -> None:
-    """Raise ShapeError for the first problem that makes the env take out rows.
+    """Raise ShapeError for the first problem that takes out rows.
 
     Problems of objects come before those of tracks.
     """

@@ -98,7 +98,7 @@ class CheckedAction:
 
     @property
     def readable(self) -> bool:
-        """True if all fields of the objects could be read, so that they can be counted."""
+        """True if all fields of the objects could be read."""
         needed = {"action", *_FIELD_NAMES["objects"]}
         return not any(
             problem.field in needed and problem.level == "error" and not problem.example
@@ -107,7 +107,10 @@ class CheckedAction:
 
 
 def check_action(action: object, task: Task) -> CheckedAction:
-    """Check ``action`` field by field and row by row; never raise."""
+    """Check ``action`` field by field and row by row.
+
+    Never raise.
+    """
     arrays, problems = _read_fields(action, task)
     claimed = {kind: _claimed_rows(kind, arrays, task) for kind in ROW_KINDS}
     sound: dict[RowKind, Bools] = {}
@@ -127,7 +130,10 @@ def check_action(action: object, task: Task) -> CheckedAction:
 
 
 def is_present(log_weight: Floats) -> Bools:
-    """Mask the samples or hypotheses whose log-weight says present; False for NaN."""
+    """Mask the samples or hypotheses whose log-weight says present.
+
+    False for NaN.
+    """
     return np.asarray(log_weight >= ABSENT_BELOW)
 
 
@@ -189,7 +195,7 @@ def _unknown_keys(content: dict[Any, Any], names: str) -> list[ActionProblem]:
 def _read_field(
     content: dict[Any, Any], field: ActionField, task: Task
 ) -> NDArray[Any] | str:
-    """Return the field as an array, or the reason why it cannot be used."""
+    """Return the field as an array, or why it is unusable."""
     if field.name not in content:
         return field.filled(task) if field.optional else "is missing"
     try:
@@ -208,7 +214,10 @@ def _read_field(
 
 
 def _claimed_rows(kind: RowKind, arrays: Arrays, task: Task) -> Bools:
-    """Mask the rows that the action declares present; all if that cannot be read."""
+    """Mask the rows that the action declares present.
+
+    All if that cannot be read.
+    """
     name = _DECLARED_BY[kind]
     if name not in arrays:
         return np.ones(FIELD_BY_NAME[name].shape_in(task)[0], dtype=bool)
@@ -220,7 +229,7 @@ def _claimed_rows(kind: RowKind, arrays: Arrays, task: Task) -> Bools:
 def _check_rows(
     arrays: Arrays, kind: RowKind, rows: Ints, task: Task
 ) -> tuple[Bools, list[ActionProblem]]:
-    """Check the claimed ``rows`` [n] of a kind: the mask [n] of sound ones, problems."""
+    """Return which claimed ``rows`` [n] are sound [n], and problems."""
     sound = np.ones(len(rows), dtype=bool)
     problems: list[ActionProblem] = []
     if not len(rows):
@@ -346,7 +355,7 @@ _CHECKS = (
 def _check_membership(
     arrays: Arrays, sound: dict[RowKind, Bools], task: Task
 ) -> list[ActionProblem]:
-    """Find ids that occur twice in a hypothesis, and tracks in no hypothesis.
+    """Find ids twice in a hypothesis, and tracks in none.
 
     The tracks with such ids are taken out of ``sound``.
     """
@@ -385,7 +394,10 @@ def _check_membership(
 
 
 def _repeated_ids(track_id: Ints, member: Bools) -> Bools:
-    """Mask the tracks [N] whose id another track of a hypothesis has; member [H, N]."""
+    """Mask the tracks [N] whose id another track of a hypothesis has.
+
+    Member [H, N].
+    """
     repeated = np.zeros(len(track_id), dtype=bool)
     rows = np.flatnonzero(member.any(axis=0))
     ids, number = np.unique(track_id[rows], return_inverse=True)
@@ -398,7 +410,7 @@ def _repeated_ids(track_id: Ints, member: Bools) -> Bools:
 
 
 def _row_problem(arrays: Arrays, field: str, rows: Ints, **texts: Any) -> ActionProblem:
-    """Return the problem of at least one of the ``rows``, with the first as example.
+    """Return the problem of ``rows``, with the first as example.
 
     ``texts``: further fields of `ActionProblem`.
     """

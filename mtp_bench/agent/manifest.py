@@ -1,4 +1,7 @@
-"""Manifest of a submission: the content of ``submission.toml``; see ``baselines/README.md``."""
+"""Manifest of a submission: the content of ``submission.toml``.
+
+See ``baselines/README.md``.
+"""
 
 import math
 import re
@@ -51,7 +54,7 @@ NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]
 
 
 def is_name(text: str) -> bool:
-    """Return True for a text that can name a submission on every system.
+    """Return True for a name of a submission on every system.
 
     The folder of its records has this name.
     """

@@ -155,7 +155,7 @@ class Pipeline:
 
 
 def _used_tracks(tracks: Tracks, objects: Objects) -> tuple[Tracks, Ints]:
-    """Return the tracks that stand for an object, and that of each object [O, H].
+    """Return the tracks that stand for objects, and each object's [O, H].
 
     -1: none in this hypothesis.
     """
@@ -178,7 +178,7 @@ def _with_centres(objects: Objects, row: Ints, present: Floats) -> Objects:
 
 
 def _within_limit(offset: Floats) -> Floats:
-    """Shorten offsets [..., 2] to just below the limit: a wrong track may be that fast."""
+    """Shorten offsets [..., 2] of impossibly fast tracks to the limit."""
     if (np.abs(offset) <= FORECAST_REACH).all():
         return offset
     length = np.linalg.norm(offset, axis=-1, keepdims=True)
@@ -228,7 +228,7 @@ def reduce_pools(
     sampler: Sampler,
     rng: np.random.Generator,
 ) -> tuple[Floats, Floats]:
-    """Return samples [O, K, T, 2] and log-weights [O, K] of the objects.
+    """Return samples [O, K, T, 2] and log-weights [O, K].
 
     -inf for samples that do not exist. Only objects with more than K samples go through
     the sampler.
@@ -261,7 +261,7 @@ def reduce_pools(
 
 
 def normalised(forecasts: Forecasts) -> Floats:
-    """Return log-weights [R, S] whose weights have the same sum in each row.
+    """Scale log-weights [R, S] to the same sum in each row.
 
     -inf throughout where there is no forecast.
     """
@@ -274,7 +274,7 @@ def normalised(forecasts: Forecasts) -> Floats:
 
 
 def _entries(start: Ints, mask: Bools) -> tuple[Ints, Ints, Ints]:
-    """Return the entries of the objects in ``mask`` [O], the owner of each, its place.
+    """Return the entries of masked objects, their owners and places.
 
     The place is that among the owner's entries.
     """
@@ -285,7 +285,7 @@ def _entries(start: Ints, mask: Bools) -> tuple[Ints, Ints, Ints]:
 
 
 def entry_table(pools: Pools, objects: Ints) -> tuple[Ints, Floats]:
-    """Return rows [o, E] and log-masses [o, E] of the entries of some objects.
+    """Return rows [o, E] and log-masses [o, E] of entries.
 
     Missing entries have row 0 and mass -inf.
     """

@@ -23,7 +23,10 @@ class Agent(Protocol):
     """An agent answers detections with hypotheses and forecasts, frame by frame."""
 
     def reset(self, task: Task) -> None:
-        """Begin a new scene under the rules of ``task``; forget everything before."""
+        """Begin a new scene under the rules of ``task``.
+
+        Forget everything before.
+        """
 
     def act(self, observation: Observation) -> Action:
         """Answer one frame.
@@ -60,7 +63,10 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Forecasts:
-    """Forecasts of the N tracks of a frame in R rows; several tracks may share a row."""
+    """Forecasts of the N tracks of a frame in R rows.
+
+    Several tracks may share a row.
+    """
 
     samples: Floats  # [R, S, T, 2] absolute x y, m
     # [R, S]; None: equal; -inf: no such sample; -inf throughout: no forecast
@@ -130,7 +136,10 @@ class Predictor(Protocol):
         """Begin a new scene."""
 
     def predict(self, frame: Frame) -> Forecasts:
-        """Forecast the tracks of ``frame``; a pipeline calls it once per frame."""
+        """Forecast the tracks of ``frame``.
+
+        A pipeline calls it once per frame.
+        """
         ...
 
 
@@ -162,7 +171,7 @@ class Presence(Protocol):
         """Begin a new scene."""
 
     def probability(self, tracks: Tracks, observation: Observation) -> Floats:
-        """Return the probability [N] of each track of this frame, from 0 to 1."""
+        """Return the probability [N] of each track, from 0 to 1."""
         ...
 
 

@@ -84,7 +84,10 @@ class TaskSection(Section):
 
 
 class SizeSection(Section):
-    """Padded sizes of the spaces; constants of the env id."""
+    """Padded sizes of the spaces.
+
+    Constants of the env id.
+    """
 
     detections: Annotated[int, Field(ge=1)]  # D
     tracks: Annotated[int, Field(ge=1)]  # N
@@ -246,7 +249,7 @@ class Card(Section):
 
     @property
     def simulated(self) -> bool:
-        """True if there is a scene for any seed, so that hidden scenes can rank."""
+        """True if there is a scene for any seed."""
         return self.source.traits.simulated
 
     @property
@@ -334,7 +337,7 @@ def _check_lanes(card: Card, where: str) -> None:
 
 
 def _check_length(card: Card, where: str) -> None:
-    """Raise CardError for scenes that are shorter than a past and a future."""
+    """Raise CardError for scenes shorter than past and future."""
     seconds = card.source.traits.scene_seconds
     if seconds is None:
         return

@@ -21,7 +21,7 @@ TEXTS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections
 
 
 def resolve_folder(section: FilesSource, base: Path, lanes: bool) -> FilesSource:
-    """Return the section with the absolute path of its scenes, and their digest.
+    """Return the section with absolute path and digest.
 
     The path is relative to ``base``. There is no digest if the folder does not exist. A
     ``sha256`` that the card states is kept, so other files are refused when they are
@@ -52,7 +52,7 @@ def own_digest(folder: Path, lanes: bool) -> str:
 
 
 def folder_digest(folder: Path, patterns: Sequence[str]) -> str:
-    """Return the hex sha256 over the files of a folder that match the patterns.
+    """Return the hex sha256 over matching files of a folder.
 
     It is of their names and contents; hidden files are skipped. Raises DataError if a
     file cannot be read.
@@ -74,7 +74,7 @@ def folder_digest(folder: Path, patterns: Sequence[str]) -> str:
 
 
 def plain_name(name: str) -> str:
-    """Return ``name``, such as that of a file, as the name of a detector.
+    """Return ``name`` as the name of a detector.
 
     Hyphens replace characters that are not allowed there.
     """
@@ -82,8 +82,9 @@ def plain_name(name: str) -> str:
 
 
 def known_digest(path: Path) -> str:
-    """Return the hex sha256 of a file; raise OSError.
+    """Return the hex sha256 of a file.
 
+    Raise OSError.
     It is read once per process unless its size or times change.
     """
     state = path.stat()
@@ -91,7 +92,7 @@ def known_digest(path: Path) -> str:
 
 
 def scenes_digest(scenes: Sequence[Scene]) -> str:
-    """Return the hex sha256 over all fields of ``scenes`` but names of objects."""
+    """Return the hex sha256 over ``scenes`` without objects' names."""
     digest = hashlib.sha256()
     for scene in scenes:
         _add(digest, scene)

@@ -32,7 +32,10 @@ LocalPath = Annotated[str | None, Field(exclude=True)]
 
 @dataclass(frozen=True)
 class Traits:
-    """Properties of a source; not keys of a card and not part of its digest."""
+    """Properties of a source.
+
+    Not keys of a card and not part of its digest.
+    """
 
     simulated: bool = False  # there is a scene for any seed
     # name of the detector with stored detections; empty without one
@@ -63,7 +66,10 @@ class Traits:
 
 
 class SourceSection(Section):
-    """Keys of a card's table ``[source]``; every source adds its own."""
+    """Keys of a card's table ``[source]``.
+
+    Every source adds its own.
+    """
 
     splits: ClassVar[tuple[str, ...]]
 
@@ -127,7 +133,10 @@ class FilesSource(SourceSection):
 
 
 class DetectionsSection(SourceSection):
-    """Keys of a source with detections that a user's own can replace; see `cards.with_detections`."""
+    """Keys of a source with detections that a user's own can replace.
+
+    See `cards.with_detections`.
+    """
 
     detections_sha256: str | None = None
     detections_file: LocalPath = None

@@ -1,13 +1,13 @@
 """Arrays and tables of rows by frame, and the legend of dimensions.
 
-``F`` frames · ``D`` detections of a frame · ``M`` true objects of a frame · ``N`` tracks
-of a frame (leaves: distinct track states) · ``O`` forecast objects of a frame · ``H``
-hypotheses · ``K`` samples · ``T`` future frames · ``P`` past frames, the current one
-included · ``C`` classes · ``R`` rows over all frames of a scene.
+``F`` frames · ``D`` detections of a frame · ``M`` true objects of a frame · ``N``
+tracks of a frame (leaves: distinct track states) · ``O`` forecast objects of a frame ·
+``H`` hypotheses · ``K`` samples · ``T`` future frames · ``P`` past frames, the current
+one included · ``C`` classes · ``R`` rows over all frames of a scene.
 
-Metres, seconds, radians; right-handed frames with z up; a box is ``x y z yaw l w h`` with
-its centre at x y z. Rows over all frames are sorted by frame; the rows of frame t are
-``start[t]:start[t + 1]``.
+Metres, seconds, radians; right-handed frames with z up; a box is ``x y z yaw l w h``
+with its centre at x y z. Rows over all frames are sorted by frame; the rows of frame t
+are ``start[t]:start[t + 1]``.
 """
 
 from collections.abc import Sequence
@@ -31,8 +31,8 @@ RecordT = TypeVar("RecordT", bound=Any)
 class Ragged:
     """Rows of all frames one after the other, sorted by frame.
 
-    Frame t has the rows ``start[t]:start[t + 1]``. A table whose columns are aligned with
-    these rows is a subclass.
+    Frame t has the rows ``start[t]:start[t + 1]``. A table whose columns are aligned
+    with these rows is a subclass.
     """
 
     start: Ints  # [F + 1]
@@ -61,7 +61,10 @@ class Ragged:
         return slice(int(self.start[t]), int(self.start[t + 1]))
 
     def only(self, t: int) -> Self:
-        """Return the table with the rows of frame ``t``; the other frames are empty."""
+        """Return the table with the rows of frame ``t``.
+
+        The other frames are empty.
+        """
         return self.select(self.frame_of_rows == t)
 
     def select(self, mask: Bools) -> Self:
@@ -75,17 +78,17 @@ class Ragged:
 
 
 def starts_of(count: Sequence[int] | Ints | Bools) -> Ints:
-    """Return the first row of each frame [F + 1] from their numbers of rows [F]."""
+    """Return first rows [F + 1] from numbers of rows [F]."""
     return np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
 
 
 def starts_of_sorted(frame: Ints, frames: int) -> Ints:
-    """Return the first row of each frame [F + 1] from the sorted frames of rows [R]."""
+    """Return first rows [F + 1] from the sorted frames of rows [R]."""
     return np.searchsorted(frame, np.arange(frames + 1))
 
 
 def select(record: RecordT, rows: Ints | Bools) -> RecordT:
-    """Return the ``rows`` of a record, a dataclass of arrays of one length."""
+    """Return the ``rows`` of a dataclass of arrays."""
     columns = {c.name: getattr(record, c.name)[rows] for c in fields(record)}
     return cast(RecordT, type(record)(**columns))
 

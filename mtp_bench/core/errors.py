@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 
 class MtpBenchError(Exception):
-    """Base of every error that a user can cause; the command line prints it without a traceback."""
+    """Base of every error that a user can cause.
+
+    The command line prints it without a traceback.
+    """
 
 
 class CardError(MtpBenchError):
@@ -48,7 +51,10 @@ class ShapeError(MtpBenchError, ValueError):
 
 
 class UnknownNameError(MtpBenchError, KeyError):
-    """A name that does not exist; the text suggests the nearest."""
+    """A name that does not exist.
+
+    The text suggests the nearest.
+    """
 
     def __init__(
         self, kind: str, got: str, names: Iterable[str], hint: str = ""
@@ -92,7 +98,7 @@ _MAX_NAMES = 16  # listed in an error text
 
 
 def nearest(got: str, names: Iterable[str]) -> str:
-    """Return the part of an error text that names the nearest name, else all."""
+    """Return the words that suggest the nearest name, else all."""
     names = sorted(names)
     similar = closest(got, names)
     if similar:
@@ -119,7 +125,10 @@ def closest(got: object, names: Iterable[str], cutoff: float = 0.5) -> str:
 def require_shape(
     name: str, array: NDArray[Any], shape: tuple[int | None, ...]
 ) -> None:
-    """Raise ShapeError unless ``array`` has ``shape``; None stands for any length."""
+    """Raise ShapeError unless ``array`` has ``shape``.
+
+    None stands for any length.
+    """
     fits = array.ndim == len(shape) and all(
         n in (None, size) for n, size in zip(shape, array.shape, strict=True)
     )
@@ -129,7 +138,7 @@ def require_shape(
 
 
 def require_finite(name: str, array: NDArray[Any]) -> None:
-    """Raise ShapeError naming the first entry of ``array`` that is NaN or infinite."""
+    """Raise ShapeError for an entry of ``array`` that is not finite."""
     places = np.argwhere(~np.isfinite(array))
     if len(places):
         index = tuple(places[0].tolist())

@@ -37,8 +37,9 @@ _FILE_KINDS = {
 
 
 class WriteError(MtpBenchError, OSError):
-    """A failure to write a file or folder; also an OSError, so that optional writes can be skipped.
+    """A failure to write a file or folder.
 
+    Also an OSError, so that optional writes can be skipped.
     Constructed as ``WriteError(errno, strerror, filename)`` with the name that the user
     asked for.
     """
@@ -189,7 +190,7 @@ def make_folder(folder: Path) -> None:
 
 
 def describe_write_error(error: OSError) -> str:
-    """Return the reason of a failure to write, for a full disk with what to do."""
+    """Return the reason of a failure to write."""
     reason = str(error.strerror or error)
     if error.errno in FULL_DISK:
         reason += ": make room there, or choose another folder, and try again"
@@ -287,7 +288,7 @@ def cache_root() -> Path:
 
 
 def remove_damaged(path: Path) -> None:
-    """Delete the file or folder ``path`` of the cache and tell the user.
+    """Delete ``path`` of the cache and tell the user.
 
     Do nothing if there is none.
     """
@@ -301,7 +302,7 @@ def remove_damaged(path: Path) -> None:
 
 
 def file_stem(name: str) -> str:
-    """Return the name of a scene as a file name, never a hidden one.
+    """Return the name of a scene as a file name.
 
     The name may contain a slash.
     """
@@ -310,7 +311,7 @@ def file_stem(name: str) -> str:
 
 
 def clean_text(text: str, most: int) -> str:
-    """Return ``text`` as one line of at most ``most`` characters, safe to print.
+    """Return ``text`` as one line that is safe to print.
 
     Controls, escapes, direction marks and lone surrogates become U+FFFD, line ends
     become blanks.
@@ -376,7 +377,7 @@ def _naming(path: Path, part: Path | None = None) -> Iterator[None]:
 
 
 def _require_ordinary(path: Path) -> None:
-    """Raise MtpBenchError for an existing device, pipe or socket, which a file must not replace."""
+    """Raise MtpBenchError for an existing device, pipe or socket."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise MtpBenchError(
             f"cannot write {path}: it is not an ordinary file; choose another name"

@@ -143,7 +143,7 @@ def _corners_at(
 def _edges_inside(
     x: Floats, y: Floats, length: Floats, width: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the share of each edge inside a rectangle around 0, and cross(start, edge).
+    """Return the share of each edge inside, and cross(start, edge).
 
     The edges are those of polygons ``[R, 4]``.
     """

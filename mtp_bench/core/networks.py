@@ -36,7 +36,10 @@ class NetworkState:
 
     @property
     def minutes(self) -> int | None:
-        """Minutes that a training takes on two cores; None if it was not measured."""
+        """Minutes that a training takes on two cores.
+
+        None if it was not measured.
+        """
         return _MINUTES.get(self.network)
 
     @property
@@ -90,7 +93,7 @@ def file_name(network: str, on: str, env_id: str) -> str:
 def network_files(
     networks: Iterable[str], env_id: str, weights_of: str | None
 ) -> list[Path]:
-    """List the files of ``networks``, such as modes-truth, trained here for an env.
+    """List the files of ``networks`` trained here for an env.
 
     Also those for the env whose weights it shares.
     """
@@ -102,7 +105,7 @@ def network_files(
 
 
 def _file_names(network: str, env_id: str, weights_of: str | None) -> list[str]:
-    """Name the weights of a network for an env and the one whose weights it shares."""
+    """Name the weights of a network for an env, and shared ones."""
     envs = [env_id]
     if weights_of:
         envs.append(weights_of)

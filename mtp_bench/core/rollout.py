@@ -41,10 +41,11 @@ class Drive:
     phantom_brakes: int
     comfortable: bool  # within nuPlan's bounds
     acceleration: Floats  # [N] m/s2
-    # [F] severity-weighted contact score in [0, 1], by the forecasts, of the driven profile
+    # [F] severity-weighted contact score in [0, 1], by the forecasts, of the driven
+    # profile
     risk: Floats
-    # [F] forecast object, a row of the frame, that most keeps the ego from driving freely;
-    # -1: none does
+    # [F] forecast object, a row of the frame, that most keeps the ego from driving
+    # freely; -1: none does
     cause: Ints
     # [F, T + 1, 2] m, places along the profile of each decision, from its own place on
     plan: Floats
@@ -53,8 +54,8 @@ class Drive:
     station: Floats  # [N + 1] m along the way in each state
     # [n, 4] points of the way: m along it, x, y, heading in rad without jumps
     route: Floats
-    # the recording until the last decision, packed, and "ending", the road users after it:
-    # see `record.rows_from`
+    # the recording until the last decision, packed, and "ending", the road users after
+    # it: see `record.rows_from`
     world: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 

@@ -21,8 +21,8 @@ class Truth(Ragged):
     # [R] may be a prediction target; it needs P past and T future frames
     # (`Scene.listed_targets`)
     eligible: Bools
-    # [R] of a class similar to an evaluated one (KITTI: a van for "car"): matches with it
-    # do not count
+    # [R] of a class similar to an evaluated one (KITTI: a van for "car"): matches with
+    # it do not count
     neutral: Bools
 
 
@@ -38,7 +38,10 @@ class Detections(Ragged):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StoredTracks(Detections):
-    """Boxes of a foreign tracker with their identities; it may have seen the future."""
+    """Boxes of a foreign tracker with their identities.
+
+    It may have seen the future.
+    """
 
     # [R] identity within the scene, from 0; it has one class, and one box in a frame
     object_id: Ints
@@ -102,8 +105,8 @@ class Scene:
     lanes: tuple[
         Lane, ...
     ] = ()  # the road map; observations show it where a card says so
-    # Names in the files by number, only where they differ; texts alone show them, and no
-    # digest counts them. Of true objects, all different:
+    # Names in the files by number, only where they differ; texts alone show them, and
+    # no digest counts them. Of true objects, all different:
     object_names: Mapping[int, str] = field(default_factory=dict, compare=False)
     # of ``tracks``: an agent with ``observe="tracks"`` that keeps the ids it is shown
     # answers these numbers as track_id

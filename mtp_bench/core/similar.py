@@ -18,7 +18,7 @@ _SAME_SPELLING = 0.7  # similarity of two spellings of one name
 
 
 def class_hint(name: str, names: Iterable[str]) -> str:
-    """Return the part of a message on an unknown class that names the one meant.
+    """Return the words that name the class meant.
 
     ``names``: the classes that exist. Empty if none is similar. A vehicle of another
     kind is similar, but not the same: a truck that is called a car may be a mistake.

@@ -44,7 +44,10 @@ SectionT = TypeVar("SectionT", bound=Section)
 
 
 def rule(holds: Callable[[Any], bool], expected: str) -> AfterValidator:
-    """Make a rule for the values of a field; its error says ``expected``."""
+    """Make a rule for the values of a field.
+
+    Its error says ``expected``.
+    """
 
     def check(value: Any) -> Any:
         if not holds(value):
@@ -176,8 +179,9 @@ def _refuse_constant(text: str) -> None:
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Make a table from pairs; raise ValueError for a repeated key.
+    """Make a table from pairs.
 
+    Raise ValueError for a repeated key.
     Readers disagree on which of its values counts.
     """
     table = dict(pairs)
@@ -264,7 +268,10 @@ def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _short(value: Any) -> str:
-    """Shorten the value as it was written; a whole table would bury the message."""
+    """Shorten the value as it was written.
+
+    A whole table would bury the message.
+    """
     if isinstance(value, BaseModel) or (isinstance(value, dict) and len(value) > 1):
         return "a table"
     return clean_text(repr(value), _MAX_SHOWN)

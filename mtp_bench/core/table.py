@@ -39,12 +39,16 @@ class Column:
 
     @property
     def arrow(self) -> str:
-        """Arrow towards better values; empty where neither is better."""
+        """Arrow towards better values.
+
+        Empty where neither is better.
+        """
         return {"lower": "↓", "higher": "↑", "": ""}[self.better]
 
     def value(self, row: Any) -> Value:
-        """Return the value of one row; None where it is missing.
+        """Return the value of one row.
 
+        None where it is missing.
         It is missing in rows that are older than the column.
         """
         if self.read is not None:
@@ -55,7 +59,10 @@ class Column:
         return getattr(row, self.key, None)
 
     def text(self, value: Value) -> str:
-        """Return a value as it is shown; a dash where it is missing."""
+        """Return a value as it is shown.
+
+        A dash where it is missing.
+        """
         if value is None:
             return BLANK
         if isinstance(value, str):
@@ -121,7 +128,7 @@ def counted(number: int | None, noun: str, plural: str = "s") -> str:
 
 
 def short(value: float | None) -> str:
-    """Return a number below ten thousand in at most five characters, and its sign."""
+    """Return a number in at most five characters and its sign."""
     if value is None:
         return BLANK
     for digits, limit in ((3, 9.9995), (2, 99.995), (1, 999.95)):
@@ -149,7 +156,7 @@ class Table:
 
     @property
     def pairs(self) -> list[tuple[Column, Column | None]]:
-        """Columns that are shown, each with the column of its intervals or None.
+        """Shown columns, each with the column of its intervals.
 
         A column with ``optional`` is left out where no row has a value.
         """
@@ -186,13 +193,16 @@ class Table:
 
 
 def cell_text(column: Column, interval: Column | None, row: Any) -> str:
-    """Return the text of a cell, an interval in brackets behind the number."""
+    """Return the text of a cell, with its interval in brackets."""
     text = column.shown(row)
     ends = interval_texts(column, interval, row)
     return f"{text} [{', '.join(ends)}]" if ends else text
 
 
 def interval_texts(column: Column, interval: Column | None, row: Any) -> list[str]:
-    """Return the two ends of the interval of a cell; empty without one."""
+    """Return the two ends of the interval of a cell.
+
+    Empty without one.
+    """
     ends = None if interval is None else interval.value(row)
     return [column.text(end) for end in ends] if isinstance(ends, tuple) else []

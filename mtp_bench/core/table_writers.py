@@ -93,7 +93,10 @@ def _csv_cells(column: Column, value: Value) -> Sequence[Value]:
 
 
 def to_json(table: Table) -> str:
-    """Write JSON with title, sentence, columns and rows; null for a missing value."""
+    """Write JSON with title, sentence, columns and rows.
+
+    Null for a missing value.
+    """
     columns = [
         {
             "key": column.key,
@@ -115,7 +118,10 @@ def to_json(table: Table) -> str:
 
 
 def to_markdown(table: Table) -> str:
-    """Write a Markdown table; texts are aligned left, numbers right."""
+    """Write a Markdown table.
+
+    Texts are aligned left, numbers right.
+    """
     columns = [column for column, _ in table.pairs]
     heads = [f"{column.group} {_heading(column)}".strip() for column in columns]
     lines = [
@@ -133,7 +139,10 @@ def _markdown(text: str) -> str:
 
 
 def to_latex(table: Table) -> str:
-    """Write a LaTeX table; it needs the package ``booktabs``."""
+    """Write a LaTeX table.
+
+    It needs the package ``booktabs``.
+    """
     columns = [column for column, _ in table.pairs]
     alignment = "".join("l" if table.is_text(column) else "r" for column in columns)
     lines = [
@@ -159,7 +168,10 @@ def _group_widths(columns: Sequence[Column]) -> list[tuple[str, int]]:
 
 
 def _latex_groups(columns: Sequence[Column]) -> list[str]:
-    """Return the line of headings above groups, with its rules; none without groups."""
+    """Return the line of headings above groups, with its rules.
+
+    None without groups.
+    """
     if not any(column.group for column in columns):
         return []
     cells = []
@@ -203,8 +215,9 @@ def to_text(table: Table, width: int = WIDTH) -> str:
 
 
 def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
-    """Yield the lines of a table, each with its row; None above the first row.
+    """Yield the lines of a table, each with its row.
 
+    None above the first row.
     Intervals stand below their numbers. Where the table would be wider than ``width``,
     columns of texts are folded, the first one last; numbers are never cut off.
     """
@@ -241,7 +254,7 @@ def _total(widths: Sequence[int]) -> int:
 
 
 def _narrow(widths: list[int], folded: Sequence[int], width: int) -> None:
-    """Narrow the widest of the ``folded`` columns until the table fits, if it can."""
+    """Narrow the ``folded`` columns until the table fits."""
     while _total(widths) > width:
         wide = [place for place in folded if widths[place] > _MIN_TEXT]
         if not wide:
@@ -272,7 +285,7 @@ def _cell(column: Column, interval: Column | None, row: Any) -> Lines:
 
 
 def _fold(cell: Lines, width: int) -> Lines:
-    """Break the lines of a cell before a blank, an underscore or a hyphen if possible."""
+    """Break the lines of a cell, before a separator if possible."""
     folded: Lines = []
     for text in cell:
         lines = [""]
@@ -301,7 +314,10 @@ def _block(
 
 
 def _group_line(columns: Sequence[Column], widths: list[int]) -> str:
-    """Return the line of headings above groups; ``widths`` grow for long ones."""
+    """Return the line of headings above groups.
+
+    ``widths`` grow for long ones.
+    """
     parts = []
     first = 0
     for name, count in _group_widths(columns):
@@ -314,7 +330,7 @@ def _group_line(columns: Sequence[Column], widths: list[int]) -> str:
 
 
 def to_html(table: Table) -> str:
-    """Write an HTML table with the title as its caption and the sentence below.
+    """Write an HTML table with title and sentence.
 
     Every text is escaped.
     """

@@ -9,7 +9,7 @@ _ROUNDING_S = 1e-6
 
 
 def longest_step(period: float) -> float:
-    """Return the longest step between two frames that is not a hole, s.
+    """Return the longest step without a hole, s.
 
     ``period``: nominal time between two frames, s.
     """

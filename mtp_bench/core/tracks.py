@@ -98,7 +98,7 @@ class Objects:
 
 
 def group(tracks: Tracks, most: int, min_mass: float = 0.0) -> Objects:
-    """Return the at most ``most`` objects of hypotheses of a weight of ``min_mass``.
+    """Return at most ``most`` objects of weight ``min_mass`` or more.
 
     Tracks of different hypotheses are one object if they took the same detection. A
     track that took none stands, in its hypothesis, for the object whose detection its
@@ -126,7 +126,7 @@ def group(tracks: Tracks, most: int, min_mass: float = 0.0) -> Objects:
 
 
 def _by_detection(tracks: Tracks) -> Ints:
-    """Return the track [D, H] that took each detection in each hypothesis, or -1."""
+    """Return the track [D, H] that took each detection, or -1."""
     shape = (_detections(tracks), len(tracks.member))
     table = np.full(shape, -1, dtype=np.int64)
     hypothesis, track = np.nonzero(tracks.member & (tracks.detection >= 0))
@@ -135,7 +135,7 @@ def _by_detection(tracks: Tracks) -> Ints:
 
 
 def _by_identity(tracks: Tracks) -> Ints:
-    """Return the track [I, H] without a detection of each identity, or -1.
+    """Return the track [I, H] of identities without detection, or -1.
 
     Rows are distinct identities, columns hypotheses.
     """
@@ -153,7 +153,7 @@ def _detections(tracks: Tracks) -> int:
 
 
 def _move_coasting(tracks: Tracks, leaf: Ints) -> None:
-    """Let tracks without a detection stand for the object of their identity elsewhere.
+    """Let tracks without detection stand for their identity's object.
 
     They do where that object has no track.
     """

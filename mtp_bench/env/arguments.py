@@ -139,7 +139,10 @@ def require_room(env_id: str, sizes: Mapping[str, int], kind: str, count: int) -
 
 
 def own_scenes(values: Mapping[str, Any]) -> Sequence[Scene] | None:
-    """Return the `Scene` objects among the keywords; None if ``scenes`` holds names."""
+    """Return the `Scene` objects among the keywords.
+
+    None if ``scenes`` holds names.
+    """
     scenes = values["scenes"]
     if scenes is None:
         return None
@@ -164,7 +167,10 @@ def own_scenes(values: Mapping[str, Any]) -> Sequence[Scene] | None:
 def choose_scenes(
     all_names: Sequence[str], chosen: Sequence[str] | None
 ) -> tuple[str, ...]:
-    """Return the names of the scenes that episodes are drawn from; None: all."""
+    """Return the names of the scenes that episodes are drawn from.
+
+    None: all.
+    """
     names = tuple(dict.fromkeys(all_names if chosen is None else chosen))
     for name in names:
         require_known("scene", name, all_names)

@@ -111,7 +111,10 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
 
     @property
     def scene(self) -> Scene:
-        """Scene of this episode, truth included; in its own frame of reference."""
+        """Scene of this episode, truth included.
+
+        In its own frame of reference.
+        """
         return self._started().scene
 
     @property
@@ -121,7 +124,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
 
     @property
     def past(self) -> tuple[Observation, ...]:
-        """Observations [P - 1] of the frames before the first one of the episode.
+        """Observations [P - 1] of the frames before the episode.
 
         There are none unless ``target_frames``.
         """
@@ -153,7 +156,10 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return self._episode.observe(), self._episode.info()
 
     def _start_episode(self, number: int, rng: np.random.Generator | None) -> Episode:
-        """Start an episode of a recorded scene; ``rng`` moves its local frame."""
+        """Start an episode of a recorded scene.
+
+        ``rng`` moves its local frame.
+        """
         scene = self._load(self.scene_names[number])
         frame = LocalFrame.of(scene, rng)
         scorer = None if self._evaluation else FrameScorer(scene, self.card)
@@ -196,7 +202,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return episode.score(self._recorded(episode, action)).reward
 
     def rollout(self) -> Rollout:
-        """Return all actions of this episode, in the scene's own frame of reference.
+        """Return all actions of this episode, in the scene's frame.
 
         Raises RolloutError before its end.
         """
@@ -216,8 +222,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return replace(rollout, drive=episode.drive)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw the frame of the last action; before the first action, frame 0.
+        """Draw the frame of the last action.
 
+        Before the first action, frame 0.
         ``rgb_array``: a bird's-eye picture [720, 960, 3], with true boxes unless in
         evaluation mode. ``rerun``: every frame is logged without this call, into
         rerun's active recording (`rerun.init`); None, as without a mode.
@@ -267,7 +274,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return scene
 
     def _recorded(self, episode: EpisodeLike, action: Action) -> RecordedAction:
-        """Return the sound part of an action for the frame that is shown."""
+        """Return the sound part of an action."""
         if episode.over:
             raise ResetNeeded(
                 f"step() after the last frame of {episode.scene.name!r}: "
@@ -281,7 +288,10 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
 
 
 def _make_task(card: Card, values: dict[str, Any]) -> Task:
-    """Return the rules of the env; raises MtpBenchError for a wrong or too large size."""
+    """Return the rules of the env.
+
+    Raises MtpBenchError for a wrong or too large size.
+    """
     defaults = {"samples": card.task.samples, **card.size.model_dump()}
     sizes = {
         name: check_size(name, values[name], default)

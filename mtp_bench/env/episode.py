@@ -29,7 +29,10 @@ class EpisodeLike(Protocol):
 
     @property
     def scene(self) -> Scene:
-        """Scene that is played; of a closed loop, the frame of now until its end."""
+        """Scene that is played.
+
+        Of a closed loop, the frame of now until its end.
+        """
 
     @property
     def frame(self) -> LocalFrame:
@@ -65,10 +68,10 @@ class EpisodeLike(Protocol):
         """Return fresh arrays of the frame that is shown."""
 
     def class_counts(self, classes: int) -> Ints:
-        """Count the detections of each class [C] in the frame that is shown."""
+        """Count the shown detections of each class [C]."""
 
     def take(self, action: RecordedAction) -> float:
-        """Take the action for the frame that is shown and return its reward."""
+        """Take the action for this frame and return its reward."""
 
     def info(self) -> dict[str, Any]:
         """Return the ``info`` of the frame that is shown, see `frame_info`."""
@@ -77,8 +80,9 @@ class EpisodeLike(Protocol):
 def start_drive(
     card: Card, task: Task, scene: str, number: int, rng: np.random.Generator | None
 ) -> EpisodeLike:
-    """Start a closed loop; its scene is made while it is driven.
+    """Start a closed loop.
 
+    Its scene is made while it is driven.
     ``number``: of the scene among `MTPEnv.scene_names`; ``rng`` moves the local frame
     at random.
     """
@@ -143,7 +147,7 @@ class Episode:
         return self.feed.observe(self.row)
 
     def class_counts(self, classes: int) -> Ints:
-        """Count the detections of each class [C] in the frame that is shown."""
+        """Count the shown detections of each class [C]."""
         return self.feed.class_counts(self.row, classes)
 
     def past_observations(self, frames: int) -> tuple[Observation, ...]:
@@ -160,7 +164,7 @@ class Episode:
         return self.drive
 
     def keep_target_frames(self, empty_action: RecordedAction) -> None:
-        """Begin at the first frame that can hold a target, and end at the last one.
+        """Play only from the first frame with targets to the last.
 
         ``empty_action``: of the frames before. Raises DataError for a scene without
         such a frame.
@@ -179,7 +183,10 @@ class Episode:
         self.actions += [empty_action] * self.first
 
     def score(self, action: RecordedAction) -> FrameScore:
-        """Score an action for the frame that is shown; zeros in evaluation mode."""
+        """Score an action for the frame that is shown.
+
+        Zeros in evaluation mode.
+        """
         if self.scorer is None:
             return FrameScore()
         forecasts = RecordedForecasts(
@@ -193,14 +200,14 @@ class Episode:
         return self.scorer.score(self.t, forecasts, action.malformed)
 
     def take(self, action: RecordedAction) -> float:
-        """Take the action for the frame that is shown and return its reward."""
+        """Take the action for this frame and return its reward."""
         score = self.score(action)
         self.actions.append(action)
         self.scores.append(score)
         return score.reward
 
     def info(self) -> dict[str, Any]:
-        """Return numbers of the frame that is shown, and of the action before.
+        """Return numbers of this frame and of the action before.
 
         In its last step also those of the episode. In evaluation mode none of them
         derives from the truth.
@@ -221,8 +228,9 @@ class Episode:
 
 @dataclass(frozen=True, eq=False)
 class LiveEpisode:
-    """Current episode; every step appends to ``actions``.
+    """Current episode.
 
+    Every step appends to ``actions``.
     In evaluation mode no value derives from the truth.
     """
 
@@ -237,11 +245,14 @@ class LiveEpisode:
 
     @property
     def frame(self) -> int:
-        """Index of the frame of the last action; 0 before the first one."""
+        """Index of the frame of the last action.
+
+        0 before the first one.
+        """
         return max(0, len(self.actions) - 1)
 
     def rollout(self, first: int = 0) -> Rollout:
-        """Return the actions from frame ``first`` on, as a rollout that begins there.
+        """Return the actions from frame ``first`` on as a rollout.
 
         Before any action it has one frame without rows.
         """
@@ -277,7 +288,10 @@ def live_episode(card: Card, episode: EpisodeLike, evaluation: bool) -> LiveEpis
 
 
 class Renderer(Protocol):
-    """Drawing of an episode while it is played; one object serves all episodes of an env."""
+    """Drawing of an episode while it is played.
+
+    One object serves all episodes of an env.
+    """
 
     def render(self, episode: LiveEpisode) -> NDArray[np.uint8] | None:
         """Draw the frame that was answered last.

@@ -39,8 +39,9 @@ class Feedback:
         self._warned: set[tuple[str, str]] = set()
 
     def give(self, checked: CheckedAction, where: str) -> None:
-        """Raise ActionError outside the action space; warn of other problems.
+        """Raise ActionError outside the action space.
 
+        Warn of other problems.
         Each warning comes once per env. ``where`` names the frame. Actions that were
         drawn from the action space give no warning, see `_is_random`.
         """
@@ -71,7 +72,7 @@ class Feedback:
 
 
 def _is_random(checked: CheckedAction) -> bool:
-    """Return True for a box more than 10 km from the origin: it was drawn.
+    """Return True for a box more than 10 km away.
 
     Rows that are not claimed are drawn with others.
     """

@@ -93,7 +93,7 @@ def make_lane_feed(
 
 
 def _cut(lines: Sequence[Floats], points: int) -> tuple[Floats, Bools]:
-    """Cut lines into pieces: their points [A, Q, 2] m, and which are there [A, Q]."""
+    """Cut lines into points [A, Q, 2] m, valid ones [A, Q]."""
     cuts = [
         line[start : start + points]
         for line in lines
@@ -107,7 +107,10 @@ def _cut(lines: Sequence[Floats], points: int) -> tuple[Floats, Bools]:
 
 
 def _successors(scene: Scene, first_piece: Ints) -> Ints:
-    """Return the pieces that continue each piece [A, SUCCESSORS]; -1: none."""
+    """Return the pieces that continue each piece [A, SUCCESSORS].
+
+    -1: none.
+    """
     pieces = int(first_piece[-1])
     following = np.full((pieces, SUCCESSORS), -1)
     following[:, 0] = np.arange(1, pieces + 1)  # within a lane
@@ -124,14 +127,14 @@ def _successors(scene: Scene, first_piece: Ints) -> Ints:
 
 
 def _within_reach(point: Floats, sensor: Floats, reach_m: float) -> Bools:
-    """Mask the points [A, Q] in the rectangle around the way of the sensor [F, 2]."""
+    """Mask the points [A, Q] around the way of the sensor."""
     low = sensor.min(axis=0) - reach_m
     high = sensor.max(axis=0) + reach_m
     return np.asarray(((point >= low) & (point <= high)).all(axis=2))
 
 
 def _resample(lane: Lane, step_m: float, where: str) -> Floats:
-    """Return points [n, 2] of the middle line, equally far apart, at most ``step_m``.
+    """Return equidistant points [n, 2] of the middle line.
 
     The ends are included.
     """

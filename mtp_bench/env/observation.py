@@ -152,7 +152,7 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
 
 
 def shown_boxes(scene: Scene, observe: str) -> tuple[Detections, Ints | None]:
-    """Return the boxes of a scene that an agent is shown, and their ids or None.
+    """Return the boxes that an agent is shown, and their ids.
 
     ``observe``: "detections" or "associated", "truth" for the true boxes, or "tracks"
     for those of a foreign tracker. Raises DataError for a scene without stored tracks.
@@ -182,7 +182,7 @@ def true_detections(scene: Scene) -> tuple[Detections, Ints]:
 def true_ids(
     scene: Scene, frame: Ints, box: Floats, class_id: Ints, card: Card
 ) -> Ints:
-    """Return the true object [n] that each detection is matched to, -1 for none.
+    """Return the true object [n] of each detection, -1 for none.
 
     ``frame`` [n], ``box`` [n, 7] in the scene's frame of reference and ``class_id`` [n]
     of the detections, by frame. They are matched one-to-one to all true boxes, neutral
@@ -195,7 +195,10 @@ def true_ids(
 
 
 def _in_range(box: Floats, score: Floats, class_id: Ints, classes: int) -> Bools:
-    """Mask the rows [R] inside the observation space; False for NaN."""
+    """Mask the rows [R] inside the observation space.
+
+    False for NaN.
+    """
     placed = (np.abs(box[:, :4]) <= COORDINATE_LIMIT).all(axis=1)
     sized = ((box[:, 4:] >= 0) & (box[:, 4:] <= SIZE_LIMIT)).all(axis=1)
     evaluated = (class_id >= 0) & (class_id < classes)
@@ -203,14 +206,17 @@ def _in_range(box: Floats, score: Floats, class_id: Ints, classes: int) -> Bools
 
 
 def _shown_velocity(velocity: Floats, task: Task) -> Floats:
-    """Return measured velocities [R, 2] as they are shown; 0 where there is none."""
+    """Return measured velocities [R, 2] as they are shown.
+
+    0 where there is none.
+    """
     measured = (np.abs(velocity) <= VELOCITY_LIMIT).all(axis=1)
     shown = np.asarray(task.velocity & measured)
     return np.where(shown[:, None], velocity, np.float32(0))
 
 
 def _rank_in_frame(in_frame: Ints, score: Floats) -> Ints:
-    """Rank each row [R] in its frame by score, the earlier row first among equals."""
+    """Rank each row [R] in its frame by score."""
     order = np.lexsort((-score, in_frame))
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))

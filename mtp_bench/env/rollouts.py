@@ -90,7 +90,7 @@ def record_action(
     frame: LocalFrame | None = None,
     detections: Ints | None = None,
 ) -> RecordedAction:
-    """Return the sound part of an action in the scene's frame of reference.
+    """Return the sound part of an action, in the scene's frame.
 
     It counts the rows that were taken out. ``frame`` is that of the observations;
     without one, coordinates stay as they are. ``detections`` [C]: of each class in the
@@ -137,8 +137,9 @@ def record_action(
 
 
 def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Rollout:
-    """Make the rollout of the actions [F] of a scene; times are still zero.
+    """Make the rollout of the actions [F] of a scene.
 
+    Times are still zero.
     ``dropped`` [F]: detections that did not fit.
     """
     arrays: dict[str, NDArray[Any]] = {
@@ -188,7 +189,7 @@ def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:
 
 
 def drive_arrays(drive: Drive | None) -> dict[str, NDArray[Any]]:
-    """Return a drive as arrays, by names that no array of a rollout has.
+    """Return a drive as arrays, by names beside those of rollouts.
 
     There are none without a drive.
     """
@@ -201,8 +202,9 @@ def drive_arrays(drive: Drive | None) -> dict[str, NDArray[Any]]:
 
 
 def drive_of(arrays: Mapping[str, NDArray[Any]]) -> Drive | None:
-    """Return the drive of `drive_arrays`; None without one.
+    """Return the drive of `drive_arrays`.
 
+    None without one.
     Raises KeyError for a missing array.
     """
     if not any(name.startswith("drive_") for name in arrays):
@@ -221,7 +223,7 @@ def drive_of(arrays: Mapping[str, NDArray[Any]]) -> Drive | None:
 
 
 def digest(rollout: Rollout) -> str:
-    """Return the hex sha256 over the scene's name and the arrays of a rollout.
+    """Return the hex sha256 over a rollout.
 
     All arrays but ``seconds``, and those of `_DIGESTED_DRIVE` of a drive.
     """
@@ -241,8 +243,9 @@ def digest(rollout: Rollout) -> str:
 
 
 def log_softmax(log_weight: Floats, mask: Bools) -> Floats:
-    """Normalise log-weights [..., n] in ``mask`` over the last axis; -inf outside of it.
+    """Normalise log-weights [..., n] in ``mask`` over the last axis.
 
+    -inf outside of it.
     Weights inside stay finite, however small: faint is not absent.
     """
     masked = np.where(mask, log_weight.astype(np.float64), -np.inf)

@@ -31,7 +31,7 @@ AnySpaces = dict[str, spaces.Space[Any]]
 
 
 def observation_space(task: Task) -> spaces.Dict:
-    """Return the space of one frame, in the local frame: metres, seconds, radians.
+    """Return the space of one frame: metres, seconds, radians.
 
     Rows where ``detection_valid`` is 0 hold zeros, and -1 as class and id. With
     ``observe="truth"`` true boxes come as detections with score 1 and ``detection_id``
@@ -70,7 +70,7 @@ def observation_space(task: Task) -> spaces.Dict:
 
 
 def action_numbers(task: Task) -> int:
-    """Count the entries of an action before an array of that size is made."""
+    """Count the entries of an action, without making it."""
     return sum(math.prod(field.shape_in(task)) for field in ACTION_FIELDS)
 
 

@@ -159,15 +159,15 @@ class AssociationOnly(
         return self._shown(observation), reward, terminated, truncated, info
 
     def reward_of(self, choice: Ints) -> float:
-        """Return the env's own reward of these choices [M], which are not taken."""
+        """Return the env's reward of choices [M] that are not taken."""
         return self._inner.reward_of(self._player.preview(choice))
 
     def table(self, observation: Numbers) -> Numbers:
-        """Return the observation as a row per detection [M, 4 + C + 4 choices]."""
+        """Return a row per detection [M, 4 + C + 4 choices]."""
         return observation.reshape(self.shape)
 
     def nearest(self, observation: Numbers) -> Ints:
-        """Choose the nearest track for each [M] if there is one, else a new one."""
+        """Choose the nearest track [M], else a new one."""
         return nearest(observation.reshape(-1, self.shape[1]), self._inner.task)
 
     def _shown(self, observation: Observation) -> Numbers:
@@ -175,7 +175,10 @@ class AssociationOnly(
         return tables[0].ravel()
 
     def _read(self, action: Any) -> Ints:
-        """Return the choices as an array; raise ActionError for other values."""
+        """Return the choices as an array.
+
+        Raise ActionError for other values.
+        """
         try:
             choice: NDArray[Any] = np.asarray(action)
         except ValueError:  # rows of different lengths

@@ -35,7 +35,7 @@ _TRACK_COLUMNS = 4  # of each track next to it
 
 
 def nearest(table: Numbers, task: Task) -> Ints:
-    """Choose the nearest track [M] for each row if there is one, else a new one."""
+    """Choose the nearest track [M], else a new one."""
     track_exists = table[:, _DETECTION_COLUMNS + len(task.classes)] > 0
     return np.where(track_exists, CONTINUE, NEW)
 
@@ -69,7 +69,7 @@ class Associator:
         self._agent.reset(self._task)
 
     def look(self, observation: Observation) -> Numbers:
-        """Return the table of a frame, and keep the tracks that may continue."""
+        """Return the table of a frame."""
         self._observation = observation
         if self._task.after_hole(observation):
             self._slots.begin(self._task)
@@ -109,7 +109,7 @@ class Associator:
         self._order = np.where(np.isfinite(self._distance), order, FREE)
 
     def _track_columns(self) -> Floats:
-        """Return the columns [m, 4 choices] of the tracks next to the detections."""
+        """Return the columns [m, 4 choices] of nearest tracks."""
         slots = self._slots
         slot = self._order
         exists = slot != FREE
@@ -126,12 +126,12 @@ class Associator:
         return self._agent.act(self._observation)
 
     def preview(self, choice: Ints) -> Action:
-        """Return the action of the frame after these choices, which are not taken."""
+        """Return the action after choices that are not taken."""
         shared = {id(part): part for part in (self._task, self._observation)}
         return copy.deepcopy(self, shared).act(choice)
 
     def _resolve(self, choice: Ints) -> tuple[Ints, Ints]:
-        """Return the detections that join a track, and the slot of each, or FREE."""
+        """Return the detections that join tracks, and their slots or FREE."""
         new = np.flatnonzero(choice == NEW)
         continuing = np.flatnonzero(choice >= CONTINUE)
         rank = choice[continuing] - CONTINUE

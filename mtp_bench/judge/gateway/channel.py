@@ -44,7 +44,10 @@ class Channel:
         self._poll.register(log, select.POLLIN)
 
     def send(self, header: dict[str, object], arrays: Arrays | None = None) -> None:
-        """Queue a message; it is written as far as the agent reads, now and in `wait`."""
+        """Queue a message.
+
+        It is written as far as the agent reads, now and in `wait`.
+        """
         self._outgoing.append(memoryview(encode(header, arrays)))
         self._write()
 
@@ -71,8 +74,9 @@ class Channel:
         return message[:header], message[header:]
 
     def read(self) -> bool:
-        """Read what has arrived; return False if nothing has.
+        """Read what has arrived.
 
+        Return False if nothing has.
         Raises EndedError, and WireError for an empty message.
         """
         missing = self._expected - len(self._incoming)
@@ -88,7 +92,7 @@ class Channel:
         return True
 
     def wait(self, deadline: float) -> None:
-        """Wait until a pipe can be read or written, at most until the deadline.
+        """Wait for a pipe, at most until the deadline.
 
         It is in s, of `time.monotonic`.
         """
@@ -104,7 +108,7 @@ class Channel:
             self._read_log()
 
     def printed(self) -> str:
-        """Return the last line of the first output of the agent, for an error message."""
+        """Return the last line of the agent's first output."""
         self._read_log()
         lines = self._printed.decode(errors="replace").strip().split("\n")
         return lines[-1].strip()[:_MAX_LINE]

@@ -28,7 +28,7 @@ _JOIN_SESSION_KEYRING = 1  # of keyctl
 
 
 def main(orders: int, answers: int) -> None:
-    """Take orders from one descriptor and answer into the other until the judge closes it."""
+    """Take orders from one descriptor and answer into the other."""
     setup = json.loads(_read(orders)[0])
     if setup["unsandboxed"] is not None:
         end_with(setup["unsandboxed"]["judge"])
@@ -74,7 +74,7 @@ def join_new_keyring() -> None:
 
 
 def module_beside(name: str) -> Any:
-    """Load a module of this folder without its package, which is the judge's."""
+    """Load a module of this folder without its package."""
     path = Path(__file__).with_name(f"{name}.py")
     spec: Any = importlib.util.spec_from_file_location(f"mtp_bench_{name}", path)
     module = importlib.util.module_from_spec(spec)
@@ -152,7 +152,7 @@ def _task(make: Any, content: dict[str, Any]) -> Any:
 
 
 def _limit(limits: dict[str, int]) -> None:
-    """Set limits of the system for this process and those that it starts, which cannot raise them again.
+    """Set limits of the system for this process and its children.
 
     ``NPROC`` counts the processes and threads of this user: in a user namespace those
     inside it.

@@ -42,7 +42,10 @@ def answer_bytes(space: spaces.Space[Any], limits: Limits) -> int:
 
 
 class Exchange:
-    """Questions to one agent and its answers; a failed agent is not asked again."""
+    """Questions to one agent and its answers.
+
+    A failed agent is not asked again.
+    """
 
     def __init__(
         self,
@@ -229,8 +232,9 @@ def _error_text(error: Exception) -> str:
 
 
 def _finite(action: Mapping[str, NDArray[Any]]) -> bool:
-    """Return True if all numbers of valid rows are finite; else nothing is answered.
+    """Return True if all numbers of valid rows are finite.
 
+    Else nothing is answered.
     ``action``: arrays of the right shapes; fields may be missing. Invalid rows may hold
     any number, as may samples whose log-weight marks them as absent; -inf is such a
     log-weight, NaN and +inf are not.
@@ -253,7 +257,7 @@ def _finite(action: Mapping[str, NDArray[Any]]) -> bool:
 def _valid_rows(
     action: Mapping[str, NDArray[Any]], name: str, kind: str
 ) -> NDArray[Any]:
-    """Return the rows of a field that the mask of its kind marks as valid.
+    """Return the valid rows of a field.
 
     All of them without a mask.
     """

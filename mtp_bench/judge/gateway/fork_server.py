@@ -103,7 +103,7 @@ class ForkServer:
         return self._process.poll() is None
 
     def fits(self, layout: Layout) -> bool:
-        """Return True if a new server would see the same files and environment."""
+        """Return True if a new server would be the same."""
         same_environment = self._environment == environment(isolated=True)
         return same_environment and self._layout == layout
 
@@ -140,7 +140,7 @@ class ForkServer:
         self._process.wait()
 
     def _read_pid(self, expected: bytes, seconds: float) -> int:
-        """Return the pid, as the judge sees it, of the process that sends ``expected``."""
+        """Return the pid of the process that sends ``expected``."""
         if ready(self._socket.fileno(), seconds):
             with suppress(OSError):  # it has ended
                 text, messages, _, _ = self._socket.recvmsg(
@@ -164,7 +164,7 @@ _servers: dict[int, ForkServer] = {}
 
 
 def server_for(layout: Layout) -> ForkServer:
-    """Return this thread's fork server for a layout, started at the first call.
+    """Return this thread's fork server, started at the first call.
 
     Raises ForkServerError.
     """

@@ -97,7 +97,7 @@ def main(child: Any, setup: dict[str, Any], descriptor: int) -> None:
 def _exit_after_fork(
     child: Any, request: dict[str, Any], descriptors: list[int], judge: socket.socket
 ) -> None:
-    """Run the fork and exit, also after an error: a fork never continues as the server."""
+    """Run the fork and exit, also after an error."""
     code = 1
     try:
         _run_fork(child, request, descriptors, judge)
@@ -144,7 +144,7 @@ def _run_fork(
 
 
 def _enter_sandbox(child: Any, request: dict[str, Any]) -> None:
-    """Replace what the server's sandbox shares with it, then drop capabilities and install the filter."""
+    """Seal the fork: own mounts, no capabilities, the filter."""
     child.end_with(None)
     os.setsid()
     child.join_new_keyring()

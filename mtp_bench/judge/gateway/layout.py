@@ -158,7 +158,7 @@ def _copy(source: Path, files: Sequence[Path], networks: Sequence[Path]) -> Imag
 
 
 def _new_folder() -> Path:
-    """Make a folder for an image, locked and removed at the end of this process.
+    """Make a locked folder for an image.
 
     Also remove the folders of killed processes. A lock shows that a process lives, also
     one whose pid is of another namespace.
@@ -323,7 +323,7 @@ def _interpreter_files() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
 
 
 def _add(shown: list[tuple[str, str]], paths: Iterable[str]) -> None:
-    """Add existing paths that are not inside a folder that is shown already."""
+    """Add existing paths that are not shown already."""
     shown += [
         (path, path)
         for path in paths

@@ -199,7 +199,7 @@ class AgentProcess:
             self._handle = os.pidfd_open(self._pid)
 
     def setup(self, parameters: dict[str, Any]) -> dict[str, Any]:
-        """Return the first message to the agent's side: paths in its root, and limits."""
+        """Return the first message to the agent's side."""
         limits = self._limits
         system_limits = {
             "AS": limits.memory,
@@ -228,8 +228,9 @@ class AgentProcess:
         }
 
     def receive(self, deadline: float) -> Message | None:
-        """Return the next message; None if it is not complete at ``deadline``.
+        """Return the next message.
 
+        None if it is not complete at ``deadline``.
         The deadline is in s, of `time.monotonic`. Raises WireError for a message that
         is malformed or longer than allowed, EndedError if the process has ended,
         ExcessError if its processes are too many or hold too much memory.

@@ -43,11 +43,11 @@ class Group:
 
     @property
     def members(self) -> list[str]:
-        """Files to which a process writes 0 to join the groups, one per group."""
+        """Files to which a process writes 0 to join."""
         return [str(folder / "cgroup.procs") for folder in self.folders]
 
     def exceeded(self) -> bool:
-        """Return True if the kernel killed a process for the group's memory limit."""
+        """Return True if the kernel enforced the memory limit."""
         for folder in self.folders:
             for name in ("memory.events", "memory.oom_control"):
                 with suppress(OSError, ValueError):
@@ -58,7 +58,10 @@ class Group:
         return False
 
     def remove(self) -> None:
-        """Remove the groups; their processes must have ended."""
+        """Remove the groups.
+
+        Their processes must have ended.
+        """
         deadline = time.monotonic() + _REMOVE_SECONDS
         for folder in self.folders:
             while folder.is_dir() and time.monotonic() < deadline:
@@ -107,7 +110,7 @@ def make_group(
 
 
 def _sweep(parent: Path) -> None:
-    """Remove groups of judges that have ended, and end the processes in them.
+    """Remove groups of ended judges with their processes.
 
     These are judges of this namespace.
     """
@@ -121,7 +124,7 @@ def _sweep(parent: Path) -> None:
 
 
 def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
-    """Return folders in which groups can be made, and the files of their limits."""
+    """Return parents of new groups, and the files of limits."""
     entries: dict[str, str] = {}
     with suppress(OSError, ValueError):
         for line in own.read_text().splitlines():
@@ -147,7 +150,7 @@ def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
 
 
 def files_below(pid: int, folder: str) -> int:
-    """Count the files in the file system that a process has at ``folder``.
+    """Count the files that a process has below ``folder``.
 
     0 if unknown.
     """
@@ -158,7 +161,7 @@ def files_below(pid: int, folder: str) -> int:
 
 
 def guard(on: bool) -> None:
-    """Hide the memory of this process from others of the user, or end that.
+    """Hide the memory of this process, or end that.
 
     Also adopt its orphans; on Linux only.
     """
@@ -227,7 +230,10 @@ def end(processes: Iterable[int], seconds: float) -> None:
 
 
 def status(pid: int, name: bytes) -> int:
-    """Return a number of /proc/PID/status, such as of threads; 0 if unknown."""
+    """Return a number of /proc/PID/status, such as of threads.
+
+    0 if unknown.
+    """
     with suppress(OSError, ValueError, IndexError):
         lines = _read(f"/proc/{pid}/status")
         return int(lines.split(b"\n" + name + b":")[1].split()[0])
@@ -235,7 +241,7 @@ def status(pid: int, name: bytes) -> int:
 
 
 def memory(pid: int, resident: bool) -> int:
-    """Return the resident memory now, or the size of the address space, bytes.
+    """Return the resident memory or the address space, bytes.
 
     The size is an upper bound; 0 if unknown.
     """
@@ -245,6 +251,9 @@ def memory(pid: int, resident: bool) -> int:
 
 
 def _read(path: str) -> bytes:
-    """Read a file of /proc; after every frame, so without `Path`, which is slower."""
+    """Read a file of /proc.
+
+    After every frame, so without `Path`, which is slower.
+    """
     with open(path, "rb", buffering=0) as file:  # noqa: PTH123
         return file.read()

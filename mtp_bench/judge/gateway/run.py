@@ -42,7 +42,7 @@ def run_isolated(
     digest: str | None = None,
     backend: SandboxBackend | None = None,
 ) -> SceneRun:
-    """Run one scene of an env in evaluation mode, with an agent in its own process.
+    """Run one scene with an agent in its own process.
 
     ``submission``: its folder, or the name of a baseline. ``env_id``: id, or path of a
     card. ``env_keywords``: of MTPEnv; the env observes what the submission asks for
@@ -110,8 +110,9 @@ def run_isolated_scenes(
     finished: Callable[[SceneRun], None] = lambda run: None,
     digest: str | None = None,
 ) -> list[SceneRun]:
-    """Run every scene by `run_isolated`; results have the order of ``scenes``.
+    """Run every scene by `run_isolated`.
 
+    Results have the order of ``scenes``.
     Every scene has an agent of its own: a failure ends at most its scene. ``finished``
     is called with every finished scene, in the order of completion and in this process.
     ``digest``: of the submission in all scenes; None: the one that it has now.

@@ -135,7 +135,7 @@ def bubblewrap_command(layout: Layout, program: Sequence[str], space: int) -> li
 
 
 def bubblewrap_works() -> bool:
-    """Return True if a program starts in a sandbox and sees only what it is shown.
+    """Return True if a program starts in the sandbox.
 
     Raises SubmissionError if that takes too long.
     """
@@ -167,8 +167,9 @@ def bubblewrap_works() -> bool:
 
 @cache
 def system_call_filter() -> bytes | None:
-    """Return the filter as a program of the kernel; None without libseccomp.
+    """Return the filter as a program of the kernel.
 
+    None without libseccomp.
     Raises OSError where that refuses a rule.
     """
     library = _libseccomp()
@@ -205,7 +206,10 @@ def call_number(name: str) -> int:
 
 @cache
 def _libseccomp() -> Any:
-    """Load the library with the types of its results; None if it is not installed."""
+    """Load the library with the types of its results.
+
+    None if it is not installed.
+    """
     try:
         library = ctypes.CDLL("libseccomp.so.2")
     except OSError:
@@ -222,7 +226,7 @@ def _require(status: int) -> None:
 
 
 def _rules() -> Iterator[tuple[Any, ...]]:
-    """Yield all rules: error of a call, its name or number, and comparisons.
+    """Yield all rules: error, call, comparisons.
 
     The error 0 is success; the comparisons are of arguments.
     """

@@ -34,7 +34,7 @@ class WireError(Exception):
 def encode(
     header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None
 ) -> bytes:
-    """Return a message as one block of bytes, since each write wakes the reader.
+    """Return a message as one block of bytes.
 
     None for an array: it is unusable.
     """
@@ -52,7 +52,10 @@ def encode(
 
 
 def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:
-    """Return the header of a message; raise WireError unless it is a JSON object."""
+    """Return the header of a message.
+
+    Raise WireError unless it is a JSON object.
+    """
     try:
         header = json.loads(bytes(text))
     except (ValueError, RecursionError):
@@ -124,7 +127,7 @@ def _entry(entry: Any) -> tuple[str, str, tuple[int, ...]]:
 
 
 def plain(value: object) -> NDArray[Any] | None:
-    """Return ``value`` as an array of numbers that can be sent; None if it is none.
+    """Return ``value`` as an array of numbers, else None.
 
     Never raises, whatever object of an agent it is.
     """
