@@ -59,18 +59,7 @@ def make_action(
     that names the argument and the expected value, and MtpBenchError unless ``task`` is
     a Task.
     """
-    if not isinstance(task, Task):
-        raise MtpBenchError(
-            f"task is of type {type(task).__name__}, "
-            "expected a Task: env.unwrapped.task"
-        )
-    if not isinstance(tracks, (Tracks, type(None))):
-        raise ShapeError(f"tracks is of type {type(tracks).__name__}, expected Tracks")
-    if ids is not None and tracks is not None:
-        raise ShapeError(
-            "ids and tracks are both given, expected only one of them: "
-            "tracks has ids of its own"
-        )
+    _require_types(task, ids, tracks)
     box = _array("boxes", boxes, _NUMBERS, ("O", 7))
     objects = len(box)
     class_id = _array("classes", classes, _WHOLE_NUMBERS, (objects,))
@@ -103,6 +92,21 @@ def make_action(
     if checked:
         _require_sound(action, task)
     return action
+
+
+def _require_types(task: object, ids: object, tracks: object) -> None:
+    if not isinstance(task, Task):
+        raise MtpBenchError(
+            f"task is of type {type(task).__name__}, "
+            "expected a Task: env.unwrapped.task"
+        )
+    if not isinstance(tracks, (Tracks, type(None))):
+        raise ShapeError(f"tracks is of type {type(tracks).__name__}, expected Tracks")
+    if ids is not None and tracks is not None:
+        raise ShapeError(
+            "ids and tracks are both given, expected only one of them: "
+            "tracks has ids of its own"
+        )
 
 
 def _forecast_array(forecasts: ArrayLike, objects: int, task: Task) -> NDArray[Any]:

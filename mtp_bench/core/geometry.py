@@ -24,8 +24,8 @@ _MIN_DIVISOR = 1e-300
 
 def wrap_angle(angle: ArrayLike) -> Floats:
     """Bring ``angle`` in radians into [-pi, pi)."""
-    turned = np.remainder(np.asarray(angle, dtype=np.float64) + np.pi, 2 * np.pi)
-    return turned - np.pi
+    rotated = np.remainder(np.asarray(angle, dtype=np.float64) + np.pi, 2 * np.pi)
+    return rotated - np.pi
 
 
 def bev_corners(box: Floats) -> Floats:
@@ -43,12 +43,12 @@ def rotate(vector: Floats, yaw: Floats | float) -> Floats:
 
     Components after x and y stay.
     """
-    turned = np.array(vector, dtype=np.float64)
+    rotated = np.array(vector, dtype=np.float64)
     cos = np.cos(yaw)
     sin = np.sin(yaw)
-    turned[..., 0] = cos * vector[..., 0] - sin * vector[..., 1]
-    turned[..., 1] = sin * vector[..., 0] + cos * vector[..., 1]
-    return turned
+    rotated[..., 0] = cos * vector[..., 0] - sin * vector[..., 1]
+    rotated[..., 1] = sin * vector[..., 0] + cos * vector[..., 1]
+    return rotated
 
 
 def unit_vectors(heading: Floats | float) -> Floats:
@@ -59,7 +59,7 @@ def unit_vectors(heading: Floats | float) -> Floats:
 def transform_boxes(box: Floats, yaw: Floats | float, translation: ArrayLike) -> Floats:
     """Move boxes ``[..., 7]`` rigidly.
 
-    They are turned by ``yaw`` about the z axis, then moved by ``translation`` (x, y,
+    They are rotated by ``yaw`` about the z axis, then moved by ``translation`` (x, y,
     z). One motion for all boxes, or one each: ``yaw`` ``[...]`` and ``translation``
     ``[..., 3]``.
     """

@@ -140,6 +140,6 @@ class Scene:
             return name
         all_names = self.object_names.values()
         for prefix in (name[:8], name[:_SHORT_NAME]):
-            if sum(other.startswith(prefix) for other in all_names) == 1:
+            if sum(text.startswith(prefix) for text in all_names) == 1:
                 return prefix
         return f"#{object_id}"

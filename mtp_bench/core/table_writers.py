@@ -226,15 +226,8 @@ def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
         return
     heads = [_head_lines(column) for column in columns]
     cells = [[_cell(*pair, row) for pair in table.pairs] for row in table.rows]
-    widths = [_width(column) for column in zip(heads, *cells, strict=True)]
     is_left = [place == 0 or table.is_text(c) for place, c in enumerate(columns)]
-    _group_line(columns, widths)  # names of groups may need more width than columns
-    folded = [place for place, is_text in enumerate(is_left) if is_text]
-    _narrow(widths, folded, width)
-    for line in cells:
-        for place in folded:
-            line[place] = _fold(line[place], widths[place])
-    widths[0] = _width([heads[0], *(line[0] for line in cells)])
+    widths = _fit(columns, heads, cells, is_left, width)
     height = max(map(len, heads))
     heads = [[""] * (height - len(head)) + head for head in heads]
     group_line = _group_line(columns, widths)
@@ -246,6 +239,25 @@ def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
     for row, line in zip(table.rows, cells, strict=True):
         for text in _block(line, widths, is_left):
             yield row, text
+
+
+def _fit(
+    columns: Sequence[Column],
+    heads: Sequence[Lines],
+    cells: Sequence[list[Lines]],
+    is_left: Sequence[bool],
+    width: int,
+) -> list[int]:
+    """Fold the texts of ``cells`` until they fit, and return the widths of columns."""
+    widths = [_width(column) for column in zip(heads, *cells, strict=True)]
+    _group_line(columns, widths)  # names of groups may need more width than columns
+    folded = [place for place, is_text in enumerate(is_left) if is_text]
+    _narrow(widths, folded, width)
+    for line in cells:
+        for place in folded:
+            line[place] = _fold(line[place], widths[place])
+    widths[0] = _width([heads[0], *(line[0] for line in cells)])
+    return widths
 
 
 def _total(widths: Sequence[int]) -> int:

@@ -127,7 +127,7 @@ def _answer_message(wire: Any, order: dict[str, Any], action: object) -> bytes:
     if isinstance(action, Mapping):
         for name in order["fields"]:
             if name in action:
-                arrays[name] = wire.plain(action[name])
+                arrays[name] = wire.as_numbers(action[name])
         size = sum(array.nbytes for array in arrays.values() if array is not None)
         if size > order["most"]:
             arrays = {}

@@ -321,18 +321,23 @@ class AgentProcess:
                 f"its {len(family)} processes had {threads} threads, "
                 f"expected at most {MAX_THREADS}"
             )
+        self._watch_files(self._pid)
+        if not self._group.folders:  # they bound the memory of its processes
+            self._watch_memory(self._pid, family)
+
+    def _watch_files(self, pid: int) -> None:
         files = 0
         if self._sandboxed and self._answered:
-            files = processes.files_below(self._pid, TEMPORARY)
+            files = processes.files_below(pid, TEMPORARY)
         if files > _MAX_FILES:
             raise ExcessError(
                 f"it had made {files} files, expected at most {_MAX_FILES}"
             )
-        if self._group.folders:
-            return  # which bounds their memory
+
+    def _watch_memory(self, agent: int, family: list[int]) -> None:
         # memory that they share may be in no page table now: count all that they could
         # reach
-        memory = processes.memory(self._pid, True)
+        memory = processes.memory(agent, True)
         memory += sum(processes.memory(pid, False) for pid in family[1:])
         if memory > self._limits.memory:
             raise ExcessError(

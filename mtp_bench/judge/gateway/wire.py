@@ -126,7 +126,7 @@ def _entry(entry: Any) -> tuple[str, str, tuple[int, ...]]:
     raise WireError(f"an array entry is {str(entry)[:_MAX_NAME]}")
 
 
-def plain(value: object) -> NDArray[Any] | None:
+def as_numbers(value: object) -> NDArray[Any] | None:
     """Return ``value`` as an array of numbers, else None.
 
     Never raises, whatever object of an agent it is.
