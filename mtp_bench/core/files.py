@@ -290,7 +290,7 @@ def cache_root() -> Path:
 def remove_damaged(path: Path) -> None:
     """Delete ``path`` of the cache and tell the user.
 
-    Do nothing if there is none.
+    Do nothing if it does not exist.
     """
     if not os.path.lexists(path):
         return

@@ -126,7 +126,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     def past(self) -> tuple[Observation, ...]:
         """Observations [P - 1] of the frames before the episode.
 
-        There are none unless ``target_frames``.
+        Empty without ``target_frames``.
         """
         self._started()
         return self._past

@@ -25,7 +25,7 @@ _START_DRIVE = "mtp_bench.traffic:DrivenEpisode.start"
 
 
 class EpisodeLike(Protocol):
-    """What `MTPEnv` needs of an episode: `Episode`, or a closed loop of the traffic."""
+    """Interface of an episode: `Episode`, or a closed loop of the traffic."""
 
     @property
     def scene(self) -> Scene:

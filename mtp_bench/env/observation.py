@@ -208,7 +208,7 @@ def _in_range(box: Floats, score: Floats, class_id: Ints, classes: int) -> Bools
 def _shown_velocity(velocity: Floats, task: Task) -> Floats:
     """Return measured velocities [R, 2] as they are shown.
 
-    0 where there is none.
+    0 where it is not measured.
     """
     measured = (np.abs(velocity) <= VELOCITY_LIMIT).all(axis=1)
     shown = np.asarray(task.velocity & measured)

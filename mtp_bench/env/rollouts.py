@@ -191,7 +191,7 @@ def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:
 def drive_arrays(drive: Drive | None) -> dict[str, NDArray[Any]]:
     """Return a drive as arrays, by names beside those of rollouts.
 
-    There are none without a drive.
+    Empty without a drive.
     """
     if drive is None:
         return {}
