@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtp_bench.cards import Card
-from mtp_bench.core.types import Rollout, Scene, starts_of_sorted
+from mtp_bench.core import Rollout, Scene, starts_of_sorted
 from mtp_bench.scoring import live_frames
 from mtp_bench.scoring.definitions import SAMPLE_FLOOR
 

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from benchmarks.driving_attacks import ATTACKS
 from mtp_bench.agent.loader import submission_of
 from mtp_bench.cards import Card
+from mtp_bench.core import HARD_BRAKING, Drive, Floats, Ints, Rollout, Scene
 from mtp_bench.core.parallel import Workers, unordered_map
-from mtp_bench.core.types import HARD_BRAKING, Drive, Floats, Ints, Rollout, Scene
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.running.drives import recorded_card
 from mtp_bench.running.playing import agent_task, run_scene

@@ -20,8 +20,8 @@ from mtp_bench.agent.loader import submission_of
 from mtp_bench.cards import Card, load_card
 from mtp_bench.cards.card import DriveSection
 from mtp_bench.cards.changes import with_split
+from mtp_bench.core import Drive
 from mtp_bench.core.parallel import Workers, parallel_map
-from mtp_bench.core.types import Drive
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.running.playing import jobs_of, run_jobs
 from mtp_bench.running.settings import setting_of

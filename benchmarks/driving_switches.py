@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.driving_measure import Array, Kept
-from mtp_bench.core.types import HARD_BRAKING, Bools, Ints
+from mtp_bench.core import HARD_BRAKING, Bools, Ints
 from mtp_bench.traffic.highway.world import RATE
 
 SECONDS = 4.0  # of a window

@@ -17,7 +17,7 @@ import numpy as np
 from mtp_bench import MTPEnv
 from mtp_bench.agent import load_submission
 from mtp_bench.cards import load_card
-from mtp_bench.core.types import Floats, Ragged, Rollout, Scene
+from mtp_bench.core import Floats, Ragged, Rollout, Scene
 from mtp_bench.running.playing import run_scene
 from mtp_bench.running.reference import frozen_reference
 from mtp_bench.scoring.targets import find_targets

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from benchmarks.attacks import FLOODS
 from mtp_bench.cards import Card
+from mtp_bench.core import Rollout
 from mtp_bench.core.parallel import Workers, cores, parallel_map
-from mtp_bench.core.types import Rollout
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.reference import reference_for
 from mtp_bench.running.stored import open_run

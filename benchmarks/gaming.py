@@ -24,8 +24,8 @@ from benchmarks.attacks import CHANGES, in_crowds, joined
 from mtp_bench import Action, Agent, Observation, make_action
 from mtp_bench.agent import Frame
 from mtp_bench.agent.loader import load_submission
+from mtp_bench.core import Rollout, Task
 from mtp_bench.core.parallel import Workers, cores, parallel_map
-from mtp_bench.core.types import Rollout, Task
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.prediction import KinematicPredictor, LearnedPresence
 from mtp_bench.running.options import RunOptions

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.tracking.report import show
-from mtp_bench.core.types import Bools, Floats
+from mtp_bench.core import Bools, Floats
 from mtp_bench.tracking.kernels.association import joint_k_best
 from tests.support.textbook_k_best import k_best as textbook
 

@@ -30,8 +30,8 @@ from benchmarks.tracking.scenes import (
     recordings,
 )
 from benchmarks.tracking.timing import Pieces, cpu_seconds, stages
+from mtp_bench.core import Task
 from mtp_bench.core.errors import MtpBenchError
-from mtp_bench.core.types import Task
 from mtp_bench.prediction import (
     GreedySampler,
     KinematicPredictor,

@@ -33,9 +33,9 @@ from benchmarks.tracking.report import show
 from benchmarks.tracking.scenes import KITTI, NUSCENES, Row, recordings
 from mtp_bench.agent import Forecasts, Frame, Sampler
 from mtp_bench.agent.pipeline import entry_table, make_pools, normalised, padded
+from mtp_bench.core import Floats, Observation, Task
 from mtp_bench.core.errors import DataError
 from mtp_bench.core.tracks import group
-from mtp_bench.core.types import Floats, Observation, Task
 from mtp_bench.prediction import GreedySampler, KinematicPredictor, KMeansSampler
 from mtp_bench.tracking import HypothesisTracker
 

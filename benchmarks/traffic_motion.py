@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtp_bench.core import Bools, Floats, Scene, Truth
 from mtp_bench.core.geometry import wrap_angle
-from mtp_bench.core.types import Bools, Floats, Scene, Truth
 from mtp_bench.detector.visibility import VISIBLE, visible_fractions
 
 VEHICLES = ("car", "truck", "bus", "trailer", "construction_vehicle", "motorcycle")

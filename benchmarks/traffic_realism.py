@@ -27,7 +27,7 @@ from benchmarks.tracking.report import show
 from benchmarks.tracking.scenes import KITTI, NUSCENES, Row
 from benchmarks.traffic_motion import HORIZONS, PERIOD, motion, samples
 from mtp_bench.cards import Card, load_card, with_split
-from mtp_bench.core.types import Floats, Scene
+from mtp_bench.core import Floats, Scene
 from mtp_bench.sources import open_source
 from mtp_bench.traffic.highway.source import HighwayTraffic
 

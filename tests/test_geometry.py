@@ -8,6 +8,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
+from mtp_bench.core import Floats
 from mtp_bench.core.geometry import (
     bev_corners,
     bev_intersection_area,
@@ -16,7 +17,6 @@ from mtp_bench.core.geometry import (
     transform_boxes,
     wrap_angle,
 )
-from mtp_bench.core.types import Floats
 
 MEASURES: list[Callable[[Floats, Floats], Floats]] = [bev_intersection_area, iou_3d, center_distance]
 QUARTER = np.pi / 2

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
-from types import ModuleType
 
 import gymnasium as gym
 import pytest
@@ -18,14 +17,11 @@ import mtp_bench
 from mtp_bench.core import bundle as _bundle
 
 PUBLIC = {
-    "ActionError", "CardError", "DataError", "MtpBenchError", "RecordError", "RolloutError", "ShapeError",
-    "SubmissionError", "UnknownNameError", "card_ids",
-}  # fmt: skip
-LAZY_NAMES = {
-    "Action", "Agent", "Card", "Detections", "Forecasts", "Frame", "FunctionPredictor", "MTPEnv", "Objects",
-    "Observation", "Pipeline", "Predictor", "Report", "Rollout", "Sampler", "Scene", "Submission", "Task", "Tracker",
-    "Tracks", "Truth", "compare", "evaluate", "load_card", "load_scenes", "load_submission", "make_action", "run",
-    "save_scene", "score", "windows",
+    "Action", "ActionError", "Agent", "Card", "CardError", "DataError", "Detections", "Forecasts", "Frame",
+    "FunctionPredictor", "MTPEnv", "MtpBenchError", "Objects", "Observation", "Pipeline", "Predictor", "RecordError",
+    "Report", "Rollout", "RolloutError", "Sampler", "Scene", "ShapeError", "Submission", "SubmissionError", "Task",
+    "Tracker", "Tracks", "Truth", "UnknownNameError", "__version__", "card_ids", "check_agent", "check_card", "compare",
+    "evaluate", "load_card", "load_scenes", "load_submission", "make_action", "run", "save_scene", "score", "windows",
 }  # fmt: skip
 LAZY = {"prediction", "scoring", "tracking", "training", "wrappers"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
@@ -42,12 +38,9 @@ def python(code: str, *arguments: str) -> str:
 
 
 def test_the_public_names_are_exactly_these() -> None:
-    values = {name: value for name, value in vars(mtp_bench).items() if not name.startswith("_")}
-    assert {name for name, value in values.items() if not isinstance(value, ModuleType)} == PUBLIC
-    modules = {value.__name__ for value in values.values() if isinstance(value, ModuleType)}
-    assert all(name.startswith("mtp_bench.") for name in modules), "only its own modules are attributes"
-    assert set(dir(mtp_bench)) >= PUBLIC | LAZY | LAZY_NAMES
-    assert all(getattr(mtp_bench, name).__name__ == name for name in LAZY_NAMES - {"Action", "Observation"})
+    assert {*mtp_bench.__all__} == PUBLIC | LAZY
+    assert {*dir(mtp_bench)} >= PUBLIC | LAZY
+    assert all(getattr(mtp_bench, name).__name__ == name for name in PUBLIC - {"Action", "Observation", "__version__"})
 
 
 def test_parts_are_imported_when_they_are_used() -> None:

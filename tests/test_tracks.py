@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mtp_bench.core import Floats
 from mtp_bench.core.tracks import Tracks, group
-from mtp_bench.core.types import Floats
 from mtp_bench.tracking import HypothesisTracker
 from tests.support.tracking_scenes import at_once, random_frames, run
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from mtp_bench.core import Bools, Floats, Ints
 from mtp_bench.core.geometry import rotate
-from mtp_bench.core.types import Bools, Floats, Ints
 from mtp_bench.training.detector_fit.samples import FalsePositiveSamples, ObjectSamples
 
 DISTANCES = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mtp_bench.agent.loader import load_submission
-from mtp_bench.core.types import Scene
+from mtp_bench.core import Scene
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.scoring import score_scene

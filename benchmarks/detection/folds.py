@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench.cards import load_card, with_detector, with_split
-from mtp_bench.core.types import Scene
+from mtp_bench.core import Scene
 from mtp_bench.detector import Profile, load_profile
 from mtp_bench.detector.profile_file import profile_text
 from mtp_bench.detector.simulation import simulate

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from mtp_bench.core.types import Scene
+from mtp_bench.core import Scene
 from mtp_bench.training.detector_fit.samples import (
     Samples,
     above_floor,

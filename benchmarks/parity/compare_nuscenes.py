@@ -10,7 +10,7 @@ import numpy as np
 
 from mtp_bench import __version__
 from mtp_bench.cards import Card, load_card, parse_card
-from mtp_bench.core.types import Floats
+from mtp_bench.core import Floats
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources.nuscenes.layout import CLASS_OF, CLASSES, official_scenes
 from mtp_bench.sources.nuscenes.source import NuScenes

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.core import Tracks
+from mtp_bench.core import Ints, Task, Tracks
 from mtp_bench.core.tracks import group
-from mtp_bench.core.types import Ints, Task
 from mtp_bench.tracking import HypothesisTracker
 from tests.support.plain_tracker import PlainTracker
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from mtp_bench import load_submission
-from mtp_bench.core import Observation, Tracks
-from mtp_bench.core.types import Task
+from mtp_bench.core import Observation, Task, Tracks
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.env.observation import LocalFrame, make_feed
 from mtp_bench.tracking import HypothesisTracker

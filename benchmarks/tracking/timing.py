@@ -11,7 +11,7 @@ import numpy as np
 
 import mtp_bench.agent.pipeline as agent_module
 import mtp_bench.tracking.tracker as tracker_module
-from mtp_bench.core.types import Task
+from mtp_bench.core import Task
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracking.tree import HypothesisTree

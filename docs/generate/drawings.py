@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mtp_bench.core.types import Ints, Rollout, Scene
+from mtp_bench.core import Ints, Rollout, Scene
 from mtp_bench.scoring import (
     AgentScores,
     SceneScore,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench import Card, Task, card_ids, load_card
-from mtp_bench.agent.action import FIELDS
+from mtp_bench.agent.action import ACTION_FIELDS
 from mtp_bench.cards.card import LaneSection
 from mtp_bench.env.spaces import action_numbers, observation_space
 from mtp_bench.scoring import DEFINITIONS
@@ -192,7 +192,7 @@ def _observations(task: Task) -> str:
 
 def _actions(task: Task) -> str:
     lines = ["| field | shape | dtype | entries | meaning |", "|---|---|---|---|---|"]
-    for field in FIELDS:
+    for field in ACTION_FIELDS:
         shape, dtype = _shape(field.shape_in(task)), np.dtype(field.content.dtype)
         meaning = field.meaning + (" Optional." if field.optional else "")
         lines.append(

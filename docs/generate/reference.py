@@ -64,9 +64,9 @@ GROUPS = (
     Group(
         "Records",
         "records",
-        ("core", "sources"),
+        ("core.arrays", "core.rollout", "core.scenes", "core.task", "sources"),
         intro="Arrays of scenes, observations, actions and rollouts.",
-        beside=("mtp_bench.core.types.Ragged",),
+        beside=("mtp_bench.core.arrays.Ragged",),
     ),
     Group(
         "Running and training",
@@ -145,7 +145,7 @@ def _index() -> str:
         if _names(group)
     ]
     legend = inspect.cleandoc(
-        importlib.import_module("mtp_bench.core.types").__doc__ or ""
+        importlib.import_module("mtp_bench.core.arrays").__doc__ or ""
     ).split("\n\n", 1)[1]
     return (
         HEAD
@@ -200,10 +200,9 @@ def _group_of(name: str) -> Group:
     value = getattr(importlib.import_module("mtp_bench"), name)
     module = getattr(value, "__module__", "")
     if not module.startswith("mtp_bench."):
-        module = "mtp_bench.core"
-    parts = module.split(".")[1:]
-    for length in range(len(parts), 0, -1):
-        for group in GROUPS:
-            if ".".join(parts[:length]) in group.modules:
-                return group
+        module = "mtp_bench.core.arrays"
+    place = module.removeprefix("mtp_bench.") + "."
+    for group in GROUPS:
+        if any(place.startswith(f"{part}.") for part in group.modules):
+            return group
     return OTHERS

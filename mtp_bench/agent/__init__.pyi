@@ -1,26 +1,20 @@
 from .action import (
-    ABSENT as ABSENT,
-    BOX as BOX,
-    CONFIDENCE as CONFIDENCE,
+    ABSENT_LOG_WEIGHT as ABSENT_LOG_WEIGHT,
+    ACTION_FIELDS as ACTION_FIELDS,
     COORDINATE_LIMIT as COORDINATE_LIMIT,
-    FIELDS as FIELDS,
     FORECAST_REACH as FORECAST_REACH,
-    ID as ID,
-    LOG_WEIGHT as LOG_WEIGHT,
-    MASK as MASK,
-    OFFSET as OFFSET,
-    ROWS as ROWS,
+    ROW_KINDS as ROW_KINDS,
     SIZE_LIMIT as SIZE_LIMIT,
-    Field as Field,
-    Rows as Rows,
-    padded as padded,
+    ActionField as ActionField,
+    RowKind as RowKind,
+    pad_rows as pad_rows,
 )
 from .building import make_action as make_action
 from .checks import (
     ActionProblem as ActionProblem,
-    Examined as Examined,
-    examine as examine,
-    present as present,
+    CheckedAction as CheckedAction,
+    check_action as check_action,
+    is_present as is_present,
 )
 from .loader import (
     ON_SCORED as ON_SCORED,

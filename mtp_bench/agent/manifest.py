@@ -1,4 +1,7 @@
-"""Manifest of a submission: the content of ``submission.toml``; see ``baselines/README.md``."""
+"""Manifest of a submission: the content of ``submission.toml``.
+
+See ``baselines/README.md``.
+"""
 
 import math
 import re
@@ -20,15 +23,18 @@ from ..core import (
 MANIFEST = "submission.toml"
 PARTS = ".part"  # suffix of the folder of an unfinished submit
 ROLLOUTS = ".rollouts"  # suffix of the folder beside a record
-MOST_NAME = 64  # characters
+MAX_NAME = 64  # characters
 NAME_RULE = (
-    f"expected at most {MOST_NAME} lower-case letters, digits and _ . - after a letter or a digit, no dot before a dot "
-    f"or at the end, no {PARTS} or {ROLLOUTS} at the end, and no word that Windows reserves, such as con"
+    f"expected at most {MAX_NAME} lower-case letters, digits and _ . - after a letter or "
+    f"a digit, no dot before a dot or at the end, no {PARTS} or {ROLLOUTS} at the end, "
+    "and no word that Windows reserves, such as con"
 )
 _NAME = re.compile(
-    rf"(?!(con|prn|aux|nul|com[0-9]|lpt[0-9])(\.|$))[a-z0-9][a-z0-9_-]*(\.[a-z0-9_-]+)*(?<!\{PARTS})(?<!\{ROLLOUTS})"
+    r"(?!(con|prn|aux|nul|com[0-9]|lpt[0-9])(\.|$))"
+    r"[a-z0-9][a-z0-9_-]*(\.[a-z0-9_-]+)*"
+    rf"(?<!\{PARTS})(?<!\{ROLLOUTS})"
 )
-MOST_SETTINGS = 1000  # of a comparison
+_MAX_SETTINGS = 1000  # of a comparison
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 Role = Literal[
     "ground_truth",
@@ -43,14 +49,16 @@ Role = Literal[
     "standing",
     "blind",
 ]
-NetworkName = Annotated[
-    str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")
-]  # network and its training data
+# network and its training data
+NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]
 
 
 def is_name(text: str) -> bool:
-    """Return True for a text that can name a submission, and so the folder of its records, on every system."""
-    return len(text) <= MOST_NAME and _NAME.fullmatch(text) is not None
+    """Return True for a name of a submission on every system.
+
+    The folder of its records has this name.
+    """
+    return len(text) <= MAX_NAME and _NAME.fullmatch(text) is not None
 
 
 SubmissionName = Annotated[str, rule(is_name, NAME_RULE)]
@@ -68,24 +76,22 @@ _Values = Annotated[tuple[Value, ...], _NOT_EMPTY]
 class CompareSection(Section):
     """Settings that a comparison runs, and the parameters that are counts."""
 
-    sweep: dict[str, _Values] = Field(
-        default_factory=dict
-    )  # parameter of the agent -> values to run it with
-    samples: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = (
-        "equal",
-    )  # k per object, or all drawn
+    # parameter of the agent -> values to run it with
+    sweep: dict[str, _Values] = Field(default_factory=dict)
+    # k per object, or all drawn
+    samples: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = ("equal",)
     # of the env; only "detections" is ranked, and "associated" is for baselines alone
     observe: Literal["detections", "truth", "associated", "tracks"] = "detections"
-    hypotheses: str | None = (
-        None  # parameter for the number H of hypotheses; None: as many as the agent states
-    )
-    draws: str | None = (
-        None  # parameter for how often k samples are drawn per hypothesis; None: once
-    )
-    # Parameters of the reference pair of its gap: a single-hypothesis pipeline, which takes ground-truth tracks if the
-    # env observes the truth; "controls": the baselines with these roles have its predictor; None: not known
+    # parameter for the number H of hypotheses; None: as many as the agent states
+    hypotheses: str | None = None
+    # parameter for how often k samples are drawn per hypothesis; None: once
+    draws: str | None = None
+    # Parameters of the reference pair of its gap: a single-hypothesis pipeline, which
+    # takes ground-truth tracks if the env observes the truth; "controls": the baselines
+    # with these roles have its predictor; None: not known
     gap_references: Literal["controls"] | dict[str, Value] | None = None
-    # the same of its association gap, if they are others: its own predictor with and without perfect association
+    # the same of its association gap, if they are others: its own predictor with and
+    # without perfect association
     association_references: dict[str, Value] | None = None
     role: Role | None = None  # of a baseline that others are compared with
 
@@ -97,31 +103,34 @@ class Manifest(Section):
     authors: Annotated[
         tuple[_Author, ...], Field(min_length=1, max_length=50, strict=False)
     ]
+    # "module:function"
     agent: Annotated[
         str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")
-    ]  # "module:function"
+    ]
     description: Annotated[str, Field(max_length=2000), _Shown] = ""
     source: _Url = ""  # of its code
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")] = ""  # of its code
     paper: _Url = ""  # that describes it
-    license: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .+()-]*$", max_length=100)] = (
-        ""  # as SPDX names it
-    )
+    # as SPDX names it
+    license: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .+()-]*$", max_length=100)] = ""
     training_data: Annotated[
         tuple[_Sentence, ...], Field(max_length=50, strict=False)
     ] = ()
-    trained_on_scored: dict[str, _Sentence] = Field(
-        default_factory=dict
-    )  # env id -> parts trained on its scenes
+    # env id -> parts trained on its scenes
+    trained_on_scored: dict[str, _Sentence] = Field(default_factory=dict)
+    # trained on this machine
     networks: Annotated[
         tuple[NetworkName, ...], Field(max_length=50, strict=False)
-    ] = ()  # trained on this machine
+    ] = ()
     parameters: dict[str, Value] = Field(default_factory=dict)
     compare: CompareSection = CompareSection()
 
 
 def read_manifest(folder: Path) -> Manifest:
-    """The manifest of the submission in ``folder``; raises SubmissionError, naming the key that is wrong."""
+    """Read the manifest of the submission in ``folder``.
+
+    Raises SubmissionError, naming the key that is wrong.
+    """
     where = f"{folder.name}/{MANIFEST}"
     manifest = validate(
         Manifest, read_toml(folder / MANIFEST, SubmissionError), where, SubmissionError
@@ -130,22 +139,26 @@ def read_manifest(folder: Path) -> Manifest:
     if not code.is_file():
         expected = f"but there is no {code}"
         if ".py:" in manifest.agent:
-            expected = f"expected module:function without .py, such as {manifest.agent.replace('.py:', ':')!r}"
+            name = manifest.agent.replace(".py:", ":")
+            expected = f"expected module:function without .py, such as {name!r}"
         raise SubmissionError(f"{where}: agent is {manifest.agent!r}, {expected}")
     _check_compare(manifest, where)
     return manifest
 
 
 def _check_compare(manifest: Manifest, where: str) -> None:
-    compare, known = manifest.compare, {*manifest.parameters, *manifest.compare.sweep}
+    compare = manifest.compare
+    parameters = {*manifest.parameters, *compare.sweep}
     for key, name in (("hypotheses", compare.hypotheses), ("draws", compare.draws)):
-        if name is not None and name not in known:
+        if name is not None and name not in parameters:
             raise SubmissionError(
-                f"{where}: compare.{key}: unknown parameter {name!r}{nearest(name, known)} (it needs a value under "
-                "[parameters] or in compare.sweep)"
+                f"{where}: compare.{key}: unknown parameter {name!r}"
+                f"{nearest(name, parameters)} (it needs a value under [parameters] or in "
+                "compare.sweep)"
             )
     settings = math.prod(map(len, compare.sweep.values())) * len(compare.samples)
-    if settings > MOST_SETTINGS:
+    if settings > _MAX_SETTINGS:
         raise SubmissionError(
-            f"{where}: compare.sweep makes {settings} settings, expected at most {MOST_SETTINGS}"
+            f"{where}: compare.sweep makes {settings} settings, "
+            f"expected at most {_MAX_SETTINGS}"
         )

@@ -23,10 +23,16 @@ class Agent(Protocol):
     """An agent answers detections with hypotheses and forecasts, frame by frame."""
 
     def reset(self, task: Task) -> None:
-        """Begin a new scene under the rules of ``task``; forget everything before."""
+        """Begin a new scene under the rules of ``task``.
+
+        Forget everything before.
+        """
 
     def act(self, observation: Observation) -> Action:
-        """Answer one frame; keys and shapes as in the env's observation and action space."""
+        """Answer one frame.
+
+        Keys and shapes are as in the env's observation and action space.
+        """
         ...
 
 
@@ -37,41 +43,46 @@ class Tracker(Protocol):
         """Begin a new scene."""
 
     def step(self, observation: Observation) -> Tracks:
-        """Tracks to output after this frame; none should cross a hole in time, see `Task.after_hole`."""
+        """Return the tracks after this frame.
+
+        None should cross a hole in time, see `Task.after_hole`.
+        """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Input of a predictor: the distinct tracks of all hypotheses and the latest observations."""
+    """Input of a predictor: distinct tracks of all hypotheses, latest observations."""
 
     number: int  # frames before this one in the scene
     tracks: Tracks  # N distinct tracks, with all that the tracker states of them
-    # of the last P frames at most, without a hole in time, oldest first; the last one is of this frame
+    # of the last P frames at most, without a hole in time, oldest first; the last one
+    # is of this frame
     seen: tuple[Observation, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Forecasts:
-    """Forecasts of the N tracks of a frame in R rows; several tracks may share a row."""
+    """Forecasts of the N tracks of a frame in R rows.
+
+    Several tracks may share a row.
+    """
 
     samples: Floats  # [R, S, T, 2] absolute x y, m
-    log_weight: Floats | None = (
-        None  # [R, S]; None: equal; -inf: no such sample; -inf throughout: no forecast
-    )
+    # [R, S]; None: equal; -inf: no such sample; -inf throughout: no forecast
+    log_weight: Floats | None = None
     present: Floats | None = None  # [R, 2] x y now; None: the centre of the track's box
-    presence: Floats | None = (
-        None  # [R] probability that the object is there; None: ask the pipeline's presence
-    )
-    row: Ints | None = (
-        None  # [N] row of each track, or [H, N] of each track in each hypothesis; None: row i is track i
-    )
+    # [R] probability that the object is there; None: ask the pipeline's presence
+    presence: Floats | None = None
+    # [N] row of each track, or [H, N] of each track in each hypothesis; None: row i is
+    # track i
+    row: Ints | None = None
 
     def __post_init__(self) -> None:
         if np.ndim(self.samples) != len("RSTx"):
-            got = f"forecasts.samples has shape {np.shape(self.samples)}"
             raise ShapeError(
-                f"{got}, expected [rows, samples, frames, 2]; one sample each is [rows, 1, frames, 2]"
+                f"forecasts.samples has shape {np.shape(self.samples)}, expected "
+                "[rows, samples, frames, 2]; one sample each is [rows, 1, frames, 2]"
             )
         rows, samples = np.shape(self.samples)[:2]
         expected = {
@@ -87,28 +98,33 @@ class Forecasts:
                 )
 
     def rows_of(self, tracks: Tracks) -> Ints:
-        """Row [H, N] of each track in each hypothesis; entries of hypotheses without the track are arbitrary.
+        """Return the row [H, N] of each track in each hypothesis.
 
-        Raises ShapeError where ``row`` does not fit the tracks or the samples.
+        Entries of hypotheses without the track are arbitrary. Raises ShapeError where
+        ``row`` does not fit the tracks or the samples.
         """
-        rows, (hypotheses, n) = len(self.samples), tracks.member.shape
+        rows = len(self.samples)
+        hypotheses, n = tracks.member.shape
         if self.row is None:
             if rows != n:
                 raise ShapeError(
-                    f"forecasts.samples has {rows} rows, expected {n}: one for each track, or row"
+                    f"forecasts.samples has {rows} rows, expected {n}: "
+                    "one for each track, or row"
                 )
             return np.broadcast_to(np.arange(n), (hypotheses, n))
         row = np.asarray(self.row)
         if row.shape not in ((n,), (hypotheses, n)):
             raise ShapeError(
-                f"forecasts.row has shape {row.shape}, expected {(n,)} or {(hypotheses, n)}"
+                f"forecasts.row has shape {row.shape}, "
+                f"expected {(n,)} or {(hypotheses, n)}"
             )
         by_hypothesis = np.broadcast_to(row, (hypotheses, n))
-        used = by_hypothesis[tracks.member]
-        wrong = used[(used < 0) | (used >= rows)]
-        if len(wrong):
+        used_rows = by_hypothesis[tracks.member]
+        wrong_rows = used_rows[(used_rows < 0) | (used_rows >= rows)]
+        if len(wrong_rows):
             raise ShapeError(
-                f"forecasts.row is {wrong[0]}, expected 0 to {rows - 1}: a row of forecasts.samples"
+                f"forecasts.row is {wrong_rows[0]}, expected 0 to {rows - 1}: "
+                "a row of forecasts.samples"
             )
         return by_hypothesis
 
@@ -120,7 +136,10 @@ class Predictor(Protocol):
         """Begin a new scene."""
 
     def predict(self, frame: Frame) -> Forecasts:
-        """Forecasts of the tracks of ``frame``; a pipeline calls it once per frame."""
+        """Forecast the tracks of ``frame``.
+
+        A pipeline calls it once per frame.
+        """
         ...
 
 
@@ -128,8 +147,9 @@ class Predictor(Protocol):
 class FunctionPredictor:
     """A predictor made of one function of tracks.
 
-    ``forecast(tracks, task)`` returns samples [N, S, T, 2], absolute x y in metres, of equal weight. Objects that
-    stand still, for example: ``lambda tracks, task: np.repeat(tracks.past[:, -1:, None, :2], task.future, axis=2)``.
+    ``forecast(tracks, task)`` returns samples [N, S, T, 2], absolute x y in metres, of
+    equal weight. Objects that stand still, for example: ``lambda tracks, task:
+    np.repeat(tracks.past[:, -1:, None, :2], task.future, axis=2)``.
     """
 
     def __init__(self, forecast: Callable[[Tracks, Task], Floats]) -> None:
@@ -140,7 +160,7 @@ class FunctionPredictor:
         self._task = task
 
     def predict(self, frame: Frame) -> Forecasts:
-        """Forecasts of the tracks of ``frame``."""
+        """Forecast the tracks of ``frame``."""
         return Forecasts(self._forecast(frame.tracks, self._task))
 
 
@@ -151,7 +171,7 @@ class Presence(Protocol):
         """Begin a new scene."""
 
     def probability(self, tracks: Tracks, observation: Observation) -> Floats:
-        """Probability [N] of each track of this frame, from 0 to 1."""
+        """Return the probability [N] of each track, from 0 to 1."""
         ...
 
 
@@ -161,9 +181,10 @@ class Sampler(Protocol):
     def reduce(
         self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator
     ) -> tuple[Floats, Floats]:
-        """``k`` samples [O, k, T, 2] and log-weights [O, k] that stand for the pool [O, S, T, 2] weighted [O, S].
+        """Reduce each pool to ``k`` samples that stand for it.
 
-        A sample with log-weight -inf does not exist. With fewer than k samples, return them as they are, or fill up
-        with ones that do not exist.
+        ``pool`` [O, S, T, 2] with log-weights [O, S] becomes samples [O, k, T, 2] and
+        log-weights [O, k]. A sample with log-weight -inf does not exist. With fewer
+        than k samples, return them as they are, or fill up with ones that do not exist.
         """
         ...

@@ -1,8 +1,10 @@
-"""Files of a submission: their list, the digest over all of them, the import of its code, and a new folder of them.
+"""Files of a submission: list, digest, import of the code, and a new folder.
 
-Code is imported as a package named after path and source: two submissions may have the same file names, edited code is
-imported anew, and modules of one folder import each other relatively (``from .model import Net``). Compiled code in
-``__pycache__`` would run in place of the sources, and no digest covers it: it is neither read nor written.
+Code is imported as a package named after path and source: two submissions may have the
+same file names, edited code is imported anew, and modules of one folder import each
+other relatively (``from .model import Net``). Compiled code in
+``__pycache__`` would run in place of the sources, and no digest covers it: it is
+neither read nor written.
 """
 
 import hashlib
@@ -23,7 +25,7 @@ from ..core import (
     require_folder,
     whole_folder,
 )
-from .manifest import MANIFEST, MOST_NAME, NAME_RULE, is_name
+from .manifest import MANIFEST, MAX_NAME, NAME_RULE, is_name
 
 FOLDERS = ("__pycache__", ".git")  # made by tools: not part of a submission
 MOST_BYTES = 2 << 30  # of all files together
@@ -35,9 +37,10 @@ FILES = (MANIFEST, "agent.py.txt", "README.md")  # of the template; it is no mod
 
 
 def files_of(folder: Path) -> list[Path]:
-    """Files of the submission in ``folder``, sorted by name, without those in FOLDERS. No file is opened.
+    """List the files of the submission in ``folder``, sorted by name.
 
-    Raises SubmissionError, naming the file, for links, FIFOs, sockets and devices, for a file with the name of one of
+    Those in FOLDERS are left out. No file is opened. Raises SubmissionError, naming the
+    file, for links, FIFOs, sockets and devices, for a file with the name of one of
     FOLDERS, for a name that is not UTF-8, and for more than MOST_FILES or MOST_BYTES.
     """
     paths: list[Path] = []
@@ -47,13 +50,14 @@ def files_of(folder: Path) -> list[Path]:
         paths.append(Path(entry.path))
         if len(paths) > MOST_FILES:
             raise SubmissionError(
-                f"{folder}: more than {MOST_FILES} files, the limit: leave out files that the agent does not need, "
-                "such as data and environments"
+                f"{folder}: more than {MOST_FILES} files, the limit: leave out files "
+                "that the agent does not need, such as data and environments"
             )
         if size > MOST_BYTES:
             raise SubmissionError(
-                f"{folder}: its files have {size / 2**30:.1f} GiB or more ({entry.name} among them), expected at most "
-                f"{MOST_BYTES >> 30} GiB: leave out files that the agent does not need"
+                f"{folder}: its files have {size / 2**30:.1f} GiB or more "
+                f"({entry.name} among them), expected at most {MOST_BYTES >> 30} GiB: "
+                "leave out files that the agent does not need"
             )
     return sorted(paths)
 
@@ -61,9 +65,11 @@ def files_of(folder: Path) -> list[Path]:
 def digest_of(
     folder: Path, files: Iterable[Path], networks: Mapping[str, str] | None = None
 ) -> str:
-    """Hex sha256 over names and contents of ``files`` of ``folder``; SubmissionError for an unreadable one.
+    """Return the hex sha256 over names and contents of ``files``.
 
-    ``networks``: names and hex sha256 of weights elsewhere; unlike those of files here, their names get a slash.
+    Raises SubmissionError for an unreadable one.
+    ``networks``: names and hex sha256 of weights elsewhere; unlike those of files here,
+    their names get a slash.
     """
     total = hashlib.sha256()
     for path in files:
@@ -80,16 +86,15 @@ def digest_of(
 
 
 def import_from(folder: Path, module: str, name: str) -> ModuleType:
-    """Module ``module`` of the submission ``name`` in ``folder``; raises SubmissionError if the import fails."""
+    """Import ``module`` of the submission ``name`` in ``folder``.
+
+    Raises SubmissionError if the import fails.
+    """
     if _Finder not in sys.meta_path:
         sys.meta_path.insert(0, _Finder)
     sources = [path for path in files_of(folder) if path.suffix == ".py"]
-    package = (
-        PREFIX
-        + hashlib.sha256(f"{folder} {digest_of(folder, sources)}".encode()).hexdigest()[
-            :16
-        ]
-    )
+    source = f"{folder} {digest_of(folder, sources)}"
+    package = PREFIX + hashlib.sha256(source.encode()).hexdigest()[:16]
     if package not in sys.modules:
         sys.modules[package] = ModuleType(package)
         sys.modules[package].__path__ = [str(folder)]
@@ -102,31 +107,40 @@ def import_from(folder: Path, module: str, name: str) -> ModuleType:
             isinstance(error, ModuleNotFoundError)
             and (folder / f"{error.name}.py").is_file()
         ):
-            hint = f"; {error.name}.py is a file of the submission: write `from .{error.name} import ...`"
+            hint = (
+                f"; {error.name}.py is a file of the submission: "
+                f"write `from .{error.name} import ...`"
+            )
         raise SubmissionError(
-            f"{name}: importing {module}.py failed: {type(error).__name__}: {error}{hint}"
+            f"{name}: importing {module}.py failed: "
+            f"{type(error).__name__}: {error}{hint}"
         ) from error
 
 
 def new_submission(name: str, parent: Path) -> Path:
-    """Folder ``parent / name`` with the template under this name.
+    """Make the folder ``parent / name`` with the template under this name.
 
-    Raises SubmissionError for a wrong or a baseline's name and an existing folder, MtpBenchError where writing fails.
+    Raises SubmissionError for a wrong or a baseline's name and an existing folder,
+    MtpBenchError where writing fails.
     """
     if not is_name(name):
-        plain = re.sub(r"[^a-z0-9_-]+", "-", name.lower()).strip("-_")[:MOST_NAME]
-        near = plain if is_name(plain) else f"my-{plain or 'agent'}"
+        similar = re.sub(r"[^a-z0-9_-]+", "-", name.lower()).strip("-_")[:MAX_NAME]
+        if not is_name(similar):
+            similar = f"my-{similar or 'agent'}"
         raise SubmissionError(
-            f"{name!r} is not a name for a submission: {NAME_RULE}; choose another, such as {near!r}"
+            f"{name!r} is not a name for a submission: {NAME_RULE}; "
+            f"choose another, such as {similar!r}"
         )
     if name in baseline_names():
         raise SubmissionError(
-            f"{name!r} is the name of a baseline, which commands would take instead: choose another"
+            f"{name!r} is the name of a baseline, which commands would take instead: "
+            "choose another"
         )
     folder = parent / name
     if folder.exists() or folder.is_symlink():
         raise SubmissionError(
-            f"{folder} exists already, expected a new folder: choose another name, or remove it"
+            f"{folder} exists already, expected a new folder: "
+            "choose another name, or remove it"
         )
     require_folder(folder)
     with whole_folder(folder) as part:
@@ -139,7 +153,7 @@ def new_submission(name: str, parent: Path) -> Path:
 
 
 class _SourceLoader(SourceFileLoader):
-    """Compiles the source at every import."""
+    """Loader that compiles the source at every import."""
 
     def get_code(self, fullname: str) -> CodeType:
         path = self.get_filename(fullname)
@@ -147,7 +161,7 @@ class _SourceLoader(SourceFileLoader):
 
 
 class _Finder:
-    """Finds the modules of all submissions."""
+    """Finder of the modules of all submissions."""
 
     @staticmethod
     def find_spec(
@@ -168,7 +182,7 @@ class _Finder:
 
 
 def _entries(folder: Path, depth: int) -> Iterator[os.DirEntry[str]]:
-    """Regular files below ``folder``, each checked before it is used."""
+    """Yield regular files below ``folder``, each checked before it is used."""
     if depth > MOST_DEPTH:
         raise SubmissionError(
             f"{folder}: folders are nested deeper than {MOST_DEPTH} levels, the limit"
@@ -189,7 +203,10 @@ def _entries(folder: Path, depth: int) -> Iterator[os.DirEntry[str]]:
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:
-    """True for a folder of the submission; raises SubmissionError for an entry that a submission cannot hold."""
+    """Return True for a folder of the submission.
+
+    Raises SubmissionError for an entry that a submission cannot hold.
+    """
     try:
         entry.name.encode()
     except UnicodeEncodeError:
@@ -199,7 +216,8 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
     if kind == "link":
         target = "folder" if Path(entry.path).is_dir() else "file"
         raise SubmissionError(
-            f"{entry.path} is a link to a {target}; a submission holds its files itself: copy the {target}"
+            f"{entry.path} is a link to a {target}; "
+            f"a submission holds its files itself: copy the {target}"
         )
     if kind not in ("", "folder"):
         raise SubmissionError(
@@ -207,7 +225,8 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         )
     if kind == "" and entry.name in FOLDERS:
         raise SubmissionError(
-            f"{entry.path} is a file, and only a folder may have this name: remove it, or copy the submission without "
-            "it (a git worktree or submodule has such a file)"
+            f"{entry.path} is a file, and only a folder may have this name: remove it, "
+            "or copy the submission without it (a git worktree or submodule has such a "
+            "file)"
         )
     return kind == "folder" and entry.name not in FOLDERS

@@ -1,4 +1,7 @@
-"""Content of an environment card: source, detector, task and sizes, with a digest; see ``envs/README.md``."""
+"""Content of an environment card: source, detector, task, sizes, and its digest.
+
+``envs/README.md`` explains the keys.
+"""
 
 import hashlib
 import json
@@ -16,19 +19,17 @@ from ..core import CardError, MtpBenchError, Section, nearest, rule
 from ..detector import Profile, Variant, load_profile, with_variant
 from .source import SourceSection
 
-PerClass = dict[
-    str, Annotated[float, Field(gt=0, le=1e4)]
-]  # a single number in the TOML stands for every class
-_NOT_SCORED = (
-    "motion_noise",
-    "weights_of",
-    "board",
-    "tracker",
-)  # hints for agents, and the place on the leaderboard
+# a single number in the TOML stands for every class
+PerClass = dict[str, Annotated[float, Field(gt=0, le=1e4)]]
+# hints for agents, and the place on the leaderboard
+_NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker")
 
 
 class EventGate(Section):
-    """Rule by which a track can match a true box for identity events (docs/definitions, "Events")."""
+    """Rule by which a track can match a true box for identity events.
+
+    See docs/definitions, "Events".
+    """
 
     measure: Literal["iou_3d", "center_distance"]
     threshold: PerClass  # inclusive: IoU at least, or metres at most
@@ -36,10 +37,8 @@ class EventGate(Section):
     @field_validator("threshold")
     @classmethod
     def _require_share(cls, threshold: PerClass, info: ValidationInfo) -> PerClass:
-        if (
-            info.data.get("measure") == "iou_3d"
-            and max(threshold.values(), default=0) > 1
-        ):
+        is_overlap = info.data.get("measure") == "iou_3d"
+        if is_overlap and max(threshold.values(), default=0) > 1:
             raise ValueError("expected an IoU of at most 1")
         return threshold
 
@@ -65,9 +64,11 @@ class TaskSection(Section):
     def _spread(cls, value: Any, info: ValidationInfo) -> Any:
         """Write a single number as a table with every class."""
         classes = info.data.get("classes", ())
+        if type(value) in (int, float):
+            return dict.fromkeys(classes, value)
         if isinstance(value, dict) and type(value.get("threshold")) in (int, float):
             return {**value, "threshold": dict.fromkeys(classes, value["threshold"])}
-        return dict.fromkeys(classes, value) if type(value) in (int, float) else value
+        return value
 
     @field_validator("event_gate", "forecast_gate", "miss_error")
     @classmethod
@@ -83,7 +84,10 @@ class TaskSection(Section):
 
 
 class SizeSection(Section):
-    """Padded sizes of the spaces; constants of the env id."""
+    """Padded sizes of the spaces.
+
+    Constants of the env id.
+    """
 
     detections: Annotated[int, Field(ge=1)]  # D
     tracks: Annotated[int, Field(ge=1)]  # N
@@ -92,7 +96,7 @@ class SizeSection(Section):
 
 
 class LaneSection(Section):
-    """Sizes of the lanes in observations: rows, points of a row, and m between points and around the sensor."""
+    """Sizes of the lanes in observations."""
 
     pieces: Annotated[int, Field(ge=1, le=10_000)] = 96  # L
     points: Annotated[int, Field(ge=2, le=1000)] = 20  # Q
@@ -103,7 +107,10 @@ class LaneSection(Section):
 
 
 class PlannerSection(Section):
-    """Weights of the planner that drives the ego (`mtp_bench.traffic.drive.planner`); fitted on training seeds."""
+    """Weights of the planner that drives the ego, fitted on training seeds.
+
+    See `mtp_bench.traffic.drive.planner`.
+    """
 
     caution: Annotated[float, Field(ge=0)] = (
         60.0  # m/s of progress that a certain contact now costs
@@ -129,6 +136,7 @@ class DriveSection(Section):
     planner: PlannerSection = PlannerSection()
 
 
+_COMPARE = "`mtp-bench compare` sets agents side by side by how they drive"
 _SWITCH = BeforeValidator(
     lambda value: ({} if value else None) if isinstance(value, bool) else value
 )
@@ -137,13 +145,16 @@ _SHIPPED = rule(  # a path would be relative to which folder?
     "expected the name of a shipped profile; a file's content belongs into [detector.noise]",
 )
 _CORNERS = rule(
-    lambda a: a[0] < a[2] and a[1] < a[3],
+    lambda area: area[0] < area[2] and area[1] < area[3],
     "expected least x and y, then largest x and y",
 )
 
 
 class DetectorSection(Section):
-    """A simulated detector in place of stored detections: the name of a shipped ``profile``, or its own ``noise``."""
+    """A simulated detector in place of stored detections.
+
+    It has the name of a shipped ``profile``, or its own ``noise``.
+    """
 
     profile: Annotated[str, _SHIPPED] | None = None
     noise: Profile | None = None
@@ -156,18 +167,21 @@ class DetectorSection(Section):
         Annotated[tuple[float, float, float, float], Field(strict=False), _CORNERS]
         | None
     ) = None
-    # m: least x and y, largest x and y of false positives; without it they are anywhere within reach
+    # m: least x and y, largest x and y of false positives; without it they are anywhere
+    # within reach
     seed: Annotated[int, Field(ge=0)] = 0  # of the noise
 
     @property
     def resolved(self) -> Profile:
-        """The noise profile in its variant.
+        """Noise profile in its variant.
 
-        Raises CardError unless exactly one of ``profile`` and ``noise`` is given, UnknownNameError for an unknown name.
+        Raises CardError unless exactly one of ``profile`` and ``noise`` is given,
+        UnknownNameError for an unknown name.
         """
         if (self.profile is None) == (self.noise is None):
             raise CardError(
-                "[detector] has both or none of 'profile' and 'noise', expected exactly one of them"
+                "[detector] has both or none of 'profile' and 'noise', "
+                "expected exactly one of them"
             )
         return with_variant(self.noise or load_profile(str(self.profile)), self.variant)
 
@@ -187,23 +201,19 @@ class Card(Section):
 
     id: str
     summary: str
-    reference: str | None = (
-        None  # baseline whose runs make the event weights; None: the single-hypothesis control
-    )
+    # baseline whose runs make the event weights; None: the single-hypothesis control
+    reference: str | None = None
     motion_noise: str | None = None  # where objects move like here
     weights_of: str | None = None  # id of the env whose network weights serve here too
-    board: int | None = (
-        None  # place among the envs of the leaderboard; those without one come last
-    )
+    # place among the envs of the leaderboard; those without one come last
+    board: int | None = None
     tracker: dict[str, TrackerSection] = Field(
         default_factory=dict
     )  # by class; empty: those of the detector
-    presence: str | None = (
-        None  # file of a presence model for baselines, or "scores"; None: the detector's model
-    )
-    lanes: Annotated[LaneSection | None, _SWITCH] = (
-        None  # observations show the road; ``true``: in the default sizes
-    )
+    # file of a presence model for baselines, or "scores"; None: the detector's model
+    presence: str | None = None
+    # observations show the road; ``true``: in the default sizes
+    lanes: Annotated[LaneSection | None, _SWITCH] = None
     drive: Annotated[DriveSection | None, _SWITCH] = None  # closed loop
     source: SerializeAsAny[SourceSection]
     detector: DetectorSection | None = None
@@ -212,7 +222,10 @@ class Card(Section):
 
     @property
     def digest(self) -> str:
-        """First 16 hex digits of the sha256 of the card's content, the noise of a simulated detector included."""
+        """First 16 hex digits of the sha256 of the card's content.
+
+        It covers the noise of a simulated detector.
+        """
         content = self.model_dump(
             mode="json", exclude_none=True, exclude=set(_NOT_SCORED)
         )
@@ -226,118 +239,135 @@ class Card(Section):
 
     @property
     def detector_name(self) -> str:
-        """Name of the stored detector, or of the simulated one's profile: agents choose their parameters by it."""
-        return (
-            self.source.traits.stored_detector
-            if self.detector is None
-            else self.detector.resolved.name
-        )
+        """Name of the stored detector, or of the simulated one's profile.
+
+        Agents choose their parameters by it.
+        """
+        if self.detector is None:
+            return self.source.traits.stored_detector
+        return self.detector.resolved.name
 
     @property
     def simulated(self) -> bool:
-        """True if there is a scene for any seed, so that hidden scenes can rank; False for recorded scenes."""
+        """True if there is a scene for any seed."""
         return self.source.traits.simulated
 
     @property
     def has_ego(self) -> bool:
-        """True if a vehicle carries the sensors; else the ego pose is a fixed place, so distances to it say little."""
+        """True if a vehicle carries the sensors.
+
+        Else the ego pose is a fixed place, so distances to it say little.
+        """
         return self.source.traits.has_ego
 
     @property
     def velocity(self) -> bool:
         """True if detections carry a measured velocity."""
         traits = self.source.traits
-        if self.detector is None or (
-            traits.mixed_detections and traits.stored_detector
-        ):
+        some_stored = traits.mixed_detections and traits.stored_detector
+        if self.detector is None or some_stored:
             return traits.measured_velocity
         noise = self.detector.resolved
         return all(noise.noise(name).velocity is not None for name in self.task.classes)
 
     def require_same_scenes(self, why: str, instead: str = "") -> None:
-        """Raise CardError for a closed loop, as each agent drives in a world of its own.
+        """Raise CardError for a closed loop.
 
-        ``why``: what a loop does not have. ``instead``: what to do; empty: compare how agents drive.
+        Each agent drives in a world of its own. ``why``: what a loop does not have.
+        ``instead``: what to do; empty: compare how agents drive.
         """
         if self.drive is not None:
-            advice = (
-                instead
-                or "`mtp-bench compare` sets agents side by side by how they drive"
-            )
+            advice = instead or _COMPARE
             raise CardError(f"{self.id} is a closed loop, {why}: {advice}")
 
     def stored(self) -> dict[str, Any]:
-        """The card as JSON that `parse_card` reads again, with the paths of its files on this machine."""
-        content = self.model_dump(
-            mode="json"
-        )  # null values too: a detector that was taken away stays away
-        paths = {
-            name: getattr(self.source, name, None)
-            for name in ("folder", "detections_file")
-        }
-        content["source"] |= {
-            name: path for name, path in paths.items() if path is not None
-        }
+        """Return the card as JSON that `parse_card` reads again.
+
+        It has the paths of its files on this machine.
+        """
+        # null values too: a detector that was taken away stays away
+        content = self.model_dump(mode="json")
+        for name in ("folder", "detections_file"):
+            path = getattr(self.source, name, None)
+            if path is not None:
+                content["source"][name] = path
         return content
 
     def per_class(self, table: PerClass) -> tuple[float, ...]:
-        """Values of a per-class table in the order of ``task.classes``."""
+        """Return values of a per-class table in the order of ``task.classes``."""
         return tuple(table[name] for name in self.task.classes)
 
 
 def check_consistency(card: Card, where: str) -> None:
-    """Raise CardError, naming the card by ``where``, unless its sections fit each other."""
+    """Raise CardError unless the sections of a card fit each other.
+
+    ``where`` names the card.
+    """
     check_detector(card, where)
-    if card.lanes is not None and not (
-        card.source.traits.lanes and card.source.traits.common_frame
-    ):
-        lacking = (
-            "whose frames have separate axes"
-            if card.source.traits.lanes
-            else "without a road map"
-        )
+    _check_lanes(card, where)
+    _check_length(card, where)
+    source = card.source
+    if card.drive is not None and (source.name != "highway" or not card.has_ego):
+        sensor = "" if card.has_ego else " with a fixed sensor"
         raise CardError(
-            f"{where}: lanes cannot be shown for source {card.source.name!r}, {lacking}; leave them out"
+            f"{where}: drive is set, but nothing drives in source {source.name!r}"
+            f"{sensor}, expected 'highway' with sensor = \"ego\""
         )
-    if card.drive is not None and (card.source.name != "highway" or not card.has_ego):
-        got = f"source {card.source.name!r}{'' if card.has_ego else ' with a fixed sensor'}"
+    # the card's digest covers the content, not the path
+    path = getattr(source, "detections_file", None)
+    if path is not None and getattr(source, "detections_sha256", None) is None:
         raise CardError(
-            f"{where}: drive is set, but nothing drives in {got}, expected 'highway' with sensor = \"ego\""
+            f"{where}: source.detections_file needs source.detections_sha256, the digest "
+            "of the file; or leave it out and name the file with --detections"
         )
-    seconds, needed = (
-        card.source.traits.scene_seconds,
-        card.task.past + card.task.future,
+
+
+def _check_lanes(card: Card, where: str) -> None:
+    """Raise CardError for lanes that the source of the card cannot show."""
+    traits = card.source.traits
+    if card.lanes is None or (traits.lanes and traits.common_frame):
+        return
+    reason = "without a road map"
+    if traits.lanes:
+        reason = "whose frames have separate axes"
+    raise CardError(
+        f"{where}: lanes cannot be shown for source {card.source.name!r}, {reason}; "
+        "leave them out"
     )
-    if seconds is not None and seconds * card.task.rate < needed:
+
+
+def _check_length(card: Card, where: str) -> None:
+    """Raise CardError for scenes shorter than past and future."""
+    seconds = card.source.traits.scene_seconds
+    if seconds is None:
+        return
+    rate = card.task.rate
+    needed = card.task.past + card.task.future
+    if seconds * rate < needed:
         raise CardError(
-            f"{where}: scenes of {seconds:g} s at {card.task.rate:g} Hz have {seconds * card.task.rate:g} frames, "
-            f"expected at least {needed}: task.past and task.future"
-        )
-    path, content = (
-        getattr(card.source, f"detections_{name}", None) for name in ("file", "sha256")
-    )
-    if (
-        path is not None and content is None
-    ):  # the card's digest covers the content, not the path
-        raise CardError(
-            f"{where}: source.detections_file needs source.detections_sha256, the digest of the file; or leave it out "
-            "and name the file with --detections"
+            f"{where}: scenes of {seconds:g} s at {rate:g} Hz have {seconds * rate:g} "
+            f"frames, expected at least {needed}: task.past and task.future"
         )
 
 
 def check_detector(card: Card, where: str) -> None:
-    """Raise CardError unless the card has the detector that its source needs, with noise for every class."""
+    """Raise CardError unless the card has the detector that its source needs.
+
+    The detector needs noise for every class.
+    """
     traits = card.source.traits
     if card.detector is None:
         if traits.without_detections:
             raise CardError(
-                f"{where}: {traits.without_detections} has no detections: a [detector] section is missing"
+                f"{where}: {traits.without_detections} has no detections: "
+                "a [detector] section is missing"
             )
         return
     if not traits.truth_complete:
         raise CardError(
-            f"{where}: a simulated detector would see nothing but the prediction targets, the only known objects; "
-            'take stored detections, or a card with truth = "all"'
+            f"{where}: a simulated detector would see nothing but the prediction targets, "
+            "the only known objects; take stored detections, or a card with "
+            'truth = "all"'
         )
     try:
         noise = card.detector.resolved

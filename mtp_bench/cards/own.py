@@ -1,4 +1,4 @@
-"""Digests of own scenes and own detections, which stand for their content in a card's digest."""
+"""Digests of own scenes and own detections, for the digest of a card."""
 
 import hashlib
 import re
@@ -14,17 +14,18 @@ from ..core import CardError, DataError, Scene, file_digest
 from .source import FilesSource
 
 FORMS = ("csv", "parquet")
-SCENES = tuple(
-    f"*/{table}.{form}" for table in ("truth", "detections", "ego") for form in FORMS
-)
+_TABLES = ("truth", "detections", "ego")
+SCENES = tuple(f"*/{table}.{form}" for table in _TABLES for form in FORMS)
 ROADS = tuple(f"*/lanes.{form}" for form in FORMS)
 TEXTS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections
 
 
 def resolve_folder(section: FilesSource, base: Path, lanes: bool) -> FilesSource:
-    """The section with the absolute path of its scenes, given relative to ``base``, and their digest if they exist.
+    """Return the section with absolute path and digest.
 
-    A ``sha256`` that the card states is kept, so other files are refused when they are opened.
+    The path is relative to ``base``. There is no digest if the folder does not exist. A
+    ``sha256`` that the card states is kept, so other files are refused when they are
+    opened.
     """
     folder = (base.absolute() / Path(section.folder or "").expanduser()).resolve()
     digest = section.sha256
@@ -34,19 +35,27 @@ def resolve_folder(section: FilesSource, base: Path, lanes: bool) -> FilesSource
 
 
 def split_folder(folder: Path, split: str) -> Path:
-    """The folder of the scenes of a split: the sub-folder of its name; for "all" the folder itself."""
+    """Return the folder of the scenes of a split.
+
+    It is the sub-folder of its name; for "all" the folder itself.
+    """
     return folder if split == "all" else folder / split
 
 
 def own_digest(folder: Path, lanes: bool) -> str:
-    """Digest of a folder of own scenes; with ``lanes``, which agents then see, also of their tables of these."""
-    return folder_digest(folder, (*SCENES, *(ROADS if lanes else ())))
+    """Return the digest of a folder of own scenes.
+
+    ``lanes``: also of their tables of lanes, which agents then see.
+    """
+    patterns = SCENES + ROADS if lanes else SCENES
+    return folder_digest(folder, patterns)
 
 
 def folder_digest(folder: Path, patterns: Sequence[str]) -> str:
-    """Hex sha256 over the names and contents of the files of a folder that match the patterns; hidden ones are skipped.
+    """Return the hex sha256 over matching files of a folder.
 
-    Raises DataError if a file cannot be read.
+    It is of their names and contents; hidden files are skipped. Raises DataError if a
+    file cannot be read.
     """
     digest = hashlib.sha256()
     for path in sorted({path for pattern in patterns for path in folder.glob(pattern)}):
@@ -59,25 +68,31 @@ def folder_digest(folder: Path, patterns: Sequence[str]) -> str:
             raise DataError(
                 f"{path}: cannot be read: {error.strerror or error}"
             ) from None
-        digest.update(
-            f"{name.as_posix()}\0{content};".encode("utf-8", "surrogateescape")
-        )
+        entry = f"{name.as_posix()}\0{content};"
+        digest.update(entry.encode("utf-8", "surrogateescape"))
     return digest.hexdigest()
 
 
 def plain_name(name: str) -> str:
-    """``name``, such as that of a file, as the name of a detector: hyphens replace characters not allowed there."""
+    """Return ``name`` as the name of a detector.
+
+    Hyphens replace characters that are not allowed there.
+    """
     return re.sub(r"[^A-Za-z0-9_.-]", "-", name).lstrip("_.-") or "own"
 
 
 def known_digest(path: Path) -> str:
-    """Hex sha256 of a file, read once per process unless its size or times change. Raises OSError."""
+    """Return the hex sha256 of a file.
+
+    Raise OSError.
+    It is read once per process unless its size or times change.
+    """
     state = path.stat()
     return _digest(path, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
 
 
 def scenes_digest(scenes: Sequence[Scene]) -> str:
-    """Hex sha256 over all fields of ``scenes`` but the names of objects, in their order."""
+    """Return the hex sha256 over ``scenes`` without objects' names."""
     digest = hashlib.sha256()
     for scene in scenes:
         _add(digest, scene)
@@ -90,7 +105,10 @@ def _digest(path: Path, *state: int) -> str:
 
 
 def _add(digest: Any, value: Any) -> None:
-    """Add a value of a record to a digest, field by field, arrays with their dtype and shape."""
+    """Add a value of a record to a digest, field by field.
+
+    Arrays have their dtype and shape there.
+    """
     if is_dataclass(value):
         for field in fields(value):
             if not field.compare:

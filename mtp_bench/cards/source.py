@@ -1,7 +1,8 @@
-"""Table ``[source]`` of a card: a class of keys for each source, and properties of the source (`Traits`).
+"""Table ``[source]`` of a card: keys for each source, and its properties (`Traits`).
 
-A source is a package ``mtp_bench.sources.<name>``. Its subclass of `SourceSection` is registered by one line of
-`SOURCES` and imported when a card names it, so this package does not depend on any source.
+A source is a package ``mtp_bench.sources.<name>``. Its subclass of `SourceSection` is
+registered by one line of `SOURCES` and imported when a card names it, so this package
+does not depend on any source.
 """
 
 import pkgutil
@@ -25,53 +26,50 @@ SOURCES = {
 }
 
 STORED_DETECTOR = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # begins the names of files
-LocalPath = Annotated[
-    str | None, Field(exclude=True)
-]  # the digest of a card has the content of the files instead
+# the digest of a card has the content of the files instead
+LocalPath = Annotated[str | None, Field(exclude=True)]
 
 
 @dataclass(frozen=True)
 class Traits:
-    """Properties of a source; not keys of a card and not part of its digest."""
+    """Properties of a source.
+
+    Not keys of a card and not part of its digest.
+    """
 
     simulated: bool = False  # there is a scene for any seed
-    stored_detector: str = (
-        ""  # name of the detector with stored detections; empty without one
-    )
-    without_detections: str = (
-        ""  # the part without stored detections, so that the card needs a [detector]
-    )
-    mixed_detections: bool = (
-        False  # some scenes have stored detections, the others simulated ones
-    )
+    # name of the detector with stored detections; empty without one
+    stored_detector: str = ""
+    # the part without stored detections, so that the card needs a [detector]
+    without_detections: str = ""
+    # some scenes have stored detections, the others simulated ones
+    mixed_detections: bool = False
     other_detections: bool = False  # other stored detections can be named
-    detection_file: str = (
-        ""  # form of a file of a user's own detections; empty if none can be given
-    )
+    # form of a file of a user's own detections; empty if none can be given
+    detection_file: str = ""
     measured_velocity: bool = False  # stored detections carry a velocity
-    velocity_ahead: bool = (
-        False  # true velocities use the next frame too: agents must not see them
-    )
+    # true velocities use the next frame too: agents must not see them
+    velocity_ahead: bool = False
     places_only: bool = False  # sizes and headings are nominal, those of detections too
-    bounded_by_truth: bool = (
-        False  # the camera shows the area of the true boxes and no more
-    )
-    common_frame: bool = True  # all frames of a scene share one frame of reference; else each has its sensor's own
-    has_ego: bool = (
-        True  # a vehicle carries the sensors; else the ego pose is a fixed place
-    )
-    truth_complete: bool = (
-        True  # every object is known; else a simulated detector would miss the others
-    )
+    # the camera shows the area of the true boxes and no more
+    bounded_by_truth: bool = False
+    # all frames of a scene share one frame of reference; else each has its sensor's own
+    common_frame: bool = True
+    # a vehicle carries the sensors; else the ego pose is a fixed place
+    has_ego: bool = True
+    # every object is known; else a simulated detector would miss the others
+    truth_complete: bool = True
     lanes: bool = False  # scenes have a road map
-    view: float = (
-        360.0  # degrees that a simulated detector sees unless the card says otherwise
-    )
+    # degrees that a simulated detector sees unless the card says otherwise
+    view: float = 360.0
     scene_seconds: float | None = None  # length of every scene, if the card decides it
 
 
 class SourceSection(Section):
-    """Keys of a card's table ``[source]``; every source adds its own."""
+    """Keys of a card's table ``[source]``.
+
+    Every source adds its own.
+    """
 
     splits: ClassVar[tuple[str, ...]]
 
@@ -99,25 +97,21 @@ class FilesSource(SourceSection):
     split: str = "all"  # "all": the folder itself, else its sub-folder
     folder: LocalPath = None  # of the scenes, relative to the card's file
     sha256: str | None = None  # of the scenes' content; filled in when the card is read
-    scenes: Annotated[tuple[InstanceOf[Scene], ...] | None, Field(exclude=True)] = (
-        None  # in place of a folder
-    )
+    # in place of a folder
+    scenes: Annotated[tuple[InstanceOf[Scene], ...] | None, Field(exclude=True)] = None
     detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii-own"
-    # agents choose their settings by it: a detector that they know, a hyphen and a word of one's own
-    velocity: bool = (
-        False  # show the velocities of the detections, if the files have them
-    )
+    # agents choose their settings by it: a detector that they know, a hyphen and a word
+    # of one's own show the velocities of the detections, if the files have them
+    velocity: bool = False
     ego_motion: bool = True  # False: every frame is in its own sensor frame
     ego: bool = True  # False: no vehicle carries the sensors
-    truth: Literal["all", "targets"] = (
-        "all"  # "targets": objects exist that the truth does not have
-    )
+    # "targets": objects exist that the truth does not have
+    truth: Literal["all", "targets"] = "all"
     view: Annotated[float, Field(gt=0, le=360)] = (
         360.0  # degrees around the heading that the truth covers
     )
-    velocity_ahead: bool | None = (
-        None  # of a source with this trait; None: no, and in no digest
-    )
+    # of a source with this trait; None: no, and in no digest
+    velocity_ahead: bool | None = None
     places_only: bool | None = None  # the same
     bounded_by_truth: bool | None = None  # the same
 
@@ -139,25 +133,32 @@ class FilesSource(SourceSection):
 
 
 class DetectionsSection(SourceSection):
-    """Keys of a source with detections that a user's own can replace; see `cards.with_detections`."""
+    """Keys of a source with detections that a user's own can replace.
+
+    See `cards.with_detections`.
+    """
 
     detections_sha256: str | None = None
     detections_file: LocalPath = None
 
 
 def source_class(name: str) -> type[SourceSection]:
-    """Class of the section of a registered source."""
+    """Return the class of the section of a registered source."""
     section: type[SourceSection] = pkgutil.resolve_name(SOURCES[name])
     return section
 
 
 def read_source(content: Any, where: str) -> SourceSection:
-    """Section of the table ``content``; raises CardError naming ``where``, the key, what was got and expected."""
+    """Return the section of the table ``content``.
+
+    Raises CardError naming ``where``, the key, what was got and expected.
+    """
     if not isinstance(content, dict):
         raise CardError(f"{where}: expected a table [source]")
     name = content.get("name")
     if not isinstance(name, str) or name not in SOURCES:
         raise CardError(
-            f"{where}: source.name: got {name!r}, expected one of {', '.join(map(repr, SOURCES))}"
+            f"{where}: source.name: got {name!r}, "
+            f"expected one of {', '.join(map(repr, SOURCES))}"
         )
     return validate(source_class(name), content, f"{where}, [source]", CardError)

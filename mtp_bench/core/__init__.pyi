@@ -1,3 +1,16 @@
+from .arrays import (
+    NO_ROWS as NO_ROWS,
+    Action as Action,
+    Bools as Bools,
+    Floats as Floats,
+    Ints as Ints,
+    Observation as Observation,
+    Ragged as Ragged,
+    joined as joined,
+    select as select,
+    starts_of as starts_of,
+    starts_of_sorted as starts_of_sorted,
+)
 from .bundle import (
     baseline_names as baseline_names,
     bundled as bundled,
@@ -82,6 +95,21 @@ from .parallel import (
     require_cluster as require_cluster,
     unordered_map as unordered_map,
 )
+from .rollout import (
+    HARD_BRAKING as HARD_BRAKING,
+    Drive as Drive,
+    Rollout as Rollout,
+    to_centimetres as to_centimetres,
+    to_metres as to_metres,
+)
+from .scenes import (
+    Detections as Detections,
+    ImageField as ImageField,
+    Lane as Lane,
+    Scene as Scene,
+    StoredTracks as StoredTracks,
+    Truth as Truth,
+)
 from .similar import (
     class_hint as class_hint,
     of_kind as of_kind,
@@ -119,40 +147,18 @@ from .table_writers import (
     to_markdown as to_markdown,
     to_text as to_text,
 )
+from .task import (
+    ABSENT_BELOW as ABSENT_BELOW,
+    ID_LIMIT as ID_LIMIT,
+    SCORES as SCORES,
+    Task as Task,
+)
+from .time_holes import pieces_of as pieces_of
 from .tracks import (
     UNBORN as UNBORN,
     Affinity as Affinity,
     Objects as Objects,
     Tracks as Tracks,
     group as group,
-)
-from .types import (
-    ABSENT_BELOW as ABSENT_BELOW,
-    HARD_BRAKING as HARD_BRAKING,
-    ID_LIMIT as ID_LIMIT,
-    NO_ROWS as NO_ROWS,
-    SCORES as SCORES,
-    Action as Action,
-    Bools as Bools,
-    Detections as Detections,
-    Drive as Drive,
-    Floats as Floats,
-    ImageField as ImageField,
-    Ints as Ints,
-    Lane as Lane,
-    Observation as Observation,
-    Ragged as Ragged,
-    Rollout as Rollout,
-    Scene as Scene,
-    StoredTracks as StoredTracks,
-    Task as Task,
-    Truth as Truth,
-    joined as joined,
-    pieces_of as pieces_of,
-    select as select,
-    starts_of as starts_of,
-    starts_of_sorted as starts_of_sorted,
-    to_centimetres as to_centimetres,
-    to_metres as to_metres,
 )
 from .version import __version__ as __version__

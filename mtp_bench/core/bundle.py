@@ -1,4 +1,7 @@
-"""Folders of the bundled cards, baselines, keys and seals: those of the checkout or, once installed, of the wheel."""
+"""Folders of the bundled cards, baselines, keys and seals.
+
+They are those of the checkout or, once installed, of the wheel.
+"""
 
 from functools import cache
 from pathlib import Path
@@ -7,7 +10,10 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def bundled(kind: str) -> Path:
-    """Folder of ``kind`` ("envs", "baselines" or "leaderboard"): of the checkout, else the wheel's, without records."""
+    """Return the folder of ``kind``: "envs", "baselines" or "leaderboard".
+
+    It is that of the checkout, else the wheel's, which has no records.
+    """
     checkout = _PACKAGE.parent / kind
     if (_PACKAGE.parent / "pyproject.toml").is_file() and checkout.is_dir():
         return checkout
@@ -15,17 +21,16 @@ def bundled(kind: str) -> Path:
 
 
 def card_ids() -> tuple[str, ...]:
-    """Ids of the cards that ship with the library, sorted."""
-    return tuple(path.stem for path in _found(bundled("envs"), "MTP-*.toml"))
+    """Return the ids of the cards that ship with the library, sorted."""
+    return tuple(path.stem for path in _files(bundled("envs"), "MTP-*.toml"))
 
 
 def baseline_names() -> tuple[str, ...]:
-    """Names of the baselines that ship with the library, sorted."""
-    return tuple(
-        path.parent.name for path in _found(bundled("baselines"), "*/submission.toml")
-    )
+    """Return the names of the baselines that ship with the library, sorted."""
+    manifests = _files(bundled("baselines"), "*/submission.toml")
+    return tuple(path.parent.name for path in manifests)
 
 
 @cache
-def _found(folder: Path, pattern: str) -> tuple[Path, ...]:
+def _files(folder: Path, pattern: str) -> tuple[Path, ...]:
     return tuple(sorted(folder.glob(pattern)))

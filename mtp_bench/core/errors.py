@@ -1,4 +1,7 @@
-"""Errors, and checks of arrays that raise them. Each says what was got, what was expected, where, and what to do."""
+"""Errors, and checks of arrays that raise them.
+
+Each says what was got, what was expected, where, and what to do.
+"""
 
 import difflib
 from collections.abc import Collection, Iterable
@@ -9,7 +12,10 @@ from numpy.typing import NDArray
 
 
 class MtpBenchError(Exception):
-    """Base of every error that a user can cause; the command line prints it without a traceback."""
+    """Base of every error that a user can cause.
+
+    The command line prints it without a traceback.
+    """
 
 
 class CardError(MtpBenchError):
@@ -37,7 +43,7 @@ class RolloutError(MtpBenchError):
 
 
 class RecordError(MtpBenchError):
-    """A leaderboard record is missing, incomplete, was changed or cannot be compared with another."""
+    """A leaderboard record is missing, incomplete, changed or not comparable."""
 
 
 class ShapeError(MtpBenchError, ValueError):
@@ -45,83 +51,98 @@ class ShapeError(MtpBenchError, ValueError):
 
 
 class UnknownNameError(MtpBenchError, KeyError):
-    """A name that is not among the known ones; the text suggests the nearest."""
+    """A name that does not exist.
+
+    The text suggests the nearest.
+    """
 
     def __init__(
-        self, kind: str, got: str, known: Iterable[str], hint: str = ""
+        self, kind: str, got: str, names: Iterable[str], hint: str = ""
     ) -> None:
         self.got = got
-        known = tuple(known)
-        self._given = (kind, got, known, hint)
-        super().__init__(
-            f"unknown {kind} {got!r}{nearest(got, known)}"
-            + (f" ({hint})" if hint else "")
-        )
+        names = tuple(names)
+        self._arguments = (kind, got, names, hint)
+        text = f"unknown {kind} {got!r}{nearest(got, names)}"
+        if hint:
+            text += f" ({hint})"
+        super().__init__(text)
 
-    def __reduce__(
-        self,
-    ) -> tuple[type["UnknownNameError"], tuple[str, str, tuple[str, ...], str]]:
-        return type(self), self._given  # workers send their errors home
+    def __reduce__(self) -> tuple[type["UnknownNameError"], tuple[Any, ...]]:
+        return type(self), self._arguments  # workers send their errors home
 
     def __str__(self) -> str:  # KeyError would show the repr of the text
         return str(self.args[0])
 
 
 def require_known(
-    kind: str, got: object, known: Collection[str], hint: str = ""
+    kind: str, got: object, names: Collection[str], hint: str = ""
 ) -> None:
-    """Raise UnknownNameError unless ``got``, the name of a ``kind``, is one of ``known``."""
-    if got not in known:
-        raise UnknownNameError(kind, str(got), known, hint)
+    """Raise UnknownNameError unless ``got``, a name of a ``kind``, is in ``names``."""
+    if got not in names:
+        raise UnknownNameError(kind, str(got), names, hint)
 
 
 def describe_problem(got: str, expected: str, where: str, advice: str) -> str:
-    """The text "<got>, expected <expected> (<where>); <advice>"; empty parts are left out."""
-    wanted = f", expected {expected}" if expected else ""
-    place = f" ({where})" if where else ""
-    return f"{got}{wanted}{place}" + (f"; {advice}" if advice else "")
+    """Join "<got>, expected <expected> (<where>); <advice>" without empty parts."""
+    text = got
+    if expected:
+        text += f", expected {expected}"
+    if where:
+        text += f" ({where})"
+    if advice:
+        text += f"; {advice}"
+    return text
 
 
-MOST_NAMES = 16  # listed in an error text
+_MAX_NAMES = 16  # listed in an error text
 
 
-def nearest(got: str, known: Iterable[str]) -> str:
-    """The part of an error text that names the nearest known name, else all of them."""
-    names = sorted(known)
-    close = closest(got, names)
-    if close:
-        return f": did you mean {close!r}?"
-    shown = ", ".join(names[:MOST_NAMES]) + (
-        f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    )
-    return f": known are {shown}" if names else ": none is known"
+def nearest(got: str, names: Iterable[str]) -> str:
+    """Return the words that suggest the nearest name, else all."""
+    names = sorted(names)
+    similar = closest(got, names)
+    if similar:
+        return f": did you mean {similar!r}?"
+    if not names:
+        return ": none is known"
+    text = ", ".join(names[:_MAX_NAMES])
+    if len(names) > _MAX_NAMES:
+        text += f" and {len(names) - _MAX_NAMES} more"
+    return f": known are {text}"
 
 
-def closest(got: object, known: Iterable[str], cutoff: float = 0.5) -> str:
-    """The known name most similar to the text of ``got``; empty without one that is similar by ``cutoff``, 0 to 1."""
-    lower = {
-        name.lower(): name for name in sorted(known)
-    }  # names that differ by case alone are the same
-    close = difflib.get_close_matches(str(got).lower(), lower, n=1, cutoff=cutoff)
-    return lower[close[0]] if close else ""
+def closest(got: object, names: Iterable[str], cutoff: float = 0.5) -> str:
+    """Return the name most similar to the text of ``got``.
+
+    Empty without one that is similar by ``cutoff``, 0 to 1.
+    """
+    # names that differ by case alone are the same
+    lower = {name.lower(): name for name in sorted(names)}
+    matches = difflib.get_close_matches(str(got).lower(), lower, n=1, cutoff=cutoff)
+    return lower[matches[0]] if matches else ""
 
 
 def require_shape(
     name: str, array: NDArray[Any], shape: tuple[int | None, ...]
 ) -> None:
-    """Raise ShapeError unless ``array`` has ``shape``; None stands for any length."""
-    if array.ndim != len(shape) or any(
-        n not in (None, size) for n, size in zip(shape, array.shape, strict=True)
-    ):
-        want = tuple("any" if n is None else n for n in shape)
-        raise ShapeError(f"{name} has shape {array.shape}, expected {want}")
+    """Raise ShapeError unless ``array`` has ``shape``.
+
+    None stands for any length.
+    """
+    fits = array.ndim == len(shape) and all(
+        n in (None, size) for n, size in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        expected = tuple("any" if n is None else n for n in shape)
+        raise ShapeError(f"{name} has shape {array.shape}, expected {expected}")
 
 
 def require_finite(name: str, array: NDArray[Any]) -> None:
-    """Raise ShapeError naming the first entry of ``array`` that is NaN or infinite."""
-    bad = ~np.isfinite(array)
-    if bad.any():
-        index = tuple(int(i) for i in np.argwhere(bad)[0])
+    """Raise ShapeError for an entry of ``array`` that is not finite."""
+    places = np.argwhere(~np.isfinite(array))
+    if len(places):
+        index = tuple(places[0].tolist())
         raise ShapeError(
-            f"{name}{list(index)} is {array[index]}, expected a finite number ({int(bad.sum())} such)"
+            f"{name}{list(index)} is {array[index]}, "
+            f"expected a finite number ({len(places)} such)"
         )

@@ -1,4 +1,4 @@
-"""Atomic writes, early write checks, size-limited reads, and the folder of the cache."""
+"""Atomic writes, early checks of them, bounded reads, and the folder of the cache."""
 
 import contextlib
 import errno
@@ -21,13 +21,10 @@ from .notice import say_once
 
 CACHE = "MTP_BENCH_CACHE"  # environment variable
 ABSENT = "cannot be read: no such file"
-_CHUNK = 1 << 20  # bytes hashed at once
+_CHUNK_BYTES = 1 << 20  # hashed at once
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
-_INVISIBLE = (
-    "Cc",
-    "Cf",
-    "Cs",
-)  # Unicode categories: controls, format marks, surrogates
+# Unicode categories: controls, format marks, surrogates
+_INVISIBLE = ("Cc", "Cf", "Cs")
 _JOINERS = "\u200c\u200d"  # invisible, but several scripts need them
 _FILE_KINDS = {
     stat.S_IFREG: "",
@@ -40,21 +37,26 @@ _FILE_KINDS = {
 
 
 class WriteError(MtpBenchError, OSError):
-    """A failure to write a file or folder; also an OSError, so that optional writes can be skipped.
+    """A failure to write a file or folder.
 
-    Constructed as ``WriteError(errno, strerror, filename)`` with the name that the user asked for.
+    Also an OSError, so that optional writes can be skipped.
+    Constructed as ``WriteError(errno, strerror, filename)`` with the name that the user
+    asked for.
     """
 
     def __str__(self) -> str:
-        advice = "" if self.errno in FULL_DISK else "; choose another folder"
-        return f"cannot write {self.filename}: {describe_write_error(self)}{advice}"
+        text = f"cannot write {self.filename}: {describe_write_error(self)}"
+        if self.errno in FULL_DISK:
+            return text
+        return f"{text}; choose another folder"
 
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary path to write to, with the suffix of ``path``; it replaces ``path`` if the block succeeds.
+    """Yield a temporary path that replaces ``path`` if the block succeeds.
 
-    After an error or interruption ``path`` is unchanged, without temporary files. Raises WriteError naming ``path``.
+    It has the suffix of ``path``. After an error or interruption ``path`` is unchanged,
+    without temporary files. Raises WriteError naming ``path``.
     """
     part = _temporary(path)
     try:
@@ -69,10 +71,11 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Yield a new folder to fill; it replaces the folder ``path`` if the block succeeds.
+    """Yield a new folder that replaces ``path`` if the block succeeds.
 
-    A symbolic link is followed and kept. After an error or an interruption the earlier folder is unchanged. Raises
-    WriteError naming ``path`` if writing fails, and MtpBenchError if the folder cannot be replaced.
+    A symbolic link is followed and kept. After an error or an interruption the earlier
+    folder is unchanged. Raises WriteError naming ``path`` if writing fails, and
+    MtpBenchError if the folder cannot be replaced.
     """
     path = _target(path)
     require_replaceable(path)
@@ -94,7 +97,10 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """Yield a folder to fill, as `whole_folder`; raises MtpBenchError if ``path`` is a file or a folder in use."""
+    """Yield a folder to fill, as `whole_folder`.
+
+    Raises MtpBenchError if ``path`` is a file or a folder that is not empty.
+    """
     if path.exists() and not path.is_dir():
         raise MtpBenchError(f"{path} is not a folder: choose another name")
     if path.exists() and any(path.iterdir()):
@@ -105,21 +111,29 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 
 def require_replaceable(folder: Path) -> None:
-    """Raise MtpBenchError if ``folder`` is a mount point or the working directory, which cannot be replaced."""
-    if folder.exists() and (
-        os.path.ismount(folder.resolve()) or Path.cwd().is_relative_to(folder.resolve())
-    ):
+    """Raise MtpBenchError for a mount point and the working directory.
+
+    They cannot be replaced.
+    """
+    if not folder.exists():
+        return
+    path = folder.resolve()
+    if os.path.ismount(path) or Path.cwd().is_relative_to(path):
         raise MtpBenchError(
-            f"{folder} is the root of a disk or the working folder: choose a folder inside it"
+            f"{folder} is the root of a disk or the working folder: "
+            "choose a folder inside it"
         )
 
 
 def remove_leftovers(*paths: Path) -> None:
-    """Remove temporary files that killed writers of ``paths`` left; no other process may be writing them."""
+    """Remove temporary files that killed writers of ``paths`` left.
+
+    No other process may be writing them.
+    """
     for path in {*paths, *map(_target, paths)}:
-        for leftover in path.parent.glob(
-            f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}"
-        ):
+        stem = glob.escape(path.stem)
+        suffix = glob.escape(path.suffix)
+        for leftover in path.parent.glob(f".{stem}.*.part{suffix}"):
             if leftover.is_dir() and not leftover.is_symlink():
                 shutil.rmtree(leftover, ignore_errors=True)
             else:
@@ -128,9 +142,10 @@ def remove_leftovers(*paths: Path) -> None:
 
 @contextlib.contextmanager
 def locked(path: Path, content: str) -> Iterator[None]:
-    """Hold the lock file ``path``; raises MtpBenchError naming ``content`` if another process is writing it.
+    """Hold the lock file ``path``.
 
-    The lock ends with the process, even when it is killed.
+    Raises MtpBenchError naming ``content`` if another process is writing it. The lock
+    ends with the process, even when it is killed.
     """
     from filelock import FileLock, Timeout
 
@@ -148,40 +163,47 @@ def locked(path: Path, content: str) -> Iterator[None]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 file atomically; raises MtpBenchError if that fails."""
+    """Write a UTF-8 file atomically.
+
+    Raises MtpBenchError if that fails.
+    """
     write_bytes(path, text.encode("utf-8"))
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file atomically; raises MtpBenchError if that fails."""
+    """Write a file atomically.
+
+    Raises MtpBenchError if that fails.
+    """
     require_file(path)
     with whole_file(path) as part:
         part.write_bytes(content)
 
 
 def make_folder(folder: Path) -> None:
-    """Create a folder and its parents unless it exists; raises WriteError if that fails."""
+    """Create a folder and its parents unless it exists.
+
+    Raises WriteError if that fails.
+    """
     with _naming(folder):
         folder.mkdir(parents=True, exist_ok=True)
 
 
 def describe_write_error(error: OSError) -> str:
-    """The reason of a failure to write, for a full disk with what to do."""
-    advice = (
-        ": make room there, or choose another folder, and try again"
-        if error.errno in FULL_DISK
-        else ""
-    )
-    return f"{error.strerror or error}{advice}"
+    """Return the reason of a failure to write."""
+    reason = str(error.strerror or error)
+    if error.errno in FULL_DISK:
+        reason += ": make room there, or choose another folder, and try again"
+    return reason
 
 
 def read_bounded(
     path: Path, most: int, error: type[MtpBenchError], absent: str = ABSENT
 ) -> str:
-    """The text of a small UTF-8 file.
+    """Read the text of a small UTF-8 file.
 
-    Raises ``error`` naming the file if it is missing (described by ``absent``), is not a regular file, has more than
-    ``most`` bytes or is not valid UTF-8.
+    Raises ``error`` naming the file if it is missing (described by ``absent``), is not
+    a regular file, has more than ``most`` bytes or is not valid UTF-8.
     """
     try:
         with open_regular(path) as stream:
@@ -196,7 +218,8 @@ def read_bounded(
         return content.decode("utf-8")
     except UnicodeDecodeError as cause:
         raise error(
-            f"{path}: not valid UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8"
+            f"{path}: not valid UTF-8: {cause.reason} at byte {cause.start}; "
+            "save it as UTF-8"
         ) from None
 
 
@@ -206,19 +229,20 @@ def toml_beside(module: str, name: str) -> dict[str, Any]:
 
 
 def open_regular(path: Path, links: bool = True) -> BinaryIO:
-    """Open a regular file for reading; raises OSError for a FIFO, a device and others whose reading may never end.
+    """Open a regular file for reading.
 
+    Raises OSError for a FIFO, a device and others whose reading may never end.
     ``links``: follow a symbolic link to a regular file.
     """
-    flags = getattr(os, "O_NONBLOCK", 0) | (
-        0 if links else getattr(os, "O_NOFOLLOW", 0)
-    )
-    _require_regular(path.stat() if links else path.lstat(), path)
-    stream = open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags))  # noqa: SIM115  (pathlib has no opener)
+    flags = getattr(os, "O_NONBLOCK", 0)  # not on every system
+    if not links:
+        flags |= getattr(os, "O_NOFOLLOW", 0)
+    _require_regular(path.stat(follow_symlinks=links), path)
+    # pathlib has no opener
+    stream = open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags))  # noqa: SIM115
     try:
-        _require_regular(
-            os.fstat(stream.fileno()), path
-        )  # it may have been replaced meanwhile
+        # it may have been replaced meanwhile
+        _require_regular(os.fstat(stream.fileno()), path)
     except OSError:
         stream.close()
         raise
@@ -226,15 +250,22 @@ def open_regular(path: Path, links: bool = True) -> BinaryIO:
 
 
 def file_kind(mode: int) -> str:
-    """The kind of a file that is not a regular one, from ``st_mode``: "folder", "FIFO", ...; "" for a regular file."""
+    """Name the kind of a file from ``st_mode``: "folder", "FIFO", ...
+
+    It is empty for a regular file.
+    """
     return _FILE_KINDS.get(stat.S_IFMT(mode), "link")
 
 
 def file_digest(path: Path, most: int | None = None) -> str:
-    """Hex sha256 of a regular file; raises OSError, also for more than ``most`` bytes."""
-    digest, size = hashlib.sha256(), 0
+    """Return the hex sha256 of a regular file.
+
+    Raises OSError, also for more than ``most`` bytes.
+    """
+    digest = hashlib.sha256()
+    size = 0
     with open_regular(path) as stream:
-        while chunk := stream.read(_CHUNK):
+        while chunk := stream.read(_CHUNK_BYTES):
             digest.update(chunk)
             size += len(chunk)
             if most is not None and size > most:
@@ -245,7 +276,10 @@ def file_digest(path: Path, most: int | None = None) -> str:
 
 
 def cache_root() -> Path:
-    """The folder of files made once per machine: that of MTP_BENCH_CACHE, else the user cache folder."""
+    """Return the folder of files made once per machine.
+
+    It is that of MTP_BENCH_CACHE, else the user cache folder.
+    """
     if os.environ.get(CACHE):
         return Path(os.environ[CACHE]).expanduser()
     from platformdirs import user_cache_path
@@ -254,7 +288,10 @@ def cache_root() -> Path:
 
 
 def remove_damaged(path: Path) -> None:
-    """Delete the file or folder ``path`` of the cache, if there is one, and tell the user that it is made anew."""
+    """Delete ``path`` of the cache and tell the user.
+
+    Do nothing if it does not exist.
+    """
     if not os.path.lexists(path):
         return
     if path.is_dir() and not path.is_symlink():
@@ -265,23 +302,32 @@ def remove_damaged(path: Path) -> None:
 
 
 def file_stem(name: str) -> str:
-    """The name of a scene, which may contain a slash, as a file name; never a hidden one."""
+    """Return the name of a scene as a file name.
+
+    The name may contain a slash.
+    """
     stem = quote(name, safe="")
     return f"%2E{stem[1:]}" if stem.startswith(".") else stem
 
 
 def clean_text(text: str, most: int) -> str:
-    """``text`` as one line of at most ``most`` characters that is safe to print.
+    """Return ``text`` as one line that is safe to print.
 
-    Controls, escapes, direction marks and lone surrogates become U+FFFD, line ends become blanks.
+    Controls, escapes, direction marks and lone surrogates become U+FFFD, line ends
+    become blanks.
     """
     line = " ".join(text[: 4 * most].splitlines())
     clean = "".join("\ufffd" if unseen(letter) else letter for letter in line)
-    return clean if len(clean) <= most else clean[: most - 1] + "…"
+    if len(clean) > most:
+        clean = clean[: most - 1] + "…"
+    return clean
 
 
 def unseen(letter: str) -> bool:
-    """True for an invisible character: a control, an escape, a direction mark, a lone surrogate."""
+    """Return True for an invisible character.
+
+    These are controls, escapes, direction marks and lone surrogates.
+    """
     return unicodedata.category(letter) in _INVISIBLE and letter not in _JOINERS
 
 
@@ -313,24 +359,25 @@ def require_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def _naming(path: Path, part: Path | None = None) -> Iterator[None]:
-    """Turn an OSError about ``path`` or its temporary ``part`` into a WriteError that names ``path``."""
+    """Turn an OSError about ``path`` or its ``part`` into a WriteError.
+
+    It names ``path``, not the temporary ``part``.
+    """
     try:
         yield
     except OSError as error:
-        named = error.filename
-        if part is not None and isinstance(
-            named, str | os.PathLike
-        ):  # an error about a descriptor has no name
-            file = Path(named)
+        name = error.filename
+        # an error about a descriptor has no name
+        if part is not None and isinstance(name, str | os.PathLike):
+            file = Path(name)
             if {part, path}.isdisjoint([file, *file.parents]):
                 raise
-        raise WriteError(
-            error.errno, error.strerror or str(error) or type(error).__name__, str(path)
-        ) from error
+        reason = error.strerror or str(error) or type(error).__name__
+        raise WriteError(error.errno, reason, str(path)) from error
 
 
 def _require_ordinary(path: Path) -> None:
-    """Raise MtpBenchError for an existing device, pipe or socket, which a file must not replace."""
+    """Raise MtpBenchError for an existing device, pipe or socket."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise MtpBenchError(
             f"cannot write {path}: it is not an ordinary file; choose another name"
@@ -343,11 +390,10 @@ def _require_regular(state: os.stat_result, path: Path) -> None:
 
 
 def _temporary(path: Path) -> Path:
-    return path.with_name(
-        f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}.part{path.suffix}"
-    )
+    token = f"{os.getpid()}.{secrets.token_hex(4)}"
+    return path.with_name(f".{path.stem}.{token}.part{path.suffix}")
 
 
 def _target(path: Path) -> Path:
-    """The target of a symbolic link, else ``path``."""
+    """Return the target of a symbolic link, else ``path``."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path

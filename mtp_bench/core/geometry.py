@@ -1,56 +1,67 @@
-"""Overlap and distance of boxes in bird's eye view (BEV) and in 3D; all functions work on pairs of rows at once.
+"""Overlap and distance of boxes in bird's eye view (BEV) and in 3D.
 
-A box is ``x y z yaw l w h``, metres and radians, its centre at x y z, its length along the heading. Boxes stand
-upright: they turn about z only. Everything is computed around the centre of the first box of a pair, so that
-coordinates of any size keep their precision.
+All functions work on pairs of rows at once. A box is ``x y z yaw l w h``, metres and
+radians, its centre at x y z, its length along the heading. Boxes stand
+upright: they turn about z only. Everything is computed around the centre of the first
+box of a pair, so that coordinates of any size keep their precision.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .types import Floats
+from .arrays import Floats
 
-# Signs of the corners, counter-clockwise from front left: corner j is the farthest one in the j-th quadrant.
+# Signs of the corners, counter-clockwise from front left: corner j is the farthest one
+# in the j-th quadrant.
 _ALONG = np.array([1.0, -1.0, -1.0, 1.0]) / 2
 _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]) / 2
 _NEXT = np.array([1, 2, 3, 0])
-_HAIR = 1e-8  # share of the smallest side: far above rounding, far below what matters
-_TINY = 1e-300
+# share of the smallest side: far above rounding, far below what matters
+_SHRINK_SHARE = 1e-8
+_PARALLEL = 1e-3  # sine or cosine of the angle between two boxes
+_MIN_DIVISOR = 1e-300
 
 
 def wrap_angle(angle: ArrayLike) -> Floats:
-    """``angle`` in radians, brought into [-pi, pi)."""
-    turned = np.remainder(np.asarray(angle, dtype=np.float64) + np.pi, 2 * np.pi)
-    return turned - np.pi
+    """Bring ``angle`` in radians into [-pi, pi)."""
+    rotated = np.remainder(np.asarray(angle, dtype=np.float64) + np.pi, 2 * np.pi)
+    return rotated - np.pi
 
 
 def bev_corners(box: Floats) -> Floats:
-    """Corners of boxes ``[..., 7]`` in BEV ``[..., 4, 2]``: front left, rear left, rear right, front right."""
-    cos, sin = np.cos(box[..., 3]), np.sin(box[..., 3])
-    return np.stack(
-        _corners_at(box[..., 0], box[..., 1], cos, sin, box[..., 4], box[..., 5]),
-        axis=-1,
-    )
+    """Return the corners ``[..., 4, 2]`` of boxes ``[..., 7]`` in BEV.
+
+    They are front left, rear left, rear right, front right.
+    """
+    x, y, _, yaw, length, width = (box[..., column] for column in range(6))
+    corners = _corners_at(x, y, np.cos(yaw), np.sin(yaw), length, width)
+    return np.stack(corners, axis=-1)
 
 
 def rotate(vector: Floats, yaw: Floats | float) -> Floats:
-    """Vectors ``[..., 2 or more]`` turned about z, counter-clockwise; components after x and y stay."""
-    turned = np.array(vector, dtype=np.float64)
-    c, s = np.cos(yaw), np.sin(yaw)
-    turned[..., 0] = c * vector[..., 0] - s * vector[..., 1]
-    turned[..., 1] = s * vector[..., 0] + c * vector[..., 1]
-    return turned
+    """Turn vectors ``[..., 2 or more]`` about z, counter-clockwise.
+
+    Components after x and y stay.
+    """
+    rotated = np.array(vector, dtype=np.float64)
+    cos = np.cos(yaw)
+    sin = np.sin(yaw)
+    rotated[..., 0] = cos * vector[..., 0] - sin * vector[..., 1]
+    rotated[..., 1] = sin * vector[..., 0] + cos * vector[..., 1]
+    return rotated
 
 
 def unit_vectors(heading: Floats | float) -> Floats:
-    """Unit vectors ``[..., 2]`` along headings ``[...]``, rad."""
+    """Return unit vectors ``[..., 2]`` along headings ``[...]``, rad."""
     return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
 
 
 def transform_boxes(box: Floats, yaw: Floats | float, translation: ArrayLike) -> Floats:
-    """Boxes ``[..., 7]`` after a rigid motion: a turn by ``yaw`` about the z axis, then ``translation`` (x, y, z).
+    """Move boxes ``[..., 7]`` rigidly.
 
-    One motion for all boxes, or one each: ``yaw`` ``[...]`` and ``translation`` ``[..., 3]``.
+    They are rotated by ``yaw`` about the z axis, then moved by ``translation`` (x, y,
+    z). One motion for all boxes, or one each: ``yaw`` ``[...]`` and ``translation``
+    ``[..., 3]``.
     """
     moved = rotate(box, yaw)
     moved[..., :3] += np.asarray(translation, dtype=np.float64)
@@ -59,79 +70,95 @@ def transform_boxes(box: Floats, yaw: Floats | float, translation: ArrayLike) ->
 
 
 def center_distance(a: Floats, b: Floats) -> Floats:
-    """Distance of the centres in BEV, metres: rows ``[R, 7]`` and ``[R, 7]`` (or longer boxes) -> ``[R]``."""
+    """Return the distance of the centres in BEV, metres ``[R]``.
+
+    Rows ``[R, 7]`` and ``[R, 7]``, or longer boxes.
+    """
     return np.hypot(a[..., 0] - b[..., 0], a[..., 1] - b[..., 1])
 
 
 def bev_intersection_area(a: Floats, b: Floats) -> Floats:
-    """Area common to two boxes in BEV, m2: rows ``[R, 7]`` and ``[R, 7]`` -> ``[R]``.
+    """Return the area common to two boxes in BEV, m2 ``[R]``: rows ``[R, 7]``, ``[R, 7]``.
 
-    Green's theorem over the edges of each box as far as they run inside the other one. If the boxes are parallel,
-    ``a`` is made smaller by a hair where edges are compared: none lies on an edge of ``b`` then, and where edges did
-    lie on each other those of ``a`` count if both boxes are on the same side, and none if they touch from outside.
+    Green's theorem over the edges of each box as far as they run inside the other one.
+    If the boxes are parallel, ``a`` is made smaller by a tiny share where edges are
+    compared: none lies on an edge of ``b`` then, and where edges did lie on each other
+    those of ``a`` count if both boxes are on the same side, and none if they touch from
+    outside.
     """
-    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
-    cos, sin, turn = np.cos(a[..., 3]), np.sin(a[..., 3]), b[..., 3] - a[..., 3]
-    x, y, cos, sin = (
-        cos * dx + sin * dy,
-        cos * dy - sin * dx,
-        np.cos(turn),
-        np.sin(turn),
-    )  # of b in the frame of a
-    l_a, w_a, l_b, w_b = a[..., 4], a[..., 5], b[..., 4], b[..., 5]
-    parallel = np.minimum(np.abs(cos), np.abs(sin)) < 1e-3
-    hair = parallel * (_HAIR * np.minimum(np.minimum(l_a, w_a), np.minimum(l_b, w_b)))
-    l_in, w_in = np.maximum(l_a - hair, 0.0), np.maximum(w_a - hair, 0.0)
-    b_x, b_y = _corners_at(
-        x, y, cos, sin, l_b, w_b
-    )  # corners of b in the frame of a and the other way round
+    dx = b[..., 0] - a[..., 0]
+    dy = b[..., 1] - a[..., 1]
+    cos_a = np.cos(a[..., 3])
+    sin_a = np.sin(a[..., 3])
+    # of b in the frame of a
+    turn = b[..., 3] - a[..., 3]
+    x = cos_a * dx + sin_a * dy
+    y = cos_a * dy - sin_a * dx
+    cos = np.cos(turn)
+    sin = np.sin(turn)
+    l_a, w_a, l_b, w_b = (box[..., side] for box in (a, b) for side in (4, 5))
+    parallel = np.minimum(np.abs(cos), np.abs(sin)) < _PARALLEL
+    min_side = np.minimum(np.minimum(l_a, w_a), np.minimum(l_b, w_b))
+    shrink = parallel * (_SHRINK_SHARE * min_side)
+    l_in = np.maximum(l_a - shrink, 0.0)
+    w_in = np.maximum(w_a - shrink, 0.0)
+    # corners of b in the frame of a and the other way round
+    b_x, b_y = _corners_at(x, y, cos, sin, l_b, w_b)
     a_x, a_y = _corners_at(-cos * x - sin * y, sin * x - cos * y, cos, -sin, l_in, w_in)
     share_b, twice_area_b = _edges_inside(b_x, b_y, l_in, w_in)
     share_a, _ = _edges_inside(a_x, a_y, l_b, w_b)
-    # Every edge of a spans a triangle of l_a * w_a / 4 with the centre of a, the origin of the integral.
+    # Every edge of a spans a triangle of l_a * w_a / 4 with the centre of a, the origin
+    # of the integral.
     area = (share_b * twice_area_b).sum(-1) / 2 + share_a.sum(-1) * (l_a * w_a / 4)
     return np.asarray(np.clip(area, 0.0, np.minimum(l_a * w_a, l_b * w_b)))
 
 
 def iou_3d(a: Floats, b: Floats) -> Floats:
-    """Intersection over union of volumes, 0 to 1: rows ``[R, 7]`` and ``[R, 7]`` -> ``[R]``; 0 if both are empty."""
+    """Return the intersection over union of volumes ``[R]``, 0 to 1.
+
+    Rows ``[R, 7]`` and ``[R, 7]``; 0 if both are empty.
+    """
     top = np.minimum(a[..., 2] + a[..., 6] / 2, b[..., 2] + b[..., 6] / 2)
     bottom = np.maximum(a[..., 2] - a[..., 6] / 2, b[..., 2] - b[..., 6] / 2)
     common = bev_intersection_area(a, b) * np.maximum(top - bottom, 0.0)
-    volume_a, volume_b = (
-        a[..., 4] * a[..., 5] * a[..., 6],
-        b[..., 4] * b[..., 5] * b[..., 6],
-    )
+    volume_a = a[..., 4] * a[..., 5] * a[..., 6]
+    volume_b = b[..., 4] * b[..., 5] * b[..., 6]
     common = np.minimum(common, np.minimum(volume_a, volume_b))
-    return np.asarray(common / np.maximum(volume_a + volume_b - common, _TINY))
+    return np.asarray(common / np.maximum(volume_a + volume_b - common, _MIN_DIVISOR))
 
 
 def _corners_at(
     x: Floats, y: Floats, cos: Floats, sin: Floats, l: Floats, w: Floats
 ) -> tuple[Floats, Floats]:
-    """Corners ``[R, 4]`` of boxes at x, y with the given heading."""
-    along, across = l[..., None] * _ALONG, w[..., None] * _ACROSS
-    cos, sin = cos[..., None], sin[..., None]
-    return x[..., None] + cos * along - sin * across, y[
-        ..., None
-    ] + sin * along + cos * across
+    """Return the corners ``[R, 4]`` of boxes at x, y with this heading."""
+    along = l[..., None] * _ALONG
+    across = w[..., None] * _ACROSS
+    cos = cos[..., None]
+    sin = sin[..., None]
+    corner_x = x[..., None] + cos * along - sin * across
+    corner_y = y[..., None] + sin * along + cos * across
+    return corner_x, corner_y
 
 
 def _edges_inside(
     x: Floats, y: Floats, length: Floats, width: Floats
 ) -> tuple[Floats, Floats]:
-    """Share of each edge of the polygons ``[R, 4]`` inside the rectangle around 0, and cross(start, edge)."""
-    dx, dy = x[..., _NEXT] - x, y[..., _NEXT] - y
-    lower, upper = np.zeros_like(x), np.ones_like(x)
-    for start, step, size in (
-        (x, dx, length[..., None] / 2),
-        (y, dy, width[..., None] / 2),
-    ):
-        with np.errstate(
-            over="ignore"
-        ):  # parallel edges: inside for all of their length or for none of it
-            inverse = 1.0 / np.where(np.abs(step) < _TINY, _TINY, step)
-            enter, leave = (-size - start) * inverse, (size - start) * inverse
+    """Return the share of each edge inside, and cross(start, edge).
+
+    The edges are those of polygons ``[R, 4]``.
+    """
+    dx = x[..., _NEXT] - x
+    dy = y[..., _NEXT] - y
+    lower = np.zeros_like(x)
+    upper = np.ones_like(x)
+    half_length = length[..., None] / 2
+    half_width = width[..., None] / 2
+    for start, step, size in ((x, dx, half_length), (y, dy, half_width)):
+        # parallel edges: inside for all of their length or for none of it
+        with np.errstate(over="ignore"):
+            inverse = 1.0 / np.where(np.abs(step) < _MIN_DIVISOR, _MIN_DIVISOR, step)
+            enter = (-size - start) * inverse
+            leave = (size - start) * inverse
         lower = np.maximum(lower, np.minimum(enter, leave))
         upper = np.minimum(upper, np.maximum(enter, leave))
     return np.maximum(upper - lower, 0.0), x * dy - y * dx

@@ -1,4 +1,4 @@
-"""Weights of networks: their folders and file names, which of them are missing, and how to train these."""
+"""Weights of networks: folders, file names, what is missing, and how to train it."""
 
 import os
 from collections.abc import Iterable
@@ -8,8 +8,10 @@ from pathlib import Path
 VARIABLE = "MTP_BENCH_WEIGHTS"
 SHIPPED = Path(__file__).parent.parent / "prediction" / "learned" / "weights"
 PACKED = ".xz"  # suffix of the files that ship
-READS_LANES = "modes_lanes-"  # learns from the env itself: the one whose weights it shares may show no lanes
-MINUTES = {  # to train one, measured for MTP-nuScenes-v0 on two cores
+# learns from the env itself: the one whose weights it shares may show no lanes
+_READS_LANES = "modes_lanes-"
+# to train one, measured for MTP-nuScenes-v0 on two cores
+_MINUTES = {
     "modes-truth": 1,
     "modes-tracklets": 2,
     "tracking_free-tracklets": 4,
@@ -29,17 +31,20 @@ class NetworkState:
 
     @property
     def missing(self) -> bool:
-        """True if there are no weights."""
+        """True without any weights."""
         return not (self.trained or self.ships)
 
     @property
     def minutes(self) -> int | None:
-        """Minutes that a training takes on two cores; None if it was not measured."""
-        return MINUTES.get(self.network)
+        """Minutes that a training takes on two cores.
+
+        None if it was not measured.
+        """
+        return _MINUTES.get(self.network)
 
     @property
     def command(self) -> str:
-        """The command that trains it."""
+        """Command that trains it."""
         name, on = self.network.rsplit("-", 1)
         return f"mtp-bench train predictor {name} --env {self.env_id} --on {on}"
 
@@ -47,24 +52,29 @@ class NetworkState:
 def states_of(
     networks: Iterable[str], env_id: str, weights_of: str | None
 ) -> list[NetworkState]:
-    """The states of ``networks``, such as modes-truth, on an env; ``weights_of``: the env whose weights it shares."""
-    networks, envs = tuple(networks), [env for env in (env_id, weights_of) if env]
-    return [
-        NetworkState(
-            network,
-            env_id if not weights_of or network.startswith(READS_LANES) else weights_of,
-            trained=bool(network_files([network], env_id, weights_of)),
-            ships=any(
-                (SHIPPED / f"{network}-{env}.safetensors{PACKED}").is_file()
-                for env in envs
-            ),
+    """Return the states of ``networks``, such as modes-truth, on an env.
+
+    ``weights_of``: the env whose weights it shares.
+    """
+    states = []
+    for network in networks:
+        trained_on = weights_of or env_id
+        if network.startswith(_READS_LANES):
+            trained_on = env_id
+        ships = any(
+            (SHIPPED / f"{name}{PACKED}").is_file()
+            for name in _file_names(network, env_id, weights_of)
         )
-        for network in networks
-    ]
+        trained = bool(network_files([network], env_id, weights_of))
+        states.append(NetworkState(network, trained_on, trained, ships))
+    return states
 
 
 def weights_folder() -> Path:
-    """The folder of weights that were trained here: MTP_BENCH_WEIGHTS, else in the user's data folder."""
+    """Return the folder of weights that were trained here.
+
+    It is that of MTP_BENCH_WEIGHTS, else in the user's data folder.
+    """
     if os.environ.get(VARIABLE):
         return Path(os.environ[VARIABLE]).expanduser().absolute()
     from platformdirs import user_data_path
@@ -73,18 +83,30 @@ def weights_folder() -> Path:
 
 
 def file_name(network: str, on: str, env_id: str) -> str:
-    """Name of the weights of a network that was trained ``on`` "truth" or "tracklets" of an env."""
+    """Return the name of the weights of a network on an env.
+
+    ``on``: "truth" or "tracklets", what it was trained on.
+    """
     return f"{network}-{on}-{env_id}.safetensors"
 
 
 def network_files(
     networks: Iterable[str], env_id: str, weights_of: str | None
 ) -> list[Path]:
-    """Files of ``networks``, such as modes-truth, trained here for an env or for the one whose weights it shares."""
-    envs = (env_id,) if weights_of is None else (env_id, weights_of)
-    paths = [
-        weights_folder() / f"{network}-{env}.safetensors"
-        for network in networks
-        for env in envs
-    ]
+    """List the files of ``networks`` trained here for an env.
+
+    Also those for the env whose weights it shares.
+    """
+    folder = weights_folder()
+    paths: list[Path] = []
+    for network in networks:
+        paths += [folder / name for name in _file_names(network, env_id, weights_of)]
     return [path for path in paths if path.is_file()]
+
+
+def _file_names(network: str, env_id: str, weights_of: str | None) -> list[str]:
+    """Name the weights of a network for an env, and shared ones."""
+    envs = [env_id]
+    if weights_of:
+        envs.append(weights_of)
+    return [f"{network}-{env}.safetensors" for env in envs]

@@ -1,6 +1,7 @@
-"""Strict TOML and JSON: every key is known, every value has its type, and a typo is answered with the nearest key.
+"""Strict TOML and JSON: known keys, typed values, and the nearest key for a typo.
 
-Input is bounded: the size of the file, the depth of its tables, and the size of its numbers.
+Input is bounded: the size of the file, the depth of its tables, and the size of its
+numbers.
 """
 
 import json
@@ -18,18 +19,21 @@ from pydantic_core import ErrorDetails
 from .errors import MtpBenchError, nearest
 from .files import ABSENT, clean_text, read_bounded
 
-MOST_TOML = 1 << 20  # bytes of a file
-MOST_JSON = 8 << 20
-MOST_DEPTH = 64  # nested tables and lists
-_MOST_SHOWN = 200  # characters of a value in an error text
-_NUMBER = re.compile(
-    r"(?<![\w.+-])[+-]?\d+\.\d+(?:[eE][+-]?\d+)?(?![\w.])"
-)  # a number alone, not within a key
-_MOST_DIGITS = 19  # of an integer: it fits 64 bits
+_MAX_TOML_BYTES = 1 << 20
+_MAX_JSON_BYTES = 8 << 20
+_MAX_DEPTH = 64  # nested tables and lists
+_MAX_SHOWN = 200  # characters of a value in an error text
+# a number alone, not within a key
+_NUMBER = re.compile(r"(?<![\w.+-])[+-]?\d+\.\d+(?:[eE][+-]?\d+)?(?![\w.])")
+_SURROGATE = re.compile("[\ud800-\udfff]")
+_MAX_DIGITS = 19  # of an integer: it fits 64 bits
 
 
 class Section(BaseModel):
-    """A table of a TOML file. Values are not converted: ``"10"``, ``10.0`` and ``true`` are not the integer 10."""
+    """A table of a TOML file.
+
+    Values are not converted: ``"10"``, ``10.0`` and ``true`` are not the integer 10.
+    """
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False
@@ -40,7 +44,10 @@ SectionT = TypeVar("SectionT", bound=Section)
 
 
 def rule(holds: Callable[[Any], bool], expected: str) -> AfterValidator:
-    """Rule for the values of a field; the text of an error is ``expected``."""
+    """Make a rule for the values of a field.
+
+    Its error says ``expected``.
+    """
 
     def check(value: Any) -> Any:
         if not holds(value):
@@ -51,10 +58,12 @@ def rule(holds: Callable[[Any], bool], expected: str) -> AfterValidator:
 
 
 def read_toml(path: Path, error: type[MtpBenchError]) -> dict[str, Any]:
-    """Content of a TOML file of at most `MOST_TOML` bytes; raises ``error`` if it cannot be read."""
-    text = read_bounded(path, MOST_TOML, error).removeprefix(
-        "\ufeff"
-    )  # some editors write a byte order mark
+    """Read a TOML file of at most 1 MiB.
+
+    Raises ``error`` if it cannot be read.
+    """
+    text = read_bounded(path, _MAX_TOML_BYTES, error)
+    text = text.removeprefix("\ufeff")  # some editors write a byte order mark
     try:
         _require_short_keys(text)
         content = tomllib.loads(text)
@@ -65,17 +74,24 @@ def read_toml(path: Path, error: type[MtpBenchError]) -> dict[str, Any]:
 
 
 def read_json(
-    path: Path, error: type[MtpBenchError], absent: str = ABSENT, most: int = MOST_JSON
+    path: Path,
+    error: type[MtpBenchError],
+    absent: str = ABSENT,
+    most: int = _MAX_JSON_BYTES,
 ) -> dict[str, Any]:
-    """The object in a JSON file of at most ``most`` bytes; raises ``error`` if it cannot be read.
+    """Read the object in a JSON file of at most ``most`` bytes.
 
-    ``absent``: the reason given if there is no such file.
+    Raises ``error`` if it cannot be read. ``absent``: the reason given if there is no
+    such file.
     """
     return parse_json(read_bounded(path, most, error, absent), str(path), error)
 
 
 def parse_json(text: str, where: str, error: type[MtpBenchError]) -> dict[str, Any]:
-    """The object in a JSON text; raises ``error`` naming ``where`` the text is from."""
+    """Read the object in a JSON text.
+
+    Raises ``error`` naming ``where`` the text is from.
+    """
     try:
         content = json.loads(
             text, parse_constant=_refuse_constant, object_pairs_hook=_unique_keys
@@ -94,7 +110,10 @@ def validate(
     where: str,
     error: type[MtpBenchError],
 ) -> SectionT:
-    """``content`` as ``model``; raises ``error`` naming ``where``, the key, what was got and what was expected."""
+    """Return ``content`` as ``model``.
+
+    Raises ``error`` naming ``where``, the key, what was got and what was expected.
+    """
     try:
         return model.model_validate(content)
     except ValidationError as cause:
@@ -107,7 +126,10 @@ def require_part(
     where: str,
     error: type[MtpBenchError],
 ) -> None:
-    """Raise ``error`` as `validate` does, but allow missing keys: ``content`` is a part of a ``model``."""
+    """Raise ``error`` as `validate` does, but allow missing keys.
+
+    ``content`` is a part of a ``model``.
+    """
     try:
         model.model_validate(content)
     except ValidationError as cause:
@@ -117,12 +139,17 @@ def require_part(
 
 
 def explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
-    """The first of pydantic's ``errors`` on a ``model`` in one sentence: the key, what was got, what was expected."""
-    # A misspelt required key is both missing and unknown: the unknown one says what to do.
+    """Describe the first of pydantic's ``errors`` on a ``model`` in one sentence.
+
+    It names the key, what was got and what was expected.
+    """
+    # a misspelt required key is both missing and unknown: the unknown one says what to
+    # do
     first = min(errors, key=lambda detail: detail["type"] != "extra_forbidden")
     where, section = _locate(model, first["loc"])
     if first["type"] == "extra_forbidden":
-        return f"unknown key {where!r}{nearest(str(first['loc'][-1]), section.model_fields)}"
+        hint = nearest(str(first["loc"][-1]), section.model_fields)
+        return f"unknown key {where!r}{hint}"
     if first["type"] == "missing":
         return f"key {where!r} is missing"
     expected = first["msg"].replace("tuple", "list").removeprefix("Value error, ")
@@ -132,15 +159,18 @@ def explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
 
 
 def _require_short_keys(text: str) -> None:
-    """Raise ValueError for a line with very many dots: tomllib needs memory quadratic in the parts of a dotted key."""
+    """Raise ValueError for a line with very many dots.
+
+    tomllib needs memory quadratic in the parts of a dotted key.
+    """
     for number, line in enumerate(text.split("\n"), 1):
-        dots = line.count(".")
-        if (
-            dots > MOST_DEPTH
-            and (dots := _NUMBER.sub("", line).count(".")) > MOST_DEPTH
-        ):
+        if line.count(".") <= _MAX_DEPTH:
+            continue
+        dots = _NUMBER.sub("", line).count(".")
+        if dots > _MAX_DEPTH:
             raise ValueError(
-                f"line {number} has {dots} dots outside of numbers, expected at most {MOST_DEPTH}"
+                f"line {number} has {dots} dots outside of numbers, "
+                f"expected at most {_MAX_DEPTH}"
             )
 
 
@@ -149,7 +179,11 @@ def _refuse_constant(text: str) -> None:
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A table from pairs with distinct keys: of a repeated key, readers disagree on which value counts."""
+    """Make a table from pairs.
+
+    Raise ValueError for a repeated key.
+    Readers disagree on which of its values counts.
+    """
     table = dict(pairs)
     if len(table) < len(pairs):
         repeated = Counter(key for key, _ in pairs).most_common(1)[0][0]
@@ -158,8 +192,11 @@ def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _require_plain(value: Any, depth: int = 0) -> None:
-    """Raise ValueError for tables nested too deeply, and for values that UTF-8 JSON cannot hold."""
-    if depth > MOST_DEPTH:
+    """Raise ValueError for values that UTF-8 JSON cannot hold.
+
+    Raises RecursionError for tables nested too deeply.
+    """
+    if depth > _MAX_DEPTH:
         raise RecursionError
     if isinstance(value, dict):
         for key, inner in value.items():
@@ -167,15 +204,22 @@ def _require_plain(value: Any, depth: int = 0) -> None:
                 _require_plain(key)
             _require_plain(inner, depth + 1)
     elif isinstance(value, list):
-        if not ({*map(type, value)} <= {float, bool} and math.isfinite(sum(value))):
+        # long lists of numbers are checked at once
+        all_numbers = {*map(type, value)} <= {float, bool}
+        if not (all_numbers and math.isfinite(sum(value))):
             for inner in value:
                 _require_plain(inner, depth + 1)
-    elif isinstance(value, str):
-        if not value.isascii() and any(
-            "\ud800" <= letter <= "\udfff" for letter in value
-        ):
+    else:
+        _require_plain_value(value)
+
+
+def _require_plain_value(value: Any) -> None:
+    """Raise ValueError unless ``value`` is a text, a number or None that JSON holds."""
+    if isinstance(value, str):
+        if not value.isascii() and _SURROGATE.search(value):
             raise ValueError(
-                f"the text {value[:40]!a} contains a lone surrogate, expected valid Unicode"
+                f"the text {value[:40]!a} contains a lone surrogate, "
+                "expected valid Unicode"
             )
     elif isinstance(value, float):
         if not math.isfinite(value):
@@ -185,35 +229,35 @@ def _require_plain(value: Any, depth: int = 0) -> None:
     elif isinstance(value, int):
         if abs(value) >= 2**63:
             raise ValueError(
-                f"a number of {len(str(abs(value)))} digits, expected at most {_MOST_DIGITS}"
+                f"a number of {len(str(abs(value)))} digits, "
+                f"expected at most {_MAX_DIGITS}"
             )
     elif value is not None:
         raise ValueError(
-            f"a {type(value).__name__} ({value}), expected texts, numbers, lists and tables"
+            f"a {type(value).__name__} ({value}), "
+            "expected texts, numbers, lists and tables"
         )
 
 
 def _reason(cause: ValueError | RecursionError) -> str:
     if isinstance(cause, RecursionError):
-        return f"tables and lists are nested deeper than {MOST_DEPTH} levels"
-    return (
-        "a number has thousands of digits"
-        if "set_int_max_str_digits" in str(cause)
-        else str(cause)
-    )
+        return f"tables and lists are nested deeper than {_MAX_DEPTH} levels"
+    if "set_int_max_str_digits" in str(cause):
+        return "a number has thousands of digits"
+    return str(cause)
 
 
 def _locate(
     model: type[BaseModel], loc: tuple[int | str, ...]
 ) -> tuple[str, type[BaseModel]]:
-    """The key of ``loc``, and the section that it stands in."""
+    """Return the key of ``loc``, and the section that it stands in."""
     section = model
     for part in loc[:-1]:
         field = section.model_fields.get(str(part))
-        section = next(_sections_in(field.annotation), section) if field else section
-    return clean_text(
-        ".".join(map(str, loc)).removesuffix(".[key]"), _MOST_SHOWN
-    ), section
+        if field is not None:
+            section = next(_sections_in(field.annotation), section)
+    key = ".".join(map(str, loc)).removesuffix(".[key]")
+    return clean_text(key, _MAX_SHOWN), section
 
 
 def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -224,6 +268,10 @@ def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _short(value: Any) -> str:
-    """The value as it was written, shortened; a whole table would bury the message."""
-    table = isinstance(value, BaseModel) or (isinstance(value, dict) and len(value) > 1)
-    return "a table" if table else clean_text(repr(value), _MOST_SHOWN)
+    """Shorten the value as it was written.
+
+    A whole table would bury the message.
+    """
+    if isinstance(value, BaseModel) or (isinstance(value, dict) and len(value) > 1):
+        return "a table"
+    return clean_text(repr(value), _MAX_SHOWN)

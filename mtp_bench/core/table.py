@@ -13,9 +13,11 @@ SHARE = "share"  # unit of numbers from 0 to 1 that are shown as percentages
 
 @dataclass(frozen=True)
 class Column:
-    """A column. As metadata of an annotated field it takes the name of the field as its key.
+    """A column of a table.
 
-    A column of intervals is shown with the column before it, but written to CSV and JSON on its own.
+    As metadata of an annotated field it takes the name of the field as its key. A
+    column of intervals is shown with the column before it, but written to CSV and JSON
+    on its own.
     """
 
     heading: str = ""  # empty: the key with spaces
@@ -27,30 +29,40 @@ class Column:
     optional: bool = False  # left out where no row has a value
     interval: bool = False  # values are pairs (low, high)
     key: str = ""
-    read: Callable[[Any], Value] | None = (
-        None  # value of a row; None: its attribute or item of the key
-    )
+    # value of a row; None: its attribute or item of the key
+    read: Callable[[Any], Value] | None = None
 
     @property
     def title(self) -> str:
-        """The heading, or the key in words."""
+        """Heading, or the key in words."""
         return self.heading or self.key.replace("_", " ")
 
     @property
     def arrow(self) -> str:
-        """Arrow towards better values; empty where neither is better."""
+        """Arrow towards better values.
+
+        Empty where neither is better.
+        """
         return {"lower": "↓", "higher": "↑", "": ""}[self.better]
 
     def value(self, row: Any) -> Value:
-        """Value of one row; None where it is missing, also in rows that are older than the column."""
+        """Return the value of one row.
+
+        None where it is missing.
+        It is missing in rows that are older than the column.
+        """
         if self.read is not None:
             return self.read(row)
-        return (
-            row.get(self.key) if isinstance(row, dict) else getattr(row, self.key, None)
-        )
+        if isinstance(row, dict):
+            value: Value = row.get(self.key)
+            return value
+        return getattr(row, self.key, None)
 
     def text(self, value: Value) -> str:
-        """A value as it is shown; a dash where it is missing."""
+        """Return a value as it is shown.
+
+        A dash where it is missing.
+        """
         if value is None:
             return BLANK
         if isinstance(value, str):
@@ -60,37 +72,43 @@ class Column:
         return self._number(value)
 
     def shown(self, row: Any) -> str:
-        """Text of the cell of one row."""
+        """Return the text of the cell of one row."""
         return self.text(self.value(row))
 
     def _number(self, value: float) -> str:
-        spec = self.format or (".0%" if self.unit == SHARE else "")
+        spec = self.format
+        if not spec and self.unit == SHARE:
+            spec = ".0%"
         if spec:
             text = format(value, spec).replace("%", " %")
+        elif isinstance(value, int):
+            text = str(value)
         else:
-            text = str(value) if isinstance(value, int) else short(value)
+            text = short(value)
         if not any(digit in text for digit in "123456789"):
             text = text.lstrip("+-")  # a zero has no sign
         return text.replace("-", "−")
 
 
 def columns_of(kind: type) -> tuple[Column, ...]:
-    """Columns that the annotated fields of a dataclass or a pydantic model declare, in the order of the fields.
+    """Return the columns that the annotated fields of a class declare.
 
-    Of several declarations of one field, as where an alias declares a unit, a later one adds to the earlier ones.
+    The class is a dataclass or a pydantic model. Columns have the order of the fields.
+    Of several declarations of one field, as where an alias declares a unit, a later one
+    adds to the earlier ones.
     """
     columns = []
     for name, hint in get_type_hints(kind, include_extras=True).items():
-        declared = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-        parts = [vars(part) for part in declared if isinstance(part, Column)]
+        if get_origin(hint) is not Annotated:
+            continue
+        parts = [part for part in get_args(hint)[1:] if isinstance(part, Column)]
+        values: dict[str, Any] = {"key": name}
+        for part in parts:
+            for key, value in vars(part).items():
+                if value != _DEFAULTS[key]:
+                    values[key] = value
         if parts:
-            given = {
-                key: value
-                for part in parts
-                for key, value in part.items()
-                if value != _DEFAULTS[key]
-            }
-            columns.append(Column(**{"key": name, **given}))
+            columns.append(Column(**values))
     return tuple(columns)
 
 
@@ -98,22 +116,33 @@ _DEFAULTS = vars(Column())
 
 
 def counted(number: int | None, noun: str, plural: str = "s") -> str:
-    """A number with its noun, "1 event" or "2 events"; None gives "unknown events"."""
-    return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else plural}"
+    """Return a number with its noun, "1 event" or "2 events".
+
+    None gives "unknown events".
+    """
+    if number == 1:
+        return f"1 {noun}"
+    if number is None:
+        return f"unknown {noun}{plural}"
+    return f"{number} {noun}{plural}"
 
 
 def short(value: float | None) -> str:
-    """A number in at most five characters, without its sign and if it is below ten thousand."""
+    """Return a number in at most five characters and its sign."""
     if value is None:
         return BLANK
-    size = abs(value)
-    digits = 3 if size < 9.9995 else 2 if size < 99.995 else 1 if size < 999.95 else 0
-    return f"{value:.{digits}f}"
+    for digits, limit in ((3, 9.9995), (2, 99.995), (1, 999.95)):
+        if abs(value) < limit:
+            return f"{value:.{digits}f}"
+    return f"{value:.0f}"
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of one kind; without ``columns`` those that the fields of the rows declare."""
+    """Rows of one kind.
+
+    Without ``columns`` it has those that the fields of the rows declare.
+    """
 
     name: str  # of its files
     title: str
@@ -127,7 +156,7 @@ class Table:
 
     @property
     def pairs(self) -> list[tuple[Column, Column | None]]:
-        """The columns that are shown, each with the column of its intervals; None where it has none.
+        """Shown columns, each with the column of its intervals.
 
         A column with ``optional`` is left out where no row has a value.
         """
@@ -142,18 +171,21 @@ class Table:
         return pairs
 
     def is_text(self, column: Column) -> bool:
-        """Return True for a column of words, which is aligned left; a text with a unit holds numbers."""
+        """Return True for a column of words, which is aligned left.
+
+        A text with a unit holds numbers.
+        """
         return not column.unit and any(
             isinstance(column.value(row), str) for row in self.rows
         )
 
     def cells(self, row: Any) -> list[str]:
-        """Texts of one row, an interval in brackets behind its number."""
+        """Return the texts of one row, intervals in brackets behind their numbers."""
         return [cell_text(column, interval, row) for column, interval in self.pairs]
 
     @property
     def records(self) -> list[dict[str, Value]]:
-        """The rows as dictionaries, by the keys of all columns."""
+        """Rows as dictionaries, by the keys of all columns."""
         return [
             {column.key: column.value(row) for column in self.columns}
             for row in self.rows
@@ -161,10 +193,16 @@ class Table:
 
 
 def cell_text(column: Column, interval: Column | None, row: Any) -> str:
-    """Text of a cell, an interval in brackets behind the number."""
+    """Return the text of a cell, with its interval in brackets."""
     text = column.shown(row)
+    ends = interval_texts(column, interval, row)
+    return f"{text} [{', '.join(ends)}]" if ends else text
+
+
+def interval_texts(column: Column, interval: Column | None, row: Any) -> list[str]:
+    """Return the two ends of the interval of a cell.
+
+    Empty without one.
+    """
     ends = None if interval is None else interval.value(row)
-    if not isinstance(ends, tuple):
-        return text
-    low, high = (column.text(end) for end in ends)
-    return f"{text} [{low}, {high}]"
+    return [column.text(end) for end in ends] if isinstance(ends, tuple) else []

@@ -1,25 +1,23 @@
-"""Writers of tables: CSV and JSON for programs; text of a terminal, HTML, Markdown and LaTeX for people."""
+"""Writers of tables.
+
+CSV and JSON are for programs; text of a terminal, HTML, Markdown and LaTeX for people.
+"""
 
 import csv
 import io
 import json
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
-from itertools import groupby
+from itertools import groupby, zip_longest
 from typing import Any
 
-from .table import SHARE, Column, Table, Value
+from .table import SHARE, Column, Table, Value, interval_texts
 
 SUFFIXES = (".csv", ".json", ".md", ".tex")
-_FORMULA = (
-    "=",
-    "+",
-    "-",
-    "@",
-    "'",
-)  # first characters of a text that a spreadsheet would run
+# first characters of a text that a spreadsheet would run
+_FORMULA = ("=", "+", "-", "@", "'")
 _LATEX = {
     "\\": r"\textbackslash{}",
     "&": r"\&",
@@ -38,46 +36,48 @@ _LATEX = {
     "\n": " ",
 }
 WIDTH = 80
-_HEADING = 10  # columns of a heading; longer ones are broken between words
-_LEAST = 8  # columns of a text that is folded
-_NAME = 8  # more that the first column, of names, keeps
+_MAX_HEADING = 10  # columns of a heading; longer ones are broken between words
+_MIN_TEXT = 8  # columns of a text that is folded
+_NAME_BONUS = 8  # more columns that the first column, of names, keeps
 Lines = list[str]  # of a cell
 
 
 def tables_text(suffix: str, shown: Sequence[Table], data: Table) -> str:
-    """Content of a file with this suffix of `SUFFIXES`.
+    """Return the content of a file with this suffix of `SUFFIXES`.
 
-    CSV and JSON hold ``data``, with every column and a key for each; Markdown and LaTeX the tables that are ``shown``.
+    CSV and JSON hold ``data``, with every column and a key for each; Markdown and LaTeX
+    the tables that are ``shown``.
     """
-    writers: dict[str, Callable[[], str]] = {
-        ".csv": lambda: to_csv(data),
-        ".json": lambda: to_json(data),
-        ".md": lambda: "\n".join(
-            f"**{table.title}**\n\n{to_markdown(table)}" for table in shown
-        ),
-        ".tex": lambda: "\n".join(map(to_latex, shown)),
-    }
-    return writers[suffix]()
+    match suffix:
+        case ".csv":
+            return to_csv(data)
+        case ".json":
+            return to_json(data)
+        case ".md":
+            parts = [f"**{table.title}**\n\n{to_markdown(table)}" for table in shown]
+            return "\n".join(parts)
+        case _:
+            return "\n".join(map(to_latex, shown))
 
 
 def to_csv(table: Table) -> str:
-    """CSV with units in its headings: an interval has two columns, and a spreadsheet takes no text for a formula."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    """Write CSV with units in its headings.
+
+    An interval has two columns, and a spreadsheet takes no text for a formula.
+    """
     headings: list[str] = []
     for column in table.columns:
         unit = f" [{column.unit}]" if column.unit else ""
         ends = ("_low", "_high") if column.interval else ("",)
         headings += [f"{column.key}{end}{unit}" for end in ends]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
     writer.writerow(headings)
     for row in table.rows:
-        writer.writerow(
-            [
-                cell
-                for column in table.columns
-                for cell in _csv_cells(column, column.value(row))
-            ]
-        )
+        cells: list[Value] = []
+        for column in table.columns:
+            cells += _csv_cells(column, column.value(row))
+        writer.writerow(cells)
     return text.getvalue()
 
 
@@ -87,44 +87,62 @@ def _csv_cells(column: Column, value: Value) -> Sequence[Value]:
     if not isinstance(value, str):
         return (value,)
     text = " ".join(value.split())
-    return (f"'{text}" if text.startswith(_FORMULA) else text,)
+    if text.startswith(_FORMULA):
+        text = f"'{text}"
+    return (text,)
 
 
 def to_json(table: Table) -> str:
-    """JSON with title, sentence, columns and rows; null where a value is missing."""
+    """Write JSON with title, sentence, columns and rows.
+
+    Null for a missing value.
+    """
     columns = [
         {
-            "key": c.key,
-            "heading": c.title,
-            "unit": c.unit,
-            "better": c.better,
-            "help": c.help,
+            "key": column.key,
+            "heading": column.title,
+            "unit": column.unit,
+            "better": column.better,
+            "help": column.help,
         }
-        for c in table.columns
+        for column in table.columns
     ]
-    about = {key: getattr(table, key) for key in ("name", "title", "sentence")}
-    content = {**about, "columns": columns, "rows": table.records}
+    content = {
+        "name": table.name,
+        "title": table.title,
+        "sentence": table.sentence,
+        "columns": columns,
+        "rows": table.records,
+    }
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def to_markdown(table: Table) -> str:
-    """A Markdown table; texts are aligned left, numbers right."""
+    """Write a Markdown table.
+
+    Texts are aligned left, numbers right.
+    """
     columns = [column for column, _ in table.pairs]
+    heads = [f"{column.group} {_heading(column)}".strip() for column in columns]
     lines = [
-        [_markdown(f"{column.group} {_heading(column)}".strip()) for column in columns],
+        [_markdown(head) for head in heads],
         ["---" if table.is_text(column) else "--:" for column in columns],
-        *([_markdown(cell) for cell in table.cells(row)] for row in table.rows),
     ]
+    for row in table.rows:
+        lines.append([_markdown(cell) for cell in table.cells(row)])
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def _markdown(text: str) -> str:
-    """Text that ends neither a cell nor a line."""
+    """Return text that ends neither a cell nor a line."""
     return " ".join(text.split()).replace("\\", "\\\\").replace("|", "\\|")
 
 
 def to_latex(table: Table) -> str:
-    """A LaTeX table; it needs the package ``booktabs``."""
+    """Write a LaTeX table.
+
+    It needs the package ``booktabs``.
+    """
     columns = [column for column, _ in table.pairs]
     alignment = "".join("l" if table.is_text(column) else "r" for column in columns)
     lines = [
@@ -143,15 +161,25 @@ def to_latex(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _group_widths(columns: Sequence[Column]) -> list[tuple[str, int]]:
+    """Return the headings above groups of columns, and their numbers of columns."""
+    groups = groupby(columns, key=lambda column: column.group)
+    return [(name, len(list(members))) for name, members in groups]
+
+
 def _latex_groups(columns: Sequence[Column]) -> list[str]:
-    """The line of headings above groups of columns, with its rules; no line where there is no group."""
+    """Return the line of headings above groups, with its rules.
+
+    None without groups.
+    """
     if not any(column.group for column in columns):
         return []
-    cells, rules, first = [], "", 1
-    for group, members in groupby(columns, key=lambda column: column.group):
-        count = len(list(members))
-        cells.append(rf"\multicolumn{{{count}}}{{c}}{{{_latex(group)}}}")
-        if group:
+    cells = []
+    rules = ""
+    first = 1
+    for name, count in _group_widths(columns):
+        cells.append(rf"\multicolumn{{{count}}}{{c}}{{{_latex(name)}}}")
+        if name:
             rules += rf"\cmidrule(lr){{{first}-{first + count - 1}}}"
         first += count
     return [" & ".join(cells) + r" \\", rules]
@@ -166,60 +194,87 @@ def _latex(text: str) -> str:
 
 
 def _heading(column: Column) -> str:
-    stated = column.unit in ("", SHARE) or f"({column.unit})" in column.group
-    unit = "" if stated else f"({column.unit})"
-    return " ".join(part for part in (column.title, unit, column.arrow) if part)
+    parts = [column.title]
+    in_group = f"({column.unit})" in column.group
+    if column.unit not in ("", SHARE) and not in_group:
+        parts.append(f"({column.unit})")
+    if column.arrow:
+        parts.append(column.arrow)
+    return " ".join(parts)
 
 
 def to_text(table: Table, width: int = WIDTH) -> str:
-    """Plain text with the title above and the sentence below, both wrapped at ``width``; see `table_lines`."""
-    title, sentence = (
-        textwrap.wrap(text, width) for text in (table.title, table.sentence)
-    )
-    return (
-        "\n".join([*title, *(line for _, line in table_lines(table, width)), *sentence])
-        + "\n"
-    )
+    """Write plain text with the title above and the sentence below.
+
+    Both are wrapped at ``width``; see `table_lines`.
+    """
+    lines = textwrap.wrap(table.title, width)
+    lines += [line for _, line in table_lines(table, width)]
+    lines += textwrap.wrap(table.sentence, width)
+    return "\n".join(lines) + "\n"
 
 
 def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
-    """The lines of a table, each with its row; None above the first row.
+    """Yield the lines of a table, each with its row.
 
-    Intervals stand below their numbers. Where the table would be wider than ``width``, columns of texts are folded, the
-    first one last; numbers are never cut off.
+    None above the first row.
+    Intervals stand below their numbers. Where the table would be wider than ``width``,
+    columns of texts are folded, the first one last; numbers are never cut off.
     """
     columns = [column for column, _ in table.pairs]
     if not columns:
         return
     heads = [_head_lines(column) for column in columns]
     cells = [[_cell(*pair, row) for pair in table.pairs] for row in table.rows]
-    widths = [_width(of_column) for of_column in zip(heads, *cells, strict=True)]
-    left = [place == 0 or table.is_text(column) for place, column in enumerate(columns)]
-    free = [place for place, text in enumerate(left) if text]
-    _groups(columns, widths)  # their names may need more width than their columns
-    while sum(widths) + len(widths) - 1 > width and (
-        wide := [place for place in free if widths[place] > _LEAST]
-    ):
-        widths[
-            max(wide, key=lambda place: widths[place] - (_NAME if place == 0 else 0))
-        ] -= 1
-    for line in cells:
-        for place in free:
-            line[place] = [
-                part for text in line[place] for part in _folded(text, widths[place])
-            ]
-    widths[0] = _width([heads[0], *(line[0] for line in cells)])
+    is_left = [place == 0 or table.is_text(c) for place, c in enumerate(columns)]
+    widths = _fit(columns, heads, cells, is_left, width)
     height = max(map(len, heads))
     heads = [[""] * (height - len(head)) + head for head in heads]
-    groups = _groups(columns, widths)
-    for text in [
-        *groups,
-        *_block(heads, widths, left),
-        "─" * (sum(widths) + len(widths) - 1),
-    ]:
+    group_line = _group_line(columns, widths)
+    if any(column.group for column in columns):
+        yield None, group_line
+    for text in _block(heads, widths, is_left):
         yield None, text
+    yield None, "─" * _total(widths)
     for row, line in zip(table.rows, cells, strict=True):
-        yield from ((row, text) for text in _block(line, widths, left))
+        for text in _block(line, widths, is_left):
+            yield row, text
+
+
+def _fit(
+    columns: Sequence[Column],
+    heads: Sequence[Lines],
+    cells: Sequence[list[Lines]],
+    is_left: Sequence[bool],
+    width: int,
+) -> list[int]:
+    """Fold the texts of ``cells`` until they fit, and return the widths of columns."""
+    widths = [_width(column) for column in zip(heads, *cells, strict=True)]
+    _group_line(columns, widths)  # names of groups may need more width than columns
+    folded = [place for place, is_text in enumerate(is_left) if is_text]
+    _narrow(widths, folded, width)
+    for line in cells:
+        for place in folded:
+            line[place] = _fold(line[place], widths[place])
+    widths[0] = _width([heads[0], *(line[0] for line in cells)])
+    return widths
+
+
+def _total(widths: Sequence[int]) -> int:
+    """Return the width of columns with a blank between them."""
+    return sum(widths) + len(widths) - 1
+
+
+def _narrow(widths: list[int], folded: Sequence[int], width: int) -> None:
+    """Narrow the ``folded`` columns until the table fits."""
+    while _total(widths) > width:
+        wide = [place for place in folded if widths[place] > _MIN_TEXT]
+        if not wide:
+            return
+        excess = {place: widths[place] for place in wide}
+        if 0 in excess:
+            excess[0] -= _NAME_BONUS
+        widths[max(wide, key=excess.__getitem__)] -= 1
 
 
 def _width(cells: Iterable[Lines]) -> int:
@@ -227,73 +282,88 @@ def _width(cells: Iterable[Lines]) -> int:
 
 
 def _head_lines(column: Column) -> Lines:
-    words = textwrap.wrap(column.title, _HEADING, break_long_words=False)
-    return column.title.split("\n") if "\n" in column.title else words or [""]
+    if "\n" in column.title:
+        return column.title.split("\n")
+    lines = textwrap.wrap(column.title, _MAX_HEADING, break_long_words=False)
+    return lines or [""]
 
 
 def _cell(column: Column, interval: Column | None, row: Any) -> Lines:
-    ends = None if interval is None else interval.value(row)
-    below = [" ".join(map(column.text, ends))] if isinstance(ends, tuple) else []
-    return [*column.shown(row).split("\n"), *below]
+    lines = column.shown(row).split("\n")
+    ends = interval_texts(column, interval, row)
+    if ends:
+        lines.append(" ".join(ends))
+    return lines
 
 
-def _folded(text: str, width: int) -> Lines:
-    """Lines of a text, broken before a blank, an underscore or a hyphen where that is possible."""
-    lines = [""]
-    for part in re.findall(r"[ _-]*[^ _-]*", text):
-        lines += (
-            [part]
-            if lines[-1] and len(lines[-1] + part) > width
-            else [lines.pop() + part]
-        )
-    return [piece for line in lines for piece in textwrap.wrap(line, width)] or [""]
+def _fold(cell: Lines, width: int) -> Lines:
+    """Break the lines of a cell, before a separator if possible."""
+    folded: Lines = []
+    for text in cell:
+        lines = [""]
+        for word in re.findall(r"[ _-]*[^ _-]*", text):
+            if lines[-1] and len(lines[-1] + word) > width:
+                lines.append(word)
+            else:
+                lines[-1] += word
+        wrapped: Lines = []
+        for line in lines:
+            wrapped += textwrap.wrap(line, width)
+        folded += wrapped or [""]
+    return folded
 
 
 def _block(
-    cells: Sequence[Lines], widths: Sequence[int], left: Sequence[bool]
+    cells: Sequence[Lines], widths: Sequence[int], is_left: Sequence[bool]
 ) -> Iterator[str]:
-    for at in range(max(map(len, cells), default=0)):
-        texts = [cell[at] if at < len(cell) else "" for cell in cells]
-        padded = [
-            t.ljust(w) if first else t.rjust(w)
-            for t, w, first in zip(texts, widths, left, strict=True)
+    """Yield the lines of cells beside each other."""
+    for texts in zip_longest(*cells, fillvalue=""):
+        aligned = [
+            text.ljust(width) if left else text.rjust(width)
+            for text, width, left in zip(texts, widths, is_left, strict=True)
         ]
-        yield " ".join(padded).rstrip()
+        yield " ".join(aligned).rstrip()
 
 
-def _groups(columns: Sequence[Column], widths: list[int]) -> Lines:
-    """The line of headings above groups of columns, none without a group; ``widths`` grow for long ones."""
-    parts, first = [], 0
-    for name, members in groupby(columns, key=lambda column: column.group):
-        last = first + len(list(members))
-        widths[last - 1] += max(
-            0, len(name) - sum(widths[first:last]) - (last - first - 1)
-        )
-        parts.append(name.center(sum(widths[first:last]) + last - first - 1))
-        first = last
-    return [" ".join(parts).rstrip()] if any(column.group for column in columns) else []
+def _group_line(columns: Sequence[Column], widths: list[int]) -> str:
+    """Return the line of headings above groups.
+
+    ``widths`` grow for long ones.
+    """
+    parts = []
+    first = 0
+    for name, count in _group_widths(columns):
+        end = first + count
+        lacking = len(name) - _total(widths[first:end])
+        widths[end - 1] += max(0, lacking)
+        parts.append(name.center(_total(widths[first:end])))
+        first = end
+    return " ".join(parts).rstrip()
 
 
 def to_html(table: Table) -> str:
-    """An HTML table with the title as its caption and the sentence below; every text is escaped."""
+    """Write an HTML table with title and sentence.
+
+    Every text is escaped.
+    """
     columns = [column for column, _ in table.pairs]
-    groups = groupby(columns, key=lambda column: column.group)
-    above = "".join(
-        f'<th colspan="{len(list(members))}">{escape(name)}</th>'
-        for name, members in groups
-    )
+    groups = ""
+    if any(column.group for column in columns):
+        names = "".join(
+            f'<th colspan="{count}">{escape(name)}</th>'
+            for name, count in _group_widths(columns)
+        )
+        groups = f"<tr>{names}</tr>"
     heads = "".join(
         f'<th title="{escape(column.help)}">{escape(column.title)}</th>'
         for column in columns
     )
-    rows = "".join(
-        "<tr>"
-        + "".join(f"<td>{escape(cell)}</td>" for cell in table.cells(row))
-        + "</tr>\n"
-        for row in table.rows
-    )
-    grouped = f"<tr>{above}</tr>" if any(column.group for column in columns) else ""
+    rows = ""
+    for row in table.rows:
+        cells = "".join(f"<td>{escape(cell)}</td>" for cell in table.cells(row))
+        rows += f"<tr>{cells}</tr>\n"
     return (
-        f"<table>\n<caption>{escape(table.title)}</caption>\n<thead>{grouped}<tr>{heads}</tr></thead>\n"
+        f"<table>\n<caption>{escape(table.title)}</caption>\n"
+        f"<thead>{groups}<tr>{heads}</tr></thead>\n"
         f"<tbody>\n{rows}</tbody>\n</table>\n<p>{escape(table.sentence)}</p>\n"
     )

@@ -1,7 +1,8 @@
 """The Gymnasium environment: one class for every card of ``envs/``.
 
-The observation at frame t holds the detections of frame t only. The action holds hypotheses of tracks and forecasts
-of objects as of frame t. ``step`` gives the reward of that action and the observation of frame t + 1.
+The observation at frame t holds the detections of frame t only. The action holds
+hypotheses of tracks and forecasts of objects as of frame t. ``step`` gives the reward
+of that action and the observation of frame t + 1.
 """
 
 from dataclasses import replace
@@ -14,12 +15,11 @@ from gymnasium import logger
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from ..agent import examine
+from ..agent import check_action
 from ..cards import CHANGES, Card, changed_card, load_card, with_scenes
 from ..core import (
     Action,
     DataError,
-    MtpBenchError,
     Observation,
     Rollout,
     RolloutError,
@@ -30,12 +30,13 @@ from ..scoring import DEFINITIONS, FrameScorer
 from ..sources import detected, open_source, with_tracks
 from .arguments import (
     EnvKeywords,
-    checked,
-    choose,
+    check_keywords,
+    check_size,
+    choose_scenes,
     own_scenes,
     require_room,
-    size,
-    wanted,
+    require_training,
+    scene_option,
 )
 from .episode import (
     RENDERERS,
@@ -51,15 +52,19 @@ from .observation import LocalFrame, make_feed
 from .rollouts import RecordedAction, assemble, record_action
 from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space
 
+_MAX_SEED = 2**62
+
 
 @final
 class MTPEnv(gymnasium.Env[Observation, Action]):
     """Tracking and prediction of one log: detections in, hypotheses and forecasts out.
 
-    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. `EnvKeywords` lists the other
-    keywords; ``scenes=[scene, ...]`` with `Scene` objects and ``files=folder`` play own scenes by the card's rules.
+    ``card``: env id, path of a card (.toml), or a card. ``data``: data root.
+    `EnvKeywords` lists the other keywords; ``scenes=[scene, ...]`` with `Scene` objects
+    and ``files=folder`` play own scenes by the card's rules.
 
-    Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
+    Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong
+    argument or missing data.
     """
 
     metadata = {  # noqa: RUF012  (declared so by gymnasium.Env)
@@ -71,133 +76,124 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     def __init__(
         self, card: str | Card, data: str | None = None, **keywords: Unpack[EnvKeywords]
     ) -> None:
-        given = checked(data, keywords)
-        self.render_mode = given["render_mode"]
-        card = card if isinstance(card, Card) else load_card(card)
-        own = own_scenes(given)
-        card = card if own is None else with_scenes(card, own)
-        self.card = changed_card(card, **{name: given[name] for name in CHANGES})
-        sizes = {"samples": self.card.task.samples, **self.card.size.model_dump()}
-        sizes = {
-            name: size(name, given[name], default) for name, default in sizes.items()
-        }
-        self.task = _task(self.card, given["observe"], sizes)
-        require_room(self.card.id, sizes, "observation", observation_numbers(self.task))
-        require_room(self.card.id, sizes, "action", action_numbers(self.task))
-        self._evaluation, self._rigid_motion = (
-            given["evaluation"],
-            given["rigid_motion"],
-        )
-        self._fresh_noise = given["fresh_noise"]
-        if self._fresh_noise and (self.card.detector is None or self._evaluation):
-            raise MtpBenchError(
-                "fresh_noise is for training with a simulated detector, not for evaluation"
-            )
-        self._target_frames = given["target_frames"]
-        if self._target_frames and self._evaluation:
-            raise MtpBenchError(
-                "target_frames is for training, not for evaluation: a score needs every frame"
-            )
-        for name in ("fresh_noise", "target_frames", "track_file"):
-            if given[name]:
-                self.card.require_same_scenes(f"which takes no {name}", "leave it out")
-        self._feedback = Feedback(self.task) if given["strict"] else None
+        values = check_keywords(data, keywords)
+        self.render_mode = values["render_mode"]
+        if not isinstance(card, Card):
+            card = load_card(card)
+        scenes = own_scenes(values)
+        if scenes is not None:
+            card = with_scenes(card, scenes)
+        self.card = changed_card(card, **{name: values[name] for name in CHANGES})
+        self.task = _make_task(self.card, values)
+        require_training(self.card, values)
+        self._evaluation: bool = values["evaluation"]
+        self._rigid_motion: bool = values["rigid_motion"]
+        self._fresh_noise: bool = values["fresh_noise"]
+        self._target_frames: bool = values["target_frames"]
+        self._feedback = Feedback(self.task) if values["strict"] else None
         self._source = open_source(self.card, data)
-        if given["track_file"] is not None:
+        if values["track_file"] is not None:
             self._source = with_tracks(
-                self._source, self.card, data, given["track_file"]
+                self._source, self.card, data, values["track_file"]
             )
-        self.scene_names = choose(
-            tuple(self._source.names), given["scenes"] if own is None else None
-        )
+        chosen = values["scenes"] if scenes is None else None
+        self.scene_names = choose_scenes(tuple(self._source.names), chosen)
         self.observation_space = cast(
             "gymnasium.Space[Observation]", observation_space(self.task)
         )
         self.action_space = cast("gymnasium.Space[Action]", ActionSpace(self.task))
+        frames_per_second = max(1, round(self.card.task.rate))
+        self.metadata = {**type(self).metadata, "render_fps": frames_per_second}
         self._episode: EpisodeLike | None = None
         self._past: tuple[Observation, ...] = ()
-        self.metadata = {
-            **type(self).metadata,
-            "render_fps": max(1, round(self.card.task.rate)),
-        }
         self._live: LiveEpisode | None = None
         self._renderer: Renderer | None = None
 
     @property
     def scene(self) -> Scene:
-        """The scene of this episode, truth included; in its own frame of reference."""
+        """Scene of this episode, truth included.
+
+        In its own frame of reference.
+        """
         return self._started().scene
 
     @property
     def scene_name(self) -> str:
-        """The name of the scene of this episode: ``scene_names[info["scene"]]``."""
+        """Name of the scene of this episode: ``scene_names[info["scene"]]``."""
         return self.scene.name
 
     @property
     def past(self) -> tuple[Observation, ...]:
-        """Observations [P - 1] of the frames before the first one of the episode; none unless ``target_frames``."""
+        """Observations [P - 1] of the frames before the episode.
+
+        Empty without ``target_frames``.
+        """
         self._started()
         return self._past
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """First observation of a scene: the one that ``options={"scene": name}`` names, else one drawn at random."""
+        """Return the first observation of a scene.
+
+        ``options={"scene": name}`` names the scene; else it is drawn at random.
+        """
         super().reset(seed=seed)
-        drawn = self.scene_names[int(self.np_random.integers(len(self.scene_names)))]
-        name = wanted(options or {}, self.scene_names, drawn)
-        number, rng = (
-            self.scene_names.index(name),
-            self.np_random if self._rigid_motion else None,
-        )
+        # drawn in any case: a named scene does not change the random numbers after it
+        number = int(self.np_random.integers(len(self.scene_names)))
+        name = scene_option(options or {}, self.scene_names)
+        if name is not None:
+            number = self.scene_names.index(name)
+        rng = self.np_random if self._rigid_motion else None
         self._past = ()
-        if self.card.drive is not None:
-            return self._begin(start_drive(self.card, self.task, name, number, rng))
-        scene = self._load(name)
+        self._live = None
+        if self.card.drive is None:
+            self._episode = self._start_episode(number, rng)
+        else:
+            name = self.scene_names[number]
+            self._episode = start_drive(self.card, self.task, name, number, rng)
+        self._render_each()
+        return self._episode.observe(), self._episode.info()
+
+    def _start_episode(self, number: int, rng: np.random.Generator | None) -> Episode:
+        """Start an episode of a recorded scene.
+
+        ``rng`` moves its local frame.
+        """
+        scene = self._load(self.scene_names[number])
         frame = LocalFrame.of(scene, rng)
         scorer = None if self._evaluation else FrameScorer(scene, self.card)
-        episode = Episode(
-            scene,
-            number,
-            frame,
-            make_feed(scene, frame, self.task, self.card),
-            scorer,
-            scene.frames,
-        )
+        feed = make_feed(scene, frame, self.task, self.card)
+        episode = Episode(scene, number, frame, feed, scorer, scene.frames)
         if self._target_frames:
-            episode.keep_target_frames(
-                record_action(examine(None, self.task), self.task)
-            )
+            empty_action = record_action(check_action(None, self.task), self.task)
+            episode.keep_target_frames(empty_action)
             self._past = episode.past_observations(self.task.past - 1)
-        return self._begin(episode)
-
-    def _begin(self, episode: EpisodeLike) -> tuple[Observation, dict[str, Any]]:
-        self._episode, self._live = episode, None
-        self._render_each()
-        return episode.observe(), episode.info()
+        return episode
 
     def step(
         self, action: Action
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Take the action for the last observation and show the next frame; ``terminated`` after the last one.
+        """Take the action for the last observation and show the next frame.
 
-        Nothing can follow the end of a log, so ``truncated`` is never true: no value may be bootstrapped there.
-        With ``strict`` an action outside the action space is an ActionError, which leaves the frame as it was. Without,
-        invalid rows are taken out of the action and counted in ``info``.
+        ``terminated`` after the last one. Nothing can follow the end of a log, so
+        ``truncated`` is never true: no value may be bootstrapped there. With ``strict``
+        an action outside the action space is an ActionError, which leaves the frame as
+        it was. Without, invalid rows are taken out of the action and counted in
+        ``info``.
         """
         episode = self._started()
         reward = episode.take(self._recorded(episode, action))
         self._render_each()
-        return (
-            episode.observe(),
-            0.0 if self._evaluation else reward,
-            episode.over,
-            False,
-            episode.info(),
-        )
+        if self._evaluation:
+            reward = 0.0
+        return episode.observe(), reward, episode.over, False, episode.info()
 
     def reward_of(self, action: Action) -> float:
-        """The reward that an action for the last observation would have, without a step; CardError in a closed loop."""
+        """Return the reward that an action would have, without a step.
+
+        Raises CardError in a closed loop.
+        """
         episode = self._started()
         self.card.require_same_scenes(
             "whose rewards are known after the step alone", "step() returns them"
@@ -206,45 +202,46 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return episode.score(self._recorded(episode, action)).reward
 
     def rollout(self) -> Rollout:
-        """All actions of this episode, in the scene's own frame of reference; RolloutError before its end."""
+        """Return all actions of this episode, in the scene's frame.
+
+        Raises RolloutError before its end.
+        """
         episode = self._started()
         if self._target_frames:
             raise RolloutError(
-                "an episode with target_frames=True is a part of a scene, expected a whole one"
+                "an episode with target_frames=True is a part of a scene, "
+                "expected a whole one"
             )
+        scene = episode.scene
         if not episode.over:
             raise RolloutError(
-                f"scene {episode.scene.name!r} is at frame {episode.t} of {episode.scene.frames}:"
-                " a rollout exists after the last frame"
+                f"scene {scene.name!r} is at frame {episode.t} of {scene.frames}: "
+                "a rollout exists after the last frame"
             )
-        return replace(
-            assemble(episode.scene.name, episode.actions, episode.dropped),
-            drive=episode.drive,
-        )
+        rollout = assemble(scene.name, episode.actions, episode.dropped)
+        return replace(rollout, drive=episode.drive)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw the frame of the last action; before the first action, frame 0.
+        """Draw the frame of the last action.
 
-        ``rgb_array``: a bird's-eye picture [720, 960, 3], with true boxes unless in evaluation mode. ``rerun``: every
-        frame is logged without this call, into rerun's active recording (`rerun.init`); None, as without a mode.
+        Before the first action, frame 0.
+        ``rgb_array``: a bird's-eye picture [720, 960, 3], with true boxes unless in
+        evaluation mode. ``rerun``: every frame is logged without this call, into
+        rerun's active recording (`rerun.init`); None, as without a mode.
         """
         if self.render_mode is None:
             logger.warn(
-                f"render() without a render mode: make the env with one of {', '.join(RENDERERS)}"
+                "render() without a render mode: "
+                f"make the env with one of {', '.join(RENDERERS)}"
             )
             return None
         episode = self._started()
         if self._live is None or self.card.drive is not None:
-            scene, feed = episode.recording()
-            live = live_episode(
-                self.card, scene, episode.frame, feed, episode.actions, self._evaluation
-            )
-            self._live = replace(
-                live, drive=None if self._evaluation else episode.record()
-            )
-        renderer = self._renderer or resolve_name(RENDERERS[self.render_mode])()
-        self._renderer = renderer
-        return renderer.render(self._live)
+            self._live = live_episode(self.card, episode, self._evaluation)
+        if self._renderer is None:
+            make_renderer = resolve_name(RENDERERS[self.render_mode])
+            self._renderer = cast(Renderer, make_renderer())
+        return self._renderer.render(self._live)
 
     def _render_each(self) -> None:
         """Render every frame in mode "rerun", as Gymnasium's "human" does."""
@@ -268,7 +265,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         else:
             scene = self._source.load(name)
         if self._fresh_noise:
-            scene = detected(scene, self.card, int(self.np_random.integers(2**62)))
+            seed = int(self.np_random.integers(_MAX_SEED))
+            scene = detected(scene, self.card, seed)
         if scene.frames == 0:
             raise DataError(
                 f"scene {name!r} of {self.card.id} has no frames, expected at least one"
@@ -276,20 +274,30 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return scene
 
     def _recorded(self, episode: EpisodeLike, action: Action) -> RecordedAction:
-        """The sound part of an action for the frame that is shown."""
+        """Return the sound part of an action."""
         if episode.over:
             raise ResetNeeded(
-                f"step() after the last frame of {episode.scene.name!r}: call reset() first"
+                f"step() after the last frame of {episode.scene.name!r}: "
+                "call reset() first"
             )
-        examined = examine(action, self.task)
+        checked = check_action(action, self.task)
         if self._feedback is not None:
-            self._feedback.give(examined, f"frame {episode.t}")
-        seen = episode.class_counts(len(self.task.classes))
-        return record_action(examined, self.task, episode.frame, seen)
+            self._feedback.give(checked, f"frame {episode.t}")
+        detections = episode.class_counts(len(self.task.classes))
+        return record_action(checked, self.task, episode.frame, detections)
 
 
-def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
-    return Task(
+def _make_task(card: Card, values: dict[str, Any]) -> Task:
+    """Return the rules of the env.
+
+    Raises MtpBenchError for a wrong or too large size.
+    """
+    defaults = {"samples": card.task.samples, **card.size.model_dump()}
+    sizes = {
+        name: check_size(name, values[name], default)
+        for name, default in defaults.items()
+    }
+    task = Task(
         env_id=card.id,
         classes=card.task.classes,
         dt=1.0 / card.task.rate,
@@ -297,7 +305,7 @@ def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
         future=card.task.future,
         k=min(card.task.samples, sizes["samples"]),
         detector=card.detector_name,
-        observe=observe,
+        observe=values["observe"],
         motion_noise=card.motion_noise or "",
         weights_of=card.weights_of or "",
         presence=card.presence or "",
@@ -308,3 +316,6 @@ def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
         lane_points=card.lanes.points if card.lanes else 0,
         **sizes,
     )
+    require_room(card.id, sizes, "observation", observation_numbers(task))
+    require_room(card.id, sizes, "action", action_numbers(task))
+    return task

@@ -1,26 +1,33 @@
-"""Feedback of a strict env: an error for an action outside the action space, a warning for a likely mistake.
+"""Feedback of a strict env on actions that are wrong, or likely mistaken.
 
-It looks at actions that were examined already (`checks`), so it costs little, and it changes no reward.
+An action outside the action space is an error, a likely mistake a warning. The actions
+were checked already (`agent.checks`), so it costs little, and it changes no reward.
 """
 
 import numpy as np
 from gymnasium import logger
 
-from ..agent import COORDINATE_LIMIT, ActionProblem, Examined, Rows, present
+from ..agent import (
+    COORDINATE_LIMIT,
+    ActionProblem,
+    CheckedAction,
+    RowKind,
+    is_present,
+)
 from ..core import ActionError, Floats, Task
 
-RANDOM_BEYOND = 1e4  # m, of a centre: agents report no object there, a random action has hardly any nearer
-_TURN = (
-    4 * np.pi
-)  # rad; an agent that never wraps its angles may be some way beyond one turn
-_NEAR = 5.0  # m from the origin: positions and offsets cannot be told apart there
-_FASTEST = 75.0  # m/s; no forecast object moves as fast
-_BOXES: tuple[tuple[str, Rows], ...] = (
+# m, of a centre: agents report no object there, random actions have hardly any within
+RANDOM_BEYOND = 1e4
+# an agent that never wraps its angles may be some way beyond one turn
+_MAX_YAW_RAD = 4 * np.pi
+# of the origin: positions and offsets cannot be told apart there
+_MIN_DISTANCE_M = 5.0
+_MAX_SPEED_MPS = 75.0  # no forecast object moves as fast
+# fewer objects may lie by chance where they would if the offsets were positions
+_MIN_OBJECTS = 3
+_BOXES: tuple[tuple[str, RowKind], ...] = (
     ("track_box", "tracks"),
     ("object_box", "objects"),
-)
-_FEW = (
-    3  # fewer objects may lie by chance where they would if the offsets were positions
 )
 
 
@@ -31,14 +38,17 @@ class Feedback:
         self._task = task
         self._warned: set[tuple[str, str]] = set()
 
-    def give(self, examined: Examined, where: str) -> None:
-        """Raise ActionError for an action outside the action space; warn, once per env, of other problems.
+    def give(self, checked: CheckedAction, where: str) -> None:
+        """Raise ActionError outside the action space.
 
-        ``where`` names the frame. Actions that were drawn from the action space give no warning, see `_is_random`.
+        Warn of other problems.
+        Each warning comes once per env. ``where`` names the frame. Actions that were
+        drawn from the action space give no warning, see `_is_random`.
         """
-        if outside := examined.outside:
-            more = f" (and {len(outside) - 1} more)" if len(outside) > 1 else ""
-            # unknown keys come first, since they often explain a missing field; then objects, then tracks
+        outside = checked.outside
+        if outside:
+            # unknown keys come first, since they often explain a missing field; then
+            # objects, then tracks
             gravest = min(
                 outside,
                 key=lambda problem: (
@@ -46,93 +56,84 @@ class Feedback:
                     problem.kind != "objects",
                 ),
             )
-            raise ActionError(gravest.sentence(where) + more)
-        if _is_random(examined):
+            text = gravest.sentence(where)
+            if len(outside) > 1:
+                text += f" (and {len(outside) - 1} more)"
+            raise ActionError(text)
+        if _is_random(checked):
             return
-        for problem in [
-            *examined.problems,
-            *_degrees(examined),
-            *_absolute(examined, self._task),
-        ]:
+        problems = [*checked.problems, *_degrees(checked)]
+        problems += _absolute_positions(checked, self._task)
+        for problem in problems:
             kind = problem.field, problem.reason
             if kind not in self._warned:
                 self._warned.add(kind)
                 logger.warn(f"{problem.sentence(where)} (said once per env)")
 
 
-def _is_random(examined: Examined) -> bool:
-    """True for a box more than 10 km from the origin: it was drawn. Rows that are not claimed are drawn with others."""
-    centres = [np.abs(examined.arrays[name][:, :2]) for name, _ in _BOXES]
+def _is_random(checked: CheckedAction) -> bool:
+    """Return True for a box more than 10 km away.
+
+    Rows that are not claimed are drawn with others.
+    """
+    centres = [np.abs(checked.arrays[name][:, :2]) for name, _ in _BOXES]
     return any(
-        ((part > RANDOM_BEYOND) & (part <= COORDINATE_LIMIT)).any() for part in centres
+        ((centre > RANDOM_BEYOND) & (centre <= COORDINATE_LIMIT)).any()
+        for centre in centres
     )
 
 
-def _degrees(examined: Examined) -> list[ActionProblem]:
-    """Boxes with a yaw beyond two turns."""
+def _degrees(checked: CheckedAction) -> list[ActionProblem]:
+    """Find boxes with a yaw beyond two turns."""
     problems: list[ActionProblem] = []
-    for name, rows in _BOXES:
-        yaw = examined.arrays[name][:, 3]
-        turned = np.flatnonzero(examined.sound[rows] & (np.abs(yaw) > _TURN))
-        if len(turned):
-            example = f"{name}[{turned[0]}, 3] = {yaw[turned[0]]:.4g}"
-            expected, advice = (
+    for name, kind in _BOXES:
+        yaw = checked.arrays[name][:, 3]
+        rows = np.flatnonzero(checked.sound[kind] & (np.abs(yaw) > _MAX_YAW_RAD))
+        if len(rows):
+            problem = ActionProblem(
+                name,
+                "yaw looks like degrees",
                 "radians, such as -pi to pi",
-                "np.radians(yaw) converts degrees",
+                len(rows),
+                example=f"{name}[{rows[0]}, 3] = {yaw[rows[0]]:.4g}",
+                level="warning",
+                advice="np.radians(yaw) converts degrees",
+                outside=False,
             )
-            problems.append(
-                _doubt(
-                    name,
-                    "yaw looks like degrees",
-                    expected,
-                    len(turned),
-                    example,
-                    advice,
-                )
-            )
+            problems.append(problem)
     return problems
 
 
-def _absolute(examined: Examined, task: Task) -> list[ActionProblem]:
-    """Forecasts whose offsets in the first frame are about equal to the positions of the objects."""
-    rows = np.flatnonzero(examined.sound["objects"])
-    position = examined.arrays["object_box"][rows, :2].astype(np.float64)
-    distance = np.hypot(*position.T)
-    far = distance > _NEAR
-    if not far.any():
+def _absolute_positions(checked: CheckedAction, task: Task) -> list[ActionProblem]:
+    """Find forecasts whose first offsets are about equal to the objects' positions."""
+    arrays = checked.arrays
+    distance = np.hypot(*arrays["object_box"][:, :2].T.astype(np.float64))
+    rows = np.flatnonzero(checked.sound["objects"] & (distance > _MIN_DISTANCE_M))
+    if not len(rows):
         return []
-    rows, position, distance = rows[far], position[far], distance[far]
-    sample = present(examined.arrays["forecast_log_weight"][rows]).argmax(
-        axis=1
-    )  # the first present one
-    first = examined.arrays["forecast"][rows, sample, 0]
-    as_positions = (np.hypot(*(first - position).T) <= distance / 4).all()
-    if not as_positions or (
-        len(rows) < _FEW and distance.max() * 3 / 4 < _FASTEST * task.dt
-    ):
+    distance = distance[rows]
+    position = arrays["object_box"][rows, :2].astype(np.float64)
+    sample = is_present(arrays["forecast_log_weight"][rows]).argmax(axis=1)
+    offset = arrays["forecast"][rows, sample, 0]
+    as_positions = np.hypot(*(offset - position).T) <= distance / 4
+    # a fast object could be there: it takes several objects, or one too far away
+    too_fast = distance.max() * 3 / 4 >= _MAX_SPEED_MPS * task.dt
+    if not as_positions.all() or not (len(rows) >= _MIN_OBJECTS or too_fast):
         return []
-    expected = "metres from the object's own centre"
-    example = f"forecast[{rows[0]}]: {_point(first[0])} in the first frame, the object is at {_point(position[0])}"
-    advice = "subtract the centre of the box"
     return [
-        _doubt(
+        ActionProblem(
             "forecast",
             "looks like absolute coordinates",
-            expected,
+            "metres from the object's own centre",
             len(rows),
-            example,
-            advice,
+            example=f"forecast[{rows[0]}]: {_point_text(offset[0])} in the first frame, "
+            f"the object is at {_point_text(position[0])}",
+            level="warning",
+            advice="subtract the centre of the box",
+            outside=False,
         )
     ]
 
 
-def _point(xy: Floats) -> str:
+def _point_text(xy: Floats) -> str:
     return f"({xy[0]:.1f}, {xy[1]:.1f})"
-
-
-def _doubt(
-    field: str, reason: str, expected: str, rows: int, example: str, advice: str
-) -> ActionProblem:
-    return ActionProblem(
-        field, reason, expected, rows, example, "", "warning", advice, outside=False
-    )

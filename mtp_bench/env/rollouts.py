@@ -1,6 +1,7 @@
-"""Actions as they are recorded: sound rows only, in the scene's frame; rollouts made of them, and their digest.
+"""Actions as they are recorded, rollouts made of them, and their digest.
 
-A row that is taken out counts as missing, so breaking the contract is never better than an empty action.
+Only sound rows are recorded, in the scene's frame of reference. A row that is taken out
+counts as missing, so breaking the contract is never better than an empty action.
 """
 
 import hashlib
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..agent import ROWS, Examined, present
+from ..agent import ROW_KINDS, CheckedAction, is_present
 from ..core import (
     Bools,
     Drive,
@@ -25,10 +26,11 @@ from ..core import (
 )
 from .observation import LocalFrame
 
-FAINTEST = -1000.0  # a normalised log-weight; exp of it is 0 already
+_MIN_LOG_WEIGHT = -1000.0  # normalised; exp of it is 0 already
 
-# of every array of a Rollout, in the order of the digest: dtype, and shape in the letters of types.py;
-# R rows of tracks, S rows of forecast objects, F1 is F + 1, C1 is C + 1
+# Dtype and shape of every array of a Rollout, in the order of the digest. The letters
+# are those of core/arrays.py; R rows of tracks, S rows of forecast objects, F1 is F +
+# 1, C1 is C + 1.
 ARRAYS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "track_start": ("<i8", ("F1",)),
     "track_id": ("<i8", ("R",)),
@@ -48,9 +50,10 @@ ARRAYS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "dropped": ("<i8", ("F",)),
     "seconds": ("<f8", ("F",)),
 }
-# arrays of a drive in its digest. Records name digests, so the list stays as it is: what else is stored of a drive, as
-# the states after the last decision, follows from the actions and changes no digest
-_DIGESTED = """
+# Arrays of a drive in its digest. Records name digests, so the list stays as it is:
+# what else is stored of a drive, as the states after the last decision, follows from
+# the actions and changes no digest.
+_DIGESTED_DRIVE = """
     drive_acceleration drive_at_fault drive_cause drive_collision drive_comfortable drive_goal drive_hit
     drive_near_misses drive_phantom_brakes drive_plan drive_risk drive_seconds drive_way world_box
     world_class_id world_ego world_eligible world_following world_following_start world_lane world_lane_start
@@ -60,7 +63,7 @@ _DIGESTED = """
 
 @dataclass(frozen=True, eq=False)
 class RecordedAction:
-    """The sound part of one action: R tracks and S forecast objects.
+    """Sound part of one action: R tracks and S forecast objects.
 
     All arrays have the names, the units and the types of those of a `Rollout`.
     """
@@ -74,62 +77,71 @@ class RecordedAction:
     object_box: Floats  # [S, 7]
     object_class: Ints  # [S]
     object_confidence: Floats  # [S] 0 to 1
-    forecast: Ints  # [S, K, T, 2] centimetres from the object's centre, 0 where absent
+    # [S, K, T, 2] centimetres from the object's centre, 0 where absent
+    forecast: Ints
     forecast_log_weight: Floats  # [S, K] normalised, -inf: absent
     invalid: Ints  # [3] rows taken out: tracks, hypotheses, objects
     malformed: Ints  # [C + 1] objects taken out by class, see `_malformed`
 
 
 def record_action(
-    examined: Examined,
+    checked: CheckedAction,
     task: Task,
     frame: LocalFrame | None = None,
-    detected: Ints | None = None,
+    detections: Ints | None = None,
 ) -> RecordedAction:
-    """The sound part of an action in the scene's frame of reference, with the number of rows that were taken out.
+    """Return the sound part of an action, in the scene's frame.
 
-    ``frame`` is that of the observations; without one, coordinates stay as they are. ``detected`` [C]: detections of
-    each class in the frame of the action. Never raises. All arrays are copies: an agent may go on writing into its own.
+    It counts the rows that were taken out. ``frame`` is that of the observations;
+    without one, coordinates stay as they are. ``detections`` [C]: of each class in the
+    frame of the action. Never raises. All arrays are copies: an agent may go on writing
+    into its own.
     """
-    arrays, sound = examined.arrays, examined.sound
-    tracks, objects = np.flatnonzero(sound["tracks"]), sound["objects"]
-    member = (arrays["hypothesis_member"][:, tracks] != 0) & sound["hypotheses"][
-        :, None
-    ]
-    held = member.any(axis=0)
-    used, sample_weight = tracks[held], arrays["forecast_log_weight"][objects]
-    box = np.concatenate([arrays["track_box"][used], arrays["object_box"][objects]])
-    sampled, samples = present(sample_weight), arrays["forecast"][objects]
-    offset, forecast = samples[sampled], np.zeros(samples.shape, dtype=np.int16)
+    arrays = checked.arrays
+    sound = checked.sound
+    hypotheses = sound["hypotheses"]
+    objects = sound["objects"]
+    tracks = np.flatnonzero(sound["tracks"])
+    member = (arrays["hypothesis_member"][:, tracks] != 0) & hypotheses[:, None]
+    in_hypothesis = member.any(axis=0)
+    tracks = tracks[in_hypothesis]
+    track_box = arrays["track_box"][tracks]
+    object_box = arrays["object_box"][objects]
+    log_weight = arrays["forecast_log_weight"][objects]
+    sampled = is_present(log_weight)
+    offset = arrays["forecast"][objects][sampled]
     if frame is not None:
-        box, offset = frame.to_scene(box), rotate(offset, -frame.yaw)
+        track_box = frame.to_scene(track_box)
+        object_box = frame.to_scene(object_box)
+        offset = rotate(offset, -frame.yaw)
+    forecast = np.zeros((*sampled.shape, task.future, 2), dtype=np.int16)
     forecast[sampled] = to_centimetres(offset)
+    parent = np.where(hypotheses, arrays["hypothesis_parent"], -1)
+    hypothesis_weight = log_softmax(arrays["hypothesis_log_weight"], hypotheses)
+    invalid = [np.count_nonzero(checked.claimed[k] & ~sound[k]) for k in ROW_KINDS]
     return RecordedAction(
-        track_id=arrays["track_id"][used].astype(np.int64),
-        track_box=box[: len(used)].astype(np.float32),
-        track_class=arrays["track_class"][used].astype(np.int64),
-        member=member.T[held],
-        hypothesis_log_weight=log_softmax(
-            arrays["hypothesis_log_weight"], sound["hypotheses"]
-        ).astype(np.float32),
-        hypothesis_parent=np.where(
-            sound["hypotheses"], arrays["hypothesis_parent"], -1
-        ).astype(np.int64),
-        object_box=box[len(used) :].astype(np.float32),
+        track_id=arrays["track_id"][tracks].astype(np.int64),
+        track_box=track_box.astype(np.float32),
+        track_class=arrays["track_class"][tracks].astype(np.int64),
+        member=member.T[in_hypothesis],
+        hypothesis_log_weight=hypothesis_weight.astype(np.float32),
+        hypothesis_parent=parent.astype(np.int64),
+        object_box=object_box.astype(np.float32),
         object_class=arrays["object_class"][objects].astype(np.int64),
         object_confidence=arrays["object_confidence"][objects].astype(np.float32),
         forecast=forecast,
-        forecast_log_weight=log_softmax(sample_weight, sampled).astype(np.float32),
-        invalid=np.array(
-            [np.count_nonzero(examined.claimed[rows] & ~sound[rows]) for rows in ROWS],
-            dtype=np.int64,
-        ),
-        malformed=_malformed(examined, task, detected),
+        forecast_log_weight=log_softmax(log_weight, sampled).astype(np.float32),
+        invalid=np.array(invalid, dtype=np.int64),
+        malformed=_malformed(checked, task, detections),
     )
 
 
 def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Rollout:
-    """Rollout of the actions [F] of a scene; ``dropped`` [F] detections did not fit. Times are still zero."""
+    """Make the rollout of the actions [F] of a scene.
+
+    Times are still zero.
+    ``dropped`` [F]: detections that did not fit.
+    """
     arrays: dict[str, NDArray[Any]] = {
         "track_start": starts_of([len(action.track_id) for action in actions]),
         "object_start": starts_of([len(action.object_class) for action in actions]),
@@ -148,58 +160,53 @@ def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Ro
 
 
 def actions_of(rollout: Rollout) -> Iterator[RecordedAction]:
-    """The actions [F] that `assemble` made a rollout of."""
-    names = {
-        name: shape[0]
-        for name, (_, shape) in ARRAYS.items()
-        if name in RecordedAction.__dataclass_fields__
-    }
-    starts = {"R": rollout.track_start, "S": rollout.object_start}
+    """Yield the actions [F] that `assemble` made a rollout of."""
+    names = [field.name for field in fields(RecordedAction)]
     for t in range(rollout.frames):
         rows: dict[Any, Any] = {
             "F": t,
-            **{
-                letter: slice(start[t], start[t + 1])
-                for letter, start in starts.items()
-            },
+            "R": rollout.tracks.rows(t),
+            "S": rollout.objects.rows(t),
         }
-        yield RecordedAction(
-            **{
-                name: getattr(rollout, name)[rows[letter]]
-                for name, letter in names.items()
-            }
-        )
+        arrays = {
+            name: getattr(rollout, name)[rows[ARRAYS[name][1][0]]] for name in names
+        }
+        yield RecordedAction(**arrays)
 
 
 def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:
-    """Rollout without tracks, hypotheses and forecasts; ``sizes``: others than 0, by the letters of `ARRAYS`."""
-    size: dict[str | int, int] = {"F": frames, "F1": frames + 1, 2: 2, 3: 3, 7: 7}
-    shapes = {
-        name: [sizes.get(str(n), size.get(n, 0)) for n in shape]
-        for name, (_, shape) in ARRAYS.items()
-    }
+    """Make a rollout without tracks, hypotheses and forecasts.
+
+    ``sizes``: others than 0, by the letters of `ARRAYS`.
+    """
+    size: dict[Any, int] = {"F": frames, "F1": frames + 1, 2: 2, 3: 3, 7: 7}
+    size |= sizes
     arrays: dict[str, Any] = {
-        name: np.zeros(shape, ARRAYS[name][0]) for name, shape in shapes.items()
+        name: np.zeros([size.get(n, 0) for n in shape], dtype)
+        for name, (dtype, shape) in ARRAYS.items()
     }
     return Rollout(scene, **arrays)
 
 
 def drive_arrays(drive: Drive | None) -> dict[str, NDArray[Any]]:
-    """A drive as arrays, by names that no array of a rollout has; none without a drive."""
+    """Return a drive as arrays, by names beside those of rollouts.
+
+    Empty without a drive.
+    """
     if drive is None:
         return {}
-    own = {
-        f"drive_{name}": np.asarray(value)
-        for name, value in vars(drive).items()
-        if name != "world"
-    }
-    return own | {
-        f"world_{name}": np.asarray(value) for name, value in drive.world.items()
-    }
+    values = {f"drive_{name}": value for name, value in vars(drive).items()}
+    world = values.pop("drive_world")
+    values |= {f"world_{name}": value for name, value in world.items()}
+    return {name: np.asarray(value) for name, value in values.items()}
 
 
 def drive_of(arrays: Mapping[str, NDArray[Any]]) -> Drive | None:
-    """The drive of `drive_arrays`; None without one. Raises KeyError for a missing array."""
+    """Return the drive of `drive_arrays`.
+
+    None without one.
+    Raises KeyError for a missing array.
+    """
     if not any(name.startswith("drive_") for name in arrays):
         return None
     world = {
@@ -207,16 +214,19 @@ def drive_of(arrays: Mapping[str, NDArray[Any]]) -> Drive | None:
         for name, array in arrays.items()
         if name.startswith("world_")
     }
-    names = [field.name for field in fields(Drive) if field.name != "world"]
-    stored = {name: arrays[f"drive_{name}"] for name in names}
-    values: dict[str, Any] = {
-        name: value if value.ndim else value.item() for name, value in stored.items()
-    }
+    values: dict[str, Any] = {}
+    for field in fields(Drive):
+        if field.name != "world":
+            array = arrays[f"drive_{field.name}"]
+            values[field.name] = array if array.ndim else array.item()
     return Drive(**values, world=world)
 
 
 def digest(rollout: Rollout) -> str:
-    """Return the hex sha256 over the scene's name, all arrays but ``seconds``, and `_DIGESTED` ones of a drive."""
+    """Return the hex sha256 over a rollout.
+
+    All arrays but ``seconds``, and those of `_DIGESTED_DRIVE` of a drive.
+    """
     sha = hashlib.sha256(rollout.scene.encode())
     for name, (dtype, _) in ARRAYS.items():
         if name != "seconds":
@@ -226,36 +236,38 @@ def digest(rollout: Rollout) -> str:
             sha.update(f"|{name}{list(array.shape)}".encode())
             sha.update(array.tobytes())
     for name, array in sorted(drive_arrays(rollout.drive).items()):
-        if name in _DIGESTED.split():
+        if name in _DIGESTED_DRIVE.split():
             sha.update(f"|{name}{array.dtype.str}{list(array.shape)}".encode())
             sha.update(np.ascontiguousarray(array).tobytes())
     return sha.hexdigest()
 
 
-def log_softmax(log_weight: Floats, there: Bools) -> Floats:
-    """Log-weights [..., n] normalised over the last axis; -inf outside of the mask ``there``.
+def log_softmax(log_weight: Floats, mask: Bools) -> Floats:
+    """Normalise log-weights [..., n] in ``mask`` over the last axis.
 
-    Weights inside stay finite and not below FAINTEST: faint is not absent.
+    -inf outside of it.
+    Weights inside stay finite, however small: faint is not absent.
     """
-    masked = np.where(there, log_weight.astype(np.float64), -np.inf)
+    masked = np.where(mask, log_weight.astype(np.float64), -np.inf)
     top = masked.max(axis=-1, keepdims=True, initial=-np.inf)
     top = np.where(np.isfinite(top), top, 0.0)
     total = np.exp(masked - top).sum(axis=-1, keepdims=True)
     normalised = masked - top - np.log(np.where(total > 0, total, 1.0))
-    return np.where(there, np.maximum(normalised, FAINTEST), -np.inf)
+    return np.where(mask, np.maximum(normalised, _MIN_LOG_WEIGHT), -np.inf)
 
 
-def _malformed(examined: Examined, task: Task, detected: Ints | None) -> Ints:
-    """False forecasts [C + 1] that invalid rows count as; the last entry is of objects whose class is unreadable.
+def _malformed(checked: CheckedAction, task: Task, detections: Ints | None) -> Ints:
+    """Count the false forecasts [C + 1] that invalid rows count as.
 
-    An object that is stated and taken out is one of its class. An action without readable objects is one per detection:
-    so no invalid action is better than an empty one (`fixed_error`).
+    The last entry is of objects whose class is unreadable. An object that is stated and
+    taken out is one of its class. An action without readable objects is one per
+    detection: so no invalid action is better than an empty one (`fixed_error`).
     """
+    if not checked.readable and detections is not None:
+        return np.append(detections, 0).astype(np.int64)
     classes = len(task.classes)
-    if not examined.readable and detected is not None:
-        return np.append(detected, 0).astype(np.int64)
-    class_id = examined.arrays["object_class"][
-        examined.claimed["objects"] & ~examined.sound["objects"]
-    ]
-    class_id = np.where((class_id >= 0) & (class_id < classes), class_id, classes)
+    rejected = checked.claimed["objects"] & ~checked.sound["objects"]
+    class_id = checked.arrays["object_class"][rejected]
+    readable = (class_id >= 0) & (class_id < classes)
+    class_id = np.where(readable, class_id, classes)
     return np.bincount(class_id, minlength=classes + 1).astype(np.int64)

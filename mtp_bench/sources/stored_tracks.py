@@ -1,4 +1,4 @@
-"""Tracks stored by other programs, read as `mtp_bench.core.types.StoredTracks`.
+"""Tracks stored by other programs, read as `mtp_bench.core.StoredTracks`.
 
 A ``.json`` file is a submission to nuScenes' tracking task, a ``.feather`` file one to
 that of Argoverse 2; a folder of ``.txt`` has KITTI's result form (as AB3DMOT writes).

@@ -11,10 +11,9 @@ from mtp_bench import load_submission
 from mtp_bench.agent import Agent, Forecasts, Frame, FunctionPredictor, Pipeline
 from mtp_bench.agent.action import FORECAST_LIMIT
 from mtp_bench.agent.pipeline import make_pools, reduce_pools
-from mtp_bench.core import Action
+from mtp_bench.core import Action, Floats, Task
 from mtp_bench.core.errors import ShapeError
 from mtp_bench.core.tracks import Tracks, group
-from mtp_bench.core.types import Floats, Task
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler
 from mtp_bench.tracking import HypothesisTracker
 from tests.support import tracking_scenes

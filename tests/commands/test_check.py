@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.agent.submission_files import new_submission
-from mtp_bench.core.types import Rollout
+from mtp_bench.core import Rollout
 from mtp_bench.judge import SceneRun
 from mtp_bench.judge.records.checking import gateway_findings
 from tests.support.command_line import CommandLine, read_json

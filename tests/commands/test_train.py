@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from mtp_bench.commands.output import fail
+from mtp_bench.core import Scene
 from mtp_bench.core.errors import MtpBenchError
-from mtp_bench.core.types import Scene
 from mtp_bench.running.options import RunOptions, held_out
 from mtp_bench.training import motion_noise
 from mtp_bench.training.predictors import TrainingRequest

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import rankdata
 
-from mtp_bench.core.types import Bools, Detections, Floats
+from mtp_bench.core import Bools, Detections, Floats
 from mtp_bench.detector import Profile
 from mtp_bench.detector.draws import skewed_cdf
 from tests.support.detector_scenes import AHEAD, FREE, LASTING, NEAR, cars, correlation, detect, on_grid, profile_of

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import Detections
+from mtp_bench.core import Detections
 from mtp_bench.detector import Profile
 from mtp_bench.detector.draws import Draws, NoiseKind, decayed, keys_of
 from tests.support.detector_scenes import LASTING, NEAR, cars, correlation, detect, on_grid, profile_of

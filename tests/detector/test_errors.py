@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from mtp_bench.core import Floats
 from mtp_bench.core.geometry import wrap_angle
-from mtp_bench.core.types import Floats
 from tests.support.detector_scenes import DT, NEW, cars, detect, on_grid, profile_of, seen_at
 
 FRAMES, OBJECTS, GAP = 200, 300, 30.0

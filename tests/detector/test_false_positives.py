@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import Bools, Detections, Floats, Truth
+from mtp_bench.core import Bools, Detections, Floats, Truth
 from mtp_bench.detector import load_profile
 from mtp_bench.detector.simulation import simulate
 from mtp_bench.detector.visibility import Sensor

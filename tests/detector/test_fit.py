@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.detection.couplings import couplings
-from mtp_bench.core.types import Scene, Truth
+from mtp_bench.core import Scene, Truth
 from mtp_bench.detector import Profile
 from mtp_bench.detector.draws import exponential, skewed, skewed_cdf, skewed_density
 from mtp_bench.detector.simulation import simulate

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import Detections, Floats, Scene, Truth
+from mtp_bench.core import Detections, Floats, Scene, Truth
 from mtp_bench.detector.visibility import Sensor
 from mtp_bench.training.detector_fit.samples import match_boxes
 from tests.support.detector_statistics import ClassStatistics, detector_statistics

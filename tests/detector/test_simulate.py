@@ -5,8 +5,8 @@ import hashlib
 import numpy as np
 import pytest
 
+from mtp_bench.core import Detections, Floats, Truth
 from mtp_bench.core.geometry import transform_boxes
-from mtp_bench.core.types import Detections, Floats, Truth
 from mtp_bench.detector import Profile, load_profile, profile_names
 from mtp_bench.detector.simulation import simulate
 from mtp_bench.detector.visibility import Sensor, covered

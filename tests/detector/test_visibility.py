@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mtp_bench.core import Floats, Truth
 from mtp_bench.core.geometry import bev_corners, bev_intersection_area
-from mtp_bench.core.types import Floats, Truth
 from mtp_bench.detector.visibility import Sensor, covered, visibility_of, visible_fractions
 from tests.support.detector_scenes import truth_of
 

@@ -16,8 +16,8 @@ from gymnasium.vector import SyncVectorEnv
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
+from mtp_bench.core import Drive, Rollout
 from mtp_bench.core.errors import RolloutError
-from mtp_bench.core.types import Drive, Rollout
 from mtp_bench.env.rollouts import digest
 from mtp_bench.running.drives import recorded_card
 from mtp_bench.running.reference import frozen_path, frozen_reference, make_reference

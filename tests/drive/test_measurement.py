@@ -14,7 +14,7 @@ from benchmarks.driving_measure import TRUTH, Kept, Moments, measure_scene
 from benchmarks.driving_switches import Windows, cost_in_windows
 from benchmarks.kendall import kendall_tau
 from mtp_bench import Action, Agent, MTPEnv, Task, load_card, load_submission
-from mtp_bench.core.types import Floats
+from mtp_bench.core import Floats
 from mtp_bench.running.playing import agent_task, run_scene
 from tests.drive.test_record import of
 from tests.support.command_line import CommandLine, read_json

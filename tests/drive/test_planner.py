@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from mtp_bench.cards.card import PlannerSection
-from mtp_bench.core.types import Floats
+from mtp_bench.core import Floats
 from mtp_bench.traffic.drive.episode import obstacles
 from mtp_bench.traffic.drive.planner import Obstacles, Planner
 from mtp_bench.traffic.highway.driven import Way

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from mtp_bench.core.types import Drive, Floats, Truth, starts_of
+from mtp_bench.core import Drive, Floats, Truth, starts_of
 from mtp_bench.scoring.driving import AgentDrives, driving_rows, fault_interval, scene_score, score_interval
 from mtp_bench.scoring.statistics import bootstrap_interval, paired_difference
 from mtp_bench.traffic.drive.planner import Decision

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from mtp_bench import MTPEnv
-from mtp_bench.core.types import Scene
+from mtp_bench.core import Scene
 from tests.support.small_scenes import MemorySource, make_scene, write_card
 
 MakeEnv = Callable[..., MTPEnv]

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as st_np
 
-from mtp_bench.agent.action import ROWS
-from mtp_bench.agent.checks import examine
+from mtp_bench.agent.action import ROW_KINDS
+from mtp_bench.agent.checks import check_action
 from mtp_bench.env.rollouts import record_action
 from tests.support.small_scenes import Action, decode, empty_action, full_action, task
 
@@ -162,11 +162,11 @@ def test_broken_rows_are_taken_out_counted_and_named(case: str) -> None:
     for weight in (answer.hypothesis_log_weight, *answer.forecast_log_weight):
         assert np.exp(weight).sum() == pytest.approx(1.0 if np.isfinite(weight).any() else 0.0)
     assert np.isfinite(answer.track_box).all()
-    problems = examine(action, TASK).problems
+    problems = check_action(action, TASK).problems
     assert bool(problems) == bool(said)
     assert not problems or f"{problems[0].field}: {problems[0].reason}".startswith(said)
     assert any(problem.level == "error" for problem in problems) == any(counted)
-    for rows, count in zip(ROWS, counted, strict=True):  # a row may have several reasons
+    for rows, count in zip(ROW_KINDS, counted, strict=True):  # a row may have several reasons
         of_rows = [problem.rows for problem in problems if problem.kind == rows and problem.example]
         assert not of_rows or max(of_rows) <= count <= sum(of_rows)
 
@@ -248,8 +248,8 @@ WILD = st.dictionaries(
 
 @given(WILD)
 def test_whatever_comes_the_answer_is_sound(wild: dict[str, Any]) -> None:
-    examined = examine({**full_action(TASK), **wild}, TASK)
-    answer = record_action(examined, TASK)
+    checked = check_action({**full_action(TASK), **wild}, TASK)
+    answer = record_action(checked, TASK)
     assert np.isfinite(answer.track_box).all()
     assert np.isfinite(answer.object_box).all()
     assert np.isfinite(answer.forecast).all()
@@ -260,5 +260,5 @@ def test_whatever_comes_the_answer_is_sound(wild: dict[str, Any]) -> None:
         ids = answer.track_id[answer.member[:, h]]
         assert len(set(ids.tolist())) == len(ids)
     assert ((answer.invalid >= 0) & (answer.invalid <= [5, 3, 4])).all()
-    for rows, count in zip(ROWS, answer.invalid, strict=True):
-        assert not count or any(problem.kind == rows for problem in examined.problems), "nothing without a reason"
+    for rows, count in zip(ROW_KINDS, answer.invalid, strict=True):
+        assert not count or any(problem.kind == rows for problem in checked.problems), "nothing without a reason"

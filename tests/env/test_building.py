@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from mtp_bench import Tracks, make_action
-from mtp_bench.agent.action import FIELDS
+from mtp_bench.agent.action import ACTION_FIELDS
 from mtp_bench.env.spaces import ActionSpace
 from tests.support.small_scenes import decode, task
 
@@ -18,7 +18,7 @@ FUTURE = np.arange(12.0).reshape(2, 3, 2)
 
 def test_the_table_of_the_fields_is_in_the_documentation(repository: Path) -> None:
     lines = ["| field | shape | dtype | entries | meaning |", "|---|---|---|---|---|"]
-    for field in FIELDS:
+    for field in ACTION_FIELDS:
         shape, dtype = field.shape.replace(" ", ", "), np.dtype(field.content.dtype)
         meaning = field.meaning + (" Optional." if field.optional else "")
         lines.append(f"| `{field.name}` | ({shape}) | {dtype} | {field.content.expected} | {meaning} |")
@@ -30,7 +30,7 @@ def test_every_action_lies_in_the_space() -> None:
     space: Any = ActionSpace(TASK)
     assert action in space
     assert {name: array for name, array in action.items() if name != "forecast"} not in space
-    assert list(action) == [field.name for field in FIELDS]
+    assert list(action) == [field.name for field in ACTION_FIELDS]
     assert {name: (part.shape, part.dtype) for name, part in space.spaces.items()} == {
         name: (array.shape, array.dtype) for name, array in action.items()
     }

@@ -12,8 +12,8 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from mtp_bench import MTPEnv
+from mtp_bench.core import Rollout, Scene
 from mtp_bench.core.errors import DataError, MtpBenchError, RolloutError, UnknownNameError
-from mtp_bench.core.types import Rollout, Scene
 from mtp_bench.env.rollouts import digest
 from mtp_bench.scoring import live_frames, score_scene
 from tests.env.conftest import MakeEnv

@@ -13,8 +13,8 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
+from mtp_bench.core import Floats, Lane, Scene
 from mtp_bench.core.errors import CardError, DataError
-from mtp_bench.core.types import Floats, Lane, Scene
 from tests.support.small_scenes import CARD, empty_action, make_scene, write_card
 
 LANES = CARD.replace("[source]", "[lanes]\npieces = 4\npoints = 4\nreach = 30.0\n[source]").replace("kitti", "files")

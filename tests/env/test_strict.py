@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from mtp_bench import Action, ActionError, MTPEnv, Observation, load_submission, make_action
-from mtp_bench.agent.checks import examine
-from mtp_bench.core.types import Scene
+from mtp_bench.agent.checks import check_action
+from mtp_bench.core import Scene
 from mtp_bench.running.playing import agent_task
 from tests.env.conftest import MakeEnv
 from tests.env.test_answer import CASES, Break, both, cast, drop, put
@@ -126,8 +126,8 @@ def test_no_mistake_pays(case: str, make_env: MakeEnv) -> None:
     env = make_env(replace(scene(), truth_complete=case in WRONG), strict=False)  # else prediction targets alone
 
     def sound(observation: Observation) -> Action:
-        action, examined = right(env)(observation), examine(wrong(case, env)(observation), env.task)
-        return {**action, "object_valid": examined.sound["objects"].astype(np.int8)}
+        action, checked = right(env)(observation), check_action(wrong(case, env)(observation), env.task)
+        return {**action, "object_valid": checked.sound["objects"].astype(np.int8)}
 
     def empty(observation: Observation) -> Action:
         return empty_action(env.task)

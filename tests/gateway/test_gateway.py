@@ -15,7 +15,7 @@ from mtp_bench.env.rollouts import digest
 from mtp_bench.judge import SceneRun, run_isolated, run_isolated_scenes
 from mtp_bench.judge.gateway.exchange import lengthened
 from mtp_bench.judge.gateway.run import seal_start
-from mtp_bench.judge.gateway.wire import PREFIX, WireError, arrays_of, encode, header_of, plain
+from mtp_bench.judge.gateway.wire import PREFIX, WireError, arrays_of, as_numbers, encode, header_of
 from mtp_bench.running.playing import jobs_of, run_jobs
 from tests.support.hostile import submission
 
@@ -118,7 +118,7 @@ def parts(message: bytes) -> tuple[bytes, bytes]:
 
 
 def test_arrays_survive_the_wire() -> None:
-    text, body = parts(encode({"kind": "frame"}, {name: plain(value) for name, value in ARRAYS.items()}))
+    text, body = parts(encode({"kind": "frame"}, {name: as_numbers(value) for name, value in ARRAYS.items()}))
     arrays = arrays_of(header_of(text), body)
     for name, value in ARRAYS.items():
         array, expected = arrays[name], np.asarray(value)
@@ -133,8 +133,8 @@ NO_ARRAYS = {"objects": [object()], "text": "car", "dates": np.zeros(2, "M8[s]")
 
 @pytest.mark.parametrize("value", NO_ARRAYS.values(), ids=NO_ARRAYS)
 def test_only_numbers_are_sent(value: object) -> None:
-    assert plain(value) is None
-    text, body = parts(encode({}, {"field": plain(value)}))
+    assert as_numbers(value) is None
+    text, body = parts(encode({}, {"field": as_numbers(value)}))
     assert arrays_of(header_of(text), body) == {"field": None}
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtp_bench.core.types import Bools, Floats
+from mtp_bench.core import Bools, Floats
 
 from .forecasts import Run, judge_frame
 

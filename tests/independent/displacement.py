@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtp_bench.core.types import Floats, Rollout
+from mtp_bench.core import Floats, Rollout
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mtp_bench.cards import Card
+from mtp_bench.core import Bools, Rollout, Scene
 from mtp_bench.core.geometry import iou_3d
-from mtp_bench.core.types import Bools, Rollout, Scene
 
 from .matching import Keys, best_pairs
 from .targets import after_hole, neutral_rows

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from mtp_bench.cards import Card
-from mtp_bench.core.types import Bools, Rollout, Scene
+from mtp_bench.core import Bools, Rollout, Scene
 
 from .displacement import Numbers, numbers, stated
 from .matching import Keys, best_pairs

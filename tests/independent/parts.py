@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtp_bench.core.types import Floats
+from mtp_bench.core import Floats
 
 from .budgets import Cut, shares_at
 from .displacement import numbers, stated

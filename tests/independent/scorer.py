@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mtp_bench.cards import Card
-from mtp_bench.core.types import Floats, Rollout, Scene
+from mtp_bench.core import Floats, Rollout, Scene
 
 from . import shown, statistics
 from .budgets import budgets_of, cuts, error_at

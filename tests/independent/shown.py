@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mtp_bench.core.types import Floats
+from mtp_bench.core import Floats
 
 from .displacement import Numbers
 from .forecasts import Run, judge_frame

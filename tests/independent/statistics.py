@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from mtp_bench.cards import Card
-from mtp_bench.core.types import Floats, Ints, Scene
+from mtp_bench.core import Floats, Ints, Scene
 
 from .targets import Target
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtp_bench.cards import Card
-from mtp_bench.core.types import Bools, Floats, ImageField, Scene
+from mtp_bench.core import Bools, Floats, ImageField, Scene
 
 NEAR = 1e-6  # m
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.core.types import Detections, ImageField, Rollout, Scene
+from mtp_bench.core import Detections, ImageField, Rollout, Scene
 from mtp_bench.scoring import SUBSETS, AgentScores, Reference, References, Report, score_scene, summarise
 from mtp_bench.scoring.bade import CardBudget
 from mtp_bench.scoring.definitions import WEIGHTS_DEFINITIONS

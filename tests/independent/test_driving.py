@@ -10,8 +10,8 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from mtp_bench import load_card
+from mtp_bench.core import Drive, Lane, Truth, starts_of_sorted
 from mtp_bench.core.bundle import bundled
-from mtp_bench.core.types import Drive, Lane, Truth, starts_of_sorted
 from mtp_bench.env.rollouts import drive_arrays
 from mtp_bench.running.reference import frozen_reference
 from mtp_bench.running.stored import open_run

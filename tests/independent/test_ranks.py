@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import Floats, Ints, Rollout, Scene
+from mtp_bench.core import Floats, Ints, Rollout, Scene
 from mtp_bench.scoring import SUBSETS, AgentScores, Reference, References, statistics, summarise
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.targets import units

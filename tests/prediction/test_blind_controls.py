@@ -8,9 +8,8 @@ import pytest
 from mtp_bench import load_submission
 from mtp_bench.agent import Forecasts, Frame
 from mtp_bench.agent.submission_files import import_from
-from mtp_bench.core import Observation
+from mtp_bench.core import Action, Floats, Observation, Task
 from mtp_bench.core.tracks import Tracks
-from mtp_bench.core.types import Action, Floats, Task
 from mtp_bench.prediction import KinematicPredictor
 from tests.support.tracking_scenes import CAR, PEDESTRIAN, frame, kitti_task, observation, tracks_with_past
 

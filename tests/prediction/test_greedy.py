@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import Floats
+from mtp_bench.core import Floats
 from mtp_bench.prediction import GreedySampler
 from mtp_bench.prediction.greedy import k_medians
 

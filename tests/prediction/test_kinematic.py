@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.agent import Frame
+from mtp_bench.core import Bools, Floats
 from mtp_bench.core.geometry import transform_boxes
 from mtp_bench.core.tracks import Tracks
-from mtp_bench.core.types import Bools, Floats
 from mtp_bench.prediction import HedgedPredictor, KinematicPredictor, NoiseTable
 from mtp_bench.prediction.kalman import filtered, heading_frame
 from tests.support.tracking_scenes import SIZE, kitti_task, tracks_with_past

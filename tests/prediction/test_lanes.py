@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mtp_bench.agent import Frame
+from mtp_bench.core import Floats, Ints, Observation
 from mtp_bench.core.geometry import rotate
-from mtp_bench.core.types import Floats, Ints, Observation
 from mtp_bench.prediction import KinematicPredictor, LanePredictor
 from mtp_bench.prediction.lane_paths import LanePaths, lane_paths
 from mtp_bench.prediction.lanes import bend_limits

@@ -7,7 +7,7 @@ import pytest
 from sklearn.cluster import KMeans
 
 from mtp_bench.agent import Sampler
-from mtp_bench.core.types import Floats
+from mtp_bench.core import Floats
 from mtp_bench.prediction import GreedySampler, KMeansSampler
 from mtp_bench.prediction.k_means import k_means as k_means_kernel, polynomials
 

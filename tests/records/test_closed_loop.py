@@ -13,8 +13,8 @@ import pytest
 from mtp_bench import MTPEnv, compare, evaluate, load_scenes, load_submission
 from mtp_bench.cards import load_card
 from mtp_bench.commands.verify import _as_json, _verdict
+from mtp_bench.core import Rollout
 from mtp_bench.core.errors import MtpBenchError
-from mtp_bench.core.types import Rollout
 from mtp_bench.env.rollouts import actions_of, assemble, digest
 from mtp_bench.judge import Record, open_seal, run_isolated, seal, submit, verify
 from mtp_bench.judge.records.consistency import checked_record

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mtp_bench.core import parallel as _cluster
+from mtp_bench.core import Task, parallel as _cluster
 from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.core.parallel import SERIAL, Done, Progress, Workers, parallel_map
-from mtp_bench.core.types import Task
 from mtp_bench.core.version import __version__
 from mtp_bench.env.rollouts import digest
 from mtp_bench.judge import run_isolated_scenes

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 import mtp_bench
+from mtp_bench.core import Task
 from mtp_bench.core.errors import MtpBenchError, SubmissionError, UnknownNameError
-from mtp_bench.core.types import Task
 from mtp_bench.scoring.scenes import SceneResult
 from tests.support.command_line import write_submission
 from tests.support.small_scenes import Action, EchoAgent, make_noisy, make_scene as drawn

@@ -9,7 +9,7 @@ import pytest
 
 from mtp_bench.agent import Pipeline, Tracker
 from mtp_bench.cards import Card, load_card, with_files
-from mtp_bench.core.types import Task
+from mtp_bench.core import Task
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler
 from mtp_bench.running.reading import skipped_line
 from mtp_bench.scoring import SceneScore, score_scene

@@ -7,8 +7,8 @@ import pytest
 
 import mtp_bench
 from mtp_bench.cards import load_card, with_files, with_scenes
+from mtp_bench.core import Scene
 from mtp_bench.core.errors import DataError, MtpBenchError
-from mtp_bench.core.types import Scene
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from tests.support.command_line import CommandLine

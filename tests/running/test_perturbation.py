@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import Detections, Scene
+from mtp_bench.core import Detections, Scene
 from mtp_bench.running.perturbation import RUNS, Perturbation, assignment_of, matched_detections
 from tests.support.scoring_scenes import CAR, WALKER, Thing, make_card, make_scene
 

@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 
+from mtp_bench.core import Rollout
 from mtp_bench.core.errors import MtpBenchError, RolloutError
-from mtp_bench.core.types import Rollout
 from mtp_bench.env.rollouts import assemble, digest
 from mtp_bench.running.rollout_files import RunInfo, differences, load_run, save_run, undone
 from tests.support.broken_files import cut_head, flips

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from mtp_bench.core import Scene
 from mtp_bench.core.errors import ShapeError
-from mtp_bench.core.types import Scene
 from mtp_bench.scoring import FrameScore, FrameScorer, forecast_average_precision, score_scene
 from mtp_bench.scoring.forecasts import RecordedForecasts, match_objects
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mtp_bench.core.types import Rollout, Scene
+from mtp_bench.core import Rollout, Scene
 from mtp_bench.scoring import AgentScores, match, score_scene, summarise, tracking_counts
 from mtp_bench.scoring.details import end_to_end_accuracy, forecast_average_precision
 from mtp_bench.scoring.displacements import displacement, k_curve

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.core import Column
-from mtp_bench.core.types import Rollout, Scene
+from mtp_bench.core import Column, Rollout, Scene
 from mtp_bench.judge.records.evaluation import scorer_digest
 from mtp_bench.scoring import (
     AgentScores,

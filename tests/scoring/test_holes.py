@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import pieces_of
+from mtp_bench.core import pieces_of
 from mtp_bench.scoring import SceneScore, find_targets, live_frames, score_scene
 from mtp_bench.scoring.events import HOLES, LOST_TARGETS
 from mtp_bench.scoring.targets import left_out

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import Rollout, Scene
+from mtp_bench.core import Rollout, Scene
 from mtp_bench.scoring import AgentScores, SceneScore, score_scene, summarise
 from mtp_bench.scoring.rows import Clear, Tracking
 from tests.support.scoring_scenes import Array, Thing, make_card, make_rollout, make_scene, random_case, take_tracks

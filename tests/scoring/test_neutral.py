@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import ImageField
+from mtp_bench.core import ImageField
 from mtp_bench.scoring import evaluated, unconfirmable
 from tests.support.scoring_scenes import Thing, make_scene
 

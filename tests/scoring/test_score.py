@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from mtp_bench.core import Rollout, Scene
 from mtp_bench.core.errors import RolloutError
-from mtp_bench.core.types import Rollout, Scene
 from mtp_bench.scoring import AgentScores, SceneScore, score_scene, summarise
 from mtp_bench.scoring.bade import CardBudget, Cuts, errors_at
 from mtp_bench.scoring.table import agent_table

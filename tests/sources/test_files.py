@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from mtp_bench.cards import Card, load_card, with_detector, with_files, with_scenes, with_split
 from mtp_bench.cards.card import LaneSection
 from mtp_bench.cards.own import own_digest
+from mtp_bench.core import Detections, Scene, StoredTracks, Truth, starts_of
 from mtp_bench.core.errors import CardError, DataError, MtpBenchError, UnknownNameError
-from mtp_bench.core.types import Detections, Scene, StoredTracks, Truth, starts_of
 from mtp_bench.sources import camera_images, load_scenes, open_source
 from mtp_bench.sources.files.save import TableForm, save_scene
 from tests.support.own_scenes import BOX, CLASSES, DETECTIONS, EGO, TRUTH, assert_same, whole_scene, write_tables

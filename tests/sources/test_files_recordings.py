@@ -8,8 +8,8 @@ import pytest
 
 from mtp_bench import MTPEnv, load_submission
 from mtp_bench.cards import Card, changed_card, load_card, with_files, with_scenes
+from mtp_bench.core import Rollout, Scene
 from mtp_bench.core.errors import DataError
-from mtp_bench.core.types import Rollout, Scene
 from mtp_bench.env.rollouts import digest
 from mtp_bench.running.playing import run_scene
 from mtp_bench.running.reading import read_status

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.core import Floats
 from mtp_bench.core.errors import CardError, DataError
 from mtp_bench.core.files import CACHE
 from mtp_bench.core.notice import QUIET
-from mtp_bench.core.types import Floats
 from mtp_bench.sources import open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.traffic.gym.source import GymSource, GymTraffic, traffic_of

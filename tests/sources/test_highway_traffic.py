@@ -7,9 +7,9 @@ from highway_env.vehicle import kinematics, objects
 from shapely import STRtree
 from shapely.geometry import Polygon
 
+from mtp_bench.core import Floats
 from mtp_bench.core.errors import DataError
 from mtp_bench.core.geometry import bev_corners, wrap_angle
-from mtp_bench.core.types import Floats
 from mtp_bench.sources.cache import content_hash
 from mtp_bench.traffic.highway import library, simulate
 from mtp_bench.traffic.highway.networks import build_map

@@ -12,8 +12,8 @@ import pytest
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards import Card, with_detector, with_files, with_scenes
+from mtp_bench.core import Scene
 from mtp_bench.core.errors import UnknownNameError
-from mtp_bench.core.types import Scene
 from mtp_bench.running.reading import read_status
 from mtp_bench.sources import describe, load_scenes, open_source
 from mtp_bench.sources.files.save import save_scene

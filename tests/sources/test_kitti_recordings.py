@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card, with_detections, with_split
-from mtp_bench.core.types import Floats, Ints, Scene
+from mtp_bench.core import Floats, Ints, Scene
 from mtp_bench.scoring import evaluated, find_targets
 from mtp_bench.sources import camera_images, load_scenes, open_source
 from mtp_bench.sources.kitti.files import read_imu_to_camera, read_labels, read_oxts

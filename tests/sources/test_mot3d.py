@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.core import Scene
 from mtp_bench.core.errors import CardError
-from mtp_bench.core.types import Scene
 from mtp_bench.sources import open_source
 from tests.support.source_files import write
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, with_split
-from mtp_bench.core.types import Scene
+from mtp_bench.core import Scene
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources import open_source
 from tests.support.source_files import card_of

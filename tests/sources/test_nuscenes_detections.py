@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench.core import Detections
 from mtp_bench.core.errors import DataError
-from mtp_bench.core.types import Detections
 from mtp_bench.sources import open_source
 from tests.support.nuscenes_root import PREDICTION, SCENES, detection, edited, nuscenes_card, write_detections
 

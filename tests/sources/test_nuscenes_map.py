@@ -12,8 +12,8 @@ import pytest
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards.card import LaneSection
+from mtp_bench.core import Lane
 from mtp_bench.core.errors import DataError, MissingDataError
-from mtp_bench.core.types import Lane
 from mtp_bench.sources import describe, with_map
 from mtp_bench.sources.base import HALF_LANE
 from mtp_bench.sources.nuscenes import road

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, with_split
+from mtp_bench.core import Scene
 from mtp_bench.core.errors import DataError
 from mtp_bench.core.geometry import center_distance
-from mtp_bench.core.types import Scene
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources import open_source
 

@@ -8,8 +8,8 @@ import pytest
 
 from mtp_bench import detector
 from mtp_bench.cards import load_card, with_detector, with_scenes
+from mtp_bench.core import Scene
 from mtp_bench.core.geometry import rotate, transform_boxes, wrap_angle
-from mtp_bench.core.types import Scene
 from mtp_bench.sources import load_scenes, simulated
 from mtp_bench.sources.base import no_detections
 from mtp_bench.sources.motion import looking_back

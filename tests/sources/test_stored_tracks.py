@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.core import Scene, StoredTracks
 from mtp_bench.core.errors import DataError
-from mtp_bench.core.types import Scene, StoredTracks
 from mtp_bench.running.track_export import TrackRows, write_tracks
 from mtp_bench.sources import open_source, with_tracks
 from mtp_bench.sources.kitti.files import camera_fields, sensor_boxes

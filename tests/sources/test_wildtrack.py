@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.core.types import Detections, Scene
+from mtp_bench.core import Detections, Scene
 from mtp_bench.sources.motion import as_places
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack
 from tests.support.source_files import with_source, write

@@ -12,7 +12,6 @@ import pytest
 from mtp_bench.cards import Card
 from mtp_bench.core.errors import CardError, DataError, UnknownNameError
 from mtp_bench.core.files import CACHE
-from mtp_bench.core.types import Floats, Lane
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import content_hash

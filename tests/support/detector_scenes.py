@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.core.types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
+from mtp_bench.core import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
 from mtp_bench.detector import Profile
 from mtp_bench.detector.simulation import simulate
 from mtp_bench.detector.visibility import Sensor, Visibility

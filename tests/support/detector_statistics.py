@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from mtp_bench.core.types import Bools, Floats, Ints, Scene
+from mtp_bench.core import Bools, Floats, Ints, Scene
 from mtp_bench.detector.visibility import Sensor
 from mtp_bench.training.detector_fit.objects import robust_deviation
 from mtp_bench.training.detector_fit.samples import RADIAL, TANGENTIAL, ObjectSamples, collect_samples

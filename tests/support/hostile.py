@@ -8,7 +8,7 @@ from typing import Any
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
-from mtp_bench.core.types import Rollout
+from mtp_bench.core import Rollout
 from mtp_bench.judge import Limits, SceneRun, run_isolated
 from mtp_bench.running.playing import run_scene
 from mtp_bench.scoring import score_scene

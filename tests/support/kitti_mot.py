@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from mtp_bench.core import Bools, Floats, Ints, Scene
 from mtp_bench.core.geometry import iou_3d
-from mtp_bench.core.types import Bools, Floats, Ints, Scene
 from mtp_bench.running import track_export
 from mtp_bench.sources.kitti.files import LabelRows, read_detections, read_labels
 from mtp_bench.sources.kitti.layout import TYPES

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from mtp_bench.cards import Card
-from mtp_bench.core.types import Scene
+from mtp_bench.core import Scene
 from mtp_bench.sources import open_source
 from tests.support.source_files import card_of
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.core.types import ImageField, Lane, Scene
+from mtp_bench.core import ImageField, Lane, Scene
 from tests.support.small_scenes import make_scene
 
 CLASSES = ("car", "pedestrian")

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from mtp_bench.core import Floats, Ints
 from mtp_bench.core.geometry import bev_corners, bev_intersection_area, iou_3d
-from mtp_bench.core.types import Floats, Ints
 from mtp_bench.tracking.parameters import ClassParameters
 
 _TINY = 1e-300

@@ -4,8 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtp_bench.core import Observation, Tracks
-from mtp_bench.core.types import Floats, Ints, Task
+from mtp_bench.core import Floats, Ints, Observation, Task, Tracks
 from mtp_bench.tracking.parameters import detector_parameters
 from tests.support.plain_affinity import gains
 from tests.support.textbook_k_best import k_best

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mtp_bench.core.types import Ints
+from mtp_bench.core import Ints
 from mtp_bench.prediction.learned.local import local_future
 from mtp_bench.prediction.learned.network import Network, Sizes
 from mtp_bench.prediction.windows import Surroundings, TrackWindows

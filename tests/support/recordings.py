@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mtp_bench.core.types import Rollout, Scene
+from mtp_bench.core import Rollout, Scene
 from mtp_bench.viz.rerun.shown import packed, track_colors
 
 Rows = dict[int, dict[str, Any]]

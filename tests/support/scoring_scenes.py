@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtp_bench.cards import Card, parse_card
+from mtp_bench.core import Detections, Rollout, Scene, Truth, joined, starts_of
 from mtp_bench.core.geometry import transform_boxes
-from mtp_bench.core.types import Detections, Rollout, Scene, Truth, joined, starts_of
 
 CAR, WALKER = 0, 1
 Array = NDArray[Any]

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mtp_bench.agent.checks import examine
+from mtp_bench.agent.checks import check_action
+from mtp_bench.core import Action as Action, Detections, Floats, Ints, Scene, Task, Truth
 from mtp_bench.core.bundle import bundled
-from mtp_bench.core.types import Action as Action, Detections, Floats, Ints, Scene, Task, Truth
 from mtp_bench.env.rollouts import RecordedAction, record_action
 from tests.support.scoring_scenes import make_scene as drawn_scene
 
@@ -129,7 +129,7 @@ def empty_action(rules: Task) -> Action:
 
 
 def decode(action: object, rules: Task, detected: Ints | None = None) -> RecordedAction:
-    return record_action(examine(action, rules), rules, detected=detected)
+    return record_action(check_action(action, rules), rules, detections=detected)
 
 
 def full_action(rules: Task) -> Action:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from mtp_bench.cards import load_card
-from mtp_bench.core.types import Rollout, Scene
+from mtp_bench.core import Rollout, Scene
 from mtp_bench.running.rollout_files import RunInfo, save_run
 from mtp_bench.sources import open_source
 from tests.support.scoring_scenes import Thing, at, make_rollout

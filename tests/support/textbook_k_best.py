@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mtp_bench.core.types import Bools, Floats, Ints
+from mtp_bench.core import Bools, Floats, Ints
 
 UNMATCHED = -1
 

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from mtp_bench.agent import Tracker
-from mtp_bench.core import Observation
+from mtp_bench.core import Bools, Floats, Ints, Observation, Task
 from mtp_bench.core.tracks import Tracks
-from mtp_bench.core.types import Bools, Floats, Ints, Task
 from mtp_bench.prediction.presence import file_of, read_file
 from mtp_bench.tracking import ClassParameters, detector_parameters
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mtp_bench import load_submission
 from mtp_bench.agent import SubmissionFactory
 from mtp_bench.agent.submission_files import new_submission
-from mtp_bench.core.types import Observation, Task
+from mtp_bench.core import Observation, Task
 from mtp_bench.running import Finding, check_agent, check_card
 from tests.support.small_scenes import CARD, Action, EchoAgent, write_card
 

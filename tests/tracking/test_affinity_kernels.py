@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench.core import Floats, Ints
 from mtp_bench.core.geometry import iou_3d, transform_boxes
-from mtp_bench.core.types import Floats, Ints
 from mtp_bench.tracking.kernels.affinity_kernels import GIOU_3D, IOU_3D, sparse_pairs
 from mtp_bench.tracking.parameters import Affinity, ClassParameters
 from mtp_bench.tracking.tracker import rules_of, sparse_gains

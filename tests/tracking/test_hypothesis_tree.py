@@ -6,8 +6,8 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
+from mtp_bench.core import Bools, Floats, Ints
 from mtp_bench.core.tracks import Tracks
-from mtp_bench.core.types import Bools, Floats, Ints
 from mtp_bench.tracking import HypothesisTracker
 from tests.support.tracking_scenes import CYCLIST, Frame, at_once, frame, random_frames, run
 

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import Bools, Floats, Ints
+from mtp_bench.core import Bools, Floats, Ints
 from mtp_bench.tracking import k_best
 from mtp_bench.tracking.kernels import pieces
 from mtp_bench.tracking.kernels.association import joint_k_best

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card
-from mtp_bench.core.types import Bools, Floats, Scene
+from mtp_bench.core import Bools, Floats, Scene
 from mtp_bench.scoring import find_events, history, match
 from mtp_bench.scoring.pairs import box_pairs
 from mtp_bench.sources import open_source

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench.core import Task
 from mtp_bench.core.errors import ShapeError
 from mtp_bench.core.tracks import UNBORN, Tracks
-from mtp_bench.core.types import Task
 from mtp_bench.tracking import BirdsEye, HypothesisTracker, OnlineDetections, OnlineTracker
 from tests.support.tracking_scenes import CAR, PEDESTRIAN, Frame, at_once, frame, kitti_task, observation, random_frames
 

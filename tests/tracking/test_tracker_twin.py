@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv
+from mtp_bench.core import Floats, Ints
 from mtp_bench.core.geometry import wrap_angle
 from mtp_bench.core.tracks import Tracks
-from mtp_bench.core.types import Floats, Ints
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracking.kernels.motion_kernels import update_pairs, wrap
 from tests.support import plain_tracker as textbook

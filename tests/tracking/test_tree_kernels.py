@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mtp_bench.core import Bools, Ints
 from mtp_bench.core.tracks import UNBORN
-from mtp_bench.core.types import Bools, Ints
 from mtp_bench.tracking.kernels.tree_kernels import distinct_rows, grow, histories
 
 Case = tuple[Ints, Ints, Bools, Ints, Ints, int]

@@ -8,7 +8,7 @@ import pytest
 import torch
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from mtp_bench.core.types import starts_of
+from mtp_bench.core import starts_of
 from mtp_bench.prediction.learned.affinity import AffinityNetwork
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import Bools, Floats
+from mtp_bench.core import Bools, Floats
 from mtp_bench.prediction import NoiseTable, kalman, stored_noise
 from mtp_bench.prediction.kalman import condition, noise_table
 from mtp_bench.tracking import HypothesisTracker, TruthTracker

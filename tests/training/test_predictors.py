@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from mtp_bench.cards import Card, load_card
+from mtp_bench.core import Bools
 from mtp_bench.core.errors import MtpBenchError
-from mtp_bench.core.types import Bools
 from mtp_bench.prediction.learned.network import network_of
 from mtp_bench.prediction.learned.predictor import find_weights, read_weights, require_fit
 from mtp_bench.running.options import Fold, RunOptions, fold_of, held_out

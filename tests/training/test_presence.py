@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench.core import Floats
 from mtp_bench.core.errors import MtpBenchError
-from mtp_bench.core.types import Floats
 from mtp_bench.prediction.presence import MODELS, TrackHistory, logistic, read_model
 from mtp_bench.running.options import RunOptions
 from mtp_bench.training import presence

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
+from mtp_bench.core import ImageField, Lane, Scene
 from mtp_bench.core.errors import MtpBenchError
-from mtp_bench.core.types import ImageField, Lane, Scene
 from mtp_bench.env.observation import LocalFrame, make_feed
 from mtp_bench.running.options import RunOptions
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker

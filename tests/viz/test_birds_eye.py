@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards.card import LaneSection
-from mtp_bench.core.types import Lane, Scene
+from mtp_bench.core import Lane, Scene
 from mtp_bench.viz import palette
 from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, windows_of
 from mtp_bench.viz.drawing.canvas import WHITE, Canvas, callout, pointer

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from mtp_bench.core.types import Floats
+from mtp_bench.core import Floats
 from mtp_bench.sources import CameraImage
 from mtp_bench.viz.drawing.canvas import PAPER
 from mtp_bench.viz.drawing.report import SIZE, report, save_report

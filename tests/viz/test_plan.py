@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.core.types import Drive
+from mtp_bench.core import Drive
 from mtp_bench.viz.plan import plan_at
 from mtp_bench.viz.run_replay import Replay, replay
 from mtp_bench.viz.terminal.event_table import Listed, show_collisions

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from mtp_bench.core.types import Rollout, Scene
+from mtp_bench.core import Rollout, Scene
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.lineage import match_hypotheses
 from mtp_bench.viz.incident import Incident

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from mtp_bench import MtpBenchError
-from mtp_bench.core.types import Rollout
+from mtp_bench.core import Rollout
 from mtp_bench.sources import CameraImage
 from mtp_bench.viz.answers import Answers
 from mtp_bench.viz.drawing.report import ROW

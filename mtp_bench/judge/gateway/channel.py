@@ -8,8 +8,10 @@ from contextlib import suppress
 
 from .wire import HEADER_LIMIT, PREFIX, Arrays, WireError, encode
 
-_KEPT = 4096  # bytes of the agent's output
-_PIPE = 1 << 20  # bytes of a pipe's buffer, if the system allows it
+_MAX_OUTPUT_BYTES = 4096  # of the agent's output that are kept
+_PIPE_BYTES = 1 << 20  # of a pipe's buffer, if the system allows it
+_LOG_READS = 16  # at once: an agent that prints much must not keep the judge busy
+_MAX_LINE = 200  # characters of the agent's output in an error message
 
 
 class EndedError(Exception):
@@ -17,61 +19,71 @@ class EndedError(Exception):
 
 
 class Channel:
-    """The judge's ends of three pipes: orders, answers and log. Only `wait` blocks."""
+    """Judge's ends of three pipes: orders, answers and log. Only `wait` blocks."""
 
     def __init__(self, orders: int, answers: int, log: int, most: int) -> None:
         """``most``: bytes of the body of an answer."""
-        self._orders, self._answers, self._log, self._most = orders, answers, log, most
+        self._orders = orders
+        self._answers = answers
+        self._log = log
+        self._max_body = most
         self._outgoing: deque[memoryview] = deque()
         self._printed = bytearray()
-        self._incoming = (
-            bytearray()
-        )  # grows to `_wanted` bytes: first the prefix, then header and body
-        self._wanted = PREFIX.size
+        # grows to `_expected` bytes: first the prefix, then header and body
+        self._incoming = bytearray()
+        self._expected = PREFIX.size
         self._lengths: tuple[int, int] | None = None
         for descriptor in (orders, answers, log):
             os.set_blocking(descriptor, False)
             with suppress(ImportError, AttributeError, OSError):
                 import fcntl
 
-                fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE)
+                fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
         self._poll = select.poll()
         self._poll.register(answers, select.POLLIN)
         self._poll.register(log, select.POLLIN)
 
     def send(self, header: dict[str, object], arrays: Arrays | None = None) -> None:
-        """Queue a message; it is written as far as the agent reads, now and in `wait`."""
+        """Queue a message.
+
+        It is written as far as the agent reads, now and in `wait`.
+        """
         self._outgoing.append(memoryview(encode(header, arrays)))
         self._write()
 
     def whole(self) -> tuple[bytearray, bytearray] | None:
-        """Header and body of the message that is being read, once it is complete; the caller owns both.
+        """Return header and body of the message that is read, once complete.
 
-        Raises WireError for one that is longer than allowed, before memory is allocated for it.
+        The caller owns both. Raises WireError for one that is longer than allowed,
+        before memory is allocated for it.
         """
         if self._lengths is None and len(self._incoming) == PREFIX.size:
             header, body = PREFIX.unpack(self._incoming)
-            if header > HEADER_LIMIT or body > self._most:
+            if header > HEADER_LIMIT or body > self._max_body:
                 raise WireError(f"it announced a message of {header} + {body} bytes")
-            self._lengths, self._wanted, self._incoming = (
-                (header, body),
-                header + body,
-                bytearray(),
-            )
-        if self._lengths is None or len(self._incoming) < self._wanted:
+            self._lengths = header, body
+            self._expected = header + body
+            self._incoming = bytearray()
+        if self._lengths is None or len(self._incoming) < self._expected:
             return None
-        whole, (header, _) = self._incoming, self._lengths
-        self._lengths, self._wanted, self._incoming = None, PREFIX.size, bytearray()
-        return whole[:header], whole[header:]
+        message = self._incoming
+        header, _ = self._lengths
+        self._lengths = None
+        self._expected = PREFIX.size
+        self._incoming = bytearray()
+        return message[:header], message[header:]
 
     def read(self) -> bool:
-        """Read what has arrived; False if nothing has. Raises EndedError, and WireError for an empty message."""
-        if len(self._incoming) == self._wanted:  # a message of no bytes
+        """Read what has arrived.
+
+        Return False if nothing has.
+        Raises EndedError, and WireError for an empty message.
+        """
+        missing = self._expected - len(self._incoming)
+        if not missing:  # a message of no bytes
             raise WireError("an empty message")
         try:
-            part = os.read(
-                self._answers, min(self._wanted - len(self._incoming), _PIPE)
-            )
+            part = os.read(self._answers, min(missing, _PIPE_BYTES))
         except BlockingIOError:
             return False
         if not part:
@@ -80,11 +92,14 @@ class Channel:
         return True
 
     def wait(self, deadline: float) -> None:
-        """Wait until a pipe can be read or written, at most until the deadline (s, of `time.monotonic`)."""
+        """Wait for a pipe, at most until the deadline.
+
+        It is in s, of `time.monotonic`.
+        """
         if self._outgoing:
             self._poll.register(self._orders, select.POLLOUT)
-        left = max(0.0, deadline - time.monotonic())
-        ready = dict(self._poll.poll(left * 1000))
+        seconds = max(0.0, deadline - time.monotonic())
+        ready = dict(self._poll.poll(seconds * 1000))
         if self._outgoing:
             self._poll.unregister(self._orders)
         if self._orders in ready:
@@ -93,12 +108,10 @@ class Channel:
             self._read_log()
 
     def printed(self) -> str:
-        """The last line of the first output of the agent, for an error message."""
+        """Return the last line of the agent's first output."""
         self._read_log()
-        lines = self._printed.decode(errors="replace").split("\n")
-        return next(
-            (line.strip()[:200] for line in reversed(lines) if line.strip()), ""
-        )
+        lines = self._printed.decode(errors="replace").strip().split("\n")
+        return lines[-1].strip()[:_MAX_LINE]
 
     def _write(self) -> None:
         while self._outgoing:
@@ -115,11 +128,9 @@ class Channel:
 
     def _read_log(self) -> None:
         with suppress(BlockingIOError):
-            for _ in range(
-                16
-            ):  # an agent that prints much must not keep the judge busy
+            for _ in range(_LOG_READS):
                 part = os.read(self._log, 1 << 16)
-                self._printed += part[: _KEPT - len(self._printed)]
+                self._printed += part[: _MAX_OUTPUT_BYTES - len(self._printed)]
                 if not part:
                     with suppress(KeyError):
                         self._poll.unregister(self._log)

@@ -1,7 +1,8 @@
-"""The agent's side of the gateway: answers the judge's orders over two pipes.
+"""Agent's side of the gateway: answers to the judge's orders over two pipes.
 
-Started as a script, for one agent or as the fork server of many: `fork_server_main`, whose forks call `main`. Only the
-library's own code runs here before the code of the submission is imported.
+Started as a script, for one agent or as the fork server of many: `fork_server_main`,
+whose forks call `main`. Only the library's own code runs here before the code of the
+submission is imported.
 """
 
 import ctypes
@@ -19,12 +20,15 @@ from typing import Any
 
 _PREFIX = struct.Struct("<IQ")  # as in wire.py, which needs numpy
 _SITE = ("site-packages", "dist-packages")
+_MAX_ERROR = 2000  # characters of a message to the judge
+_MAX_MALFORMED = 200
 _PDEATHSIG = 1  # of prctl
-_KEYCTL, _JOIN_SESSION_KEYRING = {"x86_64": 250, "aarch64": 219}, 1
+_KEYCTL = {"x86_64": 250, "aarch64": 219}  # number of the call
+_JOIN_SESSION_KEYRING = 1  # of keyctl
 
 
 def main(orders: int, answers: int) -> None:
-    """Take orders from one descriptor and answer into the other until the judge closes it."""
+    """Take orders from one descriptor and answer into the other."""
     setup = json.loads(_read(orders)[0])
     if setup["unsandboxed"] is not None:
         end_with(setup["unsandboxed"]["judge"])
@@ -39,18 +43,20 @@ def main(orders: int, answers: int) -> None:
 def prepare(setup: dict[str, Any]) -> None:
     """Make the library and the compiled kernels importable."""
     _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
-    # the judge's copy of the library after the standard library, and installed packages at the end
-    first = next(
-        (i for i, entry in enumerate(sys.path) if entry.endswith(_SITE)), len(sys.path)
-    )
-    sys.path[first:first] = [
-        entry for entry in setup["path"][:1] if entry not in sys.path
-    ]
-    sys.path += [entry for entry in setup["path"][1:] if entry not in sys.path]
+    # the judge's copy of the library comes after the standard library, and installed
+    # packages come last
+    is_site = [entry.endswith(_SITE) for entry in sys.path]
+    library, *packages = setup["path"]
+    if library not in sys.path:
+        sys.path.insert([*is_site, True].index(True), library)
+    sys.path += [entry for entry in packages if entry not in sys.path]
 
 
 def end_with(parent: int | None) -> None:
-    """Ask Linux to kill this process when its parent ends; exit if it is no longer ``parent``."""
+    """Ask Linux to kill this process when its parent ends.
+
+    Exit if the parent is no longer ``parent``.
+    """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
         if parent is not None and os.getppid() != parent:
@@ -58,17 +64,21 @@ def end_with(parent: int | None) -> None:
 
 
 def join_new_keyring() -> None:
-    """Enter a new session keyring, since keys outlive a process; only on processors whose call number is known."""
+    """Enter a new session keyring, since keys outlive a process.
+
+    Only on processors whose call number is known.
+    """
     if sys.platform == "linux" and platform.machine() in _KEYCTL:
         number = ctypes.c_long(_KEYCTL[platform.machine()])
         ctypes.CDLL(None).syscall(number, _JOIN_SESSION_KEYRING, None)
 
 
 def module_beside(name: str) -> Any:
-    """A module of this folder without its package, which belongs to the judge."""
+    """Load a module of this folder without its package."""
     path = Path(__file__).with_name(f"{name}.py")
     spec: Any = importlib.util.spec_from_file_location(f"mtp_bench_{name}", path)
-    sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
 
@@ -99,51 +109,42 @@ def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
                 case _:
                     stage = f"frame {header['frame']} failed"
                     action = agent.act(wire.arrays_of(header, body))
-                    reply = {
-                        "kind": "answer",
-                        "frame": header["frame"],
-                        "token": header["token"],
-                    }
-                    _write(
-                        answers,
-                        _answer_message(
-                            wire, reply, action, header["fields"], header["most"]
-                        ),
-                    )
+                    _write(answers, _answer_message(wire, header, action))
     except EOFError:
         return
     except BaseException as error:
-        _send(
-            answers, {"kind": "error", "text": f"{stage}: {_error_text(error)}"[:2000]}
-        )
+        message = f"{stage}: {_error_text(error)}"
+        _send(answers, {"kind": "error", "text": message[:_MAX_ERROR]})
 
 
-def _answer_message(
-    wire: Any, reply: dict[str, Any], action: object, fields: list[str], most: int
-) -> bytes:
-    """The message of an answer; without arrays, and with the reason, if it cannot be sent."""
-    arrays, malformed = {}, ""
+def _answer_message(wire: Any, order: dict[str, Any], action: object) -> bytes:
+    """Return the message of an answer to an order of the judge.
+
+    If the answer cannot be sent, it has no arrays, but the reason.
+    """
+    reply = {"kind": "answer", "frame": order["frame"], "token": order["token"]}
+    arrays = {}
     if isinstance(action, Mapping):
-        arrays = {name: wire.plain(action[name]) for name in fields if name in action}
+        for name in order["fields"]:
+            if name in action:
+                arrays[name] = wire.as_numbers(action[name])
         size = sum(array.nbytes for array in arrays.values() if array is not None)
-        if size > most:
-            malformed = f"an answer of {size} bytes, expected at most {most}"
+        if size > order["most"]:
+            arrays = {}
+            text = f"an answer of {size} bytes, expected at most {order['most']}"
+            reply["malformed"] = text
     else:
-        malformed = (
-            f"act() returned {type(action).__name__}, expected a dict of arrays"[:200]
-        )
-    message: bytes = (
-        wire.encode({**reply, "malformed": malformed})
-        if malformed
-        else wire.encode(reply, arrays)
-    )
+        text = f"act() returned {type(action).__name__}, expected a dict of arrays"
+        reply["malformed"] = text[:_MAX_MALFORMED]
+    message: bytes = wire.encode(reply, arrays)
     return message
 
 
 def _error_text(error: BaseException) -> str:
     # by name: the library itself may fail to import
-    known = any(kind.__name__ == "MtpBenchError" for kind in type(error).__mro__)
-    return str(error) if known else f"{type(error).__name__}: {error}"
+    if any(kind.__name__ == "MtpBenchError" for kind in type(error).__mro__):
+        return str(error)
+    return f"{type(error).__name__}: {error}"
 
 
 def _task(make: Any, content: dict[str, Any]) -> Any:
@@ -151,9 +152,10 @@ def _task(make: Any, content: dict[str, Any]) -> Any:
 
 
 def _limit(limits: dict[str, int]) -> None:
-    """Set limits of the system for this process and those that it starts, which cannot raise them again.
+    """Set limits of the system for this process and its children.
 
-    ``NPROC`` counts the processes and threads of this user: in a user namespace those inside it.
+    ``NPROC`` counts the processes and threads of this user: in a user namespace those
+    inside it.
     """
     import resource  # not on every system
 
@@ -162,18 +164,25 @@ def _limit(limits: dict[str, int]) -> None:
         if kind is None:
             continue
         hard = resource.getrlimit(kind)[1]
-        least = value if hard == resource.RLIM_INFINITY else min(value, hard)
+        limit = value
+        if hard != resource.RLIM_INFINITY:
+            limit = min(value, hard)
         with suppress(OSError, ValueError):
-            resource.setrlimit(kind, (least, least))
+            resource.setrlimit(kind, (limit, limit))
 
 
 def _link_kernels(source: str | None, target: str) -> None:
-    """Link the read-only compiled kernels into a writable folder: numba refuses a cache that it cannot write to."""
-    for folder, _, names in os.walk(source) if source else ():
-        own = folder.replace(str(source), target, 1)
-        os.makedirs(own, exist_ok=True)  # noqa: PTH103  (paths as text are faster)
+    """Link the read-only compiled kernels into a writable folder.
+
+    numba refuses a cache that it cannot write to.
+    """
+    if source is None:
+        return
+    for folder, _, names in os.walk(source):
+        copy = folder.replace(source, target, 1)
+        os.makedirs(copy, exist_ok=True)  # noqa: PTH103  (paths as text are faster)
         for name in names:
-            os.symlink(f"{folder}/{name}", f"{own}/{name}")  # noqa: PTH211
+            os.symlink(f"{folder}/{name}", f"{copy}/{name}")  # noqa: PTH211
 
 
 def _read(descriptor: int) -> tuple[bytearray, bytearray]:

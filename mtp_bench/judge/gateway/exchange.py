@@ -19,7 +19,10 @@ from .wire import Arrays, WireError, arrays_of
 
 Action = dict[str, Any]
 _NOTHING = np.zeros(0)
-MOST_REASON = 2000  # characters of an agent's own error text
+_MAX_REASON = 2000  # characters of an agent's own error text
+
+
+_NUMBER_BYTES = 8
 
 
 class SceneOverError(Exception):
@@ -27,20 +30,22 @@ class SceneOverError(Exception):
 
     def __init__(self, status: str, reason: str) -> None:
         super().__init__(reason)
-        self.status, self.reason = status, clean_text(reason, MOST_REASON)
+        self.status = status
+        self.reason = clean_text(reason, _MAX_REASON)
 
 
 def answer_bytes(space: spaces.Space[Any], limits: Limits) -> int:
-    """Largest size of an answer of this space, bytes."""
+    """Return the largest size of an answer of this space, bytes."""
     assert isinstance(space, spaces.Dict)
-    return min(
-        limits.answer,
-        sum(8 * math.prod(part.shape or ()) for part in space.spaces.values()),
-    )
+    numbers = sum(math.prod(part.shape or ()) for part in space.spaces.values())
+    return min(limits.answer, _NUMBER_BYTES * numbers)
 
 
 class Exchange:
-    """Questions to one agent and its answers; a failed agent is not asked again."""
+    """Questions to one agent and its answers.
+
+    A failed agent is not asked again.
+    """
 
     def __init__(
         self,
@@ -49,14 +54,19 @@ class Exchange:
         space: spaces.Space[Any],
         seal: bytes,
     ) -> None:
-        self._process, self._limits = process, limits
+        self._process = process
+        self._limits = limits
         assert isinstance(space, spaces.Dict)
         self._shapes = {
             name: tuple(part.shape or ()) for name, part in space.spaces.items()
         }
-        self._frame, self._malformed, self._seal = 0, 0, seal
-        self._status, self._reason = "finished", ""
-        self._begin, self._started = process.begun, 0.0
+        self._frame = 0
+        self._malformed = 0
+        self._seal = seal
+        self._status = "finished"
+        self._reason = ""
+        self._begin = process.begun
+        self._started = 0.0
 
     def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
         """Build the agent and reset it."""
@@ -67,31 +77,40 @@ class Exchange:
             self._started = time.monotonic() - self._begin
             self._process.channel.send({"kind": "reset", "task": task})
             self._expect("ready", self._limits.reset)
-            self._look()
+            self._require_no_processes()
         except SceneOverError as end:
-            self._status, self._reason = end.status, end.reason
+            self._end(end)
+
+    def _end(self, end: SceneOverError) -> None:
+        self._status = end.status
+        self._reason = end.reason
 
     def ask(self, observation: Arrays) -> tuple[Action | None, float]:
-        """The answer to one frame and the seconds it took; None once the scene is over for the agent.
+        """Return the answer to one frame and the seconds it took.
 
-        A malformed answer is returned without fields, which the env counts as broken.
+        None once the scene is over for the agent. A malformed answer is returned
+        without fields, which the env counts as broken.
         """
         action: Action | None = None
-        malformed, begin, spent = self._malformed, time.monotonic(), 0.0
+        malformed_frames = self._malformed
+        begin = time.monotonic()
+        seconds = 0.0
         if self._status == "finished":
             try:
                 action = self._answer(observation, begin)
-                spent = time.monotonic() - begin
-                self._look()
+                seconds = time.monotonic() - begin
+                self._require_no_processes()
             except SceneOverError as end:
-                self._status, self._reason, action = end.status, end.reason, None
+                self._end(end)
+                action = None
         self._seal = lengthened(self._seal, self._frame, action)
         self._frame += 1
-        broken = action is None and self._malformed > malformed
-        return {} if broken else action, spent
+        if action is None and self._malformed > malformed_frames:
+            action = {}
+        return action, seconds
 
     def result(self, rollout: Rollout) -> SceneRun:
-        """The finished scene as a `SceneRun`."""
+        """Return the finished scene as a `SceneRun`."""
         return SceneRun(
             rollout=rollout,
             seal=self._seal.hex(),
@@ -104,32 +123,34 @@ class Exchange:
         )
 
     def _answer(self, observation: Arrays, begin: float) -> Action | None:
-        token = secrets.token_hex(
-            8
-        )  # the answer repeats it, so that no frame is answered before it was shown
-        wanted = {"fields": list(self._shapes), "most": self._process.most_bytes}
-        self._process.channel.send(
-            {"kind": "frame", "frame": self._frame, "token": token, **wanted},
-            observation,
-        )
+        # the answer repeats the token, so that no frame is answered before it was shown
+        token = secrets.token_hex(8)
+        order = {
+            "kind": "frame",
+            "frame": self._frame,
+            "token": token,
+            "fields": list(self._shapes),
+            "most": self._process.most_bytes,
+        }
+        self._process.channel.send(order, observation)
         limit = self._limits.first_frame if self._frame == 0 else self._limits.frame
         message = self._message(begin + limit)
         if message is None:
             raise SceneOverError(
                 "hung",
-                f"no answer to frame {self._frame} in time, expected one within {limit:g} s",
+                f"no answer to frame {self._frame} in time, "
+                f"expected one within {limit:g} s",
             )
-        header = message[0]
-        if (header.get("kind"), header.get("frame"), header.get("token")) != (
-            "answer",
-            self._frame,
-            token,
-        ):
-            reason = "it sent an unexpected message: every frame is answered once, after it was shown"
-            raise SceneOverError("rejected", reason)
-        return self._checked(message)
+        got = [message[0].get(key) for key in ("kind", "frame", "token")]
+        if got != ["answer", self._frame, token]:
+            raise SceneOverError(
+                "rejected",
+                "it sent an unexpected message: every frame is answered once, "
+                "after it was shown",
+            )
+        return self._read_answer(message)
 
-    def _checked(self, message: Message) -> Action | None:
+    def _read_answer(self, message: Message) -> Action | None:
         header, body = message
         try:
             if "malformed" not in header:
@@ -139,9 +160,7 @@ class Exchange:
                 }
                 if len(fitting) == len(arrays) and _finite(fitting):
                     return fitting
-        except (
-            Exception
-        ) as error:  # any error on reading an answer is the agent's fault
+        except Exception as error:  # any error here is the agent's fault
             raise SceneOverError(
                 "rejected", f"it broke the wire format: {_error_text(error)}"
             ) from None
@@ -159,19 +178,19 @@ class Exchange:
             )
 
     def _message(self, deadline: float) -> Message | None:
-        """The next message; an error of the agent and the end of its process end the scene.
+        """Return the next message.
 
-        None if it has not come by the ``deadline``, or by that of the scene.
+        An error of the agent and the end of its process end the scene. None if it has
+        not come by the ``deadline``, or by that of the scene.
         """
         try:
-            message = self._process.receive(
-                min(deadline, self._begin + self._limits.scene)
-            )
+            scene_deadline = self._begin + self._limits.scene
+            message = self._process.receive(min(deadline, scene_deadline))
         except EndedError:
             output = self._process.channel.printed()
-            reason = f"the process {self._process.exit_text()}" + (
-                f"; its last output is {output!r}" if output else ""
-            )
+            reason = f"the process {self._process.exit_text()}"
+            if output:
+                reason += f"; its last output is {output!r}"
             raise SceneOverError("crashed", reason) from None
         except ExcessError as error:
             raise SceneOverError("rejected", str(error)) from None
@@ -183,15 +202,18 @@ class Exchange:
             raise SceneOverError("crashed", str(message[0].get("text")))
         return message
 
-    def _look(self) -> None:
-        if self._process.others():
+    def _require_no_processes(self) -> None:
+        if self._process.count_started():
             raise SceneOverError(
                 "rejected", f"it had started other processes at frame {self._frame}"
             )
 
 
 def lengthened(seal: bytes, frame: int, action: Action | None) -> bytes:
-    """The hash chain with one more link: the previous hash, the frame, and the answer or a mark for a missed one."""
+    """Lengthen the hash chain by one link.
+
+    It is of the previous hash, the frame, and the answer or a mark for a missed one.
+    """
     parts: list[bytes | memoryview] = [seal, frame.to_bytes(8, "little")]
     if action is None:
         parts.append(b"missed")  # as in the seals of stored records
@@ -204,26 +226,23 @@ def lengthened(seal: bytes, frame: int, action: Action | None) -> bytes:
 
 
 def _error_text(error: Exception) -> str:
-    return (
-        str(error)
-        if isinstance(error, WireError)
-        else f"{type(error).__name__}: {error}"
-    )
+    if isinstance(error, WireError):
+        return str(error)
+    return f"{type(error).__name__}: {error}"
 
 
 def _finite(action: Mapping[str, NDArray[Any]]) -> bool:
-    """True if all numbers of valid tracks, hypotheses, objects and samples are finite; else the frame is unanswered.
+    """Return True if all numbers of valid rows are finite.
 
-    ``action``: arrays of the right shapes; fields may be missing. Invalid rows may hold any number, as may samples
-    whose log-weight marks them as absent; -inf is such a log-weight, NaN and +inf are not.
+    Else nothing is answered.
+    ``action``: arrays of the right shapes; fields may be missing. Invalid rows may hold
+    any number, as may samples whose log-weight marks them as absent; -inf is such a
+    log-weight, NaN and +inf are not.
     """
-    weight, forecast = (
-        _valid_rows(action, "forecast_log_weight", "object"),
-        _valid_rows(action, "forecast", "object"),
-    )
-    if (
-        forecast.ndim > 1 and weight.shape == forecast.shape[:2]
-    ):  # without that field every sample counts
+    weight = _valid_rows(action, "forecast_log_weight", "object")
+    forecast = _valid_rows(action, "forecast", "object")
+    # without the field of weights every sample counts
+    if forecast.ndim > 1 and weight.shape == forecast.shape[:2]:
         forecast = forecast[weight >= ABSENT_BELOW]
     numbers = (
         _valid_rows(action, "track_box", "track"),
@@ -231,14 +250,19 @@ def _finite(action: Mapping[str, NDArray[Any]]) -> bool:
         forecast,
     )
     weights = (weight, action.get("hypothesis_log_weight", _NOTHING))
-    return all(np.isfinite(part).all() for part in numbers) and all(
-        (part < np.inf).all() for part in weights
-    )
+    all_finite = all(np.isfinite(part).all() for part in numbers)
+    return all_finite and all((part < np.inf).all() for part in weights)
 
 
 def _valid_rows(
     action: Mapping[str, NDArray[Any]], name: str, kind: str
 ) -> NDArray[Any]:
-    """Rows of a field that the mask of its kind marks as valid; all of them without a mask."""
-    array, mask = action.get(name, _NOTHING), action.get(f"{kind}_valid")
-    return array if mask is None or not len(array) else array[mask != 0]
+    """Return the valid rows of a field.
+
+    All of them without a mask.
+    """
+    array: NDArray[Any] = action.get(name, _NOTHING)
+    mask = action.get(f"{kind}_valid")
+    if mask is not None and len(array):
+        array = array[mask != 0]
+    return array

@@ -1,7 +1,7 @@
-"""Fork servers as the judge sees them: one per thread of the judge, for the submission that the thread runs now.
+"""Fork servers as the judge sees them: one per thread, for its submission.
 
-One per thread, since a sandbox of bubblewrap ends with the thread that started it, and since a server makes one fork at
-a time. The process itself is `fork_server_main`.
+One per thread, since a sandbox of bubblewrap ends with the thread that started it, and
+since a server makes one fork at a time. The process itself is `fork_server_main`.
 """
 
 import atexit
@@ -35,7 +35,7 @@ from .sandbox import bubblewrap_command, system_call_filter
 
 _START_SECONDS = 120.0  # to load the library; without compiled kernels it takes long
 _FORK_SECONDS = 60.0  # until a fork is in its namespaces, also on a busy machine
-_SPACE = 64 << 20  # bytes of the server's own temporary folder
+_SPACE_BYTES = 64 << 20  # of the server's own temporary folder
 _CREDENTIALS = struct.Struct("3i")  # pid, user, group
 _PASS_CREDENTIALS = getattr(socket, "SO_PASSCRED", 16)
 
@@ -48,8 +48,12 @@ class ForkServer:
     """A process with the library loaded, in the sandbox of one submission."""
 
     def __init__(self, layout: Layout) -> None:
-        """Start it; raises ForkServerError where it does not load the library in time."""
-        self._layout, self._environment = layout, environment(isolated=True)
+        """Start it.
+
+        Raises ForkServerError where it does not load the library in time.
+        """
+        self._layout = layout
+        self._environment = environment(isolated=True)
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setsockopt(socket.SOL_SOCKET, _PASS_CREDENTIALS, 1)
         setup = {
@@ -69,7 +73,7 @@ class ForkServer:
         with tempfile.TemporaryFile() as log:
             try:
                 self._process = subprocess.Popen(
-                    bubblewrap_command(layout, program, _SPACE),
+                    bubblewrap_command(layout, program, _SPACE_BYTES),
                     cwd="/",
                     env=self._environment,
                     stdin=stdin,
@@ -99,16 +103,17 @@ class ForkServer:
         return self._process.poll() is None
 
     def fits(self, layout: Layout) -> bool:
-        """True if a server started now would see the same files and the same environment."""
-        return self._layout == layout and self._environment == environment(
-            isolated=True
-        )
+        """Return True if a new server would be the same."""
+        same_environment = self._environment == environment(isolated=True)
+        return same_environment and self._layout == layout
 
     def fork(self, descriptors: Sequence[int], space: int) -> int:
-        """Fork a sandboxed agent process; its pid. It reads the first order before it does anything for the agent.
+        """Fork a sandboxed agent process and return its pid.
 
-        ``descriptors``: its standard input, orders, answers, log, the pipe for its exit code, and the open
-        ``cgroup.procs`` files of its control groups. ``space``: bytes of its temporary folder. Raises ForkServerError.
+        It reads the first order before it does anything for the agent. ``descriptors``:
+        its standard input, orders, answers, log, the pipe for its exit code, and the
+        open ``cgroup.procs`` files of its control groups. ``space``: bytes of its
+        temporary folder. Raises ForkServerError.
         """
         request = {
             "temporary": TEMPORARY,
@@ -135,7 +140,7 @@ class ForkServer:
         self._process.wait()
 
     def _read_pid(self, expected: bytes, seconds: float) -> int:
-        """Pid of the process that sends ``expected``, in the judge's namespace."""
+        """Return the pid of the process that sends ``expected``."""
         if ready(self._socket.fileno(), seconds):
             with suppress(OSError):  # it has ended
                 text, messages, _, _ = self._socket.recvmsg(
@@ -149,22 +154,24 @@ class ForkServer:
                 if text == expected and pids:
                     return int(pids[0])
         raise ForkServerError(
-            f"the fork server of the sandbox is not {expected.decode()} after {seconds:g} s or has ended; try again "
-            "when the machine is less busy"
+            f"the fork server of the sandbox is not {expected.decode()} after "
+            f"{seconds:g} s or has ended; try again when the machine is less busy"
         )
 
 
-_servers: dict[
-    int, ForkServer
-] = {}  # native id of the thread that started it -> server
+# native id of the thread that started it -> server
+_servers: dict[int, ForkServer] = {}
 
 
 def server_for(layout: Layout) -> ForkServer:
-    """This thread's fork server for a layout, started at the first call; raises ForkServerError."""
-    for other, server in list(_servers.items()):  # such as those of threads that ended
+    """Return this thread's fork server, started at the first call.
+
+    Raises ForkServerError.
+    """
+    for owner, server in list(_servers.items()):  # such as those of threads that ended
         if not server.running:
             server.stop()
-            _servers.pop(other, None)
+            _servers.pop(owner, None)
     thread = threading.get_native_id()
     if thread in _servers and not _servers[thread].fits(layout):
         discard()
@@ -174,7 +181,10 @@ def server_for(layout: Layout) -> ForkServer:
 
 
 def discard() -> None:
-    """Stop this thread's fork server; the next call of `server_for` starts another."""
+    """Stop this thread's fork server.
+
+    The next call of `server_for` starts another.
+    """
     server = _servers.pop(threading.get_native_id(), None)
     if server is not None:
         server.stop()

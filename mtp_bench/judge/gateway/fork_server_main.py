@@ -1,9 +1,11 @@
-"""Fork server of one submission: a process that loads the library once and forks an agent process for every scene.
+"""Fork server of one submission: it loads the library once and forks per scene.
 
-Started as ``python child.py fork-server SETUP SOCKET`` inside a sandbox of bubblewrap, with capabilities over that
-sandbox alone and a socket to the judge. It imports the library, nothing of the submission. Each fork gets namespaces, a
-temporary folder and a /proc of its own, drops all capabilities, installs the system call filter, and only then reads
-which agent it runs. So all agents start from the same state, and what one leaves behind ends with its namespaces.
+Started as ``python child.py fork-server SETUP SOCKET`` inside a sandbox of bubblewrap,
+with capabilities over that sandbox alone and a socket to the judge. It imports the
+library, nothing of the submission. Each fork gets namespaces, a temporary folder and a
+/proc of its own, drops all capabilities, installs the system call filter, and only then
+reads which agent it runs. So all agents start from the same state, and what one leaves
+behind ends with its namespaces.
 """
 
 import base64
@@ -20,25 +22,28 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-READY, FORKED = b"ready", b"forked"
-MOST_REQUEST = 1 << 20  # bytes
-MOST_FILES = 1024  # open files of a process
-_NEW_NAMESPACES = (
-    0x20000000 | 0x40000000 | 0x8000000 | 0x4000000 | 0x20000
-)  # pid, net, ipc, uts, mnt of <sched.h>
+READY = b"ready"
+FORKED = b"forked"
+_MAX_REQUEST_BYTES = 1 << 20
+_MAX_OPEN_FILES = 1024  # of a process
+# pid, net, ipc, uts, mnt of <sched.h>
+_NEW_NAMESPACES = 0x20000000 | 0x40000000 | 0x8000000 | 0x4000000 | 0x20000
 _NEW_CGROUP_NAMESPACE = 0x2000000
 # <sys/mount.h>; MOUNT_ATTR_RDONLY, _NOSUID and _NODEV have the same values
-_READ_ONLY, _NOSUID, _NODEV, _NOEXEC, _BIND, _RECURSIVE, _PRIVATE = (
-    1,
-    2,
-    4,
-    8,
-    0x1000,
-    0x4000,
-    0x40000,
-)
-_MOUNT_SETATTR, _AT_FDCWD = 442, -100
-_SECCOMP, _CAPBSET_DROP, _NO_NEW_PRIVS, _FILTER_MODE = 22, 24, 38, 2  # of prctl
+_READ_ONLY = 1
+_NOSUID = 2
+_NODEV = 4
+_NOEXEC = 8
+_BIND = 0x1000
+_RECURSIVE = 0x4000
+_PRIVATE = 0x40000
+_MOUNT_SETATTR = 442  # number of the call
+_AT_FDCWD = -100
+# of prctl
+_SECCOMP = 22
+_CAPBSET_DROP = 24
+_NO_NEW_PRIVS = 38
+_FILTER_MODE = 2
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
@@ -53,16 +58,16 @@ class _Program(ctypes.Structure):
     _fields_ = (("length", ctypes.c_ushort), ("steps", ctypes.c_char_p))
 
 
-def main(child: Any, setup: dict[str, Any], given: int) -> None:
+def main(child: Any, setup: dict[str, Any], descriptor: int) -> None:
     """Load the library, then fork for every request of the judge.
 
-    ``child``: the module `child`, which is the script that runs; ``given``: descriptor of the socket.
+    ``child``: the module `child`, which is the script that runs; ``descriptor``: of the
+    socket.
     """
-    resource.setrlimit(resource.RLIMIT_NOFILE, (MOST_FILES, MOST_FILES))
-    judge = socket.socket(
-        fileno=os.dup(given)
-    )  # a number below the limit, so that forks close it
-    os.close(given)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (_MAX_OPEN_FILES, _MAX_OPEN_FILES))
+    # a number below the limit, so that forks close it
+    judge = socket.socket(fileno=os.dup(descriptor))
+    os.close(descriptor)
     gc.disable()
     child.prepare(setup)
     for name in setup["modules"]:
@@ -77,13 +82,13 @@ def main(child: Any, setup: dict[str, Any], given: int) -> None:
     gc.enable()
     judge.send(READY)
     while True:
-        text, descriptors, _, _ = socket.recv_fds(judge, MOST_REQUEST, 8)
+        text, descriptors, *_ = socket.recv_fds(judge, _MAX_REQUEST_BYTES, 8)
         if not text:
             return
         if os.fork() == 0:
             _exit_after_fork(child, json.loads(text), descriptors, judge)
-        for descriptor in descriptors:
-            os.close(descriptor)
+        for number in descriptors:
+            os.close(number)
         with suppress(ChildProcessError):
             while os.waitpid(-1, os.WNOHANG)[0]:
                 pass
@@ -92,7 +97,7 @@ def main(child: Any, setup: dict[str, Any], given: int) -> None:
 def _exit_after_fork(
     child: Any, request: dict[str, Any], descriptors: list[int], judge: socket.socket
 ) -> None:
-    """Run the fork and exit, also after an error: a fork never continues as the server."""
+    """Run the fork and exit, also after an error."""
     code = 1
     try:
         _run_fork(child, request, descriptors, judge)
@@ -107,7 +112,10 @@ def _exit_after_fork(
 def _run_fork(
     child: Any, request: dict[str, Any], descriptors: list[int], judge: socket.socket
 ) -> None:
-    """Fork again into new namespaces: the inner process runs the agent, the outer one reports its exit code."""
+    """Fork again into new namespaces.
+
+    The inner process runs the agent, the outer one reports its exit code.
+    """
     stdin, orders, answers, log, news, *groups = descriptors
     child.end_with(None)
     _call("unshare", _NEW_NAMESPACES)
@@ -115,29 +123,28 @@ def _run_fork(
     if agent:
         _close_all_but(news)
         _, status = os.waitpid(agent, 0)
-        os.write(
-            news, json.dumps({"ended": os.waitstatus_to_exitcode(status)}).encode()
-        )
+        report = {"ended": os.waitstatus_to_exitcode(status)}
+        os.write(news, json.dumps(report).encode())
         return
     for descriptor, number in ((stdin, 0), (log, 1), (log, 2)):
         os.dup2(descriptor, number)
     for group in groups:
         os.write(group, b"0")  # this process
-    _call(
-        "unshare", _NEW_CGROUP_NAMESPACE
-    )  # after it joined: the names of the groups contain the judge's pid
+    # after it joined: the names of the groups contain the judge's pid
+    _call("unshare", _NEW_CGROUP_NAMESPACE)
     _enter_sandbox(child, request)
     judge.send(FORKED)  # the kernel adds the pid of this process, as the judge sees it
     _close_all_but(0, 1, 2, orders, answers)
     import numpy as np
 
-    np.random.seed()  # noqa: NPY002  (anew, else forks draw the same numbers; the standard library does it itself)
+    # anew, else forks draw the same numbers; the standard library does it itself
+    np.random.seed()  # noqa: NPY002
     sys.argv[1:] = [str(orders), str(answers)]
     child.main(orders, answers)
 
 
 def _enter_sandbox(child: Any, request: dict[str, Any]) -> None:
-    """Replace what the server's sandbox shares with it, then drop capabilities and install the filter."""
+    """Seal the fork: own mounts, no capabilities, the filter."""
     child.end_with(None)
     os.setsid()
     child.join_new_keyring()
@@ -179,15 +186,15 @@ def _mount(source: str, target: str, kind: str, flags: int, options: str = "") -
 
 
 def _restrict_mount(path: str, flags: int) -> None:
-    wanted = _MountAttributes(attr_set=flags)
+    attributes = _MountAttributes(attr_set=flags)
     _call(
         "syscall",
         _MOUNT_SETATTR,
         _AT_FDCWD,
         path.encode(),
         0,
-        ctypes.byref(wanted),
-        ctypes.sizeof(wanted),
+        ctypes.byref(attributes),
+        ctypes.sizeof(attributes),
     )
 
 
@@ -200,26 +207,33 @@ def _drop_capabilities() -> None:
 
 
 def _call(name: str, *arguments: Any) -> None:
-    """Call a function of the C library; raises OSError where it fails."""
-    converted = [
-        ctypes.c_ulong(value) if isinstance(value, int) else value
-        for value in arguments
-    ]
+    """Call a function of the C library.
+
+    Raises OSError where it fails.
+    """
+    converted: list[Any] = []
+    for value in arguments:
+        is_number = isinstance(value, int)
+        converted.append(ctypes.c_ulong(value) if is_number else value)
     if getattr(_libc, name)(*converted) != 0:
         number = ctypes.get_errno()
         raise OSError(number, f"{name}: {os.strerror(number)}", str(arguments[:3]))
 
 
 def _require_no_shared_memory() -> None:
-    """Refuse writable memory that forks would share: one agent could leave data there for the next."""
+    """Refuse writable memory that forks would share.
+
+    One agent could leave data there for the next.
+    """
     for line in Path("/proc/self/maps").read_text().splitlines():
         permissions = line.split()[1]
         if permissions[1] == "w" and permissions[3] == "s":
             raise SystemExit(f"shared memory: {line}")
 
 
-def _close_all_but(*kept: int) -> None:
+def _close_all_but(*descriptors: int) -> None:
     """Close all other descriptors, without /proc/self/fd, which a new /proc replaces."""
-    for one, other in itertools.pairwise([-1, *sorted(kept), MOST_FILES]):
-        if one + 1 < other:  # an empty range would close all of them
-            os.closerange(one + 1, other)
+    bounds = [-1, *sorted(descriptors), _MAX_OPEN_FILES]
+    for low, high in itertools.pairwise(bounds):
+        if low + 1 < high:  # an empty range would close all of them
+            os.closerange(low + 1, high)

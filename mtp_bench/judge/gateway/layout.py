@@ -1,10 +1,12 @@
-"""The files that an agent's process sees: an allow-list, with the image of its submission.
+"""Files that an agent's process sees: an allow-list, with its submission's image.
 
-Read-only: the interpreter and its standard library, the shared libraries of the system, installed packages, the
-part of this library that agents use, the image of the submission, and the compiled kernels. Writable: a
-temporary folder of bounded size. All other files of the machine do not exist for the process.
+Read-only: the interpreter and its standard library, the shared libraries of the system,
+installed packages, the part of this library that agents use, the image of the
+submission, and the compiled kernels. Writable: a temporary folder of bounded size. All
+other files of the machine do not exist for the process.
 
-The image is a copy of the files that the digest of the submission covers: it cannot be changed after it was hashed.
+The image is a copy of the files that the digest of the submission covers: it cannot be
+changed after it was hashed.
 """
 
 import importlib
@@ -37,13 +39,12 @@ from ...core import (
 from ...running import PLAYERS, all_kernels
 from ...sources import data_root
 
-SUBMISSION, NETWORKS, KERNELS, TEMPORARY = (
-    "/submission",
-    "/networks",
-    "/kernels",
-    "/agent-scratch",
-)
-LIBRARY = (  # rooms of the package that agents use: not judge, sources, cards and training
+SUBMISSION = "/submission"
+NETWORKS = "/networks"
+KERNELS = "/kernels"
+TEMPORARY = "/agent-scratch"
+# parts of the package that agents use: not judge, sources, cards and training
+LIBRARY = (
     "__init__.py",
     "__init__.pyi",
     "core",
@@ -54,7 +55,8 @@ LIBRARY = (  # rooms of the package that agents use: not judge, sources, cards a
     "judge/gateway/wire.py",
     "judge/gateway/fork_server_main.py",
 )
-_MASKED = (  # files of /proc on the kernel, keys or the whole machine: empty for agents
+# files of /proc on the kernel, keys or the whole machine: empty for agents
+_MASKED = (
     "kallsyms",
     "kcore",
     "keys",
@@ -72,13 +74,8 @@ _MASKED = (  # files of /proc on the kernel, keys or the whole machine: empty fo
 )
 MASKED = tuple(f"/proc/{name}" for name in _MASKED)
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom")
-_SYSTEM = (
-    "/lib",
-    "/lib64",
-    "/usr/lib",
-    "/usr/lib64",
-    "/usr/local/lib",
-)  # shared libraries
+# of shared libraries
+_SYSTEM = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib")
 LOADED = ("mtp_bench.agent", *PLAYERS)  # modules that a fork server imports
 _THREADS = (
     "OMP_NUM_THREADS",
@@ -95,12 +92,13 @@ class Image:
 
     source: Path  # the folder of the submission
     submission: Path  # a copy of it
-    networks: Path  # weights of the networks that its manifest names, trained on this machine for this env
+    # weights of the networks that its manifest names, trained here for this env
+    networks: Path
     weights: Mapping[str, str]  # name and hex sha256 of each file of `networks`
     digest: str  # hex sha256 over names and contents of both
 
 
-_known: dict[tuple[object, ...], Image] = {}
+_images: dict[tuple[object, ...], Image] = {}
 _locks: list[FileLock] = []  # of the folders of images, held until this process ends
 _IMAGE = "mtp_bench-image-"  # start of the names of these folders
 _LOCK_SECONDS = 60.0  # within which a process has surely locked its new folder
@@ -109,22 +107,18 @@ _LOCK_SECONDS = 60.0  # within which a process has surely locked its new folder
 def image_of(
     submission: Submission, env_id: str, weights_of: str | None = None
 ) -> Image:
-    """The image of a submission for an env; made once per process, and again if a file has changed.
+    """Return the image of a submission for an env.
 
-    ``weights_of``: another env whose weights serve here too. Raises SubmissionError for a folder without a submission.
+    It is made once per process, and again if a file has changed. ``weights_of``:
+    another env whose weights serve here too. Raises SubmissionError for a folder
+    without a submission.
     """
-    files, networks = (
-        files_of(submission.path),
-        network_files(submission.networks, env_id, weights_of),
-    )
+    files = files_of(submission.path)
+    networks = network_files(submission.networks, env_id, weights_of)
     try:
-        states = [
-            (path, (s := path.lstat()).st_size, s.st_mtime_ns, s.st_ino)
-            for path in (*files, *networks)
-        ]
-        key = (submission.path, *states)
-        if key not in _known:
-            _known[key] = _copy(submission.path, files, networks)
+        key = (submission.path, *map(_file_state, [*files, *networks]))
+        if key not in _images:
+            _images[key] = _copy(submission.path, files, networks)
     except OSError as error:
         if error.errno in FULL_DISK:
             raise WriteError(
@@ -136,47 +130,52 @@ def image_of(
         raise SubmissionError(
             f"{path}: cannot be read: {error.strerror or error}"
         ) from None
-    return _known[key]
+    return _images[key]
+
+
+def _file_state(path: Path) -> tuple[Path, int, int, int]:
+    state = path.lstat()
+    return path, state.st_size, state.st_mtime_ns, state.st_ino
 
 
 def _copy(source: Path, files: Sequence[Path], networks: Sequence[Path]) -> Image:
     root = _new_folder()
-    folder, beside = root / "submission", root / "networks"
-    places = {path: folder / path.relative_to(source) for path in files} | {
-        p: beside / p.name for p in networks
+    folder = root / "submission"
+    weights_folder = root / "networks"
+    copies = {path: folder / path.relative_to(source) for path in files}
+    copies |= {path: weights_folder / path.name for path in networks}
+    folder.mkdir()
+    weights_folder.mkdir()
+    for path, copy in copies.items():
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        with open_regular(path, links=False) as original, copy.open("wb") as stream:
+            shutil.copyfileobj(original, stream)
+    weights = {
+        path.name: file_digest(path) for path in sorted(weights_folder.iterdir())
     }
-    for path in (folder, beside, *(place.parent for place in places.values())):
-        path.mkdir(parents=True, exist_ok=True)
-    for path, place in places.items():
-        with open_regular(path, links=False) as original, place.open("wb") as copy:
-            shutil.copyfileobj(original, copy)
-    weights = {place.name: file_digest(place) for place in sorted(beside.iterdir())}
-    return Image(
-        source, folder, beside, weights, digest_of(folder, files_of(folder), weights)
-    )
+    digest = digest_of(folder, files_of(folder), weights)
+    return Image(source, folder, weights_folder, weights, digest)
 
 
 def _new_folder() -> Path:
-    """A new folder for an image, locked and removed at the end of this process; removes those of killed processes.
+    """Make a locked folder for an image.
 
-    A lock shows that a process lives, also one whose pid is of another namespace.
+    Also remove the folders of killed processes. A lock shows that a process lives, also
+    one whose pid is of another namespace.
     """
     root = Path(tempfile.mkdtemp(prefix=_IMAGE))
-    Finalize(
-        None, shutil.rmtree, (root, True), exitpriority=0
-    )  # also at the end of a worker
+    # also at the end of a worker
+    Finalize(None, shutil.rmtree, (root, True), exitpriority=0)
     _locks.append(FileLock(root / "lock", timeout=0, thread_local=False))
     with suppress(OSError, NotImplementedError):  # not every file system has locks
         _locks[-1].acquire()
-    own = root.stat()
+    new_state = root.stat()
     for folder in root.parent.glob(f"{_IMAGE}*"):
         with suppress(OSError, NotImplementedError):  # of another user, or locked
             state = folder.lstat()
-            old = (
-                state.st_uid == own.st_uid
-                and state.st_mtime < own.st_mtime - _LOCK_SECONDS
-            )
-            if old and (folder / "lock").exists():
+            same_user = state.st_uid == new_state.st_uid
+            is_older = state.st_mtime < new_state.st_mtime - _LOCK_SECONDS
+            if same_user and is_older and (folder / "lock").exists():
                 with FileLock(folder / "lock", timeout=0):
                     shutil.rmtree(folder)
     return root
@@ -186,51 +185,55 @@ def _new_folder() -> Path:
 class Layout:
     """Files of one agent's process."""
 
-    shown: tuple[
-        tuple[str, str], ...
-    ]  # path here, path inside: read-only; a later one covers an earlier one
-    links: tuple[
-        tuple[str, str], ...
-    ] = ()  # target of a symbolic link, its path inside
+    # path here, path inside: read-only; a later one covers an earlier one
+    shown: tuple[tuple[str, str], ...]
+    # target of a symbolic link, its path inside
+    links: tuple[tuple[str, str], ...] = ()
     covered: tuple[str, ...] = ()  # folders of `shown` of which only parts are shown
     masked: tuple[str, ...] = tuple(path for path in MASKED if Path(path).exists())
 
 
 def layout_for(image: Image, data: str | None, own: Sequence[Path] = ()) -> Layout:
-    """Files that the agent of ``image`` sees.
+    """List the files that the agent of ``image`` sees.
 
-    ``own``: the user's files and folders of scenes, detections or tracks. Raises SubmissionError if they, the data or
-    the cache of scenes are inside a folder that is shown.
+    ``own``: the user's files and folders of scenes, detections or tracks. Raises
+    SubmissionError if they, the data or the cache of scenes are inside a folder that is
+    shown.
     """
     links, shown = _interpreter_files()
     _add(shown, packages())
     package = library() / "mtp_bench"
     covered = [str(package)] if _inside(package, shown) else []
     parts = [package / part for part in LIBRARY]
-    parts += [
-        Path(importlib.util.cache_from_source(path))
-        for path in parts
-        if path.suffix == ".py"
-    ]  # compiled once
+    scripts = [path for path in parts if path.suffix == ".py"]
+    # compiled once
+    parts += [Path(importlib.util.cache_from_source(path)) for path in scripts]
     shown += [(str(path), str(path)) for path in parts if path.exists()]
     shown += [
         (str(folder), f"{KERNELS}/{folder.name}") for folder in compiled_kernels()
     ]
     shown += [(str(image.submission), SUBMISSION), (str(image.networks), NETWORKS)]
-    _require_hidden([*(here for here, _ in shown), str(image.source)], data, own)
+    _require_hidden([*(path for path, _ in shown), str(image.source)], data, own)
     return Layout(tuple(shown), _with_tmp(links, shown), tuple(covered))
 
 
 def _with_tmp(
     links: Sequence[tuple[str, str]], shown: Sequence[tuple[str, str]]
 ) -> tuple[tuple[str, str], ...]:
-    """``links``, and /tmp as another name of the temporary folder unless something is shown below /tmp."""
-    below = any(there.startswith("/tmp/") for _, there in shown)
-    return tuple(links) if below else (*links, (TEMPORARY.removeprefix("/"), "/tmp"))
+    """Add /tmp as another name of the temporary folder to ``links``.
+
+    Unless something is shown below /tmp.
+    """
+    if any(inside.startswith("/tmp/") for _, inside in shown):
+        return tuple(links)
+    return (*links, (TEMPORARY.removeprefix("/"), "/tmp"))
 
 
 def bare_layout() -> Layout:
-    """The layout with the fewest files that the interpreter can start with, to try the sandbox."""
+    """Return the layout with the fewest files that the interpreter starts with.
+
+    It is for trying the sandbox.
+    """
     links, shown = _interpreter_files()
     return Layout(tuple(shown), _with_tmp(links, shown))
 
@@ -238,42 +241,45 @@ def bare_layout() -> Layout:
 def environment(
     isolated: bool, work: str = TEMPORARY, networks: str = NETWORKS
 ) -> dict[str, str]:
-    """Environment variables of an agent's process: of the judge's own, only those that libraries need.
+    """Return the environment variables of an agent's process.
 
-    ``isolated``: it is sandboxed; else ``work`` is its temporary folder and ``networks`` the folder of its weights.
+    Of the judge's own, only those that libraries need.
+
+    ``isolated``: it is sandboxed; else ``work`` is its temporary folder and
+    ``networks`` the folder of its weights.
     """
     cache = importlib.import_module("mtp_bench.tracking.kernels.cache")
     kernels = f"{work}/kernels" if isolated else str(cache.cache_folder())
-    own = {
+    variables = {name: os.environ[name] for name in _PASSED if name in os.environ}
+    return variables | {
         "HOME": work,
         "TMPDIR": work,
         "LANG": "C.UTF-8",
         "USER": "agent",
         WEIGHTS: networks,
         QUIET: "1",
-    }
-    own |= {
         "NUMBA_CACHE_DIR": kernels,
+        # else the order of a set differs between judges
         "PYTHONHASHSEED": "0",
-    }  # else the order of a set differs between judges
-    return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
+    }
 
 
 def interpreter() -> Path:
-    """The interpreter, resolved from the link in a virtual environment."""
+    """Return the interpreter, resolved from the link in a virtual environment."""
     return Path(getattr(sys, "_base_executable", None) or sys.executable).resolve()
 
 
 def python() -> list[str]:
-    """Command of an agent's interpreter, without modules of the user, the working folder or the site.
+    """Return the command of an agent's interpreter.
 
-    Not ``-I``, which would ignore PYTHONHASHSEED in `environment`.
+    It has no modules of the user, the working folder or the site. Not ``-I``, which
+    would ignore PYTHONHASHSEED in `environment`.
     """
     return [os.fspath(interpreter()), "-s", "-P", "-S", "-B"]
 
 
 def library() -> Path:
-    """The folder that contains ``mtp_bench``: site-packages or a checkout."""
+    """Return the folder that contains ``mtp_bench``: site-packages or a checkout."""
     spec = importlib.util.find_spec(__name__.partition(".")[0])
     return Path(str(spec and spec.origin)).resolve().parent.parent
 
@@ -284,40 +290,40 @@ def child_script() -> str:
 
 
 def packages() -> tuple[str, ...]:
-    """Folders of installed packages, in search order."""
-    return tuple(
-        entry
-        for entry in sys.path
-        if entry.endswith(("site-packages", "dist-packages"))
-    )
+    """Return the folders of installed packages, in search order."""
+    names = ("site-packages", "dist-packages")
+    return tuple(entry for entry in sys.path if entry.endswith(names))
 
 
 def compiled_kernels() -> list[Path]:
-    """Existing folders of the compiled kernels of this version."""
+    """Return the existing folders of the compiled kernels of this version."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return []
     return [kernel.folder for kernel in all_kernels() if kernel.folder.is_dir()]
 
 
 def _interpreter_files() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    """Links, and what is shown, for the interpreter: shared libraries of the system, itself, its standard library."""
-    links, shown = list[tuple[str, str]](), list[tuple[str, str]]()
+    """Return the links, and what is shown, for the interpreter.
+
+    These are shared libraries of the system, itself and its standard library.
+    """
+    links: list[tuple[str, str]] = []
+    shown: list[tuple[str, str]] = []
     for path in map(Path, _SYSTEM):
         if path.is_symlink():
             links.append((str(path.readlink()), str(path)))
         elif path.is_dir():
             _add(shown, [str(path)])
     paths = sysconfig.get_paths()
-    beside = [
-        str(Path(prefix) / "lib") for prefix in (sys.base_prefix, sys.base_exec_prefix)
-    ]  # with libpython
-    own = dict.fromkeys([*beside, paths["stdlib"], paths["platstdlib"]])
-    _add(shown, ["/etc/ld.so.cache", os.fspath(interpreter()), *own])
+    files = ["/etc/ld.so.cache", os.fspath(interpreter())]
+    # with libpython
+    files += [f"{prefix}/lib" for prefix in (sys.base_prefix, sys.base_exec_prefix)]
+    _add(shown, dict.fromkeys([*files, paths["stdlib"], paths["platstdlib"]]))
     return links, shown
 
 
 def _add(shown: list[tuple[str, str]], paths: Iterable[str]) -> None:
-    """Add existing paths that are not inside a folder that is shown already."""
+    """Add existing paths that are not shown already."""
     shown += [
         (path, path)
         for path in paths
@@ -326,22 +332,26 @@ def _add(shown: list[tuple[str, str]], paths: Iterable[str]) -> None:
 
 
 def _inside(path: Path, shown: Sequence[tuple[str, str]]) -> bool:
-    return any(path.is_relative_to(there) for _, there in shown)
+    return any(path.is_relative_to(inside) for _, inside in shown)
 
 
 def _require_hidden(
     shown: Sequence[str], data: str | None, own: Sequence[Path]
 ) -> None:
-    """Raise SubmissionError for a data root, a cache of scenes or own files inside a folder that is shown."""
+    """Raise SubmissionError for data inside a folder that is shown.
+
+    Data are a data root, a cache of scenes and own files.
+    """
     roots = {data_root(data)[0], data_root(None)[0]}
-    below = {
-        path for root in roots if root.is_dir() for path in root.iterdir()
-    }  # a root may be of links
-    seen = [(here, Path(here).resolve()) for here in shown]
-    for secret in {path.resolve() for path in (*roots, *below, *own, cache_root())}:
-        above = {secret, *secret.parents}
-        for here, place in seen:
-            if place in above and secret.exists():
+    secrets = {*roots, *own, cache_root()}
+    for root in roots:
+        if root.is_dir():  # it may be of links
+            secrets |= {*root.iterdir()}
+    shown_at = {Path(path).resolve(): path for path in shown}
+    for secret in {path.resolve() for path in secrets}:
+        for folder in (secret, *secret.parents):
+            if folder in shown_at and secret.exists():
                 raise SubmissionError(
-                    f"{secret} holds data inside {here}, which agents see: move the data elsewhere"
+                    f"{secret} holds data inside {shown_at[folder]}, which agents see: "
+                    "move the data elsewhere"
                 )

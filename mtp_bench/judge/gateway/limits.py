@@ -10,7 +10,10 @@ SandboxBackend = Literal["bubblewrap", "none"]  # "none": agents run unsandboxed
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of one agent on one scene. All times are measured outside the agent's process."""
+    """Bounds of one agent on one scene.
+
+    All times are measured outside the agent's process.
+    """
 
     start: float = 120.0  # s until the agent is built (imports, compilation)
     reset: float = 60.0  # s for reset(task)
@@ -18,23 +21,27 @@ class Limits:
     frame: float = 5.0  # s for any other answer; a later one ends the scene
     scene: float = 1800.0  # s in total
     memory: int = 8 << 30  # bytes of address space of each of the agent's processes
-    disk: int = (
-        64 << 20
-    )  # bytes it may write: in all where it has a file system of its own, else per file
+    # bytes it may write: in all where it has a file system of its own, else per file
+    disk: int = 64 << 20
     answer: int = 64 << 20  # bytes of one answer
 
 
 class Isolation(Section):
-    """The sandbox of an agent's process, see ``SECURITY.md``; in a record the weakest over all runs."""
+    """Sandbox of an agent's process, see ``SECURITY.md``.
+
+    In a record it is the weakest over all runs.
+    """
 
     mechanism: SandboxBackend
-    memory: Literal[
-        "cgroup", "watch"
-    ]  # what bounds the memory of all its processes together
+    # what bounds the memory of all its processes together
+    memory: Literal["cgroup", "watch"]
 
     @property
     def sandboxed(self) -> bool:
-        """True if it could not reach truth, network and other processes; required for the level "re-run"."""
+        """True if it could not reach truth, network and other processes.
+
+        Required for the level "re-run".
+        """
         return self.mechanism != "none"
 
 
@@ -47,9 +54,12 @@ class SceneRun:
 
     rollout: Rollout  # frames without an answer have no rows
     seal: str  # hex; hash chain over all answers in order
-    status: str  # "finished", "crashed", "hung" or "rejected" (it broke the rules of the gateway)
+    # "finished", "crashed", "hung" or "rejected" (it broke the rules of the gateway)
+    status: str
     reason: str  # empty, or one sentence
-    malformed: int  # frames unanswered because the answer was malformed: too large, other shapes, no arrays, not finite
+    # frames unanswered because the answer was malformed: too large, other shapes, no
+    # arrays, not finite
+    malformed: int
     peak_memory: int  # resident memory of the agent's process, bytes; 0 if unknown
     started: float  # s until the agent was built
     isolation: Isolation = UNSANDBOXED

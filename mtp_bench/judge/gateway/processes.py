@@ -1,7 +1,8 @@
-"""Processes of an agent: memory, threads, files and children, from /proc, and control groups that limit all together.
+"""Processes of an agent, from /proc, and control groups that limit all together.
 
-On systems other than Linux the numbers are 0 or empty. Control groups are of version 2 if they are delegated to this
-process, of version 1 if their folders can be written; else the judge watches the processes (`AgentProcess`).
+On systems other than Linux the numbers are 0 or empty. Control groups are of version 2
+if they are delegated to this process, of version 1 if their folders can be written;
+else the judge watches the processes (`AgentProcess`).
 """
 
 import ctypes
@@ -18,20 +19,19 @@ from pathlib import Path
 
 ROOT = Path("/sys/fs/cgroup")
 _PIDS = Path("/proc/self/ns/pid")  # the namespace in which the pids of this process are
-_NAME = f"mtp_bench-{_PIDS.stat().st_ino if _PIDS.exists() else 0}"  # of a group, followed by the pid of the judge
+_NAMESPACE = _PIDS.stat().st_ino if _PIDS.exists() else 0
+_NAME = f"mtp_bench-{_NAMESPACE}"  # of a group, followed by the pid of the judge
 _V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
 _V1 = {
     "memory.limit_in_bytes": "memory",
     "memory.memsw.limit_in_bytes": "with_swap",
     "pids.max": "processes",
 }
-_NEEDED = (
-    "memory.max",
-    "memory.limit_in_bytes",
-    "pids.max",
-)  # the others limit swap, which not every system has
+# the others limit swap, which not every system has
+_NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")
 _REMOVE_SECONDS = 2.0  # that the system may take to empty a group
-_DUMPABLE, _CHILD_SUBREAPER = 4, 36  # of prctl
+_DUMPABLE = 4  # of prctl
+_CHILD_SUBREAPER = 36
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
 
@@ -43,27 +43,25 @@ class Group:
 
     @property
     def members(self) -> list[str]:
-        """Files to which a process writes 0 to join the groups, one per group."""
+        """Files to which a process writes 0 to join."""
         return [str(folder / "cgroup.procs") for folder in self.folders]
 
     def exceeded(self) -> bool:
-        """True if the kernel killed a process because the group exceeded its memory limit."""
-        for name in ("memory.events", "memory.oom_control"):
-            for folder in self.folders:
-                with suppress(OSError, ValueError, StopIteration):
-                    lines = (folder / name).read_text().splitlines()
-                    if int(
-                        next(
-                            line.split()[1]
-                            for line in lines
-                            if line.split()[:1] == ["oom_kill"]
-                        )
-                    ):
-                        return True
+        """Return True if the kernel enforced the memory limit."""
+        for folder in self.folders:
+            for name in ("memory.events", "memory.oom_control"):
+                with suppress(OSError, ValueError):
+                    for line in (folder / name).read_text().splitlines():
+                        key, *numbers = line.split()
+                        if key == "oom_kill" and int(numbers[0]):
+                            return True
         return False
 
     def remove(self) -> None:
-        """Remove the groups; their processes must have ended."""
+        """Remove the groups.
+
+        Their processes must have ended.
+        """
         deadline = time.monotonic() + _REMOVE_SECONDS
         for folder in self.folders:
             while folder.is_dir() and time.monotonic() < deadline:
@@ -79,38 +77,44 @@ def make_group(
     root: Path = ROOT,
     own: Path = Path("/proc/self/cgroup"),
 ) -> Group:
-    """A group limited to ``memory`` bytes and ``processes`` threads; without folders if the system allows none."""
+    """Make a group limited to ``memory`` bytes and ``processes`` threads.
+
+    It has no folders if the system allows none.
+    """
     values = {
         "memory": str(memory),
         "with_swap": str(memory),
         "processes": str(processes),
         None: "0",
     }
-    places, names = _places(root, own)
-    for place in places:
-        _sweep(place)
-    made: list[Path] = []
+    parents, names = _places(root, own)
+    for parent in parents:
+        _sweep(parent)
+    folders: list[Path] = []
     name = f"{_NAME}-{os.getpid()}-{secrets.token_hex(4)}"
     try:
-        for place in places:
-            folder = place / name
+        for parent in parents:
+            folder = parent / name
             folder.mkdir()
-            made.append(folder)
+            folders.append(folder)
         for file, value in names.items():
-            written = [folder / file for folder in made if (folder / file).exists()]
-            if not written and file in _NEEDED:
+            paths = [folder / file for folder in folders if (folder / file).exists()]
+            if not paths and file in _NEEDED:
                 raise OSError(f"no {file}")
-            for path in written:
+            for path in paths:
                 path.write_text(values[value])
     except OSError:
-        Group(tuple(made)).remove()
+        Group(tuple(folders)).remove()
         return Group(())
-    return Group(tuple(made))
+    return Group(tuple(folders))
 
 
-def _sweep(place: Path) -> None:
-    """Remove groups of judges of this namespace that have ended, and end the processes in them."""
-    for folder in place.glob(f"{_NAME}-*-*"):
+def _sweep(parent: Path) -> None:
+    """Remove groups of ended judges with their processes.
+
+    These are judges of this namespace.
+    """
+    for folder in parent.glob(f"{_NAME}-*-*"):
         judge = folder.name.split("-")[2]
         if judge.isdigit() and not Path(f"/proc/{judge}").exists():
             with suppress(OSError, ValueError):
@@ -120,34 +124,36 @@ def _sweep(place: Path) -> None:
 
 
 def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
-    """Folders in which groups can be made, and the files of their limits."""
+    """Return parents of new groups, and the files of limits."""
     entries: dict[str, str] = {}
     with suppress(OSError, ValueError):
         for line in own.read_text().splitlines():
             _, controllers, path = line.split(":", 2)
             entries |= dict.fromkeys(controllers.split(","), path)
     if {"memory", "pids"} <= entries.keys():
-        folders = {
-            root / controller / entries[controller].lstrip("/")
-            for controller in ("memory", "pids")
-        }
-        return (
-            sorted(folders) if all(os.access(path, os.W_OK) for path in folders) else []
-        ), dict(_V1)
-    if (
-        "" in entries
-    ):  # a group with processes cannot contain others: use this process's own or its parent
-        here = root / entries[""].lstrip("/")
-        for place in (here, here.parent):
+        names = [f"{name}/{entries[name].lstrip('/')}" for name in ("memory", "pids")]
+        folders = sorted({root / name for name in names})
+        if all(os.access(path, os.W_OK) for path in folders):
+            return folders, dict(_V1)
+        return [], dict(_V1)
+    if "" in entries:
+        # a group with processes cannot contain others: use this process's own or its
+        # parent
+        group = root / entries[""].lstrip("/")
+        for folder in (group, group.parent):
             with suppress(OSError):
-                given = (place / "cgroup.subtree_control").read_text().split()
-                if {"memory", "pids"} <= set(given) and os.access(place, os.W_OK):
-                    return [place], dict(_V2)
+                delegated = (folder / "cgroup.subtree_control").read_text().split()
+                is_writable = os.access(folder, os.W_OK)
+                if {"memory", "pids"} <= set(delegated) and is_writable:
+                    return [folder], dict(_V2)
     return [], dict(_V1)
 
 
 def files_below(pid: int, folder: str) -> int:
-    """Number of files in the file system that a process has at ``folder``; 0 if unknown."""
+    """Count the files that a process has below ``folder``.
+
+    0 if unknown.
+    """
     with suppress(OSError):
         state = os.statvfs(f"/proc/{pid}/root{folder}")
         return state.f_files - state.f_ffree
@@ -155,24 +161,30 @@ def files_below(pid: int, folder: str) -> int:
 
 
 def guard(on: bool) -> None:
-    """Hide the memory of this process from others of the user, and adopt its orphans, or end both; on Linux only."""
+    """Hide the memory of this process, or end that.
+
+    Also adopt its orphans; on Linux only.
+    """
     if sys.platform.startswith("linux"):
         for number, value in ((_DUMPABLE, not on), (_CHILD_SUBREAPER, on)):
             ctypes.CDLL(None).prctl(number, int(value), 0, 0, 0)
 
 
 def adopted(own: Iterable[int]) -> list[int]:
-    """Running children in sessions of their own, but for ``own``; those that have ended are removed from the system."""
-    found: list[int] = []
+    """Return running children in sessions of their own, but for ``own``.
+
+    Those that have ended are removed from the system.
+    """
+    pids: list[int] = []
     for pid in sorted({*children(os.getpid())} - {*own}):
         with suppress(OSError):
             if os.getsid(pid) != os.getsid(0) and os.waitpid(pid, os.WNOHANG) == (0, 0):
-                found.append(pid)
-    return found
+                pids.append(pid)
+    return pids
 
 
 def children(pid: int) -> list[int]:
-    """Processes that it started, and those adopted from parents that ended."""
+    """Return processes that it started, and those adopted from ended parents."""
     pids: list[int] = []
     with suppress(OSError):
         for task in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208
@@ -182,7 +194,10 @@ def children(pid: int) -> list[int]:
 
 
 def descendants(pid: int, most: int) -> list[int]:
-    """The process, its children, their children and so on, until they are more than ``most``."""
+    """Return the process, its children, their children and so on.
+
+    Until they are more than ``most``.
+    """
     pids = [pid]
     for parent in pids:  # grows as it is read
         if len(pids) > most:
@@ -192,7 +207,10 @@ def descendants(pid: int, most: int) -> list[int]:
 
 
 def ready(descriptor: int, seconds: float = 0.0) -> bool:
-    """True if a descriptor can be read, or the process of a handle has ended, within ``seconds``."""
+    """Return True if a descriptor can be read within ``seconds``.
+
+    Or if the process of a handle has ended.
+    """
     poll = select.poll()  # select.select refuses numbers above 1023
     poll.register(descriptor, select.POLLIN)
     return bool(poll.poll(max(0.0, 1000 * seconds)))
@@ -212,22 +230,30 @@ def end(processes: Iterable[int], seconds: float) -> None:
 
 
 def status(pid: int, name: bytes) -> int:
-    """A number of /proc/PID/status, such as that of its threads; 0 if unknown."""
+    """Return a number of /proc/PID/status, such as of threads.
+
+    0 if unknown.
+    """
     with suppress(OSError, ValueError, IndexError):
-        return int(
-            _read(f"/proc/{pid}/status").split(b"\n" + name + b":")[1].split()[0]
-        )
+        lines = _read(f"/proc/{pid}/status")
+        return int(lines.split(b"\n" + name + b":")[1].split()[0])
     return 0
 
 
 def memory(pid: int, resident: bool) -> int:
-    """Resident memory now, or the size of the address space, an upper bound of it, bytes; 0 if unknown."""
+    """Return the resident memory or the address space, bytes.
+
+    The size is an upper bound; 0 if unknown.
+    """
     with suppress(OSError, ValueError, IndexError):
         return int(_read(f"/proc/{pid}/statm").split()[resident]) * _PAGE
     return 0
 
 
 def _read(path: str) -> bytes:
-    """Content of a file of /proc; read after every frame, so without `Path`, which takes longer."""
+    """Read a file of /proc.
+
+    After every frame, so without `Path`, which is slower.
+    """
     with open(path, "rb", buffering=0) as file:  # noqa: PTH123
         return file.read()

@@ -42,52 +42,57 @@ def run_isolated(
     digest: str | None = None,
     backend: SandboxBackend | None = None,
 ) -> SceneRun:
-    """One scene of an env in evaluation mode, answered by a submission in a process of its own.
+    """Run one scene with an agent in its own process.
 
-    ``submission``: its folder, or the name of a baseline. ``env_id``: id, or path of a card. ``env_keywords``: of
-    MTPEnv; the env observes what the submission asks for unless they say otherwise. ``parameters``: of the agent; None:
-    those of the manifest. ``digest``: expected of the submission (`image_of`); None: any. ``backend``: the sandbox;
+    ``submission``: its folder, or the name of a baseline. ``env_id``: id, or path of a
+    card. ``env_keywords``: of MTPEnv; the env observes what the submission asks for
+    unless they say otherwise. ``parameters``: of the agent; None: those of the
+    manifest. ``digest``: expected of the submission (`image_of`); None: any.
+    ``backend``: the sandbox;
     None: the one that works here, if any.
 
-    The rollout of an agent that follows the rules equals that of `running.run.run_scene`, but for the times. An
-    unanswered frame has no rows. Never raises for actions of an agent; raises MtpBenchError for a folder that is not a
+    The rollout of an agent that follows the rules equals that of
+    `running.run.run_scene`, but for the times. An unanswered frame has no rows. Never
+    raises for actions of an agent; raises MtpBenchError for a folder that is not a
     submission, an unknown scene or missing data.
     """
-    if (
-        backend is None
-    ):  # on another machine, or called alone: an agent's sandbox keeps nothing
+    if backend is None:
+        # on another machine, or called alone: an agent's sandbox keeps nothing
         _compile_once()
     loaded = load_submission(submission)
     keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}
     env = MTPEnv(env_id, **keywords)
-    observation, _ = env.reset(
-        seed=derived_seed(seed, scene, "env"), options={"scene": scene}
-    )
+    env_seed = derived_seed(seed, scene, "env")
+    observation, _ = env.reset(seed=env_seed, options={"scene": scene})
     image = image_of(loaded, env.card.id, env.card.weights_of)
     if digest is not None and image.digest != digest:
         raise SubmissionError(
-            f"{loaded.path}: its files changed while it ran, expected one submission in all scenes; run it again"
+            f"{loaded.path}: its files changed while it ran, "
+            "expected one submission in all scenes; run it again"
         )
-    places = [
-        getattr(env.card.source, name, None) for name in ("folder", "detections_file")
+    paths = [
+        getattr(env.card.source, "folder", None),
+        getattr(env.card.source, "detections_file", None),
+        keywords.get("track_file"),
     ]
-    places += [keywords.get("track_file")]
-    own = [Path(place).expanduser() for place in places if place is not None]
+    own = [Path(path).expanduser() for path in paths if path is not None]
     layout = layout_for(image, keywords.get("data"), own)
     spec = SandboxSpec(layout, image, backend or sandbox_backend())
     with AgentProcess(limits, spec, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
-        exchange = Exchange(
-            process, limits, env.action_space, seal_start(env.card.digest, scene, seed)
-        )
+        seal = seal_start(env.card.digest, scene, seed)
+        exchange = Exchange(process, limits, env.action_space, seal)
         exchange.open(setup, asdict(agent_task(env, seed, scene)))
         nothing = np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2))
-        silence = make_action(env.task, *nothing, checked=False)
-        seconds, over = list[float](), False
-        while not over:
-            action, spent = exchange.ask(observation)
-            seconds.append(spent)
-            observation, _, over, *_ = env.step(silence if action is None else action)
+        no_objects = make_action(env.task, *nothing, checked=False)
+        seconds: list[float] = []
+        terminated = False
+        while not terminated:
+            action, answer_seconds = exchange.ask(observation)
+            seconds.append(answer_seconds)
+            if action is None:
+                action = no_objects
+            observation, _, terminated, *_ = env.step(action)
         run = exchange.result(replace(env.rollout(), seconds=np.array(seconds)))
         return replace(run, scene_digest=scene_digest(env.scene))
 
@@ -105,19 +110,21 @@ def run_isolated_scenes(
     finished: Callable[[SceneRun], None] = lambda run: None,
     digest: str | None = None,
 ) -> list[SceneRun]:
-    """`run_isolated` of every scene, in the order of ``scenes``.
+    """Run every scene by `run_isolated`.
 
-    Every scene has an agent of its own: a failure ends at most its scene. ``finished`` is called with every finished
-    scene, in the order of completion and in this process. ``digest``: of the submission in all scenes; None: the one
-    that it has now.
+    Results have the order of ``scenes``.
+    Every scene has an agent of its own: a failure ends at most its scene. ``finished``
+    is called with every finished scene, in the order of completion and in this process.
+    ``digest``: of the submission in all scenes; None: the one that it has now.
     """
     if workers.scheduler is None:
         compile_kernels(workers)
     card = MTPEnv(env_id, **env_keywords).card
-    digest = (
-        digest or image_of(load_submission(submission), card.id, card.weights_of).digest
-    )
-    # Decided once, so that all scenes run in the same sandbox; other machines decide for themselves.
+    if digest is None:
+        image = image_of(load_submission(submission), card.id, card.weights_of)
+        digest = image.digest
+    # decided once, so that all scenes run in the same sandbox; other machines decide
+    # for themselves
     backend = sandbox_backend() if workers.scheduler is None else None
     calls = [
         (submission, env_id, env_keywords, scene, seed, None, limits, digest, backend)
@@ -132,7 +139,6 @@ def run_isolated_scenes(
 
 
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:
-    """The start of the hash chain of one scene."""
-    return hashlib.sha256(
-        json.dumps(["mtp-bench seal 1", card_digest, scene, seed]).encode()
-    ).digest()
+    """Return the start of the hash chain of one scene."""
+    text = json.dumps(["mtp-bench seal 1", card_digest, scene, seed])
+    return hashlib.sha256(text.encode()).digest()

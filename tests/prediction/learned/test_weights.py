@@ -13,8 +13,8 @@ from safetensors.numpy import save_file
 
 from mtp_bench import MTPEnv, Pipeline, SubmissionError, card_ids
 from mtp_bench.cards import load_card
+from mtp_bench.core import Ints
 from mtp_bench.core.networks import PACKED, SHIPPED, VARIABLE
-from mtp_bench.core.types import Ints
 from mtp_bench.prediction import GreedySampler, KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
