@@ -155,7 +155,7 @@ def _with_lanes(scene: Scene, card: Card, data: DataRoot) -> Scene:
 
 def package_of(card: Card) -> SourcePackage:
     """The package of the card's source, which has the name of its section; imported when it is first needed."""
-    room = "traffic" if card.source.traits.simulated else "sources"
+    room = "traffic" if card.source.name in ("highway", "gym") else "sources"
     module = import_module(f"mtp_bench.{room}.{card.source.name}")
     package: SourcePackage = module.PACKAGE
     return package
