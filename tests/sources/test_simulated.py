@@ -107,7 +107,7 @@ def test_detections_are_simulated_once_and_nobody_can_change_those_that_are_kept
     expected = {name: column.copy() for name, column in vars(first).items()}
     first.box[:] = 0.0
     simulate = Mock(return_value=first)
-    monkeypatch.setattr("mtp_bench.detector.simulation.simulate", simulate)
+    monkeypatch.setattr("mtp_bench.detector.simulate", simulate)
     for name, column in vars(detected(scene, CARD).detections).items():
         np.testing.assert_array_equal(column, expected[name])
     simulate.assert_not_called()

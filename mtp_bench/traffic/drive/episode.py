@@ -60,7 +60,10 @@ class DrivenEpisode:
         number: int,
         rng: np.random.Generator | None,
     ) -> "DrivenEpisode":
-        """Begin the drive ``name``; ``rng`` moves the frame of observations at random."""
+        """Begin the drive ``name``.
+
+        ``rng`` moves the frame of observations at random.
+        """
         settings = traffic_of(section_of(card, HighwaySource))
         traffic = DrivenTraffic(settings, int(name.rsplit("-", 1)[1]))
         shown = DrivenScene(card, name)
@@ -98,7 +101,10 @@ class DrivenEpisode:
         return self.feed.of_class(0, classes)
 
     def observe(self) -> Observation:
-        """Return fresh arrays of the present frame; after the end no detections."""
+        """Return fresh arrays of the present frame.
+
+        There are no detections after the end.
+        """
         observation = self.feed.observe(int(self.over))
         time = (self.t - self.over) * self.task.dt
         return {**observation, "time": np.array(time), "dt": np.array(self.task.dt)}
@@ -115,7 +121,7 @@ class DrivenEpisode:
         }
 
     def recording(self) -> tuple[Scene, Feed]:
-        """Return the frames so far, and what the agent was shown in them."""
+        """Return the frames so far and the observations of them."""
         scene = self.scene
         if not self.over:
             scene = self.shown.whole(self._world_of(max(self.t, 1)))
@@ -175,7 +181,7 @@ class DrivenEpisode:
         )
 
     def _world_of(self, frames: int) -> World:
-        """Return the world until the last of ``frames`` frames that the agent saw."""
+        """Return the world until the last of ``frames`` shown frames."""
         steps = round((frames - 1) * RATE * self.task.dt)
         return self.traffic.world(frames=steps + 1)
 

@@ -108,9 +108,9 @@ def _resampled(forecast: Obstacles) -> Obstacles:
 
 @lru_cache(maxsize=32)
 def _station_grid(way: Way) -> tuple[Floats, Ints]:
-    """Return the lower corner [2] and the stations of cells around a way.
+    """Return the lower corner [2] and the stations of cells.
 
-    The station of a cell beyond `_REACH_M` is -1.
+    The cells are around a way. The station of a cell beyond `_REACH_M` is -1.
     """
     corner = way.xy.min(axis=0) - _REACH_M - _CELL_M
     extent = way.xy.max(axis=0) + _REACH_M - corner
@@ -142,7 +142,7 @@ class Planner:
 
     @cached_property
     def _allowed_mps(self) -> Floats:
-        """Speed [n] at each station from which the limits ahead can be met."""
+        """Highest speeds [n] that meet the limits ahead."""
         limit = self._weights.pace * self._way.limit.astype(np.float64)
         square = limit**2
         gained = 2 * _LIMIT_BRAKING_MPS2 * np.diff(self._way.s)
@@ -163,7 +163,7 @@ class Planner:
     def profiles(
         self, s: float, speed: float, dt: float, steps: int
     ) -> tuple[Floats, Floats]:
-        """Return stations [C, T + 1] m and speeds, m/s, of all profiles.
+        """Return stations [C, T + 1] m and speeds of all profiles.
 
         They begin now, at ``s`` m with ``speed`` m/s, and have values every ``dt`` s.
         """
@@ -181,7 +181,7 @@ class Planner:
         return stations.T, speeds.T
 
     def decide(self, s: float, speed: float, seen: Obstacles) -> Decision:
-        """Return the best profile for an ego at ``s`` m with ``speed`` m/s."""
+        """Choose the best profile at ``s`` m with ``speed`` m/s."""
         rows = self._relevant(seen)
         forecast = _resampled(
             Obstacles(seen.box[rows], seen.path[rows], seen.weight[rows], seen.dt)
@@ -248,7 +248,10 @@ class Planner:
     def _severity(
         self, stations: Floats, speeds: Floats, contacts: _Contacts, dt: float
     ) -> Floats:
-        """Return the severity [C, M] of each contact in each profile, 0 without one."""
+        """Return the severity [C, M] of each contact in each profile.
+
+        It is 0 for a profile without the contact.
+        """
         times = dt * np.arange(1, stations.shape[1])
         place = stations[:, 1:]
         gap_s = self._weights.headway * speeds[:, 1:]
@@ -306,7 +309,7 @@ class Planner:
     def _headings(
         self, row: Ints, owner: Ints, step: Ints, forecast: Obstacles
     ) -> Floats:
-        """Return headings [n] of the forecast places in rows [n] of flat paths."""
+        """Return headings [n] in rows [n] of the flat paths."""
         place = forecast.path.reshape(-1, 2)
         first = (step == 0)[:, None]
         start = np.where(first, forecast.box[owner, :2], place[row - 1])
@@ -343,9 +346,10 @@ class Planner:
 
 
 def contact_severity(speed: Floats, time: Floats, patience: float) -> Floats:
-    """Return the severity of contacts at an ego ``speed``, m/s, ``time`` s from now.
+    """Return the severity of contacts.
 
-    It grows with the speed up to 1, and decays over ``patience`` s.
+    The ego has a ``speed`` in m/s, ``time`` s from now. It grows with the speed up to
+    1, and decays over ``patience`` s.
     """
     growth = (1 - _STANDING_SEVERITY) * speed / _FULL_SEVERITY_SPEED_MPS
     severity = np.minimum(_STANDING_SEVERITY + growth, 1.0)
@@ -355,7 +359,7 @@ def contact_severity(speed: Floats, time: Floats, patience: float) -> Floats:
 def _reduce_runs(
     operation: np.ufunc, values: Floats, keys: Ints
 ) -> tuple[Floats, Ints]:
-    """Reduce the columns of ``values`` [C, M] over runs of equal ``keys`` [M]."""
+    """Reduce columns of ``values`` [C, M] over runs of equal ``keys``."""
     first = np.flatnonzero(np.diff(keys, prepend=-1))
     reduced: Floats = operation.reduceat(values, first, axis=1)
     return reduced, keys[first]

@@ -62,7 +62,7 @@ def record_of(
 
 
 def rows_from(truth: Truth, first: int) -> Floats:
-    """Return the rows [R, 12] of a truth from the state ``first`` on.
+    """Return the rows [R, 12] of a truth from one state on.
 
     Columns: state, number, class, box (7), velocity (2).
     """
@@ -99,7 +99,7 @@ def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools
 def occupied(
     world: World, way: Way, stations: Floats, size: tuple[float, float]
 ) -> Bools:
-    """Return the mask [N] of the states with a road user close ahead.
+    """Mark the states [N] with a road user close ahead.
 
     It is on the way, or right beside it, within `FREE` m of the bumper.
     """

@@ -61,7 +61,7 @@ class DrivenScene:
 
 
 def whole_scene(world: World, card: Card, name: str) -> Scene:
-    """Return the recording of a drive, with the detections that its agent was shown."""
+    """Return the recording of a drive with the detections then shown."""
     scene = _scene(world, card, name)
     return detected(scene, card, going_on=OpenScene(horizon(card), scene.truth.only(0)))
 

@@ -27,9 +27,10 @@ class GymScenes(TrafficScenes):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the scenes; simulates the seeds that are not in the cache.
+        """Names of the scenes without a crash.
 
-        Raises DataError if no scene is left.
+        Simulates the seeds that are not in the cache. Raises DataError if no scene is
+        left.
         """
         return self._names
 
@@ -55,9 +56,10 @@ class GymScenes(TrafficScenes):
         return tuple(names)
 
     def missing(self, scenes: int | None = None) -> list[int]:
-        """Return all seeds that are not in the cache, as the first ones may crash.
+        """Return all seeds that are not in the cache.
 
-        Raises CardError if their simulation does not have the card's rate.
+        The first ones may crash. Raises CardError if their simulation does not have the
+        card's rate.
         """
         seeds = super().missing()
         if seeds:

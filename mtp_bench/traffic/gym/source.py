@@ -55,7 +55,8 @@ class GymTraffic:
     """Everything that a simulation depends on."""
 
     id: str
-    # that register the id or hold the policy; empty: highway-env, or the running program
+    # that register the id or hold the policy; empty: highway-env, or the running
+    # program
     modules: tuple[str, ...]
     code: tuple[str, ...]  # sha256 of their files
     config: dict[str, Any]
@@ -69,7 +70,10 @@ class GymTraffic:
 
 
 def traffic_of(section: GymSource) -> GymTraffic:
-    """Return the traffic of a card's section; raises CardError for a missing module."""
+    """Return the traffic of a card's section.
+
+    Raises CardError for a missing module.
+    """
     texts = [text for text in (section.id, section.policy) if ":" in text]
     modules = [text.partition(":")[0] for text in texts]
     if section.module:

@@ -139,7 +139,7 @@ class _RandomPhases:
 
 
 def _within(limits: Floats, share: Floats) -> Floats:
-    """Return values at ``share`` [K, n] of the ranges between ``limits`` [K, 2, 1]."""
+    """Return values at ``share`` [K, n] between ``limits`` [K, 2, 1]."""
     low = limits[:, 0]
     return np.asarray(low + (limits[:, 1] - low) * share)
 
@@ -216,7 +216,7 @@ class PedestrianBehaviour:
         self.turning: set[int] = set()  # groups that turn back now
 
     def start_standing(self, group: int) -> None:
-        """Let a group that is present from the start stand with some chance."""
+        """Let a first group stand with some chance."""
         if self._rng.uniform() < _STANDING_SHARE:
             self._stops[group] = float(self._rng.uniform(*_LONG_STOP_S))
 

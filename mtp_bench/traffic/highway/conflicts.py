@@ -93,7 +93,10 @@ def find_passages(road_map: RoadMap, routes: RouteTable) -> tuple[Passage, ...]:
 
 
 def _sample(route: Route, lane_start: Floats, geometry: LaneGeometry) -> _Path:
-    """Return the path along the first lanes of a route; ``lane_start`` [L] m."""
+    """Return the path along the first lanes of a route.
+
+    ``lane_start`` [L]: m from its start.
+    """
     size = _HEAVY_SIZE_M if route.heavy else _LIGHT_SIZE_M
     length, width, wheelbase = size[:, None]
     stations = []
@@ -109,7 +112,10 @@ def _sample(route: Route, lane_start: Floats, geometry: LaneGeometry) -> _Path:
 
 
 def _close_part(a: _Path, b: _Path) -> _Path:
-    """Return the part of path a outside of which it is not close to b."""
+    """Return the part of path a around path b.
+
+    Outside of it a is not close to b.
+    """
     reach_m = a.half.max() + b.half.max()
     close = (a.xy > b.xy.min(axis=0) - reach_m) & (a.xy < b.xy.max(axis=0) + reach_m)
     index = np.flatnonzero(close.all(axis=1))

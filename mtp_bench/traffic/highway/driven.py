@@ -71,7 +71,7 @@ class _Ego(Driver):
         self._place()
 
     def drive(self) -> tuple[float, ...]:
-        """Move along the way for 1 / `RATE` seconds, without the driver model."""
+        """Move along the way by a step, without the driver model."""
         dt = 1.0 / RATE
         speed = float(self.speed)
         acceleration = max(self.planned_acceleration, -speed / dt)
@@ -131,7 +131,7 @@ class DrivenTraffic:
         return self.collision is not None or self.at_goal
 
     def step(self, acceleration: float) -> None:
-        """Drive for 1 / `RATE` seconds at ``acceleration`` m/s2 and record the frame.
+        """Drive a step at ``acceleration`` m/s2 and record the frame.
 
         It brakes by at most `simulate.MAX_BRAKING_MPS2`.
         """
@@ -143,9 +143,10 @@ class DrivenTraffic:
         self._record()
 
     def world(self, last: bool = False, frames: int | None = None) -> World:
-        """Return the frames so far, the first ``frames``, or only the ``last`` one.
+        """Return the frames so far.
 
-        Objects keep their numbers.
+        ``frames``: only as many; ``last``: only the last one. Objects keep their
+        numbers.
         """
         part = slice(-1, None) if last else slice(frames)
         return self._recording.seen_from(
@@ -213,25 +214,12 @@ def _ego_after_warm_up(attempt: Attempt, rng: np.random.Generator) -> _Ego | Non
 
 
 def _choose_ego(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
-    """Replace a car that is about to meet the others by the ego; None without one."""
-    regulated = attempt.map.regulated
-    low_m, high_m = _JUNCTION_DISTANCE_M if regulated else _RAMP_DISTANCE_M
+    """Replace a car that is about to meet others by the ego.
+
+    None without such a car.
+    """
     routes = attempt.map.routes
-    candidates = []
-    for index, driver in enumerate(attempt.vehicles):
-        traits = driver.traits
-        on_ramp = len(routes[driver.route].roads) >= _RAMP_ROADS
-        is_car = traits.class_id == CLASSES.index("car")
-        fits = is_car and traits.length <= _MAX_EGO_LENGTH_M
-        if not (fits and (regulated or on_ramp)):
-            continue
-        lane = attempt.map.geometry.lanes[driver.lane_number]
-        station_m = float(attempt.routes.start[driver.route, driver.lane_number])
-        station_m += float(lane.local_coordinates(driver.position)[0])
-        meeting_m = meeting_place(attempt, driver.route)
-        distance_m = meeting_m - station_m - traits.length / 2
-        if low_m < distance_m < high_m:
-            candidates.append((distance_m, index, station_m))
+    candidates = _candidates(attempt)
     if not candidates:
         return None
     draw = int(rng.integers(min(_EGO_CANDIDATES, len(candidates))))
@@ -251,8 +239,33 @@ def _choose_ego(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
     return ego
 
 
+def _candidates(attempt: Attempt) -> list[tuple[float, int, float]]:
+    """Return cars that are about to meet the others.
+
+    Each has metres to there, an index into the vehicles, and a station on its route.
+    """
+    regulated = attempt.map.regulated
+    low_m, high_m = _JUNCTION_DISTANCE_M if regulated else _RAMP_DISTANCE_M
+    candidates = []
+    for index, driver in enumerate(attempt.vehicles):
+        traits = driver.traits
+        is_car = traits.class_id == CLASSES.index("car")
+        on_ramp = len(attempt.map.routes[driver.route].roads) >= _RAMP_ROADS
+        fits = is_car and traits.length <= _MAX_EGO_LENGTH_M
+        if not (fits and (regulated or on_ramp)):
+            continue
+        lane = attempt.map.geometry.lanes[driver.lane_number]
+        station_m = float(attempt.routes.start[driver.route, driver.lane_number])
+        station_m += float(lane.local_coordinates(driver.position)[0])
+        meeting_m = meeting_place(attempt, driver.route)
+        distance_m = meeting_m - station_m - traits.length / 2
+        if low_m < distance_m < high_m:
+            candidates.append((distance_m, index, station_m))
+    return candidates
+
+
 def meeting_place(attempt: Attempt, route: int) -> float:
-    """Return the metres from the start of a route to where it meets others.
+    """Return metres along a route to where it meets others.
 
     That is the line to wait at, or the end of a ramp.
     """
@@ -263,10 +276,10 @@ def meeting_place(attempt: Attempt, route: int) -> float:
 
 
 def way_of(road_map: RoadMap, routes: RouteTable, route: int) -> Way:
-    """Return the way along the middle of the lanes of a ``route`` (its index).
+    """Return the way along the middle of the lanes.
 
-    It has points every 0.5 m. Where a lane ends it changes to the one that goes on,
-    between 15 and 75 m after the start of the road.
+    ``route``: index of the route. It has points every 0.5 m. Where a lane ends it
+    changes to the one that goes on, between 15 and 75 m after the start of the road.
     """
     geometry = road_map.geometry
     roads = road_map.routes[route].roads
@@ -298,15 +311,16 @@ def way_of(road_map: RoadMap, routes: RouteTable, route: int) -> Way:
 
 
 def is_at_fault(ego: Floats, speed: float, other: Floats) -> bool:
-    """Return True if the ego is at fault for a contact of boxes [7].
+    """Return True if the ego is at fault for a contact.
 
-    It is, at ``speed`` m/s, unless it stood or was hit from behind.
+    ``ego`` and ``other``: boxes [7]. It is, at ``speed`` m/s, unless it stood or was
+    hit from behind.
     """
     return speed > STANDING and not hit_from_behind(ego, other)
 
 
 def hit_from_behind(ego: Floats, other: Floats) -> bool:
-    """Return True if the ``other`` box [7] touches the rear of the ego, not its front."""
+    """Return True if the ``other`` box [7] touches the rear alone."""
     ahead = (other[:2] - ego[:2]) @ unit_vectors(ego[3])
     turn = other[3] - ego[3]
     reach = (abs(np.cos(turn)) * other[4] + abs(np.sin(turn)) * other[5]) / 2

@@ -109,7 +109,10 @@ class RoadState:
         self.squared_limit = (geometry.limit * self.style[:, :1]) ** 2
 
     def _cover(self, geometry: LaneGeometry, direction: Floats, people: Floats) -> None:
-        """Find the lane coordinates of the discs; ``direction`` [2, N]."""
+        """Find the lane coordinates of the discs.
+
+        ``direction`` [2, N]: of the vehicles.
+        """
         places = self.length[:, None] * _DISC_PLACES  # [N, discs] m along the axis
         discs = self.xy[:, :, None] + places * direction[:, :, None]
         points = np.concatenate([discs.reshape(2, -1), people], axis=1)
@@ -157,7 +160,7 @@ class Leaders:
 
 
 def find_leaders(state: RoadState, geometry: LaneGeometry) -> Leaders:
-    """Find the nearest disc in the strip that each vehicle is going to sweep.
+    """Find the nearest disc in the strip of each vehicle.
 
     It is that of another vehicle or of a person.
     """
@@ -208,9 +211,10 @@ def _swept_strip(
 def swept_sides(
     length: Floats, width: Floats, wheelbase: Floats, radius: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the reach of a box to the outer and inner side of a bend, m.
+    """Return the reach of a box to both sides, m.
 
-    The centre of the box follows the bend.
+    They are the outer and the inner side of a bend. The centre of the box follows the
+    bend.
     """
     straight = np.isinf(radius)
     square = np.maximum(radius**2 - wheelbase**2 / 4, 0.0)
@@ -224,7 +228,7 @@ def swept_sides(
 
 
 def desired_speed(state: RoadState) -> Floats:
-    """Return desired speeds [N] m/s, which fall in time for the limits ahead."""
+    """Return desired speeds [N] m/s within the limits ahead."""
     distance = np.maximum(state.path_start - state.length[:, None] / 2, 0)
     squared_limit = state.squared_limit[np.arange(len(state))[:, None], state.path]
     allowed = np.sqrt(squared_limit + 2.0 * _LIMIT_BRAKING_MPS2 * distance)
@@ -246,10 +250,10 @@ def braking(
     style: Floats,
     min_gap: float | None = None,
 ) -> Floats:
-    """Return decreases [N] m/s2 of the acceleration for leaders at a ``gap`` [N] m.
+    """Return decreases [N] m/s2 of the acceleration behind leaders.
 
-    ``speed`` and ``leader`` [N]: m/s of both; ``style``: of the drivers; ``min_gap``:
-    m, another gap at rest.
+    ``gap`` [N]: m to them. ``speed`` and ``leader`` [N]: m/s of both; ``style``: of the
+    drivers; ``min_gap``: m, another gap at rest.
     """
     acceleration = style[..., ACCELERATION]
     effort = np.sqrt(acceleration * style[..., _BRAKING])
@@ -263,7 +267,7 @@ def braking(
 def steering_angles(
     state: RoadState, geometry: LaneGeometry, routes: RouteTable, dt: float
 ) -> Floats:
-    """Return steering angles [N] rad, to each place in the lane and along it.
+    """Return steering angles [N] rad along the lanes.
 
     The angles of ``dt`` seconds ago limit the new ones.
     """

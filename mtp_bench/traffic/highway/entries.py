@@ -48,7 +48,7 @@ class Entries:
         self._tries = 0
 
     def fill(self) -> None:
-        """Put the first vehicles on the entry lanes, and some on the exit lanes."""
+        """Put the first vehicles on entry and exit lanes."""
         lengths = self._map.geometry.length
         filled = _FILLED_JUNCTION if self._map.regulated else _FILLED_ROAD
         for _ in range(20 * self._target):
@@ -64,7 +64,7 @@ class Entries:
             self._enter(traits, route, lane, station_m, _FIRST_ROOM_M)
 
     def admit(self, finished: Sequence[Driver]) -> None:
-        """Remove the ``finished`` vehicles and add at most one, if there is room."""
+        """Remove ``finished`` vehicles and add one if there is room."""
         for vehicle in finished:
             self._vehicles.remove(vehicle)
         if len(self._vehicles) >= self._target:
@@ -103,7 +103,10 @@ class Entries:
         station_m: float,
         room_m: float,
     ) -> bool:
-        """Add a vehicle to a lane; False without room."""
+        """Add a vehicle to a lane.
+
+        False without room.
+        """
         speed = self._entry_speed(traits, lane, station_m, room_m)
         if speed is None:
             return False
@@ -121,7 +124,10 @@ class Entries:
     def _entry_speed(
         self, traits: VehicleTraits, lane: int, station_m: float, room_m: float
     ) -> float | None:
-        """Return the speed, m/s, to enter with; None without room."""
+        """Return the speed, m/s, to enter with.
+
+        None without room.
+        """
         road_lane = self._map.geometry.lanes[lane]
         limit = float(self._map.geometry.limit[lane])
         speed = min(traits.pace * limit, traits.top_speed)

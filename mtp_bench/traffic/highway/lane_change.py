@@ -5,6 +5,7 @@ models".
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -88,32 +89,45 @@ class LaneChanges:
     def _better_lane(
         self, state: RoadState, i: int, desired: Floats, middle: Floats
     ) -> int:
-        """Return the lane that vehicle i changes to; `NO_LANE` for none."""
+        """Return the lane that vehicle i changes to.
+
+        It is `NO_LANE` for none.
+        """
+        best_lane = NO_LANE
+        best_gain = _MIN_GAIN_MPS2
+        for target, bonus, must in self._targets(state, i):
+            gain = self._gain(state, i, desired, middle, self._middle[target], must)
+            if gain is None:
+                continue
+            if must:
+                best_lane = target
+                best_gain = math.inf
+            elif gain + bonus > best_gain:
+                best_lane = target
+                best_gain = gain + bonus
+        return best_lane
+
+    def _targets(self, state: RoadState, i: int) -> Iterator[tuple[int, float, bool]]:
+        """Yield lanes that vehicle i may change to.
+
+        Beside each the bonus of a change, m/s2, and whether it is necessary.
+        """
         routes = self._routes
         route = state.vehicles[i].route
         lane = int(state.lane[i])
         needed = routes.changes[route, lane]
         room_m = routes.room[route, lane] - state.s[i]
-        best_lane = NO_LANE
-        best_gain = _MIN_GAIN_MPS2
         for side, bonus in ((routes.left, 0.0), (routes.right, _RIGHT_BONUS_MPS2)):
             target = int(side[route, lane])
             if target == NO_LANE:
                 continue
-            fewer = routes.changes[route, target] < needed
-            must = bool(fewer and room_m < _NEEDED_ROOM_M * needed)
-            if not fewer:
-                too_near = needed and room_m < 2 * _NEEDED_ROOM_M * needed
-                target_room_m = routes.room[route, target] - state.s[i]
-                if too_near or target_room_m < _MIN_LANE_ROOM_M:
-                    continue
-            gain = self._gain(state, i, desired, middle, self._middle[target], must)
-            if must and gain is not None:
-                gain = math.inf
-            if gain is not None and (must or gain + bonus > best_gain):
-                best_lane = target
-                best_gain = gain + bonus
-        return best_lane
+            if routes.changes[route, target] < needed:
+                yield target, bonus, bool(room_m < _NEEDED_ROOM_M * needed)
+                continue
+            exit_is_near = needed and room_m < 2 * _NEEDED_ROOM_M * needed
+            target_room_m = routes.room[route, target] - state.s[i]
+            if not exit_is_near and target_room_m >= _MIN_LANE_ROOM_M:
+                yield target, bonus, False
 
     def _gain(
         self,
@@ -124,7 +138,10 @@ class LaneChanges:
         target_middle: float,
         must: bool,
     ) -> float | None:
-        """Return the gain of a change to a lane, m/s2; None if it is not safe."""
+        """Return the gain of a change to a lane, m/s2.
+
+        None if it is not safe.
+        """
         touching = (state.width + state.width[i]) / 2 + _SAME_LANE_M
         in_target = np.abs(state.xy[1] - target_middle) < touching
         in_target |= np.abs(middle - target_middle) < _SAME_LANE_M

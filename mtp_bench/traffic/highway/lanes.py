@@ -64,7 +64,7 @@ class LaneGeometry:
         return len(self.lanes)
 
     def coordinates(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return lane coordinates [L, P] of points [2, P], along and across lanes."""
+        """Return coordinates [L, P] of points [2, P] along and across."""
         along, across = np.empty((2, len(self), points.shape[1]))
         if len(self._lines):
             lines = self._lines
@@ -89,7 +89,7 @@ class LaneGeometry:
         return along, across
 
     def _offsets(self, points: Floats, lanes: Ints) -> Floats:
-        """Return offsets [2, n, P] of points from the origins of n lanes."""
+        """Return offsets [2, n, P] from the origins of lanes."""
         return np.asarray(points[:, None] - self._origin[lanes].T[:, :, None])
 
     def heading(self, lane: Ints, s: Floats) -> Floats:
@@ -106,7 +106,7 @@ class LaneGeometry:
 def lane_map(
     network: dict[LaneIndex, Any], max_gap_m: float = _JOINT_M
 ) -> tuple[Lane, ...]:
-    """Return all lanes, right-handed with z up, and the lanes that continue each.
+    """Return all lanes, right-handed with z up.
 
     Centres and borders have points at most every 2 m. If no lane joins the end of a
     lane, the nearest lane of the next road within ``max_gap_m`` that does not lead back
@@ -118,24 +118,31 @@ def lane_map(
     result = []
     for k, lane in enumerate(lanes):
         half_width = float(lane.width_at(0.0)) / 2
-        gap_m = {
-            j: float(np.linalg.norm(centers[j][0] - centers[k][-1]))
-            for j in range(len(lanes))
-            if indices[j][0] == indices[k][1]
-        }
-        following = tuple(j for j in gap_m if gap_m[j] < _JOINT_M)
-        if not following:
-            end = centers[k][-1] - centers[k][-2]
-            onward = [
-                j
-                for j in sorted(gap_m, key=gap_m.__getitem__)
-                if gap_m[j] < max_gap_m and end @ (centers[j][1] - centers[j][0]) > 0
-            ]
-            following = tuple(onward[:1])
-        left = _polyline(lane, -half_width)
-        right = _polyline(lane, half_width)
-        result.append(Lane(centers[k], left, right, following))
+        next_road = [j for j in range(len(lanes)) if indices[j][0] == indices[k][1]]
+        result.append(
+            Lane(
+                centers[k],
+                _polyline(lane, -half_width),
+                _polyline(lane, half_width),
+                _following(centers, k, next_road, max_gap_m),
+            )
+        )
     return tuple(result)
+
+
+def _following(
+    centers: list[Floats], k: int, next_road: list[int], max_gap_m: float
+) -> tuple[int, ...]:
+    """Return the lanes of the next road that continue lane k."""
+    end = centers[k][-1]
+    step = end - centers[k][-2]
+    gap_m = {j: float(np.linalg.norm(centers[j][0] - end)) for j in next_road}
+    joined = tuple(j for j in next_road if gap_m[j] < _JOINT_M)
+    if joined:
+        return joined
+    onward = [j for j in next_road if step @ (centers[j][1] - centers[j][0]) > 0]
+    nearest = sorted(onward, key=gap_m.__getitem__)[:1]
+    return tuple(j for j in nearest if gap_m[j] < max_gap_m)
 
 
 def _polyline(lane: Any, lateral: float) -> Floats:
@@ -243,7 +250,7 @@ def _needed_changes(
 
 
 def _paths(following: Ints, length: Floats) -> tuple[Ints, Floats]:
-    """Return the lanes ahead of every lane, and the metres to their starts."""
+    """Return the lanes ahead of each, and metres to them."""
     path = np.full((*following.shape, LOOKAHEAD), NO_LANE)
     start = np.zeros((*following.shape, LOOKAHEAD))
     path[..., 0] = np.arange(following.shape[1])

@@ -62,7 +62,7 @@ def build_map(scenario: ScenarioName, seconds: float) -> RoadMap:
 
 
 def _turned(arm: int, x: float, y: float) -> Floats:
-    """Return a point or direction of the first arm, turned to another one."""
+    """Turn a point or direction of the first arm."""
     cos, sin = _QUARTER_TURNS[arm % 4]
     return np.array([cos * x - sin * y, sin * x + cos * y], dtype=np.float64)
 
@@ -131,7 +131,7 @@ def _kerbs(aside: float, mouth: float) -> tuple[Kerb, ...]:
 
 
 def _add_intersection_arm(network: Any, arm: int) -> None:
-    """Add the lanes that come in by an arm and those that leave by it."""
+    """Add the lanes of an arm, and those through the junction."""
     quarter = np.pi / 2 * arm
     into = f"m{arm}"
     left, ahead, right = (f"w{(arm + turn) % 4}" for turn in (1, 2, 3))
@@ -202,7 +202,7 @@ def _roundabout() -> RoadMap:
 
 
 def _add_roundabout_arm(network: Any, arm: int) -> None:
-    """Add the entry and the exit of an arm, and the ring to the next arm."""
+    """Add entry, exit and ring at an arm."""
     quarter = np.pi / 2 * arm
     # where the entry touches the ring; the exit mirrors it
     angle = float(np.arctan2(_ROUND_MOUTH_M, _ROUND_ASIDE_M))
@@ -239,7 +239,7 @@ def _fast_road(
     limit: float,
     ramp: dict[str, Any],
 ) -> tuple[Any, LaneGeometry, list[tuple[int, ...]]]:
-    """Return three roads a-b, b-c and c-d along x, and the numbers of their lanes.
+    """Return roads a-b, b-c, c-d along x and their lanes.
 
     There is one more lane in the middle. ``ramp``: further lanes by the names of their
     ends.
@@ -264,7 +264,7 @@ def _fast_road(
 
 
 def _ramp(start: float, end: float, y: float, phase: float, limit: float) -> Any:
-    """Return the bend of a ramp between ``y`` and the lanes beside it."""
+    """Return the bend of a ramp beside ``y``."""
     middle = y + _RAMP_SWING_M
     pulsation = np.pi / (end - start)
     points = ((start, middle), (end, middle))

@@ -25,14 +25,14 @@ def overlapping(box: Floats, still: int = 0) -> Ints:
 
 
 def boxes_meet(a: Floats, b: Floats) -> Bools:
-    """Return the mask [n] of boxes a and b, both [n, 7], that overlap."""
+    """Mark pairs [n] of boxes a and b [n, 7] that overlap."""
     meets = ~_separated(a, b)
     meets[meets] = ~_separated(b[meets], a[meets])
     return meets
 
 
 def _separated(a: Floats, b: Floats) -> Bools:
-    """Return the mask [n] of boxes a with an axis that separates them from boxes b."""
+    """Mark boxes a [n, 7] with an axis that separates b."""
     cos = np.cos(a[:, 3])
     sin = np.sin(a[:, 3])
     x = b[:, 0] - a[:, 0]

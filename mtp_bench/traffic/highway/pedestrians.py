@@ -33,7 +33,8 @@ _LOOKING_M = 3.0
 _STROLL_SHARE = 0.55  # of the groups, which do not cross
 _GONE_M = 1.4  # to the end of the way
 _STEP_OFF_M = 0.2  # to the point where people step off the road
-# of the first people: share that have crossed, largest passed share of the way of others
+# of the first people: share that have crossed, largest passed share of the way of
+# others
 _CROSSED_SHARE = 0.25
 _MAX_PASSED_SHARE = 0.8
 _ARRIVAL_S = 1.5  # mean time until a missing person comes
@@ -74,10 +75,47 @@ class Person:
         """False at the end of the patience."""
         return self.waited <= self.patience
 
-    @property
-    def crossed(self) -> bool:
-        """True close to the point to step off the road."""
-        return bool((self.far_point[0] - self.place[0]) * self.direction < _STEP_OFF_M)
+    def turn_corner(self, to_next: float) -> float:
+        """Turn to the next point of the way near a corner.
+
+        ``to_next``: metres to the present point; return those to the next one.
+        """
+        if len(self.ahead) == 1 or to_next >= _CORNER_M:
+            return to_next
+        self.passed += self.ahead[:1] if self.passed else []
+        self.ahead = self.ahead[1:]
+        return float(np.hypot(*(self.ahead[0] - self.place)))
+
+    def has_left(self, to_end: float) -> bool:
+        """Return True near the end of the way, in ``to_end`` m."""
+        return self.stage == LEAVING and len(self.ahead) == 1 and to_end <= _GONE_M
+
+    def turn_back(self) -> None:
+        """Go back the way that is known, if there is one."""
+        if self.passed and self.stage in (ARRIVING, LEAVING):
+            self.ahead = self.passed[::-1]
+            self.passed = []
+            self.stage = LEAVING
+
+    def advance(self, to_next: float, stands: bool, dt: float) -> bool:
+        """Move on to the next stage.
+
+        Return True at the kerb. There a person waits, or is near enough to walk on
+        without a stop.
+        """
+        if self.stage == ARRIVING and len(self.ahead) == 1:
+            # the last point before the crossing
+            if to_next < (_QUEUED_M if stands else _REACHED_M):
+                self.stage = WAITING
+            return to_next < _LOOKING_M
+        if self.stage == WAITING:
+            self.waited += dt
+            return True
+        to_far = (self.far_point[0] - self.place[0]) * self.direction
+        if self.stage == CROSSING and to_far < _STEP_OFF_M:
+            self.stage = LEAVING
+            self.ahead = self.departure
+        return False
 
     def walk(self) -> CrossingPedestrian:
         """Return the person as a pedestrian on the crossing."""
@@ -131,7 +169,10 @@ class Crowd:
                 behaviour.start_standing(self._groups - 1)
 
     def xy(self) -> tuple[Floats, Floats]:
-        """Return places [2, M] m and velocities [2, M] m/s in highway-env's frame."""
+        """Return places and velocities [2, M], m and m/s.
+
+        They are in highway-env's frame.
+        """
         state = self._read()
         return state.xy, state.velocity
 
@@ -173,45 +214,27 @@ class Crowd:
             return
         self._behaviour.step(sorted({p.group for p in self.people}))
         for p in self.people:
-            turns_back = p.group in self._behaviour.turning and p.passed
-            if turns_back and p.stage in (ARRIVING, LEAVING):
-                p.ahead = p.passed[::-1]
-                p.passed = []
-                p.stage = LEAVING
+            if p.group in self._behaviour.turning:
+                p.turn_back()
         self._advance(dt, free)
         self._move(dt, vehicles, self._pavement)
         to_next = self._to_next_point()
-        self.people = [
-            p
-            for p, to_end in zip(self.people, to_next, strict=True)
-            if p.stage != LEAVING or len(p.ahead) > 1 or to_end > _GONE_M
-        ]
+        remaining = zip(self.people, to_next, strict=True)
+        self.people = [p for p, to_end in remaining if not p.has_left(to_end)]
         self._state = None
         missing = len(self.people) < self._target
         if missing and self._rng.uniform() < dt / _ARRIVAL_S:
             self._add_group(ARRIVING, 1.0)
 
     def _add_group(self, stage: int, share: float) -> None:
-        """Add a group on its way to a crossing or away from it.
+        """Add a group on its way.
 
         ``share``: the remaining part of that way.
         """
         if self._pavement is None:
             return
         rng = self._rng
-        quiet = 1.0 / np.array(ARM_WEIGHTS)  # people cross quieter arms more often
-        crossing = int(rng.choice(len(self._crossings), p=quiet / quiet.sum()))
-        size = int(rng.choice(_MAX_GROUP, p=_GROUP_SHARES) + 1)
-        size = min(size, self._target - len(self.people))
-        aside = (-0.8, 0.8) if size == 1 else (-0.95, 0.05)
-        way = walking.Footway(
-            self._crossings[crossing],
-            self._pavement,
-            direction=1.0 if rng.uniform() < 0.5 else -1.0,
-            middle=float(rng.uniform(*aside)),
-            coming=walking.draw_sidewalk(True, rng),
-            going=walking.draw_sidewalk(False, rng),
-        )
+        crossing, size, way = self._draw_way(self._pavement)
         pace = float(rng.uniform(1.05, 1.55))
         patience = float(rng.uniform(*_PATIENCE_S))
         strolls = bool(rng.uniform() < _STROLL_SHARE)
@@ -234,6 +257,24 @@ class Crowd:
         self._state = None
         self._groups += 1
 
+    def _draw_way(self, pavement: Pavement) -> tuple[int, int, walking.Footway]:
+        """Draw the crossing, the size and the way of a group."""
+        rng = self._rng
+        quiet = 1.0 / np.array(ARM_WEIGHTS)  # people cross quieter arms more often
+        crossing = int(rng.choice(len(self._crossings), p=quiet / quiet.sum()))
+        size = int(rng.choice(_MAX_GROUP, p=_GROUP_SHARES) + 1)
+        size = min(size, self._target - len(self.people))
+        aside = (-0.8, 0.8) if size == 1 else (-0.95, 0.05)
+        way = walking.Footway(
+            self._crossings[crossing],
+            pavement,
+            direction=1.0 if rng.uniform() < 0.5 else -1.0,
+            middle=float(rng.uniform(*aside)),
+            coming=walking.draw_sidewalk(True, rng),
+            going=walking.draw_sidewalk(False, rng),
+        )
+        return crossing, size, way
+
     def _new_person(
         self,
         crossing: int,
@@ -244,7 +285,7 @@ class Crowd:
         pace: float,
         patience: float,
     ) -> Person:
-        """Draw the k-th person of a group, who walks to the first point ahead."""
+        """Draw the k-th person of a group."""
         rng = self._rng
         length, width, height = rng.uniform((0.35, 0.45, 1.5), (0.5, 0.6, 1.9)).tolist()
         pace = min(max(pace + float(rng.normal(0.0, 0.05)), 1.0), 1.6)
@@ -270,34 +311,20 @@ class Crowd:
         )
 
     def _advance(self, dt: float, free: Callable[[CrossingPedestrian], bool]) -> None:
-        """Move all people on to the next stage; a group steps on the road together."""
+        """Move all people on to the next stage.
+
+        A group steps on the road together.
+        """
         speeds = np.hypot(*self._read().local[1]).tolist()
-        at_kerb = set()  # those who wait, or are near enough to walk on without a stop
+        at_kerb = set()
         for p, to_next, speed in zip(
             self.people, self._to_next_point(), speeds, strict=True
         ):
-            remaining = to_next
-            if len(p.ahead) > 1 and to_next < _CORNER_M:
-                p.passed += p.ahead[:1] if p.passed else []
-                p.ahead = p.ahead[1:]
-                remaining = float(np.hypot(*(p.ahead[0] - p.place)))
-            # the last point before the crossing
-            if p.stage == ARRIVING and len(p.ahead) == 1:
-                stands = speed < _MIN_WALKING_MPS
-                if remaining < (_QUEUED_M if stands else _REACHED_M):
-                    p.stage = WAITING
-                if remaining < _LOOKING_M:
-                    at_kerb.add(p.number)
-            elif p.stage == WAITING:
-                p.waited += dt
+            if p.advance(p.turn_corner(to_next), speed < _MIN_WALKING_MPS, dt):
                 at_kerb.add(p.number)
-            elif p.stage == CROSSING and p.crossed:
-                p.stage = LEAVING
-                p.ahead = p.departure
         for group in sorted(self._behaviour.ready):
             members = [p for p in self.people if p.group == group]
-            together = all(p.number in at_kerb for p in members)
-            if together and all(free(p.walk()) for p in members):
+            if all(p.number in at_kerb and free(p.walk()) for p in members):
                 for p in members:
                     p.stage = CROSSING
                     p.passed = []
@@ -340,7 +367,7 @@ class Crowd:
         self._state = None
 
     def _to_next_point(self) -> list[float]:
-        """Return the metres to the next point of the way of each person."""
+        """Return each person's metres to the next point."""
         x, y = _points([p.ahead[0] for p in self.people]) - self._read().local[0]
         distance: list[float] = np.hypot(x, y).tolist()
         return distance

@@ -64,7 +64,7 @@ class Recording:
         part: slice = slice(None),
         renumbered: bool = True,
     ) -> World:
-        """Return the world of some frames with the sensor on the vehicle ``number``.
+        """Return the world of some frames seen by vehicle ``number``.
 
         That vehicle is not in the truth. ``renumbered``: objects are numbered from 0,
         else they keep their numbers.
@@ -78,7 +78,10 @@ class Recording:
     def seen_beside(
         self, sensor: tuple[float, float, float], lanes: tuple[Lane, ...]
     ) -> World:
-        """Return the world with a fixed sensor at x, y, z in highway-env's frame."""
+        """Return the world seen by a fixed sensor.
+
+        ``sensor``: x, y, z in highway-env's frame.
+        """
         x, y, z = sensor
         ego = np.tile([x, -y, z, 0.0], (len(self.frames), 1))
         return self._world(self.rows(), ego, lanes)

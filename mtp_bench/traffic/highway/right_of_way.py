@@ -75,7 +75,7 @@ class _Approach:
         return self.front <= self.passage.line + _OVERSHOT_M
 
     def has_left(self, zone: ConflictZone) -> bool:
-        """Return True if it has left its stretch of the ``other`` side of a zone.
+        """Return True if it has left the other stretch of a zone.
 
         On a common way it is enough to be ahead.
         """
@@ -90,7 +90,7 @@ class _Approach:
         return _travel_time(distance, self.speed, _FAST_ACCELERATION_MPS2, cruise)
 
     def latest(self, end: float) -> float:
-        """Return the latest time at which it passes an ``end``, s from now.
+        """Return the latest time at an ``end``, s from now.
 
         Inf if it may stop before.
         """
@@ -102,7 +102,7 @@ class _Approach:
         return _travel_time(distance, self.speed, acceleration, cruise)
 
     def meets(self, stretch: CrossingStretch, walk: CrossingPedestrian) -> bool:
-        """Return True if a pedestrian on a crossing would be in the way."""
+        """Return True if a pedestrian would be in the way."""
         if walk.crossing != stretch.crossing or self.rear > stretch.end:
             return False
         to_middle = (stretch.across - walk.along) * walk.direction
@@ -146,7 +146,7 @@ class RightOfWay:
         claimed: set[int],
         time_s: float,
     ) -> Floats:
-        """Return free metres [N] from each bumper to the place to wait at.
+        """Return free metres [N] to the places to wait at.
 
         They are inf for a vehicle that need not wait. ``walks``: pedestrians on
         crossings; ``claimed``: crossings where people have waited long enough, for
@@ -154,7 +154,9 @@ class RightOfWay:
         """
         self._observe(state, ahead)
         self._grant(self._first_waiting(), walks, claimed, time_s)
-        self._let_pass(self._vehicles.get(self.driven))
+        driven = self._vehicles.get(self.driven)
+        if driven is not None and driven.rear <= driven.passage.end:
+            self._let_pass(driven)
         # the oldest right first: others wait for those who wait
         for number, orders in self._granted.items():
             me = self._vehicles[number]
@@ -182,7 +184,7 @@ class RightOfWay:
         )
 
     def _observe(self, state: RoadState, ahead: Leaders) -> None:
-        """Read the vehicles, in the order of the state, and forget those that left."""
+        """Read the vehicles in order and forget those that left."""
         stops = {number: self._vehicles[number].stop for number in self._granted}
         columns = (
             state.numbers,
@@ -200,10 +202,11 @@ class RightOfWay:
             approach = _Approach(self.passages[route], route, *values)
             approach.stop = stops.get(number, math.inf)
             self._vehicles[number] = approach
-        inside = {n for n, me in self._vehicles.items() if me.rear <= me.passage.end}
-        for number in [n for n in self._granted if n not in inside]:
-            del self._granted[number]
-        for number in [n for n in self._asked_s if n not in self._vehicles]:
+        for number in [*self._granted]:
+            me = self._vehicles.get(number)
+            if me is None or me.rear > me.passage.end:
+                del self._granted[number]
+        for number in self._asked_s.keys() - self._vehicles.keys():
             del self._asked_s[number]
 
     def _first_waiting(self) -> list[int]:
@@ -224,15 +227,10 @@ class RightOfWay:
         claimed: set[int],
         time_s: float,
     ) -> None:
-        """Give the right of way to waiting vehicles, in the order of asking."""
-        for number in waiting:
-            me = self._vehicles[number]
-            ask_distance_m = _ASK_DISTANCE_M + _ASK_TIME_S * me.speed
-            if me.passage.line - me.front < ask_distance_m:
-                self._asked_s.setdefault(number, time_s)
+        """Give waiting vehicles the right of way in order."""
         impatient_routes: list[int] = []
         self._claimed = []
-        asking = [(self._asked_s[n], n) for n in waiting if n in self._asked_s]
+        asking = self._asking(waiting, time_s)
         for asked_s, number in sorted(asking):
             me = self._vehicles[number]
             if any(route in me.passage.zones for route in impatient_routes):
@@ -248,10 +246,19 @@ class RightOfWay:
             if time_s - asked_s > _COURTESY_S:
                 self._claimed += [stretch.crossing for stretch in me.passage.stretches]
 
+    def _asking(self, waiting: list[int], time_s: float) -> list[tuple[float, int]]:
+        """Return times of asking, and numbers, of vehicles close to their line."""
+        for number in waiting:
+            me = self._vehicles[number]
+            ask_distance_m = _ASK_DISTANCE_M + _ASK_TIME_S * me.speed
+            if me.passage.line - me.front < ask_distance_m:
+                self._asked_s.setdefault(number, time_s)
+        return [(self._asked_s[n], n) for n in waiting if n in self._asked_s]
+
     def _order(
         self, me: _Approach, walks: list[CrossingPedestrian], claimed: set[int]
     ) -> tuple[Orders, Orders] | None:
-        """Return vehicles to let go first, and those that must let this one go first.
+        """Return vehicles to let go first, and those that wait.
 
         None if it cannot go now.
         """
@@ -273,13 +280,11 @@ class RightOfWay:
                     return None
         return leaders, followers
 
-    def _let_pass(self, me: _Approach | None) -> None:
-        """Give the driven vehicle the right of way where it can no longer stop.
+    def _let_pass(self, me: _Approach) -> None:
+        """Let the driven vehicle go where it cannot stop.
 
         Vehicles that can stop let it pass.
         """
-        if me is None or me.rear > me.passage.end:
-            return
         reach = me.front + me.speed**2 / (2 * _DRIVEN_BRAKING_MPS2)
         if reach > me.passage.line:
             self._granted.setdefault(self.driven, [])

@@ -144,7 +144,10 @@ class Attempt:
         return "no_ego" if ego is None else recording.seen_from(ego, self.lanes)
 
     def step(self, vehicles: Floats) -> None:
-        """Move all by 1 / `RATE` seconds; ``vehicles`` [N, 7]: their boxes now."""
+        """Move all by 1 / `RATE` seconds.
+
+        ``vehicles`` [N, 7]: boxes of the vehicles now.
+        """
         people, velocity = self.crowd.xy()
         state = RoadState([*self.vehicles], self.map, self.routes, people, velocity)
         acceleration = self._acceleration(state)
@@ -184,9 +187,10 @@ class Attempt:
 
 
 def _choose_ego(recording: Recording, rng: np.random.Generator) -> int | None:
-    """Draw the number of a vehicle that drives far and has many objects around it.
+    """Draw the number of a vehicle for the sensor.
 
-    It is present in all frames; None without one.
+    It drives far and has many objects around it. It is present in all frames; None
+    without one.
     """
     rows = recording.rows()
     number = rows[:, 10]

@@ -54,7 +54,7 @@ class TrafficScenes:
         return scene_of(name, self.store.get(int(name.rsplit("-", 1)[1])), self.card)
 
     def missing(self, scenes: int | None = None) -> list[int]:
-        """Return seeds, of the first ones, whose worlds are not in the cache."""
+        """Return those of the first seeds that are not stored."""
         seeds = self.seeds[:scenes]
         return [seed for seed in seeds if not self.store.path(seed).is_file()]
 
@@ -73,7 +73,7 @@ class HighwayTraffic(TrafficScenes):
     """Scenes of the library's own traffic."""
 
     def __init__(self, card: Card, data: object = None) -> None:
-        """Raise CardError for a rate or class that the simulation does not have.
+        """Raise CardError for an impossible rate or class.
 
         ``data`` is not needed.
         """
@@ -148,9 +148,10 @@ def scene_of(name: str, world: World, card: Card, stride: int | None = None) -> 
 
 
 def stride_of(card: Card, rate: float, advice: str = "") -> int:
-    """Return the steps of a simulation at ``rate`` Hz per frame of the task.
+    """Return steps of a simulation per frame of the task.
 
-    Raises CardError, with ``advice``, if it is not whole.
+    ``rate``: of the simulation, Hz. Raises CardError, with ``advice``, if it is not
+    whole.
     """
     stride = round(rate / card.task.rate)
     if stride < 1 or not np.isclose(card.task.rate * stride, rate):
@@ -166,7 +167,7 @@ def traffic_of(section: HighwaySource) -> Traffic:
 
 
 def ever_seen(truth: Truth, visible: Floats) -> Bools:
-    """Return the mask of boxes [R] whose object was in view by their frame.
+    """Mark boxes [R] whose object was in view by then.
 
     It may have been at any distance.
     """

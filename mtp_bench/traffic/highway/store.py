@@ -63,12 +63,18 @@ class WorldStore:
         return self.folder.with_name(f"{self.folder.name}-secret")
 
     def path(self, seed: int) -> Path:
-        """Return the file of one world; those of secret seeds have a folder apart."""
+        """Return the file of one world.
+
+        Those of secret seeds have a folder apart.
+        """
         folder = self.secret_folder if seed >= SECRET_SEEDS else self.folder
         return folder / f"{seed:06d}.npz"
 
     def read(self, seed: int) -> World | None:
-        """Return the stored world; None if it is missing or changed."""
+        """Return the stored world.
+
+        None if it is missing or changed.
+        """
         arrays = read_arrays(self.path(seed))
         try:
             return None if arrays is None else unpack(arrays)
@@ -93,7 +99,10 @@ class WorldStore:
         return world
 
     def make(self, seeds: Sequence[int], workers: int = 1) -> Iterator[int]:
-        """Store worlds over ``workers`` processes; yield each seed when it is done."""
+        """Store worlds over ``workers`` processes.
+
+        Yields each seed when it is done.
+        """
         tasks = [(self, seed) for seed in seeds]
         for index, _ in unordered_map(_make_one, tasks, Workers(max(1, workers))):
             yield seeds[index]
@@ -113,7 +122,10 @@ def _make_one(store: WorldStore, seed: int) -> None:
 
 @contextmanager
 def _writable(folder: Path) -> Iterator[None]:
-    """Make a folder for worlds; an OSError in the block becomes a DataError."""
+    """Make a folder for worlds.
+
+    An OSError in the block becomes a DataError.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         yield
@@ -139,7 +151,10 @@ def pack(world: World) -> Arrays:
 
 
 def unpack(arrays: Arrays) -> World:
-    """Return the world of packed arrays; raises KeyError for a missing array."""
+    """Return the world of packed arrays.
+
+    Raises KeyError for a missing array.
+    """
     points = np.split(arrays["lane"], arrays["lane_start"][1:-1], axis=1)
     following = np.split(arrays["following"], arrays["following_start"][1:-1])
     lanes = tuple(

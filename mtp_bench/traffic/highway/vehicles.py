@@ -143,7 +143,10 @@ def vehicle_boxes(vehicles: Sequence[Driver]) -> Floats:
 
 
 def draw_traits(fast: bool, rng: np.random.Generator) -> VehicleTraits:
-    """Draw a vehicle and its driver; ``fast``: for a motorway, with more trucks."""
+    """Draw a vehicle and its driver.
+
+    ``fast``: for a motorway, with more trucks.
+    """
     kinds = tuple(_SIZES_M)
     shares = _KIND_SHARES["fast" if fast else "urban"]
     kind = kinds[int(rng.choice(len(kinds), p=shares))]

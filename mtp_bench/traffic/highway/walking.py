@@ -96,7 +96,7 @@ class Footway:
         return [*self._along(self.coming, -1, k), self.waiting_point(k)]
 
     def departure(self, k: int) -> list[Floats]:
-        """Return points of the k-th person's way from the other side of the road."""
+        """Return points of the k-th person's way from the road."""
         return [self.far_point(k), *reversed(self._along(self.going, 1, k))]
 
     def stroll(self, k: int) -> list[Floats]:
@@ -129,7 +129,10 @@ class Footway:
 
 
 def remaining_way(points: list[Floats], share: float) -> list[Floats]:
-    """Return the last ``share`` of a way; the first point is its start."""
+    """Return the last ``share`` of a way.
+
+    The first point is its start.
+    """
     steps = [float(np.hypot(*(b - a))) for a, b in pairwise(points)]
     passed = (1.0 - share) * sum(steps)
     k = 0
@@ -155,13 +158,16 @@ def slow_at_kerb(
 
 
 def keep_off_road(place: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
-    """Return places [2, M]; people ``on_sidewalk`` [M] are moved back to it."""
+    """Return places [2, M] off the road.
+
+    People ``on_sidewalk`` [M] are moved back to it.
+    """
     outwards, room = _to_kerb(place, pavement)
     return place - np.maximum(-room, 0.0) * on_sidewalk * outwards
 
 
 def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
-    """Return the direction to the nearest kerb [2, M] and the distance to it [M].
+    """Return direction [2, M] and distance [M] to the kerb.
 
     The distance is negative on the road.
     """
@@ -255,7 +261,10 @@ def push_apart(place: Floats) -> Floats:
 
 
 def keep_out_of_vehicles(place: Floats, moved: Floats, vehicles: "Outlines") -> Floats:
-    """Return ``moved`` [2, M]; people in front of a vehicle stay at ``place``."""
+    """Return places [2, M] outside of vehicles.
+
+    They are ``moved``, but people in front of a vehicle stay at ``place``.
+    """
     clearance = vehicles.clearance(moved)
     too_near = (clearance < _OUTLINE_M) & (clearance < vehicles.before)
     return np.where(too_near.any(axis=1), place, moved)
