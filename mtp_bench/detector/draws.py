@@ -97,12 +97,12 @@ class Draws:
         There are numbers of m `parts` for each key.
         """
         offsets = _offsets(self._key, parts).reshape(-1, *[1] * keys.ndim)
-        bits = _mixed(offsets + keys)
-        bits >>= _LOW_BITS
-        number = bits.astype(np.float64)
-        number += 0.5
-        number *= 2.0**-53
-        return number
+        hash_bits = _mixed(offsets + keys)
+        hash_bits >>= _LOW_BITS
+        uniform_number = hash_bits.astype(np.float64)
+        uniform_number += 0.5
+        uniform_number *= 2.0**-53
+        return uniform_number
 
     def uniform(self, kind: NoiseKind, component: int, keys: Keys) -> Floats:
         """Return a uniform number in (0, 1) for each key of `keys_of`."""
@@ -137,10 +137,10 @@ def keys_of(*index: Ints | Keys) -> Keys:
 
     ``index``: arrays of a common shape, of integers or of such keys.
     """
-    state = np.zeros(1, dtype=np.uint64)
-    for number in index:
-        state = extended_key(state, number)
-    return state
+    hash_state = np.zeros(1, dtype=np.uint64)
+    for uniform_number in index:
+        hash_state = extended_key(hash_state, uniform_number)
+    return hash_state
 
 
 def extended_key(key: Keys, index: Ints | Keys) -> Keys:
@@ -148,16 +148,16 @@ def extended_key(key: Keys, index: Ints | Keys) -> Keys:
     return _mixed(key + (np.asarray(index).astype(np.uint64) * _GOLDEN + _GOLDEN))
 
 
-def _mixed(state: Keys) -> Keys:
-    """Mix all bits of ``state`` in place and return it.
+def _mixed(hash_state: Keys) -> Keys:
+    """Mix all bits of ``hash_state`` in place and return it.
 
     This is the finaliser of SplitMix64.
     """
-    for shift, factor in _SHIFTS_AND_FACTORS:
-        state ^= state >> shift
-        state *= factor
-    state ^= state >> _FINAL_SHIFT
-    return state
+    for bit_shift, bit_factor in _SHIFTS_AND_FACTORS:
+        hash_state ^= hash_state >> bit_shift
+        hash_state *= bit_factor
+    hash_state ^= hash_state >> _FINAL_SHIFT
+    return hash_state
 
 
 def stationary(after_no: Floats, after_yes: Floats) -> Floats:
@@ -242,12 +242,12 @@ def _log_tail(value: Floats, normal: Any, tail: Any) -> Any:
 @lru_cache(maxsize=256)
 def skewed_quantile(chance: float, share: float) -> float:
     """Return the value that `skewed` numbers exceed with a chance."""
-    low = -12.0
-    high = 60.0
+    low_value = -12.0
+    high_value = 60.0
     for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        if float(skewed_cdf(np.asarray(middle), share)) < 1.0 - chance:
-            low = middle
+        middle_value = (low_value + high_value) / 2
+        if float(skewed_cdf(np.asarray(middle_value), share)) < 1.0 - chance:
+            low_value = middle_value
         else:
-            high = middle
-    return (low + high) / 2
+            high_value = middle_value
+    return (low_value + high_value) / 2

@@ -58,36 +58,36 @@ class BoxErrors:
 
 
 def draw_errors(
-    grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: Ints | None
+    grid: Grid, neighbours: Neighbours | None, draws: Draws, row_index: Ints | None
 ) -> BoxErrors:
     """Draw the errors of rows of a grid.
 
-    ``rows``: some rows; None: all. ``neighbours``, if any, share the lasting ones.
+    ``row_index``: some rows; None: all. ``neighbours``, if any, share the lasting ones.
     """
-    if rows is not None and grid.memory is None and neighbours is None:
-        grid = grid.select(rows)
-        rows = None
+    if row_index is not None and grid.memory is None and neighbours is None:
+        grid = grid.select(row_index)
+        row_index = None
     lasting = grid.lasting(_memories, neighbours, draws, _POSITION_KINDS)
     flipped = _flips(grid, draws)
-    if rows is not None:
-        grid = grid.select(rows)
-        lasting = lasting[:, rows]
-        flipped = flipped[rows]
-    number = draws.uniforms(_OF_ROWS, grid.row_keys)
-    new = ndtri(number[: len(_NEW_KINDS)])
-    push, other = number[len(_NEW_KINDS) :]
-    radial, tangential, tail = grid.with_new(lasting, new[:3], _memories)
+    if row_index is not None:
+        grid = grid.select(row_index)
+        lasting = lasting[:, row_index]
+        flipped = flipped[row_index]
+    uniform_numbers = draws.uniforms(_OF_ROWS, grid.row_keys)
+    new_numbers = ndtri(uniform_numbers[: len(_NEW_KINDS)])
+    push_uniform, other_uniform = uniform_numbers[len(_NEW_KINDS) :]
+    radial, tangential, tail = grid.with_new(lasting, new_numbers[:3], _memories)
     mean_z, deviation_z = grid.of_rows("z").T
     # a normal number over the root of chi-squared
-    student_t4 = new[4] / np.sqrt(-0.5 * np.log(push * other))
-    heading = grid.of_rows("heading.scale") / _ROBUST_T4 * student_t4
+    student_t4 = new_numbers[4] / np.sqrt(-0.5 * np.log(push_uniform * other_uniform))
+    heading_error = grid.of_rows("heading.scale") / _ROBUST_T4 * student_t4
     size, velocity = ndtri(draws.uniforms(_OF_AXES, of_axes(grid.row_keys)))
     return BoxErrors(
         latent=np.stack([radial, tangential], axis=-1),
         tail=_tail_factors(grid, tail),
         scale=grid.of_rows(_SCALES).reshape(-1, 2, 3),
-        z=mean_z + deviation_z * new[3],
-        turn=heading + np.pi * flipped,
+        z=mean_z + deviation_z * new_numbers[3],
+        turn=heading_error + np.pi * flipped,
         size=_size_errors(grid, draws, size),
         velocity=grid.of_rows("velocity")[:, None] * velocity[:, :2],
     )
@@ -118,32 +118,36 @@ def detected_boxes(
     them; ``quality`` [R] is the random part of their quality. Velocities are NaN where
     the class has none or the true one is unknown.
     """
-    s0, s1, gain = np.moveaxis(errors.scale, -1, 0)
-    scale = (s0 + s1 * distance[:, None] / 10) * np.exp(-gain * quality[:, None])
-    offset = scale * errors.tail[:, None] * errors.latent
-    offset = np.clip(offset, -_MAX_OFFSET_M, _MAX_OFFSET_M)
-    offset, turned = rotate(np.array([offset, errors.velocity]), direction)
+    s0, s1, quality_gain = np.moveaxis(errors.scale, -1, 0)
+    scale_m = (s0 + s1 * distance[:, None] / 10) * np.exp(
+        -quality_gain * quality[:, None]
+    )
+    offset_m = scale_m * errors.tail[:, None] * errors.latent
+    offset_m = np.clip(offset_m, -_MAX_OFFSET_M, _MAX_OFFSET_M)
+    offset_m, turned = rotate(np.array([offset_m, errors.velocity]), direction)
     size = box[:, 4:]
     min_size = np.maximum(_MIN_SIZE_M, _MIN_SIZE_SHARE * size)
     detected = box.copy()
-    detected[:, :2] += offset
+    detected[:, :2] += offset_m
     detected[:, 2] += errors.z
     detected[:, 3] = wrap_angle(detected[:, 3] + errors.turn)
     detected[:, 4:] = np.maximum(size + errors.size, np.minimum(size, min_size))
     return detected, velocity + turned
 
 
-def _tail_factors(grid: Grid, latent: Floats) -> Floats:
+def _tail_factors(grid: Grid, latent_numbers: Floats) -> Floats:
     """Return factors [R] that turn normal numbers into Student's t.
 
-    ``latent`` [R]: normal numbers.
+    ``latent_numbers`` [R]: normal numbers.
     """
-    factor = np.ones(len(latent))
+    tail_factors = np.ones(len(latent_numbers))
     row_nu = grid.of_rows("nu")
     for nu in {noise.nu for noise in grid.noise}:
-        rows = np.flatnonzero(row_nu == nu)
-        factor[rows] = np.interp(latent[rows], _LATENT, _mixing_quantiles(float(nu)))
-    return factor
+        row_index = np.flatnonzero(row_nu == nu)
+        tail_factors[row_index] = np.interp(
+            latent_numbers[row_index], _LATENT, _mixing_quantiles(float(nu))
+        )
+    return tail_factors
 
 
 @lru_cache(maxsize=256)
@@ -164,22 +168,24 @@ def _flips(grid: Grid, draws: Draws) -> Bools:
     after_no, after_yes = at_period(flip, flip_again, grid.steps)
     if not (len(grid.ids) and after_no.any()):
         return np.zeros(len(grid.column), dtype=bool)
-    first = stationary(after_no, after_yes)[grid.noise_number]
+    first_chance = stationary(after_no, after_yes)[grid.noise_number]
     after_no = after_no[grid.noise_number]
     after_yes = after_yes[grid.noise_number]
     uniform = draws.uniform(NoiseKind.FLIP, Component.PUSH, grid.cell_keys)
     if grid.memory is not None:
         name = (draws.subject, NoiseKind.FLIP)
         flipped = grid.memory.previous(name, uniform.shape) > 0
-        chance = np.where(flipped, after_yes, after_no)
-        chance = np.where(grid.span[0] == grid.memory.frame, first, chance)
-        state = uniform < chance
-        grid.memory.series[name] = state.astype(np.float64)
-        return np.asarray(state[grid.column])
+        flip_chance = np.where(flipped, after_yes, after_no)
+        flip_chance = np.where(
+            grid.span[0] == grid.memory.frame, first_chance, flip_chance
+        )
+        flip_state = uniform < flip_chance
+        grid.memory.series[name] = flip_state.astype(np.float64)
+        return np.asarray(flip_state[grid.column])
     uniform = grid.on_grid(uniform, other=1.0)
     begins = np.arange(grid.frames)[:, None] == grid.span[0] % grid.frames
-    states = uniform < np.where(begins, first, after_no)
-    if_yes = uniform < np.where(begins, first, after_yes)
+    states = uniform < np.where(begins, first_chance, after_no)
+    if_yes = uniform < np.where(begins, first_chance, after_yes)
     for t in range(1, grid.frames):
         states[t] = np.where(states[t - 1], if_yes[t], states[t])
     return np.asarray(states[grid.frame, grid.column])
@@ -195,9 +201,11 @@ def _size_errors(grid: Grid, draws: Draws, white: Floats) -> Floats:
         "size",
         lambda keys: draws.normal(NoiseKind.SIZE, Component.BIAS, of_axes(keys)).T,
     )
-    share = grid.of_rows("size.white")[:, None]
-    normal = np.sqrt(1 - share) * bias.T[grid.column] + np.sqrt(share) * white
-    return grid.of_rows("size.mean") + grid.of_rows("size.deviation") * normal
+    white_share = grid.of_rows("size.white")[:, None]
+    mixed_normal = (
+        np.sqrt(1 - white_share) * bias.T[grid.column] + np.sqrt(white_share) * white
+    )
+    return grid.of_rows("size.mean") + grid.of_rows("size.deviation") * mixed_normal
 
 
 def of_axes(keys: Keys) -> Keys:

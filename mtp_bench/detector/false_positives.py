@@ -57,14 +57,14 @@ def sorted_detections(parts: Sequence[DetectedRows], frames: int) -> Detections:
     So their order does not show which are false.
     """
     rows = joined(parts)
-    order = np.lexsort((rows.box[:, 0], -rows.score, rows.frame))
-    start = starts_of(np.bincount(rows.frame, minlength=frames))
+    row_order = np.lexsort((rows.box[:, 0], -rows.score, rows.frame))
+    frame_starts = starts_of(np.bincount(rows.frame, minlength=frames))
     return Detections(
-        start,
-        rows.box[order],
-        rows.velocity[order],
-        rows.class_id[order],
-        rows.score[order],
+        frame_starts,
+        rows.box[row_order],
+        rows.velocity[row_order],
+        rows.class_id[row_order],
+        rows.score[row_order],
     )
 
 
@@ -77,15 +77,15 @@ def detect_false_positives(
     """
     errors = joined([part for part, _ in parts])
     visible = joined([rows for _, rows in parts])
-    distance, bearing = polar(visible.box[:, :2], scene.ego[visible.frame])
-    covered = np.flatnonzero(scene.sensor.covers(distance, bearing))
+    distance_m, bearing_rad = polar(visible.box[:, :2], scene.ego[visible.frame])
+    covered = np.flatnonzero(scene.sensor.covers(distance_m, bearing_rad))
     visible = select(visible, covered)
     box, velocity = detected_boxes(
         visible.box,
         visible.velocity,
         select(errors, covered),
-        distance[covered],
-        bearing[covered] + scene.ego[visible.frame, 3],
+        distance_m[covered],
+        bearing_rad[covered] + scene.ego[visible.frame, 3],
         np.full(len(covered), _FALSE_QUALITY),
     )
     return replace(visible, box=box, velocity=velocity)
@@ -104,47 +104,49 @@ def draw_places(
     distance.
     """
     area = (-np.inf,) * 2 + (np.inf,) * 2 if sensor.area is None else sensor.area
-    view = min(sensor.field_of_view, 2 * np.pi)
+    view_rad = min(sensor.field_of_view, 2 * np.pi)
     uniform = numbers()
     for attempt in range(2 * _MAX_BEARINGS + 1):
-        distance = np.interp(uniform[:, 0], EVEN_RANKS, quantiles)
-        direction = ego[:, 3] + view * (uniform[:, 1] - 0.5)
-        place = ego[:, :2] + distance[:, None] * unit_vectors(direction)
-        outside = ((place < area[:2]) | (place > area[2:])).any(axis=1)
-        if not outside.any():
+        distance_m = np.interp(uniform[:, 0], EVEN_RANKS, quantiles)
+        direction_rad = ego[:, 3] + view_rad * (uniform[:, 1] - 0.5)
+        place_xy = ego[:, :2] + distance_m[:, None] * unit_vectors(direction_rad)
+        outside_area = ((place_xy < area[:2]) | (place_xy > area[2:])).any(axis=1)
+        if not outside_area.any():
             break
-        redrawn = numbers()
-        uniform[outside, 1] = redrawn[outside, 1]
+        redrawn_numbers = numbers()
+        uniform[outside_area, 1] = redrawn_numbers[outside_area, 1]
         if attempt >= _MAX_BEARINGS:
-            uniform[outside, 0] = redrawn[outside, 0]
+            uniform[outside_area, 0] = redrawn_numbers[outside_area, 0]
     # the loop runs at least once
-    return place  # pyright: ignore[reportPossiblyUnboundVariable]
+    return place_xy  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
-def ground_height(place: Floats, frame: Ints, scene: SensedScene) -> Floats:
+def ground_height(place_xy: Floats, frame: Ints, scene: SensedScene) -> Floats:
     """Return the height of the ground at places [B, 2].
 
     It is the underside of the nearest true box of the frame; in a frame without true
     boxes, as high above the ego as the median underside in the scene.
     """
     if scene.level is not None:
-        return np.full(len(place), scene.level)
+        return np.full(len(place_xy), scene.level)
     truth = scene.truth
     ego_z = scene.ego[:, 2]
     underside = truth.box[:, 2] - truth.box[:, 6] / 2
-    above = underside - ego_z[truth.frame_of_rows]
-    ground = ego_z[frame] + (np.median(above) if len(above) else 0.0)
-    order = np.argsort(frame, kind="stable")
-    start = np.searchsorted(frame[order], np.arange(truth.frames + 1))
-    for t in np.flatnonzero(np.diff(start)):
+    above_sensor_m = underside - ego_z[truth.frame_of_rows]
+    ground_z = ego_z[frame] + (
+        np.median(above_sensor_m) if len(above_sensor_m) else 0.0
+    )
+    row_order = np.argsort(frame, kind="stable")
+    frame_starts = np.searchsorted(frame[row_order], np.arange(truth.frames + 1))
+    for t in np.flatnonzero(np.diff(frame_starts)):
         rows = truth.rows(int(t))
-        index = order[start[t] : start[t + 1]]
+        place_index = row_order[frame_starts[t] : frame_starts[t + 1]]
         if rows.stop > rows.start:
-            offset = place[index, :, None] - truth.box[rows, :2].T
-            offset *= offset
-            nearest = (offset[:, 0] + offset[:, 1]).argmin(axis=1)
-            ground[index] = underside[rows][nearest]
-    return np.asarray(ground)
+            squared_offset = place_xy[place_index, :, None] - truth.box[rows, :2].T
+            squared_offset *= squared_offset
+            nearest_rows = (squared_offset[:, 0] + squared_offset[:, 1]).argmin(axis=1)
+            ground_z[place_index] = underside[rows][nearest_rows]
+    return np.asarray(ground_z)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,15 +176,19 @@ def reported_classes(
     candidates = np.flatnonzero(np.array(noise_names) == noise_name)
     if not len(candidates) or free is None or not free.rate:
         return None
-    boxes = np.bincount(truth.class_id, minlength=len(classes))
-    present = candidates[boxes[candidates] > 0]
-    if not len(present):
+    box_counts = np.bincount(truth.class_id, minlength=len(classes))
+    present_classes = candidates[box_counts[candidates] > 0]
+    if not len(present_classes):
         same_name = candidates[np.array(classes)[candidates] == noise_name]
-        single = [*same_name, *candidates][:1]
-        return ReportedClasses(np.array(single), np.ones(1), np.array([free.size]))
-    sizes = [truth.box[truth.class_id == k, 4:].mean(axis=0) for k in present]
-    share = boxes[present] / boxes[present].sum()
-    return ReportedClasses(present, share, np.array(sizes))
+        single_class = [*same_name, *candidates][:1]
+        return ReportedClasses(
+            np.array(single_class), np.ones(1), np.array([free.size])
+        )
+    mean_sizes = [
+        truth.box[truth.class_id == k, 4:].mean(axis=0) for k in present_classes
+    ]
+    class_share = box_counts[present_classes] / box_counts[present_classes].sum()
+    return ReportedClasses(present_classes, class_share, np.array(mean_sizes))
 
 
 def spread_sizes(size: Floats, normal: Floats) -> Floats:

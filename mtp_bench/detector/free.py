@@ -78,21 +78,26 @@ def free_false_positives(
     rows = np.arange(len(seen.member))
     if scene.memory is not None:
         rows = np.flatnonzero(seen.frame == scene.memory.frame)
-    used, used_row = np.unique(seen.member[rows], return_inverse=True)
-    birth = members.birth[used]
-    family = members.family[used]
-    ego = scene.ego[birth]
+    used_members, used_row = np.unique(seen.member[rows], return_inverse=True)
+    birth_frame = members.birth[used_members]
+    family_number = members.family[used_members]
+    ego = scene.ego[birth_frame]
     rng = draws.generator(NoiseKind.PLACE)
-    shape = (members.families, 2)  # numbers of all families, seen or not
-    place = draw_places(
-        parameters.distance, scene.sensor, ego, lambda: rng.random(shape)[family]
+    number_shape = (members.families, 2)  # numbers of all families, seen or not
+    place_xy = draw_places(
+        parameters.distance,
+        scene.sensor,
+        ego,
+        lambda: rng.random(number_shape)[family_number],
     )
-    place += members.shift[used]
-    size = members.size[used]
-    ground = ground_height(place, birth, scene)
-    height = ground + size[:, 2] / 2
-    box = np.column_stack([place, height, members.heading[used], size])
-    within_reach = np.hypot(*(place - ego[:, :2]).T) <= scene.sensor.reach
+    place_xy += members.shift[used_members]
+    box_sizes = members.size[used_members]
+    ground_z = ground_height(place_xy, birth_frame, scene)
+    center_z = ground_z + box_sizes[:, 2] / 2
+    box = np.column_stack(
+        [place_xy, center_z, members.heading[used_members], box_sizes]
+    )
+    within_reach = np.hypot(*(place_xy - ego[:, :2]).T) <= scene.sensor.reach
     shown = within_reach[used_row]
     rows = rows[shown]
     used_row = used_row[shown]
@@ -100,7 +105,7 @@ def free_false_positives(
         seen.frame[rows],
         box[used_row],
         np.zeros((len(rows), 2)),
-        members.class_id[used[used_row]],
+        members.class_id[used_members[used_row]],
         seen.score[rows],
     )
     return select(seen.errors, rows), detected
@@ -116,14 +121,14 @@ def _appearances(
     """Return members and their visible rows."""
     members = _draw_members(parameters, classes, scene, draws)
     lives = Ragged(starts_of(members.life))
-    member = lives.frame_of_rows
-    age = np.arange(len(member)) - lives.start[member]
+    member_row = lives.frame_of_rows
+    member_age = np.arange(len(member_row)) - lives.start[member_row]
     count = len(members.life)
     grid = Grid(
         frames=int(members.life.max(initial=0)),  # of ages
         ids=np.arange(count),
-        frame=age,
-        column=member,
+        frame=member_age,
+        column=member_row,
         noise=(noise,),
         noise_number=np.zeros(count, dtype=np.int64),
         steps=scene.steps,
@@ -134,8 +139,8 @@ def _appearances(
     rows = visible[reported]
     return _Appearances(
         members,
-        member[rows],
-        (members.birth[member] + age)[rows],
+        member_row[rows],
+        (members.birth[member_row] + member_age)[rows],
         score[reported],
         draw_errors(grid, None, draws, rows),
     )
@@ -166,20 +171,20 @@ def _visible(
 
 
 def _latent(
-    parameters: FreeFalsePositives, grid: Grid, draws: Draws, kind: NoiseKind
+    parameters: FreeFalsePositives, grid: Grid, draws: Draws, class_number: NoiseKind
 ) -> tuple[Floats, Floats]:
     """Return normal numbers that change over frames [R].
 
     Beside them those behind the constant share [J].
     """
     ar = parameters.ar / max(1 - parameters.bias, 1e-12)
-    rng = draws.generator(kind)  # hashing so many numbers would take long
+    rng = draws.generator(class_number)  # hashing so many numbers would take long
     constant = rng.standard_normal(len(grid.ids))
     push, white = rng.standard_normal((2, len(grid.cells[0])))
     # siblings share the numbers of their family
     new = grid.on_grid(white)[grid.frame, grid.column]
     phi = np.array([[parameters.phi]])
-    series = grid.autoregression(phi, draws, (kind,), push[None])[0]
+    series = grid.autoregression(phi, draws, (class_number,), push[None])[0]
     return np.sqrt(ar) * series + np.sqrt(1 - ar) * new, constant
 
 
@@ -191,28 +196,28 @@ def _draw_members(
 ) -> _Members:
     """Draw the members of all families, also those beyond the sensor's reach."""
     survive = float(decayed(np.asarray(parameters.survive), scene.steps))
-    birth = _draw_births(parameters, survive, scene, draws)
-    families = len(birth)
-    life = draws.generator(NoiseKind.LIFE).geometric(1.0 - survive, families)
-    life = np.minimum(life, len(scene.ego) - birth)
+    birth_frame = _draw_births(parameters, survive, scene, draws)
+    families = len(birth_frame)
+    life_frames = draws.generator(NoiseKind.LIFE).geometric(1.0 - survive, families)
+    life_frames = np.minimum(life_frames, len(scene.ego) - birth_frame)
     rng = draws.generator(NoiseKind.FAMILY)
     siblings = rng.poisson(parameters.siblings, families)
-    family = np.repeat(np.arange(families), 1 + siblings)
-    members = len(family)
-    first = np.diff(family, prepend=-1) > 0
-    shift = parameters.spread * rng.standard_normal((members, 2))
-    heading = draws.generator(NoiseKind.HEADING).random(families)
+    family_number = np.repeat(np.arange(families), 1 + siblings)
+    members = len(family_number)
+    is_first = np.diff(family_number, prepend=-1) > 0
+    place_shift = parameters.spread * rng.standard_normal((members, 2))
+    heading_turns = draws.generator(NoiseKind.HEADING).random(families)
     kind_rng = draws.generator(NoiseKind.CLASS)
-    kind = kind_rng.choice(len(classes.share), members, p=classes.share)
-    side = draws.generator(NoiseKind.SIZE).standard_normal((members, 3))
+    class_number = kind_rng.choice(len(classes.share), members, p=classes.share)
+    side_normal = draws.generator(NoiseKind.SIZE).standard_normal((members, 3))
     return _Members(
-        birth[family],
-        life[family],
-        family,
-        np.where(first[:, None], 0.0, shift),
-        wrap_angle(2 * np.pi * heading)[family],
-        spread_sizes(classes.size[kind], side),
-        classes.class_id[kind],
+        birth_frame[family_number],
+        life_frames[family_number],
+        family_number,
+        np.where(is_first[:, None], 0.0, place_shift),
+        wrap_angle(2 * np.pi * heading_turns)[family_number],
+        spread_sizes(classes.size[class_number], side_normal),
+        classes.class_id[class_number],
     )
 
 
@@ -226,11 +231,15 @@ def _draw_births(
     """
     factor = 1.0
     if parameters.dispersion > 1.0:
-        shape = parameters.rate / (parameters.dispersion - 1.0)
-        factor = float(draws.generator(NoiseKind.SCENE).gamma(shape) / shape)
-    rate = parameters.rate * scene.field_ratio
-    alive = rate * factor / parameters.chance / (1.0 + parameters.siblings)
-    mean = np.full(len(scene.ego), alive * (1.0 - survive))
-    mean[:1] = alive
-    count = draws.generator(NoiseKind.BIRTH).poisson(mean)
+        number_shape = parameters.rate / (parameters.dispersion - 1.0)
+        factor = float(
+            draws.generator(NoiseKind.SCENE).gamma(number_shape) / number_shape
+        )
+    birth_rate = parameters.rate * scene.field_ratio
+    alive_families = (
+        birth_rate * factor / parameters.chance / (1.0 + parameters.siblings)
+    )
+    mean_births = np.full(len(scene.ego), alive_families * (1.0 - survive))
+    mean_births[:1] = alive_families
+    count = draws.generator(NoiseKind.BIRTH).poisson(mean_births)
     return np.repeat(np.arange(len(scene.ego)), count)

@@ -51,29 +51,39 @@ def near_false_positives(
     """
     draws = Draws(seed, NoiseSubject.NEAR)
     slots = _slots_of(grid)
-    row = np.repeat(np.arange(len(grid.frame)), SLOTS)
-    visible, rank = _visible(slots, qualities.random[row], draws)
+    true_row = np.repeat(np.arange(len(grid.frame)), SLOTS)
+    visible, quality_rank = _visible(slots, qualities.random[true_row], draws)
     seen = slots.select(visible)
-    row = row[visible]
-    places = seen.constant(draws, "place", lambda keys: draws.uniforms(_PLACE, keys))
-    distance, angle, same, other = places[:, seen.column]
-    true_class = scene.truth.class_id[row]
-    offset = _offsets(seen, distance)
-    class_id = _classes(seen, true_class, offset, same, other, similar)
-    of_object = class_id == true_class
-    score = _scores(seen, rank, of_object & (offset < BESIDE[0]))
-    needs_object = of_object & (offset < BESIDE[1])
-    reported = score >= seen.of_rows("quality.floor")
-    reported &= ~(needs_object & ~qualities.detected[row])
-    index = np.flatnonzero(reported)
-    seen = seen.select(index)
-    row = row[index]
-    box = _boxes(
-        seen, scene.truth.box[row], offset[index], 2 * np.pi * angle[index], draws
+    true_row = true_row[visible]
+    place_uniforms = seen.constant(
+        draws, "place", lambda keys: draws.uniforms(_PLACE, keys)
     )
-    velocity = scene.truth.velocity[row]
-    rows = DetectedRows(seen.frame, box, velocity, class_id[index], score[index])
-    return draw_errors(slots, None, draws, visible[index]), rows
+    distance, angle, same_uniform, other_uniform = place_uniforms[:, seen.column]
+    true_class = scene.truth.class_id[true_row]
+    offset_m = _offsets(seen, distance)
+    class_id = _classes(
+        seen, true_class, offset_m, same_uniform, other_uniform, similar
+    )
+    of_object = class_id == true_class
+    slot_scores = _scores(seen, quality_rank, of_object & (offset_m < BESIDE[0]))
+    needs_object = of_object & (offset_m < BESIDE[1])
+    is_reported = slot_scores >= seen.of_rows("quality.floor")
+    is_reported &= ~(needs_object & ~qualities.detected[true_row])
+    reported_rows = np.flatnonzero(is_reported)
+    seen = seen.select(reported_rows)
+    true_row = true_row[reported_rows]
+    box = _boxes(
+        seen,
+        scene.truth.box[true_row],
+        offset_m[reported_rows],
+        2 * np.pi * angle[reported_rows],
+        draws,
+    )
+    velocity = scene.truth.velocity[true_row]
+    rows = DetectedRows(
+        seen.frame, box, velocity, class_id[reported_rows], slot_scores[reported_rows]
+    )
+    return draw_errors(slots, None, draws, visible[reported_rows]), rows
 
 
 def _slots_of(grid: Grid) -> Grid:
@@ -127,48 +137,48 @@ def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, F
         lambda keys: draws.normal(NoiseKind.QUALITY, Component.BIAS, keys),
     )
     quality = skewed(normal, exponential(constant)[slots.column], bias)
-    rank = np.full(len(quality), np.nan)
+    quality_rank = np.full(len(quality), np.nan)
     for noise, rows in slots.by_noise():
         near = _parameters(noise)
-        index, index_rank = best_ranks(quality[rows], near.bias, near.chance)
-        rank[rows[index]] = index_rank
-    visible = np.flatnonzero(np.isfinite(rank))
-    return visible, rank[visible]
+        reported_rows, index_rank = best_ranks(quality[rows], near.bias, near.chance)
+        quality_rank[rows[reported_rows]] = index_rank
+    visible = np.flatnonzero(np.isfinite(quality_rank))
+    return visible, quality_rank[visible]
 
 
 def _offsets(slots: Grid, uniform: Floats) -> Floats:
     """Return distances [R], m, from the objects' centres, by uniform numbers."""
-    offset = np.zeros(len(uniform))
+    offset_m = np.zeros(len(uniform))
     for noise, rows in slots.by_noise():
         quantiles = _parameters(noise).offset
-        offset[rows] = np.interp(uniform[rows], EVEN_RANKS, quantiles)
-    return offset
+        offset_m[rows] = np.interp(uniform[rows], EVEN_RANKS, quantiles)
+    return offset_m
 
 
-def _scores(slots: Grid, rank: Floats, duplicate: Bools) -> Floats:
+def _scores(slots: Grid, quality_rank: Floats, duplicate: Bools) -> Floats:
     """Return scores [R] by ranks.
 
     Duplicates may have a distribution of their own.
     """
-    score = np.zeros(len(rank))
+    slot_scores = np.zeros(len(quality_rank))
     for noise, rows in slots.by_noise():
         near = _parameters(noise)
-        score[rows] = score_by_rank(rank[rows], near.score)
+        slot_scores[rows] = score_by_rank(quality_rank[rows], near.score)
         if near.duplicates is not None:
             doubled = rows[duplicate[rows]]
-            score[doubled] = score_by_rank(rank[doubled], near.duplicates)
-    return score
+            slot_scores[doubled] = score_by_rank(quality_rank[doubled], near.duplicates)
+    return slot_scores
 
 
 def _boxes(
-    slots: Grid, true_box: Floats, offset: Floats, angle: Floats, draws: Draws
+    slots: Grid, true_box: Floats, offset_m: Floats, angle: Floats, draws: Draws
 ) -> Floats:
-    """Return boxes [R, 7] at the distances ``offset`` from true boxes.
+    """Return boxes [R, 7] at the distances ``offset_m`` from true boxes.
 
     They are on the same ground, and turn with them.
     """
     box = true_box.copy()
-    box[:, :2] += rotate(offset[:, None] * unit_vectors(angle), true_box[:, 3])
+    box[:, :2] += rotate(offset_m[:, None] * unit_vectors(angle), true_box[:, 3])
     normal = slots.constant(
         draws,
         "side",
@@ -182,24 +192,26 @@ def _boxes(
 def _classes(
     slots: Grid,
     true_class: Ints,
-    offset: Floats,
+    offset_m: Floats,
     uniform: Floats,
-    other: Floats,
+    other_uniform: Floats,
     similar: Sequence[Ints],
 ) -> Ints:
     """Return classes [R] of false positives.
 
     A class is that of the object, or another one with the same noise. ``uniform`` and
-    ``other``: two uniform numbers, which decide it.
+    ``other_uniform``: two uniform numbers, which decide it.
     """
     same_share = slots.of_rows(_numbers)[:, 4:]
-    band = np.digitize(offset, BESIDE)
-    wrong = uniform >= same_share[np.arange(len(offset)), band]
+    distance_band = np.digitize(offset_m, BESIDE)
+    is_wrong = uniform >= same_share[np.arange(len(offset_m)), distance_band]
     class_id = np.array(true_class)
-    for k in set(true_class[wrong].tolist()):
-        rows = np.flatnonzero(wrong & (true_class == k))
-        count = len(similar[k])
-        if count:
-            rank = np.floor(other[rows] ** 2 * count).astype(np.int64)
-            class_id[rows] = similar[k][rank]
+    for k in set(true_class[is_wrong].tolist()):
+        rows = np.flatnonzero(is_wrong & (true_class == k))
+        class_count = len(similar[k])
+        if class_count:
+            quality_rank = np.floor(other_uniform[rows] ** 2 * class_count).astype(
+                np.int64
+            )
+            class_id[rows] = similar[k][quality_rank]
     return class_id

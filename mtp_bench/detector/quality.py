@@ -38,16 +38,18 @@ def draw_qualities(
 ) -> Qualities:
     """Draw qualities of all rows, also of those outside the sensor's coverage."""
     random = random_quality(grid, neighbours, draws)
-    location = (quality_features(visibility) * grid.of_rows("quality.location")).sum(-1)
-    quality = location + random
-    score = np.zeros(len(random))
-    detected = np.zeros(len(random), dtype=bool)
+    mean_quality = (
+        quality_features(visibility) * grid.of_rows("quality.location")
+    ).sum(-1)
+    quality = mean_quality + random
+    row_scores = np.zeros(len(random))
+    is_detected = np.zeros(len(random), dtype=bool)
     for noise, rows in grid.by_noise():
         curve = noise.quality
-        score[rows] = np.interp(quality[rows], curve.latent, curve.score)
-        detected[rows] = quality[rows] >= curve.latent[0]
-    reported = detected & (score >= grid.of_rows("quality.floor"))
-    return Qualities(random, score, detected, reported)
+        row_scores[rows] = np.interp(quality[rows], curve.latent, curve.score)
+        is_detected[rows] = quality[rows] >= curve.latent[0]
+    is_reported = is_detected & (row_scores >= grid.of_rows("quality.floor"))
+    return Qualities(random, row_scores, is_detected, is_reported)
 
 
 def random_quality(grid: Grid, neighbours: Neighbours, draws: Draws) -> Floats:
@@ -78,9 +80,9 @@ def quality_features(visibility: Visibility) -> Floats:
     return np.stack([*powers, *levels, visibility.truncated], axis=-1)
 
 
-def score_by_rank(rank: Floats, quantiles: tuple[float, ...]) -> Floats:
+def score_by_rank(quality_rank: Floats, quantiles: tuple[float, ...]) -> Floats:
     """Return scores with ranks in 0..1, from their quantiles at `RANKS`."""
-    return np.interp(rank, RANKS, quantiles)
+    return np.interp(quality_rank, RANKS, quantiles)
 
 
 def best_ranks(quality: Floats, tail: float, chance: float) -> tuple[Ints, Floats]:
@@ -88,6 +90,6 @@ def best_ranks(quality: Floats, tail: float, chance: float) -> tuple[Ints, Float
 
     Beside them their ranks 0..1 among those. ``tail``: their exponential share.
     """
-    index = np.flatnonzero(quality >= skewed_quantile(chance, tail))
-    rank = (skewed_cdf(quality[index], tail) - (1.0 - chance)) / chance
-    return index, np.clip(rank, 0.0, 1.0)
+    best_rows = np.flatnonzero(quality >= skewed_quantile(chance, tail))
+    quality_rank = (skewed_cdf(quality[best_rows], tail) - (1.0 - chance)) / chance
+    return best_rows, np.clip(quality_rank, 0.0, 1.0)

@@ -27,12 +27,14 @@ class Sensor:
     # m, least and largest x, y of false positives; None: any
     area: tuple[float, float, float, float] | None = None
 
-    def covers(self, distance: Floats, bearing: Floats) -> Bools:
+    def covers(self, distance_m: Floats, bearing_rad: Floats) -> Bools:
         """Return the mask of places within reach and field of view.
 
-        ``distance`` (m) and ``bearing`` (rad) have any common shape.
+        ``distance_m`` (m) and ``bearing_rad`` (rad) have any common shape.
         """
-        return (distance <= self.reach) & (np.abs(bearing) <= self.field_of_view / 2)
+        return (distance_m <= self.reach) & (
+            np.abs(bearing_rad) <= self.field_of_view / 2
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +64,13 @@ def visibility_of(
     BEV; heights do not matter. ``visible``: `visible_fractions`, if known.
     """
     pose = ego[truth.frame_of_rows]
-    distance, bearing = polar(truth.box[:, :2], pose)
+    distance_m, bearing_rad = polar(truth.box[:, :2], pose)
     _, corner_bearing = polar(bev_corners(truth.box), pose[:, None])
     truncated = np.any(np.abs(corner_bearing) > sensor.field_of_view / 2, axis=-1)
     if visible is None:
         visible = visible_fractions(truth, ego)
     occlusion = np.sum(visible[:, None] < np.array(VISIBLE), axis=-1)
-    return Visibility(distance, bearing, occlusion, np.asarray(truncated))
+    return Visibility(distance_m, bearing_rad, occlusion, np.asarray(truncated))
 
 
 def polar(place: Floats, pose: Floats) -> tuple[Floats, Floats]:
@@ -92,16 +94,16 @@ def visible_fractions(truth: Truth, ego: Floats) -> Floats:
     """
     frame = truth.frame_of_rows
     sensor = ego[frame, :2]
-    middle, half, inside = _angular_intervals(truth.box, sensor)
+    middle_rad, half_rad, is_inside = _angular_intervals(truth.box, sensor)
     # a box alone in its frame is fully visible
-    rows = np.flatnonzero(~inside)
+    rows = np.flatnonzero(~is_inside)
     rows = rows[np.bincount(frame[rows])[frame[rows]] > 1]
-    share = np.ones(len(truth.box))
+    visible_share = np.ones(len(truth.box))
     if len(rows):
-        share[rows] = _first_in_sectors(
-            truth.box[rows], frame[rows], sensor[rows], middle[rows], half[rows]
+        visible_share[rows] = _first_in_sectors(
+            truth.box[rows], frame[rows], sensor[rows], middle_rad[rows], half_rad[rows]
         )
-    return share
+    return visible_share
 
 
 def _angular_intervals(box: Floats, sensor: Floats) -> tuple[Floats, Floats, Bools]:
@@ -110,14 +112,14 @@ def _angular_intervals(box: Floats, sensor: Floats) -> tuple[Floats, Floats, Boo
     Beside them a mask [R] of boxes that contain the sensor.
     """
     to_corner = bev_corners(box) - sensor[:, None]
-    bearing = np.arctan2(box[:, 1] - sensor[:, 1], box[:, 0] - sensor[:, 0])
+    bearing_rad = np.arctan2(box[:, 1] - sensor[:, 1], box[:, 0] - sensor[:, 0])
     corner_bearing = np.arctan2(to_corner[..., 1], to_corner[..., 0])
-    offset = wrap_angle(corner_bearing - bearing[:, None])
+    offset = wrap_angle(corner_bearing - bearing_rad[:, None])
     low = offset.min(-1)
     high = offset.max(-1)
     along, across = _in_box_frame(box, sensor)
-    inside = (np.abs(along) <= box[:, 4] / 2) & (np.abs(across) <= box[:, 5] / 2)
-    return bearing + (low + high) / 2, (high - low) / 2, inside
+    is_inside = (np.abs(along) <= box[:, 4] / 2) & (np.abs(across) <= box[:, 5] / 2)
+    return bearing_rad + (low + high) / 2, (high - low) / 2, is_inside
 
 
 def _in_box_frame(box: Floats, sensor: Floats) -> tuple[Floats, Floats]:
@@ -130,66 +132,80 @@ def _in_box_frame(box: Floats, sensor: Floats) -> tuple[Floats, Floats]:
 
 
 def _first_in_sectors(
-    box: Floats, frame: Ints, sensor: Floats, middle: Floats, half: Floats
+    box: Floats, frame: Ints, sensor: Floats, middle_rad: Floats, half_rad: Floats
 ) -> Floats:
     """Return the visible share [R] of boxes.
 
     They do not contain the sensor.
     """
-    ends = np.remainder(np.concatenate([middle - half, middle + half]), _FULL_TURN)
-    ends = ends[np.lexsort((ends, np.tile(frame, 2)))]
+    end_angles = np.remainder(
+        np.concatenate([middle_rad - half_rad, middle_rad + half_rad]), _FULL_TURN
+    )
+    end_angles = end_angles[np.lexsort((end_angles, np.tile(frame, 2)))]
     # sectors of each box's frame
-    first = 2 * np.searchsorted(frame, frame)
-    count = 2 * np.bincount(frame)[frame]
-    following = np.append(ends[1:], 0.0)
-    following[first + count - 1] = ends[first] + _FULL_TURN
-    width = following - ends
-    ray = ends + width / 2
+    first_sector = 2 * np.searchsorted(frame, frame)
+    sector_count = 2 * np.bincount(frame)[frame]
+    following = np.append(end_angles[1:], 0.0)
+    following[first_sector + sector_count - 1] = end_angles[first_sector] + _FULL_TURN
+    sector_width = following - end_angles
+    ray_angle = end_angles + sector_width / 2
 
     # rays that can hit a box: those of the sectors from a little before its first end
     # to a little after its second one
-    sorted_ends = ends + _FRAME_OFFSET * np.repeat(frame, 2)
+    sorted_ends = end_angles + _FRAME_OFFSET * np.repeat(frame, 2)
 
-    def sector_at(angle: Floats) -> Ints:
-        key = np.remainder(angle, _FULL_TURN) + _FRAME_OFFSET * frame
-        sector = np.searchsorted(sorted_ends, key, side="right") - 1
-        return np.asarray(sector - first)
+    def sector_at(angle_rad: Floats) -> Ints:
+        key = np.remainder(angle_rad, _FULL_TURN) + _FRAME_OFFSET * frame
+        sector_index = np.searchsorted(sorted_ends, key, side="right") - 1
+        return np.asarray(sector_index - first_sector)
 
-    begin = sector_at(middle - half - _ANGLE_MARGIN_RAD)
-    end = sector_at(middle + half + _ANGLE_MARGIN_RAD)
-    rays = np.minimum((end - begin - 1) % count + 2, count)
-    owner = np.repeat(np.arange(len(box)), rays)
-    step = np.arange(len(owner)) - np.repeat(np.cumsum(rays) - rays, rays)
-    sector = first[owner] + (begin[owner] + step) % count[owner]
-    hits = np.abs(wrap_angle(ray[sector] - middle[owner])) <= half[owner]
-    owner = owner[hits]
-    sector = sector[hits]
+    begin = sector_at(middle_rad - half_rad - _ANGLE_MARGIN_RAD)
+    end = sector_at(middle_rad + half_rad + _ANGLE_MARGIN_RAD)
+    ray_counts = np.minimum((end - begin - 1) % sector_count + 2, sector_count)
+    box_owner = np.repeat(np.arange(len(box)), ray_counts)
+    ray_step = np.arange(len(box_owner)) - np.repeat(
+        np.cumsum(ray_counts) - ray_counts, ray_counts
+    )
+    sector_index = (
+        first_sector[box_owner]
+        + (begin[box_owner] + ray_step) % sector_count[box_owner]
+    )
+    hit_mask = (
+        np.abs(wrap_angle(ray_angle[sector_index] - middle_rad[box_owner]))
+        <= half_rad[box_owner]
+    )
+    box_owner = box_owner[hit_mask]
+    sector_index = sector_index[hit_mask]
 
-    distance = _entry_distance(ray[sector], owner, box, sensor)
-    nearest = np.full(len(ray), np.inf)
-    np.minimum.at(nearest, sector, distance)
+    distance_m = _entry_distance(ray_angle[sector_index], box_owner, box, sensor)
+    nearest_m = np.full(len(ray_angle), np.inf)
+    np.minimum.at(nearest_m, sector_index, distance_m)
     # of equally near boxes the first one
-    first_hit = np.flatnonzero(distance == nearest[sector])[::-1]
-    sector_owner = np.full(len(ray), -1)
-    sector_owner[sector[first_hit]] = owner[first_hit]
+    first_hit = np.flatnonzero(distance_m == nearest_m[sector_index])[::-1]
+    sector_owner = np.full(len(ray_angle), -1)
+    sector_owner[sector_index[first_hit]] = box_owner[first_hit]
     used = sector_owner >= 0
-    angle = np.bincount(sector_owner[used], weights=width[used], minlength=len(box))
-    return np.minimum(angle / np.maximum(2 * half, _TINY), 1.0)
+    angle_rad = np.bincount(
+        sector_owner[used], weights=sector_width[used], minlength=len(box)
+    )
+    return np.minimum(angle_rad / np.maximum(2 * half_rad, _TINY), 1.0)
 
 
-def _entry_distance(ray: Floats, owner: Ints, box: Floats, sensor: Floats) -> Floats:
+def _entry_distance(
+    ray_angle: Floats, box_owner: Ints, box: Floats, sensor: Floats
+) -> Floats:
     """Return the distances [n], m, where rays enter boxes.
 
-    ``ray`` [n]: directions, rad; ``owner`` [n]: rows of the boxes.
+    ``ray_angle`` [n]: directions, rad; ``box_owner`` [n]: rows of the boxes.
     """
-    turn = ray - box[owner, 3]
-    entry = np.full(len(turn), -np.inf)
+    turn_rad = ray_angle - box[box_owner, 3]
+    entry_m = np.full(len(turn_rad), -np.inf)
     along, across = _in_box_frame(box, sensor)
-    for start, step, size in (
-        (along, np.cos(turn), box[:, 4]),
-        (across, np.sin(turn), box[:, 5]),
+    for start, ray_step, size in (
+        (along, np.cos(turn_rad), box[:, 4]),
+        (across, np.sin(turn_rad), box[:, 5]),
     ):
-        inverse = 1.0 / np.where(np.abs(step) < _TINY, _TINY, step)
-        half_depth = np.abs(inverse) * (size[owner] / 2)
-        entry = np.maximum(entry, -start[owner] * inverse - half_depth)
-    return entry
+        inverse = 1.0 / np.where(np.abs(ray_step) < _TINY, _TINY, ray_step)
+        half_depth = np.abs(inverse) * (size[box_owner] / 2)
+        entry_m = np.maximum(entry_m, -start[box_owner] * inverse - half_depth)
+    return entry_m

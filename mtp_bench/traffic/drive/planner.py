@@ -97,11 +97,11 @@ def _resampled(forecast: Obstacles) -> Obstacles:
         return Obstacles(forecast.box, dense, forecast.weight, forecast.dt * stride)
     parts = ceil(forecast.dt / _MAX_STEP_S - 1e-6)
     objects, samples, steps, _ = path.shape
-    start = np.broadcast_to(forecast.box[:, None, None, :2], (objects, samples, 1, 2))
-    start = np.concatenate([start, path[:, :, :-1]], axis=2)[:, :, :, None]
+    start_m = np.broadcast_to(forecast.box[:, None, None, :2], (objects, samples, 1, 2))
+    start_m = np.concatenate([start_m, path[:, :, :-1]], axis=2)[:, :, :, None]
     share = np.arange(1, parts + 1)[:, None] / parts
-    filled = share * (path[:, :, :, None] - start)
-    filled += start
+    filled = share * (path[:, :, :, None] - start_m)
+    filled += start_m
     filled = filled.reshape(objects, samples, parts * steps, 2)
     return Obstacles(forecast.box, filled, forecast.weight, forecast.dt / parts)
 
@@ -144,41 +144,48 @@ class Planner:
     def _allowed_mps(self) -> Floats:
         """Highest speeds [n] that meet the limits ahead."""
         limit = self._weights.pace * self._way.limit.astype(np.float64)
-        square = limit**2
+        squared_mps = limit**2
         gained = 2 * _LIMIT_BRAKING_MPS2 * np.diff(self._way.s)
-        for i in range(len(square) - 2, -1, -1):
-            square[i] = min(square[i], square[i + 1] + gained[i])
-        return np.sqrt(square)
+        for i in range(len(squared_mps) - 2, -1, -1):
+            squared_mps[i] = min(squared_mps[i], squared_mps[i + 1] + gained[i])
+        return np.sqrt(squared_mps)
 
     @cached_property
     def _speed_table(self) -> Floats:
         """Allowed speeds, every `_CELL_M` from the start of the way, m/s."""
-        stations = np.arange(0.0, self._way.s[-1] + _CELL_M, _CELL_M)
-        return np.interp(stations, self._way.s, self._allowed_mps)
+        stations_m = np.arange(0.0, self._way.s[-1] + _CELL_M, _CELL_M)
+        return np.interp(stations_m, self._way.s, self._allowed_mps)
 
     def allowed(self, s: float) -> float:
         """Return the highest speed at ``s`` m along the way, m/s."""
         return float(np.interp(s, self._way.s, self._allowed_mps))
 
     def profiles(
-        self, s: float, speed: float, dt: float, steps: int
+        self, s: float, speed: float, step_s: float, steps: int
     ) -> tuple[Floats, Floats]:
         """Return stations [C, T + 1] m and speeds of all profiles.
 
-        They begin now, at ``s`` m with ``speed`` m/s, and have values every ``dt`` s.
+        They begin now, at ``s`` m with ``speed`` m/s, and have values every ``step_s``
+        s.
         """
-        stations, speeds = np.empty((2, steps + 1, len(self._first_mps2)))
-        stations[0] = s
-        speeds[0] = speed
+        stations_m, speeds_mps = np.empty((2, steps + 1, len(self._first_mps2)))
+        stations_m[0] = s
+        speeds_mps[0] = speed
         for k in range(steps):
-            later = k * dt > _FIRST_SECONDS - 1e-6
-            gain = (self._later_mps2 if later else self._first_mps2) * dt
-            cell = (stations[k] / _CELL_M).astype(np.int64)
+            later = k * step_s > _FIRST_SECONDS - 1e-6
+            gain_mps = (self._later_mps2 if later else self._first_mps2) * step_s
+            cell = (stations_m[k] / _CELL_M).astype(np.int64)
             table_speed = self._speed_table.take(cell, mode="clip")
-            top = np.maximum(table_speed, speeds[k] - 2 * _LIMIT_BRAKING_MPS2 * dt)
-            speeds[k + 1] = np.maximum(np.minimum(speeds[k] + gain, top), 0.0)
-            stations[k + 1] = stations[k] + (speeds[k] + speeds[k + 1]) * (dt / 2)
-        return stations.T, speeds.T
+            top_mps = np.maximum(
+                table_speed, speeds_mps[k] - 2 * _LIMIT_BRAKING_MPS2 * step_s
+            )
+            speeds_mps[k + 1] = np.maximum(
+                np.minimum(speeds_mps[k] + gain_mps, top_mps), 0.0
+            )
+            stations_m[k + 1] = stations_m[k] + (speeds_mps[k] + speeds_mps[k + 1]) * (
+                step_s / 2
+            )
+        return stations_m.T, speeds_mps.T
 
     def decide(self, s: float, speed: float, seen: Obstacles) -> Decision:
         """Choose the best profile at ``s`` m with ``speed`` m/s."""
@@ -187,26 +194,26 @@ class Planner:
             Obstacles(seen.box[rows], seen.path[rows], seen.weight[rows], seen.dt)
         )
         steps = forecast.path.shape[2]
-        stations, speeds = self.profiles(s, speed, forecast.dt, steps)
-        box_station, aside, tangent = self._beside(*forecast.box.T[:2])
-        in_lane = aside < (self._size[1] + forecast.box[:, 5]) / 2
+        stations_m, speeds_mps = self.profiles(s, speed, forecast.dt, steps)
+        box_station, aside_m, tangent = self._beside(*forecast.box.T[:2])
+        in_lane = aside_m < (self._size[1] + forecast.box[:, 5]) / 2
         turn = forecast.box[:, 3] - tangent
         follows = (box_station < s) & in_lane & (np.cos(turn) > _SAME_DIRECTION_COSINE)
-        contacts = self._contacts(s, float(stations[:, -1].max()), forecast, follows)
-        share, owner = self._shares(stations, speeds, contacts, forecast)
-        wish = (stations[:, -1] - s) / (forecast.dt * steps) - self._effort
+        contacts = self._contacts(s, float(stations_m[:, -1].max()), forecast, follows)
+        share, object_row = self._shares(stations_m, speeds_mps, contacts, forecast)
+        wish = (stations_m[:, -1] - s) / (forecast.dt * steps) - self._effort
         score = wish - self._weights.caution * share.sum(axis=1)
         best = int(score.round(9).argmax())  # equal scores on all machines
         free = int(wish.round(9).argmax())
-        blocks = ((box_station > s) & in_lane)[owner]
+        blocks = ((box_station > s) & in_lane)[object_row]
         if (blocks & (share.min(axis=0) > _EMERGENCY_RISK)).any():
             best = 0  # brakes hardest
         cause = -1
         if best != free and share[free].any():
-            cause = int(rows[owner[share[free].argmax()]])
+            cause = int(rows[object_row[share[free].argmax()]])
         risk = 1.0 - float((1.0 - share[best]).prod())
         time = seen.dt * np.arange(seen.path.shape[2] + 1)
-        shown = np.interp(time, forecast.dt * np.arange(steps + 1), stations[best])
+        shown = np.interp(time, forecast.dt * np.arange(steps + 1), stations_m[best])
         return Decision(float(self._first_mps2[best]), risk, cause, shown)
 
     def _relevant(self, seen: Obstacles) -> Ints:
@@ -218,58 +225,62 @@ class Planner:
         if seen.dt > _MAX_STEP_S:
             margin_m = _REACH_M + 2 * _CELL_M
             # missing samples may be NaN, which fmax and fmin leave out
-            high = np.fmax(np.fmax.reduce(seen.path, axis=(1, 2)), seen.box[:, :2])
-            low = np.fmin(np.fmin.reduce(seen.path, axis=(1, 2)), seen.box[:, :2])
-            reaches &= (high > self._way.xy.min(axis=0) - margin_m).all(axis=1)
-            reaches &= (low < self._way.xy.max(axis=0) + margin_m).all(axis=1)
+            high_corner = np.fmax(
+                np.fmax.reduce(seen.path, axis=(1, 2)), seen.box[:, :2]
+            )
+            low_corner = np.fmin(
+                np.fmin.reduce(seen.path, axis=(1, 2)), seen.box[:, :2]
+            )
+            reaches &= (high_corner > self._way.xy.min(axis=0) - margin_m).all(axis=1)
+            reaches &= (low_corner < self._way.xy.max(axis=0) + margin_m).all(axis=1)
         return np.flatnonzero(reaches)
 
     def _shares(
         self,
-        stations: Floats,
-        speeds: Floats,
+        stations_m: Floats,
+        speeds_mps: Floats,
         contacts: _Contacts,
         forecast: Obstacles,
     ) -> tuple[Floats, Ints]:
         """Return the shares of n objects in the risks of C profiles.
 
-        ``stations`` and ``speeds`` [C, T + 1]. Shares [C, n] are in [0, 1], beside the
-        rows [n] of the objects.
+        ``stations_m`` and ``speeds_mps`` [C, T + 1]. Shares [C, n] are in [0, 1],
+        beside the rows [n] of the objects.
         """
         if not len(contacts.step):
-            return np.zeros((len(stations), 0)), NO_ROWS
+            return np.zeros((len(stations_m), 0)), NO_ROWS
         samples = forecast.weight.shape[1]
-        severity = self._severity(stations, speeds, contacts, forecast.dt)
+        severity = self._severity(stations_m, speeds_mps, contacts, forecast.dt)
         worst, sample = _reduce_runs(np.maximum, severity, contacts.sample)
         risk = worst * forecast.weight.ravel()[sample]
-        share, owner = _reduce_runs(np.add, risk, sample // samples)
-        return np.minimum(share, 1.0), owner
+        share, object_row = _reduce_runs(np.add, risk, sample // samples)
+        return np.minimum(share, 1.0), object_row
 
     def _severity(
-        self, stations: Floats, speeds: Floats, contacts: _Contacts, dt: float
+        self, stations_m: Floats, speeds_mps: Floats, contacts: _Contacts, step_s: float
     ) -> Floats:
         """Return the severity [C, M] of each contact in each profile.
 
         It is 0 for a profile without the contact.
         """
-        times = dt * np.arange(1, stations.shape[1])
-        place = stations[:, 1:]
-        gap_s = self._weights.headway * speeds[:, 1:]
-        nose = place + gap_s * np.minimum(times / _GAP_OPENING_S, 1.0)
-        center = place[:, contacts.step]
-        front = np.where(contacts.leads, nose[:, contacts.step], center)
+        times_s = step_s * np.arange(1, stations_m.shape[1])
+        places_m = stations_m[:, 1:]
+        gap_m = self._weights.headway * speeds_mps[:, 1:]
+        nose_m = places_m + gap_m * np.minimum(times_s / _GAP_OPENING_S, 1.0)
+        center_m = places_m[:, contacts.step]
+        front_m = np.where(contacts.leads, nose_m[:, contacts.step], center_m)
         # a leader may be passed in one step
-        start = stations[:, :-1][:, contacts.step]
-        back = np.where(contacts.leads, start, center)
-        touches = (front >= contacts.low) & (back <= contacts.high)
-        severity = contact_severity(speeds[:, 1:], times, self._weights.patience)
-        weight = np.where(center >= contacts.low, 1.0, _GAP_SEVERITY)
+        start_m = stations_m[:, :-1][:, contacts.step]
+        back_m = np.where(contacts.leads, start_m, center_m)
+        touches = (front_m >= contacts.low) & (back_m <= contacts.high)
+        severity = contact_severity(speeds_mps[:, 1:], times_s, self._weights.patience)
+        weight = np.where(center_m >= contacts.low, 1.0, _GAP_SEVERITY)
         return np.where(touches, weight * severity[:, contacts.step], 0.0)
 
     def _contacts(
-        self, s: float, end: float, forecast: Obstacles, follows: Bools
+        self, s: float, end_m: float, forecast: Obstacles, follows: Bools
     ) -> _Contacts:
-        """Return contacts of an ego between ``s`` and ``end`` m.
+        """Return contacts of an ego between ``s`` and ``end_m`` m.
 
         Objects that follow the ego (``follows`` [O]) have none.
         """
@@ -279,43 +290,47 @@ class Planner:
         x, y = forecast.path.reshape(-1, 2).T
         station = self._station(x, y)
         counts = (forecast.weight > _MIN_SAMPLE_WEIGHT) & ~follows[:, None]
-        row = np.flatnonzero((station >= 0) & counts.repeat(steps))
-        place_m = self._way.s[station[row]]
-        row = row[(place_m > s - 2 * _REACH_M) & (place_m < end + 3 * _REACH_M)]
-        owner = row // (samples * steps)
-        step = row % steps
-        heading = self._headings(row, owner, step, forecast)
-        along = _DISC_PLACES * length_m[owner, None]  # [n, discs]
-        disc_x = x[row, None] + along * np.cos(heading)[:, None]
-        disc_y = y[row, None] + along * np.sin(heading)[:, None]
-        disc_station, aside, tangent = self._beside(disc_x.ravel(), disc_y.ravel())
-        radius_m = np.hypot(width_m / 2, length_m / (2 * _DISCS))[owner]
+        path_row = np.flatnonzero((station >= 0) & counts.repeat(steps))
+        place_m = self._way.s[station[path_row]]
+        path_row = path_row[
+            (place_m > s - 2 * _REACH_M) & (place_m < end_m + 3 * _REACH_M)
+        ]
+        object_row = path_row // (samples * steps)
+        forecast_step = path_row % steps
+        heading = self._headings(path_row, object_row, forecast_step, forecast)
+        along = _DISC_PLACES * length_m[object_row, None]  # [n, discs]
+        disc_x = x[path_row, None] + along * np.cos(heading)[:, None]
+        disc_y = y[path_row, None] + along * np.sin(heading)[:, None]
+        disc_station, aside_m, tangent = self._beside(disc_x.ravel(), disc_y.ravel())
+        radius_m = np.hypot(width_m / 2, length_m / (2 * _DISCS))[object_row]
         margin_m = self._weights.margin
-        grown_m = margin_m + self._weights.growth * forecast.dt * (step + 1)
+        grown_m = margin_m + self._weights.growth * forecast.dt * (forecast_step + 1)
         reach_m = (radius_m + grown_m).repeat(_DISCS)
-        meets = np.flatnonzero(aside < self._size[1] / 2 + reach_m)
+        meets = np.flatnonzero(aside_m < self._size[1] / 2 + reach_m)
         met_row = meets // _DISCS
-        center = disc_station[meets]
+        center_m = disc_station[meets]
         reach_m = self._size[0] / 2 + reach_m[meets]
         leads = np.cos(heading[met_row] - tangent[meets]) > _SAME_DIRECTION_COSINE
         return _Contacts(
-            low=center - reach_m,
-            high=np.where(leads, center, center + reach_m),
-            step=step[met_row],
-            sample=row[met_row] // steps,
+            low=center_m - reach_m,
+            high=np.where(leads, center_m, center_m + reach_m),
+            step=forecast_step[met_row],
+            sample=path_row[met_row] // steps,
             leads=leads,
         )
 
     def _headings(
-        self, row: Ints, owner: Ints, step: Ints, forecast: Obstacles
+        self, path_row: Ints, object_row: Ints, forecast_step: Ints, forecast: Obstacles
     ) -> Floats:
         """Return headings [n] in rows [n] of the flat paths."""
-        place = forecast.path.reshape(-1, 2)
-        first = (step == 0)[:, None]
-        start = np.where(first, forecast.box[owner, :2], place[row - 1])
-        move_x, move_y = (place[row] - start).T
+        places_m = forecast.path.reshape(-1, 2)
+        first = (forecast_step == 0)[:, None]
+        start_m = np.where(first, forecast.box[object_row, :2], places_m[path_row - 1])
+        move_x, move_y = (places_m[path_row] - start_m).T
         moves = np.hypot(move_x, move_y) > _MIN_TURN_SPEED_MPS * forecast.dt
-        heading = np.where(moves, np.arctan2(move_y, move_x), forecast.box[owner, 3])
+        heading = np.where(
+            moves, np.arctan2(move_y, move_x), forecast.box[object_row, 3]
+        )
         return np.asarray(heading)
 
     def _station(self, x: Floats, y: Floats) -> Ints:
@@ -325,8 +340,8 @@ class Planner:
         """
         corner, grid = _station_grid(self._way)
         cells = []
-        for value, start, count in zip((x, y), corner, grid.shape, strict=True):
-            cell = np.fmin(np.fmax((value - start) / _CELL_M, 0), count - 1)
+        for value, start_m, count in zip((x, y), corner, grid.shape, strict=True):
+            cell = np.fmin(np.fmax((value - start_m) / _CELL_M, 0), count - 1)
             cells.append(cell.astype(np.int64))
         return np.asarray(grid[cells[0], cells[1]])
 
@@ -341,8 +356,8 @@ class Planner:
         away_y = y - self._way.xy[station, 1]
         cos = np.cos(tangent)
         sin = np.sin(tangent)
-        aside = np.where(station >= 0, np.abs(away_y * cos - away_x * sin), np.inf)
-        return self._way.s[station] + away_x * cos + away_y * sin, aside, tangent
+        aside_m = np.where(station >= 0, np.abs(away_y * cos - away_x * sin), np.inf)
+        return self._way.s[station] + away_x * cos + away_y * sin, aside_m, tangent
 
 
 def contact_severity(speed: Floats, time: Floats, patience: float) -> Floats:

@@ -26,20 +26,20 @@ _JERK_WINDOW = 15  # steps over which accelerations are smoothed before jerks ar
 def record_of(
     traffic: DrivenTraffic,
     stations: Floats,
-    acceleration: Floats,
+    acceleration_mps2: Floats,
     plans: Sequence[Decision],
 ) -> Drive:
     """Return the record of a drive until now.
 
     docs/definitions/driving.md has the definitions. ``stations`` [N + 1] m of the ego
-    at each step, ``acceleration`` [N] m/s2 between them; ``plans`` [F]: decisions.
+    at each step, ``acceleration_mps2`` [N] m/s2 between them; ``plans`` [F]: decisions.
     """
     world = traffic.world()
     way = traffic.way
     hit = traffic.collision
-    speed = np.diff(stations) * RATE
+    speed_mps = np.diff(stations) * RATE
     heading = np.interp(stations[:-1], way.s, way.heading)
-    hard_braking = acceleration < HARD_BRAKING
+    hard_braking = acceleration_mps2 < HARD_BRAKING
     without_cause = ~occupied(world, way, stations[:-1], traffic.size)
     return Drive(
         way=float(stations[-1] - stations[0]),
@@ -47,10 +47,10 @@ def record_of(
         goal=traffic.at_goal,
         collision="" if hit is None else CLASSES[hit.class_id],
         at_fault=hit is not None and hit.at_fault,
-        near_misses=_count_runs(near_misses(world, speed, traffic.size)),
+        near_misses=_count_runs(near_misses(world, speed_mps, traffic.size)),
         phantom_brakes=_count_runs(hard_braking & without_cause),
-        comfortable=is_comfortable(acceleration, speed, heading),
-        acceleration=acceleration,
+        comfortable=is_comfortable(acceleration_mps2, speed_mps, heading),
+        acceleration=acceleration_mps2,
         risk=np.array([plan.risk for plan in plans]),
         cause=np.array([plan.cause for plan in plans]),
         plan=way.at(np.array([plan.s for plan in plans]))[0],
@@ -71,29 +71,29 @@ def rows_from(truth: Truth, first: int) -> Floats:
     return np.column_stack(columns).astype(float)[state >= first]
 
 
-def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools:
+def near_misses(world: World, speed_mps: Floats, size: tuple[float, float]) -> Bools:
     """Return the mask [N] of the steps with a near miss.
 
     There the time to collision with a road user ahead or beside is below
-    `COLLISION_TIME`, at the ``speed`` [N] m/s of an ego of this length and width.
+    `COLLISION_TIME`, at the ``speed_mps`` [N] m/s of an ego of this length and width.
     """
-    rows, state = _rows_around(world, len(speed))
+    rows, state = _rows_around(world, len(speed_mps))
     box = world.truth.box[rows]
     ego_xy = world.ego[state, :2]
     ego_yaw = world.ego[state, 3]
     direction = unit_vectors(ego_yaw)
-    ahead = ((box[:, :2] - ego_xy) * direction).sum(axis=1) > 0
+    is_ahead = ((box[:, :2] - ego_xy) * direction).sum(axis=1) > 0
     later_box = box.copy()
     later_ego = np.zeros_like(box)
     later_ego[:, 3] = ego_yaw
     later_ego[:, 4:6] = size
     meets = np.zeros(len(rows), dtype=bool)
     for seconds in _LOOK_AHEAD_S:
-        later_ego[:, :2] = ego_xy + seconds * (speed[state, None] * direction)
+        later_ego[:, :2] = ego_xy + seconds * (speed_mps[state, None] * direction)
         later_box[:, :2] = box[:, :2] + seconds * world.truth.velocity[rows]
         meets |= boxes_meet(later_ego, later_box)
-    counts = meets & ahead & (speed[state] > STANDING)
-    return np.bincount(state[counts], minlength=len(speed)) > 0
+    is_near_miss = meets & is_ahead & (speed_mps[state] > STANDING)
+    return np.bincount(state[is_near_miss], minlength=len(speed_mps)) > 0
 
 
 def occupied(
@@ -124,23 +124,25 @@ def _rows_around(world: World, states: int) -> tuple[Ints, Ints]:
     return rows, state[rows]
 
 
-def is_comfortable(acceleration: Floats, speed: Floats, heading: Floats) -> bool:
+def is_comfortable(
+    acceleration_mps2: Floats, speed_mps: Floats, heading: Floats
+) -> bool:
     """Return True if a drive keeps within nuPlan's bounds.
 
     They bound the accelerations along and across, and the jerk of the smoothed one.
     """
-    comfortable = (acceleration >= _MIN_ACCELERATION_MPS2).all()
-    comfortable &= (acceleration <= _MAX_ACCELERATION_MPS2).all()
+    comfortable = (acceleration_mps2 >= _MIN_ACCELERATION_MPS2).all()
+    comfortable &= (acceleration_mps2 <= _MAX_ACCELERATION_MPS2).all()
     if len(heading) > 1:
-        lateral = speed * np.gradient(heading) * RATE
+        lateral = speed_mps * np.gradient(heading) * RATE
         comfortable &= (np.abs(lateral) <= _MAX_LATERAL_MPS2).all()
-    if len(acceleration) >= _JERK_WINDOW:
-        jerk = smoothed_jerk(acceleration)
+    if len(acceleration_mps2) >= _JERK_WINDOW:
+        jerk = smoothed_jerk(acceleration_mps2)
         comfortable &= (np.abs(jerk) <= _MAX_JERK_MPS3).all()
     return bool(comfortable)
 
 
-def smoothed_jerk(acceleration: Floats) -> Floats:
+def smoothed_jerk(acceleration_mps2: Floats) -> Floats:
     """Return the jerk [N] m/s3: slopes of parabolas through 15 accelerations each.
 
     This is the filter of Savitzky and Golay, as `scipy.signal.savgol_filter`, whose
@@ -148,7 +150,7 @@ def smoothed_jerk(acceleration: Floats) -> Floats:
     """
     half = _JERK_WINDOW // 2
     k = np.arange(_JERK_WINDOW) - half
-    windows = np.lib.stride_tricks.sliding_window_view(acceleration, _JERK_WINDOW)
+    windows = np.lib.stride_tricks.sliding_window_view(acceleration_mps2, _JERK_WINDOW)
     _, slope, bend = np.polynomial.polynomial.polyfit(k, windows.T, 2)
     first = slope[0] + 2 * bend[0] * k[:half]
     final = slope[-1] + 2 * bend[-1] * k[half + 1 :]

@@ -49,14 +49,14 @@ class OrnsteinUhlenbeck:
         self,
         spread: Sequence[float],
         memory_s: Sequence[float],
-        dt: float,
+        step_s: float,
         rng: np.random.Generator,
     ) -> None:
         """``spread`` and ``memory_s``: deviation and seconds of each of K kinds."""
-        decay = [math.exp(-dt / seconds) for seconds in memory_s]
+        decay = [math.exp(-step_s / seconds) for seconds in memory_s]
         push = [
-            deviation * math.sqrt(1.0 - share**2)
-            for deviation, share in zip(spread, decay, strict=True)
+            deviation * math.sqrt(1.0 - duration_share**2)
+            for deviation, duration_share in zip(spread, decay, strict=True)
         ]
         self._spread = np.array(spread)[:, None]
         self._decay = np.array(decay)[:, None]
@@ -64,27 +64,27 @@ class OrnsteinUhlenbeck:
         self._rng = rng
         self._value = np.zeros((len(spread), 0))
 
-    def step(self, numbers: Ints) -> Floats:
-        """Advance the processes ``numbers`` [n] by ``dt`` seconds.
+    def step(self, process_numbers: Ints) -> Floats:
+        """Advance the processes ``process_numbers`` [n] by ``step_s`` seconds.
 
         Return their values [K, n]; other processes do not change.
         """
         kinds, count = self._value.shape
-        missing = max(numbers.tolist(), default=-1) + 1 - count
-        if missing > 0:
-            sizes = (missing + _SPARE_NUMBERS, len(numbers))
+        missing_numbers = max(process_numbers.tolist(), default=-1) + 1 - count
+        if missing_numbers > 0:
+            sizes = (missing_numbers + _SPARE_NUMBERS, len(process_numbers))
             first = np.empty((kinds, sizes[0]))
-            draw = np.empty((kinds, sizes[1]))
-            for kind in range(kinds):
-                first[kind] = self._rng.standard_normal(sizes[0])
-                draw[kind] = self._rng.standard_normal(sizes[1])
+            random_draw = np.empty((kinds, sizes[1]))
+            for stop_kind in range(kinds):
+                first[stop_kind] = self._rng.standard_normal(sizes[0])
+                random_draw[stop_kind] = self._rng.standard_normal(sizes[1])
             new = np.round(self._spread * first, 6)
             self._value = np.concatenate([self._value, new], axis=1)
         else:
-            draw = self._rng.standard_normal((kinds, len(numbers)))
-        value = self._decay * self._value[:, numbers] + self._push * draw
-        self._value[:, numbers] = value.round(6)
-        return self._value[:, numbers]
+            random_draw = self._rng.standard_normal((kinds, len(process_numbers)))
+        value = self._decay * self._value[:, process_numbers] + self._push * random_draw
+        self._value[:, process_numbers] = value.round(6)
+        return self._value[:, process_numbers]
 
 
 class _Phase(NamedTuple):
@@ -105,53 +105,57 @@ class _RandomPhases:
     """Phases of K kinds, each with a strength drawn for it."""
 
     def __init__(
-        self, kinds: Sequence[_Phase], dt: float, rng: np.random.Generator
+        self, kinds: Sequence[_Phase], step_s: float, rng: np.random.Generator
     ) -> None:
-        self._dt = dt
+        self._dt = step_s
         self._rng = rng
-        self._chance = np.array([kind.rate for kind in kinds])[:, None] * dt
-        self._seconds = np.array([kind.seconds for kind in kinds])[:, :, None]
-        self._strengths = np.array([kind.strength for kind in kinds])[:, :, None]
+        self._chance = (
+            np.array([stop_kind.rate for stop_kind in kinds])[:, None] * step_s
+        )
+        self._seconds = np.array([stop_kind.seconds for stop_kind in kinds])[:, :, None]
+        self._strengths = np.array([stop_kind.strength for stop_kind in kinds])[
+            :, :, None
+        ]
         self._remaining = np.zeros((len(kinds), 0))
         self._strength = np.zeros((len(kinds), 0))
 
-    def step(self, numbers: Ints) -> tuple[Bools, Floats]:
-        """Advance by ``dt`` seconds for ``numbers`` [n].
+    def step(self, process_numbers: Ints) -> tuple[Bools, Floats]:
+        """Advance by ``step_s`` seconds for ``process_numbers`` [n].
 
         Return masks [K, n] of those in a phase, and the strengths of their phases.
         """
         kinds, count = self._remaining.shape
-        missing = max(numbers.tolist(), default=-1) + 1 - count
-        if missing > 0:
-            new = np.zeros((kinds, missing + _SPARE_NUMBERS))
+        missing_numbers = max(process_numbers.tolist(), default=-1) + 1 - count
+        if missing_numbers > 0:
+            new = np.zeros((kinds, missing_numbers + _SPARE_NUMBERS))
             self._remaining = np.append(self._remaining, new, axis=1)
             self._strength = np.append(self._strength, new, axis=1)
-        draw = self._rng.random((kinds, 3, len(numbers)))
-        remaining = self._remaining[:, numbers] - self._dt
-        begins = (remaining <= 0) & (draw[:, 0] < self._chance)
-        seconds = _within(self._seconds, draw[:, 1])
-        strength = _within(self._strengths, draw[:, 2])
+        random_draw = self._rng.random((kinds, 3, len(process_numbers)))
+        remaining = self._remaining[:, process_numbers] - self._dt
+        begins = (remaining <= 0) & (random_draw[:, 0] < self._chance)
+        seconds = _within(self._seconds, random_draw[:, 1])
+        strength = _within(self._strengths, random_draw[:, 2])
         remaining = np.where(begins, seconds, remaining)
-        strength = np.where(begins, strength, self._strength[:, numbers])
-        self._remaining[:, numbers] = remaining
-        self._strength[:, numbers] = strength
+        strength = np.where(begins, strength, self._strength[:, process_numbers])
+        self._remaining[:, process_numbers] = remaining
+        self._strength[:, process_numbers] = strength
         return remaining > 0, strength
 
 
-def _within(limits: Floats, share: Floats) -> Floats:
-    """Return values at ``share`` [K, n] between ``limits`` [K, 2, 1]."""
+def _within(limits: Floats, duration_share: Floats) -> Floats:
+    """Return values at ``duration_share`` [K, n] between ``limits`` [K, 2, 1]."""
     low = limits[:, 0]
-    return np.asarray(low + (limits[:, 1] - low) * share)
+    return np.asarray(low + (limits[:, 1] - low) * duration_share)
 
 
 class DriverBehaviour:
     """Varying speeds and pedals of all drivers, late braking and sudden braking."""
 
-    def __init__(self, dt: float, rng: np.random.Generator) -> None:
+    def __init__(self, step_s: float, rng: np.random.Generator) -> None:
         spread = (_PACE_SPREAD, _PEDAL_SPREAD_MPS2)
         memory_s = (_PACE_MEMORY_S, _PEDAL_MEMORY_S)
-        self._varying = OrnsteinUhlenbeck(spread, memory_s, dt, rng)
-        self._phases = _RandomPhases((_LATE_BRAKING, _SUDDEN_BRAKING), dt, rng)
+        self._varying = OrnsteinUhlenbeck(spread, memory_s, step_s, rng)
+        self._phases = _RandomPhases((_LATE_BRAKING, _SUDDEN_BRAKING), step_s, rng)
 
     def free_acceleration(
         self, state: RoadState, desired: Floats
@@ -160,42 +164,46 @@ class DriverBehaviour:
 
         Return the speeds, and accelerations [N] m/s2 on an empty road.
         """
-        pace, pedal = self._varying.step(state.numbers)
-        desired = desired * (1.0 + pace)
-        free = free_acceleration(state.speed, desired, state.style)
+        pace_factor, pedal = self._varying.step(state.numbers)
+        desired = desired * (1.0 + pace_factor)
+        free_acceleration_mps2 = free_acceleration(state.speed, desired, state.style)
         pressed = pedal * np.minimum(state.speed / _FULL_PEDAL_SPEED_MPS, 1.0)
-        highest = np.maximum(free, _MAX_ACCELERATION_MPS2)
-        return desired, np.minimum(free + pressed, highest)
+        highest = np.maximum(free_acceleration_mps2, _MAX_ACCELERATION_MPS2)
+        return desired, np.minimum(free_acceleration_mps2 + pressed, highest)
 
     def braking(
         self,
         state: RoadState,
         careful: Floats,
-        free: Floats,
+        free_acceleration_mps2: Floats,
         ahead: Leaders,
-        lines: Floats,
+        line_distance_m: Floats,
     ) -> Floats:
         """Return accelerations [N] m/s2: ``careful``, with late and sudden braking.
 
-        A late driver accelerates as on a ``free`` road. ``ahead``: leaders; ``lines``:
-        m to the place to stop at.
+        A late driver accelerates as on an empty road, ``free_acceleration_mps2``.
+        ``ahead``: leaders; ``line_distance_m``: m to the place to stop at.
         """
         (late, sudden), (patience, braking) = self._phases.step(state.numbers)
-        quick = state.speed > _MIN_LATE_SPEED_MPS
-        room = ahead.gap - state.style[:, MIN_GAP]
-        for_leader = _needed_braking(state.speed - ahead.speed, room)
-        for_line = _needed_braking(state.speed, lines - _LINE_GAP_M)
-        needed = np.maximum(for_leader, for_line)
+        is_quick = state.speed > _MIN_LATE_SPEED_MPS
+        room_m = ahead.gap - state.style[:, MIN_GAP]
+        for_leader = _needed_braking(state.speed - ahead.speed, room_m)
+        for_line = _needed_braking(state.speed, line_distance_m - _LINE_GAP_M)
+        needed_braking = np.maximum(for_leader, for_line)
         slow_leader = ahead.speed < _LATE_LEADER_SHARE * state.speed
-        late &= quick & (~np.isfinite(ahead.gap) | slow_leader)
-        wakes = np.where(needed > patience, -_BRAKING_SURPLUS * needed, free)
+        late &= is_quick & (~np.isfinite(ahead.gap) | slow_leader)
+        wakes = np.where(
+            needed_braking > patience,
+            -_BRAKING_SURPLUS * needed_braking,
+            free_acceleration_mps2,
+        )
         result = np.where(late, wakes, careful)
-        return np.where(sudden & quick, np.minimum(result, -braking), result)
+        return np.where(sudden & is_quick, np.minimum(result, -braking), result)
 
 
-def _needed_braking(closing: Floats, room: Floats) -> Floats:
-    """Return the braking [N], m/s2, that ends ``closing`` speeds within ``room`` m."""
-    return np.maximum(closing, 0.0) ** 2 / (2.0 * np.maximum(room, 0.1))
+def _needed_braking(closing: Floats, room_m: Floats) -> Floats:
+    """Return the braking [N], m/s2, that ends ``closing`` speeds in ``room_m``."""
+    return np.maximum(closing, 0.0) ** 2 / (2.0 * np.maximum(room_m, 0.1))
 
 
 class PedestrianBehaviour:
@@ -204,12 +212,12 @@ class PedestrianBehaviour:
     Groups stop, go on and turn back together.
     """
 
-    def __init__(self, dt: float, rng: np.random.Generator) -> None:
+    def __init__(self, step_s: float, rng: np.random.Generator) -> None:
         spread = (_BEARING_SPREAD_RAD, _HASTE_SPREAD)
         memory_s = (_BEARING_MEMORY_S, _HASTE_MEMORY_S)
-        self._dt = dt
+        self._dt = step_s
         self._rng = rng
-        self._varying = OrnsteinUhlenbeck(spread, memory_s, dt, rng)
+        self._varying = OrnsteinUhlenbeck(spread, memory_s, step_s, rng)
         self._stops: dict[int, float] = {}  # remaining seconds by group
         self._hesitations: dict[int, float] = {}
         self.ready: set[int] = set()  # groups that step on a free crossing now
@@ -221,27 +229,31 @@ class PedestrianBehaviour:
             self._stops[group] = float(self._rng.uniform(*_LONG_STOP_S))
 
     def step(self, present: list[int]) -> None:
-        """Advance the ``present`` groups, in ascending order, by ``dt`` seconds."""
+        """Advance the ``present`` groups, in ascending order, by ``step_s`` seconds."""
         self._stops = self._less(self._stops)
         self._hesitations = self._less(self._hesitations)
         self.ready = set()
         self.turning = set()
         draws = self._rng.random((len(present), 5)).tolist()
-        for group, (stop, kind, share, hesitates, turn) in zip(
-            present, draws, strict=True
-        ):
-            if group not in self._stops and stop < _STOP_RATE * self._dt:
-                low, high = _LONG_STOP_S if kind < _LONG_SHARE else _SHORT_STOP_S
-                self._stops[group] = low + (high - low) * share
+        for group, (
+            stop_draw,
+            stop_kind,
+            duration_share,
+            hesitation_draw,
+            turn_draw,
+        ) in zip(present, draws, strict=True):
+            if group not in self._stops and stop_draw < _STOP_RATE * self._dt:
+                low, high = _LONG_STOP_S if stop_kind < _LONG_SHARE else _SHORT_STOP_S
+                self._stops[group] = low + (high - low) * duration_share
             if (
                 group not in self._hesitations
-                and hesitates < _HESITATION_RATE * self._dt
+                and hesitation_draw < _HESITATION_RATE * self._dt
             ):
                 low, high = _HESITATION_S
-                self._hesitations[group] = low + (high - low) * share
-            if turn < _STEP_OFF_RATE * self._dt:
+                self._hesitations[group] = low + (high - low) * duration_share
+            if turn_draw < _STEP_OFF_RATE * self._dt:
                 self.ready.add(group)
-            if turn > 1.0 - _TURN_BACK_RATE * self._dt:
+            if turn_draw > 1.0 - _TURN_BACK_RATE * self._dt:
                 self.turning.add(group)
 
     def _less(self, seconds: dict[int, float]) -> dict[int, float]:
@@ -255,21 +267,26 @@ class PedestrianBehaviour:
     def walk(
         self,
         to_goal: Floats,
-        pace: Floats,
-        numbers: Ints,
+        pace_mps: Floats,
+        process_numbers: Ints,
         groups: Ints,
         crossing: Bools,
     ) -> tuple[Floats, Floats]:
-        """Vary the direction and the usual ``pace`` [M] of people.
+        """Vary the direction and the usual ``pace_mps`` [M] of people.
 
         Return vectors to the goals [2, M], turned a little, and present speeds [M]. On
         a ``crossing`` [M] people walk straight on, and hesitate, but do not stop.
         """
-        bearing, haste = self._varying.step(numbers)
+        bearing, haste = self._varying.step(process_numbers)
         stops = np.isin(groups, list(self._stops))
-        hesitates = np.isin(groups, list(self._hesitations))
-        share = np.where(hesitates & crossing, _HESITATING_PACE, 1.0)
-        speed = pace * share * (1.0 + haste).clip(0.5, 1.3) * ~(stops & ~crossing)
+        hesitation_draw = np.isin(groups, list(self._hesitations))
+        duration_share = np.where(hesitation_draw & crossing, _HESITATING_PACE, 1.0)
+        speed = (
+            pace_mps
+            * duration_share
+            * (1.0 + haste).clip(0.5, 1.3)
+            * ~(stops & ~crossing)
+        )
         cos = np.cos(bearing * ~crossing)
         sin = np.sin(bearing * ~crossing)
         x, y = to_goal

@@ -81,12 +81,18 @@ def find_passages(road_map: RoadMap, routes: RouteTable) -> tuple[Passage, ...]:
     ]
     zones: list[dict[int, tuple[ConflictZone, ...]]] = [{} for _ in paths]
     arms = [geometry.index[route.roads[0][0]][0] for route in road_map.routes]
-    for p, path in enumerate(paths):
-        for q in range(p + 1, len(paths)):
-            shared = () if arms[p] == arms[q] else _zones(path, paths[q])
-            if shared:
-                zones[p][q] = shared
-                zones[q][p] = tuple(zone.mirrored for zone in shared)
+    for first_index, path in enumerate(paths):
+        for second_index in range(first_index + 1, len(paths)):
+            shared_zones = (
+                ()
+                if arms[first_index] == arms[second_index]
+                else _zones(path, paths[second_index])
+            )
+            if shared_zones:
+                zones[first_index][second_index] = shared_zones
+                zones[second_index][first_index] = tuple(
+                    zone.mirrored for zone in shared_zones
+                )
     return tuple(
         _passage(road_map, r, paths[r], zones[r], routes) for r in range(len(paths))
     )
@@ -101,14 +107,16 @@ def _sample(route: Route, lane_start: Floats, geometry: LaneGeometry) -> _Path:
     length, width, wheelbase = size[:, None]
     stations = []
     points = []
-    half = []
+    half_widths = []
     for lane, *_ in route.roads:
-        along = np.arange(0.0, geometry.length[lane], _SAMPLE_STEP_M)
+        along_m = np.arange(0.0, geometry.length[lane], _SAMPLE_STEP_M)
         sides = swept_sides(length, width, wheelbase, geometry.radius[[lane]])
-        stations.append(lane_start[lane] + along)
-        points.append(lane_points(geometry.lanes[lane], along))
-        half.append(np.full(len(along), max(sides)[0] + _SIDE_MARGIN_M))
-    return _Path(np.concatenate(stations), np.concatenate(points), np.concatenate(half))
+        stations.append(lane_start[lane] + along_m)
+        points.append(lane_points(geometry.lanes[lane], along_m))
+        half_widths.append(np.full(len(along_m), max(sides)[0] + _SIDE_MARGIN_M))
+    return _Path(
+        np.concatenate(stations), np.concatenate(points), np.concatenate(half_widths)
+    )
 
 
 def _close_part(a: _Path, b: _Path) -> _Path:
@@ -117,8 +125,10 @@ def _close_part(a: _Path, b: _Path) -> _Path:
     Outside of it a is not close to b.
     """
     reach_m = a.half.max() + b.half.max()
-    close = (a.xy > b.xy.min(axis=0) - reach_m) & (a.xy < b.xy.max(axis=0) + reach_m)
-    index = np.flatnonzero(close.all(axis=1))
+    close_pairs = (a.xy > b.xy.min(axis=0) - reach_m) & (
+        a.xy < b.xy.max(axis=0) + reach_m
+    )
+    index = np.flatnonzero(close_pairs.all(axis=1))
     part = slice(index[0], index[-1] + 1) if len(index) else slice(1)
     return _Path(a.s[part], a.xy[part], a.half[part])
 
@@ -130,9 +140,10 @@ def _zones(a: _Path, b: _Path) -> tuple[ConflictZone, ...]:
     dy = a.xy[:, 1, None] - b.xy[:, 1]
     # a norm along a short axis takes several times as long
     distance = np.sqrt(dx * dx + dy * dy)
-    close = distance < a.half[:, None] + b.half
+    close_pairs = distance < a.half[:, None] + b.half
     return tuple(
-        _zone(a, b, distance, close, run) for run in _runs(np.any(close, axis=1))
+        _zone(a, b, distance, close_pairs, index_run)
+        for index_run in _runs(np.any(close_pairs, axis=1))
     )
 
 
@@ -143,20 +154,24 @@ def _runs(flags: Bools) -> list[Ints]:
 
 
 def _zone(
-    a: _Path, b: _Path, distance: Floats, close: Bools, run: Ints
+    a: _Path, b: _Path, distance: Floats, close_pairs: Bools, index_run: Ints
 ) -> ConflictZone:
     """Return the zone of a run of close points of path a."""
-    start = float(a.s[run[0]])
-    merged, merged_other = np.nonzero(distance[run] < _MERGED_M)
+    start_m = float(a.s[index_run[0]])
+    merged, merged_other = np.nonzero(distance[index_run] < _MERGED_M)
     if len(np.unique(merged)) * _SAMPLE_STEP_M >= _MIN_MERGE_LENGTH_M:
-        end = float(a.s[run[merged[0]]])
+        end_m = float(a.s[index_run[merged[0]]])
         other_end = float(b.s[merged_other[0]])
-        first_other = float(b.s[np.flatnonzero(close[run[0]])[0]])
-        other_start = max(other_end - (end - start), first_other)
-        return ConflictZone(start, end, other_start, other_end, merging=True)
-    other = b.s[close[run].any(axis=0)]
+        first_other = float(b.s[np.flatnonzero(close_pairs[index_run[0]])[0]])
+        other_start = max(other_end - (end_m - start_m), first_other)
+        return ConflictZone(start_m, end_m, other_start, other_end, merging=True)
+    other = b.s[close_pairs[index_run].any(axis=0)]
     return ConflictZone(
-        start, float(a.s[run[-1]]), float(other[0]), float(other[-1]), merging=False
+        start_m,
+        float(a.s[index_run[-1]]),
+        float(other[0]),
+        float(other[-1]),
+        merging=False,
     )
 
 
@@ -172,31 +187,34 @@ def _passage(
         stretches += _stretches(c, crossing, path)
     stretches.sort(key=lambda stretch: stretch.start)
     parts: list[ConflictZone | CrossingStretch]
-    parts = [*stretches, *(zone for shared in zones.values() for zone in shared)]
-    line = min(part.start for part in parts) - _LINE_GAP_M
-    end = max(part.end for part in parts)
+    parts = [
+        *stretches,
+        *(zone for shared_zones in zones.values() for zone in shared_zones),
+    ]
+    line_m = min(part.start for part in parts) - _LINE_GAP_M
+    end_m = max(part.end for part in parts)
     lanes = np.array([road[0] for road in road_map.routes[r].roads])
     lane_start = routes.start[r, lanes]
     lane_end = lane_start + road_map.geometry.length[lanes]
-    inside = lanes[(lane_end > line) & (lane_start < end)]
+    inside = lanes[(lane_end > line_m) & (lane_start < end_m)]
     cruise = float(road_map.geometry.limit[inside].min())
-    return Passage(int(lanes[0]), line, end, cruise, tuple(stretches), zones)
+    return Passage(int(lanes[0]), line_m, end_m, cruise, tuple(stretches), zones)
 
 
 def _stretches(number: int, crossing: Crossing, path: _Path) -> list[CrossingStretch]:
     """Return the stretches of a path on a crossing."""
     x, y = crossing.direction
     offset = path.xy - np.array(crossing.origin)
-    along = offset @ np.array([x, y])
-    across = offset @ np.array([-y, x])
-    inside = (along > 0) & (along < crossing.span)
-    inside &= np.abs(across) <= crossing.width / 2
+    along_m = offset @ np.array([x, y])
+    across_m = offset @ np.array([-y, x])
+    inside = (along_m > 0) & (along_m < crossing.span)
+    inside &= np.abs(across_m) <= crossing.width / 2
     return [
         CrossingStretch(
             number,
-            float(path.s[run[0]]),
-            float(path.s[run[-1]]),
-            float(along[run].mean()),
+            float(path.s[index_run[0]]),
+            float(path.s[index_run[-1]]),
+            float(along_m[index_run].mean()),
         )
-        for run in _runs(inside)
+        for index_run in _runs(inside)
     ]

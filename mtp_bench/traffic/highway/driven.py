@@ -72,12 +72,17 @@ class _Ego(Driver):
 
     def drive(self) -> tuple[float, ...]:
         """Move along the way by a step, without the driver model."""
-        dt = 1.0 / RATE
-        speed = float(self.speed)
-        acceleration = max(self.planned_acceleration, -speed / dt)
-        self.s = min(self.s + speed * dt, float(self.way.s[-1]))
+        step_s = 1.0 / RATE
+        speed_mps = float(self.speed)
+        acceleration = max(self.planned_acceleration, -speed_mps / step_s)
+        self.s = min(self.s + speed_mps * step_s, float(self.way.s[-1]))
         self._place()
-        return *self.position, self.heading, speed + acceleration * dt, acceleration
+        return (
+            *self.position,
+            self.heading,
+            speed_mps + acceleration * step_s,
+            acceleration,
+        )
 
     def _place(self) -> None:
         (x, y), heading = self.way.at(np.asarray(self.s))
@@ -96,10 +101,10 @@ class DrivenTraffic:
     """
 
     def __init__(self, traffic: Traffic, seed: int) -> None:
-        start = _warmed_up(traffic, seed)
-        attempt, ego = start
+        first_frame = _warmed_up(traffic, seed)
+        attempt, ego = first_frame
         unchanged = {id(part): part for part in (*attempt.shared, ego.way)}
-        self._attempt, self.ego = deepcopy(start, unchanged)
+        self._attempt, self.ego = deepcopy(first_frame, unchanged)
         self.lanes = attempt.lanes
         self._recording = Recording(RATE)
         self.collision: Collision | None = None
@@ -170,8 +175,8 @@ class DrivenTraffic:
         meets = boxes_meet(box[rows], np.tile(ego_box, (len(rows), 1)))
         hits = rows[meets].tolist()
         if hits:
-            speed = float(self.ego.speed)
-            faults = [row for row in hits if is_at_fault(ego_box, speed, box[row])]
+            speed_mps = float(self.ego.speed)
+            faults = [row for row in hits if is_at_fault(ego_box, speed_mps, box[row])]
             class_id, number = self._recording.identity((faults or hits)[0])
             self.collision = Collision(class_id, number, bool(faults))
 
@@ -227,8 +232,8 @@ def _choose_ego(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
     driver = attempt.vehicles[index]
     # the rarest way: left turns and merges meet more road users than the way straight
     # on, which most drivers take
-    first = routes[driver.route].roads[0]
-    same_start = [r for r, route in enumerate(routes) if route.roads[0] == first]
+    first_road = routes[driver.route].roads[0]
+    same_start = [r for r, route in enumerate(routes) if route.roads[0] == first_road]
     route = min(same_start, key=lambda r: routes[r].weight)
     ego = _Ego(
         driver.position, driver.heading, driver.speed, driver.traits, driver.number
@@ -293,36 +298,40 @@ def way_of(road_map: RoadMap, routes: RouteTable, route: int) -> Way:
         if index < len(roads) - 1 and following[lane] == NO_LANE:
             target = next(k for k in reversed(road) if following[k] != NO_LANE)
         stations = np.arange(0.0, geometry.length[lane], _POINT_STEP_M)
-        share = (stations - _CHANGE_START_M) / (_CHANGE_END_M - _CHANGE_START_M)
-        share = np.clip(share, 0.0, 1.0)
-        share = share * share * (3.0 - 2.0 * share) * (target != lane)
+        change_share = (stations - _CHANGE_START_M) / (_CHANGE_END_M - _CHANGE_START_M)
+        change_share = np.clip(change_share, 0.0, 1.0)
+        change_share = (
+            change_share * change_share * (3.0 - 2.0 * change_share) * (target != lane)
+        )
         start_xy = lane_points(geometry.lanes[lane], stations)
         target_xy = lane_points(geometry.lanes[target], stations)
-        xy = start_xy + share[:, None] * (target_xy - start_xy)
-        number = np.where(share > 0.5, target, lane)
-        limit = np.full(len(stations), geometry.limit[lane])
+        xy = start_xy + change_share[:, None] * (target_xy - start_xy)
+        number = np.where(change_share > 0.5, target, lane)
+        limit_mps = np.full(len(stations), geometry.limit[lane])
         along = routes.start[route, lane] + stations
-        parts.append((along, xy * [1.0, -1.0], limit, number))
+        parts.append((along, xy * [1.0, -1.0], limit_mps, number))
         lane = target
-    s, xy, limit, number = map(np.concatenate, zip(*parts, strict=True))
+    s, xy, limit_mps, number = map(np.concatenate, zip(*parts, strict=True))
     step = np.gradient(xy, axis=0)
     heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-    return Way(s, xy, heading, limit, number)
+    return Way(s, xy, heading, limit_mps, number)
 
 
-def is_at_fault(ego: Floats, speed: float, other: Floats) -> bool:
+def is_at_fault(ego: Floats, speed_mps: float, other: Floats) -> bool:
     """Return True if the ego is at fault for a contact.
 
-    ``ego`` and ``other``: boxes [7]. It is, at ``speed`` m/s, unless it stood or was
-    hit from behind.
+    ``ego`` and ``other``: boxes [7]. It is, at ``speed_mps`` m/s, unless it stood or
+    was hit from behind.
     """
-    return speed > STANDING and not hit_from_behind(ego, other)
+    return speed_mps > STANDING and not hit_from_behind(ego, other)
 
 
 def hit_from_behind(ego: Floats, other: Floats) -> bool:
     """Return True if the ``other`` box [7] touches the rear alone."""
-    ahead = (other[:2] - ego[:2]) @ unit_vectors(ego[3])
-    turn = other[3] - ego[3]
-    reach = (abs(np.cos(turn)) * other[4] + abs(np.sin(turn)) * other[5]) / 2
-    touches_rear = ahead < 0 and ahead + reach < ego[4] / 2
-    return bool(touches_rear and np.cos(turn) > 0.5)
+    ahead_m = (other[:2] - ego[:2]) @ unit_vectors(ego[3])
+    turn_rad = other[3] - ego[3]
+    rear_reach_m = (
+        abs(np.cos(turn_rad)) * other[4] + abs(np.sin(turn_rad)) * other[5]
+    ) / 2
+    touches_rear = ahead_m < 0 and ahead_m + rear_reach_m < ego[4] / 2
+    return bool(touches_rear and np.cos(turn_rad) > 0.5)

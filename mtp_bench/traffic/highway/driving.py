@@ -165,47 +165,48 @@ def find_leaders(state: RoadState, geometry: LaneGeometry) -> Leaders:
     It is that of another vehicle or of a person.
     """
     # R lanes of all paths, in the order of the vehicles
-    row, k = np.nonzero(state.path >= 0)
-    if not len(row):
+    vehicle_row, path_index = np.nonzero(state.path >= 0)
+    if not len(vehicle_row):
         return Leaders(np.zeros(0), np.zeros(0))
-    lane = state.path[row, k]
+    lane = state.path[vehicle_row, path_index]
     radius = state.disc_radius
-    low, high = _swept_strip(state, row, lane, present=k == 0)
+    low_m, high_m = _swept_strip(state, vehicle_row, lane, present=path_index == 0)
     inside = (state.along > -0.3) & (state.along < geometry.length[:, None] + 0.3)
     along = np.where(inside, state.along, -np.inf)[lane]
-    ahead = along + state.path_start[row, k, None]  # [R, P]
-    blocks = (state.across + radius)[lane] > low[:, None]
-    blocks &= (state.across - radius)[lane] < high[:, None]
-    blocks &= (ahead > 0.0) & (state.disc_owner != row[:, None])
-    lane_gap = np.where(blocks, ahead - radius, np.inf)
-    disc = lane_gap.argmin(axis=1)
-    gap = np.full(state.path.shape, np.inf)
-    gap[row, k] = lane_gap[np.arange(len(row)), disc]
+    ahead_m = along + state.path_start[vehicle_row, path_index, None]  # [R, P]
+    blocks = (state.across + radius)[lane] > low_m[:, None]
+    blocks &= (state.across - radius)[lane] < high_m[:, None]
+    blocks &= (ahead_m > 0.0) & (state.disc_owner != vehicle_row[:, None])
+    lane_gap_m = np.where(blocks, ahead_m - radius, np.inf)
+    disc_index = lane_gap_m.argmin(axis=1)
+    gap_m = np.full(state.path.shape, np.inf)
+    gap_m[vehicle_row, path_index] = lane_gap_m[np.arange(len(vehicle_row)), disc_index]
     # [N] of the lanes of the path that with the nearest disc
-    nearest = np.flatnonzero(k == 0) + gap.argmin(axis=1)
+    nearest = np.flatnonzero(path_index == 0) + gap_m.argmin(axis=1)
     lane = lane[nearest]
-    disc = disc[nearest]
-    distance = gap.min(axis=1)
-    tangent = geometry.heading(lane, state.along[lane, disc])
-    velocity = state.velocity[:, state.disc_owner[disc]]
+    disc_index = disc_index[nearest]
+    distance_m = gap_m.min(axis=1)
+    tangent = geometry.heading(lane, state.along[lane, disc_index])
+    velocity = state.velocity[:, state.disc_owner[disc_index]]
     speed = velocity[0] * np.cos(tangent) + velocity[1] * np.sin(tangent)
-    speed = np.where(distance < np.inf, speed, 0.0)
-    return Leaders(distance - state.length / 2, speed)
+    speed = np.where(distance_m < np.inf, speed, 0.0)
+    return Leaders(distance_m - state.length / 2, speed)
 
 
 def _swept_strip(
-    state: RoadState, row: Ints, lane: Ints, present: Bools
+    state: RoadState, vehicle_row: Ints, lane: Ints, present: Bools
 ) -> tuple[Floats, Floats]:
     """Return the least and greatest lateral position [R] m that vehicles sweep.
 
-    They are vehicles ``row`` in lanes ``lane`` of their paths. In its ``present`` lane
-    one moves to its desired offset, in later lanes between that offset and the middle.
+    They are vehicles ``vehicle_row`` in lanes ``lane`` of their paths. In its
+    ``present`` lane one moves to its desired offset, in later lanes between that offset
+    and the middle.
     """
-    place = np.where(present, state.d[row], 0.0)
-    low = np.minimum(place, state.offset[row])
-    high = np.maximum(place, state.offset[row])
-    low = low - state.left[row, lane] - _SIDE_MARGIN_M
-    return low, high + state.right[row, lane] + _SIDE_MARGIN_M
+    present_offset = np.where(present, state.d[vehicle_row], 0.0)
+    low_m = np.minimum(present_offset, state.offset[vehicle_row])
+    high_m = np.maximum(present_offset, state.offset[vehicle_row])
+    low_m = low_m - state.left[vehicle_row, lane] - _SIDE_MARGIN_M
+    return low_m, high_m + state.right[vehicle_row, lane] + _SIDE_MARGIN_M
 
 
 def swept_sides(
@@ -218,20 +219,20 @@ def swept_sides(
     """
     straight = np.isinf(radius)
     square = np.maximum(radius**2 - wheelbase**2 / 4, 0.0)
-    rear = np.where(straight, 0.0, np.sqrt(square))
-    front = (wheelbase + length) / 2
+    rear_m = np.where(straight, 0.0, np.sqrt(square))
+    front_m = (wheelbase + length) / 2
     with np.errstate(invalid="ignore"):
-        outer = np.hypot(rear + width / 2, front) - radius
-        inner = radius - rear + width / 2
+        outer = np.hypot(rear_m + width / 2, front_m) - radius
+        inner = radius - rear_m + width / 2
     half_width = width / 2
     return np.where(straight, half_width, outer), np.where(straight, half_width, inner)
 
 
 def desired_speed(state: RoadState) -> Floats:
     """Return desired speeds [N] m/s within the limits ahead."""
-    distance = np.maximum(state.path_start - state.length[:, None] / 2, 0)
+    distance_m = np.maximum(state.path_start - state.length[:, None] / 2, 0)
     squared_limit = state.squared_limit[np.arange(len(state))[:, None], state.path]
-    allowed = np.sqrt(squared_limit + 2.0 * _LIMIT_BRAKING_MPS2 * distance)
+    allowed = np.sqrt(squared_limit + 2.0 * _LIMIT_BRAKING_MPS2 * distance_m)
     allowed[state.path < 0] = np.inf
     return np.asarray(np.minimum(allowed.min(axis=1), state.style[:, _TOP_SPEED]))
 
@@ -245,51 +246,55 @@ def free_acceleration(speed: Floats, desired: Floats, style: Floats) -> Floats:
 
 def braking(
     speed: Floats,
-    gap: Floats,
+    gap_m: Floats,
     leader: Floats,
     style: Floats,
     min_gap: float | None = None,
 ) -> Floats:
     """Return decreases [N] m/s2 of the acceleration behind leaders.
 
-    ``gap`` [N]: m to them. ``speed`` and ``leader`` [N]: m/s of both; ``style``: of the
-    drivers; ``min_gap``: m, another gap at rest.
+    ``gap_m`` [N]: m to them. ``speed`` and ``leader`` [N]: m/s of both; ``style``: of
+    the drivers; ``min_gap``: m, another gap at rest.
     """
     acceleration = style[..., ACCELERATION]
     effort = np.sqrt(acceleration * style[..., _BRAKING])
-    closing = speed * (speed - leader) / (2.0 * effort)
+    closing_gap_m = speed * (speed - leader) / (2.0 * effort)
     rest_gap = style[..., MIN_GAP] if min_gap is None else min_gap
-    moving_gap = np.maximum(speed * style[..., _TIME_GAP] + closing, 0.0)
-    gap_ratio = (rest_gap + moving_gap) / np.maximum(gap, _MIN_GAP_M)
+    moving_gap = np.maximum(speed * style[..., _TIME_GAP] + closing_gap_m, 0.0)
+    gap_ratio = (rest_gap + moving_gap) / np.maximum(gap_m, _MIN_GAP_M)
     return acceleration * gap_ratio**2
 
 
 def steering_angles(
-    state: RoadState, geometry: LaneGeometry, routes: RouteTable, dt: float
+    state: RoadState, geometry: LaneGeometry, routes: RouteTable, step_s: float
 ) -> Floats:
     """Return steering angles [N] rad along the lanes.
 
-    The angles of ``dt`` seconds ago limit the new ones.
+    The angles of ``step_s`` seconds ago limit the new ones.
     """
     speed = np.maximum(state.speed, 1.0)
     length = geometry.length[state.lane]
     following = routes.following[state.route, state.lane]
-    preview = state.s + speed * _PREVIEW_S
-    beyond = (preview > length) & (following >= 0)
+    preview_m = state.s + speed * _PREVIEW_S
+    beyond = (preview_m > length) & (following >= 0)
     lane = np.where(beyond, following, state.lane)
-    station = np.where(beyond, preview - length, preview)
+    preview_station_m = np.where(beyond, preview_m - length, preview_m)
     lateral_speed = -_LATERAL_RATE * (state.d - state.offset)
     lateral_speed = lateral_speed.clip(-_MAX_LATERAL_MPS, _MAX_LATERAL_MPS)
-    drift = np.arcsin((lateral_speed / np.maximum(speed, 3.0)).clip(-0.35, 0.35))
+    drift_rad = np.arcsin((lateral_speed / np.maximum(speed, 3.0)).clip(-0.35, 0.35))
     slip = state.slip[np.arange(len(state)), lane]
-    target = geometry.heading(lane, station) - slip + drift
-    error = np.remainder(target - state.heading + np.pi, 2 * np.pi) - np.pi
-    bend = speed * geometry.curvature[lane]
+    target_heading = geometry.heading(lane, preview_station_m) - slip + drift_rad
+    heading_error = (
+        np.remainder(target_heading - state.heading + np.pi, 2 * np.pi) - np.pi
+    )
+    bend_rate = speed * geometry.curvature[lane]
     max_rate = _MAX_SWERVE_MPS2 / np.maximum(speed, _MIN_SWERVE_SPEED_MPS)
-    rate = (_HEADING_RATE * error).clip(bend - max_rate, bend + max_rate)
-    slip_sine = state.wheelbase / 2 * rate / speed
+    turn_rate = (_HEADING_RATE * heading_error).clip(
+        bend_rate - max_rate, bend_rate + max_rate
+    )
+    slip_sine = state.wheelbase / 2 * turn_rate / speed
     new_slip = np.arcsin(slip_sine.clip(-_MAX_SLIP_SINE, _MAX_SLIP_SINE))
     old_slip = np.arctan(np.tan(state.steering) / 2)
-    change = _SLIP_RATE * dt
+    change = _SLIP_RATE * step_s
     new_slip = new_slip.clip(old_slip - change, old_slip + change)
     return np.asarray(np.arctan(2 * np.tan(new_slip)))

@@ -107,13 +107,13 @@ class Entries:
 
         False without room.
         """
-        speed = self._entry_speed(traits, lane, station_m, room_m)
-        if speed is None:
+        speed_mps = self._entry_speed(traits, lane, station_m, room_m)
+        if speed_mps is None:
             return False
         road_lane = self._map.geometry.lanes[lane]
         position = road_lane.position(station_m, traits.offset)
         heading = float(road_lane.heading_at(station_m))
-        vehicle = Driver(position, heading, speed, traits, self._count)
+        vehicle = Driver(position, heading, speed_mps, traits, self._count)
         vehicle.route = route
         vehicle.lane_number = lane
         round_states([vehicle])
@@ -129,38 +129,38 @@ class Entries:
         None without room.
         """
         road_lane = self._map.geometry.lanes[lane]
-        limit = float(self._map.geometry.limit[lane])
-        speed = min(traits.pace * limit, traits.top_speed)
-        for other in self._vehicles:
-            other_station, aside = road_lane.local_coordinates(other.position)
-            if abs(aside) > _LANE_HALF_WIDTH_M:
+        limit_mps = float(self._map.geometry.limit[lane])
+        speed_mps = min(traits.pace * limit_mps, traits.top_speed)
+        for other_vehicle in self._vehicles:
+            other_station, aside_m = road_lane.local_coordinates(other_vehicle.position)
+            if abs(aside_m) > _LANE_HALF_WIDTH_M:
                 continue
-            half_lengths = (other.traits.length + traits.length) / 2
-            gap = abs(other_station - station_m) - half_lengths
-            ahead = other_station > station_m
-            time_gap = _ENTRY_GAP_SHARE * traits.time_gap if ahead else 0.0
-            if gap < room_m + time_gap * speed:
+            half_lengths = (other_vehicle.traits.length + traits.length) / 2
+            gap_m = abs(other_station - station_m) - half_lengths
+            is_ahead = other_station > station_m
+            time_gap = _ENTRY_GAP_SHARE * traits.time_gap if is_ahead else 0.0
+            if gap_m < room_m + time_gap * speed_mps:
                 return None
-            if ahead:  # slow enough to brake behind the leader
-                braking_room = max(gap - room_m, 0.0)
-                safe_speed = float(np.sqrt(other.speed**2 + 2.0 * braking_room))
-                speed = min(speed, safe_speed)
-        return speed
+            if is_ahead:  # slow enough to brake behind the leader
+                braking_room = max(gap_m - room_m, 0.0)
+                safe_speed = float(np.sqrt(other_vehicle.speed**2 + 2.0 * braking_room))
+                speed_mps = min(speed_mps, safe_speed)
+        return speed_mps
 
 
 def draw_parked_boxes(
-    kerbs: tuple[Kerb, ...], number: int, rng: np.random.Generator
+    kerbs: tuple[Kerb, ...], car_count: int, rng: np.random.Generator
 ) -> Floats:
     """Draw boxes [K, 7] of parked cars in highway-env's frame (y down).
 
-    There are ``number``, or as many as there are places. Kerbs are filled one after
+    There are ``car_count``, or as many as there are places. Kerbs are filled one after
     another, so that cars stand in rows; some places of each are used last.
     """
     kerb_index = []
     stations = []
     for k, kerb in enumerate(kerbs):
-        end = kerb.length - _PARKING_PITCH_M / 2
-        places = np.arange(_PARKING_PITCH_M / 2, end, _PARKING_PITCH_M)
+        end_m = kerb.length - _PARKING_PITCH_M / 2
+        places = np.arange(_PARKING_PITCH_M / 2, end_m, _PARKING_PITCH_M)
         kerb_index += [k] * len(places)
         stations += places.tolist()
     kerb_rank = rng.permutation(len(kerbs))
@@ -169,7 +169,7 @@ def draw_parked_boxes(
     order = np.lexsort((rank, used_last))
     rows = [
         _parked_box(kerbs[kerb_index[place]], stations[place], rng)
-        for place in sorted(order[:number].tolist())
+        for place in sorted(order[:car_count].tolist())
     ]
     return np.round(np.array(rows, dtype=np.float64).reshape(-1, 7), 6) + 0.0
 
@@ -178,20 +178,20 @@ def _parked_box(
     kerb: Kerb, station_m: float, rng: np.random.Generator
 ) -> tuple[float, ...]:
     kind = "van" if rng.uniform() < _VAN_SHARE else "car"
-    length, width, height = draw_size(kind, rng)
-    length = min(length, _MAX_PARKED_LENGTH_M)
-    width = min(width, _MAX_PARKED_WIDTH_M)
+    length_m, width_m, height_m = draw_size(kind, rng)
+    length_m = min(length_m, _MAX_PARKED_LENGTH_M)
+    width_m = min(width_m, _MAX_PARKED_WIDTH_M)
     x, y = kerb.start
     ux, uy = kerb.direction
-    along = station_m + rng.uniform(-_PARKING_SHIFT_M, _PARKING_SHIFT_M)
-    across = rng.uniform(*_KERB_GAP_M) + width / 2
-    turn = rng.uniform(-_PARKING_TURN_RAD, _PARKING_TURN_RAD)
+    along_m = station_m + rng.uniform(-_PARKING_SHIFT_M, _PARKING_SHIFT_M)
+    across_m = rng.uniform(*_KERB_GAP_M) + width_m / 2
+    turn_rad = rng.uniform(-_PARKING_TURN_RAD, _PARKING_TURN_RAD)
     return (
-        x + along * ux + across * uy,
-        y + along * uy - across * ux,
-        height / 2,
-        np.arctan2(uy, ux) + turn,
-        length,
-        width,
-        height,
+        x + along_m * ux + across_m * uy,
+        y + along_m * uy - across_m * ux,
+        height_m / 2,
+        np.arctan2(uy, ux) + turn_rad,
+        length_m,
+        width_m,
+        height_m,
     )

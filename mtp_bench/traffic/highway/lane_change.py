@@ -61,13 +61,15 @@ class LaneChanges:
         starts = [lane.position(0.0, 0.0) for lane in road_map.geometry.lanes]
         self._middle = np.array(starts, dtype=np.float64)[:, 1]
 
-    def decide(self, state: RoadState, desired: Floats, step: int, dt: float) -> None:
+    def decide(
+        self, state: RoadState, desired: Floats, step: int, step_s: float
+    ) -> None:
         """Give a new lane number to vehicles that change lanes now.
 
         ``desired`` [N]: speeds, m/s.
         """
-        middle = state.xy[1] - state.d  # of the present or target lane
-        period = round(_DECISION_PERIOD_S / dt)
+        middle_y = state.xy[1] - state.d  # of the present or target lane
+        period = round(_DECISION_PERIOD_S / step_s)
         for i, vehicle in enumerate(state.vehicles):
             if (step + 3 * vehicle.number) % period:
                 continue
@@ -81,13 +83,13 @@ class LaneChanges:
             settled = abs(state.d[i] - state.offset[i]) <= _SETTLED_M
             moves = state.speed[i] >= _MIN_SPEED_MPS
             if settled and moves and state.progress[i] >= _ENTRY_M:
-                target = self._better_lane(state, i, desired, middle)
+                target = self._better_lane(state, i, desired, middle_y)
                 if target != NO_LANE:
                     vehicle.lane_number = target
-                    middle[i] = self._middle[target]
+                    middle_y[i] = self._middle[target]
 
     def _better_lane(
-        self, state: RoadState, i: int, desired: Floats, middle: Floats
+        self, state: RoadState, i: int, desired: Floats, middle_y: Floats
     ) -> int:
         """Return the lane that vehicle i changes to.
 
@@ -95,16 +97,18 @@ class LaneChanges:
         """
         best_lane = NO_LANE
         best_gain = _MIN_GAIN_MPS2
-        for target, bonus, must in self._targets(state, i):
-            gain = self._gain(state, i, desired, middle, self._middle[target], must)
+        for target, bonus_mps2, is_needed in self._targets(state, i):
+            gain = self._gain(
+                state, i, desired, middle_y, self._middle[target], is_needed
+            )
             if gain is None:
                 continue
-            if must:
+            if is_needed:
                 best_lane = target
                 best_gain = math.inf
-            elif gain + bonus > best_gain:
+            elif gain + bonus_mps2 > best_gain:
                 best_lane = target
-                best_gain = gain + bonus
+                best_gain = gain + bonus_mps2
         return best_lane
 
     def _targets(self, state: RoadState, i: int) -> Iterator[tuple[int, float, bool]]:
@@ -117,66 +121,77 @@ class LaneChanges:
         lane = int(state.lane[i])
         needed = routes.changes[route, lane]
         room_m = routes.room[route, lane] - state.s[i]
-        for side, bonus in ((routes.left, 0.0), (routes.right, _RIGHT_BONUS_MPS2)):
-            target = int(side[route, lane])
+        for lane_side, bonus_mps2 in (
+            (routes.left, 0.0),
+            (routes.right, _RIGHT_BONUS_MPS2),
+        ):
+            target = int(lane_side[route, lane])
             if target == NO_LANE:
                 continue
             if routes.changes[route, target] < needed:
-                yield target, bonus, bool(room_m < _NEEDED_ROOM_M * needed)
+                yield target, bonus_mps2, bool(room_m < _NEEDED_ROOM_M * needed)
                 continue
             exit_is_near = needed and room_m < 2 * _NEEDED_ROOM_M * needed
             target_room_m = routes.room[route, target] - state.s[i]
             if not exit_is_near and target_room_m >= _MIN_LANE_ROOM_M:
-                yield target, bonus, False
+                yield target, bonus_mps2, False
 
     def _gain(
         self,
         state: RoadState,
         i: int,
         desired: Floats,
-        middle: Floats,
+        middle_y: Floats,
         target_middle: float,
-        must: bool,
+        is_needed: bool,
     ) -> float | None:
         """Return the gain of a change to a lane, m/s2.
 
         None if it is not safe.
         """
-        touching = (state.width + state.width[i]) / 2 + _SAME_LANE_M
-        in_target = np.abs(state.xy[1] - target_middle) < touching
-        in_target |= np.abs(middle - target_middle) < _SAME_LANE_M
-        in_present = np.abs(middle - middle[i]) < _SAME_LANE_M
+        touching_m = (state.width + state.width[i]) / 2 + _SAME_LANE_M
+        in_target = np.abs(state.xy[1] - target_middle) < touching_m
+        in_target |= np.abs(middle_y - target_middle) < _SAME_LANE_M
+        in_present = np.abs(middle_y - middle_y[i]) < _SAME_LANE_M
         in_target[i] = False
         in_present[i] = False
         front, rear = _neighbours(state, i, in_target)
-        min_gap = _MIN_GAP_M + _MIN_GAP_S * state.speed[i]
-        if front.gap < min_gap or rear.gap < min_gap:
+        min_gap_m = _MIN_GAP_M + _MIN_GAP_S * state.speed[i]
+        if front.gap < min_gap_m or rear.gap < min_gap_m:
             return None
-        limit = -_MAX_NEEDED_BRAKING_MPS2 if must else -_MAX_BRAKING_MPS2
-        new = _acceleration_behind(state, i, desired, front)
-        others = 0.0
+        braking_limit = -_MAX_NEEDED_BRAKING_MPS2 if is_needed else -_MAX_BRAKING_MPS2
+        new_acceleration = _acceleration_behind(state, i, desired, front)
+        others_gain = 0.0
         if rear.present:
-            forced = _acceleration_behind(
+            forced_acceleration = _acceleration_behind(
                 state, rear.row, desired, rear._replace(row=i)
             )
-            if forced < limit:
+            if forced_acceleration < braking_limit:
                 return None
-            gap = front.gap + rear.gap + state.length[i]
-            ahead = front._replace(gap=gap)
-            others += forced - _acceleration_behind(state, rear.row, desired, ahead)
-        if new < limit:
+            gap_m = front.gap + rear.gap + state.length[i]
+            ahead = front._replace(gap=gap_m)
+            others_gain += forced_acceleration - _acceleration_behind(
+                state, rear.row, desired, ahead
+            )
+        if new_acceleration < braking_limit:
             return None
         old_front, old_rear = _neighbours(state, i, in_present)
         if old_rear.present:
-            gap = old_front.gap + old_rear.gap + state.length[i]
-            ahead = old_front._replace(gap=gap)
-            freed = _acceleration_behind(state, old_rear.row, desired, ahead)
+            gap_m = old_front.gap + old_rear.gap + state.length[i]
+            ahead = old_front._replace(gap=gap_m)
+            freed_acceleration = _acceleration_behind(
+                state, old_rear.row, desired, ahead
+            )
             behind_me = old_rear._replace(row=i)
-            others += freed - _acceleration_behind(
+            others_gain += freed_acceleration - _acceleration_behind(
                 state, old_rear.row, desired, behind_me
             )
-        old = _acceleration_behind(state, i, desired, old_front)
-        return float(new - old + state.style[i, POLITENESS] * others)
+        old_acceleration = _acceleration_behind(state, i, desired, old_front)
+        return float(
+            new_acceleration
+            - old_acceleration
+            + state.style[i, POLITENESS] * others_gain
+        )
 
     def bounds(self, state: RoadState, desired: Floats) -> Floats:
         """Return upper bounds [N] of the acceleration, m/s2.
@@ -184,42 +199,46 @@ class LaneChanges:
         They are for vehicles ahead and for those that have to merge.
         """
         x = state.xy[0]
-        middle = state.xy[1] - state.d
-        gap = x - x[:, None] - (state.length + state.length[:, None]) / 2
+        middle_y = state.xy[1] - state.d
+        gap_m = x - x[:, None] - (state.length + state.length[:, None]) / 2
         free = free_acceleration(state.speed, desired, state.style)[:, None]
         follow = free - braking(
-            state.speed[:, None], gap, state.speed, state.style[:, None, :]
+            state.speed[:, None], gap_m, state.speed, state.style[:, None, :]
         )
-        aside = np.abs(middle - middle[:, None])
-        ahead = (x > x[:, None]) & (gap > 0.0)
-        same_lane = ahead & (aside < _SAME_LANE_M)
+        lateral_m = np.abs(middle_y - middle_y[:, None])
+        ahead = (x > x[:, None]) & (gap_m > 0.0)
+        same_lane = ahead & (lateral_m < _SAME_LANE_M)
         merging = self._routes.changes[state.route, state.lane] > 0
         room_m = self._routes.room[state.route, state.lane] - state.s
         merging &= room_m < _NEEDED_ROOM_M
-        lets_in = ahead & (merging | merging[:, None]) & (aside < _BESIDE_M)
+        lets_in = ahead & (merging | merging[:, None]) & (lateral_m < _BESIDE_M)
         lets_in &= ~same_lane
         politeness = state.style[:, POLITENESS, None]
-        limit = -(_YIELDING_MPS2 + _POLITE_YIELDING_MPS2 * politeness)
+        braking_limit = -(_YIELDING_MPS2 + _POLITE_YIELDING_MPS2 * politeness)
         behind = np.where(same_lane, follow, np.inf).min(axis=1)
-        yielding = np.where(lets_in, np.maximum(follow, limit), np.inf).min(axis=1)
+        yielding = np.where(lets_in, np.maximum(follow, braking_limit), np.inf).min(
+            axis=1
+        )
         return np.asarray(np.minimum(behind, yielding))
 
 
 def _neighbours(
-    state: RoadState, i: int, among: Bools
+    state: RoadState, i: int, candidate_mask: Bools
 ) -> tuple[_Neighbour, _Neighbour]:
     """Return the nearest vehicles ahead of and behind vehicle i."""
     along = state.xy[0] - state.xy[0, i]
-    gap = np.abs(along) - (state.length + state.length[i]) / 2
-    return _nearest(gap, among & (along >= 0)), _nearest(gap, among & (along < 0))
+    gap_m = np.abs(along) - (state.length + state.length[i]) / 2
+    return _nearest(gap_m, candidate_mask & (along >= 0)), _nearest(
+        gap_m, candidate_mask & (along < 0)
+    )
 
 
-def _nearest(gap: Floats, mask: Bools) -> _Neighbour:
-    distance = np.where(mask, gap, np.inf)
-    row = int(np.argmin(distance))
-    if np.isinf(distance[row]):
+def _nearest(gap_m: Floats, mask: Bools) -> _Neighbour:
+    distance_m = np.where(mask, gap_m, np.inf)
+    row = int(np.argmin(distance_m))
+    if np.isinf(distance_m[row]):
         return _Neighbour()
-    return _Neighbour(row, float(distance[row]))
+    return _Neighbour(row, float(distance_m[row]))
 
 
 def _acceleration_behind(
@@ -231,5 +250,5 @@ def _acceleration_behind(
     free = float(free_acceleration(speed, desired[i], style))
     if not leader.present:
         return free
-    gap = np.asarray(leader.gap)
-    return free - float(braking(speed, gap, state.speed[leader.row], style))
+    gap_m = np.asarray(leader.gap)
+    return free - float(braking(speed, gap_m, state.speed[leader.row], style))

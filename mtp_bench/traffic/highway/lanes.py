@@ -70,36 +70,38 @@ class LaneGeometry:
             lines = self._lines
             x, y = self._offsets(points, lines)
             direction_x, direction_y = self._direction[lines].T[:, :, None]
-            s = x * direction_x + y * direction_y
-            d = y * direction_x - x * direction_y
+            along_m = x * direction_x + y * direction_y
+            across_m = y * direction_x - x * direction_y
             if self._has_waves:
                 amplitude, pulsation, phase = self._wave[lines].T[:, :, None]
-                d -= amplitude * np.sin(pulsation * s + phase)
-            along[lines] = s
-            across[lines] = d
+                across_m -= amplitude * np.sin(pulsation * along_m + phase)
+            along[lines] = along_m
+            across[lines] = across_m
         if len(self._arcs):
             arcs = self._arcs
             x, y = self._offsets(points, arcs)
             radius = self.radius[arcs, None]
-            turn = self.turn[arcs, None]
+            turn_sign = self.turn[arcs, None]
             angle = np.arctan2(y, x) - self._phase[arcs, None]
             angle = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
-            along[arcs] = turn * angle * radius
-            across[arcs] = turn * (radius - np.hypot(x, y))
+            along[arcs] = turn_sign * angle * radius
+            across[arcs] = turn_sign * (radius - np.hypot(x, y))
         return along, across
 
     def _offsets(self, points: Floats, lanes: Ints) -> Floats:
         """Return offsets [2, n, P] from the origins of lanes."""
         return np.asarray(points[:, None] - self._origin[lanes].T[:, :, None])
 
-    def heading(self, lane: Ints, s: Floats) -> Floats:
+    def heading(self, lane: Ints, along_m: Floats) -> Floats:
         """Return the direction of travel [n] at coordinates [n] along lanes [n]."""
         line = self._heading[lane]
         if self._has_waves:
             amplitude, pulsation, phase = self._wave[lane].T
-            slope = amplitude * pulsation * np.cos(pulsation * s + phase)
+            slope = amplitude * pulsation * np.cos(pulsation * along_m + phase)
             line = line + np.arctan(slope)
-        arc = self._phase[lane] + self.turn[lane] * (s / self.radius[lane] + np.pi / 2)
+        arc = self._phase[lane] + self.turn[lane] * (
+            along_m / self.radius[lane] + np.pi / 2
+        )
         return np.where(self._is_arc[lane], arc, line)
 
 
@@ -117,13 +119,13 @@ def lane_map(
     centers = [_polyline(lane, 0.0) for lane in lanes]
     result = []
     for k, lane in enumerate(lanes):
-        half_width = float(lane.width_at(0.0)) / 2
+        half_width_m = float(lane.width_at(0.0)) / 2
         next_road = [j for j in range(len(lanes)) if indices[j][0] == indices[k][1]]
         result.append(
             Lane(
                 centers[k],
-                _polyline(lane, -half_width),
-                _polyline(lane, half_width),
+                _polyline(lane, -half_width_m),
+                _polyline(lane, half_width_m),
                 _following(centers, k, next_road, max_gap_m),
             )
         )
@@ -134,13 +136,13 @@ def _following(
     centers: list[Floats], k: int, next_road: list[int], max_gap_m: float
 ) -> tuple[int, ...]:
     """Return the lanes of the next road that continue lane k."""
-    end = centers[k][-1]
-    step = end - centers[k][-2]
-    gap_m = {j: float(np.linalg.norm(centers[j][0] - end)) for j in next_road}
+    end_point = centers[k][-1]
+    end_step = end_point - centers[k][-2]
+    gap_m = {j: float(np.linalg.norm(centers[j][0] - end_point)) for j in next_road}
     joined = tuple(j for j in next_road if gap_m[j] < _JOINT_M)
     if joined:
         return joined
-    onward = [j for j in next_road if step @ (centers[j][1] - centers[j][0]) > 0]
+    onward = [j for j in next_road if end_step @ (centers[j][1] - centers[j][0]) > 0]
     nearest = sorted(onward, key=gap_m.__getitem__)[:1]
     return tuple(j for j in nearest if gap_m[j] < max_gap_m)
 
@@ -150,9 +152,9 @@ def _polyline(lane: Any, lateral: float) -> Floats:
 
     They are ``lateral`` m to the right of its middle.
     """
-    length = float(lane.length)
-    count = max(math.ceil(length / _POINT_STEP_M), 1) + 1
-    points = lane_points(lane, np.linspace(0.0, length, count), lateral)
+    length_m = float(lane.length)
+    point_count = max(math.ceil(length_m / _POINT_STEP_M), 1) + 1
+    points = lane_points(lane, np.linspace(0.0, length_m, point_count), lateral)
     points[:, 1] *= -1.0
     return points + 0.0
 
@@ -204,17 +206,19 @@ def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable
     start = np.zeros(shape)
     starts = np.array([lane.position(0.0, 0.0) for lane in geometry.lanes])
     ends = np.array([lane.position(lane.length, 0.0) for lane in geometry.lanes])
-    for r, route in enumerate(routes):
-        last_road[r, list(route.roads[-1])] = True
-        for road in route.roads:
-            left[r, list(road[1:])] = road[:-1]
-            right[r, list(road[:-1])] = road[1:]
-        for k, road in enumerate(route.roads[:-1]):
-            for lane in road:
-                for ahead in reversed(route.roads[k + 1]):
-                    start[r, ahead] = start[r, lane] + geometry.length[lane]
-                    if np.linalg.norm(starts[ahead] - ends[lane]) < _JOINT_M:
-                        following[r, lane] = ahead
+    for route_index, route in enumerate(routes):
+        last_road[route_index, list(route.roads[-1])] = True
+        for road_lanes in route.roads:
+            left[route_index, list(road_lanes[1:])] = road_lanes[:-1]
+            right[route_index, list(road_lanes[:-1])] = road_lanes[1:]
+        for k, road_lanes in enumerate(route.roads[:-1]):
+            for lane in road_lanes:
+                for next_lane in reversed(route.roads[k + 1]):
+                    start[route_index, next_lane] = (
+                        start[route_index, lane] + geometry.length[lane]
+                    )
+                    if np.linalg.norm(starts[next_lane] - ends[lane]) < _JOINT_M:
+                        following[route_index, lane] = next_lane
     changes, room = _needed_changes(routes, geometry, following)
     path, path_start = _paths(following, geometry.length)
     return RouteTable(
@@ -231,25 +235,29 @@ def _needed_changes(
     """
     changes = np.full(following.shape, np.inf)
     room = np.full(following.shape, np.inf)
-    for r, route in enumerate(routes):
-        changes[r, list(route.roads[-1])] = 0
-        for road in reversed(route.roads):
-            for lane in road:
-                ahead = following[r, lane]
-                if ahead != NO_LANE:
-                    changes[r, lane] = changes[r, ahead]
-                    room[r, lane] = geometry.length[lane] + room[r, ahead]
-                elif road != route.roads[-1]:
-                    room[r, lane] = geometry.length[lane]
-            numbers = list(road)
+    for route_index, route in enumerate(routes):
+        changes[route_index, list(route.roads[-1])] = 0
+        for road_lanes in reversed(route.roads):
+            for lane in road_lanes:
+                next_lane = following[route_index, lane]
+                if next_lane != NO_LANE:
+                    changes[route_index, lane] = changes[route_index, next_lane]
+                    room[route_index, lane] = (
+                        geometry.length[lane] + room[route_index, next_lane]
+                    )
+                elif road_lanes != route.roads[-1]:
+                    room[route_index, lane] = geometry.length[lane]
+            numbers = list(road_lanes)
             for _ in numbers:  # spreads from lane to lane
-                sides = np.pad(changes[r, numbers], 1, constant_values=np.inf)
+                sides = np.pad(changes[route_index, numbers], 1, constant_values=np.inf)
                 beside = np.minimum(sides[:-2], sides[2:]) + 1
-                changes[r, numbers] = np.minimum(changes[r, numbers], beside)
+                changes[route_index, numbers] = np.minimum(
+                    changes[route_index, numbers], beside
+                )
     return changes, room
 
 
-def _paths(following: Ints, length: Floats) -> tuple[Ints, Floats]:
+def _paths(following: Ints, length_m: Floats) -> tuple[Ints, Floats]:
     """Return the lanes ahead of each, and metres to them."""
     path = np.full((*following.shape, LOOKAHEAD), NO_LANE)
     start = np.zeros((*following.shape, LOOKAHEAD))
@@ -257,7 +265,7 @@ def _paths(following: Ints, length: Floats) -> tuple[Ints, Floats]:
     for k in range(1, LOOKAHEAD):
         lane = path[..., k - 1]
         goes_on = lane != NO_LANE
-        ahead = np.take_along_axis(following, lane, axis=1)
-        path[..., k] = np.where(goes_on, ahead, NO_LANE)
-        start[..., k] = np.where(goes_on, start[..., k - 1] + length[lane], 0.0)
+        next_lane = np.take_along_axis(following, lane, axis=1)
+        path[..., k] = np.where(goes_on, next_lane, NO_LANE)
+        start[..., k] = np.where(goes_on, start[..., k - 1] + length_m[lane], 0.0)
     return path, start

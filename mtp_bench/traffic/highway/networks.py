@@ -86,7 +86,7 @@ def _intersection() -> RoadMap:
             *((2, _AHEAD_WEIGHT / _ARM_LANES, k, k, True) for k in range(_ARM_LANES)),
             (3, _RIGHT_WEIGHT, 0, _ARM_LANES - 1, False),
         ]
-        for turn, weight, within, lane, heavy in movements:
+        for turn, movement_weight, within, lane, heavy in movements:
             target = (arm + turn) % 4
             indices = (
                 (f"o{arm}", f"m{arm}", lane),
@@ -94,11 +94,11 @@ def _intersection() -> RoadMap:
                 (f"w{target}", f"x{target}", lane),
             )
             roads = tuple((geometry.number[index],) for index in indices)
-            routes.append(Route(roads, ARM_WEIGHTS[arm] * weight, heavy))
+            routes.append(Route(roads, ARM_WEIGHTS[arm] * movement_weight, heavy))
         origin = _pair(arm, -_HALF_ROAD_M, _MOUTH_M + sum(_ZEBRA_M) / 2)
-        width = _ZEBRA_M[1] - _ZEBRA_M[0]
+        width_m = _ZEBRA_M[1] - _ZEBRA_M[0]
         crossings.append(
-            Crossing(origin, _pair(arm, 1.0, 0.0), 2 * _HALF_ROAD_M, width)
+            Crossing(origin, _pair(arm, 1.0, 0.0), 2 * _HALF_ROAD_M, width_m)
         )
     # behind the sidewalks, so that no person stands right in front of the sensor
     corner = _MOUTH_M + STRIP_M + 2.0
@@ -114,64 +114,69 @@ def _intersection() -> RoadMap:
     )
 
 
-def _kerbs(aside: float, mouth: float) -> tuple[Kerb, ...]:
-    """Return both kerbs of every arm, ``aside`` m from its middle.
+def _kerbs(aside_m: float, mouth_m: float) -> tuple[Kerb, ...]:
+    """Return both kerbs of every arm, ``aside_m`` m from its middle.
 
-    The arm begins ``mouth`` m from the middle of the junction.
+    The arm begins ``mouth_m`` m from the middle of the junction.
     """
-    start = mouth + _NO_PARKING_JUNCTION_M
-    end = mouth + APPROACH_M - _NO_PARKING_FAR_M
+    start_m = mouth_m + _NO_PARKING_JUNCTION_M
+    end_m = mouth_m + APPROACH_M - _NO_PARKING_FAR_M
     kerbs = []
     for arm in range(4):
         inward = _pair(arm, 0.0, -1.0)
         outward = _pair(arm, 0.0, 1.0)
-        kerbs.append(Kerb(_pair(arm, aside, end), inward, end - start))
-        kerbs.append(Kerb(_pair(arm, -aside, start), outward, end - start))
+        kerbs.append(Kerb(_pair(arm, aside_m, end_m), inward, end_m - start_m))
+        kerbs.append(Kerb(_pair(arm, -aside_m, start_m), outward, end_m - start_m))
     return tuple(kerbs)
 
 
 def _add_intersection_arm(network: Any, arm: int) -> None:
     """Add the lanes of an arm, and those through the junction."""
-    quarter = np.pi / 2 * arm
+    quarter_rad = np.pi / 2 * arm
     into = f"m{arm}"
     left, ahead, right = (f"w{(arm + turn) % 4}" for turn in (1, 2, 3))
-    far = _MOUTH_M + APPROACH_M
+    far_y = _MOUTH_M + APPROACH_M
     for k in range(_ARM_LANES):
         x = _LANE_WIDTH_M * (k + 0.5)
-        for origin, target, side, start, end in (
-            (f"o{arm}", into, x, far, _MOUTH_M),
+        for origin, target, side, start_m, end_m in (
+            (f"o{arm}", into, x, far_y, _MOUTH_M),
             (into, ahead, x, _MOUTH_M, -_MOUTH_M),
-            (f"w{arm}", f"x{arm}", -x, _MOUTH_M, far),
+            (f"w{arm}", f"x{arm}", -x, _MOUTH_M, far_y),
         ):
-            lane = _street(arm, (side, start), (side, end), _LANE_WIDTH_M)
+            lane = _street(arm, (side, start_m), (side, end_m), _LANE_WIDTH_M)
             network.add_lane(origin, target, lane)
     inner = _MOUTH_M + _LANE_WIDTH_M / 2
     outer = _MOUTH_M - _LANE_WIDTH_M * (_ARM_LANES - 0.5)
     center = _turned(arm, _MOUTH_M, _MOUTH_M)
-    phases = (quarter + np.pi, quarter + 1.5 * np.pi)
-    network.add_lane(into, right, _arc(center, outer, phases, _RIGHT_LIMIT_MPS))
+    phase_range = (quarter_rad + np.pi, quarter_rad + 1.5 * np.pi)
+    network.add_lane(into, right, _arc(center, outer, phase_range, _RIGHT_LIMIT_MPS))
     center = _turned(arm, -_MOUTH_M, _MOUTH_M)
-    phases = (quarter, quarter - np.pi / 2)
-    network.add_lane(into, left, _arc(center, inner, phases, _LEFT_LIMIT_MPS))
+    phase_range = (quarter_rad, quarter_rad - np.pi / 2)
+    network.add_lane(into, left, _arc(center, inner, phase_range, _LEFT_LIMIT_MPS))
 
 
 def _street(
-    arm: int, start: tuple[float, float], end: tuple[float, float], width: float
+    arm: int, start_m: tuple[float, float], end_m: tuple[float, float], width_m: float
 ) -> Any:
-    points = (_turned(arm, *start), _turned(arm, *end))
-    return StraightLane(*points, width, speed_limit=_STREET_LIMIT_MPS)
+    points = (_turned(arm, *start_m), _turned(arm, *end_m))
+    return StraightLane(*points, width_m, speed_limit=_STREET_LIMIT_MPS)
 
 
 def _arc(
     center: Floats,
-    radius: float,
-    phases: tuple[float, float],
-    limit: float,
-    width: float = _LANE_WIDTH_M,
+    radius_m: float,
+    phase_range: tuple[float, float],
+    limit_mps: float,
+    width_m: float = _LANE_WIDTH_M,
 ) -> Any:
-    clockwise = phases[1] > phases[0]
+    clockwise = phase_range[1] > phase_range[0]
     return CircularLane(
-        center, radius, *phases, clockwise=clockwise, width=width, speed_limit=limit
+        center,
+        radius_m,
+        *phase_range,
+        clockwise=clockwise,
+        width=width_m,
+        speed_limit=limit_mps,
     )
 
 
@@ -184,12 +189,12 @@ def _roundabout() -> RoadMap:
     routes = []
     for arm in range(4):
         first = ring.index(f"n{arm}")
-        for quarters, weight in zip((1, 2, 3), _QUARTER_WEIGHTS, strict=True):
+        for quarters, movement_weight in zip((1, 2, 3), _QUARTER_WEIGHTS, strict=True):
             out = (arm - quarters) % 4
             around = [ring[(first + k) % 8] for k in range(2 * quarters)]
             nodes = [f"o{arm}", f"a{arm}", *around, f"z{out}", f"x{out}"]
             roads = tuple((geometry.number[a, b, 0],) for a, b in pairwise(nodes))
-            routes.append(Route(roads, ARM_WEIGHTS[arm] * weight))
+            routes.append(Route(roads, ARM_WEIGHTS[arm] * movement_weight))
     return RoadMap(
         network,
         geometry,
@@ -203,40 +208,49 @@ def _roundabout() -> RoadMap:
 
 def _add_roundabout_arm(network: Any, arm: int) -> None:
     """Add entry, exit and ring at an arm."""
-    quarter = np.pi / 2 * arm
+    quarter_rad = np.pi / 2 * arm
     # where the entry touches the ring; the exit mirrors it
-    angle = float(np.arctan2(_ROUND_MOUTH_M, _ROUND_ASIDE_M))
-    far = _ROUND_MOUTH_M + APPROACH_M
+    touch_rad = float(np.arctan2(_ROUND_MOUTH_M, _ROUND_ASIDE_M))
+    far_y = _ROUND_MOUTH_M + APPROACH_M
     entry = _turned(arm, _ROUND_ASIDE_M, _ROUND_MOUTH_M)
     leave = _turned(arm, -_ROUND_ASIDE_M, _ROUND_MOUTH_M)
     middle = _turned(arm, 0.0, 0.0)
 
-    def straight(x: float, start: float, end: float) -> Any:
-        return _street(arm, (x, start), (x, end), _ROUND_LANE_WIDTH_M)
+    def straight(x: float, start_m: float, end_m: float) -> Any:
+        return _street(arm, (x, start_m), (x, end_m), _ROUND_LANE_WIDTH_M)
 
     def bend(
-        center: Floats, radius: float, start: float, end: float, limit: float
+        center: Floats,
+        radius_m: float,
+        start_rad: float,
+        end_rad: float,
+        limit_mps: float,
     ) -> Any:
-        phases = (quarter + start, quarter + end)
-        return _arc(center, radius, phases, limit, _ROUND_LANE_WIDTH_M)
+        phase_range = (quarter_rad + start_rad, quarter_rad + end_rad)
+        return _arc(center, radius_m, phase_range, limit_mps, _ROUND_LANE_WIDTH_M)
 
-    half = np.pi
-    first_arc = bend(middle, _RING_RADIUS_M, angle, half / 2 - angle, _RING_LIMIT_MPS)
-    second_arc = bend(middle, _RING_RADIUS_M, half - angle, angle, _RING_LIMIT_MPS)
-    into = bend(entry, _ENTRY_RADIUS_M, half, half + angle, _ENTRY_LIMIT_MPS)
-    out = bend(leave, _ENTRY_RADIUS_M, -angle, 0.0, _EXIT_LIMIT_MPS)
-    network.add_lane(f"o{arm}", f"a{arm}", straight(_ISLAND_M, far, _ROUND_MOUTH_M))
+    half_turn = np.pi
+    quarter_end = half_turn / 2 - touch_rad
+    first_arc = bend(middle, _RING_RADIUS_M, touch_rad, quarter_end, _RING_LIMIT_MPS)
+    second_arc = bend(
+        middle, _RING_RADIUS_M, half_turn - touch_rad, touch_rad, _RING_LIMIT_MPS
+    )
+    into = bend(
+        entry, _ENTRY_RADIUS_M, half_turn, half_turn + touch_rad, _ENTRY_LIMIT_MPS
+    )
+    out = bend(leave, _ENTRY_RADIUS_M, -touch_rad, 0.0, _EXIT_LIMIT_MPS)
+    network.add_lane(f"o{arm}", f"a{arm}", straight(_ISLAND_M, far_y, _ROUND_MOUTH_M))
     network.add_lane(f"a{arm}", f"n{arm}", into)
     network.add_lane(f"e{arm}", f"z{arm}", out)
-    network.add_lane(f"z{arm}", f"x{arm}", straight(-_ISLAND_M, _ROUND_MOUTH_M, far))
+    network.add_lane(f"z{arm}", f"x{arm}", straight(-_ISLAND_M, _ROUND_MOUTH_M, far_y))
     network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", first_arc)
     network.add_lane(f"e{arm}", f"n{arm}", second_arc)
 
 
 def _fast_road(
     ends: tuple[float, float, float, float],
-    lanes: int,
-    limit: float,
+    lane_count: int,
+    limit_mps: float,
     ramp: dict[str, Any],
 ) -> tuple[Any, LaneGeometry, list[tuple[int, ...]]]:
     """Return roads a-b, b-c, c-d along x and their lanes.
@@ -245,12 +259,14 @@ def _fast_road(
     ends.
     """
     network = RoadNetwork()
-    counts = {"ab": lanes, "bc": lanes + 1, "cd": lanes}
-    for (road, count), (start, end) in zip(counts.items(), pairwise(ends), strict=True):
+    counts = {"ab": lane_count, "bc": lane_count + 1, "cd": lane_count}
+    for (road, count), (start_m, end_m) in zip(
+        counts.items(), pairwise(ends), strict=True
+    ):
         for k in range(count):
             y = k * _LANE_WIDTH_M
-            points = ((start, y), (end, y))
-            lane = StraightLane(*points, _LANE_WIDTH_M, speed_limit=limit)
+            points = ((start_m, y), (end_m, y))
+            lane = StraightLane(*points, _LANE_WIDTH_M, speed_limit=limit_mps)
             network.add_lane(*road, lane)
     for road, lane in ramp.items():
         network.add_lane(*road, lane)
@@ -263,56 +279,58 @@ def _fast_road(
     return network, geometry, numbers
 
 
-def _ramp(start: float, end: float, y: float, phase: float, limit: float) -> Any:
+def _ramp(
+    start_m: float, end_m: float, y: float, phase: float, limit_mps: float
+) -> Any:
     """Return the bend of a ramp beside ``y``."""
     middle = y + _RAMP_SWING_M
-    pulsation = np.pi / (end - start)
-    points = ((start, middle), (end, middle))
+    pulsation = np.pi / (end_m - start_m)
+    points = ((start_m, middle), (end_m, middle))
     wave = (_RAMP_SWING_M, pulsation, phase)
-    return SineLane(*points, *wave, _LANE_WIDTH_M, speed_limit=limit)
+    return SineLane(*points, *wave, _LANE_WIDTH_M, speed_limit=limit_mps)
 
 
 def _merge(seconds: float) -> RoadMap:
-    lanes = 2
-    total = max(560.0, 26.0 * seconds + 200.0)
-    bend = total * 0.4
-    joined = total * 0.4 + 80.0
-    narrow = total * 0.4 + 220.0
-    y = lanes * _LANE_WIDTH_M
-    far = y + 2 * _RAMP_SWING_M
+    lane_count = 2
+    total_m = max(560.0, 26.0 * seconds + 200.0)
+    bend = total_m * 0.4
+    joined_x = total_m * 0.4 + 80.0
+    narrow_x = total_m * 0.4 + 220.0
+    y = lane_count * _LANE_WIDTH_M
+    far_y = y + 2 * _RAMP_SWING_M
     entry = StraightLane(
-        (0.0, far), (bend, far), _LANE_WIDTH_M, speed_limit=_RAMP_LIMIT_MPS
+        (0.0, far_y), (bend, far_y), _LANE_WIDTH_M, speed_limit=_RAMP_LIMIT_MPS
     )
-    ramp = {"jk": entry, "kb": _ramp(bend, joined, y, np.pi / 2, _RAMP_LIMIT_MPS)}
-    ends = (0.0, joined, narrow, total)
-    network, geometry, roads = _fast_road(ends, lanes, 25.0, ramp)
+    ramp = {"jk": entry, "kb": _ramp(bend, joined_x, y, np.pi / 2, _RAMP_LIMIT_MPS)}
+    ends = (0.0, joined_x, narrow_x, total_m)
+    network, geometry, roads = _fast_road(ends, lane_count, 25.0, ramp)
     main, middle, final, *entries = roads
     routes = (
         Route((main, middle[:-1], final), 0.7),
         Route((*entries, middle, final), 0.3),
     )
-    sensor = ((joined + narrow) / 2, -7.0, 4.0)
+    sensor = ((joined_x + narrow_x) / 2, -7.0, 4.0)
     return RoadMap(network, geometry, routes, sensor, regulated=False)
 
 
 def _highway(seconds: float) -> RoadMap:
-    lanes = 3
-    total = max(600.0, 29.0 * seconds + 200.0)
-    wide = total * 0.45
-    split = total * 0.45 + 200.0
-    parted = split + 90.0
-    y = lanes * _LANE_WIDTH_M
-    far = y + 2 * _RAMP_SWING_M
+    lane_count = 3
+    total_m = max(600.0, 29.0 * seconds + 200.0)
+    wide_x = total_m * 0.45
+    split_x = total_m * 0.45 + 200.0
+    parted_x = split_x + 90.0
+    y = lane_count * _LANE_WIDTH_M
+    far_y = y + 2 * _RAMP_SWING_M
     leaving = StraightLane(
-        (parted, far), (total, far), _LANE_WIDTH_M, speed_limit=_RAMP_LIMIT_MPS
+        (parted_x, far_y), (total_m, far_y), _LANE_WIDTH_M, speed_limit=_RAMP_LIMIT_MPS
     )
-    ramp = {"ce": _ramp(split, parted, y, -np.pi / 2, 22.0), "ef": leaving}
-    ends = (0.0, wide, split, total)
-    network, geometry, roads = _fast_road(ends, lanes, 28.0, ramp)
+    ramp = {"ce": _ramp(split_x, parted_x, y, -np.pi / 2, 22.0), "ef": leaving}
+    ends = (0.0, wide_x, split_x, total_m)
+    network, geometry, roads = _fast_road(ends, lane_count, 28.0, ramp)
     main, middle, final, *exits = roads
     routes = (
         Route((main, middle[:-1], final), 0.75),
         Route((main, middle, *exits), 0.25, otherwise=0),
     )
-    sensor = (split, -7.0, 4.0)
+    sensor = (split_x, -7.0, 4.0)
     return RoadMap(network, geometry, routes, sensor, regulated=False)

@@ -5,7 +5,6 @@ wait vehicles wait for them.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -13,117 +12,23 @@ import numpy as np
 from ...core import Bools, Floats, wrap_angle
 from . import walking
 from .behaviour import PedestrianBehaviour
+from .person import ARRIVING, CROSSING, LEAVING, WAITING, Person
 from .right_of_way import CrossingPedestrian
 from .road_map import Pavement, RoadMap
 from .world import ARM_WEIGHTS
 
-ARRIVING, WAITING, CROSSING, LEAVING = range(4)
 _MAX_GROUP = 4
 _GROUP_SHARES = (0.5, 0.3, 0.15, 0.05)  # of groups of one, two, ... people
 _FREE_M = 0.85  # around a new person
 _PATIENCE_S = (3.0, 7.0)  # at the kerb
 _MAX_ACCELERATION_MPS2 = 3.8
-# to the waiting point: reached, or standing behind others
-_REACHED_M = 0.7
-_QUEUED_M = 2.0
 _MIN_WALKING_MPS = 0.3  # slower people stand
-_CORNER_M = 2.0  # to a point of the way, where people turn to the next one
-# before the waiting point, from where people see if they can cross
-_LOOKING_M = 3.0
 _STROLL_SHARE = 0.55  # of the groups, which do not cross
-_GONE_M = 1.4  # to the end of the way
-_STEP_OFF_M = 0.2  # to the point where people step off the road
 # of the first people: share that have crossed, largest passed share of the way of
 # others
 _CROSSED_SHARE = 0.25
 _MAX_PASSED_SHARE = 0.8
 _ARRIVAL_S = 1.5  # mean time until a missing person comes
-
-
-@dataclass(eq=False)
-class Person:
-    """A person on foot; points are (along, across) the crossing from its origin, m."""
-
-    number: int
-    group: int
-    crossing: int  # index into those of the map
-    direction: float  # +1 or -1, along the crossing
-    size: tuple[float, float, float]  # m, length, width and height
-    pace: float  # m/s
-    patience: float  # s at the kerb
-    waiting_point: Floats
-    far_point: Floats  # where to step off the road
-    departure: list[Floats]  # points of the way from there
-    place: list[float]
-    velocity: list[float]  # m/s, along and across
-    heading: float  # rad
-    ahead: list[Floats]  # next points of the way before the crossing, or after it
-    # passed points of the way; empty for a person who cannot turn back
-    passed: list[Floats] = field(default_factory=list)
-    stage: int = ARRIVING
-    waited: float = 0.0  # s
-
-    @property
-    def goal(self) -> Floats:
-        """The present goal."""
-        if self.stage == CROSSING:
-            return self.far_point
-        return self.waiting_point if self.stage == WAITING else self.ahead[0]
-
-    @property
-    def patient(self) -> bool:
-        """False at the end of the patience."""
-        return self.waited <= self.patience
-
-    def turn_corner(self, to_next: float) -> float:
-        """Turn to the next point of the way near a corner.
-
-        ``to_next``: metres to the present point; return those to the next one.
-        """
-        if len(self.ahead) == 1 or to_next >= _CORNER_M:
-            return to_next
-        self.passed += self.ahead[:1] if self.passed else []
-        self.ahead = self.ahead[1:]
-        return float(np.hypot(*(self.ahead[0] - self.place)))
-
-    def has_left(self, to_end: float) -> bool:
-        """Return True near the end of the way, in ``to_end`` m."""
-        return self.stage == LEAVING and len(self.ahead) == 1 and to_end <= _GONE_M
-
-    def turn_back(self) -> None:
-        """Go back the way that is known, if there is one."""
-        if self.passed and self.stage in (ARRIVING, LEAVING):
-            self.ahead = self.passed[::-1]
-            self.passed = []
-            self.stage = LEAVING
-
-    def advance(self, to_next: float, stands: bool, dt: float) -> bool:
-        """Move on to the next stage.
-
-        Return True at the kerb. There a person waits, or is near enough to walk on
-        without a stop.
-        """
-        if self.stage == ARRIVING and len(self.ahead) == 1:
-            # the last point before the crossing
-            if to_next < (_QUEUED_M if stands else _REACHED_M):
-                self.stage = WAITING
-            return to_next < _LOOKING_M
-        if self.stage == WAITING:
-            self.waited += dt
-            return True
-        to_far = (self.far_point[0] - self.place[0]) * self.direction
-        if self.stage == CROSSING and to_far < _STEP_OFF_M:
-            self.stage = LEAVING
-            self.ahead = self.departure
-        return False
-
-    def walk(self) -> CrossingPedestrian:
-        """Return the person as a pedestrian on the crossing."""
-        patient = self.stage != CROSSING and self.patient
-        speed = max(0.85 * self.pace, 0.5)
-        return CrossingPedestrian(
-            self.crossing, self.place[0], self.direction, speed, patient
-        )
 
 
 class _CrowdState(NamedTuple):
@@ -142,15 +47,15 @@ class Crowd:
     def __init__(
         self,
         road_map: RoadMap,
-        target: int,
+        target_count: int,
         rng: np.random.Generator,
         behaviour: PedestrianBehaviour,
     ) -> None:
-        """``target``: number of people to keep, at most."""
+        """``target_count``: number of people to keep, at most."""
         crossings = road_map.crossings
         self._crossings = crossings
         self._pavement = road_map.pavement
-        self._target = target
+        self._target = target_count
         self._rng = rng
         self._behaviour = behaviour
         self.people: list[Person] = []
@@ -161,11 +66,11 @@ class Crowd:
         across = along[:, ::-1] * [-1.0, 1.0]
         self._axes = np.stack([along, across], axis=1)
         self._state: _CrowdState | None = None  # until a person moves or comes
-        for _ in range(20 * target):
-            if len(self.people) < target:
+        for _ in range(20 * target_count):
+            if len(self.people) < target_count:
                 stage = LEAVING if rng.uniform() < _CROSSED_SHARE else ARRIVING
-                share = float(rng.uniform(1.0 - _MAX_PASSED_SHARE, 1.0))
-                self._add_group(stage, share)
+                way_share = float(rng.uniform(1.0 - _MAX_PASSED_SHARE, 1.0))
+                self._add_group(stage, way_share)
                 behaviour.start_standing(self._groups - 1)
 
     def xy(self) -> tuple[Floats, Floats]:
@@ -204,11 +109,14 @@ class Crowd:
         return {p.crossing for p in waiting if not p.patient}
 
     def step(
-        self, dt: float, vehicles: Floats, free: Callable[[CrossingPedestrian], bool]
+        self,
+        step_s: float,
+        vehicles: Floats,
+        is_free: Callable[[CrossingPedestrian], bool],
     ) -> None:
-        """Move all people by ``dt`` seconds around vehicles (boxes [N, 7]).
+        """Move all people by ``step_s`` seconds around vehicles (boxes [N, 7]).
 
-        ``free``: true if a person can cross. New people come.
+        ``is_free``: true if a person can cross. New people come.
         """
         if self._pavement is None:
             return
@@ -216,40 +124,49 @@ class Crowd:
         for p in self.people:
             if p.group in self._behaviour.turning:
                 p.turn_back()
-        self._advance(dt, free)
-        self._move(dt, vehicles, self._pavement)
+        self._advance(step_s, is_free)
+        self._move(step_s, vehicles, self._pavement)
         to_next = self._to_next_point()
         remaining = zip(self.people, to_next, strict=True)
         self.people = [p for p, to_end in remaining if not p.has_left(to_end)]
         self._state = None
         missing = len(self.people) < self._target
-        if missing and self._rng.uniform() < dt / _ARRIVAL_S:
+        if missing and self._rng.uniform() < step_s / _ARRIVAL_S:
             self._add_group(ARRIVING, 1.0)
 
-    def _add_group(self, stage: int, share: float) -> None:
+    def _add_group(self, stage: int, way_share: float) -> None:
         """Add a group on its way.
 
-        ``share``: the remaining part of that way.
+        ``way_share``: the remaining part of that way.
         """
         if self._pavement is None:
             return
         rng = self._rng
         crossing, size, way = self._draw_way(self._pavement)
-        pace = float(rng.uniform(1.05, 1.55))
-        patience = float(rng.uniform(*_PATIENCE_S))
+        pace_mps = float(rng.uniform(1.05, 1.55))
+        patience_s = float(rng.uniform(*_PATIENCE_S))
         strolls = bool(rng.uniform() < _STROLL_SHARE)
-        others = self.xy()[0].T
-        for k in range(size):
+        other_places = self.xy()[0].T
+        for member_index in range(size):
             if strolls:
-                points = way.stroll(k)
+                points = way.stroll(member_index)
             else:
-                points = way.arrival(k) if stage == ARRIVING else way.departure(k)
-            place, *ahead = walking.remaining_way(points, share)
-            xy = self._origins[crossing] + place @ self._axes[crossing]
-            if len(others) and np.hypot(*(others - xy).T).min() < _FREE_M:
+                points = (
+                    way.arrival(member_index)
+                    if stage == ARRIVING
+                    else way.departure(member_index)
+                )
+            place, *ahead = walking.remaining_way(points, way_share)
+            start_xy = self._origins[crossing] + place @ self._axes[crossing]
+            if (
+                len(other_places)
+                and np.hypot(*(other_places - start_xy).T).min() < _FREE_M
+            ):
                 continue
-            others = np.concatenate([others, xy[None]])
-            person = self._new_person(crossing, way, k, place, ahead, pace, patience)
+            other_places = np.concatenate([other_places, start_xy[None]])
+            person = self._new_person(
+                crossing, way, member_index, place, ahead, pace_mps, patience_s
+            )
             person.stage = LEAVING if strolls else stage
             if strolls or stage == ARRIVING:
                 person.passed = points[: -len(ahead)]
@@ -279,16 +196,16 @@ class Crowd:
         self,
         crossing: int,
         way: walking.Footway,
-        k: int,
+        member_index: int,
         place: Floats,
         ahead: list[Floats],
-        pace: float,
-        patience: float,
+        pace_mps: float,
+        patience_s: float,
     ) -> Person:
         """Draw the k-th person of a group."""
         rng = self._rng
         length, width, height = rng.uniform((0.35, 0.45, 1.5), (0.5, 0.6, 1.9)).tolist()
-        pace = min(max(pace + float(rng.normal(0.0, 0.05)), 1.0), 1.6)
+        pace_mps = min(max(pace_mps + float(rng.normal(0.0, 0.05)), 1.0), 1.6)
         step = ahead[0] - place
         course = step / max(float(np.hypot(*step)), 1e-6)
         x, y = course @ self._axes[crossing]
@@ -299,67 +216,77 @@ class Crowd:
             crossing=crossing,
             direction=way.direction,
             size=(round(length, 2), round(width, 2), round(height, 2)),
-            pace=pace,
-            patience=patience,
-            waiting_point=way.waiting_point(k),
-            far_point=way.far_point(k),
-            departure=way.departure(k)[1:],
+            pace=pace_mps,
+            patience=patience_s,
+            waiting_point=way.waiting_point(member_index),
+            far_point=way.far_point(member_index),
+            departure=way.departure(member_index)[1:],
             place=place.round(6).tolist(),
-            velocity=((pace * course).round(6) + 0.0).tolist(),
+            velocity=((pace_mps * course).round(6) + 0.0).tolist(),
             heading=round(float(np.arctan2(y, x)), 6),
             ahead=ahead,
         )
 
-    def _advance(self, dt: float, free: Callable[[CrossingPedestrian], bool]) -> None:
+    def _advance(
+        self, step_s: float, is_free: Callable[[CrossingPedestrian], bool]
+    ) -> None:
         """Move all people on to the next stage.
 
         A group steps on the road together.
         """
         speeds = np.hypot(*self._read().local[1]).tolist()
         at_kerb = set()
-        for p, to_next, speed in zip(
+        for p, to_next, speed_mps in zip(
             self.people, self._to_next_point(), speeds, strict=True
         ):
-            if p.advance(p.turn_corner(to_next), speed < _MIN_WALKING_MPS, dt):
+            if p.advance(p.turn_corner(to_next), speed_mps < _MIN_WALKING_MPS, step_s):
                 at_kerb.add(p.number)
         for group in sorted(self._behaviour.ready):
             members = [p for p in self.people if p.group == group]
-            if all(p.number in at_kerb and free(p.walk()) for p in members):
+            if all(p.number in at_kerb and is_free(p.walk()) for p in members):
                 for p in members:
                     p.stage = CROSSING
                     p.passed = []
 
-    def _move(self, dt: float, vehicles: Floats, pavement: Pavement) -> None:
-        """Move all people by ``dt`` seconds, by social forces."""
+    def _move(self, step_s: float, vehicles: Floats, pavement: Pavement) -> None:
+        """Move all people by ``step_s`` seconds, by social forces."""
         if not self.people:
             return
         local, axes, origin, place, velocity = self._read()
         goals = _points([p.goal for p in self.people])
-        goal = origin + (goals[0] * axes[0] + goals[1] * axes[1])
+        goal_xy = origin + (goals[0] * axes[0] + goals[1] * axes[1])
         stage = np.array([p.stage for p in self.people])
         numbers = np.array([p.number for p in self.people])
         groups = np.array([p.group for p in self.people])
         friends = groups[:, None] == groups
         np.fill_diagonal(friends, False)
         beside = stage != CROSSING
-        pace = np.array([p.pace for p in self.people])
-        way, pace = self._behaviour.walk(goal - place, pace, numbers, groups, ~beside)
+        pace_mps = np.array([p.pace for p in self.people])
+        way, pace_mps = self._behaviour.walk(
+            goal_xy - place, pace_mps, numbers, groups, ~beside
+        )
         pairs = walking.pairs_of(place)
         outlines = walking.Outlines(vehicles, place)
-        force = walking.social_force(pairs, velocity, way, pace, friends)
-        new = walking.limit_length(velocity + dt * force, 1.25 * pace)
-        new = walking.slow_before_others(place, pairs, new, outlines, dt)
-        new = walking.slow_at_kerb(place, new, pavement, beside)
-        change = walking.limit_length(new - velocity, _MAX_ACCELERATION_MPS2 * dt)
-        moved = walking.push_apart(place + dt * (velocity + change))
-        moved = walking.keep_off_road(moved, pavement, beside)
-        moved = walking.keep_out_of_vehicles(place, moved, outlines)
-        new = (moved - place) / dt
-        states = np.array([moved - origin, new])
+        force = walking.social_force(pairs, velocity, way, pace_mps, friends)
+        new_velocity = walking.limit_length(velocity + step_s * force, 1.25 * pace_mps)
+        new_velocity = walking.slow_before_others(
+            place, pairs, new_velocity, outlines, step_s
+        )
+        new_velocity = walking.slow_at_kerb(place, new_velocity, pavement, beside)
+        change = walking.limit_length(
+            new_velocity - velocity, _MAX_ACCELERATION_MPS2 * step_s
+        )
+        moved_xy = walking.push_apart(place + step_s * (velocity + change))
+        moved_xy = walking.keep_off_road(moved_xy, pavement, beside)
+        moved_xy = walking.keep_out_of_vehicles(place, moved_xy, outlines)
+        new_velocity = (moved_xy - place) / step_s
+        states = np.array([moved_xy - origin, new_velocity])
         local = states[:, :1] * axes[:, 0] + states[:, 1:] * axes[:, 1]
         places, velocities = (local.round(6) + 0.0).transpose(0, 2, 1).tolist()
         heading = np.array([p.heading for p in self.people])
-        heading = _turned_headings(heading, new, goal - moved, stage == WAITING)
+        heading = _turned_headings(
+            heading, new_velocity, goal_xy - moved_xy, stage == WAITING
+        )
         for i, p in enumerate(self.people):
             p.place = places[i]
             p.velocity = velocities[i]

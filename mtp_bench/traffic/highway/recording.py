@@ -44,16 +44,16 @@ class Recording:
         class_id, number = self.frames[-1][row, 9:11].astype(np.int64).tolist()
         return class_id, number
 
-    def rows(self, part: slice = slice(None)) -> Floats:
+    def rows(self, frame_slice: slice = slice(None)) -> Floats:
         """Return right-handed rows [R, 12] of some frames, by frame and number."""
-        frames = self.frames[part]
-        count = [len(frame) for frame in frames]
-        frame = np.repeat(np.arange(len(frames)), count)
+        frames = self.frames[frame_slice]
+        row_counts = [len(frame) for frame in frames]
+        frame = np.repeat(np.arange(len(frames)), row_counts)
         rows = np.column_stack([np.concatenate([np.empty((0, 11)), *frames]), frame])
         rows = rows[np.lexsort((rows[:, _NUMBER], frame))]
         rows[:, :9] *= _MIRROR
-        angle = wrap_angle(rows[:, 3])
-        rows[:, 3] = angle.clip(-_LARGEST_ANGLE, _LARGEST_ANGLE)
+        yaw_rad = wrap_angle(rows[:, 3])
+        rows[:, 3] = yaw_rad.clip(-_LARGEST_ANGLE, _LARGEST_ANGLE)
         rows[:, :9] = rows[:, :9].round(6) + 0.0  # no negative zeros
         return rows
 
@@ -61,7 +61,7 @@ class Recording:
         self,
         number: int,
         lanes: tuple[Lane, ...],
-        part: slice = slice(None),
+        frame_slice: slice = slice(None),
         renumbered: bool = True,
     ) -> World:
         """Return the world of some frames seen by vehicle ``number``.
@@ -69,7 +69,7 @@ class Recording:
         That vehicle is not in the truth. ``renumbered``: objects are numbered from 0,
         else they keep their numbers.
         """
-        rows = self.rows(part)
+        rows = self.rows(frame_slice)
         carries = rows[:, _NUMBER] == number
         ego = rows[carries, :4]
         ego[:, 2] = _EGO_HEIGHT_M

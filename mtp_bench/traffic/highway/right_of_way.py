@@ -85,21 +85,21 @@ class _Approach:
 
     def soonest(self, place: float) -> float:
         """Return the earliest time at a place, s from now."""
-        cruise = _FAST_CRUISE * self.passage.cruise
-        distance = place - self.front
-        return _travel_time(distance, self.speed, _FAST_ACCELERATION_MPS2, cruise)
+        cruise_mps = _FAST_CRUISE * self.passage.cruise
+        distance_m = place - self.front
+        return _travel_time(distance_m, self.speed, _FAST_ACCELERATION_MPS2, cruise_mps)
 
     def latest(self, end: float) -> float:
         """Return the latest time at an ``end``, s from now.
 
         Inf if it may stop before.
         """
-        distance = end - self.rear
-        if min(self.free, self.stop) < distance:
+        distance_m = end - self.rear
+        if min(self.free, self.stop) < distance_m:
             return math.inf
-        acceleration = _SLOW_ACCELERATION * self.acceleration
-        cruise = _SLOW_CRUISE * self.passage.cruise
-        return _travel_time(distance, self.speed, acceleration, cruise)
+        acceleration_mps2 = _SLOW_ACCELERATION * self.acceleration
+        cruise_mps = _SLOW_CRUISE * self.passage.cruise
+        return _travel_time(distance_m, self.speed, acceleration_mps2, cruise_mps)
 
     def meets(self, stretch: CrossingStretch, walk: CrossingPedestrian) -> bool:
         """Return True if a pedestrian would be in the way."""
@@ -141,32 +141,32 @@ class RightOfWay:
     def update(
         self,
         state: RoadState,
-        ahead: Leaders,
+        leading_obstacles: Leaders,
         walks: list[CrossingPedestrian],
-        claimed: set[int],
+        claimed_crossings: set[int],
         time_s: float,
     ) -> Floats:
         """Return free metres [N] to the places to wait at.
 
         They are inf for a vehicle that need not wait. ``walks``: pedestrians on
-        crossings; ``claimed``: crossings where people have waited long enough, for
-        which no vehicle gets the right of way.
+        crossings; ``claimed_crossings``: crossings where people have waited long
+        enough, for which no vehicle gets the right of way.
         """
-        self._observe(state, ahead)
-        self._grant(self._first_waiting(), walks, claimed, time_s)
+        self._observe(state, leading_obstacles)
+        self._grant(self._first_waiting(), walks, claimed_crossings, time_s)
         driven = self._vehicles.get(self.driven)
         if driven is not None and driven.rear <= driven.passage.end:
             self._let_pass(driven)
         # the oldest right first: others wait for those who wait
-        for number, orders in self._granted.items():
-            me = self._vehicles[number]
+        for vehicle_number, orders in self._granted.items():
+            me = self._vehicles[vehicle_number]
             me.stop = self._wait_inside(me, orders, walks)
         stop = np.full(len(state), np.inf)
-        for i, (number, me) in enumerate(self._vehicles.items()):
-            if number in self._granted:
-                stop[i] = me.stop
+        for row_index, (vehicle_number, me) in enumerate(self._vehicles.items()):
+            if vehicle_number in self._granted:
+                stop[row_index] = me.stop
             elif me.front < me.passage.line + _OVERSHOT_M:
-                stop[i] = max(me.passage.line - me.front, 0.0)
+                stop[row_index] = max(me.passage.line - me.front, 0.0)
         return stop
 
     def free_to_walk(self, walk: CrossingPedestrian) -> bool:
@@ -176,16 +176,19 @@ class RightOfWay:
         """
         if walk.patient and walk.crossing in self._claimed:
             return False
-        vehicles = (self._vehicles[number] for number in self._granted)
+        vehicles = (self._vehicles[vehicle_number] for vehicle_number in self._granted)
         return not any(
             me.rear < stretch.end and me.meets(stretch, walk)
             for me in vehicles
             for stretch in me.passage.stretches
         )
 
-    def _observe(self, state: RoadState, ahead: Leaders) -> None:
+    def _observe(self, state: RoadState, leading_obstacles: Leaders) -> None:
         """Read the vehicles in order and forget those that left."""
-        stops = {number: self._vehicles[number].stop for number in self._granted}
+        stops = {
+            vehicle_number: self._vehicles[vehicle_number].stop
+            for vehicle_number in self._granted
+        }
         columns = (
             state.numbers,
             state.route,
@@ -193,53 +196,55 @@ class RightOfWay:
             state.progress - state.length / 2,
             state.speed,
             state.style[:, ACCELERATION],
-            np.where(ahead.speed < _SLOW_MPS, ahead.gap, np.inf),
+            np.where(
+                leading_obstacles.speed < _SLOW_MPS, leading_obstacles.gap, np.inf
+            ),
         )
         self._vehicles = {}
-        for number, route, *values in zip(
+        for vehicle_number, route, *values in zip(
             *(column.tolist() for column in columns), strict=True
         ):
             approach = _Approach(self.passages[route], route, *values)
-            approach.stop = stops.get(number, math.inf)
-            self._vehicles[number] = approach
-        for number in [*self._granted]:
-            me = self._vehicles.get(number)
+            approach.stop = stops.get(vehicle_number, math.inf)
+            self._vehicles[vehicle_number] = approach
+        for vehicle_number in [*self._granted]:
+            me = self._vehicles.get(vehicle_number)
             if me is None or me.rear > me.passage.end:
-                del self._granted[number]
-        for number in self._asked_s.keys() - self._vehicles.keys():
-            del self._asked_s[number]
+                del self._granted[vehicle_number]
+        for vehicle_number in self._asked_s.keys() - self._vehicles.keys():
+            del self._asked_s[vehicle_number]
 
     def _first_waiting(self) -> list[int]:
         """Return the first vehicle of every approach without the right of way."""
-        first: dict[int, int] = {}
-        for number, me in self._vehicles.items():
-            if number in self._granted or not me.behind_line:
+        first_numbers: dict[int, int] = {}
+        for vehicle_number, me in self._vehicles.items():
+            if vehicle_number in self._granted or not me.behind_line:
                 continue
-            leader = first.get(me.passage.entry)
+            leader = first_numbers.get(me.passage.entry)
             if leader is None or _middle(me) > _middle(self._vehicles[leader]):
-                first[me.passage.entry] = number
-        return list(first.values())
+                first_numbers[me.passage.entry] = vehicle_number
+        return list(first_numbers.values())
 
     def _grant(
         self,
         waiting: list[int],
         walks: list[CrossingPedestrian],
-        claimed: set[int],
+        claimed_crossings: set[int],
         time_s: float,
     ) -> None:
         """Give waiting vehicles the right of way in order."""
         impatient_routes: list[int] = []
         self._claimed = []
-        asking = self._asking(waiting, time_s)
-        for asked_s, number in sorted(asking):
-            me = self._vehicles[number]
+        asking_times = self._asking(waiting, time_s)
+        for asked_s, vehicle_number in sorted(asking_times):
+            me = self._vehicles[vehicle_number]
             if any(route in me.passage.zones for route in impatient_routes):
                 continue
-            order = self._order(me, walks, claimed)
-            if order is not None:
-                self._granted[number], followers = order
-                for other, zone in followers:
-                    self._granted[other].append((number, zone))
+            zone_order = self._order(me, walks, claimed_crossings)
+            if zone_order is not None:
+                self._granted[vehicle_number], followers = zone_order
+                for other_approach, zone in followers:
+                    self._granted[other_approach].append((vehicle_number, zone))
                 continue
             if time_s - asked_s > _PATIENCE_S:
                 impatient_routes.append(me.route)
@@ -248,34 +253,40 @@ class RightOfWay:
 
     def _asking(self, waiting: list[int], time_s: float) -> list[tuple[float, int]]:
         """Return times of asking, and numbers, of vehicles close to their line."""
-        for number in waiting:
-            me = self._vehicles[number]
+        for vehicle_number in waiting:
+            me = self._vehicles[vehicle_number]
             ask_distance_m = _ASK_DISTANCE_M + _ASK_TIME_S * me.speed
             if me.passage.line - me.front < ask_distance_m:
-                self._asked_s.setdefault(number, time_s)
+                self._asked_s.setdefault(vehicle_number, time_s)
         return [(self._asked_s[n], n) for n in waiting if n in self._asked_s]
 
     def _order(
-        self, me: _Approach, walks: list[CrossingPedestrian], claimed: set[int]
+        self,
+        me: _Approach,
+        walks: list[CrossingPedestrian],
+        claimed_crossings: set[int],
     ) -> tuple[Orders, Orders] | None:
         """Return vehicles to let go first, and those that wait.
 
         None if it cannot go now.
         """
         for stretch in me.passage.stretches:
-            if stretch.crossing in claimed or me.meets_any(stretch, walks):
+            if stretch.crossing in claimed_crossings or me.meets_any(stretch, walks):
                 return None
         leaders: Orders = []
         followers: Orders = []
-        for number in self._granted:
-            other = self._vehicles[number]
-            for zone in me.passage.zones.get(other.route, ()):
-                if other.has_left(zone):
+        for vehicle_number in self._granted:
+            other_approach = self._vehicles[vehicle_number]
+            for zone in me.passage.zones.get(other_approach.route, ()):
+                if other_approach.has_left(zone):
                     continue
-                if me.soonest(zone.start) > other.latest(zone.other_end) + _AFTER_S:
-                    leaders.append((number, zone))
-                elif self._can_go_before(me, other, zone):
-                    followers.append((number, zone.mirrored))
+                if (
+                    me.soonest(zone.start)
+                    > other_approach.latest(zone.other_end) + _AFTER_S
+                ):
+                    leaders.append((vehicle_number, zone))
+                elif self._can_go_before(me, other_approach, zone):
+                    followers.append((vehicle_number, zone.mirrored))
                 else:
                     return None
         return leaders, followers
@@ -285,45 +296,49 @@ class RightOfWay:
 
         Vehicles that can stop let it pass.
         """
-        reach = me.front + me.speed**2 / (2 * _DRIVEN_BRAKING_MPS2)
-        if reach > me.passage.line:
+        reach_m = me.front + me.speed**2 / (2 * _DRIVEN_BRAKING_MPS2)
+        if reach_m > me.passage.line:
             self._granted.setdefault(self.driven, [])
         if self.driven not in self._granted:
             return
-        for number, orders in self._granted.items():
-            if number == self.driven:
+        for vehicle_number, orders in self._granted.items():
+            if vehicle_number == self.driven:
                 continue
-            other = self._vehicles[number]
-            other_reach = other.front + other.speed**2 / (2 * _OTHERS_BRAKING_MPS2)
-            for zone in me.passage.zones.get(other.route, ()):
-                order = (self.driven, zone.mirrored)
+            other_approach = self._vehicles[vehicle_number]
+            other_reach = other_approach.front + other_approach.speed**2 / (
+                2 * _OTHERS_BRAKING_MPS2
+            )
+            for zone in me.passage.zones.get(other_approach.route, ()):
+                zone_order = (self.driven, zone.mirrored)
                 stops = other_reach < zone.other_start
-                if reach > zone.start and stops and order not in orders:
-                    orders.append(order)
+                if reach_m > zone.start and stops and zone_order not in orders:
+                    orders.append(zone_order)
 
     def _can_go_before(
-        self, me: _Approach, other: _Approach, zone: ConflictZone
+        self, me: _Approach, other_approach: _Approach, zone: ConflictZone
     ) -> bool:
-        if self.first_in_first_out or other.front > zone.other_start:
+        if self.first_in_first_out or other_approach.front > zone.other_start:
             return False
-        return me.latest(zone.end) + _BEFORE_S < other.soonest(zone.other_start)
+        return me.latest(zone.end) + _BEFORE_S < other_approach.soonest(
+            zone.other_start
+        )
 
     def _wait_inside(
         self, me: _Approach, orders: Orders, walks: list[CrossingPedestrian]
     ) -> float:
         """Return the free metres of a vehicle with the right of way."""
         stop = math.inf
-        for number, zone in orders:
-            if number not in self._granted or me.front > zone.start + _INSIDE_M:
+        for vehicle_number, zone in orders:
+            if vehicle_number not in self._granted or me.front > zone.start + _INSIDE_M:
                 continue
-            other = self._vehicles[number]
-            latest = other.latest(zone.other_end) + _MIN_AFTER_S
-            if not other.has_left(zone) and me.soonest(zone.start) < latest:
+            other_approach = self._vehicles[vehicle_number]
+            latest = other_approach.latest(zone.other_end) + _MIN_AFTER_S
+            if not other_approach.has_left(zone) and me.soonest(zone.start) < latest:
                 stop = min(stop, max(zone.start - me.front, 0.0))
         for stretch in me.passage.stretches:
             if me.front < stretch.start and me.meets_any(stretch, walks):
-                room = stretch.start - me.front - _STRETCH_GAP_M
-                stop = min(stop, max(room, 0.0))
+                room_m = stretch.start - me.front - _STRETCH_GAP_M
+                stop = min(stop, max(room_m, 0.0))
         return stop
 
 
@@ -332,15 +347,17 @@ def _middle(vehicle: _Approach) -> float:
 
 
 def _travel_time(
-    distance: float, speed: float, acceleration: float, cruise: float
+    distance_m: float, speed: float, acceleration_mps2: float, cruise_mps: float
 ) -> float:
     """Return seconds over a distance with acceleration up to a cruising speed."""
-    if distance <= 0.0:
+    if distance_m <= 0.0:
         return 0.0
-    if speed >= cruise:
-        return distance / speed
-    gaining = (cruise * cruise - speed * speed) / (2 * acceleration)
-    if distance <= gaining:
-        top = math.sqrt(speed * speed + 2 * acceleration * distance)
-        return (top - speed) / acceleration
-    return (cruise - speed) / acceleration + (distance - gaining) / cruise
+    if speed >= cruise_mps:
+        return distance_m / speed
+    gaining_m = (cruise_mps * cruise_mps - speed * speed) / (2 * acceleration_mps2)
+    if distance_m <= gaining_m:
+        top_mps = math.sqrt(speed * speed + 2 * acceleration_mps2 * distance_m)
+        return (top_mps - speed) / acceleration_mps2
+    return (cruise_mps - speed) / acceleration_mps2 + (
+        distance_m - gaining_m
+    ) / cruise_mps

@@ -80,12 +80,12 @@ class Attempt:
     Drivers give way, make room for each other and wait for people on foot.
     """
 
-    def __init__(self, traffic: Traffic, seed: int, attempt: int) -> None:
+    def __init__(self, traffic: Traffic, seed: int, attempt_number: int) -> None:
         self._traffic = traffic
         self.shared = _map_of(traffic.scenario, traffic.seconds)  # never changes
         self.map, self.routes, passages, self.lanes = self.shared
         entries, people, self._rng, parking, driving, walking = (
-            np.random.default_rng([seed, attempt, kind]) for kind in range(6)
+            np.random.default_rng([seed, attempt_number, kind]) for kind in range(6)
         )
         self.parked = draw_parked_boxes(self.map.kerbs, traffic.parked, parking)
         pedestrians = PedestrianBehaviour(1.0 / RATE, walking)
@@ -151,8 +151,10 @@ class Attempt:
         people, velocity = self.crowd.xy()
         state = RoadState([*self.vehicles], self.map, self.routes, people, velocity)
         acceleration = self._acceleration(state)
-        angle = steering_angles(state, self.map.geometry, self.routes, 1.0 / RATE)
-        move_vehicles(state.vehicles, state, angle, acceleration)
+        steering_rad = steering_angles(
+            state, self.map.geometry, self.routes, 1.0 / RATE
+        )
+        move_vehicles(state.vehicles, state, steering_rad, acceleration)
         if self.rules is not None:
             obstacles = np.concatenate([vehicles, self.parked])
             self.crowd.step(1.0 / RATE, obstacles, self.rules.free_to_walk)
@@ -163,27 +165,41 @@ class Attempt:
         """Return the accelerations [N] of all drivers, m/s2."""
         style = state.style
         ahead = find_leaders(state, self.map.geometry)
-        desired, free = self._behaviour.free_acceleration(state, desired_speed(state))
-        result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, style)
-        lines = np.full(len(state), np.inf)
+        desired, free_mps2 = self._behaviour.free_acceleration(
+            state, desired_speed(state)
+        )
+        result_mps2: Floats = free_mps2 - braking(
+            state.speed, ahead.gap, ahead.speed, style
+        )
+        line_distance_m = np.full(len(state), np.inf)
         if self.rules is not None:
             walks = self.crowd.walks()
             claimed = self.crowd.claimed()
             time_s = self._steps / RATE
-            lines = self.rules.update(state, ahead, walks, claimed, time_s)
+            line_distance_m = self.rules.update(state, ahead, walks, claimed, time_s)
         if self._changes is not None:
-            room = self.routes.room[state.route, state.lane]
-            lines = room - state.s - state.length / 2  # to the end of a lane
-            result = np.minimum(result, self._changes.bounds(state, desired))
+            room_m = self.routes.room[state.route, state.lane]
+            line_distance_m = (
+                room_m - state.s - state.length / 2
+            )  # to the end of a lane
+            result_mps2 = np.minimum(result_mps2, self._changes.bounds(state, desired))
             self._changes.decide(state, desired, self._steps, 1.0 / RATE)
-        for_line = braking(state.speed, lines, np.zeros(1), style, _LINE_GAP_M)
-        result = np.minimum(result, free - for_line)
-        result = self._behaviour.braking(state, result, free, ahead, lines)
-        result = np.maximum(result, state.acceleration - _BRAKING_JERK_MPS3 / RATE)
-        result = np.minimum(result, state.acceleration + _ACCELERATING_JERK_MPS3 / RATE)
+        for_line = braking(
+            state.speed, line_distance_m, np.zeros(1), style, _LINE_GAP_M
+        )
+        result_mps2 = np.minimum(result_mps2, free_mps2 - for_line)
+        result_mps2 = self._behaviour.braking(
+            state, result_mps2, free_mps2, ahead, line_distance_m
+        )
+        result_mps2 = np.maximum(
+            result_mps2, state.acceleration - _BRAKING_JERK_MPS3 / RATE
+        )
+        result_mps2 = np.minimum(
+            result_mps2, state.acceleration + _ACCELERATING_JERK_MPS3 / RATE
+        )
         # no vehicle drives backwards
-        lowest = np.maximum(-MAX_BRAKING_MPS2, -state.speed * RATE)
-        return np.asarray(np.maximum(result, lowest))
+        lowest_mps2 = np.maximum(-MAX_BRAKING_MPS2, -state.speed * RATE)
+        return np.asarray(np.maximum(result_mps2, lowest_mps2))
 
 
 def _choose_ego(recording: Recording, rng: np.random.Generator) -> int | None:

@@ -92,23 +92,23 @@ def move_vehicles(
 
     ``state``: their `driving.RoadState`; ``steering`` [N] rad; ``acceleration`` [N].
     """
-    dt = 1.0 / RATE
+    step_s = 1.0 / RATE
     speed = state.speed
     heading = state.heading
     speed_room = Vehicle.MAX_SPEED - speed
     limited = np.minimum(acceleration, speed_room)
     acceleration = np.where(speed > Vehicle.MAX_SPEED, limited, acceleration)
     slip = np.arctan(1 / 2 * np.tan(steering))
-    course = np.array([np.cos(heading + slip), np.sin(heading + slip)])
-    place = state.xy + speed * course * dt
-    heading = heading + speed * np.sin(slip) / (state.wheelbase / 2) * dt
-    speed = speed + acceleration * dt
+    course_vector = np.array([np.cos(heading + slip), np.sin(heading + slip)])
+    positions = state.xy + speed * course_vector * step_s
+    heading = heading + speed * np.sin(slip) / (state.wheelbase / 2) * step_s
+    speed = speed + acceleration * step_s
     for i, vehicle in enumerate(vehicles):
         if driven := vehicle.drive():
-            place[:, i] = driven[:2]
+            positions[:, i] = driven[:2]
             heading[i], speed[i], acceleration[i] = driven[2:]
             steering[i] = 0.0
-    _set_states(vehicles, place, heading, speed)
+    _set_states(vehicles, positions, heading, speed)
     actions = zip(steering.tolist(), acceleration.tolist(), strict=True)
     for vehicle, (angle, gain) in zip(vehicles, actions, strict=True):
         vehicle.action = {"steering": angle, "acceleration": gain}
@@ -124,13 +124,13 @@ def round_states(vehicles: Sequence[Driver]) -> None:
 
 
 def _set_states(
-    vehicles: Sequence[Driver], place: Floats, heading: Floats, speed: Floats
+    vehicles: Sequence[Driver], positions: Floats, heading: Floats, speed: Floats
 ) -> None:
     """Give vehicles rounded places [2, N], headings and speeds."""
-    places = (place.T.round(6) + 0.0).tolist()
+    places = (positions.T.round(6) + 0.0).tolist()
     headings = wrap_angle(heading).tolist()
-    rows = zip(vehicles, places, headings, speed.tolist(), strict=True)
-    for vehicle, position, angle, pace in rows:
+    box_rows = zip(vehicles, places, headings, speed.tolist(), strict=True)
+    for vehicle, position, angle, pace in box_rows:
         vehicle.position = position
         vehicle.heading = round(angle, 6) + 0.0
         vehicle.speed = round(pace, 6) + 0.0
@@ -138,28 +138,28 @@ def _set_states(
 
 def vehicle_boxes(vehicles: Sequence[Driver]) -> Floats:
     """Return boxes [N, 7] of vehicles in highway-env's frame (y down)."""
-    rows = [(*v.position, v.size[2] / 2, v.heading, *v.size) for v in vehicles]
-    return np.array(rows, dtype=np.float64).reshape(-1, 7)
+    box_rows = [(*v.position, v.size[2] / 2, v.heading, *v.size) for v in vehicles]
+    return np.array(box_rows, dtype=np.float64).reshape(-1, 7)
 
 
-def draw_traits(fast: bool, rng: np.random.Generator) -> VehicleTraits:
+def draw_traits(fast_road: bool, rng: np.random.Generator) -> VehicleTraits:
     """Draw a vehicle and its driver.
 
-    ``fast``: for a motorway, with more trucks.
+    ``fast_road``: for a motorway, with more trucks.
     """
     kinds = tuple(_SIZES_M)
-    shares = _KIND_SHARES["fast" if fast else "urban"]
-    kind = kinds[int(rng.choice(len(kinds), p=shares))]
-    length, width, height = draw_size(kind, rng)
+    kind_shares = _KIND_SHARES["fast" if fast_road else "urban"]
+    kind = kinds[int(rng.choice(len(kinds), p=kind_shares))]
+    length_m, width_m, height_m = draw_size(kind, rng)
     style = _HEAVY if kind in ("truck", "bus") else _LIGHT
-    sway = 0.5 if kind == "motorcycle" else 0.2
+    max_offset_m = 0.5 if kind == "motorcycle" else 0.2
     time_gap = float(np.clip(np.exp(rng.normal(-0.32, 0.5)), 0.3, 2.4))
     return VehicleTraits(
         class_id=CLASSES.index("car" if kind == "van" else kind),
-        length=round(length, 2),
-        width=round(width, 2),
-        height=round(height, 2),
-        wheelbase=round(style.axle_share * length, 2),
+        length=round(length_m, 2),
+        width=round(width_m, 2),
+        height=round(height_m, 2),
+        wheelbase=round(style.axle_share * length_m, 2),
         pace=round(float(np.clip(rng.normal(style.mean_pace, 0.14), 0.6, 1.3)), 6),
         top_speed=style.top_speed,
         time_gap=round(max(time_gap, style.min_time_gap), 6),
@@ -167,16 +167,16 @@ def draw_traits(fast: bool, rng: np.random.Generator) -> VehicleTraits:
         acceleration=float(rng.uniform(*style.acceleration)),
         braking=float(rng.uniform(1.6, 2.6)),
         politeness=float(rng.uniform(0.0, 0.6)),
-        offset=float(rng.uniform(-sway, sway)),
+        offset=float(rng.uniform(-max_offset_m, max_offset_m)),
     )
 
 
 def draw_size(kind: str, rng: np.random.Generator) -> tuple[float, float, float]:
     """Draw length, width and height of a vehicle, m."""
-    length, width, height, (shortest, longest) = _SIZES_M[kind]
-    widest = min(width[0] + 0.25, 2.55)
+    length_m, width_m, height_m, (shortest, longest) = _SIZES_M[kind]
+    widest = min(width_m[0] + 0.25, 2.55)
     return (
-        float(np.clip(rng.normal(*length), shortest, longest)),
-        float(np.clip(rng.normal(*width), width[0] - 0.25, widest)),
-        float(np.clip(rng.normal(*height), 0.8 * height[0], 1.25 * height[0])),
+        float(np.clip(rng.normal(*length_m), shortest, longest)),
+        float(np.clip(rng.normal(*width_m), width_m[0] - 0.25, widest)),
+        float(np.clip(rng.normal(*height_m), 0.8 * height_m[0], 1.25 * height_m[0])),
     )

@@ -56,14 +56,14 @@ class SidewalkUse:
     kerb: float  # m from the kerb
 
 
-def draw_sidewalk(coming: bool, rng: np.random.Generator) -> SidewalkUse:
+def draw_sidewalk(coming_mps: bool, rng: np.random.Generator) -> SidewalkUse:
     """Draw one of the two sidewalks of a corner.
 
     Arriving and leaving people keep apart.
     """
-    kerb = STRIP_M + rng.uniform(*(_COMING_M if coming else _GOING_M))
+    kerb_m = STRIP_M + rng.uniform(*(_COMING_M if coming_mps else _GOING_M))
     around = bool(rng.uniform() < _AROUND_SHARE)
-    return SidewalkUse(around, float(rng.uniform(*_END_M)), float(kerb))
+    return SidewalkUse(around, float(rng.uniform(*_END_M)), float(kerb_m))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,68 +80,87 @@ class Footway:
     coming: SidewalkUse
     going: SidewalkUse
 
-    def waiting_point(self, k: int) -> Floats:
+    def waiting_point(self, member_index: int) -> Floats:
         """Return the point where the k-th person waits: two by two."""
-        behind = 0.9 + _BEHIND_M * (k // 2)
+        behind = 0.9 + _BEHIND_M * (member_index // 2)
         along = self._kerb(-1) - self.direction * behind
-        return np.array([along, self.middle + _BESIDE_M * (k % 2)])
+        return np.array([along, self.middle + _BESIDE_M * (member_index % 2)])
 
-    def far_point(self, k: int) -> Floats:
+    def far_point(self, member_index: int) -> Floats:
         """Return the point where the k-th person leaves the road."""
         along = self._kerb(1) + self.direction * 0.6
-        return np.array([along, self.waiting_point(k)[1]])
+        return np.array([along, self.waiting_point(member_index)[1]])
 
-    def arrival(self, k: int) -> list[Floats]:
+    def arrival(self, member_index: int) -> list[Floats]:
         """Return points of the k-th person's way to the crossing."""
-        return [*self._along(self.coming, -1, k), self.waiting_point(k)]
+        return [
+            *self._along(self.coming, -1, member_index),
+            self.waiting_point(member_index),
+        ]
 
-    def departure(self, k: int) -> list[Floats]:
+    def departure(self, member_index: int) -> list[Floats]:
         """Return points of the k-th person's way from the road."""
-        return [self.far_point(k), *reversed(self._along(self.going, 1, k))]
+        return [
+            self.far_point(member_index),
+            *reversed(self._along(self.going, 1, member_index)),
+        ]
 
-    def stroll(self, k: int) -> list[Floats]:
+    def stroll(self, member_index: int) -> list[Floats]:
         """Return points of the k-th person's way without a crossing.
 
         It is along one road, around the corner and along the other.
         """
         other = replace(self.coming, around=not self.coming.around)
-        return [*self._along(self.coming, -1, k), *reversed(self._along(other, -1, k))]
+        return [
+            *self._along(self.coming, -1, member_index),
+            *reversed(self._along(other, -1, member_index)),
+        ]
 
     def _kerb(self, end: int) -> float:
         return self.crossing.span if end * self.direction > 0 else 0.0
 
-    def _along(self, sidewalk: SidewalkUse, end: int, k: int) -> list[Floats]:
+    def _along(
+        self, sidewalk: SidewalkUse, end: int, member_index: int
+    ) -> list[Floats]:
         """Return the two ends of a sidewalk, the far one first."""
-        kerb = self.pavement.kerb
+        kerb_m = self.pavement.kerb
         x, y = self.crossing.origin
         # m from the junction's middle
-        out = float(np.hypot(x, y) ** 2 - kerb**2) ** 0.5
-        aside = sidewalk.kerb + _BESIDE_M * (k % 2)
-        far = sidewalk.far + _BEHIND_M * (k // 2)
-        away = end * self.direction
+        junction_m = float(np.hypot(x, y) ** 2 - kerb_m**2) ** 0.5
+        aside_m = sidewalk.kerb + _BESIDE_M * (member_index % 2)
+        far_m = sidewalk.far + _BEHIND_M * (member_index // 2)
+        outward = end * self.direction
         if sidewalk.around:
-            places = (far, self.pavement.corner + 1.0)
-            points = [(away * (place - kerb), kerb + aside - out) for place in places]
+            places = (far_m, self.pavement.corner + 1.0)
+            points = [
+                (outward * (place - kerb_m), kerb_m + aside_m - junction_m)
+                for place in places
+            ]
         else:
-            places = (far, self.pavement.corner + _CORNER_CLEARANCE_M)
-            points = [(away * aside, place - out) for place in places]
+            places = (far_m, self.pavement.corner + _CORNER_CLEARANCE_M)
+            points = [(outward * aside_m, place - junction_m) for place in places]
         return [np.array([self._kerb(end) + along, across]) for along, across in points]
 
 
-def remaining_way(points: list[Floats], share: float) -> list[Floats]:
-    """Return the last ``share`` of a way.
+def remaining_way(points: list[Floats], remaining_share: float) -> list[Floats]:
+    """Return the last ``remaining_share`` of a way.
 
     The first point is its start.
     """
-    steps = [float(np.hypot(*(b - a))) for a, b in pairwise(points)]
-    passed = (1.0 - share) * sum(steps)
-    k = 0
-    while k + 1 < len(steps) and passed > steps[k]:
-        passed -= steps[k]
-        k += 1
-    step_share = min(passed / steps[k], 1.0)
-    start = points[k] + (points[k + 1] - points[k]) * step_share
-    return [start, *points[k + 1 :]]
+    step_lengths = [float(np.hypot(*(b - a))) for a, b in pairwise(points)]
+    passed_m = (1.0 - remaining_share) * sum(step_lengths)
+    member_index = 0
+    while (
+        member_index + 1 < len(step_lengths) and passed_m > step_lengths[member_index]
+    ):
+        passed_m -= step_lengths[member_index]
+        member_index += 1
+    step_share = min(passed_m / step_lengths[member_index], 1.0)
+    start = (
+        points[member_index]
+        + (points[member_index + 1] - points[member_index]) * step_share
+    )
+    return [start, *points[member_index + 1 :]]
 
 
 def slow_at_kerb(
@@ -151,10 +170,10 @@ def slow_at_kerb(
 
     Only people ``on_sidewalk`` [M] change theirs.
     """
-    outwards, room = _to_kerb(place, pavement)
-    allowed = np.sqrt(2.0 * _KERB_BRAKING_MPS2 * np.maximum(room, 0.0))
-    excess = np.maximum(_dot(velocity, outwards) - allowed, 0.0) * on_sidewalk
-    return velocity - excess * outwards
+    outwards, room_m = _to_kerb(place, pavement)
+    allowed_mps = np.sqrt(2.0 * _KERB_BRAKING_MPS2 * np.maximum(room_m, 0.0))
+    excess_mps = np.maximum(_dot(velocity, outwards) - allowed_mps, 0.0) * on_sidewalk
+    return velocity - excess_mps * outwards
 
 
 def keep_off_road(place: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
@@ -162,8 +181,8 @@ def keep_off_road(place: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floa
 
     People ``on_sidewalk`` [M] are moved back to it.
     """
-    outwards, room = _to_kerb(place, pavement)
-    return place - np.maximum(-room, 0.0) * on_sidewalk * outwards
+    outwards, room_m = _to_kerb(place, pavement)
+    return place - np.maximum(-room_m, 0.0) * on_sidewalk * outwards
 
 
 def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
@@ -171,9 +190,11 @@ def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
 
     The distance is negative on the road.
     """
-    excess = np.maximum(pavement.corner - np.abs(place), 0.0)
-    distance = np.hypot(*excess)
-    outwards = -np.where(place < 0, -1.0, 1.0) * excess / np.maximum(distance, _TINY)
+    excess_mps = np.maximum(pavement.corner - np.abs(place), 0.0)
+    distance = np.hypot(*excess_mps)
+    outwards = (
+        -np.where(place < 0, -1.0, 1.0) * excess_mps / np.maximum(distance, _TINY)
+    )
     return outwards, pavement.radius - _SIDEWALK_EDGE_M - distance
 
 
@@ -186,19 +207,23 @@ def social_force(
     the goal; ``pace`` [M]: desired speed; ``friends`` [M, M]: others of the same group.
     """
     goal_m = np.hypot(*to_goal)
-    speed = np.minimum(pace, goal_m / _SLOWING_S)
-    desired = to_goal / np.maximum(goal_m, _TINY) * speed
-    between, gap, unit = pairs
-    ahead = desired / np.maximum(np.hypot(*desired), _TINY)
-    facing = -_dot(ahead, unit)
-    strength = _PUSH_MPS2 * np.exp((APART_M - gap) / _PUSH_RANGE_M) * (gap < _SIGHT_M)
-    strength = strength * np.where(friends, _FRIEND_PUSH, 1.0)
-    strength *= _REAR_PUSH + (1 - _REAR_PUSH) * (1 + facing) / 2
-    push = (strength * unit).sum(axis=1)
+    desired_mps = np.minimum(pace, goal_m / _SLOWING_S)
+    desired_velocity = to_goal / np.maximum(goal_m, _TINY) * desired_mps
+    between_vectors, gap_m, unit = pairs
+    ahead = desired_velocity / np.maximum(np.hypot(*desired_velocity), _TINY)
+    facing_cosine = -_dot(ahead, unit)
+    push_strength = (
+        _PUSH_MPS2 * np.exp((APART_M - gap_m) / _PUSH_RANGE_M) * (gap_m < _SIGHT_M)
+    )
+    push_strength = push_strength * np.where(friends, _FRIEND_PUSH, 1.0)
+    push_strength *= _REAR_PUSH + (1 - _REAR_PUSH) * (1 + facing_cosine) / 2
+    push_force = (push_strength * unit).sum(axis=1)
     # of the group
-    to_middle = -(between * friends).sum(axis=1) / np.maximum(friends.sum(axis=0), 1)
-    pull = to_middle * np.where(np.hypot(*to_middle) > _MIN_PULL_M, _PULL, 0.0)
-    force = (desired - velocity) / _RELAXATION_S + push + pull
+    to_middle = -(between_vectors * friends).sum(axis=1) / np.maximum(
+        friends.sum(axis=0), 1
+    )
+    pull_force = to_middle * np.where(np.hypot(*to_middle) > _MIN_PULL_M, _PULL, 0.0)
+    force = (desired_velocity - velocity) / _RELAXATION_S + push_force + pull_force
     return limit_length(force, _MAX_FORCE_MPS2)
 
 
@@ -207,11 +232,11 @@ def pairs_of(place: Floats) -> Pairs:
 
     Beside them lengths [M, M], inf to oneself, and unit vectors [2, M, M].
     """
-    between = place[:, None, :] - place[:, :, None]
-    gap = np.hypot(*between)
-    unit = between / np.maximum(gap, _TINY)  # 0 to oneself
-    np.fill_diagonal(gap, np.inf)
-    return between, gap, unit
+    between_vectors = place[:, None, :] - place[:, :, None]
+    gap_m = np.hypot(*between_vectors)
+    unit = between_vectors / np.maximum(gap_m, _TINY)  # 0 to oneself
+    np.fill_diagonal(gap_m, np.inf)
+    return between_vectors, gap_m, unit
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
@@ -220,43 +245,47 @@ def _dot(a: Floats, b: Floats) -> Floats:
 
 def limit_length(vector: Floats, limit: Floats | float) -> Floats:
     """Return vectors [2, M] shortened to at most ``limit``."""
-    share = np.minimum(1.0, limit / np.maximum(np.hypot(*vector), _TINY))
-    return np.asarray(vector * share)
+    remaining_share = np.minimum(1.0, limit / np.maximum(np.hypot(*vector), _TINY))
+    return np.asarray(vector * remaining_share)
 
 
 def slow_before_others(
-    place: Floats, pairs: Pairs, velocity: Floats, vehicles: "Outlines", dt: float
+    place: Floats, pairs: Pairs, velocity: Floats, vehicles: "Outlines", step_s: float
 ) -> Floats:
     """Return velocities [2, M] at which people can stop in time.
 
     They stop before each other and before ``vehicles``; ``pairs``: of ``place``.
     """
-    _, gap, unit = pairs
-    approach = -_dot(velocity, unit)  # speed
-    allowed = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(gap - APART_M, 0.0))
-    excess = np.maximum(approach + approach.T - allowed, 0.0)
-    closing = np.maximum(approach, 0.0)
-    excess *= closing / np.maximum(closing + closing.T, _TINY)
-    worst = excess.argmax(axis=0)
-    people = np.arange(len(gap))
-    velocity = velocity + excess[worst, people] * unit[:, worst, people]
+    _, gap_m, unit = pairs
+    approach_mps = -_dot(velocity, unit)  # speed
+    allowed_mps = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(gap_m - APART_M, 0.0))
+    excess_mps = np.maximum(approach_mps + approach_mps.T - allowed_mps, 0.0)
+    closing_mps = np.maximum(approach_mps, 0.0)
+    excess_mps *= closing_mps / np.maximum(closing_mps + closing_mps.T, _TINY)
+    worst = excess_mps.argmax(axis=0)
+    people = np.arange(len(gap_m))
+    velocity = velocity + excess_mps[worst, people] * unit[:, worst, people]
     clearance = vehicles.before
-    coming = (clearance - vehicles.clearance(place + dt * velocity)) / dt
-    allowed = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(clearance - _STOP_M, 0.0))
-    share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0)
-    return np.asarray(velocity * share.min(axis=1, initial=1.0))
+    coming_mps = (clearance - vehicles.clearance(place + step_s * velocity)) / step_s
+    allowed_mps = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(clearance - _STOP_M, 0.0))
+    remaining_share = np.where(
+        coming_mps > allowed_mps, allowed_mps / np.maximum(coming_mps, _TINY), 1.0
+    )
+    return np.asarray(velocity * remaining_share.min(axis=1, initial=1.0))
 
 
 def push_apart(place: Floats) -> Floats:
     """Return places [2, M] after people closer than `APART_M` are moved apart."""
     for _ in range(3):
-        between = place[:, None, :] - place[:, :, None]
-        gap = np.hypot(*between)
-        short = np.maximum(APART_M + 1e-3 - gap, 0.0)
+        between_vectors = place[:, None, :] - place[:, :, None]
+        gap_m = np.hypot(*between_vectors)
+        short = np.maximum(APART_M + 1e-3 - gap_m, 0.0)
         np.fill_diagonal(short, 0.0)  # to oneself
         if not short.any():
             break
-        place = place + 0.5 * (short * (between / np.maximum(gap, 1e-6))).sum(axis=1)
+        place = place + 0.5 * (short * (between_vectors / np.maximum(gap_m, 1e-6))).sum(
+            axis=1
+        )
     return place
 
 
