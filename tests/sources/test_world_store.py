@@ -94,7 +94,11 @@ def another_value(path: Path) -> None:
 
 
 def in_its_place(make: Callable[[Path], object]) -> Callable[[Path], object]:
-    return lambda path: (path.unlink(), make(path))
+    def replace_file(path: Path) -> None:
+        path.unlink()
+        make(path)
+
+    return replace_file
 
 
 DAMAGE: dict[str, Callable[[Path], object]] = {
