@@ -1,4 +1,4 @@
-"""Common parts of both kinds of false positives: places, classes, sizes and their detections."""
+"""Common parts of both kinds of false positives: places, classes, sizes, rows."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -16,14 +16,15 @@ from ..core import (
     unit_vectors,
 )
 from .errors import BoxErrors, detected_boxes
-from .grid import Memory
+from .memory import Memory
 from .profile import EVEN_RANKS, ClassNoise
 from .visibility import Sensor, polar
 
-_SPREAD = 0.1  # deviation of each side, share of its mean
-_SMALLEST = 0.3  # least side, share of its mean
-_TRIES = 100  # bearings drawn until a place is inside the area
-_POOR = -1.0  # random part of the quality that decides the errors of false positives
+_SIZE_DEVIATION = 0.1  # of each side, share of its mean
+_MIN_SIZE = 0.3  # of each side, share of its mean
+_MAX_BEARINGS = 100  # drawn until a place is inside the area
+# random part of the quality that decides the errors of false positives
+_FALSE_QUALITY = -1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,40 +52,41 @@ class DetectedRows:
 
 
 def sorted_detections(parts: Sequence[DetectedRows], frames: int) -> Detections:
-    """Detections sorted by frame, descending score and x, so that their order does not show which are false."""
+    """Return detections sorted by frame, descending score and x.
+
+    So their order does not show which are false.
+    """
     rows = joined(parts)
-    order = np.lexsort((rows.box[:, 0], -rows.score, rows.frame))
-    start = starts_of(np.bincount(rows.frame, minlength=frames))
+    row_order = np.lexsort((rows.box[:, 0], -rows.score, rows.frame))
+    frame_starts = starts_of(np.bincount(rows.frame, minlength=frames))
     return Detections(
-        start,
-        rows.box[order],
-        rows.velocity[order],
-        rows.class_id[order],
-        rows.score[order],
+        frame_starts,
+        rows.box[row_order],
+        rows.velocity[row_order],
+        rows.class_id[row_order],
+        rows.score[row_order],
     )
 
 
 def detect_false_positives(
     parts: Sequence[tuple[BoxErrors, DetectedRows]], scene: SensedScene
 ) -> DetectedRows:
-    """Detections of the visible false positives that the sensor covers, with their errors, those of poor quality."""
-    errors, visible = (
-        joined([each for each, _ in parts]),
-        joined([each for _, each in parts]),
-    )
-    distance, bearing = polar(visible.box[:, :2], scene.ego[visible.frame])
-    covered = np.flatnonzero(scene.sensor.covers(distance, bearing))
-    visible, errors, distance = (
-        select(visible, covered),
-        select(errors, covered),
-        distance[covered],
-    )
-    direction, quality = (
-        bearing[covered] + scene.ego[visible.frame, 3],
-        np.full(len(distance), _POOR),
-    )
+    """Return detections of the visible false positives that the sensor covers.
+
+    They have the errors of objects of poor quality.
+    """
+    errors = joined([part for part, _ in parts])
+    visible = joined([rows for _, rows in parts])
+    distance_m, bearing_rad = polar(visible.box[:, :2], scene.ego[visible.frame])
+    covered = np.flatnonzero(scene.sensor.covers(distance_m, bearing_rad))
+    visible = select(visible, covered)
     box, velocity = detected_boxes(
-        visible.box, visible.velocity, errors, distance, direction, quality
+        visible.box,
+        visible.velocity,
+        select(errors, covered),
+        distance_m[covered],
+        bearing_rad[covered] + scene.ego[visible.frame, 3],
+        np.full(len(covered), _FALSE_QUALITY),
     )
     return replace(visible, box=box, velocity=velocity)
 
@@ -95,53 +97,56 @@ def draw_places(
     ego: Floats,
     numbers: Callable[[], Floats],
 ) -> Floats:
-    """Draw places ``[B, 2]`` around sensor poses ``[B, 4]``, at distances with these quantiles.
+    """Draw places [B, 2] around sensor poses [B, 4].
 
-    ``numbers``: new uniform ones ``[B, 2]``. A place outside the sensor's area gets a new bearing; if no bearing fits,
-    also a new distance.
+    Their distances have these quantiles. ``numbers``: new uniform ones [B, 2]. A place
+    outside the sensor's area gets a new bearing; if no bearing fits, also a new
+    distance.
     """
-    low, high = (
-        (-np.inf, np.inf) if sensor.area is None else (sensor.area[:2], sensor.area[2:])
-    )
+    area = (-np.inf,) * 2 + (np.inf,) * 2 if sensor.area is None else sensor.area
+    view_rad = min(sensor.field_of_view, 2 * np.pi)
     uniform = numbers()
-    for attempt in range(2 * _TRIES + 1):
-        distance = np.interp(uniform[:, 0], EVEN_RANKS, quantiles)
-        direction = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (
-            uniform[:, 1] - 0.5
-        )
-        place = ego[:, :2] + distance[:, None] * unit_vectors(direction)
-        outside = ((place < low) | (place > high)).any(axis=1)
-        if not outside.any():
+    for attempt in range(2 * _MAX_BEARINGS + 1):
+        distance_m = np.interp(uniform[:, 0], EVEN_RANKS, quantiles)
+        direction_rad = ego[:, 3] + view_rad * (uniform[:, 1] - 0.5)
+        place_xy = ego[:, :2] + distance_m[:, None] * unit_vectors(direction_rad)
+        outside_area = ((place_xy < area[:2]) | (place_xy > area[2:])).any(axis=1)
+        if not outside_area.any():
             break
-        redrawn = numbers()
-        uniform[outside, 1] = redrawn[outside, 1]
-        if attempt >= _TRIES:
-            uniform[outside, 0] = redrawn[outside, 0]
-    return place  # pyright: ignore[reportPossiblyUnboundVariable]  # the loop runs at least once
+        redrawn_numbers = numbers()
+        uniform[outside_area, 1] = redrawn_numbers[outside_area, 1]
+        if attempt >= _MAX_BEARINGS:
+            uniform[outside_area, 0] = redrawn_numbers[outside_area, 0]
+    # the loop runs at least once
+    return place_xy  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
-def ground_height(place: Floats, frame: Ints, scene: SensedScene) -> Floats:
-    """Height of the ground at places ``[B, 2]``: the underside of the nearest true box of the frame.
+def ground_height(place_xy: Floats, frame: Ints, scene: SensedScene) -> Floats:
+    """Return the height of the ground at places [B, 2].
 
-    In a frame without true boxes: as high above the ego as the median underside in the scene.
+    It is the underside of the nearest true box of the frame; in a frame without true
+    boxes, as high above the ego as the median underside in the scene.
     """
-    truth, ego = scene.truth, scene.ego
     if scene.level is not None:
-        return np.full(len(place), scene.level)
+        return np.full(len(place_xy), scene.level)
+    truth = scene.truth
+    ego_z = scene.ego[:, 2]
     underside = truth.box[:, 2] - truth.box[:, 6] / 2
-    above = underside - ego[truth.frame_of_rows, 2]
-    ground = ego[frame, 2] + (np.median(above) if len(above) else 0.0)
-    order = np.argsort(frame, kind="stable")
-    start = np.searchsorted(frame[order], np.arange(truth.frames + 1))
-    for t in np.flatnonzero(np.diff(start)):
-        rows, index = truth.rows(int(t)), order[start[t] : start[t + 1]]
+    above_sensor_m = underside - ego_z[truth.frame_of_rows]
+    ground_z = ego_z[frame] + (
+        np.median(above_sensor_m) if len(above_sensor_m) else 0.0
+    )
+    row_order = np.argsort(frame, kind="stable")
+    frame_starts = np.searchsorted(frame[row_order], np.arange(truth.frames + 1))
+    for t in np.flatnonzero(np.diff(frame_starts)):
+        rows = truth.rows(int(t))
+        place_index = row_order[frame_starts[t] : frame_starts[t + 1]]
         if rows.stop > rows.start:
-            offset = place[index, :, None] - truth.box[rows, :2].T
-            offset *= offset
-            ground[index] = underside[rows][
-                (offset[:, 0] + offset[:, 1]).argmin(axis=1)
-            ]
-    return np.asarray(ground)
+            squared_offset = place_xy[place_index, :, None] - truth.box[rows, :2].T
+            squared_offset *= squared_offset
+            nearest_rows = (squared_offset[:, 0] + squared_offset[:, 1]).argmin(axis=1)
+            ground_z[place_index] = underside[rows][nearest_rows]
+    return np.asarray(ground_z)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,34 +165,35 @@ def reported_classes(
     noise_name: str,
     noise: ClassNoise,
 ) -> ReportedClasses | None:
-    """The ``classes`` that have the noise ``noise_name``, in proportion to their true boxes in the scene.
+    """Return the ``classes`` that have the noise ``noise_name``.
 
-    ``noise_names``: of each class. Without such boxes: the class of that name, or the first one with this noise, with
-    the size of ``noise.free``. None if no class has the noise, and without free false positives.
+    They have shares in proportion to their true boxes in the scene. ``noise_names``: of
+    each class. Without such boxes: the class of that name, or the first one with this
+    noise, with the size of ``noise.free``. None if no class has the noise, and without
+    free false positives.
     """
-    free, candidates = (
-        noise.free,
-        [class_id for class_id, name in enumerate(noise_names) if name == noise_name],
-    )
-    if not candidates or free is None or not free.rate:
+    free = noise.free
+    candidates = np.flatnonzero(np.array(noise_names) == noise_name)
+    if not len(candidates) or free is None or not free.rate:
         return None
-    boxes = np.bincount(truth.class_id, minlength=len(classes))
-    present = [class_id for class_id in candidates if boxes[class_id]]
-    if present:
-        means = [
-            truth.box[truth.class_id == class_id, 4:].mean(axis=0)
-            for class_id in present
-        ]
+    box_counts = np.bincount(truth.class_id, minlength=len(classes))
+    present_classes = candidates[box_counts[candidates] > 0]
+    if not len(present_classes):
+        same_name = candidates[np.array(classes)[candidates] == noise_name]
+        single_class = [*same_name, *candidates][:1]
         return ReportedClasses(
-            np.array(present), boxes[present] / boxes[present].sum(), np.array(means)
+            np.array(single_class), np.ones(1), np.array([free.size])
         )
-    single = next(
-        (class_id for class_id in candidates if classes[class_id] == noise_name),
-        candidates[0],
-    )
-    return ReportedClasses(np.array([single]), np.ones(1), np.array([free.size]))
+    mean_sizes = [
+        truth.box[truth.class_id == k, 4:].mean(axis=0) for k in present_classes
+    ]
+    class_share = box_counts[present_classes] / box_counts[present_classes].sum()
+    return ReportedClasses(present_classes, class_share, np.array(mean_sizes))
 
 
 def spread_sizes(size: Floats, normal: Floats) -> Floats:
-    """Sizes ``[B, 3]`` of false positives around mean sizes, from standard normal numbers."""
-    return np.asarray(size * np.maximum(1.0 + _SPREAD * normal, _SMALLEST))
+    """Return sizes [B, 3] of false positives around mean sizes.
+
+    ``normal``: standard normal numbers.
+    """
+    return np.asarray(size * np.maximum(1.0 + _SIZE_DEVIATION * normal, _MIN_SIZE))

@@ -1,6 +1,11 @@
-"""False positives away from objects: families that are born together, stand still and are visible now and then."""
+"""False positives away from objects.
+
+They belong to families that are born together, stand still and are visible now and
+then.
+"""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +20,8 @@ from .false_positives import (
     ground_height,
     spread_sizes,
 )
-from .grid import Grid, kept
+from .grid import Grid
+from .memory import remembered
 from .profile import ClassNoise, FreeFalsePositives
 from .quality import best_ranks, score_by_rank
 
@@ -32,6 +38,21 @@ class _Members:
     size: Floats  # [B, 3] m
     class_id: Ints  # [B]
 
+    @property
+    def families(self) -> int:
+        """Number of families."""
+        return int(self.family.max(initial=-1)) + 1
+
+
+class _Appearances(NamedTuple):
+    """Visible rows of members, wherever the sensor is."""
+
+    members: _Members
+    member: Ints  # [R] ascending
+    frame: Ints  # [R]
+    score: Floats  # [R]
+    errors: BoxErrors
+
 
 def free_false_positives(
     noise: ClassNoise,
@@ -40,49 +61,54 @@ def free_false_positives(
     number: int,
     seed: int,
 ) -> tuple[BoxErrors, DetectedRows]:
-    """Visible free false positives of one noise, with their errors; members born beyond reach are dropped.
+    """Return visible free false positives of one noise, with their errors.
 
-    ``number`` separates the random numbers of several noises.
+    Members born beyond reach are dropped. ``number`` separates the random numbers of
+    several noises.
     """
     parameters = noise.free
     assert parameters is not None  # as `reported_classes` has seen
     draws = Draws(seed, NoiseSubject.FREE, number)
-    members, member, frame, score, errors = kept(
+    seen = remembered(
         scene.memory,
         ("free", number),
         lambda: _appearances(noise, parameters, classes, scene, draws),
     )
-    rows = (
-        np.arange(len(member))
-        if scene.memory is None
-        else np.flatnonzero(frame == scene.memory.frame)
+    members = seen.members
+    rows = np.arange(len(seen.member))
+    if scene.memory is not None:
+        rows = np.flatnonzero(seen.frame == scene.memory.frame)
+    used_members, used_row = np.unique(seen.member[rows], return_inverse=True)
+    birth_frame = members.birth[used_members]
+    family_number = members.family[used_members]
+    ego = scene.ego[birth_frame]
+    rng = draws.generator(NoiseKind.PLACE)
+    number_shape = (members.families, 2)  # numbers of all families, seen or not
+    place_xy = draw_places(
+        parameters.distance,
+        scene.sensor,
+        ego,
+        lambda: rng.random(number_shape)[family_number],
     )
-    own = member[rows]  # ascending
-    first = np.diff(own, prepend=-1) > 0
-    used, at = own[first], np.cumsum(first) - 1
-    birth, family, rng = (
-        members.birth[used],
-        members.family[used],
-        draws.generator(NoiseKind.PLACE),
-    )
-    ego, every = (
-        scene.ego[birth],
-        (int(members.family.max(initial=-1)) + 1, 2),
-    )  # numbers of all families, seen or not
-    place = draw_places(
-        parameters.distance, scene.sensor, ego, lambda: rng.random(every)[family]
-    )
-    place += members.shift[used]
-    near = np.hypot(*(place - ego[:, :2]).T) <= scene.sensor.reach
-    used, rows, at = used[near], rows[near[at]], (np.cumsum(near) - 1)[at[near[at]]]
-    height = ground_height(place[near], birth[near], scene) + members.size[used, 2] / 2
+    place_xy += members.shift[used_members]
+    box_sizes = members.size[used_members]
+    ground_z = ground_height(place_xy, birth_frame, scene)
+    center_z = ground_z + box_sizes[:, 2] / 2
     box = np.column_stack(
-        [place[near], height, members.heading[used], members.size[used]]
-    )[at]
-    velocity, class_id = np.zeros((len(rows), 2)), members.class_id[used[at]]
-    return select(errors, rows), DetectedRows(
-        frame[rows], box, velocity, class_id, score[rows]
+        [place_xy, center_z, members.heading[used_members], box_sizes]
     )
+    within_reach = np.hypot(*(place_xy - ego[:, :2]).T) <= scene.sensor.reach
+    shown = within_reach[used_row]
+    rows = rows[shown]
+    used_row = used_row[shown]
+    detected = DetectedRows(
+        seen.frame[rows],
+        box[used_row],
+        np.zeros((len(rows), 2)),
+        members.class_id[used_members[used_row]],
+        seen.score[rows],
+    )
+    return select(seen.errors, rows), detected
 
 
 def _appearances(
@@ -91,78 +117,74 @@ def _appearances(
     classes: ReportedClasses,
     scene: SensedScene,
     draws: Draws,
-) -> tuple[_Members, Ints, Ints, Floats, BoxErrors]:
-    """Members; member, frame, score and errors of their visible rows, wherever the sensor is."""
+) -> _Appearances:
+    """Return members and their visible rows."""
     members = _draw_members(parameters, classes, scene, draws)
-    rows = Ragged(starts_of(members.life))
-    member = rows.frame_of_rows
-    age = np.arange(len(member)) - rows.start[member]
-    count, longest = (
-        len(members.life),
-        int(members.life.max(initial=0)),
-    )  # frames of the grid are ages
+    lives = Ragged(starts_of(members.life))
+    member_row = lives.frame_of_rows
+    member_age = np.arange(len(member_row)) - lives.start[member_row]
+    count = len(members.life)
     grid = Grid(
-        longest,
-        np.arange(count),
-        age,
-        member,
-        (noise,),
-        np.zeros(count, dtype=np.int64),
-        scene.steps,
+        frames=int(members.life.max(initial=0)),  # of ages
+        ids=np.arange(count),
+        frame=member_age,
+        column=member_row,
+        noise=(noise,),
+        noise_number=np.zeros(count, dtype=np.int64),
+        steps=scene.steps,
     )
     visible, rank = _visible(parameters, members, grid, draws)
     score = score_by_rank(rank, parameters.score)
-    visible, score = (
-        visible[score >= noise.quality.floor],
-        score[score >= noise.quality.floor],
-    )
-    frame = (members.birth[member] + age)[visible]
-    return (
+    reported = score >= noise.quality.floor
+    rows = visible[reported]
+    return _Appearances(
         members,
-        member[visible],
-        frame,
-        score,
-        draw_errors(grid, None, draws, visible),
+        member_row[rows],
+        (members.birth[member_row] + member_age)[rows],
+        score[reported],
+        draw_errors(grid, None, draws, rows),
     )
 
 
 def _visible(
     parameters: FreeFalsePositives, members: _Members, grid: Grid, draws: Draws
 ) -> tuple[Ints, Floats]:
-    """Visible rows of the grid and the ranks of their quality; siblings share a part of it."""
-    families = int(members.family.max(initial=-1)) + 1
-    column, number = members.family[grid.column], np.zeros(families, dtype=np.int64)
+    """Return visible rows of the grid and the ranks of their quality.
+
+    Siblings share a part of the quality.
+    """
     family_grid = replace(
-        grid, ids=np.arange(families), column=column, noise_number=number
+        grid,
+        ids=np.arange(members.families),
+        column=members.family[grid.column],
+        noise_number=np.zeros(members.families, dtype=np.int64),
     )
-    own, own_constant = _latent(parameters, grid, draws, NoiseKind.QUALITY)
+    single, single_constant = _latent(parameters, grid, draws, NoiseKind.QUALITY)
     common, common_constant = _latent(parameters, family_grid, draws, NoiseKind.FAMILY)
-    share, rest = np.sqrt(parameters.family), np.sqrt(1 - parameters.family)
-    positive = exponential(
-        share * common_constant[members.family] + rest * own_constant
-    )
-    quality = skewed(
-        share * common + rest * own, positive[grid.column], parameters.bias
-    )
+    common_weight = np.sqrt(parameters.family)
+    single_weight = np.sqrt(1 - parameters.family)
+    constant = common_weight * common_constant[members.family]
+    positive = exponential(constant + single_weight * single_constant)
+    normal = common_weight * common + single_weight * single
+    quality = skewed(normal, positive[grid.column], parameters.bias)
     return best_ranks(quality, parameters.bias, parameters.chance)
 
 
 def _latent(
-    parameters: FreeFalsePositives, grid: Grid, draws: Draws, kind: NoiseKind
+    parameters: FreeFalsePositives, grid: Grid, draws: Draws, class_number: NoiseKind
 ) -> tuple[Floats, Floats]:
-    """Normal numbers that change over frames ``[R]``, and those behind the constant share ``[J]``."""
+    """Return normal numbers that change over frames [R].
+
+    Beside them those behind the constant share [J].
+    """
     ar = parameters.ar / max(1 - parameters.bias, 1e-12)
-    rng = draws.generator(kind)  # hashing so many numbers would take long
-    constant, (push, white) = (
-        rng.standard_normal(len(grid.ids)),
-        rng.standard_normal((2, len(grid.cells[0]))),
-    )
-    new = grid.on_grid(white)[
-        grid.frame, grid.column
-    ]  # siblings share the numbers of their family
-    series = grid.autoregression(
-        np.array([[parameters.phi]]), draws, (kind,), push[None]
-    )[0]
+    rng = draws.generator(class_number)  # hashing so many numbers would take long
+    constant = rng.standard_normal(len(grid.ids))
+    push, white = rng.standard_normal((2, len(grid.cells[0])))
+    # siblings share the numbers of their family
+    new = grid.on_grid(white)[grid.frame, grid.column]
+    phi = np.array([[parameters.phi]])
+    series = grid.autoregression(phi, draws, (class_number,), push[None])[0]
     return np.sqrt(ar) * series + np.sqrt(1 - ar) * new, constant
 
 
@@ -173,54 +195,51 @@ def _draw_members(
     draws: Draws,
 ) -> _Members:
     """Draw the members of all families, also those beyond the sensor's reach."""
-    frames = len(scene.ego)
     survive = float(decayed(np.asarray(parameters.survive), scene.steps))
-    birth = _draw_births(parameters, survive, scene, draws)
-    life = np.minimum(
-        draws.generator(NoiseKind.LIFE).geometric(1.0 - survive, len(birth)),
-        frames - birth,
-    )
+    birth_frame = _draw_births(parameters, survive, scene, draws)
+    families = len(birth_frame)
+    life_frames = draws.generator(NoiseKind.LIFE).geometric(1.0 - survive, families)
+    life_frames = np.minimum(life_frames, len(scene.ego) - birth_frame)
     rng = draws.generator(NoiseKind.FAMILY)
-    family = np.repeat(
-        np.arange(len(birth)), 1 + rng.poisson(parameters.siblings, len(birth))
-    )
-    first = np.append(True, family[1:] != family[:-1])[: len(family)]
-    shift = np.where(
-        first[:, None], 0.0, parameters.spread * rng.standard_normal((len(family), 2))
-    )
-    heading = wrap_angle(
-        2 * np.pi * draws.generator(NoiseKind.HEADING).random(len(birth))
-    )[family]
-    kind = draws.generator(NoiseKind.CLASS).choice(
-        len(classes.share), len(family), p=classes.share
-    )
-    size = spread_sizes(
-        classes.size[kind],
-        draws.generator(NoiseKind.SIZE).standard_normal((len(family), 3)),
-    )
+    siblings = rng.poisson(parameters.siblings, families)
+    family_number = np.repeat(np.arange(families), 1 + siblings)
+    members = len(family_number)
+    is_first = np.diff(family_number, prepend=-1) > 0
+    place_shift = parameters.spread * rng.standard_normal((members, 2))
+    heading_turns = draws.generator(NoiseKind.HEADING).random(families)
+    kind_rng = draws.generator(NoiseKind.CLASS)
+    class_number = kind_rng.choice(len(classes.share), members, p=classes.share)
+    side_normal = draws.generator(NoiseKind.SIZE).standard_normal((members, 3))
     return _Members(
-        birth[family],
-        life[family],
-        family,
-        shift,
-        heading,
-        size,
-        classes.class_id[kind],
+        birth_frame[family_number],
+        life_frames[family_number],
+        family_number,
+        np.where(is_first[:, None], 0.0, place_shift),
+        wrap_angle(2 * np.pi * heading_turns)[family_number],
+        spread_sizes(classes.size[class_number], side_normal),
+        classes.class_id[class_number],
     )
 
 
 def _draw_births(
     parameters: FreeFalsePositives, survive: float, scene: SensedScene, draws: Draws
 ) -> Ints:
-    """Draw the frame of every family's birth, ascending: Poisson, a Gamma factor per scene, first in equilibrium."""
+    """Draw the frame of every family's birth, ascending.
+
+    Births are Poisson, with a Gamma factor per scene; the first frame is in
+    equilibrium.
+    """
     factor = 1.0
     if parameters.dispersion > 1.0:
-        shape = parameters.rate / (parameters.dispersion - 1.0)
-        factor = float(draws.generator(NoiseKind.SCENE).gamma(shape) / shape)
-    rate = parameters.rate * scene.field_ratio
-    alive = rate * factor / parameters.chance / (1.0 + parameters.siblings)
-    mean = np.full(len(scene.ego), alive * (1.0 - survive))
-    mean[:1] = alive
-    return np.repeat(
-        np.arange(len(scene.ego)), draws.generator(NoiseKind.BIRTH).poisson(mean)
+        number_shape = parameters.rate / (parameters.dispersion - 1.0)
+        factor = float(
+            draws.generator(NoiseKind.SCENE).gamma(number_shape) / number_shape
+        )
+    birth_rate = parameters.rate * scene.field_ratio
+    alive_families = (
+        birth_rate * factor / parameters.chance / (1.0 + parameters.siblings)
     )
+    mean_births = np.full(len(scene.ego), alive_families * (1.0 - survive))
+    mean_births[:1] = alive_families
+    count = draws.generator(NoiseKind.BIRTH).poisson(mean_births)
+    return np.repeat(np.arange(len(scene.ego)), count)

@@ -1,4 +1,7 @@
-"""False positives beside true boxes, which they follow: duplicates, shadows, boxes of a wrong class."""
+"""False positives beside true boxes, which they follow.
+
+They are duplicates, shadows and boxes of a wrong class.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,15 +16,12 @@ from .grid import Grid
 from .profile import EVEN_RANKS, SLOTS, ClassNoise, NearFalsePositives
 from .quality import Qualities, best_ranks, score_by_rank
 
-BESIDE = (
-    0.75,
-    1.5,
-)  # m from the object's centre, where the chance to have the object's class changes
+# m from the object's centre, where the chance to have the object's class changes
+BESIDE = (0.75, 1.5)
+# distance, angle, and two numbers that decide the class
 _PLACE = (
     *parts(Component.BIAS, NoiseKind.PLACE),
     *parts(Component.OTHER, NoiseKind.PLACE),
-)
-_PLACE += (
     *parts(Component.BIAS, NoiseKind.CLASS),
     *parts(Component.OTHER, NoiseKind.CLASS),
 )
@@ -44,51 +44,69 @@ def near_false_positives(
     similar: Sequence[Ints],
     seed: int,
 ) -> tuple[BoxErrors, DetectedRows]:
-    """Visible false positives beside the true boxes of a scene, with their errors.
+    """Return visible false positives beside the true boxes, with their errors.
 
-    ``grid`` and ``qualities``: of the true boxes; ``similar``: see `classes_of_same_noise`. A duplicate appears only
-    beside a detected object.
+    ``grid`` and ``qualities``: of the true boxes; ``similar``: see
+    `classes_of_same_noise`. A duplicate appears only beside a detected object.
     """
-    draws, slot = Draws(seed, NoiseSubject.NEAR), np.arange(SLOTS)
-    slots = replace(  # the places beside every true box, each treated as an object
+    draws = Draws(seed, NoiseSubject.NEAR)
+    slots = _slots_of(grid)
+    true_row = np.repeat(np.arange(len(grid.frame)), SLOTS)
+    visible, quality_rank = _visible(slots, qualities.random[true_row], draws)
+    seen = slots.select(visible)
+    true_row = true_row[visible]
+    place_uniforms = seen.constant(
+        draws, "place", lambda keys: draws.uniforms(_PLACE, keys)
+    )
+    distance, angle, same_uniform, other_uniform = place_uniforms[:, seen.column]
+    true_class = scene.truth.class_id[true_row]
+    offset_m = _offsets(seen, distance)
+    class_id = _classes(
+        seen, true_class, offset_m, same_uniform, other_uniform, similar
+    )
+    of_object = class_id == true_class
+    slot_scores = _scores(seen, quality_rank, of_object & (offset_m < BESIDE[0]))
+    needs_object = of_object & (offset_m < BESIDE[1])
+    is_reported = slot_scores >= seen.of_rows("quality.floor")
+    is_reported &= ~(needs_object & ~qualities.detected[true_row])
+    reported_rows = np.flatnonzero(is_reported)
+    seen = seen.select(reported_rows)
+    true_row = true_row[reported_rows]
+    box = _boxes(
+        seen,
+        scene.truth.box[true_row],
+        offset_m[reported_rows],
+        2 * np.pi * angle[reported_rows],
+        draws,
+    )
+    velocity = scene.truth.velocity[true_row]
+    rows = DetectedRows(
+        seen.frame, box, velocity, class_id[reported_rows], slot_scores[reported_rows]
+    )
+    return draw_errors(slots, None, draws, visible[reported_rows]), rows
+
+
+def _slots_of(grid: Grid) -> Grid:
+    """Return the places beside every true box, each treated as an object."""
+    slot = np.arange(SLOTS)
+    lives = grid.lives
+    if lives is not None:
+        lives = (np.repeat(lives[0], SLOTS), np.repeat(lives[1], SLOTS))
+    return replace(
         grid,
         ids=(grid.ids[:, None] * SLOTS + slot).ravel(),
         frame=np.repeat(grid.frame, SLOTS),
         column=(grid.column[:, None] * SLOTS + slot).ravel(),
         noise_number=np.repeat(grid.noise_number, SLOTS),
-        lives=None
-        if grid.lives is None
-        else (np.repeat(grid.lives[0], SLOTS), np.repeat(grid.lives[1], SLOTS)),
+        lives=lives,
     )
-    row = np.repeat(np.arange(len(grid.frame)), SLOTS)
-    visible, rank = _visible(slots, qualities.random[row], draws)
-    every, slots, row = slots, slots.select(visible), row[visible]
-    places = slots.constant(draws, "place", lambda keys: draws.uniforms(_PLACE, keys))
-    offset, angle, same, other = places[:, slots.column]
-    true_class, offset = scene.truth.class_id[row], _offsets(slots, offset)
-    class_id = _classes(slots, true_class, offset, same, other, similar)
-    of_object = class_id == true_class
-    score = _scores(slots, rank, of_object & (offset < BESIDE[0]))
-    without_object = of_object & (offset < BESIDE[1]) & ~qualities.detected[row]
-    reported = np.flatnonzero(
-        ~without_object & (score >= slots.of_rows("quality.floor"))
-    )
-    slots, row = slots.select(reported), row[reported]
-    box = _boxes(
-        slots,
-        scene.truth.box[row],
-        offset[reported],
-        2 * np.pi * angle[reported],
-        draws,
-    )
-    candidates = DetectedRows(
-        slots.frame, box, scene.truth.velocity[row], class_id[reported], score[reported]
-    )
-    return draw_errors(every, None, draws, visible[reported]), candidates
 
 
 def classes_of_same_noise(truth: Truth, noise_names: Sequence[str]) -> list[Ints]:
-    """For every class the others with the same of ``noise_names``, the most frequent ones of the scene first."""
+    """Return for every class the others with the same of ``noise_names``.
+
+    The most frequent ones of the scene come first.
+    """
     boxes = np.bincount(truth.class_id, minlength=len(noise_names))
     order = np.argsort(-boxes, kind="stable")
     names = np.array(noise_names)
@@ -101,99 +119,99 @@ def _parameters(noise: ClassNoise) -> NearFalsePositives:
 
 def _numbers(noise: ClassNoise) -> tuple[float, ...]:
     near = _parameters(noise)
-    return (
-        near.bias,
-        near.ar / max(1 - near.bias, 1e-12),
-        near.phi,
-        near.parent,
-        *near.same,
-    )
+    ar = near.ar / max(1 - near.bias, 1e-12)
+    return near.bias, ar, near.phi, near.parent, *near.same
 
 
 def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, Floats]:
-    """Visible rows, and the ranks of their quality among those."""
-    bias, ar, phi, parent, *_ = slots.of_noise(_numbers).T
+    """Return visible rows, and the ranks of their quality among those."""
+    phi = slots.of_noise(_numbers)[:, 2]
+    bias, ar, _, parent, *_ = slots.of_rows(_numbers).T
     series = slots.autoregression(phi[None], draws, (NoiseKind.QUALITY,))[0]
-    number, new = (
-        slots.row_noise,
-        draws.normal(NoiseKind.QUALITY, Component.WHITE, slots.row_keys),
-    )
-    normal = np.sqrt(ar)[number] * series + np.sqrt(1 - ar)[number] * new
-    normal = parent[number] * object_quality + np.sqrt(1 - parent**2)[number] * normal
+    new = draws.normal(NoiseKind.QUALITY, Component.WHITE, slots.row_keys)
+    normal = np.sqrt(ar) * series + np.sqrt(1 - ar) * new
+    normal = parent * object_quality + np.sqrt(1 - parent**2) * normal
     constant = slots.constant(
         draws,
         "skew",
         lambda keys: draws.normal(NoiseKind.QUALITY, Component.BIAS, keys),
     )
-    quality = skewed(normal, exponential(constant)[slots.column], bias[number])
-    rank = np.full(len(quality), np.nan)
+    quality = skewed(normal, exponential(constant)[slots.column], bias)
+    quality_rank = np.full(len(quality), np.nan)
     for noise, rows in slots.by_noise():
-        index, own_rank = best_ranks(
-            quality[rows], _parameters(noise).bias, _parameters(noise).chance
-        )
-        rank[rows[index]] = own_rank
-    visible = np.flatnonzero(np.isfinite(rank))
-    return visible, rank[visible]
+        near = _parameters(noise)
+        reported_rows, index_rank = best_ranks(quality[rows], near.bias, near.chance)
+        quality_rank[rows[reported_rows]] = index_rank
+    visible = np.flatnonzero(np.isfinite(quality_rank))
+    return visible, quality_rank[visible]
 
 
 def _offsets(slots: Grid, uniform: Floats) -> Floats:
-    """Distances from the objects' centres ``[R]`` m, from uniform numbers."""
-    offset = np.zeros(len(uniform))
+    """Return distances [R], m, from the objects' centres, by uniform numbers."""
+    offset_m = np.zeros(len(uniform))
     for noise, rows in slots.by_noise():
         quantiles = _parameters(noise).offset
-        offset[rows] = np.interp(uniform[rows], EVEN_RANKS, quantiles)
-    return offset
+        offset_m[rows] = np.interp(uniform[rows], EVEN_RANKS, quantiles)
+    return offset_m
 
 
-def _scores(slots: Grid, rank: Floats, duplicate: Bools) -> Floats:
-    """Scores ``[R]`` by ranks; duplicates may have their own distribution."""
-    score = np.zeros(len(rank))
+def _scores(slots: Grid, quality_rank: Floats, duplicate: Bools) -> Floats:
+    """Return scores [R] by ranks.
+
+    Duplicates may have a distribution of their own.
+    """
+    slot_scores = np.zeros(len(quality_rank))
     for noise, rows in slots.by_noise():
-        quantiles, duplicates = _parameters(noise).score, _parameters(noise).duplicates
-        score[rows] = score_by_rank(rank[rows], quantiles)
-        if duplicates is not None:
-            score[rows] = np.where(
-                duplicate[rows], score_by_rank(rank[rows], duplicates), score[rows]
-            )
-    return score
+        near = _parameters(noise)
+        slot_scores[rows] = score_by_rank(quality_rank[rows], near.score)
+        if near.duplicates is not None:
+            doubled = rows[duplicate[rows]]
+            slot_scores[doubled] = score_by_rank(quality_rank[doubled], near.duplicates)
+    return slot_scores
 
 
 def _boxes(
-    slots: Grid, true: Floats, offset: Floats, angle: Floats, draws: Draws
+    slots: Grid, true_box: Floats, offset_m: Floats, angle: Floats, draws: Draws
 ) -> Floats:
-    """Boxes ``[R, 7]`` at the distances ``offset`` from ``true`` boxes, on the same ground; they turn with them."""
-    box = true.copy()
-    box[:, :2] += rotate(offset[:, None] * unit_vectors(angle), true[:, 3])
+    """Return boxes [R, 7] at the distances ``offset_m`` from true boxes.
+
+    They are on the same ground, and turn with them.
+    """
+    box = true_box.copy()
+    box[:, :2] += rotate(offset_m[:, None] * unit_vectors(angle), true_box[:, 3])
     normal = slots.constant(
         draws,
         "side",
         lambda keys: draws.normal(NoiseKind.SIZE, Component.OTHER, of_axes(keys)).T,
     )
     box[:, 4:] = spread_sizes(box[:, 4:], normal.T[slots.column])
-    box[:, 2] += (box[:, 6] - true[:, 6]) / 2
+    box[:, 2] += (box[:, 6] - true_box[:, 6]) / 2
     return box
 
 
 def _classes(
     slots: Grid,
     true_class: Ints,
-    offset: Floats,
+    offset_m: Floats,
     uniform: Floats,
-    other: Floats,
+    other_uniform: Floats,
     similar: Sequence[Ints],
 ) -> Ints:
-    """Classes ``[R]``: that of the object, or another one with the same noise, by two uniform numbers."""
-    wrong = (
-        uniform
-        >= slots.of_rows(_numbers)[
-            np.arange(len(offset)), 4 + np.digitize(offset, BESIDE)
-        ]
-    )
+    """Return classes [R] of false positives.
+
+    A class is that of the object, or another one with the same noise. ``uniform`` and
+    ``other_uniform``: two uniform numbers, which decide it.
+    """
+    same_share = slots.of_rows(_numbers)[:, 4:]
+    distance_band = np.digitize(offset_m, BESIDE)
+    is_wrong = uniform >= same_share[np.arange(len(offset_m)), distance_band]
     class_id = np.array(true_class)
-    for k in set(true_class[wrong].tolist()):
-        rows, others = np.flatnonzero(wrong & (true_class == k)), similar[k]
-        if len(others):
-            class_id[rows] = others[
-                np.floor(other[rows] ** 2 * len(others)).astype(np.int64)
-            ]
+    for k in set(true_class[is_wrong].tolist()):
+        rows = np.flatnonzero(is_wrong & (true_class == k))
+        class_count = len(similar[k])
+        if class_count:
+            quality_rank = np.floor(other_uniform[rows] ** 2 * class_count).astype(
+                np.int64
+            )
+            class_id[rows] = similar[k][quality_rank]
     return class_id

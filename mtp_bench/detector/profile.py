@@ -1,6 +1,7 @@
 """Parameters of a simulated detector, as stored in a profile file.
 
-``README.md`` beside this file explains the model and its symbols. Distances d are in units of 10 m.
+``README.md`` beside this file explains the model and its symbols. Distances d are in
+units of 10 m.
 """
 
 import itertools
@@ -13,19 +14,8 @@ from ..core import Section, UnknownNameError, rule
 
 QUANTILES = 11  # of distances, at `EVEN_RANKS`: 0, 10, ..., 100 %
 EVEN_RANKS = np.linspace(0.0, 1.0, QUANTILES)
-RANKS = (
-    0.0,
-    0.2,
-    0.4,
-    0.6,
-    0.8,
-    0.9,
-    0.95,
-    0.98,
-    0.99,
-    0.997,
-    1.0,
-)  # of scores: denser where scores are high
+# of scores: denser where scores are high
+RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)
 SLOTS = 2  # places beside every true box at which a false positive can appear
 _SIMILAR = {  # for profiles without a class
     "cyclist": "bicycle",
@@ -52,7 +42,10 @@ Curve = Annotated[tuple[float, ...], Field(min_length=2, strict=False), _ASCENDI
 
 
 class LatentMemory(Section):
-    """Correlation of a latent number over the frames of an object; the three shares of its variance sum to 1."""
+    """Correlation of a latent number over the frames of an object.
+
+    The three shares of its variance sum to 1.
+    """
 
     bias: Share  # constant over the object's life
     ar: Share  # autoregressive
@@ -71,29 +64,33 @@ class LatentMemory(Section):
 class SharedMemory(LatentMemory):
     """Memory of a latent number whose lasting part is shared with close neighbours."""
 
-    shared: Share = (
-        0.0  # weight of a neighbour at distance 0; the object itself has weight 1
-    )
+    # weight of a neighbour at distance 0; the object itself has weight 1
+    shared: Share = 0.0
 
 
 class Lapses(Section):
-    """The skewed part of the quality: usually close to 0, sometimes a large loss that lasts."""
+    """The skewed part of the quality: close to 0, or a large loss that lasts."""
 
-    share: Annotated[
-        float, Field(ge=0, lt=1)
-    ]  # of the variance of the random part of the quality
-    bias: Share  # share of the latent number that is constant over the object's life; the rest is autoregressive
+    # of the variance of the random part of the quality
+    share: Annotated[float, Field(ge=0, lt=1)]
+    # share of the latent number that is constant over the object's life; the rest is
+    # autoregressive
+    bias: Share
     phi: Correlation  # of the autoregression, from frame to frame
     shared: Share  # weight of a neighbour at distance 0; the object itself has weight 1
 
 
 class Quality(SharedMemory):
-    """Quality of an object's detection in a frame, which decides its score and whether it is detected."""
+    """Quality of an object's detection in a frame.
 
+    It decides the score and whether the object is detected.
+    """
+
+    # mean: 1, d, d^2, partly occluded, largely occluded, hidden, truncated; the random
+    # part has variance 1
     location: Annotated[
         tuple[float, ...], Field(min_length=7, max_length=7, strict=False)
     ]
-    # mean: 1, d, d^2, partly occluded, largely occluded, hidden, truncated; the random part has variance 1
     lapses: Lapses
     latent: Curve  # qualities
     score: Curve  # their scores; linear between them
@@ -102,10 +99,12 @@ class Quality(SharedMemory):
     @field_validator("floor")
     @classmethod
     def _fits_the_curve(cls, floor: float, info: ValidationInfo) -> float:
-        latent, score = info.data.get("latent", ()), info.data.get("score", ())
+        latent = info.data.get("latent", ())
+        score = info.data.get("score", ())
         if len(latent) != len(score):
             raise ValueError(
-                f"latent has {len(latent)} numbers and score {len(score)}, expected as many of both"
+                f"latent has {len(latent)} numbers and score {len(score)},"
+                " expected as many of both"
             )
         if score and floor > score[-1]:
             raise ValueError(f"expected at most the highest score, {score[-1]:g}")
@@ -113,9 +112,10 @@ class Quality(SharedMemory):
 
 
 class PositionNoise(SharedMemory):
-    """Position error along one axis: ``(s0 + s1 d) exp(-quality q) H z``, with q the random part of the quality.
+    """Position error along one axis: ``(s0 + s1 d) exp(-quality q) H z``.
 
-    H turns normal errors into Student's t; it lasts, and both axes have the same one.
+    q is the random part of the quality. H turns normal errors into Student's t; it
+    lasts, and both axes have the same one.
     """
 
     s0: Scale  # m
@@ -124,15 +124,23 @@ class PositionNoise(SharedMemory):
 
 
 class HeadingNoise(Section):
-    """Heading error: Student's t with 4 degrees of freedom, and turns by pi as a two-state Markov chain."""
+    """Heading error: Student's t with 4 degrees of freedom, and turns by pi.
 
-    scale: Scale  # rad, robust standard deviation (1.4826 x median absolute deviation) of the unflipped error
+    The turns are a two-state Markov chain.
+    """
+
+    # rad, robust standard deviation (1.4826 x median absolute deviation) of the
+    # unflipped error
+    scale: Scale
     flip: Share  # chance of a flip after a frame without one
     flip_again: Share  # chance of a flip after a flip
 
 
 class SizeNoise(Section):
-    """Error of length, width and height: normal; all of it but the share ``white`` is constant over a life."""
+    """Error of length, width and height: normal.
+
+    All of it but the share ``white`` is constant over a life.
+    """
 
     mean: Three  # m
     deviation: Three  # m
@@ -140,14 +148,14 @@ class SizeNoise(Section):
 
 
 class FalsePositives(LatentMemory):
-    """False positives of one kind: each has a lasting quality and is visible while that is high enough.
+    """False positives of one kind.
 
-    The constant share ``bias`` of the quality is exponential: few are good, and those stay good.
+    Each has a lasting quality and is visible while that is high enough. The constant
+    share ``bias`` of the quality is exponential: few are good, and those stay good.
     """
 
-    chance: Annotated[
-        float, Field(gt=0, le=1)
-    ]  # share of the frames of its life in which one is visible
+    # share of the frames of its life in which one is visible
+    chance: Annotated[float, Field(gt=0, le=1)]
     score: Quantiles  # of the visible ones, at the ranks `RANKS`
 
 
@@ -155,12 +163,10 @@ class FreeFalsePositives(FalsePositives):
     """False positives away from all objects: born in families, standing still."""
 
     rate: Scale  # visible per frame over the profile's whole field of view
-    dispersion: Annotated[
-        float, Field(ge=1)
-    ]  # variance over mean of the count per frame, as far as scenes differ
-    survive: Annotated[
-        float, Field(ge=0, lt=1)
-    ]  # chance to live on for another frame, visible or not
+    # variance over mean of the count per frame, as far as scenes differ
+    dispersion: Annotated[float, Field(ge=1)]
+    # chance to live on for another frame, visible or not
+    survive: Annotated[float, Field(ge=0, lt=1)]
     siblings: Scale  # mean number born together with the first one of a family
     spread: Scale  # m, deviation of their places per axis
     family: Share  # share of the quality that siblings have in common
@@ -169,14 +175,16 @@ class FreeFalsePositives(FalsePositives):
 
 
 class NearFalsePositives(FalsePositives):
-    """False positives that follow a true box: duplicates, shadows, boxes of a wrong class."""
+    """False positives that follow a true box.
+
+    They are duplicates, shadows and boxes of a wrong class.
+    """
 
     offset: Quantiles  # m from the centre of the true box, at 0, 10, ..., 100 %
-    same: Annotated[tuple[Share, Share, Share], Field(strict=False)]
     # share with the class of the object: within 0.75 m, within 1.5 m, beyond
-    duplicates: Quantiles | None = (
-        None  # scores of those of the object's class within 0.75 m; None: same as all
-    )
+    same: Annotated[tuple[Share, Share, Share], Field(strict=False)]
+    # scores of those of the object's class within 0.75 m; None: same as all
+    duplicates: Quantiles | None = None
     parent: Correlation = 0.0  # correlation of their quality with that of the object
 
 
@@ -186,18 +194,15 @@ class ClassNoise(Section):
     quality: Quality
     radial: PositionNoise
     tangential: PositionNoise
-    nu: Annotated[
-        float, Field(gt=1)
-    ]  # degrees of freedom of Student's t, of both position errors
+    # degrees of freedom of Student's t, of both position errors
+    nu: Annotated[float, Field(gt=1)]
     heading: HeadingNoise
     size: SizeNoise
     free: FreeFalsePositives | None = None
     near: NearFalsePositives | None = None
     velocity: Scale | None = None  # m/s per axis; None: velocities are not measured
-    z: Annotated[tuple[float, float], Field(strict=False)] = (
-        0.0,
-        0.0,
-    )  # m, height of the centre: mean, deviation
+    # m, height of the centre: mean, deviation
+    z: Annotated[tuple[float, float], Field(strict=False)] = (0.0, 0.0)
 
 
 class Profile(Section):
@@ -206,20 +211,16 @@ class Profile(Section):
     name: str
     summary: str
     source: str  # data that the parameters were fitted to
-    stands_for: Annotated[
-        tuple[str, ...], Field(strict=False)
-    ] = ()  # stored detectors that it can replace
+    # stored detectors that it can replace
+    stands_for: Annotated[tuple[str, ...], Field(strict=False)] = ()
     dt: Annotated[float, Field(gt=0)]  # s between frames at which the memory was fitted
-    field_of_view: Annotated[float, Field(gt=0, le=360)] = (
-        360.0  # degrees in which false positives were counted
-    )
-    neighbours: Annotated[float, Field(gt=0)] = (
-        20.0  # m; objects farther apart share no noise
-    )
+    # degrees in which false positives were counted
+    field_of_view: Annotated[float, Field(gt=0, le=360)] = 360.0
+    # m; objects farther apart share no noise
+    neighbours: Annotated[float, Field(gt=0)] = 20.0
     classes: dict[str, ClassNoise]
-    alike: dict[str, str] = Field(
-        default_factory=dict
-    )  # further classes and the class whose noise they have
+    # further classes and the class whose noise they have
+    alike: dict[str, str] = Field(default_factory=dict)
 
     @field_validator("alike")
     @classmethod
@@ -227,17 +228,22 @@ class Profile(Section):
         classes: dict[str, object] = info.data.get("classes", {})
         for name in alike.values():
             if classes and name not in classes:
-                raise ValueError(
-                    f"{name!r} has no noise; expected one of {', '.join(map(repr, classes))}"
-                )
+                names = ", ".join(map(repr, classes))
+                raise ValueError(f"{name!r} has no noise; expected one of {names}")
         return alike
 
     def noise(self, class_name: str) -> ClassNoise:
-        """Noise of a class, or of a similar one; raises UnknownNameError for an unknown class."""
+        """Return the noise of a class, or of a similar one.
+
+        Raises UnknownNameError for an unknown class.
+        """
         return self.classes[self.noise_name(class_name)]
 
     def noise_name(self, class_name: str) -> str:
-        """Name of the class whose noise a class has; raises UnknownNameError for an unknown class."""
+        """Return the name of the class whose noise a class has.
+
+        Raises UnknownNameError for an unknown class.
+        """
         name = self.alike.get(class_name, class_name)
         if name in self.classes:
             return name

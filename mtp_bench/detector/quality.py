@@ -14,15 +14,20 @@ from .draws import (
     skewed_cdf,
     skewed_quantile,
 )
-from .grid import Grid, Neighbours, Shares, shares_of
+from .grid import Grid, Shares, shares_of
+from .neighbours import Neighbours
 from .profile import RANKS, ClassNoise
 from .visibility import HIDDEN, LARGELY, PARTLY, Visibility
 
 
 class Qualities(NamedTuple):
-    """Qualities of the R rows of a truth."""
+    """Qualities of the R rows of a truth.
 
-    random: Floats  # [R] mean 0, variance 1, with memory: difference from the mean at this distance and occlusion
+    The random part has mean 0, variance 1 and a memory: it is the difference from the
+    mean at this distance and occlusion.
+    """
+
+    random: Floats  # [R]
     score: Floats  # [R]
     detected: Bools  # [R] there is a detection, at any score
     reported: Bools  # [R] its score reaches the operating point
@@ -33,25 +38,27 @@ def draw_qualities(
 ) -> Qualities:
     """Draw qualities of all rows, also of those outside the sensor's coverage."""
     random = random_quality(grid, neighbours, draws)
-    location = (quality_features(visibility) * grid.of_rows("quality.location")).sum(-1)
-    score, detected, floor = (
-        np.zeros(len(random)),
-        np.zeros(len(random), dtype=bool),
-        np.zeros(len(random)),
-    )
+    mean_quality = (
+        quality_features(visibility) * grid.of_rows("quality.location")
+    ).sum(-1)
+    quality = mean_quality + random
+    row_scores = np.zeros(len(random))
+    is_detected = np.zeros(len(random), dtype=bool)
     for noise, rows in grid.by_noise():
-        parameters = noise.quality
-        quality, floor[rows] = location[rows] + random[rows], parameters.floor
-        score[rows] = np.interp(quality, parameters.latent, parameters.score)
-        detected[rows] = quality >= parameters.latent[0]
-    return Qualities(random, score, detected, detected & (score >= floor))
+        curve = noise.quality
+        row_scores[rows] = np.interp(quality[rows], curve.latent, curve.score)
+        is_detected[rows] = quality[rows] >= curve.latent[0]
+    is_reported = is_detected & (row_scores >= grid.of_rows("quality.floor"))
+    return Qualities(random, row_scores, is_detected, is_reported)
 
 
 def random_quality(grid: Grid, neighbours: Neighbours, draws: Draws) -> Floats:
-    """Random part of the quality ``[R]``: a normal number, less the exponential number of a lapse."""
-    lasting = grid.lasting(
-        _memories, neighbours, draws, (NoiseKind.QUALITY, NoiseKind.LAPSE)
-    )
+    """Return the random part of the quality [R].
+
+    It is a normal number, less the exponential number of a lapse.
+    """
+    kinds = (NoiseKind.QUALITY, NoiseKind.LAPSE)
+    lasting = grid.lasting(_memories, neighbours, draws, kinds)
     new = draws.normal(NoiseKind.QUALITY, Component.WHITE, grid.row_keys)
     normal, lapse = grid.with_new(lasting, new, _memories)
     return -skewed(-normal, exponential(lapse), grid.of_rows("quality.lapses.share"))
@@ -63,29 +70,26 @@ def _memories(noise: ClassNoise) -> tuple[Shares, Shares]:
 
 
 def quality_features(visibility: Visibility) -> Floats:
-    """Features of the mean quality ``[R, 7]``: 1, d, d^2, partly, largely occluded, hidden, truncated."""
+    """Return features [R, 7] of the mean quality.
+
+    They are 1, d, d^2, partly, largely occluded, hidden, truncated.
+    """
     distance = visibility.distance / 10
     levels = [visibility.occlusion == level for level in (PARTLY, LARGELY, HIDDEN)]
-    columns = [
-        np.ones(len(distance)),
-        distance,
-        distance**2,
-        *levels,
-        visibility.truncated,
-    ]
-    return np.stack(columns, axis=-1)
+    powers = [np.ones(len(distance)), distance, distance**2]
+    return np.stack([*powers, *levels, visibility.truncated], axis=-1)
 
 
-def score_by_rank(rank: Floats, quantiles: tuple[float, ...]) -> Floats:
-    """Scores with ranks in 0..1, from their quantiles at `RANKS`."""
-    return np.interp(rank, RANKS, quantiles)
+def score_by_rank(quality_rank: Floats, quantiles: tuple[float, ...]) -> Floats:
+    """Return scores with ranks in 0..1, from their quantiles at `RANKS`."""
+    return np.interp(quality_rank, RANKS, quantiles)
 
 
 def best_ranks(quality: Floats, tail: float, chance: float) -> tuple[Ints, Floats]:
-    """Indices of the highest ``chance`` of `skewed` numbers ``[S]``, and their ranks 0..1 among those ``[S]``.
+    """Return the indices of the highest ``chance`` of `skewed` numbers [S].
 
-    ``tail``: their exponential share.
+    Beside them their ranks 0..1 among those. ``tail``: their exponential share.
     """
-    index = np.flatnonzero(quality >= skewed_quantile(chance, tail))
-    rank = (skewed_cdf(quality[index], tail) - (1.0 - chance)) / chance
-    return index, np.clip(rank, 0.0, 1.0)
+    best_rows = np.flatnonzero(quality >= skewed_quantile(chance, tail))
+    quality_rank = (skewed_cdf(quality[best_rows], tail) - (1.0 - chance)) / chance
+    return best_rows, np.clip(quality_rank, 0.0, 1.0)

@@ -6,12 +6,16 @@ import numpy as np
 
 from ..core import Bools, Floats, Ints, Truth, bev_corners, wrap_angle
 
-# An object's occlusion level is the number of these thresholds above its visible fraction (BEV).
+# An object's occlusion level is the number of these thresholds above its visible
+# fraction (BEV).
 VISIBLE = (0.8, 0.4, 0.05)
-PARTLY, LARGELY, HIDDEN = 1, 2, 3
+PARTLY = 1
+LARGELY = 2
+HIDDEN = 3
 _TINY = 1e-12
-_HAIR = 1e-6  # rad, far above rounding
-_TURN = 2 * np.pi
+_ANGLE_MARGIN_RAD = 1e-6  # far above rounding
+_FULL_TURN = 2 * np.pi
+_FRAME_OFFSET = 8.0  # rad between the angles of two frames, more than a turn
 
 
 @dataclass(frozen=True)
@@ -20,13 +24,17 @@ class Sensor:
 
     reach: float  # m
     field_of_view: float  # rad, the whole angle; 2 pi or more: all around
-    area: tuple[float, float, float, float] | None = (
-        None  # m, least and largest x, y of false positives; None: any
-    )
+    # m, least and largest x, y of false positives; None: any
+    area: tuple[float, float, float, float] | None = None
 
-    def covers(self, distance: Floats, bearing: Floats) -> Bools:
-        """Mask of places within reach and field of view, by distance (m) and bearing (rad) of any common shape."""
-        return (distance <= self.reach) & (np.abs(bearing) <= self.field_of_view / 2)
+    def covers(self, distance_m: Floats, bearing_rad: Floats) -> Bools:
+        """Return the mask of places within reach and field of view.
+
+        ``distance_m`` (m) and ``bearing_rad`` (rad) have any common shape.
+        """
+        return (distance_m <= self.reach) & (
+            np.abs(bearing_rad) <= self.field_of_view / 2
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,133 +48,164 @@ class Visibility:
 
 
 def covered(truth: Truth, ego: Floats, sensor: Sensor) -> Bools:
-    """Mask of boxes with their centre within reach and field of view ``[R]``; ``ego`` is ``[F, 4]`` x y z yaw."""
+    """Mark boxes [R] with their centre in the coverage.
+
+    ``ego`` [F, 4]: x y z yaw.
+    """
     return sensor.covers(*polar(truth.box[:, :2], ego[truth.frame_of_rows]))
 
 
 def visibility_of(
     truth: Truth, ego: Floats, sensor: Sensor, visible: Floats | None = None
 ) -> Visibility:
-    """Visibility of all boxes, also outside the coverage, to a sensor at ``ego`` (``[F, 4]`` x y z yaw).
+    """Return the visibility of all boxes, also outside the coverage.
 
-    All boxes of a frame can hide each other in BEV; heights do not matter. ``visible``: `visible_fractions`, if known.
+    ``ego`` [F, 4]: x y z yaw of the sensor. All boxes of a frame can hide each other in
+    BEV; heights do not matter. ``visible``: `visible_fractions`, if known.
     """
     pose = ego[truth.frame_of_rows]
-    distance, bearing = polar(truth.box[:, :2], pose)
+    distance_m, bearing_rad = polar(truth.box[:, :2], pose)
     _, corner_bearing = polar(bev_corners(truth.box), pose[:, None])
     truncated = np.any(np.abs(corner_bearing) > sensor.field_of_view / 2, axis=-1)
-    visible = visible_fractions(truth, ego) if visible is None else visible
+    if visible is None:
+        visible = visible_fractions(truth, ego)
     occlusion = np.sum(visible[:, None] < np.array(VISIBLE), axis=-1)
-    return Visibility(distance, bearing, occlusion, np.asarray(truncated))
+    return Visibility(distance_m, bearing_rad, occlusion, np.asarray(truncated))
 
 
 def polar(place: Floats, pose: Floats) -> tuple[Floats, Floats]:
-    """Distance (m) and bearing (rad, from the heading) of places ``[..., 2]`` from poses ``[..., 4]``."""
-    dx, dy = place[..., 0] - pose[..., 0], place[..., 1] - pose[..., 1]
+    """Return distance (m) and bearing (rad) of places.
+
+    Places are ``[..., 2]``; bearings are from the heading. They are seen from poses
+    ``[..., 4]``.
+    """
+    dx = place[..., 0] - pose[..., 0]
+    dy = place[..., 1] - pose[..., 1]
     return np.hypot(dx, dy), wrap_angle(np.arctan2(dy, dx) - pose[..., 3])
 
 
 def visible_fractions(truth: Truth, ego: Floats) -> Floats:
-    """Unoccluded share ``[R]``, 0 to 1, of the angle that a true box spans; ``ego`` ``[F, 2 or more]`` x y: the sensor.
+    """Return the unoccluded share [R] of each true box's angle.
 
-    The ends of all boxes cut the circle into sectors; a ray through the middle of each finds its nearest box, which is
-    exact for boxes that do not overlap. A box that contains the sensor is fully visible and hides no other box.
+    ``ego`` [F, 2 or more]: x y of the sensor. The ends of all boxes cut the circle into
+    sectors. A ray through the middle of each finds its nearest box, which is exact for
+    boxes that do not overlap. A box that contains the sensor is fully visible and hides
+    no other box.
     """
-    box, frame = truth.box, truth.frame_of_rows
+    frame = truth.frame_of_rows
     sensor = ego[frame, :2]
-    middle, half, inside = _angular_intervals(box, sensor)
-    share, outside = np.ones(len(box)), ~inside
-    outside[outside] = (
-        np.bincount(frame[outside])[frame[outside]] > 1
-    )  # one alone is fully visible
-    if outside.any():
-        share[outside] = _first_in_sectors(
-            box[outside],
-            frame[outside],
-            sensor[outside],
-            middle[outside],
-            half[outside],
+    middle_rad, half_rad, is_inside = _angular_intervals(truth.box, sensor)
+    # a box alone in its frame is fully visible
+    rows = np.flatnonzero(~is_inside)
+    rows = rows[np.bincount(frame[rows])[frame[rows]] > 1]
+    visible_share = np.ones(len(truth.box))
+    if len(rows):
+        visible_share[rows] = _first_in_sectors(
+            truth.box[rows], frame[rows], sensor[rows], middle_rad[rows], half_rad[rows]
         )
-    return share
+    return visible_share
 
 
 def _angular_intervals(box: Floats, sensor: Floats) -> tuple[Floats, Floats, Bools]:
-    """Middle and half width of the angle of each box, rad, and a mask of boxes that contain the sensor: ``[R]``."""
+    """Return middle and half width [R] of angles, rad.
+
+    Beside them a mask [R] of boxes that contain the sensor.
+    """
     to_corner = bev_corners(box) - sensor[:, None]
-    bearing = np.arctan2(box[:, 1] - sensor[:, 1], box[:, 0] - sensor[:, 0])
-    offset = wrap_angle(
-        np.arctan2(to_corner[..., 1], to_corner[..., 0]) - bearing[:, None]
-    )
-    low, high = offset.min(-1), offset.max(-1)
+    bearing_rad = np.arctan2(box[:, 1] - sensor[:, 1], box[:, 0] - sensor[:, 0])
+    corner_bearing = np.arctan2(to_corner[..., 1], to_corner[..., 0])
+    offset = wrap_angle(corner_bearing - bearing_rad[:, None])
+    low = offset.min(-1)
+    high = offset.max(-1)
     along, across = _in_box_frame(box, sensor)
-    inside = (np.abs(along) <= box[:, 4] / 2) & (np.abs(across) <= box[:, 5] / 2)
-    return bearing + (low + high) / 2, (high - low) / 2, inside
+    is_inside = (np.abs(along) <= box[:, 4] / 2) & (np.abs(across) <= box[:, 5] / 2)
+    return bearing_rad + (low + high) / 2, (high - low) / 2, is_inside
 
 
 def _in_box_frame(box: Floats, sensor: Floats) -> tuple[Floats, Floats]:
-    """Position of the sensor along and across each box, from its centre, metres: ``[R]`` each."""
-    cos, sin = np.cos(box[:, 3]), np.sin(box[:, 3])
-    dx, dy = sensor[:, 0] - box[:, 0], sensor[:, 1] - box[:, 1]
+    """Return the sensor's position [R] along and across each box, m."""
+    cos = np.cos(box[:, 3])
+    sin = np.sin(box[:, 3])
+    dx = sensor[:, 0] - box[:, 0]
+    dy = sensor[:, 1] - box[:, 1]
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 def _first_in_sectors(
-    box: Floats, frame: Ints, sensor: Floats, middle: Floats, half: Floats
+    box: Floats, frame: Ints, sensor: Floats, middle_rad: Floats, half_rad: Floats
 ) -> Floats:
-    """Visible share of boxes ``[R, 7]`` that do not contain the sensor: ``[R]``."""
-    ends = np.remainder(np.concatenate([middle - half, middle + half]), _TURN)
-    ends = ends[np.lexsort((ends, np.tile(frame, 2)))]
-    first, count = (
-        2 * np.searchsorted(frame, frame),
-        2 * np.bincount(frame)[frame],
-    )  # sectors of each box's frame
-    following = np.append(ends[1:], 0.0)
-    following[first + count - 1] = ends[first] + _TURN
-    width = following - ends
-    ray = ends + width / 2
-    # rays that can hit a box: those of the sectors from a little before its first end to a little after its second one
-    sorted_ends = ends + 8.0 * np.repeat(frame, 2)
-    begin, end = (
-        np.searchsorted(
-            sorted_ends, np.remainder(angle, _TURN) + 8.0 * frame, side="right"
-        )
-        - 1
-        - first
-        for angle in (middle - half - _HAIR, middle + half + _HAIR)
+    """Return the visible share [R] of boxes.
+
+    They do not contain the sensor.
+    """
+    end_angles = np.remainder(
+        np.concatenate([middle_rad - half_rad, middle_rad + half_rad]), _FULL_TURN
     )
-    rays = np.minimum((end - begin - 1) % count + 2, count)
-    other = np.repeat(np.arange(len(box)), rays)
-    step = np.arange(len(other)) - np.repeat(np.cumsum(rays) - rays, rays)
-    sector = first[other] + (begin[other] + step) % count[other]
-    hit = np.abs(wrap_angle(ray[sector] - middle[other])) <= half[other]
-    other, sector = other[hit], sector[hit]
-    distance = _entry_distance(ray[sector], other, box, sensor)
-    nearest = np.full(len(ray), np.inf)
-    np.minimum.at(nearest, sector, distance)
-    seen = np.flatnonzero(distance == nearest[sector])[
-        ::-1
-    ]  # of equally near boxes the first one
-    owner = np.full(len(ray), -1)
-    owner[sector[seen]] = other[seen]
-    angle = np.bincount(
-        owner[owner >= 0], weights=width[owner >= 0], minlength=len(box)
+    end_angles = end_angles[np.lexsort((end_angles, np.tile(frame, 2)))]
+    # sectors of each box's frame
+    first_sector = 2 * np.searchsorted(frame, frame)
+    sector_count = 2 * np.bincount(frame)[frame]
+    following = np.append(end_angles[1:], 0.0)
+    following[first_sector + sector_count - 1] = end_angles[first_sector] + _FULL_TURN
+    sector_width = following - end_angles
+    ray_angle = end_angles + sector_width / 2
+
+    # rays that can hit a box: those of the sectors from a little before its first end
+    # to a little after its second one
+    sorted_ends = end_angles + _FRAME_OFFSET * np.repeat(frame, 2)
+
+    def sector_at(angle_rad: Floats) -> Ints:
+        key = np.remainder(angle_rad, _FULL_TURN) + _FRAME_OFFSET * frame
+        sector_index = np.searchsorted(sorted_ends, key, side="right") - 1
+        return np.asarray(sector_index - first_sector)
+
+    begin = sector_at(middle_rad - half_rad - _ANGLE_MARGIN_RAD)
+    end = sector_at(middle_rad + half_rad + _ANGLE_MARGIN_RAD)
+    ray_counts = np.minimum((end - begin - 1) % sector_count + 2, sector_count)
+    box_owner = np.repeat(np.arange(len(box)), ray_counts)
+    ray_step = np.arange(len(box_owner)) - np.repeat(
+        np.cumsum(ray_counts) - ray_counts, ray_counts
     )
-    return np.minimum(angle / np.maximum(2 * half, _TINY), 1.0)
+    sector_index = (
+        first_sector[box_owner]
+        + (begin[box_owner] + ray_step) % sector_count[box_owner]
+    )
+    hit_mask = (
+        np.abs(wrap_angle(ray_angle[sector_index] - middle_rad[box_owner]))
+        <= half_rad[box_owner]
+    )
+    box_owner = box_owner[hit_mask]
+    sector_index = sector_index[hit_mask]
+
+    distance_m = _entry_distance(ray_angle[sector_index], box_owner, box, sensor)
+    nearest_m = np.full(len(ray_angle), np.inf)
+    np.minimum.at(nearest_m, sector_index, distance_m)
+    # of equally near boxes the first one
+    first_hit = np.flatnonzero(distance_m == nearest_m[sector_index])[::-1]
+    sector_owner = np.full(len(ray_angle), -1)
+    sector_owner[sector_index[first_hit]] = box_owner[first_hit]
+    used = sector_owner >= 0
+    angle_rad = np.bincount(
+        sector_owner[used], weights=sector_width[used], minlength=len(box)
+    )
+    return np.minimum(angle_rad / np.maximum(2 * half_rad, _TINY), 1.0)
 
 
-def _entry_distance(ray: Floats, other: Ints, box: Floats, sensor: Floats) -> Floats:
-    """Distance at which rays ``[n]`` (directions, rad) enter the boxes ``other`` ``[n]`` that they hit: ``[n]`` m."""
-    turn = ray - box[other, 3]
-    entry = np.full(len(turn), -np.inf)
+def _entry_distance(
+    ray_angle: Floats, box_owner: Ints, box: Floats, sensor: Floats
+) -> Floats:
+    """Return the distances [n], m, where rays enter boxes.
+
+    ``ray_angle`` [n]: directions, rad; ``box_owner`` [n]: rows of the boxes.
+    """
+    turn_rad = ray_angle - box[box_owner, 3]
+    entry_m = np.full(len(turn_rad), -np.inf)
     along, across = _in_box_frame(box, sensor)
-    for start, step, size in (
-        (along, np.cos(turn), box[:, 4]),
-        (across, np.sin(turn), box[:, 5]),
+    for start, ray_step, size in (
+        (along, np.cos(turn_rad), box[:, 4]),
+        (across, np.sin(turn_rad), box[:, 5]),
     ):
-        inverse = 1.0 / np.where(np.abs(step) < _TINY, _TINY, step)
-        np.maximum(
-            entry,
-            -start[other] * inverse - np.abs(inverse) * (size[other] / 2),
-            out=entry,
-        )
-    return entry
+        inverse = 1.0 / np.where(np.abs(ray_step) < _TINY, _TINY, ray_step)
+        half_depth = np.abs(inverse) * (size[box_owner] / 2)
+        entry_m = np.maximum(entry_m, -start[box_owner] * inverse - half_depth)
+    return entry_m

@@ -28,22 +28,20 @@ def test_recall_is_what_the_location_says(lapses: float) -> None:
     assert hit.mean() == pytest.approx(float(skewed_cdf(np.asarray(1.2816), lapses)), abs=0.02)
 
 
-def test_a_low_score_tells_of_a_large_error() -> None:
-    for gain, least, most in ((0.5, -0.5, -0.2), (0.0, -0.04, 0.04)):
-        _, score, error = seen(profile_of(radial={**ERROR, "quality": gain}))
-        known = np.isfinite(score)
-        rank = rankdata(score[known]), rankdata(np.abs(error[known]))
-        assert least < np.corrcoef(*rank)[0, 1] < most
+@pytest.mark.parametrize(("gain", "low", "high"), [(0.5, -0.5, -0.2), (0.0, -0.04, 0.04)])
+def test_a_low_score_tells_of_a_large_error(gain: float, low: float, high: float) -> None:
+    _, score, error = seen(profile_of(radial={**ERROR, "quality": gain}))
+    known = np.isfinite(score)
+    assert low < np.corrcoef(rankdata(score[known]), rankdata(np.abs(error[known])))[0, 1] < high
 
 
-def test_a_low_score_tells_of_a_miss_in_the_next_frame_where_quality_lasts() -> None:
-    for memory, lowest, highest in ((LASTING, 0.1, 0.6), ({}, -0.03, 0.03)):
-        hit, score, _ = seen(profile_of(quality=memory))
-        now, later = score[:-1], ~hit[1:]
-        known = np.isfinite(now)
-        weak = now[known] < np.quantile(now[known], 0.25)
-        more = later[known][weak].mean() - later[known][~weak].mean()
-        assert lowest < more < highest
+@pytest.mark.parametrize(("memory", "low", "high"), [(LASTING, 0.1, 0.6), ({}, -0.03, 0.03)])
+def test_a_low_score_tells_of_a_miss_in_the_next_frame(memory: dict[str, float], low: float, high: float) -> None:
+    hit, score, _ = seen(profile_of(quality=memory))
+    known = np.isfinite(score[:-1])
+    now, missed = score[:-1][known], ~hit[1:][known]
+    weak = now < np.quantile(now, 0.25)
+    assert low < missed[weak].mean() - missed[~weak].mean() < high
 
 
 @pytest.mark.parametrize(("gap", "lowest", "highest"), [(3.0, 0.3, 1.0), (25.0, -0.06, 0.06)])
@@ -87,24 +85,22 @@ def test_false_positives_stand_in_families_and_live() -> None:
     assert followed(few) > 3 * followed(detect(truth, profile_of(free={**FREE, "survive": 0.0}), sensor=AHEAD))
 
 
-def together(found: Detections) -> float:
-    """Share with another one within 3 m in the same frame."""
+def near_share(found: Detections, ahead: int, gate_m: float, others: int) -> float:
+    """Share with more than ``others`` within ``gate_m`` in the frame that is ``ahead``."""
     count = 0
-    for t in range(found.frames):
-        place = found.box[found.rows(t), :2]
-        off = np.hypot(*(place[:, None] - place[None]).transpose(2, 0, 1))
-        count += int(((off < 3.0).sum(axis=1) > 1).sum())
+    for t in range(found.frames - ahead):
+        place, later = found.box[found.rows(t), :2], found.box[found.rows(t + ahead), :2]
+        off = np.hypot(*(place[:, None] - later[None]).transpose(2, 0, 1))
+        count += int(((off < gate_m).sum(axis=1) > others).sum())
     return count / len(found.box)
+
+
+def together(found: Detections) -> float:
+    return near_share(found, 0, 3.0, 1)
 
 
 def followed(found: Detections) -> float:
-    """Share with another one within 1 m in the next frame."""
-    count = 0
-    for t in range(found.frames - 1):
-        here, there = found.box[found.rows(t), :2], found.box[found.rows(t + 1), :2]
-        off = np.hypot(*(here[:, None] - there[None]).transpose(2, 0, 1))
-        count += int((off < 1.0).any(axis=1).sum())
-    return count / len(found.box)
+    return near_share(found, 1, 1.0, 0)
 
 
 def test_false_positives_beside_an_object_follow_it() -> None:

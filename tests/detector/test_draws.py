@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mtp_bench.core import Detections
-from mtp_bench.detector import Profile
 from mtp_bench.detector.draws import Draws, NoiseKind, decayed, keys_of
 from tests.support.detector_scenes import LASTING, NEAR, cars, correlation, detect, on_grid, profile_of
 
@@ -19,13 +18,11 @@ EVERYTHING = {
 }  # fmt: skip
 
 
-def everything() -> Profile:
-    return profile_of(**EVERYTHING)
+FULL = profile_of(**EVERYTHING)
 
 
 def same(one: Detections, other: Detections) -> bool:
-    names = ("start", "box", "velocity", "class_id", "score")
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+    return all(np.array_equal(column, getattr(other, name)) for name, column in vars(one).items())
 
 
 def test_permuted_objects_are_detected_alike() -> None:
@@ -33,20 +30,19 @@ def test_permuted_objects_are_detected_alike() -> None:
     order = np.concatenate([12 * t + np.random.default_rng(t).permutation(12) for t in range(30)])
     columns = ("box", "velocity", "class_id", "object_id", "eligible", "neutral")
     turned = replace(truth, **{name: getattr(truth, name)[order] for name in columns})
-    assert same(detect(truth, everything()), detect(turned, everything()))
+    assert same(detect(truth, FULL), detect(turned, FULL))
 
 
 def test_far_objects_and_other_frames_do_not_matter() -> None:
     """Objects beyond the reach of neighbours may go, to the last digit of all others."""
     truth = cars(30, 20, 9.0)
-    whole = detect(truth, everything())
-    left = detect(truth.select(truth.box[:, 0] < 70.0), everything())
-    for found in (whole, left):
-        assert len(found.select(found.box[:, 0] < 30.0).box) > 60
+    whole = detect(truth, FULL)
+    left = detect(truth.select(truth.box[:, 0] < 70.0), FULL)
     near = [found.select(found.box[:, 0] < 30.0) for found in (whole, left)]
+    assert len(near[0].box) > 60
     assert same(near[0], near[1])
     # those nearer than 20 m do matter
-    close = detect(truth.select(truth.box[:, 0] < 20.0), everything())
+    close = detect(truth.select(truth.box[:, 0] < 20.0), FULL)
     assert not same(close.select(close.box[:, 0] < 15.0), whole.select(whole.box[:, 0] < 15.0))
 
 
@@ -70,12 +66,13 @@ def test_memory_decays_with_the_frame_period() -> None:
     """Frames twice as far apart have the correlation over two frames."""
     quality = {"bias": 0.0, "ar": 1.0, "phi": 0.8, "white": 0.0, "location": (4, 0, 0, 0, 0, 0, 0)}
     profile = profile_of(quality=quality)
-    found = []
-    for dt in (0.5, 0.25):
-        _, score, _ = on_grid(detect(cars(400, 40, 30.0), profile.model_copy(update={"dt": dt})), 30.0, 40)
-        found.append([correlation(score[:-lag].ravel(), score[lag:].ravel()) for lag in (1, 2)])
-    assert found[1][0] == pytest.approx(found[0][1], abs=0.04)
-    assert found[0][0] > found[0][1] + 0.08
+    scores = [detect(cars(400, 40, 30.0), profile.model_copy(update={"dt": dt})) for dt in (0.5, 0.25)]
+    (one, two), (twice, _) = (
+        [correlation(score[:-lag].ravel(), score[lag:].ravel()) for lag in (1, 2)]
+        for _, score, _ in (on_grid(found, 30.0, 40) for found in scores)
+    )
+    assert twice == pytest.approx(two, abs=0.04)
+    assert one > two + 0.08
 
 
 @pytest.mark.parametrize(("steps", "expected"), [(1.0, -0.5), (2.0, 0.25), (0.3 / 0.1, -0.125), (1.5, -(0.5**1.5))])

@@ -51,27 +51,27 @@ def test_a_stored_detector_has_a_profile_that_can_replace_it(detector: str, prof
 
 def test_iid_keeps_recall_and_scores_without_memory() -> None:
     profile = profile_of(quality={**LASTING, "lapses": {"share": 0.4, "bias": 0.5, "phi": 0.9, "shared": 0.5}})
-    hits, scores = [], []
-    for one in (profile, with_variant(profile, "iid")):
-        hit, score, _ = on_grid(detect(cars(300, 150, 30.0), one), 30.0, 150)
-        hits.append(hit)
-        scores.append(score)
-    assert hits[1].mean() == pytest.approx(hits[0].mean(), abs=0.015)
-    assert np.nanmean(scores[1]) == pytest.approx(float(np.nanmean(scores[0])), abs=0.02)
-    assert abs(np.corrcoef(hits[1][:-1].ravel(), hits[1][1:].ravel())[0, 1]) < 0.02
-    assert np.corrcoef(hits[0][:-1].ravel(), hits[0][1:].ravel())[0, 1] > 0.3
+    variants = (profile, with_variant(profile, "iid"))
+    (hit, score, _), (iid_hit, iid_score, _) = (
+        on_grid(detect(cars(300, 150, 30.0), one), 30.0, 150) for one in variants
+    )
+    assert iid_hit.mean() == pytest.approx(hit.mean(), abs=0.015)
+    assert np.nanmean(iid_score) == pytest.approx(float(np.nanmean(score)), abs=0.02)
+    memory, no_memory = (np.corrcoef(hits[:-1].ravel(), hits[1:].ravel())[0, 1] for hits in (hit, iid_hit))
+    assert abs(no_memory) < 0.02
+    assert memory > 0.3
 
 
 def test_hard_misses_more_errs_more_and_invents_more() -> None:
-    truth = cars(200, 60, 30.0)
-    odds, deviation, false = [], [], []
+    truth, figures = cars(200, 60, 30.0), []
     for profile in (FULL, with_variant(FULL, "hard")):
         alone = profile.classes["car"].model_copy(update={"free": None, "near": None})
         objects = detect(truth, profile.model_copy(update={"classes": {"car": alone}}))
         hit, _, box = on_grid(objects, 30.0, 60)
-        odds.append(np.log((1 - hit.mean()) / hit.mean()))
-        deviation.append(np.nanstd(box[..., 0] - 30.0 * np.arange(60)))
-        false.append(len(detect(truth, profile).box) - len(objects.box))
-    assert odds[1] - odds[0] == pytest.approx(1.0, abs=0.15)
-    assert deviation[1] / deviation[0] == pytest.approx(2.0, rel=0.1)
-    assert false[1] / false[0] == pytest.approx(2.0, rel=0.3)
+        deviation = np.nanstd(box[..., 0] - 30.0 * np.arange(60))
+        false = len(detect(truth, profile).box) - len(objects.box)
+        figures.append((np.log((1 - hit.mean()) / hit.mean()), deviation, false))
+    (odds, deviation, false), (hard_odds, hard_deviation, hard_false) = figures
+    assert hard_odds - odds == pytest.approx(1.0, abs=0.15)
+    assert hard_deviation / deviation == pytest.approx(2.0, rel=0.1)
+    assert hard_false / false == pytest.approx(2.0, rel=0.3)

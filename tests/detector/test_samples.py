@@ -6,39 +6,32 @@ import pytest
 from mtp_bench.core import Detections, Floats, Scene, Truth
 from mtp_bench.detector.visibility import Sensor
 from mtp_bench.training.detector_fit.samples import match_boxes
+from tests.support.detector_scenes import truth_of
 from tests.support.detector_statistics import ClassStatistics, detector_statistics
 
-AHEAD = Sensor(reach=50.0, field_of_view=np.pi / 2)
 CLASSES = ("car", "pedestrian")
-ROW = tuple[float, float]  # x, y
+PLACES = list[tuple[float, float]]  # x, y
 
 
-def boxes(*places: ROW) -> Floats:
-    box = np.tile([0.0, 0.0, 0.8, 0.0, 4.0, 2.0, 1.6], (len(places), 1))
-    if places:
-        box[:, :2] = places
-    return box
+def boxes(places: PLACES) -> Floats:
+    return np.array([[x, y, 0.8, 0.0, 4.0, 2.0, 1.6] for x, y in places], dtype=np.float64).reshape(-1, 7)
 
 
-def detections(*frames: list[ROW], class_id: int = 0, score: float = 1.0) -> Detections:
-    rows = sum(map(len, frames))
+def truth(places: PLACES) -> Truth:
+    return truth_of(np.zeros(len(places), int), np.arange(len(places)), boxes(places), 1)
+
+
+def detections(places: PLACES) -> Detections:
+    rows = len(places)
     return Detections(
-        start=np.cumsum([0, *map(len, frames)]), box=boxes(*(place for places in frames for place in places)),
-        velocity=np.full((rows, 2), np.nan), class_id=np.full(rows, class_id), score=np.full(rows, score),
-    )  # fmt: skip
-
-
-def truth(*frames: list[ROW], class_id: int = 0, neutral: tuple[int, ...] = ()) -> Truth:
-    """Object j is the j-th place of every frame; those in ``neutral`` are neutral."""
-    same = detections(*frames, class_id=class_id)
-    object_id = np.concatenate([np.arange(len(places)) for places in frames])
-    beside = np.isin(object_id, neutral)
-    return Truth(same.start, same.box, same.velocity, same.class_id, object_id, ~beside, beside)
+        np.array([0, rows]), boxes(places), np.full((rows, 2), np.nan), np.zeros(rows, int), np.ones(rows)
+    )
 
 
 def of_car(true: Truth, found: Detections) -> ClassStatistics:
-    scene = Scene("drawn", 0.1 * np.arange(true.frames), np.zeros((true.frames, 4)), true, found)
-    return detector_statistics([scene], CLASSES, AHEAD)["car"]
+    """Statistics of a scene of one frame, seen ahead up to 50 m."""
+    scene = Scene("drawn", np.zeros(1), np.zeros((1, 4)), true, found)
+    return detector_statistics([scene], CLASSES, Sensor(reach=50.0, field_of_view=np.pi / 2))["car"]
 
 
 @pytest.mark.parametrize(
@@ -53,23 +46,18 @@ def of_car(true: Truth, found: Detections) -> ClassStatistics:
         pytest.param([(10, 0)], [], [-1], id="nothing detected"),
     ],
 )
-def test_match(true: list[ROW], found: list[ROW], expected: list[int]) -> None:
+def test_match(true: PLACES, found: PLACES, expected: list[int]) -> None:
     assert match_boxes(truth(true), detections(found), CLASSES).detection.tolist() == expected
 
 
-def test_a_neutral_box_absorbs_its_detections_and_counts_nowhere() -> None:
-    true, found = truth([(10, 0), (30, 0)], neutral=(1,)), detections([(10, 0), (30.1, 0), (31, 0)])
-    assert match_boxes(true, found, CLASSES).false.tolist() == [False, False, False]
+def test_what_counts_as_false() -> None:
+    """A neutral box absorbs its detections; a second detection of an object is a duplicate."""
+    true, found = truth([(10, 0), (30, 0)]), detections([(10, 0), (30.1, 0), (31, 0)])
+    true.neutral[1], true.eligible[1] = True, False
+    assert not match_boxes(true, found, CLASSES).false.any()
     statistics = of_car(true, found)
     assert (statistics.boxes, statistics.recall, statistics.false_positives) == (1, 1.0, 0.0)
-
-
-def test_a_second_detection_of_an_object_is_a_duplicate() -> None:
     matches = match_boxes(truth([(10, 0)]), detections([(10.1, 0), (10.3, 0), (11.5, 0)]), CLASSES)
     assert (matches.false.tolist(), matches.duplicate.tolist()) == ([False, True, True], [False, True, False])
-
-
-def test_only_what_the_sensor_covers_counts() -> None:
-    behind, far, seen = (-10.0, 0.0), (60.0, 0.0), (10.0, 0.0)
-    figures = of_car(truth([behind, far, seen]), detections([(-20.0, 0.0), (70.0, 0.0), (20.0, 0.0), (10.0, 0.0)]))
-    assert (figures.boxes, figures.recall, figures.false_positives) == (1, 1.0, 1.0)
+    covered = of_car(truth([(-10, 0), (60, 0), (10, 0)]), detections([(-20, 0), (70, 0), (20, 0), (10, 0)]))
+    assert (covered.boxes, covered.recall, covered.false_positives) == (1, 1.0, 1.0), "what the sensor covers alone"

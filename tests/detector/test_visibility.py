@@ -98,18 +98,21 @@ def test_visibility_does_not_depend_on_the_order_of_boxes_or_on_the_heading_of_t
         np.testing.assert_allclose(visible_fraction(turned, np.array([500.0, -300.0])), plain, atol=1e-9)
 
 
-@pytest.mark.parametrize(("visible", "level"), [(0.81, 0), (0.79, 1), (0.41, 1), (0.39, 2), (0.06, 2), (0.04, 3)])
+@pytest.mark.parametrize(
+    ("visible", "level"),
+    [(0.81, 0), (0.8, 0), (0.79, 1), (0.41, 1), (0.4, 1), (0.39, 2), (0.06, 2), (0.05, 2), (0.04, 3)],
+)
 def test_the_occlusion_level_follows_the_visible_fraction(visible: float, level: int) -> None:
-    # The far wall spans 45 degrees to each side; the near one hides all of it but an angle on the left.
+    """A fraction at a threshold is not below it."""
+    truth = _truth([[_wall(10.0, -10.0, 10.0)]])
+    stated = visibility_of(truth, np.zeros((1, 4)), ALL_AROUND, visible=np.array([visible]))
+    assert stated.occlusion.tolist() == [level]
+    if visible in (0.8, 0.4, 0.05):
+        return
+    # the far wall spans 45 degrees to each side; the near one hides all of it but an angle on the left
     top = 5 * np.tan(np.pi / 4 - visible * np.pi / 2)
     truth = _truth([[_wall(10.0, -10.0, 10.0), _wall(5.0, -20.0, float(top))]])
     assert visibility_of(truth, np.zeros((1, 4)), ALL_AROUND).occlusion.tolist() == [level, 0]
-
-
-def test_a_fraction_at_a_threshold_is_not_below_it() -> None:
-    truth = _truth([[_wall(10.0, -10.0, 10.0)] * 3])
-    levels = visibility_of(truth, np.zeros((1, 4)), ALL_AROUND, visible=np.array([0.8, 0.4, 0.05])).occlusion
-    assert levels.tolist() == [0, 1, 2]
 
 
 def test_distance_and_bearing_are_relative_to_the_ego_of_the_frame() -> None:
@@ -120,18 +123,13 @@ def test_distance_and_bearing_are_relative_to_the_ego_of_the_frame() -> None:
     np.testing.assert_allclose(seen.bearing, [0.0, -np.pi / 2, 0.0], atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("x", "y", "inside"),
-    [(49.9, 0, True), (50.1, 0, False), (10, 9.9, True), (10, -9.9, True), (10, 10.1, False), (-9, 0, False)],
-)
-def test_a_box_is_covered_by_its_centre(x: float, y: float, inside: bool) -> None:
-    truth = _truth([[_box(x, y)]])
-    assert covered(truth, np.zeros((1, 4)), AHEAD).tolist() == [inside]
-    assert covered(truth, np.zeros((1, 4)), ALL_AROUND).tolist() == [True]
-
-
-@pytest.mark.parametrize(("y", "cut"), [(0.0, False), (6.9, False), (7.1, True), (-7.1, True), (10.0, True)])
-def test_a_box_is_truncated_when_a_corner_is_outside_the_field_of_view(y: float, cut: bool) -> None:
-    truth = _truth([[_box(10.0, y)]])  # its rear is at x = 8, its far side 1 m beyond y
-    assert visibility_of(truth, np.zeros((1, 4)), AHEAD).truncated.tolist() == [cut]
-    assert visibility_of(truth, np.zeros((1, 4)), ALL_AROUND).truncated.tolist() == [False]
+@pytest.mark.parametrize(("x", "y", "inside", "cut"), [
+    (49.9, 0, True, False), (50.1, 0, False, False), (10, 9.9, True, True), (10, -9.9, True, True),
+    (10, 10.1, False, True), (-9, 0, False, True), (10, 6.9, True, False), (10, 7.1, True, True),
+    (10, -7.1, True, True),  # its rear is at x = 8, its far side 1 m beyond y
+])  # fmt: skip
+def test_a_box_is_covered_by_its_centre_and_truncated_by_a_corner(x: float, y: float, inside: bool, cut: bool) -> None:
+    truth, ego = _truth([[_box(x, y)]]), np.zeros((1, 4))
+    for sensor, covers, truncates in ((AHEAD, inside, cut), (ALL_AROUND, True, False)):
+        assert covered(truth, ego, sensor).tolist() == [covers]
+        assert visibility_of(truth, ego, sensor).truncated.tolist() == [truncates]

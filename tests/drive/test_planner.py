@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from mtp_bench.cards.card import PlannerSection
 from mtp_bench.core import Floats
 from mtp_bench.traffic.drive.episode import obstacles
-from mtp_bench.traffic.drive.planner import Obstacles, Planner
+from mtp_bench.traffic.drive.planner import Obstacles, Planner, contact_severity
 from mtp_bench.traffic.highway.driven import Way
-from mtp_bench.traffic.highway.simulate import boxes_meet
+from mtp_bench.traffic.highway.overlap import boxes_meet
 from tests.support.small_scenes import decode, full_action, task
 
 SIZE, LIMIT = (4.5, 1.8), 10.0  # m, m/s
@@ -25,11 +25,11 @@ def car(x: float, y: float = 0.0, heading: float = 0.0) -> list[float]:
     return [x, y, 0.75, heading, 4.5, 1.8, 1.5]
 
 
-def moving(boxes: ArrayLike = (), velocity: ArrayLike = (0.0, 0.0), confidence: float = 1.0) -> Obstacles:
+def moving(boxes: ArrayLike = (), velocity: ArrayLike = (0.0, 0.0)) -> Obstacles:
     """Boxes at a constant velocity, with one sample each of 12 half seconds."""
     box = np.array(boxes, dtype=np.float64).reshape(-1, 7)
     far = 0.5 * np.arange(1, 13)[:, None] * np.broadcast_to(velocity, (len(box), 1, 1, 2))
-    return Obstacles(box, box[:, None, None, :2] + far, np.full((len(box), 1), confidence), 0.5)
+    return Obstacles(box, box[:, None, None, :2] + far, np.ones((len(box), 1)), 0.5)
 
 
 NOBODY = moving()
@@ -53,6 +53,25 @@ def same(first: Obstacles, second: Obstacles) -> bool:
     return plans[0].acceleration == plans[1].acceleration and plans[0].risk == plans[1].risk
 
 
+@pytest.mark.parametrize(
+    ("speed", "time", "patience", "severity"),
+    [(0.0, 0.0, 4.0, 0.15), (4.0, 0.0, 4.0, 1.0), (9.0, 0.0, 4.0, 1.0), (2.0, 0.0, 4.0, 0.575),
+     (4.0, 4.0, 4.0, 1 / np.e), (4.0, 3.0, 1.5, 1 / np.e**2), (0.0, 2.0, 2.0, 0.15 / np.e)],
+)  # fmt: skip
+def test_severity_of_a_contact(speed: float, time: float, patience: float, severity: float) -> None:
+    assert contact_severity(np.array(speed), np.array(time), patience) == pytest.approx(severity)
+
+
+@pytest.mark.parametrize(("aside_m", "first_step"), [(0.4, 0), (0.9, 1), (1.4, 2), (5.9, 11), (6.1, None)])
+def test_the_margin_grows_from_the_first_forecast_on(aside_m: float, first_step: int | None) -> None:
+    """A standing car is this far beside the ego's strip; the margin grows by .5 m per step of half a second."""
+    planner = Planner(WAY, SIZE, PlannerSection(margin=0.0, growth=1.0))
+    disc_m = np.hypot(1.8 / 2, 4.5 / 6)
+    seen = moving(car(30.0, SIZE[1] / 2 + disc_m + aside_m))
+    contacts = planner._contacts(0.0, 60.0, seen, np.zeros(1, dtype=bool))
+    assert min(contacts.step, default=None) == first_step
+
+
 def test_with_nobody_it_drives_at_the_allowed_speed() -> None:
     speed = drive(lambda t: NOBODY, 15.0, 0.0)[:, 1]
     assert (np.diff(speed) > -1e-9).all()
@@ -69,31 +88,26 @@ def test_it_stops_before_a_standing_obstacle(heading: float) -> None:
     assert np.diff(rows[:, 1]).min() > -0.31, "it brakes in time"
 
 
-def test_it_yields_to_somebody_who_crosses() -> None:
-    """A car is on the way, 30 m ahead, when an ego at 8 to 10 m/s comes there."""
+def test_it_yields_to_a_car_that_crosses() -> None:
+    """The car is on the way, 30 m ahead, when an ego at 8 to 10 m/s comes there."""
     crossing = np.array([car(30.0, -26.0 + 7.5 * step / 10, np.pi / 2) for step in range(121)])
     rows = drive(lambda t: moving(crossing[round(10 * t)], (0.0, 7.5)), 12.0, 8.0)
-    blind = drive(lambda t: NOBODY, 12.0, 8.0)
-    for own, meets in ((rows, False), (blind, True)):
+    for own, meets in ((rows, False), (drive(lambda t: NOBODY, 12.0, 8.0), True)):
         assert boxes_meet(np.array([car(s) for s in own[:, 0]]), crossing[1:]).any() == meets
     assert rows[:, 1].min() < 6.0
     assert rows[-1, 0] > 60.0, "it goes on afterwards"
 
 
 @pytest.mark.parametrize("speed", [0.0, 8.0, 14.0])
-def test_somebody_behind_in_its_lane_does_not_matter(speed: float) -> None:
+def test_a_car_behind_in_its_lane_does_not_matter(speed: float) -> None:
     assert same(moving(car(12.0), (speed, 0.0)), NOBODY)
 
 
 def test_it_brakes_where_a_contact_ahead_cannot_be_avoided() -> None:
     assert PLANNER.decide(20.0, 8.0, moving([car(12.0), car(26.0), car(40.0, 12.0)])).acceleration <= -4.5
-
-
-def test_forecasts_everywhere_stop_it() -> None:
-    boxes = [car(x, y) for x in np.arange(-20.0, 150.0, 4.0) for y in np.arange(-6.0, 7.0, 2.0)]
+    everywhere = [car(x, y) for x in np.arange(-20.0, 150.0, 4.0) for y in np.arange(-6.0, 7.0, 2.0)]
     for speed, way in ((0.0, 1.0), (8.0, 8.0)):
-        rows = drive(lambda t: moving(boxes), 10.0, speed)
-        assert (rows[-1] < (way, 1e-9)).all()
+        assert (drive(lambda t: moving(everywhere), 10.0, speed)[-1] < (way, 1e-9)).all()
 
 
 def test_absent_samples_nan_and_no_confidence_never_matter() -> None:

@@ -52,12 +52,18 @@ def test_near_misses(other: tuple[float, float, float], speed: float, count: int
     assert driven(np.zeros(STEPS), (*other, range(1)), speed=speed).near_misses == count
 
 
-def test_hard_brakes_without_a_cause() -> None:
-    hard = -3.5 * np.isin(np.arange(STEPS), (5, 6, 7, 20))
-    assert (driven(0.8 * hard).phantom_brakes, driven(hard).phantom_brakes) == (0, 2), "once each"
-    assert driven(hard, (25.0, 0.0, 9.0, range(10))).phantom_brakes == 1, "the first has a cause"
-    for x, y in ((25.0, 6.0), (45.0, 0.0), (-9.0, 0.0)):  # in another lane, far ahead, behind
-        assert driven(hard, (x, y, 9.0, ALWAYS)).phantom_brakes == 2
+HARD = -3.5 * np.isin(np.arange(STEPS), (5, 6, 7, 20))
+ONE = -3.5 * (np.arange(STEPS) == 5)  # at x = 8 m, 10 m/s
+
+
+@pytest.mark.parametrize(("gain", "others", "count"), [
+    (0.8 * HARD, (), 0), (HARD, (), 2), (HARD, ((25.0, 0.0, 9.0, range(10)),), 1),
+    *((HARD, ((x, y, 9.0, ALWAYS),), 2) for x, y in ((25.0, 6.0), (45.0, 0.0), (-9.0, 0.0))),
+    # at the ends of the strip ahead when the brake begins: beyond it, and in it though the ego passes in that step
+    (ONE, ((42.35, 0.0, 0.0, range(5, 6)),), 1), (ONE, ((7.75, 0.0, 0.0, range(5, 6)),), 0),
+])  # fmt: skip
+def test_hard_brakes_without_a_cause(gain: Floats, others: Any, count: int) -> None:
+    assert driven(gain, *others).phantom_brakes == count
 
 
 def test_comfort() -> None:

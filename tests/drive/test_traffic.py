@@ -75,11 +75,10 @@ def test_fault_of_a_contact(x: float, y: float, heading: float, from_behind: boo
 def test_of_two_contacts_the_one_at_fault_counts() -> None:
     traffic = DrivenTraffic(TRAFFIC, 5)
     others = [vehicle for vehicle in traffic._attempt.vehicles if vehicle is not traffic.ego]
+    along = np.array([np.cos(traffic.ego.heading), np.sin(traffic.ego.heading)])
     for vehicle, away in zip(others, (-3.0, 3.0), strict=False):
-        along = np.array([np.cos(traffic.ego.heading), np.sin(traffic.ego.heading)])
         vehicle.position, vehicle.heading = traffic.ego.position + away * along, traffic.ego.heading
     traffic.ego.speed = 5.0
     traffic._record()
-    assert traffic.over
     assert traffic.collision is not None
-    assert (traffic.frames, traffic.collision.at_fault) == (2, True)
+    assert (traffic.over, traffic.frames, traffic.collision.at_fault) == (True, 2, True)

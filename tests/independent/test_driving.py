@@ -19,7 +19,7 @@ from mtp_bench.scoring.driving import scene_score
 from mtp_bench.traffic.drive.planner import Decision
 from mtp_bench.traffic.drive.record import record_of, rows_from
 from mtp_bench.traffic.highway.driven import Way, hit_from_behind
-from mtp_bench.traffic.highway.simulate import boxes_meet
+from mtp_bench.traffic.highway.overlap import boxes_meet
 from mtp_bench.traffic.highway.store import pack
 from mtp_bench.traffic.highway.world import World
 from tests.independent.driving import Numbers, from_behind, meet, numbers_of

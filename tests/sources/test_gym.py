@@ -14,6 +14,7 @@ from mtp_bench.core.files import CACHE
 from mtp_bench.core.notice import QUIET
 from mtp_bench.sources import open_source, prepare
 from mtp_bench.sources.base import section_of
+from mtp_bench.traffic.gym import simulate as gym_simulate
 from mtp_bench.traffic.gym.source import GymSource, GymTraffic, traffic_of
 from mtp_bench.traffic.highway.store import pack
 from mtp_bench.traffic.highway.world import World
@@ -37,7 +38,7 @@ def traffic(env_id: str, seconds: float = 4.0, policy: str = "idm", **config: An
 
 
 def simulated(env_id: str, seconds: float = 4.0, policy: str = "idm") -> World:
-    return traffic(env_id, seconds, policy).simulate(5)
+    return gym_simulate.simulate(traffic(env_id, seconds, policy), 5)
 
 
 def faster(observation: Floats) -> int:
@@ -89,7 +90,7 @@ def test_policies() -> None:
 
 
 def test_scenes_with_a_crash_are_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    crashed = traffic("highway-v0", 20.0, f"{__name__}:faster", vehicles_density=6).simulate(1)
+    crashed = gym_simulate.simulate(traffic("highway-v0", 20.0, f"{__name__}:faster", vehicles_density=6), 1)
     sound = simulated("merge-v0", 8.0)
     made: list[int] = []
     assert not len(crashed.time)
@@ -98,7 +99,7 @@ def test_scenes_with_a_crash_are_counted(monkeypatch: pytest.MonkeyPatch, capsys
         made.append(seed)
         return sound if seed == 6 else crashed
 
-    monkeypatch.setattr(GymTraffic, "simulate", simulate)
+    monkeypatch.setattr(gym_simulate, "simulate", simulate)
     monkeypatch.delenv(QUIET, raising=False)
     prepare(gym_card())
     assert [open_source(gym_card()).names for _ in range(2)] == [("merge-v0-000006",)] * 2

@@ -13,7 +13,8 @@ from mtp_bench.core.geometry import bev_corners, wrap_angle
 from mtp_bench.sources.cache import content_hash
 from mtp_bench.traffic.highway import library, simulate
 from mtp_bench.traffic.highway.networks import build_map
-from mtp_bench.traffic.highway.simulate import overlapping, simulate_world
+from mtp_bench.traffic.highway.overlap import overlapping
+from mtp_bench.traffic.highway.simulate import simulate_world
 from mtp_bench.traffic.highway.store import pack
 from mtp_bench.traffic.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
 
@@ -49,35 +50,21 @@ def digest(world: World) -> str:
 
 
 def test_shape_of_a_world(name: str, world: World) -> None:
-    traffic = CASES[name]
+    traffic, truth = CASES[name], world.truth
     frames = round(traffic.seconds * RATE)
-    truth = world.truth
     np.testing.assert_allclose(world.time, np.arange(frames) / RATE)
     assert (world.ego.shape, truth.start.shape, truth.start[0]) == ((frames, 4), (frames + 1,), 0)
-    assert truth.start[-1] == len(truth.box) == len(truth.velocity) == len(truth.class_id) == len(truth.object_id)
+    assert {truth.start[-1]} == {len(column) for name, column in vars(truth).items() if name != "start"}
     assert truth.eligible.all()
     assert not truth.neutral.any()
+    assert np.unique(truth.object_id).tolist() == list(range(truth.object_id.max() + 1))
+    assert len(truth.box) / frames > 0.8 * (traffic.vehicles + traffic.pedestrians)
     for t in range(frames):
         assert (np.diff(truth.object_id[truth.rows(t)]) > 0).all()
-    assert np.unique(truth.object_id).tolist() == list(range(truth.object_id.max() + 1))
-    present = len(truth.box) / frames
-    assert present > 0.8 * (traffic.vehicles + traffic.pedestrians)
-
-
-def test_nobody_touches_anybody(world: World) -> None:
-    for box in (world.truth.box[world.truth.rows(t)] for t in range(0, world.truth.frames, 3)):
-        shapes = [Polygon(corners) for corners in bev_corners(box)]
+    for t in range(0, frames, 3):  # no two boxes touch
+        shapes = [Polygon(corners) for corners in bev_corners(truth.box[truth.rows(t)])]
         a, b = STRtree(shapes).query(shapes, predicate="intersects")
         assert not (a < b).any()
-
-
-def test_ids_belong_to_one_object_without_a_gap(world: World) -> None:
-    truth = world.truth
-    frame = truth.frame_of_rows
-    for number in np.unique(truth.object_id):
-        own = truth.object_id == number
-        assert (np.diff(frame[own]) == 1).all()
-        assert (len(np.unique(truth.class_id[own])), np.ptp(truth.box[own][:, 4:], axis=0).max()) == (1, 0)
 
 
 def check_vehicle(box: Floats, velocity: Floats) -> None:
@@ -104,10 +91,12 @@ def check_person(box: Floats, velocity: Floats) -> None:
     assert np.mean(gained > 4.0) < 0.05
 
 
-def test_motion_is_plausible(world: World) -> None:
-    truth = world.truth
+def test_objects_stay_and_their_motion_is_plausible(world: World) -> None:
+    truth, frame = world.truth, world.truth.frame_of_rows
     for number in np.unique(truth.object_id):
         own = truth.object_id == number
+        assert (np.diff(frame[own]) == 1).all(), "no gap"
+        assert (len(np.unique(truth.class_id[own])), np.ptp(truth.box[own][:, 4:], axis=0).max()) == (1, 0)
         check = check_person if truth.class_id[own][0] == PEDESTRIAN else check_vehicle
         check(truth.box[own], truth.velocity[own])
 
@@ -127,26 +116,22 @@ def test_lane_map(world: World) -> None:
             np.testing.assert_allclose(lanes[after].center[0], lane.center[-1], atol=0.01)
 
 
-@pytest.mark.parametrize("name", ["merge", "highway"])
-def test_the_ego_moves_and_is_not_in_the_truth(world: World) -> None:
+def test_sensors(name: str, world: World) -> None:
+    if CASES[name].sensor == "roadside":
+        assert (world.ego == world.ego[0]).all()
+        assert world.ego[0, 2] == 4.0
+        return
     step = np.diff(world.ego[:, :2], axis=0)
     assert np.hypot(step[:, 0], step[:, 1]).max() < 4.0
     assert np.hypot(*(world.ego[-1, :2] - world.ego[0, :2])) > 20.0
     assert (world.ego[:, 2] == 1.7).all()
     away = np.hypot(*(world.truth.box[:, :2] - world.ego[world.truth.frame_of_rows, :2]).T)
-    assert away.min() > 0.8
+    assert away.min() > 0.8, "the ego is not in the truth"
 
 
-def test_a_roadside_sensor_stays_where_it_is(worlds: dict[str, World]) -> None:
-    ego = worlds["roundabout"].ego
-    assert (ego == ego[0]).all()
-    assert ego[0, 2] == 4.0
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_worlds_are_those_of_this_generator(name: str, worlds: dict[str, World]) -> None:
+def test_worlds_are_those_of_this_generator(name: str, world: World) -> None:
     """No other version of a library, Python or processor changes a scene unnoticed."""
-    assert digest(worlds[name])[:12] == WORLDS[name]
+    assert digest(world)[:12] == WORLDS[name]
 
 
 SHARED = (
@@ -174,29 +159,19 @@ def test_attributes_of_highway_env(shared: type, unchanged: list[str], monkeypat
     simulate._map_of.cache_clear()
     assert changed
     assert small_worlds() == unchanged
+    if shared is kinematics.Vehicle:
+        assert library._copy(kinematics.__name__).Vehicle.MAX_SPEED == library.Vehicle.MAX_SPEED == 40.0
 
 
-def test_the_copies_of_highway_env_are_those_of_the_release(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kinematics.Vehicle, "MAX_SPEED", 20.0)
-    assert library._copy(kinematics.__name__).Vehicle.MAX_SPEED == library.Vehicle.MAX_SPEED == 40.0
-
-
-def test_another_attempt_follows_a_crash(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[int] = []
-
-    def crash_at_first(box: Floats, still: int) -> object:
-        calls.append(1)
-        return np.zeros((1, 2), dtype=np.int64) if len(calls) == 1 else overlapping(box)
-
+def test_another_attempt_follows_a_crash_until_they_are_too_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    crashes = [1]
     traffic = Traffic("roundabout", "roadside", 0.5, 4, 0)
     first = digest(simulate_world(traffic, 0))
-    monkeypatch.setattr(simulate, "overlapping", crash_at_first)
+    monkeypatch.setattr(simulate, "overlapping", lambda box, still: np.zeros((crashes.pop() if crashes else 0, 2)))
     assert digest(simulate_world(traffic, 0)) != first
-
-
-def test_giving_up_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    crashes.append(1)
     monkeypatch.setattr(simulate, "ATTEMPTS", 2)
-    with pytest.raises(DataError, match=r"all 2 attempts were rejected \(2 x no_ego\)"):
+    with pytest.raises(DataError, match=r"all 2 attempts were rejected \(1 x crash, 1 x no_ego\)"):
         simulate_world(Traffic("intersection", "ego", 40.0, 1, 0), 0)
 
 

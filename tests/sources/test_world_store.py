@@ -3,7 +3,6 @@
 import os
 import stat
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,8 @@ from mtp_bench.core.files import CACHE
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import content_hash
-from mtp_bench.traffic.highway.source import ever_seen, traffic_of
+from mtp_bench.traffic.highway import simulate
+from mtp_bench.traffic.highway.source import _simulate, ever_seen, traffic_of
 from mtp_bench.traffic.highway.store import WorldStore, pack, unpack
 from mtp_bench.traffic.highway.world import CLASSES, SECRET_SEEDS, HighwaySource, Traffic, World
 from tests.support.detector_scenes import grid_truth
@@ -45,8 +45,6 @@ def line(x: float, y: float) -> Floats:
 @pytest.fixture(autouse=True)
 def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
     """Seeds that were simulated; the simulation is replaced and the cache is empty."""
-    from mtp_bench.traffic.highway import simulate
-
     seeds: list[int] = []
 
     def simulate_world(traffic: Traffic, seed: int) -> World:
@@ -68,21 +66,16 @@ def same(a: World, b: World) -> bool:
     return content_hash(pack(a)) == content_hash(pack(b))
 
 
-def test_a_world_survives_packing() -> None:
-    before = replace(world(3), visible=np.linspace(0, 1, 3 * FRAMES))
-    after = unpack(pack(before))
-    assert same(before, after)
-    assert [lane.following for lane in after.lanes] == [(1,), ()]
-    np.testing.assert_array_equal(after.truth.box, before.truth.box)
-
-
-def test_a_world_is_made_once(made: list[int]) -> None:
-    store = WorldStore(TRAFFIC)
+def test_a_world_is_made_once_and_survives_packing(made: list[int]) -> None:
+    store = WorldStore(TRAFFIC, _simulate)
     assert store.read(5) is None
     first = store.get(5)
-    assert store.read(5) is not None
-    assert same(WorldStore(TRAFFIC).get(5), first)
+    assert same(WorldStore(TRAFFIC, _simulate).get(5), first)
     assert (made, first.visible.shape) == ([5], (3 * FRAMES,))
+    read = unpack(pack(first))
+    assert same(first, read)
+    assert [lane.following for lane in read.lanes] == [(1,), ()]
+    np.testing.assert_array_equal(read.truth.box, first.truth.box)
 
 
 def bytes_in_the_middle(path: Path) -> None:
@@ -99,28 +92,25 @@ def another_value(path: Path) -> None:
     np.savez(path, **arrays)
 
 
-def a_folder_in_its_place(path: Path) -> None:
-    path.unlink()
-    path.mkdir()
-    (path / "file").write_text("something")
+def in_its_place(make: Callable[[Path], object]) -> Callable[[Path], object]:
+    def replace_file(path: Path) -> None:
+        path.unlink()
+        make(path)
 
-
-def a_pipe_in_its_place(path: Path) -> None:
-    path.unlink()
-    os.mkfifo(path)
+    return replace_file
 
 
 DAMAGE: dict[str, Callable[[Path], object]] = {
-    "cut off": lambda path: path.write_bytes(path.read_bytes()[:-200]),
+    "cut off": lambda path: path.write_bytes(path.read_bytes()[:-200]), "empty": lambda path: path.write_bytes(b""),
     "no archive": lambda path: path.write_text("not a zip file"), "bytes in the middle": bytes_in_the_middle,
-    "another value": another_value, "empty": lambda path: path.write_bytes(b""), "a folder": a_folder_in_its_place,
-    "a pipe": a_pipe_in_its_place, "unreadable": lambda path: path.chmod(0),
+    "another value": another_value, "a folder": in_its_place(lambda path: (path / "more").mkdir(parents=True)),
+    "a pipe": in_its_place(os.mkfifo), "unreadable": lambda path: path.chmod(0),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
 def test_broken_files(damage: Callable[[Path], object], made: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
-    store, said = WorldStore(TRAFFIC), list[str]()
+    store, said = WorldStore(TRAFFIC, _simulate), list[str]()
     monkeypatch.setattr("mtp_bench.core.files.say_once", said.append)
     good = store.get(5)
     damage(store.path(5))
@@ -133,7 +123,7 @@ def test_broken_files(damage: Callable[[Path], object], made: list[int], monkeyp
 
 
 def test_secret_worlds_lie_apart_and_nobody_else_lists_them() -> None:
-    store = WorldStore(TRAFFIC)
+    store = WorldStore(TRAFFIC, _simulate)
     store.get(5)
     shown = stat.S_IMODE(store.folder.stat().st_mode)
     store.keep_private()
@@ -151,40 +141,32 @@ def test_many_scenes_are_not_generated_for_nothing(made: list[int], tmp_path: Pa
 
 
 def test_a_scene_is_cut_to_rate_reach_and_classes() -> None:
+    """The truck is out of reach; pedestrians are not a class of this card."""
     source = open_source(card(classes=["truck", "car"]))
     assert source.names == ("intersection-000005", "intersection-000006", "intersection-000007")
     scene = source.load("intersection-000006")
-    assert scene.frames == 16  # 2 Hz
-    np.testing.assert_allclose(np.diff(scene.time), 0.5)
-    # The truck is out of reach, pedestrians are no class of this card.
+    np.testing.assert_allclose(scene.time, np.arange(16) / 2)
     assert (scene.truth.object_id.tolist(), scene.truth.class_id.tolist()) == ([4] * 16, [1] * 16)
-    np.testing.assert_allclose(scene.truth.box[:, 0], 10.0 + 0.5 * np.arange(16))
-    assert (scene.truth.box[0, 1], scene.detector) == (0.06, "nuscenes_megvii, simulated detections")
-    assert scene.truth_complete
+    np.testing.assert_allclose(scene.truth.box[:, :2], np.stack([10.0 + 0.5 * np.arange(16), np.full(16, 0.06)], 1))
+    assert (scene.truth_complete, scene.detector) == (True, "nuscenes_megvii, simulated detections")
     assert (len(scene.lanes), len(scene.detections.start)) == (2, 17)
-
-
-def test_what_is_hidden_stays_hidden_after_the_cut() -> None:
-    scene = open_source(card()).load("intersection-000005")
-    pedestrian = scene.truth.object_id == 9
-    assert scene.visible is not None
-    assert (scene.visible[pedestrian] == 0).all(), "it walks behind the car"
-    np.testing.assert_allclose(scene.visible[~pedestrian], 1)
 
 
 def test_an_object_is_a_target_once_it_has_been_in_view() -> None:
     scene = open_source(card()).load("intersection-000005")
-    assert (scene.truth.eligible == (scene.truth.object_id == 4)).all(), "the pedestrian is never seen"
+    hidden = scene.truth.object_id == 9  # the pedestrian, who walks behind the car
+    assert scene.visible is not None
+    np.testing.assert_allclose(scene.visible, ~hidden)
+    np.testing.assert_array_equal(scene.truth.eligible, ~hidden)
     rows = world(0).truth
     visible = np.ones(len(rows.box))
     visible[rows.object_id == 7] = 0.0
-    visible[np.flatnonzero(rows.object_id == 9)[:12]] = 0.04
-    seen = ever_seen(rows, visible)
-    assert seen[rows.object_id == 4].all()
-    assert not seen[rows.object_id == 7].any()
-    assert np.flatnonzero(seen[rows.object_id == 9])[0] == 12
-    visible[np.flatnonzero(rows.object_id == 9)[20:]] = 0.0
-    assert ever_seen(rows, visible)[rows.object_id == 9].sum() == FRAMES - 12, "what was seen stays known"
+    pedestrian = np.flatnonzero(rows.object_id == 9)
+    visible[pedestrian[:12]] = 0.04
+    visible[pedestrian[20:]] = 0.0
+    expected = rows.object_id == 4
+    expected[pedestrian[12:]] = True  # what was seen stays known
+    np.testing.assert_array_equal(ever_seen(rows, visible), expected)
 
 
 def test_unknown_names_and_classes_are_errors() -> None:
@@ -195,7 +177,7 @@ def test_unknown_names_and_classes_are_errors() -> None:
 
 
 def test_preparing_makes_what_is_missing_and_the_status_counts_it(made: list[int]) -> None:
-    WorldStore(traffic_of(section_of(card(), HighwaySource))).get(6)
+    WorldStore(traffic_of(section_of(card(), HighwaySource)), _simulate).get(6)
     prepare(card(), scenes=2)
     assert made == [6, 5]
     status = describe(card())

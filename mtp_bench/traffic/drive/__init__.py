@@ -1,1 +1,1 @@
-"""Closed loop: forecasts of an agent drive the ego of simulated traffic, by one fixed planner."""
+"""Closed loop: forecasts of an agent drive the ego of simulated traffic."""

@@ -1,12 +1,13 @@
-"""An episode of a closed loop: every action of the agent is planned on, and the world moves to the next frame."""
+"""Episode of a closed loop: the ego plans on every action, and the world moves on."""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from ...cards import Card, DriveSection
 from ...core import Drive, Ints, Observation, Scene, Task, to_metres
-from ...env import Episode, Feed, LocalFrame, RecordedAction, make_feed
+from ...env import Feed, LocalFrame, RecordedAction, make_feed
 from ...sources import section_of
 from ..highway.driven import DrivenTraffic
 from ..highway.source import traffic_of
@@ -17,24 +18,38 @@ from .record import record_of, rows_from
 from .scenes import DrivenScene, horizon
 
 CRASH = 100.0  # m of way that a collision at fault costs as reward
-_EASY = 0.3  # s in which the speed of the way is taken up
-_GENTLE = -2.0  # m/s2; the planner's stronger braking is never eased, and a speed too high is lost by no more
-_MOST = 2.0  # m/s2
+_SPEED_SECONDS = 0.3  # in which the allowed speed is taken up
+# braking of the planner that is stronger is never eased, and an ego above the allowed
+# speed brakes no harder
+_EASED_BRAKING_MPS2 = -2.0
+_MAX_ACCELERATION_MPS2 = 2.0
 
 
 @dataclass
-class DrivenEpisode(Episode):
-    """One drive; ``scene`` and ``feed`` are of the frame of now alone, until the drive is over."""
+class DrivenEpisode:
+    """One drive, for `MTPEnv`.
 
-    card: Card = None  # type: ignore[assignment]
-    task: Task = None  # type: ignore[assignment]
-    traffic: DrivenTraffic = None  # type: ignore[assignment]
-    shown: DrivenScene = None  # type: ignore[assignment]
-    planner: Planner = None  # type: ignore[assignment]
-    stations: list[float] = field(default_factory=list)
-    acceleration: list[float] = field(default_factory=list)
+    Until the drive is over, ``scene`` and ``feed`` have the present frame alone.
+    """
+
+    card: Card
+    task: Task
+    number: int  # of the scene among `MTPEnv.scene_names`
+    frame: LocalFrame
+    traffic: DrivenTraffic
+    shown: DrivenScene
+    planner: Planner
+    scene: Scene
+    feed: Feed
+    # one per frame, in the scene's frame of reference
+    actions: list[RecordedAction] = field(default_factory=list)
     plans: list[Decision] = field(default_factory=list)
-    drop: list[int] = field(default_factory=list)
+    dropped_counts: list[int] = field(default_factory=list)
+    # one per step of the simulation
+    stations: list[float] = field(default_factory=list)
+    accelerations: list[float] = field(default_factory=list)
+    drive: Drive | None = None  # when it is over
+    first: int = 0
 
     @classmethod
     def start(
@@ -45,93 +60,112 @@ class DrivenEpisode(Episode):
         number: int,
         rng: np.random.Generator | None,
     ) -> "DrivenEpisode":
-        """The first frame of the drive ``name``; ``rng`` moves the frame of observations at random."""
-        traffic = DrivenTraffic(
-            traffic_of(section_of(card, HighwaySource)), int(name.rsplit("-", 1)[1])
-        )
+        """Begin the drive ``name``.
+
+        ``rng`` moves the frame of observations at random.
+        """
+        settings = traffic_of(section_of(card, HighwaySource))
+        traffic = DrivenTraffic(settings, int(name.rsplit("-", 1)[1]))
         shown = DrivenScene(card, name)
         scene = shown.now(traffic.world(last=True))
-        local = LocalFrame.of(scene, rng)
-        feed = make_feed(scene, local, task, card)
-        planner = Planner(
-            traffic.way, traffic.size, (card.drive or DriveSection()).planner
-        )
-        return cls(
-            scene,
-            number,
-            local,
-            feed,
-            None,
-            horizon(card) - 1,
-            card=card,
-            task=task,
-            traffic=traffic,
-            shown=shown,
-            planner=planner,
-            stations=[traffic.ego.s],
-        )
+        frame = LocalFrame.of(scene, rng)
+        section = card.drive or DriveSection()
+        planner = Planner(traffic.way, traffic.size, section.planner)
+        feed = make_feed(scene, frame, task, card)
+        episode = cls(card, task, number, frame, traffic, shown, planner, scene, feed)
+        episode.stations.append(traffic.ego.s)
+        return episode
+
+    @property
+    def t(self) -> int:
+        """Frame that is shown."""
+        return len(self.actions)
 
     @property
     def row(self) -> int:
-        """0: the feed is of one frame."""
+        """Frame that is shown, in ``feed``: 0, as that has one frame."""
         return 0
 
     @property
     def dropped(self) -> Ints:
-        """Detections of each frame that did not fit [F]."""
-        return np.array(self.drop, dtype=np.int64)
-
-    def observe(self) -> Observation:
-        """Fresh arrays of the frame of now; after the end no detections."""
-        seen = self.feed.observe(0 if not self.over else 1)
-        now = (self.t - self.over) * self.task.dt
-        return {**seen, "time": np.array(now), "dt": np.array(self.task.dt)}
-
-    def recording(self) -> tuple[Scene, Feed]:
-        """The frames so far, and what the agent was shown in them."""
-        scene = (
-            self.scene
-            if self.over
-            else self.shown.whole(self._world_of(max(self.t, 1)))
-        )
-        return scene, make_feed(scene, self.frame, self.task, self.card)
+        """Detections of each frame that did not fit into an observation [F]."""
+        return np.array(self.dropped_counts, dtype=np.int64)
 
     @property
     def over(self) -> bool:
         """True after the goal, a collision, or the longest time."""
         return self.drive is not None
 
+    def class_counts(self, classes: int) -> Ints:
+        """Count the detections of each class [C] in the present frame."""
+        return self.feed.of_class(0, classes)
+
+    def observe(self) -> Observation:
+        """Return fresh arrays of the present frame.
+
+        There are no detections after the end.
+        """
+        observation = self.feed.observe(int(self.over))
+        time = (self.t - self.over) * self.task.dt
+        return {**observation, "time": np.array(time), "dt": np.array(self.task.dt)}
+
+    def info(self) -> dict[str, Any]:
+        """Return numbers of the present frame, and of the action before."""
+        invalid = self.actions[-1].invalid.tolist() if self.actions else (0, 0, 0)
+        return {
+            "frame": self.t,
+            "dropped_detections": 0 if self.over else int(self.feed.dropped[0]),
+            "invalid_tracks": invalid[0],
+            "invalid_hypotheses": invalid[1],
+            "invalid_objects": invalid[2],
+        }
+
+    def recording(self) -> tuple[Scene, Feed]:
+        """Return the frames so far and the observations of them."""
+        scene = self.scene
+        if not self.over:
+            scene = self.shown.whole(self._world_of(max(self.t, 1)))
+        return scene, make_feed(scene, self.frame, self.task, self.card)
+
+    def record(self) -> Drive | None:
+        """Return the drive until now, for pictures."""
+        return self._recorded() if self.plans else None
+
     def take(self, action: RecordedAction) -> float:
-        """Plan on the action and let the world move to the next frame; the metres driven, less `CRASH`."""
-        before = self.stations[-1]
+        """Plan on the action and move the world to the next frame.
+
+        Return the metres driven, less `CRASH` for a collision at fault.
+        """
+        start = self.stations[-1]
         self.actions.append(action)
-        self.drop.append(int(self.feed.dropped[0]))
-        plan = self.planner.decide(
-            self.traffic.ego.s,
-            float(self.traffic.ego.speed),
-            obstacles(action, self.task.dt),
-        )
+        self.dropped_counts.append(int(self.feed.dropped[0]))
+        ego = self.traffic.ego
+        seen = obstacles(action, self.task.dt)
+        plan = self.planner.decide(ego.s, float(ego.speed), seen)
         self.plans.append(plan)
         for _ in range(round(RATE * self.task.dt)):
             if not self.traffic.over:
                 self._drive(plan.acceleration)
-        if self.traffic.over or self.t == self.end:
+        if self.traffic.over or self.t == horizon(self.card) - 1:
             self._finish()
         else:
             self.scene = self.shown.now(self.traffic.world(last=True))
             self.feed = make_feed(self.scene, self.frame, self.task, self.card)
-        fault = self.drive is not None and self.drive.at_fault
-        return self.stations[-1] - before - CRASH * fault
+        at_fault = self.drive is not None and self.drive.at_fault
+        return self.stations[-1] - start - CRASH * at_fault
 
-    def _drive(self, wanted: float) -> None:
+    def _drive(self, acceleration: float) -> None:
+        """Move the world by a step, at the acceleration of the plan.
+
+        Near the allowed speed, where the profile bends, it is eased.
+        """
         ego = self.traffic.ego
-        if (
-            wanted > _GENTLE
-        ):  # at the speed of the way the rest of the profile is not needed, and above it none is
-            eased = (self.planner.allowed(ego.s) - float(ego.speed)) / _EASY
-            wanted = min(wanted, max(eased, _GENTLE))
-        self.traffic.step(round(min(wanted, _MOST), 6))
-        self.acceleration.append(float(ego.action["acceleration"]))
+        if acceleration > _EASED_BRAKING_MPS2:
+            speed_gap = self.planner.allowed(ego.s) - float(ego.speed)
+            eased = max(speed_gap / _SPEED_SECONDS, _EASED_BRAKING_MPS2)
+            acceleration = min(acceleration, eased)
+        self.traffic.step(round(min(acceleration, _MAX_ACCELERATION_MPS2), 6))
+        self.accelerations.append(float(ego.action["acceleration"]))
         self.stations.append(float(ego.s))
 
     def _finish(self) -> None:
@@ -140,33 +174,24 @@ class DrivenEpisode(Episode):
         self.scene = self.shown.whole(world)
         self.drive = replace(self._recorded(), world={**pack(world), "ending": ending})
 
-    def record(self) -> Drive | None:
-        """The drive until now."""
-        return self._recorded() if self.plans else None
-
     def _recorded(self) -> Drive:
+        stations = np.array(self.stations)
         return record_of(
-            self.traffic,
-            np.array(self.stations),
-            np.array(self.acceleration),
-            self.plans,
+            self.traffic, stations, np.array(self.accelerations), self.plans
         )
 
     def _world_of(self, frames: int) -> World:
-        """The world until the last of ``frames`` frames that the agent saw."""
-        return self.traffic.world(frames=round((frames - 1) * RATE * self.task.dt) + 1)
+        """Return the world until the last of ``frames`` shown frames."""
+        steps = round((frames - 1) * RATE * self.task.dt)
+        return self.traffic.world(frames=steps + 1)
 
 
 def obstacles(action: RecordedAction, dt: float) -> Obstacles:
-    """The forecasts of an action, as the planner reads them; the weight of a sample is its chance."""
-    centre = action.object_box[:, None, None, :2].astype(np.float64)
-    chance = (
-        np.exp(action.forecast_log_weight.astype(np.float64))
-        * action.object_confidence[:, None]
-    )
-    return Obstacles(
-        action.object_box.astype(np.float64),
-        centre + to_metres(action.forecast),
-        chance,
-        dt,
-    )
+    """Return the forecasts of an action, as the planner reads them.
+
+    The weight of a sample is its chance.
+    """
+    box = action.object_box.astype(np.float64)
+    weight = np.exp(action.forecast_log_weight.astype(np.float64))
+    path = box[:, None, None, :2] + to_metres(action.forecast)
+    return Obstacles(box, path, weight * action.object_confidence[:, None], dt)

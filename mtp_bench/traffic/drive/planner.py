@@ -1,13 +1,15 @@
-"""The fixed planner of the closed loop: of some speed profiles along the ego's way it drives the best one.
+"""Fixed planner of the closed loop, which drives the best of some speed profiles.
 
-A profile is an acceleration for a second and another one after it. Its risk is a score of contacts of the ego's box,
-grown by a margin, with forecast ones, by the weights of the samples and the confidence of the objects. Early contacts
-count more, and those of a standing ego, which are not its fault, less. A time gap is kept to those who drive ahead;
-those who follow the ego are left out. Risks by all objects are added up, and where none of the profiles keeps clear of
-somebody ahead in the lane, the ego brakes hardest. Risk, progress and comfort are weighed by `PlannerSection`.
+A profile is an acceleration for a second and another one after it. Its risk is a score
+of contacts of the ego's box, grown by a margin, with forecast boxes, by the weights of
+the samples and the confidence of the objects. Early contacts count more. Contacts of a
+standing ego, which are not its fault, count less. The ego keeps a time gap to objects
+that drive ahead, and leaves out those that follow it. The risks by all objects are
+added up. If no profile keeps clear of an object ahead in the lane, the ego brakes
+hardest. `PlannerSection` weighs risk, progress and comfort.
 
-The family is that of PDM-Closed (Dauner et al. 2023, "Parting with misconceptions about learning-based vehicle motion
-planning"): proposals along a line, scored by a forecast.
+The family is that of PDM-Closed (Dauner et al. 2023, "Parting with misconceptions about
+learning-based vehicle motion planning"): proposals along a line, scored by a forecast.
 """
 
 from dataclasses import dataclass
@@ -21,94 +23,106 @@ from ...cards import PlannerSection
 from ...core import NO_ROWS, Bools, Floats, Ints
 from ..highway.driven import Way
 
-FIRST = np.array(
-    [-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5]
-)  # m/s2, in the first second
-THEN = np.array([-4.0, -2.0, 0.0, 1.5])  # m/s2, later
-PHASE = 1.0  # s
-_DENSE = 0.3  # s, longest time between two forecast places that count
-_UNLIKELY = 0.002  # weight of a sample below which it does not count
-_CELL = 1.0  # m, of the grid that finds the station next to a place, and of the table of speeds
-_ASIDE = 9.0  # m from the way, beyond which nothing is met
+_FIRST_MPS2 = np.array([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5])
+_LATER_MPS2 = np.array([-4.0, -2.0, 0.0, 1.5])
+_FIRST_SECONDS = 1.0
+_MAX_STEP_S = 0.3  # between two forecast places that count
+_MIN_SAMPLE_WEIGHT = 0.002  # of a sample that counts
+# of the grid that finds the station next to a place, and of the table of speeds
+_CELL_M = 1.0
+_REACH_M = 9.0  # from the way, beyond which no object is met
 _DISCS = 3  # that cover a box
-_DISC_PLACES = (
-    np.arange(_DISCS) - (_DISCS - 1) / 2
-) / _DISCS  # their centres, as shares of the length
-_SLOWER = 1.5  # m/s2, braking for lower limits ahead
-_STILL = 0.5  # m/s; slower objects keep their heading
-_HARMLESS, _HARMFUL = (
-    0.15,
-    4.0,
-)  # weight of a contact of the standing ego; m/s from which the weight is 1
-_LIKELY = 0.5  # risk by somebody ahead in the lane, from which the ego brakes hardest if no profile has less
-_CLOSE = 0.5  # weight of the time gap alone, against a contact
-_OPENING = 2.0  # s in which the time gap to those ahead may be opened
+# centres of the discs, as shares of the length
+_DISC_PLACES = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS
+_LIMIT_BRAKING_MPS2 = 1.5  # for lower limits ahead
+_MIN_TURN_SPEED_MPS = 0.5  # slower objects keep their heading
+_STANDING_SEVERITY = 0.15  # of a contact while the ego stands
+_FULL_SEVERITY_SPEED_MPS = 4.0  # ego speed from which a contact has severity 1
+# risk by an object ahead in the lane, from which the ego brakes hardest if no profile
+# has less
+_EMERGENCY_RISK = 0.5
+_GAP_SEVERITY = 0.5  # of entering the time gap alone, against a contact
+_GAP_OPENING_S = 2.0  # in which the time gap to those ahead may be opened
+_SAME_DIRECTION_COSINE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Forecast of O objects in the frame of the way: K samples of T steps of ``dt`` s."""
+    """Forecast of O objects in the frame of the way: K samples of T steps of ``dt`` s.
+
+    The weight of a sample is its chance, with the confidence of the object.
+    """
 
     box: Floats  # [O, 7] now
     path: Floats  # [O, K, T, 2] m
-    weight: (
-        Floats  # [O, K] chance of each sample, the confidence of the object included
-    )
+    weight: Floats  # [O, K]
     dt: float
 
 
 @dataclass(frozen=True)
 class Decision:
-    """The chosen profile."""
+    """The chosen profile.
 
-    acceleration: float  # m/s2, until it decides again
-    risk: float  # severity-weighted contact score in [0, 1]: 1 - prod(1 - share), of the shares of all objects
-    cause: int  # row of the object with most of the risk of the profile for a free way; -1 where that one is driven
+    ``risk`` in [0, 1] is a severity-weighted contact score: 1 - prod(1 - share), of the
+    shares of all objects. ``cause`` is the row of the object with most of the risk of
+    the profile for a free way; -1 where that profile is driven.
+    """
+
+    acceleration: float  # m/s2, until the next decision
+    risk: float
+    cause: int
     s: Floats  # [T + 1] m, stations of the ego along the profile, from now on
 
 
 @dataclass(frozen=True)
 class _Contacts:
-    """Stretches of the way [M], from ``low`` to ``high`` m, in which the ego touches a forecast box."""
+    """Stretches of the way [M] in which the ego touches a forecast box."""
 
-    low: Floats
-    high: Floats
+    low: Floats  # m
+    high: Floats  # m
     step: Ints  # of the forecast
     sample: Ints  # object times K plus k, ascending
     leads: Bools  # the object drives ahead in the direction of the way
 
 
-def _evened(seen: Obstacles) -> Obstacles:
-    """The forecast at places about `_DENSE` s apart: some left out, or more put in between on straight lines."""
-    if seen.dt <= _DENSE:
-        every = min(int(_DENSE / seen.dt + 1e-6), seen.path.shape[2])
-        return Obstacles(
-            seen.box, seen.path[:, :, every - 1 :: every], seen.weight, seen.dt * every
-        )
-    parts = ceil(seen.dt / _DENSE - 1e-6)
-    now = np.broadcast_to(seen.box[:, None, None, :2], (*seen.path.shape[:2], 1, 2))
-    before = np.concatenate([now, seen.path[:, :, :-1]], axis=2)[:, :, :, None]
+def _resampled(forecast: Obstacles) -> Obstacles:
+    """Return the forecast at places about `_MAX_STEP_S` apart.
+
+    Dense places are thinned out; more are put between sparse ones, on straight lines.
+    """
+    path = forecast.path
+    if forecast.dt <= _MAX_STEP_S:
+        stride = min(int(_MAX_STEP_S / forecast.dt + 1e-6), path.shape[2])
+        dense = path[:, :, stride - 1 :: stride]
+        return Obstacles(forecast.box, dense, forecast.weight, forecast.dt * stride)
+    parts = ceil(forecast.dt / _MAX_STEP_S - 1e-6)
+    objects, samples, steps, _ = path.shape
+    start_m = np.broadcast_to(forecast.box[:, None, None, :2], (objects, samples, 1, 2))
+    start_m = np.concatenate([start_m, path[:, :, :-1]], axis=2)[:, :, :, None]
     share = np.arange(1, parts + 1)[:, None] / parts
-    path = share * (seen.path[:, :, :, None] - before)
-    path += before
-    path = path.reshape(*seen.path.shape[:2], parts * seen.path.shape[2], 2)
-    return Obstacles(seen.box, path, seen.weight, seen.dt / parts)
+    filled = share * (path[:, :, :, None] - start_m)
+    filled += start_m
+    filled = filled.reshape(objects, samples, parts * steps, 2)
+    return Obstacles(forecast.box, filled, forecast.weight, forecast.dt / parts)
 
 
 @lru_cache(maxsize=32)
-def _grid(way: Way) -> tuple[Floats, Ints]:
-    """Lower corner [2] and stations of the cells around a way, -1 where it is far."""
-    low = way.xy.min(axis=0) - _ASIDE - _CELL
-    near = np.zeros(
-        np.ceil((way.xy.max(axis=0) + _ASIDE - low) / _CELL).astype(np.int64) + 1,
-        dtype=bool,
-    )
-    wide = round(_ASIDE / _CELL)
-    for x, y in ((way.xy[::2] - low) / _CELL).astype(np.int64).tolist():
-        near[max(x - wide, 0) : x + wide + 1, max(y - wide, 0) : y + wide + 1] = True
-    grid = np.full(near.shape, -1)
-    grid[near] = KDTree(way.xy).query(low + (np.argwhere(near) + 0.5) * _CELL)[1]
-    return low, grid
+def _station_grid(way: Way) -> tuple[Floats, Ints]:
+    """Return the lower corner [2] and the stations of cells.
+
+    The cells are around a way. The station of a cell beyond `_REACH_M` is -1.
+    """
+    corner = way.xy.min(axis=0) - _REACH_M - _CELL_M
+    extent = way.xy.max(axis=0) + _REACH_M - corner
+    within_reach = np.zeros(np.ceil(extent / _CELL_M).astype(np.int64) + 1, dtype=bool)
+    wide = round(_REACH_M / _CELL_M)
+    for x, y in ((way.xy[::2] - corner) / _CELL_M).astype(np.int64).tolist():
+        columns = slice(max(x - wide, 0), x + wide + 1)
+        within_reach[columns, max(y - wide, 0) : y + wide + 1] = True
+    grid = np.full(within_reach.shape, -1)
+    centers = corner + (np.argwhere(within_reach) + 0.5) * _CELL_M
+    grid[within_reach] = KDTree(way.xy).query(centers)[1]
+    return corner, grid
 
 
 class Planner:
@@ -117,183 +131,250 @@ class Planner:
     def __init__(
         self, way: Way, size: tuple[float, float], parameters: PlannerSection
     ) -> None:
-        self._way, self._size, self._weigh = way, size, parameters
-        self._first, self._then = FIRST.repeat(len(THEN)), np.tile(THEN, len(FIRST))
-        self._effort = parameters.comfort * np.maximum(-self._first - 2.0, 0.0)
-        self._effort += parameters.smoothness * np.abs(self._first)
+        self._way = way
+        self._size = size
+        self._weights = parameters
+        self._first_mps2 = _FIRST_MPS2.repeat(len(_LATER_MPS2))
+        self._later_mps2 = np.tile(_LATER_MPS2, len(_FIRST_MPS2))
+        hard_braking = np.maximum(-self._first_mps2 - 2.0, 0.0)
+        self._effort = parameters.comfort * hard_braking
+        self._effort += parameters.smoothness * np.abs(self._first_mps2)
 
     @cached_property
-    def _allowed(self) -> Floats:
-        """Speed [n] at each station from which the limits ahead can be met, m/s."""
-        limit = self._weigh.pace * self._way.limit.astype(np.float64)
-        square, gained = limit**2, 2 * _SLOWER * np.diff(self._way.s)
-        for i in range(len(square) - 2, -1, -1):
-            square[i] = min(square[i], square[i + 1] + gained[i])
-        return np.sqrt(square)
+    def _allowed_mps(self) -> Floats:
+        """Highest speeds [n] that meet the limits ahead."""
+        limit = self._weights.pace * self._way.limit.astype(np.float64)
+        squared_mps = limit**2
+        gained = 2 * _LIMIT_BRAKING_MPS2 * np.diff(self._way.s)
+        for i in range(len(squared_mps) - 2, -1, -1):
+            squared_mps[i] = min(squared_mps[i], squared_mps[i + 1] + gained[i])
+        return np.sqrt(squared_mps)
 
     @cached_property
-    def _tops(self) -> Floats:
-        """The same, every `_CELL` m from the start of the way."""
-        return np.interp(
-            np.arange(0.0, self._way.s[-1] + _CELL, _CELL), self._way.s, self._allowed
-        )
+    def _speed_table(self) -> Floats:
+        """Allowed speeds, every `_CELL_M` from the start of the way, m/s."""
+        stations_m = np.arange(0.0, self._way.s[-1] + _CELL_M, _CELL_M)
+        return np.interp(stations_m, self._way.s, self._allowed_mps)
 
     def allowed(self, s: float) -> float:
-        """Highest speed at ``s`` m along the way, m/s."""
-        return float(np.interp(s, self._way.s, self._allowed))
+        """Return the highest speed at ``s`` m along the way, m/s."""
+        return float(np.interp(s, self._way.s, self._allowed_mps))
 
     def profiles(
-        self, s: float, speed: float, dt: float, steps: int
+        self, s: float, speed: float, step_s: float, steps: int
     ) -> tuple[Floats, Floats]:
-        """Stations [C, T + 1] and speeds of all profiles, every ``dt`` s from now, at ``s`` m with ``speed`` m/s."""
-        stations, speeds = np.empty((2, steps + 1, len(self._first)))
-        stations[0], speeds[0] = s, speed
-        gains = self._first * dt, self._then * dt
-        for k, (place, pace) in enumerate(zip(stations[:-1], speeds[:-1], strict=True)):
-            top = np.maximum(
-                self._tops.take((place / _CELL).astype(np.int64), mode="clip"),
-                pace - 2 * _SLOWER * dt,
+        """Return stations [C, T + 1] m and speeds of all profiles.
+
+        They begin now, at ``s`` m with ``speed`` m/s, and have values every ``step_s``
+        s.
+        """
+        stations_m, speeds_mps = np.empty((2, steps + 1, len(self._first_mps2)))
+        stations_m[0] = s
+        speeds_mps[0] = speed
+        for k in range(steps):
+            later = k * step_s > _FIRST_SECONDS - 1e-6
+            gain_mps = (self._later_mps2 if later else self._first_mps2) * step_s
+            cell = (stations_m[k] / _CELL_M).astype(np.int64)
+            table_speed = self._speed_table.take(cell, mode="clip")
+            top_mps = np.maximum(
+                table_speed, speeds_mps[k] - 2 * _LIMIT_BRAKING_MPS2 * step_s
             )
-            faster = np.maximum(
-                np.minimum(pace + gains[k * dt > PHASE - 1e-6], top),
-                0.0,
-                out=speeds[k + 1],
+            speeds_mps[k + 1] = np.maximum(
+                np.minimum(speeds_mps[k] + gain_mps, top_mps), 0.0
             )
-            np.add(place, (pace + faster) * (dt / 2), out=stations[k + 1])
-        return stations.T, speeds.T
+            stations_m[k + 1] = stations_m[k] + (speeds_mps[k] + speeds_mps[k + 1]) * (
+                step_s / 2
+            )
+        return stations_m.T, speeds_mps.T
 
     def decide(self, s: float, speed: float, seen: Obstacles) -> Decision:
-        """The best profile for an ego at ``s`` m along the way with ``speed`` m/s."""
-        near = self._near(seen)
-        even = _evened(
-            Obstacles(seen.box[near], seen.path[near], seen.weight[near], seen.dt)
+        """Choose the best profile at ``s`` m with ``speed`` m/s."""
+        rows = self._relevant(seen)
+        forecast = _resampled(
+            Obstacles(seen.box[rows], seen.path[rows], seen.weight[rows], seen.dt)
         )
-        dt, path = even.dt, even.path
-        stations, speeds = self.profiles(s, speed, dt, path.shape[2])
-        ahead, aside, tangent = self._beside(*even.box.T[:2])
-        in_lane = aside < (self._size[1] + even.box[:, 5]) / 2
-        follows = (ahead < s) & in_lane & (np.cos(even.box[:, 3] - tangent) > 0.5)
-        contacts = self._contacts(s, float(stations[:, -1].max()), even, follows)
-        share, owner = self._shares(stations, speeds, contacts, even)
-        wish = (stations[:, -1] - s) / (dt * path.shape[2]) - self._effort
-        score = (wish - self._weigh.caution * share.sum(axis=1)).round(
-            9
-        )  # equal scores on all machines
-        best, free = int(score.argmax()), int(wish.round(9).argmax())
-        if (((ahead > s) & in_lane)[owner] & (share.min(axis=0) > _LIKELY)).any():
-            best = 0  # it brakes hardest
-        kept = (
-            -1
-            if best == free or not share[free].any()
-            else int(near[owner[share[free].argmax()]])
-        )
+        steps = forecast.path.shape[2]
+        stations_m, speeds_mps = self.profiles(s, speed, forecast.dt, steps)
+        box_station, aside_m, tangent = self._beside(*forecast.box.T[:2])
+        in_lane = aside_m < (self._size[1] + forecast.box[:, 5]) / 2
+        turn = forecast.box[:, 3] - tangent
+        follows = (box_station < s) & in_lane & (np.cos(turn) > _SAME_DIRECTION_COSINE)
+        contacts = self._contacts(s, float(stations_m[:, -1].max()), forecast, follows)
+        share, object_row = self._shares(stations_m, speeds_mps, contacts, forecast)
+        wish = (stations_m[:, -1] - s) / (forecast.dt * steps) - self._effort
+        score = wish - self._weights.caution * share.sum(axis=1)
+        best = int(score.round(9).argmax())  # equal scores on all machines
+        free = int(wish.round(9).argmax())
+        blocks = ((box_station > s) & in_lane)[object_row]
+        if (blocks & (share.min(axis=0) > _EMERGENCY_RISK)).any():
+            best = 0  # brakes hardest
+        cause = -1
+        if best != free and share[free].any():
+            cause = int(rows[object_row[share[free].argmax()]])
         risk = 1.0 - float((1.0 - share[best]).prod())
         time = seen.dt * np.arange(seen.path.shape[2] + 1)
-        shown = np.interp(time, dt * np.arange(path.shape[2] + 1), stations[best])
-        return Decision(float(self._first[best]), risk, kept, shown)
+        shown = np.interp(time, forecast.dt * np.arange(steps + 1), stations_m[best])
+        return Decision(float(self._first_mps2[best]), risk, cause, shown)
 
-    def _near(self, seen: Obstacles) -> Ints:
-        """Rows of the objects whose forecasts reach the rectangle around the way, as few at a junction do."""
-        near, far = np.ones(len(seen.box), dtype=bool), _ASIDE + 2 * _CELL
-        for axis in range(
-            2 if seen.dt > _DENSE else 0
-        ):  # `_evened` thins out denser forecasts, which is enough
-            now, places, way = (
-                seen.box[:, axis],
-                seen.path[..., axis],
-                self._way.xy[:, axis],
+    def _relevant(self, seen: Obstacles) -> Ints:
+        """Return rows of objects whose forecasts reach the rectangle around the way.
+
+        At a junction only a few do. Dense forecasts, which are thinned out, keep all.
+        """
+        reaches = np.ones(len(seen.box), dtype=bool)
+        if seen.dt > _MAX_STEP_S:
+            margin_m = _REACH_M + 2 * _CELL_M
+            # missing samples may be NaN, which fmax and fmin leave out
+            high_corner = np.fmax(
+                np.fmax.reduce(seen.path, axis=(1, 2)), seen.box[:, :2]
             )
-            near &= (
-                np.fmax(np.fmax.reduce(places, axis=(1, 2)), now) > way.min() - far
-            )  # missing samples may be NaN
-            near &= np.fmin(np.fmin.reduce(places, axis=(1, 2)), now) < way.max() + far
-        return near.nonzero()[0]
+            low_corner = np.fmin(
+                np.fmin.reduce(seen.path, axis=(1, 2)), seen.box[:, :2]
+            )
+            reaches &= (high_corner > self._way.xy.min(axis=0) - margin_m).all(axis=1)
+            reaches &= (low_corner < self._way.xy.max(axis=0) + margin_m).all(axis=1)
+        return np.flatnonzero(reaches)
 
     def _shares(
-        self, stations: Floats, speeds: Floats, met: _Contacts, seen: Obstacles
+        self,
+        stations_m: Floats,
+        speeds_mps: Floats,
+        contacts: _Contacts,
+        forecast: Obstacles,
     ) -> tuple[Floats, Ints]:
-        """Shares [C, n] in [0, 1] of n objects in the risks of profiles [C, T + 1], and the rows [n] of the objects."""
-        if not len(met.step):
-            return np.zeros((len(stations), 0)), NO_ROWS
-        times = seen.dt * np.arange(1, stations.shape[1])
-        here, before = stations[:, 1:], stations[:, :-1]
-        nose = here + self._weigh.headway * speeds[:, 1:] * np.minimum(
-            times / _OPENING, 1.0
-        )
-        then = here[:, met.step]  # [C, M]
-        front = np.where(met.leads, nose[:, met.step], then)
-        back = np.where(
-            met.leads, before[:, met.step], then
-        )  # a leader may be passed in one step
-        harm = np.minimum(_HARMLESS + (1 - _HARMLESS) * speeds[:, 1:] / _HARMFUL, 1.0)
-        harm = np.exp(-times / self._weigh.patience) * harm
-        close = np.where(then >= met.low, 1.0, _CLOSE)
-        each = np.where(
-            (front >= met.low) & (back <= met.high), close * harm[:, met.step], 0.0
-        )
-        start = np.diff(met.sample, prepend=-1).nonzero()[0]
-        group = met.sample[start]
-        chance = np.maximum.reduceat(each, start, axis=1) * seen.weight.ravel()[group]
-        owner = group // seen.weight.shape[1]
-        begin = np.diff(owner, prepend=-1).nonzero()[0]
-        return np.minimum(np.add.reduceat(chance, begin, axis=1), 1.0), owner[begin]
+        """Return the shares of n objects in the risks of C profiles.
+
+        ``stations_m`` and ``speeds_mps`` [C, T + 1]. Shares [C, n] are in [0, 1],
+        beside the rows [n] of the objects.
+        """
+        if not len(contacts.step):
+            return np.zeros((len(stations_m), 0)), NO_ROWS
+        samples = forecast.weight.shape[1]
+        severity = self._severity(stations_m, speeds_mps, contacts, forecast.dt)
+        worst, sample = _reduce_runs(np.maximum, severity, contacts.sample)
+        risk = worst * forecast.weight.ravel()[sample]
+        share, object_row = _reduce_runs(np.add, risk, sample // samples)
+        return np.minimum(share, 1.0), object_row
+
+    def _severity(
+        self, stations_m: Floats, speeds_mps: Floats, contacts: _Contacts, step_s: float
+    ) -> Floats:
+        """Return the severity [C, M] of each contact in each profile.
+
+        It is 0 for a profile without the contact.
+        """
+        times_s = step_s * np.arange(1, stations_m.shape[1])
+        places_m = stations_m[:, 1:]
+        gap_m = self._weights.headway * speeds_mps[:, 1:]
+        nose_m = places_m + gap_m * np.minimum(times_s / _GAP_OPENING_S, 1.0)
+        center_m = places_m[:, contacts.step]
+        front_m = np.where(contacts.leads, nose_m[:, contacts.step], center_m)
+        # a leader may be passed in one step
+        start_m = stations_m[:, :-1][:, contacts.step]
+        back_m = np.where(contacts.leads, start_m, center_m)
+        touches = (front_m >= contacts.low) & (back_m <= contacts.high)
+        severity = contact_severity(speeds_mps[:, 1:], times_s, self._weights.patience)
+        weight = np.where(center_m >= contacts.low, 1.0, _GAP_SEVERITY)
+        return np.where(touches, weight * severity[:, contacts.step], 0.0)
 
     def _contacts(
-        self, s: float, end: float, seen: Obstacles, follows: Bools
+        self, s: float, end_m: float, forecast: Obstacles, follows: Bools
     ) -> _Contacts:
-        """Contacts that an ego between ``s`` and ``end`` m can have, but not with those [O] that follow it."""
-        _, samples, steps, _ = seen.path.shape
-        length, width = seen.box[:, 4], seen.box[:, 5]
-        x, y = seen.path.reshape(-1, 2).T
+        """Return contacts of an ego between ``s`` and ``end_m`` m.
+
+        Objects that follow the ego (``follows`` [O]) have none.
+        """
+        _, samples, steps, _ = forecast.path.shape
+        length_m = forecast.box[:, 4]
+        width_m = forecast.box[:, 5]
+        x, y = forecast.path.reshape(-1, 2).T
         station = self._station(x, y)
-        counts = (seen.weight > _UNLIKELY) & ~follows[:, None]
-        row = ((station >= 0) & counts.repeat(steps)).nonzero()[0]
-        here = self._way.s[station[row]]
-        row = row[(here > s - 2 * _ASIDE) & (here < end + 3 * _ASIDE)]
-        owner, step = row // (samples * steps), row % steps
-        heading = self._headings(row, owner, step, seen)
-        along = _DISC_PLACES * length[owner, None]  # [n, discs]
-        disc_x = x[row, None] + along * np.cos(heading)[:, None]
-        disc_y = y[row, None] + along * np.sin(heading)[:, None]
-        ahead, aside, tangent = self._beside(disc_x.ravel(), disc_y.ravel())
-        grown = self._weigh.margin + self._weigh.growth * seen.dt * (step + 1)
-        reach = (np.hypot(width / 2, length / (2 * _DISCS))[owner] + grown).repeat(
-            _DISCS
-        )
-        meets = (aside < self._size[1] / 2 + reach).nonzero()[0]
-        of = meets // _DISCS
-        ahead, reach = ahead[meets], self._size[0] / 2 + reach[meets]
-        leads = np.cos(heading[of] - tangent[meets]) > 0.5
+        counts = (forecast.weight > _MIN_SAMPLE_WEIGHT) & ~follows[:, None]
+        path_row = np.flatnonzero((station >= 0) & counts.repeat(steps))
+        place_m = self._way.s[station[path_row]]
+        path_row = path_row[
+            (place_m > s - 2 * _REACH_M) & (place_m < end_m + 3 * _REACH_M)
+        ]
+        object_row = path_row // (samples * steps)
+        forecast_step = path_row % steps
+        heading = self._headings(path_row, object_row, forecast_step, forecast)
+        along = _DISC_PLACES * length_m[object_row, None]  # [n, discs]
+        disc_x = x[path_row, None] + along * np.cos(heading)[:, None]
+        disc_y = y[path_row, None] + along * np.sin(heading)[:, None]
+        disc_station, aside_m, tangent = self._beside(disc_x.ravel(), disc_y.ravel())
+        radius_m = np.hypot(width_m / 2, length_m / (2 * _DISCS))[object_row]
+        margin_m = self._weights.margin
+        grown_m = margin_m + self._weights.growth * forecast.dt * (forecast_step + 1)
+        reach_m = (radius_m + grown_m).repeat(_DISCS)
+        meets = np.flatnonzero(aside_m < self._size[1] / 2 + reach_m)
+        met_row = meets // _DISCS
+        center_m = disc_station[meets]
+        reach_m = self._size[0] / 2 + reach_m[meets]
+        leads = np.cos(heading[met_row] - tangent[meets]) > _SAME_DIRECTION_COSINE
         return _Contacts(
-            ahead - reach,
-            np.where(leads, ahead, ahead + reach),
-            step[of],
-            row[of] // steps,
-            leads,
+            low=center_m - reach_m,
+            high=np.where(leads, center_m, center_m + reach_m),
+            step=forecast_step[met_row],
+            sample=path_row[met_row] // steps,
+            leads=leads,
         )
 
-    def _headings(self, row: Ints, owner: Ints, step: Ints, seen: Obstacles) -> Floats:
-        """Headings [n] of the forecast places in the rows [n] of the flat paths."""
-        place = seen.path.reshape(-1, 2)
-        before = np.where((step == 0)[:, None], seen.box[owner, :2], place[row - 1])
-        move = place[row] - before
-        moves = np.hypot(move[:, 0], move[:, 1]) > _STILL * seen.dt
-        return np.where(moves, np.arctan2(move[:, 1], move[:, 0]), seen.box[owner, 3])
+    def _headings(
+        self, path_row: Ints, object_row: Ints, forecast_step: Ints, forecast: Obstacles
+    ) -> Floats:
+        """Return headings [n] in rows [n] of the flat paths."""
+        places_m = forecast.path.reshape(-1, 2)
+        first = (forecast_step == 0)[:, None]
+        start_m = np.where(first, forecast.box[object_row, :2], places_m[path_row - 1])
+        move_x, move_y = (places_m[path_row] - start_m).T
+        moves = np.hypot(move_x, move_y) > _MIN_TURN_SPEED_MPS * forecast.dt
+        heading = np.where(
+            moves, np.arctan2(move_y, move_x), forecast.box[object_row, 3]
+        )
+        return np.asarray(heading)
 
     def _station(self, x: Floats, y: Floats) -> Ints:
-        """Points of the way next to places [n], -1 where it is far, as in the outermost cells of the grid."""
-        (left, below), grid = _grid(self._way)
-        column = np.fmin(np.fmax((x - left) / _CELL, 0), len(grid) - 1).astype(np.int64)
-        row = np.fmin(np.fmax((y - below) / _CELL, 0), grid.shape[1] - 1).astype(
-            np.int64
-        )
-        return np.asarray(grid[column, row])
+        """Return points of the way next to places [n], -1 beyond reach.
+
+        Places outside the grid count as in its outermost cells, which are beyond reach.
+        """
+        corner, grid = _station_grid(self._way)
+        cells = []
+        for value, start_m, count in zip((x, y), corner, grid.shape, strict=True):
+            cell = np.fmin(np.fmax((value - start_m) / _CELL_M, 0), count - 1)
+            cells.append(cell.astype(np.int64))
+        return np.asarray(grid[cells[0], cells[1]])
 
     def _beside(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Stations, distances to the way and headings of the way for places [n]; inf where it is far."""
+        """Return stations, distances to the way and its headings for places [n].
+
+        The distance is inf beyond reach.
+        """
         station = self._station(x, y)
         tangent = self._way.heading[station]
-        away_x, away_y = x - self._way.xy[station, 0], y - self._way.xy[station, 1]
-        cos, sin = np.cos(tangent), np.sin(tangent)
-        aside = np.where(station >= 0, np.abs(away_y * cos - away_x * sin), np.inf)
-        return self._way.s[station] + away_x * cos + away_y * sin, aside, tangent
+        away_x = x - self._way.xy[station, 0]
+        away_y = y - self._way.xy[station, 1]
+        cos = np.cos(tangent)
+        sin = np.sin(tangent)
+        aside_m = np.where(station >= 0, np.abs(away_y * cos - away_x * sin), np.inf)
+        return self._way.s[station] + away_x * cos + away_y * sin, aside_m, tangent
+
+
+def contact_severity(speed: Floats, time: Floats, patience: float) -> Floats:
+    """Return the severity of contacts.
+
+    The ego has a ``speed`` in m/s, ``time`` s from now. It grows with the speed up to
+    1, and decays over ``patience`` s.
+    """
+    growth = (1 - _STANDING_SEVERITY) * speed / _FULL_SEVERITY_SPEED_MPS
+    severity = np.minimum(_STANDING_SEVERITY + growth, 1.0)
+    return np.asarray(np.exp(-time / patience) * severity)
+
+
+def _reduce_runs(
+    operation: np.ufunc, values: Floats, keys: Ints
+) -> tuple[Floats, Ints]:
+    """Reduce columns of ``values`` [C, M] over runs of equal ``keys``."""
+    first = np.flatnonzero(np.diff(keys, prepend=-1))
+    reduced: Floats = operation.reduceat(values, first, axis=1)
+    return reduced, keys[first]

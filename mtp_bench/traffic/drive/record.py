@@ -1,4 +1,4 @@
-"""Record of a drive: collision, near misses, hard braking without a cause, comfort, and way driven."""
+"""Record of a drive: collision, near misses, hard braking, comfort, and way driven."""
 
 from collections.abc import Sequence
 
@@ -6,50 +6,51 @@ import numpy as np
 
 from ...core import HARD_BRAKING, Bools, Drive, Floats, Ints, Truth, unit_vectors
 from ..highway.driven import STANDING, DrivenTraffic, Way
-from ..highway.simulate import boxes_meet
+from ..highway.overlap import boxes_meet
 from ..highway.world import CLASSES, RATE, World
 from .planner import Decision
 
 COLLISION_TIME = 0.95  # s: a shorter time to collision is a near miss (nuPlan)
-FREE = 30.0  # m ahead on the way without anybody: hard braking there has no cause
-LIMITS = {
-    "braking": -4.05,
-    "gaining": 2.40,
-    "across": 4.89,
-    "jerk": 4.13,
-}  # m/s2, m/s3: nuPlan's bounds of comfort
-_BESIDE = 1.0  # m from the ego's strip
-_LOOKS = (0.3, 0.6, COLLISION_TIME)  # s ahead, at constant velocities
-_WINDOW = 15  # steps over which accelerations are smoothed before jerks are taken
+# m ahead on the way: hard braking without a road user there has no cause
+FREE = 30.0
+# nuPlan's bounds of comfort
+_MIN_ACCELERATION_MPS2 = -4.05
+_MAX_ACCELERATION_MPS2 = 2.40
+_MAX_LATERAL_MPS2 = 4.89
+_MAX_JERK_MPS3 = 4.13
+_STRIP_MARGIN_M = 1.0  # beside the ego's strip
+_LOOK_AHEAD_S = (0.3, 0.6, COLLISION_TIME)  # at constant velocities
+_JERK_WINDOW = 15  # steps over which accelerations are smoothed before jerks are taken
 
 
 def record_of(
     traffic: DrivenTraffic,
     stations: Floats,
-    acceleration: Floats,
+    acceleration_mps2: Floats,
     plans: Sequence[Decision],
 ) -> Drive:
-    """Return the record of a drive until now, with the definitions of docs/definitions/driving.md.
+    """Return the record of a drive until now.
 
-    ``stations`` [N + 1] m of the ego at each step, ``acceleration`` [N] m/s2 between them; ``plans`` [F]: decisions.
+    docs/definitions/driving.md has the definitions. ``stations`` [N + 1] m of the ego
+    at each step, ``acceleration_mps2`` [N] m/s2 between them; ``plans`` [F]: decisions.
     """
     world = traffic.world()
     way = traffic.way
     hit = traffic.collision
-    speed = np.diff(stations) * RATE
-    alone = ~occupied(world, way, stations[:-1], traffic.size)
+    speed_mps = np.diff(stations) * RATE
+    heading = np.interp(stations[:-1], way.s, way.heading)
+    hard_braking = acceleration_mps2 < HARD_BRAKING
+    without_cause = ~occupied(world, way, stations[:-1], traffic.size)
     return Drive(
         way=float(stations[-1] - stations[0]),
         seconds=float(world.time[-1]),
         goal=traffic.at_goal,
         collision="" if hit is None else CLASSES[hit.class_id],
         at_fault=hit is not None and hit.at_fault,
-        near_misses=_runs(near_misses(world, speed, traffic.size)),
-        phantom_brakes=_runs((acceleration < HARD_BRAKING) & alone),
-        comfortable=is_comfortable(
-            acceleration, speed, np.interp(stations[:-1], way.s, way.heading)
-        ),
-        acceleration=acceleration,
+        near_misses=_count_runs(near_misses(world, speed_mps, traffic.size)),
+        phantom_brakes=_count_runs(hard_braking & without_cause),
+        comfortable=is_comfortable(acceleration_mps2, speed_mps, heading),
+        acceleration=acceleration_mps2,
         risk=np.array([plan.risk for plan in plans]),
         cause=np.array([plan.cause for plan in plans]),
         plan=way.at(np.array([plan.s for plan in plans]))[0],
@@ -61,90 +62,101 @@ def record_of(
 
 
 def rows_from(truth: Truth, first: int) -> Floats:
-    """Return the rows [R, 12] from the state ``first`` on: state, number, class, box, velocity."""
-    columns = [
-        truth.frame_of_rows,
-        truth.object_id,
-        truth.class_id,
-        truth.box,
-        truth.velocity,
-    ]
-    return np.column_stack(columns).astype(float)[truth.frame_of_rows >= first]
+    """Return the rows [R, 12] of a truth from one state on.
+
+    Columns: state, number, class, box (7), velocity (2).
+    """
+    state = truth.frame_of_rows
+    columns = [state, truth.object_id, truth.class_id, truth.box, truth.velocity]
+    return np.column_stack(columns).astype(float)[state >= first]
 
 
-def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools:
-    """Mask [N] of the steps whose time to collision is below `COLLISION_TIME`, with a road user ahead or beside."""
-    rows, frame = _rows_around(world, len(speed))
+def near_misses(world: World, speed_mps: Floats, size: tuple[float, float]) -> Bools:
+    """Return the mask [N] of the steps with a near miss.
+
+    There the time to collision with a road user ahead or beside is below
+    `COLLISION_TIME`, at the ``speed_mps`` [N] m/s of an ego of this length and width.
+    """
+    rows, state = _rows_around(world, len(speed_mps))
     box = world.truth.box[rows]
-    place = world.ego[frame, :2]
-    yaw = world.ego[frame, 3]
-    heading = unit_vectors(yaw)
-    velocity = speed[frame, None] * heading
-    ahead = ((box[:, :2] - place) * heading).sum(axis=1) > 0
-    other = box.copy()
-    ego = np.zeros_like(box)
-    ego[:, 3] = yaw
-    ego[:, 4:6] = size
-    near = np.zeros(len(rows), dtype=bool)
-    for seconds in _LOOKS:
-        ego[:, :2] = place + seconds * velocity
-        other[:, :2] = box[:, :2] + seconds * world.truth.velocity[rows]
-        near |= boxes_meet(ego, other)
-    return (
-        np.bincount(
-            frame[near & ahead & (speed[frame] > STANDING)], minlength=len(speed)
-        )
-        > 0
-    )
+    ego_xy = world.ego[state, :2]
+    ego_yaw = world.ego[state, 3]
+    direction = unit_vectors(ego_yaw)
+    is_ahead = ((box[:, :2] - ego_xy) * direction).sum(axis=1) > 0
+    later_box = box.copy()
+    later_ego = np.zeros_like(box)
+    later_ego[:, 3] = ego_yaw
+    later_ego[:, 4:6] = size
+    meets = np.zeros(len(rows), dtype=bool)
+    for seconds in _LOOK_AHEAD_S:
+        later_ego[:, :2] = ego_xy + seconds * (speed_mps[state, None] * direction)
+        later_box[:, :2] = box[:, :2] + seconds * world.truth.velocity[rows]
+        meets |= boxes_meet(later_ego, later_box)
+    is_near_miss = meets & is_ahead & (speed_mps[state] > STANDING)
+    return np.bincount(state[is_near_miss], minlength=len(speed_mps)) > 0
 
 
 def occupied(
     world: World, way: Way, stations: Floats, size: tuple[float, float]
 ) -> Bools:
-    """Mask [N] of the states with a road user on the way, or right beside it, within `FREE` m of the bumper."""
-    rows, frame = _rows_around(world, len(stations))
+    """Mark the states [N] with a road user close ahead.
+
+    It is on the way, or right beside it, within `FREE` m of the bumper.
+    """
+    rows, state = _rows_around(world, len(stations))
     box = world.truth.box[rows]
-    found = np.zeros(len(stations), dtype=bool)
-    reach = size[1] / 2 + box[:, 4:6].min(axis=1) / 2 + _BESIDE
-    for ahead in np.arange(size[0] / 2, size[0] / 2 + FREE, 1.0):
-        place = way.at(stations + ahead)[0][frame]
-        found[frame[np.hypot(*(box[:, :2] - place).T) < reach]] = True
-    return found
+    mask = np.zeros(len(stations), dtype=bool)
+    reach_m = size[1] / 2 + box[:, 4:6].min(axis=1) / 2 + _STRIP_MARGIN_M
+    for ahead_m in np.arange(size[0] / 2, size[0] / 2 + FREE, 1.0):
+        place = way.at(stations + ahead_m)[0][state]
+        mask[state[np.hypot(*(box[:, :2] - place).T) < reach_m]] = True
+    return mask
 
 
 def _rows_around(world: World, states: int) -> tuple[Ints, Ints]:
-    """Return rows and states [R] of the road users near the ego, in the first ``states``."""
-    frame = world.truth.frame_of_rows
-    away = world.truth.box[:, :2] - world.ego[frame, :2]
-    rows = np.flatnonzero((np.hypot(*away.T) < FREE + 10) & (frame < states))
-    return rows, frame[rows]
+    """Return rows and states [R] of road users near the ego.
 
-
-def is_comfortable(acceleration: Floats, speed: Floats, heading: Floats) -> bool:
-    """True if a drive keeps within `LIMITS`: accelerations along and across, and the jerk of the smoothed one."""
-    across = speed * np.gradient(heading) * RATE if len(heading) > 1 else np.zeros(1)
-    within = (acceleration >= LIMITS["braking"]).all() and (
-        acceleration <= LIMITS["gaining"]
-    ).all()
-    if len(acceleration) >= _WINDOW:
-        within &= bool((np.abs(smoothed_jerk(acceleration)) <= LIMITS["jerk"]).all())
-    return bool(within and (np.abs(across) <= LIMITS["across"]).all())
-
-
-def smoothed_jerk(acceleration: Floats) -> Floats:
-    """Return the jerk [N] m/s3: slopes of parabolas through `_WINDOW` accelerations [N] each.
-
-    The filter of Savitzky and Golay, as `scipy.signal.savgol_filter` has it, whose import takes over a second.
+    Only the first ``states`` count.
     """
-    half = _WINDOW // 2
-    k = np.arange(_WINDOW) - half
-    windows = np.lib.stride_tricks.sliding_window_view(acceleration, _WINDOW)
+    state = world.truth.frame_of_rows
+    offset = world.truth.box[:, :2] - world.ego[state, :2]
+    rows = np.flatnonzero((np.hypot(*offset.T) < FREE + 10) & (state < states))
+    return rows, state[rows]
+
+
+def is_comfortable(
+    acceleration_mps2: Floats, speed_mps: Floats, heading: Floats
+) -> bool:
+    """Return True if a drive keeps within nuPlan's bounds.
+
+    They bound the accelerations along and across, and the jerk of the smoothed one.
+    """
+    comfortable = (acceleration_mps2 >= _MIN_ACCELERATION_MPS2).all()
+    comfortable &= (acceleration_mps2 <= _MAX_ACCELERATION_MPS2).all()
+    if len(heading) > 1:
+        lateral = speed_mps * np.gradient(heading) * RATE
+        comfortable &= (np.abs(lateral) <= _MAX_LATERAL_MPS2).all()
+    if len(acceleration_mps2) >= _JERK_WINDOW:
+        jerk = smoothed_jerk(acceleration_mps2)
+        comfortable &= (np.abs(jerk) <= _MAX_JERK_MPS3).all()
+    return bool(comfortable)
+
+
+def smoothed_jerk(acceleration_mps2: Floats) -> Floats:
+    """Return the jerk [N] m/s3: slopes of parabolas through 15 accelerations each.
+
+    This is the filter of Savitzky and Golay, as `scipy.signal.savgol_filter`, whose
+    import takes over a second.
+    """
+    half = _JERK_WINDOW // 2
+    k = np.arange(_JERK_WINDOW) - half
+    windows = np.lib.stride_tricks.sliding_window_view(acceleration_mps2, _JERK_WINDOW)
     _, slope, bend = np.polynomial.polynomial.polyfit(k, windows.T, 2)
     first = slope[0] + 2 * bend[0] * k[:half]
-    last = slope[-1] + 2 * bend[-1] * k[half + 1 :]
-    return RATE * np.concatenate([first, slope, last])
+    final = slope[-1] + 2 * bend[-1] * k[half + 1 :]
+    return RATE * np.concatenate([first, slope, final])
 
 
-def _runs(mask: Bools) -> int:
-    """Number of runs of True."""
+def _count_runs(mask: Bools) -> int:
+    """Return the number of runs of True."""
     return int((np.diff(mask.astype(np.int8), prepend=0) == 1).sum())

@@ -1,4 +1,4 @@
-"""Scenes of a closed loop: the frame of now while it is driven, and the whole recording after it."""
+"""Scenes of a closed loop: the present frame while it is driven, and the recording."""
 
 from dataclasses import replace
 
@@ -13,47 +13,55 @@ from ..highway.world import RATE, World
 
 
 class DrivenScene:
-    """The frames of one drive, shown one after the other; detections are those of the whole scene at once."""
+    """Frames of one drive, shown one after the other.
+
+    The detections are those of the whole scene at once.
+    """
 
     def __init__(self, card: Card, name: str) -> None:
-        self._card, self._name = card, name
+        self._card = card
+        self._name = name
         self._ego: list[Floats] = []
-        self._shown, self._detector = list[Detections](), ""
-        self._going_on: OpenScene | None = None
+        self._detections: list[Detections] = []
+        self._detector = ""
+        self._open_scene: OpenScene | None = None
 
     def now(self, world: World) -> Scene:
-        """The frame of now alone, from the last frame of the world, as a scene of one frame with its detections."""
+        """Return the last frame of the world as a scene with detections."""
         scene = _scene(world, self._card, self._name, stride=1)
         frame = len(self._ego)
         self._ego.append(scene.ego[0])
-        if self._going_on is None:
-            self._going_on = OpenScene(
-                horizon(self._card), scene.truth, memory=Memory()
-            )
+        if self._open_scene is None:
+            frames = horizon(self._card)
+            self._open_scene = OpenScene(frames, scene.truth, memory=Memory())
         start = starts_of([0] * frame + [len(scene.truth.box)])
-        time, before = np.arange(frame + 1) / self._card.task.rate, np.array(self._ego)
-        so_far = replace(
-            scene, time=time, ego=before, truth=replace(scene.truth, start=start)
+        until_now = replace(
+            scene,
+            time=np.arange(frame + 1) / self._card.task.rate,
+            ego=np.array(self._ego),
+            truth=replace(scene.truth, start=start),
         )
-        seen = detected(so_far, self._card, going_on=self._going_on)
-        self._detector, found = (
-            seen.detector,
-            replace(seen.detections, start=seen.detections.start[-2:]),
-        )
-        self._shown.append(found)
-        return replace(scene, detections=found, simulated=True)
+        seen = detected(until_now, self._card, going_on=self._open_scene)
+        self._detector = seen.detector
+        detections = replace(seen.detections, start=seen.detections.start[-2:])
+        self._detections.append(detections)
+        return replace(scene, detections=detections, simulated=True)
 
     def whole(self, world: World) -> Scene:
-        """`whole_scene` of the frames of ``world``, all of which were shown."""
+        """Return `whole_scene` of the frames of ``world``, all of which were shown."""
         scene = _scene(world, self._card, self._name)
-        shown = self._shown[: scene.frames]
-        start = starts_of([len(found.score) for found in shown])
-        found = replace(joined(shown), start=start)
-        return replace(scene, detections=found, detector=self._detector, simulated=True)
+        shown = self._detections[: scene.frames]
+        start = starts_of([len(detections.score) for detections in shown])
+        return replace(
+            scene,
+            detections=replace(joined(shown), start=start),
+            detector=self._detector,
+            simulated=True,
+        )
 
 
 def whole_scene(world: World, card: Card, name: str) -> Scene:
-    """The recording of a drive under the rules of ``card``, with the detections that its agent was shown."""
+    """Return the recording of a drive with the detections then shown."""
     scene = _scene(world, card, name)
     return detected(scene, card, going_on=OpenScene(horizon(card), scene.truth.only(0)))
 
@@ -64,5 +72,6 @@ def _scene(world: World, card: Card, name: str, stride: int | None = None) -> Sc
 
 
 def horizon(card: Card) -> int:
-    """Frames of the longest drive."""
-    return round(float(card.source.traits.scene_seconds or 0) * card.task.rate) + 1
+    """Return the frames of the longest drive."""
+    seconds = float(card.source.traits.scene_seconds or 0)
+    return round(seconds * card.task.rate) + 1

@@ -1,6 +1,7 @@
-"""Gymnasium environments of highway-env, of the library or one's own, one scene per seed."""
+"""Gymnasium environments of highway-env, one scene per seed."""
 
 from ..highway.source import package
-from .source import DATASET, GymScenes, GymSource as GymSource
+from .scenes import DATASET, GymScenes
+from .source import GymSource as GymSource
 
 PACKAGE = package(GymScenes, DATASET)

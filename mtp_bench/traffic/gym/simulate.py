@@ -1,4 +1,7 @@
-"""Simulation of one seed in an environment of highway-env: every step is recorded until two vehicles crash."""
+"""Simulation of one seed in an environment of highway-env.
+
+Every step is recorded until two vehicles crash.
+"""
 
 import importlib
 import pkgutil
@@ -9,68 +12,72 @@ from typing import Any
 
 import numpy as np
 
-from ...core import CardError, DataError, Floats, MtpBenchError
+from ...core import CardError, DataError, MtpBenchError
 from ..highway.lanes import lane_map
-from ..highway.recording import course_velocity, right_handed, seen_from
+from ..highway.recording import Recording, course_velocity
 from ..highway.vehicles import round_states
 from ..highway.world import CLASSES, World
 from .source import GymTraffic
 
-_HEIGHT = {"motorcycle": 1.5, "car": 1.6, "truck": 3.2}  # m
-_LOOSE = 6.0  # m between lanes that follow each other, such as those into highway-env's roundabout
-_SHORTEST_CAR, _LONGEST_CAR = 3.0, 6.5  # m
+_HEIGHT_M = {"motorcycle": 1.5, "car": 1.6, "truck": 3.2}
+# between lanes that follow each other, such as those into highway-env's roundabout
+_MAX_JOINT_GAP_M = 6.0
+_MIN_CAR_LENGTH_M = 3.0
+_MAX_CAR_LENGTH_M = 6.5
 
 
 def simulation_rate(traffic: GymTraffic) -> float:
-    """Steps of the simulation per second, Hz."""
-    with _classes_kept(traffic):
+    """Return the steps of the simulation per second, Hz."""
+    with _restored_classes(traffic):
         return float(_environment(traffic).config["simulation_frequency"])
 
 
 def _environment(traffic: GymTraffic) -> Any:
-    """A new environment; raises CardError for an unknown id, or one that is not highway-env's."""
+    """Make an environment.
+
+    Raises CardError for an unknown id, or one that is not highway-env's.
+    """
     import gymnasium
 
-    config: dict[str, Any] = {"config": traffic.config} if traffic.config else {}
+    options: dict[str, Any] = {"config": traffic.config} if traffic.config else {}
+    options["disable_env_checker"] = True
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # older versions of an environment are wanted, too
-            env = gymnasium.make(
-                traffic.id, disable_env_checker=True, **config
-            ).unwrapped
+            # older versions of an environment are wanted, too
+            warnings.simplefilter("ignore")
+            env = gymnasium.make(traffic.id, **options).unwrapped
     except gymnasium.error.Error as error:
-        expected = "an id that highway-env or [source]'s module registers when it is imported (gymnasium.register)"
         raise CardError(
-            f"source.id: got {traffic.id!r}, expected {expected}: {error}"
+            f"source.id: got {traffic.id!r}, expected an id that highway-env or"
+            " [source]'s module registers when it is imported (gymnasium.register):"
+            f" {error}"
         ) from None
     if getattr(env, "road", None) is None or getattr(env, "vehicle", None) is None:
         raise CardError(
-            f"source.id: {traffic.id} is not an environment of highway-env: it has no road or no vehicle"
+            f"source.id: {traffic.id} is not an environment of highway-env:"
+            " it has no road or no vehicle"
         )
     return env
 
 
 @contextmanager
-def _classes_kept(traffic: GymTraffic) -> Iterator[None]:
-    """Undo changes of the classes of vehicles, which some environments make: they would change other scenes.
+def _restored_classes(traffic: GymTraffic) -> Iterator[None]:
+    """Undo changes of the classes of vehicles, which would change other scenes.
 
-    Raises DataError for an error of the environment, or of a module that it needs.
+    Some environments make them. Raises DataError for an error of the environment, or of
+    a module that it needs.
     """
-    before: list[tuple[Any, dict[str, Any]]] = []
+    attributes: dict[Any, dict[str, Any]] = {}
     try:
-        for module in (
-            "highway_env",
-            *traffic.modules,
-        ):  # they register their environments
+        # modules register their environments
+        for module in ("highway_env", *traffic.modules):
             importlib.import_module(module)
         from highway_env.vehicle.objects import RoadObject
 
-        kinds = [RoadObject]
-        for kind in kinds:
-            kinds += [each for each in kind.__subclasses__() if each not in kinds]
-        before += [(kind, dict(vars(kind))) for kind in kinds]
+        classes = [RoadObject]
+        for kind in classes:
+            classes += [sub for sub in kind.__subclasses__() if sub not in classes]
+        attributes = {kind: dict(vars(kind)) for kind in classes}
         yield
     except MtpBenchError:
         raise
@@ -78,54 +85,58 @@ def _classes_kept(traffic: GymTraffic) -> Iterator[None]:
         problem = f"{traffic.id} with policy {traffic.policy!r} cannot be simulated"
         raise DataError(f"{problem}: {type(error).__name__}: {error}") from error
     finally:
-        for kind, attributes in before:
-            for name in [
-                name
-                for name, value in vars(kind).items()
-                if attributes.get(name, kind) is not value
-            ]:
-                if name in attributes:
-                    setattr(kind, name, attributes[name])
-                else:
-                    delattr(kind, name)
+        for kind, values in attributes.items():
+            _restore(kind, values)
+
+
+def _restore(kind: Any, attributes: dict[str, Any]) -> None:
+    for name, value in [*vars(kind).items()]:
+        if name not in attributes:
+            delattr(kind, name)
+        elif attributes[name] is not value:
+            setattr(kind, name, attributes[name])
 
 
 def simulate(traffic: GymTraffic, seed: int) -> World:
-    """The world of a seed, without frames if two vehicles crash or that with the sensor is removed."""
-    with _classes_kept(traffic):
+    """Return the world of a seed.
+
+    It has no frames if two vehicles crash or that with the sensor is removed.
+    """
+    with _restored_classes(traffic):
         env = _environment(traffic)
         if ":" not in traffic.policy:
-            env.configure(
-                {"observation": {"type": "Kinematics"}}
-            )  # unused; others need a vehicle of their own kind
+            # unused observations; others need a vehicle of their own kind
+            env.configure({"observation": {"type": "Kinematics"}})
         observation, _ = env.reset(seed=seed)
-        policy, rate = (
-            _policy(env, traffic.policy),
-            float(env.config["simulation_frequency"]),
-        )
-        recording, frames = _Recording(env), round(traffic.seconds * rate)
-        ego, rows = recording.numbers[env.vehicle], recording.rows
-        while len(rows) < frames and not recording.crashed:
-            before = len(rows)
+        policy = _policy(env, traffic.policy)
+        rate = float(env.config["simulation_frequency"])
+        recorder = _Recorder(env, rate)
+        ego = recorder.numbers[env.vehicle]
+        frames = recorder.recording.frames
+        end = round(traffic.seconds * rate)
+        while len(frames) < end and not recorder.crashed:
+            start = len(frames)
             observation, *_ = env.step(policy(observation))
-            if len(rows) == before:
+            if len(frames) == start:
                 raise DataError(
-                    f"{traffic.id}: a step of the environment has no step of its simulation, expected some"
+                    f"{traffic.id}: a step of the environment has no step of its"
+                    " simulation, expected some"
                 )
-        if recording.crashed or not all((frame[:, 10] == ego).any() for frame in rows):
-            frames = 0
-        lanes = lane_map(env.road.network.lanes_dict(), _LOOSE)
-        return seen_from(ego, right_handed(rows[:frames]), frames, rate, lanes)
+        if recorder.crashed or not all((rows[:, 10] == ego).any() for rows in frames):
+            end = 0
+        lanes = lane_map(env.road.network.lanes_dict(), _MAX_JOINT_GAP_M)
+        return recorder.recording.seen_from(ego, lanes, slice(end))
 
 
-class _Recording:
-    """Rows of all vehicles at the start and after each step of an environment's simulation."""
+class _Recorder:
+    """Records all vehicles at the start and after each step of the simulation."""
 
-    def __init__(self, env: Any) -> None:
-        self.rows: list[Floats] = []
+    def __init__(self, env: Any, rate: float) -> None:
+        self.recording = Recording(rate)
         self.numbers: dict[Any, int] = {}  # by vehicle
         self.crashed = False
-        self._road, self._step = env.road, env.road.step
+        self._road = env.road
+        self._step = env.road.step
         env.road.step = self._stepped
         self._add()
 
@@ -138,59 +149,64 @@ class _Recording:
     def _add(self) -> None:
         vehicles = self._road.vehicles
         self.crashed |= any(vehicle.crashed for vehicle in vehicles)
-        velocity, frame = course_velocity(vehicles), len(self.rows)
-        rows = []
-        for vehicle, speeds in zip(vehicles, velocity, strict=True):
-            length, number = (
-                vehicle.LENGTH,
-                self.numbers.setdefault(vehicle, len(self.numbers)),
-            )
-            kind = (
-                "motorcycle"
-                if length < _SHORTEST_CAR
-                else "car"
-                if length <= _LONGEST_CAR
-                else "truck"
-            )
-            size = length, vehicle.WIDTH, _HEIGHT[kind]
-            box = (*vehicle.position, size[2] / 2, vehicle.heading, *size)
-            rows.append((*box, *speeds, CLASSES.index(kind), number, frame))
-        self.rows.append(np.reshape(np.array(rows, dtype=np.float64), (-1, 12)))
+        for vehicle in vehicles:
+            self.numbers.setdefault(vehicle, len(self.numbers))
+        kinds = [_kind_of(vehicle.LENGTH) for vehicle in vehicles]
+        boxes = []
+        for vehicle, kind in zip(vehicles, kinds, strict=True):
+            height = _HEIGHT_M[kind]
+            size = (vehicle.LENGTH, vehicle.WIDTH, height)
+            boxes.append((*vehicle.position, height / 2, vehicle.heading, *size))
+        self.recording.add(
+            np.array(boxes, dtype=np.float64).reshape(-1, 7),
+            course_velocity(vehicles),
+            [CLASSES.index(kind) for kind in kinds],
+            [self.numbers[vehicle] for vehicle in vehicles],
+        )
+
+
+def _kind_of(length_m: float) -> str:
+    if length_m < _MIN_CAR_LENGTH_M:
+        return "motorcycle"
+    return "car" if length_m <= _MAX_CAR_LENGTH_M else "truck"
 
 
 def _policy(env: Any, name: str) -> Callable[[Any], Any]:
-    """The action for an observation: of a function "module:function", else the one that does nothing.
+    """Return the function from an observation to an action.
 
-    "idm": all controlled vehicles become like the others, IDM with MOBIL, which no action changes.
+    It is "module:function", else a function that does nothing. With "idm" all
+    controlled vehicles become like the others, IDM with MOBIL, which no action changes.
     """
     if ":" in name:
         policy: Callable[[Any], Any] = pkgutil.resolve_name(name)
         return policy
     if name == "idm":
         for vehicle in env.controlled_vehicles:
-            _drive_itself(vehicle)
+            _make_idm(vehicle)
     action = _idle(env.action_type)
     return lambda observation: action
 
 
-def _drive_itself(vehicle: Any) -> None:
-    """Make a controlled vehicle an `IDMVehicle` at the speed that it was given, else at the limit of its lane."""
+def _make_idm(vehicle: Any) -> None:
+    """Make a controlled vehicle an `IDMVehicle` at the limit of its lane.
+
+    Without a limit it keeps its speed.
+    """
     from highway_env.vehicle.behavior import IDMVehicle
 
-    speed = vehicle.lane.speed_limit or vehicle.speed
     twin = IDMVehicle(
         vehicle.road,
         vehicle.position,
         vehicle.heading,
         vehicle.speed,
-        target_speed=speed,
+        target_speed=vehicle.lane.speed_limit or vehicle.speed,
     )
     vehicle.__dict__ = {**twin.__dict__, **vehicle.__dict__}
     vehicle.__class__ = IDMVehicle
 
 
 def _idle(action_type: Any) -> Any:
-    """The action that changes neither speed nor lane."""
+    """Return the action that changes neither speed nor lane."""
     agents = getattr(action_type, "agents_action_types", None)
     if agents is not None:
         return tuple(map(_idle, agents))

@@ -1,42 +1,45 @@
-"""Random behaviour of drivers and people on foot, beside the driver model and the social forces."""
+"""Random behaviour of drivers and people on foot.
+
+It comes beside the driver model and the social forces.
+"""
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ...core import Bools, Floats, Ints
-from .driving import Leaders, RoadState, free_acceleration
+from .driving import MIN_GAP, Leaders, RoadState, free_acceleration
 
-_DRAWN_AHEAD = 64  # values that are drawn at once
+_SPARE_NUMBERS = 64  # whose values are drawn at once
 
-_PACE, _PACE_MEMORY = 0.06, 5.0  # share of the desired speed, s
-_PEDAL, _PEDAL_MEMORY = 0.95, 0.5  # m/s2, s
-_STRONGEST = 2.7  # m/s2
-_STEADY = 3.0  # m/s; slower drivers move the pedals less
-_Phase = tuple[
-    float, tuple[float, float], tuple[float, float]
-]  # 1/s, s, range of the strength
-_LATE: _Phase = (
-    1 / 17.0,
-    (2.0, 5.0),
-    (3.2, 4.6),
-)  # late braking; m/s2 of needed braking that ends waiting
-_FIRM = 1.15  # times the needed braking
-_STANDS = 0.5  # share of one's own speed; only slower leaders can be noticed late
-_ALERT = 2.7  # m/s; slower drivers are never late
-_SUDDEN: _Phase = (1 / 110.0, (0.6, 1.4), (3.2, 5.0))  # braking without a cause; m/s2
-_KEPT = 0.3  # m to the place to stop at
+_PACE_SPREAD = 0.06  # share of the desired speed
+_PACE_MEMORY_S = 5.0
+_PEDAL_SPREAD_MPS2 = 0.95
+_PEDAL_MEMORY_S = 0.5
+_MAX_ACCELERATION_MPS2 = 2.7
+_FULL_PEDAL_SPEED_MPS = 3.0  # slower drivers move the pedals less
+_BRAKING_SURPLUS = 1.15  # of a late driver, times the needed braking
+# of one's speed; only slower leaders can be noticed late
+_LATE_LEADER_SHARE = 0.5
+_MIN_LATE_SPEED_MPS = 2.7  # slower drivers are never late
+_LINE_GAP_M = 0.3  # to the place to stop at
 
-_HASTE, _HASTE_MEMORY = 0.12, 2.5  # share of the pace, s
-_BEARING, _BEARING_MEMORY = 0.12, 3.0  # rad, s
-_STOP = 1 / 300.0  # 1/s
-_SHORT, _LONG, _LONG_SHARE = (0.8, 4.0), (15.0, 50.0), 0.6  # s, s, share of stops
-_STANDING = 0.26  # share of the first groups that stand at the start
-_BACK = 1 / 500.0  # 1/s, turning back
-_READY = 2.5  # 1/s, stepping on a free crossing
-_HESITATE, _HESITATION = 1 / 12.0, (0.5, 1.2)  # 1/s, s on a crossing
-_SLOW = 0.45  # share of the pace while hesitating
+_HASTE_SPREAD = 0.12  # share of the pace
+_HASTE_MEMORY_S = 2.5
+_BEARING_SPREAD_RAD = 0.12
+_BEARING_MEMORY_S = 3.0
+_STOP_RATE = 1 / 300.0  # 1/s
+_SHORT_STOP_S = (0.8, 4.0)
+_LONG_STOP_S = (15.0, 50.0)
+_LONG_SHARE = 0.6  # of the stops
+_STANDING_SHARE = 0.26  # of the first groups, which stand at the start
+_TURN_BACK_RATE = 1 / 500.0  # 1/s
+_STEP_OFF_RATE = 2.5  # 1/s, stepping on a free crossing
+_HESITATION_RATE = 1 / 12.0  # 1/s, on a crossing
+_HESITATION_S = (0.5, 1.2)
+_HESITATING_PACE = 0.45  # share of the pace
 
 
 class OrnsteinUhlenbeck:
@@ -45,199 +48,246 @@ class OrnsteinUhlenbeck:
     def __init__(
         self,
         spread: Sequence[float],
-        memory: Sequence[float],
-        dt: float,
+        memory_s: Sequence[float],
+        step_s: float,
         rng: np.random.Generator,
     ) -> None:
-        """``spread`` and ``memory``: deviation and seconds of each of the K kinds."""
-        decay = [math.exp(-dt / seconds) for seconds in memory]
+        """``spread`` and ``memory_s``: deviation and seconds of each of K kinds."""
+        decay = [math.exp(-step_s / seconds) for seconds in memory_s]
         push = [
-            deviation * math.sqrt(1.0 - d**2)
-            for deviation, d in zip(spread, decay, strict=True)
+            deviation * math.sqrt(1.0 - duration_share**2)
+            for deviation, duration_share in zip(spread, decay, strict=True)
         ]
-        self._spread, self._decay, self._push = (
-            np.array(values)[:, None] for values in (spread, decay, push)
-        )
+        self._spread = np.array(spread)[:, None]
+        self._decay = np.array(decay)[:, None]
+        self._push = np.array(push)[:, None]
         self._rng = rng
         self._value = np.zeros((len(spread), 0))
 
-    def step(self, numbers: Ints) -> Floats:
-        """Values ``[K, n]`` of the processes ``numbers`` ``[n]`` after ``dt`` seconds; others do not change."""
-        kinds, known = self._value.shape
-        missing = max(numbers.tolist(), default=-1) + 1 - known
-        if missing > 0:
-            sizes = (missing + _DRAWN_AHEAD, len(numbers))
-            draws = [
-                [self._rng.standard_normal(n) for n in sizes] for _ in range(kinds)
-            ]
-            first, draw = (np.array(column) for column in zip(*draws, strict=True))
-            self._value = np.concatenate(
-                [self._value, np.round(self._spread * first, 6)], axis=1
-            )
+    def step(self, process_numbers: Ints) -> Floats:
+        """Advance the processes ``process_numbers`` [n] by ``step_s`` seconds.
+
+        Return their values [K, n]; other processes do not change.
+        """
+        kinds, count = self._value.shape
+        missing_numbers = max(process_numbers.tolist(), default=-1) + 1 - count
+        if missing_numbers > 0:
+            sizes = (missing_numbers + _SPARE_NUMBERS, len(process_numbers))
+            first = np.empty((kinds, sizes[0]))
+            random_draw = np.empty((kinds, sizes[1]))
+            for stop_kind in range(kinds):
+                first[stop_kind] = self._rng.standard_normal(sizes[0])
+                random_draw[stop_kind] = self._rng.standard_normal(sizes[1])
+            new = np.round(self._spread * first, 6)
+            self._value = np.concatenate([self._value, new], axis=1)
         else:
-            draw = self._rng.standard_normal((kinds, len(numbers)))
-        moved: Floats = (
-            self._decay * self._value[:, numbers] + self._push * draw
-        ).round(6)
-        self._value[:, numbers] = moved
-        return moved
+            random_draw = self._rng.standard_normal((kinds, len(process_numbers)))
+        value = self._decay * self._value[:, process_numbers] + self._push * random_draw
+        self._value[:, process_numbers] = value.round(6)
+        return self._value[:, process_numbers]
+
+
+class _Phase(NamedTuple):
+    """Kind of phases that begin at random and last for a while."""
+
+    rate: float  # 1/s
+    seconds: tuple[float, float]
+    strength: tuple[float, float]  # m/s2
+
+
+# late braking; the needed braking that ends waiting
+_LATE_BRAKING = _Phase(1 / 17.0, (2.0, 5.0), (3.2, 4.6))
+# braking without a cause
+_SUDDEN_BRAKING = _Phase(1 / 110.0, (0.6, 1.4), (3.2, 5.0))
 
 
 class _RandomPhases:
-    """Phases of some kinds that begin at random and last for a while, each with its own strength."""
+    """Phases of K kinds, each with a strength drawn for it."""
 
     def __init__(
-        self, kinds: tuple[_Phase, ...], dt: float, rng: np.random.Generator
+        self, kinds: Sequence[_Phase], step_s: float, rng: np.random.Generator
     ) -> None:
-        rate, *ranges = (np.array(column) for column in zip(*kinds, strict=True))
-        self._chance, self._dt, self._rng = rate[:, None] * dt, dt, rng
-        self._ranges = [
-            (low[:, None], (high - low)[:, None])
-            for low, high in (values.T for values in ranges)
+        self._dt = step_s
+        self._rng = rng
+        self._chance = (
+            np.array([stop_kind.rate for stop_kind in kinds])[:, None] * step_s
+        )
+        self._seconds = np.array([stop_kind.seconds for stop_kind in kinds])[:, :, None]
+        self._strengths = np.array([stop_kind.strength for stop_kind in kinds])[
+            :, :, None
         ]
-        self._left = np.zeros((len(kinds), 0))
+        self._remaining = np.zeros((len(kinds), 0))
         self._strength = np.zeros((len(kinds), 0))
 
-    def step(self, numbers: Ints) -> tuple[Bools, Floats]:
-        """Masks ``[K, n]`` of ``numbers`` ``[n]`` in a phase of each kind, and the strength of their phases."""
-        kinds, known = self._left.shape
-        missing = max(numbers.tolist(), default=-1) + 1 - known
-        if missing > 0:
-            more = np.zeros((kinds, missing + _DRAWN_AHEAD))
-            self._left, self._strength = (
-                np.append(v, more, axis=1) for v in (self._left, self._strength)
-            )
-        draw = self._rng.random((kinds, 3, len(numbers)))
-        left = self._left[:, numbers] - self._dt
-        begins = (left <= 0) & (draw[:, 0] < self._chance)
-        (shortest, longer), (weak, stronger) = self._ranges
-        left = np.where(begins, shortest + longer * draw[:, 1], left)
-        strength = np.where(
-            begins, weak + stronger * draw[:, 2], self._strength[:, numbers]
-        )
-        self._left[:, numbers], self._strength[:, numbers] = left, strength
-        return left > 0, strength
+    def step(self, process_numbers: Ints) -> tuple[Bools, Floats]:
+        """Advance by ``step_s`` seconds for ``process_numbers`` [n].
+
+        Return masks [K, n] of those in a phase, and the strengths of their phases.
+        """
+        kinds, count = self._remaining.shape
+        missing_numbers = max(process_numbers.tolist(), default=-1) + 1 - count
+        if missing_numbers > 0:
+            new = np.zeros((kinds, missing_numbers + _SPARE_NUMBERS))
+            self._remaining = np.append(self._remaining, new, axis=1)
+            self._strength = np.append(self._strength, new, axis=1)
+        random_draw = self._rng.random((kinds, 3, len(process_numbers)))
+        remaining = self._remaining[:, process_numbers] - self._dt
+        begins = (remaining <= 0) & (random_draw[:, 0] < self._chance)
+        seconds = _within(self._seconds, random_draw[:, 1])
+        strength = _within(self._strengths, random_draw[:, 2])
+        remaining = np.where(begins, seconds, remaining)
+        strength = np.where(begins, strength, self._strength[:, process_numbers])
+        self._remaining[:, process_numbers] = remaining
+        self._strength[:, process_numbers] = strength
+        return remaining > 0, strength
+
+
+def _within(limits: Floats, duration_share: Floats) -> Floats:
+    """Return values at ``duration_share`` [K, n] between ``limits`` [K, 2, 1]."""
+    low = limits[:, 0]
+    return np.asarray(low + (limits[:, 1] - low) * duration_share)
 
 
 class DriverBehaviour:
-    """Varying speeds and pedals of all drivers of a world, late braking and sudden braking."""
+    """Varying speeds and pedals of all drivers, late braking and sudden braking."""
 
-    def __init__(self, dt: float, rng: np.random.Generator) -> None:
-        self._varying = OrnsteinUhlenbeck(
-            (_PACE, _PEDAL), (_PACE_MEMORY, _PEDAL_MEMORY), dt, rng
-        )
-        self._phases = _RandomPhases((_LATE, _SUDDEN), dt, rng)
+    def __init__(self, step_s: float, rng: np.random.Generator) -> None:
+        spread = (_PACE_SPREAD, _PEDAL_SPREAD_MPS2)
+        memory_s = (_PACE_MEMORY_S, _PEDAL_MEMORY_S)
+        self._varying = OrnsteinUhlenbeck(spread, memory_s, step_s, rng)
+        self._phases = _RandomPhases((_LATE_BRAKING, _SUDDEN_BRAKING), step_s, rng)
 
     def free_acceleration(
         self, state: RoadState, desired: Floats
     ) -> tuple[Floats, Floats]:
-        """``desired`` speeds ``[N]`` m/s and accelerations ``[N]`` m/s2 on an empty road, varied."""
-        pace, pedal = self._varying.step(state.numbers)
-        desired = desired * (1.0 + pace)
-        free = free_acceleration(state.speed, desired, state.style)
-        moved = pedal * np.minimum(state.speed / _STEADY, 1.0)
-        return desired, np.minimum(free + moved, np.maximum(free, _STRONGEST))
+        """Vary ``desired`` speeds [N] m/s and the pedals.
+
+        Return the speeds, and accelerations [N] m/s2 on an empty road.
+        """
+        pace_factor, pedal = self._varying.step(state.numbers)
+        desired = desired * (1.0 + pace_factor)
+        free_acceleration_mps2 = free_acceleration(state.speed, desired, state.style)
+        pressed = pedal * np.minimum(state.speed / _FULL_PEDAL_SPEED_MPS, 1.0)
+        highest = np.maximum(free_acceleration_mps2, _MAX_ACCELERATION_MPS2)
+        return desired, np.minimum(free_acceleration_mps2 + pressed, highest)
 
     def braking(
         self,
         state: RoadState,
         careful: Floats,
-        free: Floats,
+        free_acceleration_mps2: Floats,
         ahead: Leaders,
-        lines: Floats,
+        line_distance_m: Floats,
     ) -> Floats:
-        """Acceleration ``[N]`` m/s2: ``careful``, but ``free`` while a driver is late, and sudden braking.
+        """Return accelerations [N] m/s2: ``careful``, with late and sudden braking.
 
-        ``free``: on an empty road; ``ahead``: leaders; ``lines``: m to the place to stop at.
+        A late driver accelerates as on an empty road, ``free_acceleration_mps2``.
+        ``ahead``: leaders; ``line_distance_m``: m to the place to stop at.
         """
-        (late, sudden), (limit, hard) = self._phases.step(state.numbers)
-        behind = _stopping(state.speed - ahead.speed, ahead.gap - state.style[:, 3])
-        needed = np.maximum(behind, _stopping(state.speed, lines - _KEPT))
-        slow = ~np.isfinite(ahead.gap) | (ahead.speed < _STANDS * state.speed)
-        waits = late & slow & (state.speed > _ALERT)
-        result = np.where(
-            waits, np.where(needed > limit, -_FIRM * needed, free), careful
+        (late, sudden), (patience, braking) = self._phases.step(state.numbers)
+        is_quick = state.speed > _MIN_LATE_SPEED_MPS
+        room_m = ahead.gap - state.style[:, MIN_GAP]
+        for_leader = _needed_braking(state.speed - ahead.speed, room_m)
+        for_line = _needed_braking(state.speed, line_distance_m - _LINE_GAP_M)
+        needed_braking = np.maximum(for_leader, for_line)
+        slow_leader = ahead.speed < _LATE_LEADER_SHARE * state.speed
+        late &= is_quick & (~np.isfinite(ahead.gap) | slow_leader)
+        wakes = np.where(
+            needed_braking > patience,
+            -_BRAKING_SURPLUS * needed_braking,
+            free_acceleration_mps2,
         )
-        return np.where(
-            sudden & (state.speed > _ALERT), np.minimum(result, -hard), result
-        )
+        result = np.where(late, wakes, careful)
+        return np.where(sudden & is_quick, np.minimum(result, -braking), result)
 
 
-def _stopping(closing: Floats, room: Floats) -> Floats:
-    """Braking ``[N]``, m/s2, that ends ``closing`` speeds within ``room`` m."""
-    return np.maximum(closing, 0.0) ** 2 / (2.0 * np.maximum(room, 0.1))
+def _needed_braking(closing: Floats, room_m: Floats) -> Floats:
+    """Return the braking [N], m/s2, that ends ``closing`` speeds in ``room_m``."""
+    return np.maximum(closing, 0.0) ** 2 / (2.0 * np.maximum(room_m, 0.1))
 
 
 class PedestrianBehaviour:
-    """Varying pace and direction of people on foot; groups stop, go on and turn back together."""
+    """Varying pace and direction of people on foot.
 
-    def __init__(self, dt: float, rng: np.random.Generator) -> None:
-        self._dt, self._rng = dt, rng
-        self._varying = OrnsteinUhlenbeck(
-            (_BEARING, _HASTE), (_BEARING_MEMORY, _HASTE_MEMORY), dt, rng
-        )
+    Groups stop, go on and turn back together.
+    """
+
+    def __init__(self, step_s: float, rng: np.random.Generator) -> None:
+        spread = (_BEARING_SPREAD_RAD, _HASTE_SPREAD)
+        memory_s = (_BEARING_MEMORY_S, _HASTE_MEMORY_S)
+        self._dt = step_s
+        self._rng = rng
+        self._varying = OrnsteinUhlenbeck(spread, memory_s, step_s, rng)
         self._stops: dict[int, float] = {}  # remaining seconds by group
         self._hesitations: dict[int, float] = {}
         self.ready: set[int] = set()  # groups that step on a free crossing now
         self.turning: set[int] = set()  # groups that turn back now
 
     def start_standing(self, group: int) -> None:
-        """Let a group that is present from the start stand with some chance."""
-        if self._rng.uniform() < _STANDING:
-            self._stops[group] = float(self._rng.uniform(*_LONG))
+        """Let a first group stand with some chance."""
+        if self._rng.uniform() < _STANDING_SHARE:
+            self._stops[group] = float(self._rng.uniform(*_LONG_STOP_S))
 
     def step(self, present: list[int]) -> None:
-        """Advance the ``present`` groups, in the order of their numbers, by ``dt`` seconds."""
-        draw = self._rng.random((len(present), 5))
-        self._stops = {
-            group: left - self._dt for group, left in self._stops.items() if left > 0
-        }
-        self._hesitations = {
-            group: left - self._dt
-            for group, left in self._hesitations.items()
-            if left > 0
-        }
-        for group, (stop, kind, duration, slow, _) in zip(
-            present, draw.tolist(), strict=True
-        ):
-            if group not in self._stops and stop < _STOP * self._dt:
-                shortest, longest = _LONG if kind < _LONG_SHARE else _SHORT
-                self._stops[group] = shortest + (longest - shortest) * duration
-            if group not in self._hesitations and slow < _HESITATE * self._dt:
-                self._hesitations[group] = (
-                    _HESITATION[0] + (_HESITATION[1] - _HESITATION[0]) * duration
-                )
-        last = draw[:, 4].tolist()  # low: ready, high: turns back
-        self.ready = {
-            group
-            for group, u in zip(present, last, strict=True)
-            if u < _READY * self._dt
-        }
-        self.turning = {
-            group
-            for group, u in zip(present, last, strict=True)
-            if u > 1.0 - _BACK * self._dt
+        """Advance the ``present`` groups, in ascending order, by ``step_s`` seconds."""
+        self._stops = self._less(self._stops)
+        self._hesitations = self._less(self._hesitations)
+        self.ready = set()
+        self.turning = set()
+        draws = self._rng.random((len(present), 5)).tolist()
+        for group, (
+            stop_draw,
+            stop_kind,
+            duration_share,
+            hesitation_draw,
+            turn_draw,
+        ) in zip(present, draws, strict=True):
+            if group not in self._stops and stop_draw < _STOP_RATE * self._dt:
+                low, high = _LONG_STOP_S if stop_kind < _LONG_SHARE else _SHORT_STOP_S
+                self._stops[group] = low + (high - low) * duration_share
+            if (
+                group not in self._hesitations
+                and hesitation_draw < _HESITATION_RATE * self._dt
+            ):
+                low, high = _HESITATION_S
+                self._hesitations[group] = low + (high - low) * duration_share
+            if turn_draw < _STEP_OFF_RATE * self._dt:
+                self.ready.add(group)
+            if turn_draw > 1.0 - _TURN_BACK_RATE * self._dt:
+                self.turning.add(group)
+
+    def _less(self, seconds: dict[int, float]) -> dict[int, float]:
+        """Return the remaining seconds of groups after a step."""
+        return {
+            group: remaining - self._dt
+            for group, remaining in seconds.items()
+            if remaining > 0
         }
 
     def walk(
-        self, way: Floats, pace: Floats, numbers: Ints, groups: Ints, crossing: Bools
+        self,
+        to_goal: Floats,
+        pace_mps: Floats,
+        process_numbers: Ints,
+        groups: Ints,
+        crossing: Bools,
     ) -> tuple[Floats, Floats]:
-        """Vectors to the goals ``[2, M]``, turned a little, and present speeds ``[M]`` from the usual ``pace`` ``[M]``.
+        """Vary the direction and the usual ``pace_mps`` [M] of people.
 
-        On a ``crossing`` ``[M]`` people walk straight on, and hesitate, but do not stop.
+        Return vectors to the goals [2, M], turned a little, and present speeds [M]. On
+        a ``crossing`` [M] people walk straight on, and hesitate, but do not stop.
         """
-        bearing, haste = self._varying.step(numbers)
-        stops, slow = (
-            np.array([g in chosen for g in groups.tolist()])
-            for chosen in (self._stops, self._hesitations)
-        )
+        bearing, haste = self._varying.step(process_numbers)
+        stops = np.isin(groups, list(self._stops))
+        hesitation_draw = np.isin(groups, list(self._hesitations))
+        duration_share = np.where(hesitation_draw & crossing, _HESITATING_PACE, 1.0)
         speed = (
-            pace
-            * np.where(slow & crossing, _SLOW, 1.0)
+            pace_mps
+            * duration_share
             * (1.0 + haste).clip(0.5, 1.3)
             * ~(stops & ~crossing)
         )
-        cos, sin = np.cos(bearing * ~crossing), np.sin(bearing * ~crossing)
-        return np.array(
-            [cos * way[0] - sin * way[1], sin * way[0] + cos * way[1]]
-        ), speed
+        cos = np.cos(bearing * ~crossing)
+        sin = np.sin(bearing * ~crossing)
+        x, y = to_goal
+        return np.array([cos * x - sin * y, sin * x + cos * y]), speed

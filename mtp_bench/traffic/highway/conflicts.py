@@ -1,4 +1,7 @@
-"""Conflicts of routes through a junction, computed once per map, in metres from the start of a route."""
+"""Conflicts of routes through a junction, in metres from the start of a route.
+
+They are computed once per map.
+"""
 
 from dataclasses import dataclass
 
@@ -6,23 +9,25 @@ import numpy as np
 
 from ...core import Bools, Floats, Ints
 from .driving import swept_sides
-from .lanes import LaneGeometry, Route, RouteTable
-from .networks import Crossing, RoadMap
+from .lanes import LaneGeometry, Route, RouteTable, lane_points
+from .road_map import Crossing, RoadMap
 
-_STEP = 0.5  # m between samples
-_FREE = 0.15  # m, free space on each side
-_MERGED = 0.4  # m; closer paths count as one
-_MERGE_LENGTH = 4.0  # m; crossing paths share less than this
-_LIGHT, _HEAVY = (
-    (5.4, 2.0, 3.2),
-    (12.0, 2.55, 6.6),
-)  # m, length, width, wheelbase that a path is kept free for
-_BEFORE_LINE = 1.0  # m from the front of a waiting vehicle to the conflict
+_SAMPLE_STEP_M = 0.5
+_SIDE_MARGIN_M = 0.15  # free space on each side
+_MERGED_M = 0.4  # closer paths count as one
+_MIN_MERGE_LENGTH_M = 4.0  # crossing paths share less than this
+# length, width, wheelbase that a path is kept free for, m
+_LIGHT_SIZE_M = np.array([5.4, 2.0, 3.2])
+_HEAVY_SIZE_M = np.array([12.0, 2.55, 6.6])
+_LINE_GAP_M = 1.0  # from the front of a waiting vehicle to the conflict
 
 
 @dataclass(frozen=True)
 class ConflictZone:
-    """A stretch of a route that must not be used together with a stretch of another route."""
+    """A stretch of a route that conflicts with a stretch of another route.
+
+    Both must not be used together.
+    """
 
     start: float
     end: float
@@ -68,97 +73,105 @@ class _Path:
 
 
 def find_passages(road_map: RoadMap, routes: RouteTable) -> tuple[Passage, ...]:
-    """The passage of every route of a regulated map."""
+    """Return the passage of every route of a regulated map."""
+    geometry = road_map.geometry
     paths = [
-        _sample(route, r, routes, road_map.geometry)
+        _sample(route, routes.start[r], geometry)
         for r, route in enumerate(road_map.routes)
     ]
     zones: list[dict[int, tuple[ConflictZone, ...]]] = [{} for _ in paths]
-    arms = [road_map.geometry.index[route.roads[0][0]][0] for route in road_map.routes]
-    for p, path in enumerate(paths):
-        for q in range(p + 1, len(paths)):
-            shared = () if arms[p] == arms[q] else _zones(path, paths[q])
-            if shared:
-                zones[p][q] = shared
-                zones[q][p] = tuple(zone.mirrored for zone in shared)
+    arms = [geometry.index[route.roads[0][0]][0] for route in road_map.routes]
+    for first_index, path in enumerate(paths):
+        for second_index in range(first_index + 1, len(paths)):
+            shared_zones = (
+                ()
+                if arms[first_index] == arms[second_index]
+                else _zones(path, paths[second_index])
+            )
+            if shared_zones:
+                zones[first_index][second_index] = shared_zones
+                zones[second_index][first_index] = tuple(
+                    zone.mirrored for zone in shared_zones
+                )
     return tuple(
         _passage(road_map, r, paths[r], zones[r], routes) for r in range(len(paths))
     )
 
 
-def _sample(
-    route: Route, number: int, routes: RouteTable, geometry: LaneGeometry
-) -> _Path:
-    length, width, wheelbase = _HEAVY if route.heavy else _LIGHT
-    s, xy, half = [], [], []
+def _sample(route: Route, lane_start: Floats, geometry: LaneGeometry) -> _Path:
+    """Return the path along the first lanes of a route.
+
+    ``lane_start`` [L]: m from its start.
+    """
+    size = _HEAVY_SIZE_M if route.heavy else _LIGHT_SIZE_M
+    length, width, wheelbase = size[:, None]
+    stations = []
+    points = []
+    half_widths = []
     for lane, *_ in route.roads:
-        station = np.arange(0.0, geometry.length[lane], _STEP)
-        s.append(routes.start[number, lane] + station)
-        xy.append(
-            np.array(
-                [geometry.lanes[lane].position(float(value), 0.0) for value in station]
-            )
-        )
-        radius = geometry.radius[lane : lane + 1]
-        outer, inner = swept_sides(
-            np.array(length), np.array(width), np.array(wheelbase), radius
-        )
-        half.append(np.full(len(station), max(outer[0], inner[0]) + _FREE))
-    return _Path(np.concatenate(s), np.concatenate(xy), np.concatenate(half))
-
-
-def _near(a: _Path, b: _Path) -> _Path:
-    """The part of path a, in one piece, outside of which it is not close to b."""
-    reach = a.half.max() + b.half.max()
-    near = np.flatnonzero(
-        ((a.xy > b.xy.min(axis=0) - reach) & (a.xy < b.xy.max(axis=0) + reach)).all(
-            axis=1
-        )
+        along_m = np.arange(0.0, geometry.length[lane], _SAMPLE_STEP_M)
+        sides = swept_sides(length, width, wheelbase, geometry.radius[[lane]])
+        stations.append(lane_start[lane] + along_m)
+        points.append(lane_points(geometry.lanes[lane], along_m))
+        half_widths.append(np.full(len(along_m), max(sides)[0] + _SIDE_MARGIN_M))
+    return _Path(
+        np.concatenate(stations), np.concatenate(points), np.concatenate(half_widths)
     )
-    part = slice(near[0], near[-1] + 1) if len(near) else slice(1)
+
+
+def _close_part(a: _Path, b: _Path) -> _Path:
+    """Return the part of path a around path b.
+
+    Outside of it a is not close to b.
+    """
+    reach_m = a.half.max() + b.half.max()
+    close_pairs = (a.xy > b.xy.min(axis=0) - reach_m) & (
+        a.xy < b.xy.max(axis=0) + reach_m
+    )
+    index = np.flatnonzero(close_pairs.all(axis=1))
+    part = slice(index[0], index[-1] + 1) if len(index) else slice(1)
     return _Path(a.s[part], a.xy[part], a.half[part])
 
 
 def _zones(a: _Path, b: _Path) -> tuple[ConflictZone, ...]:
-    a = _near(a, b)
-    b = _near(b, a)
+    a = _close_part(a, b)
+    b = _close_part(b, a)
     dx = a.xy[:, 0, None] - b.xy[:, 0]
     dy = a.xy[:, 1, None] - b.xy[:, 1]
-    distance = np.sqrt(
-        dx * dx + dy * dy
-    )  # a norm along a short axis takes several times as long
-    close = distance < a.half[:, None] + b.half
+    # a norm along a short axis takes several times as long
+    distance = np.sqrt(dx * dx + dy * dy)
+    close_pairs = distance < a.half[:, None] + b.half
     return tuple(
-        _zone(a, b, distance, close, run) for run in _runs(np.any(close, axis=1))
+        _zone(a, b, distance, close_pairs, index_run)
+        for index_run in _runs(np.any(close_pairs, axis=1))
     )
 
 
 def _runs(flags: Bools) -> list[Ints]:
-    """Indices of each run of True."""
+    """Return the indices of each run of True."""
     index = np.flatnonzero(flags)
     return np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if len(index) else []
 
 
 def _zone(
-    a: _Path, b: _Path, distance: Floats, close: Bools, run: Ints
+    a: _Path, b: _Path, distance: Floats, close_pairs: Bools, index_run: Ints
 ) -> ConflictZone:
-    merged = np.argwhere(distance[run] < _MERGED)
-    if len(np.unique(merged[:, 0])) * _STEP >= _MERGE_LENGTH:
-        i, j = run[merged[0, 0]], merged[0, 1]
-        first = np.flatnonzero(close[run[0]])
-        start = max(
-            float(b.s[j]) - (float(a.s[i]) - float(a.s[run[0]])), float(b.s[first[0]])
-        )
-        return ConflictZone(
-            float(a.s[run[0]]), float(a.s[i]), start, float(b.s[j]), True
-        )
-    other = np.flatnonzero(close[run].any(axis=0))
+    """Return the zone of a run of close points of path a."""
+    start_m = float(a.s[index_run[0]])
+    merged, merged_other = np.nonzero(distance[index_run] < _MERGED_M)
+    if len(np.unique(merged)) * _SAMPLE_STEP_M >= _MIN_MERGE_LENGTH_M:
+        end_m = float(a.s[index_run[merged[0]]])
+        other_end = float(b.s[merged_other[0]])
+        first_other = float(b.s[np.flatnonzero(close_pairs[index_run[0]])[0]])
+        other_start = max(other_end - (end_m - start_m), first_other)
+        return ConflictZone(start_m, end_m, other_start, other_end, merging=True)
+    other = b.s[close_pairs[index_run].any(axis=0)]
     return ConflictZone(
-        float(a.s[run[0]]),
-        float(a.s[run[-1]]),
-        float(b.s[other[0]]),
-        float(b.s[other[-1]]),
-        False,
+        start_m,
+        float(a.s[index_run[-1]]),
+        float(other[0]),
+        float(other[-1]),
+        merging=False,
     )
 
 
@@ -169,48 +182,39 @@ def _passage(
     zones: dict[int, tuple[ConflictZone, ...]],
     routes: RouteTable,
 ) -> Passage:
-    every = [zone for shared in zones.values() for zone in shared]
-    found = [
-        part
-        for c, crossing in enumerate(road_map.crossings)
-        for part in _stretches(c, crossing, path)
+    stretches: list[CrossingStretch] = []
+    for c, crossing in enumerate(road_map.crossings):
+        stretches += _stretches(c, crossing, path)
+    stretches.sort(key=lambda stretch: stretch.start)
+    parts: list[ConflictZone | CrossingStretch]
+    parts = [
+        *stretches,
+        *(zone for shared_zones in zones.values() for zone in shared_zones),
     ]
-    stretches = tuple(sorted(found, key=lambda stretch: stretch.start))
-    line = (
-        min([zone.start for zone in every] + [stretch.start for stretch in stretches])
-        - _BEFORE_LINE
-    )
-    end = max([zone.end for zone in every] + [stretch.end for stretch in stretches])
-    lanes, length = (
-        [road[0] for road in road_map.routes[r].roads],
-        road_map.geometry.length,
-    )
-    inside = [
-        k
-        for k in lanes
-        if routes.start[r, k] + length[k] > line and routes.start[r, k] < end
-    ]
-    return Passage(
-        lanes[0],
-        line,
-        end,
-        float(road_map.geometry.limit[inside].min()),
-        stretches,
-        zones,
-    )
+    line_m = min(part.start for part in parts) - _LINE_GAP_M
+    end_m = max(part.end for part in parts)
+    lanes = np.array([road[0] for road in road_map.routes[r].roads])
+    lane_start = routes.start[r, lanes]
+    lane_end = lane_start + road_map.geometry.length[lanes]
+    inside = lanes[(lane_end > line_m) & (lane_start < end_m)]
+    cruise = float(road_map.geometry.limit[inside].min())
+    return Passage(int(lanes[0]), line_m, end_m, cruise, tuple(stretches), zones)
 
 
 def _stretches(number: int, crossing: Crossing, path: _Path) -> list[CrossingStretch]:
-    along, across = (
-        np.array(crossing.direction),
-        np.array([-crossing.direction[1], crossing.direction[0]]),
-    )
+    """Return the stretches of a path on a crossing."""
+    x, y = crossing.direction
     offset = path.xy - np.array(crossing.origin)
-    t, u, s = offset @ along, offset @ across, path.s
-    on = (t > 0) & (t < crossing.span) & (np.abs(u) <= crossing.width / 2)
+    along_m = offset @ np.array([x, y])
+    across_m = offset @ np.array([-y, x])
+    inside = (along_m > 0) & (along_m < crossing.span)
+    inside &= np.abs(across_m) <= crossing.width / 2
     return [
         CrossingStretch(
-            number, float(s[run[0]]), float(s[run[-1]]), float(t[run].mean())
+            number,
+            float(path.s[index_run[0]]),
+            float(path.s[index_run[-1]]),
+            float(along_m[index_run].mean()),
         )
-        for run in _runs(on)
+        for index_run in _runs(inside)
     ]

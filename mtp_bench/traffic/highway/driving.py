@@ -1,7 +1,8 @@
-"""State of all vehicles, and the driver model: following a leader, desired speed, steering.
+"""State of all vehicles, and the driver model: leaders, desired speed, steering.
 
-Gaps are measured from bumper to bumper along the path. Treiber, Hennecke, Helbing (2000), "Congested traffic states in
-empirical observations and microscopic simulations" (intelligent driver model).
+Gaps are measured from bumper to bumper along the path. Treiber, Hennecke, Helbing
+(2000), "Congested traffic states in empirical observations and microscopic simulations"
+(intelligent driver model).
 """
 
 from dataclasses import dataclass
@@ -10,147 +11,144 @@ import numpy as np
 
 from ...core import Bools, Floats, Ints
 from .lanes import NO_LANE, LaneGeometry, RouteTable
-from .networks import RoadMap
+from .road_map import RoadMap
 from .vehicles import Driver
 
-_DISCS = 7  # discs along a vehicle's axis that cover its box
-_DISC_PLACES = (
-    np.arange(_DISCS) - (_DISCS - 1) / 2
-) / _DISCS  # their centres, as shares of the length
-_PERSON_RADIUS = 0.4  # m
-_MARGIN = 0.3  # m, free space on both sides
-_CLOSE = 0.05  # m, least gap in the driver model
+# columns of a driving style
+_PACE, _TOP_SPEED, _TIME_GAP, MIN_GAP, ACCELERATION, _BRAKING, POLITENESS = range(7)
+
+_DISCS = 7  # along a vehicle's axis, that cover its box
+# centres of the discs, as shares of the length
+_DISC_PLACES = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS
+_PERSON_RADIUS_M = 0.4
+_SIDE_MARGIN_M = 0.3  # free space on both sides
+_MIN_GAP_M = 0.05  # in the driver model
+_LIMIT_BRAKING_MPS2 = 1.3  # for limits ahead
 _LATERAL_RATE = 0.8  # 1/s, decay of an offset from the target place in the lane
-_LATERAL_SPEED = 1.3  # m/s at most
+_MAX_LATERAL_MPS = 1.3
 _HEADING_RATE = 3.3  # 1/s
-_SWERVE = 2.2  # m/s2 of lateral acceleration at most, in addition to that of the bend
-_SLOW = 5.5  # m/s; slower vehicles turn as at this speed
-_PREVIEW = 0.3  # s
-_MOST_SLIP = (
-    0.45  # sine of the angle between heading and course, about 0.8 rad of steering
-)
+# lateral acceleration at most, in addition to that of the bend
+_MAX_SWERVE_MPS2 = 2.2
+_MIN_SWERVE_SPEED_MPS = 5.5  # slower vehicles turn as at this speed
+_PREVIEW_S = 0.3
+# sine of the angle between heading and course, about 0.8 rad of steering
+_MAX_SLIP_SINE = 0.45
 _SLIP_RATE = 0.3  # rad/s, about 0.6 rad/s of steering
 
 
-class Fleet:
-    """Constants of N vehicles, of M people on foot, and of the P discs that cover them."""
+class RoadState:
+    """N vehicles, and the P discs that cover them and M people on foot.
 
-    def __init__(
-        self, vehicles: list[Driver], people: int, geometry: LaneGeometry
-    ) -> None:
-        self.vehicles, self.people, n = vehicles, people, len(vehicles)
-        self.numbers = np.array([v.number for v in vehicles], dtype=np.int64)
-        traits = np.array([v.parameters for v in vehicles], dtype=np.float64).reshape(
-            -1, 13
-        )
-        self.length, self.width, self.wheelbase = traits[:, :3].T.copy()  # [N]
-        self.style = traits[
-            :, 3:10
-        ]  # [N, 7] pace, top speed, time gap, least gap, acceleration, braking, politeness
-        self.offset = traits[
-            :, 10
-        ].copy()  # [N] m right of the middle of the lane, preferred
-        self.disc_places = (
-            self.length[:, None] * _DISC_PLACES
-        )  # [N, discs] m along the axis
-        self.center = np.arange(n) * _DISCS + _DISCS // 2  # [N] the disc in the middle
-        radius = np.repeat(np.hypot(self.width / 2, self.length / (2 * _DISCS)), _DISCS)
-        self.disc_radius = np.concatenate(
-            [radius, np.full(people, _PERSON_RADIUS)]
-        )  # [P]
-        self.disc_owner = np.concatenate(
-            [np.repeat(np.arange(n), _DISCS), n + np.arange(people)]
-        )  # [P] vehicle, person
-        sizes = (self.length[:, None], self.width[:, None], self.wheelbase[:, None])
-        outer, inner = swept_sides(*sizes, geometry.radius)
-        right_turn = geometry.turn > 0
-        self.left, self.right = (
-            np.where(right_turn, outer, inner),
-            np.where(right_turn, inner, outer),
-        )  # [N, L] m
-        self.slip = np.arcsin(
-            np.clip(sizes[2] / 2 * geometry.curvature, -0.9, 0.9)
-        )  # [N, L] rad, in the lanes
-        self.limit = (
-            geometry.limit * self.style[:, :1]
-        ) ** 2  # [N, L] m2/s2, of the desired speed, squared
-
-    def __len__(self) -> int:
-        return len(self.vehicles)
-
-
-class RoadState(Fleet):
-    """N vehicles in the order of the road's list, and the discs that cover vehicles and people; highway-env's frame."""
+    The vehicles have the order of the road's list. The frame is highway-env's.
+    """
 
     def __init__(
         self,
-        fleet: Fleet,
+        vehicles: list[Driver],
         road_map: RoadMap,
         routes: RouteTable,
         people: Floats,
         people_velocity: Floats,
     ) -> None:
-        """Read the state of the ``fleet`` and move the lane numbers of its vehicles on along their ``routes``.
+        """Read the state and move lane numbers on along the ``routes``.
 
-        ``people`` and ``people_velocity`` ``[2, M]``: places and velocities of people on foot.
+        ``people`` and ``people_velocity`` [2, M]: places and velocities of people.
         """
-        vars(self).update(vars(fleet))
-        vehicles, center, length = (
-            fleet.vehicles,
-            fleet.center,
-            road_map.geometry.length,
-        )
-        rows = [
-            (
-                *v.position,
-                v.heading,
-                v.speed,
-                *v.action.values(),
-                v.route,
-                v.lane_number,
-            )
-            for v in vehicles
-        ]
-        columns = np.array(rows, dtype=np.float64).reshape(-1, 8).T.copy()
+        geometry = road_map.geometry
+        self.vehicles = vehicles
+        self.numbers = np.array([v.number for v in vehicles], dtype=np.int64)
+        self._read_traits(geometry)
+        rows = [(*v.position, v.heading, v.speed, *v.action.values()) for v in vehicles]
+        columns = np.array(rows, dtype=np.float64).reshape(-1, 6).T.copy()
         self.xy = columns[:2]  # [2, N]
-        self.heading, self.speed, self.steering, self.acceleration = columns[
-            2:6
-        ]  # [N], the last two of the last step
-        route, lane = columns[6:].astype(np.int64)
+        # [N], the last two of the last step
+        self.heading, self.speed, self.steering, self.acceleration = columns[2:]
         direction = np.array([np.cos(self.heading), np.sin(self.heading)])
-        discs = self.xy[:, :, None] + fleet.disc_places * direction[:, :, None]
-        points = np.concatenate([discs.reshape(2, -1), people], axis=1)
-        self.along, self.across = road_map.geometry.coordinates(
-            points
-        )  # [L, P] lane coordinates of the discs
-        for _ in range(2):  # a lane may be shorter than a step
-            after = routes.following[route, lane]
-            passed = (self.along[lane, center] > length[lane]) & (after != NO_LANE)
-            if not passed.any():
-                break
-            lane = np.where(passed, after, lane)
-        for vehicle, number in zip(vehicles, lane.tolist(), strict=True):
-            vehicle.lane_number = number
-        self.route, self.lane = route, lane  # [N] lane that is driven in, or towards
-        self.s, self.d = (
-            self.along[lane, center],
-            self.across[lane, center],
-        )  # [N] coordinates in that lane
-        self.path = routes.path[
-            route, lane
-        ]  # [N, K] lanes ahead, the present one first; `NO_LANE` without one
-        self.path_start = (
-            routes.path_start[route, lane] - self.s[:, None]
-        )  # [N, K] m from the vehicle to their start
-        self.progress = (
-            routes.start[route, lane] + self.s
-        )  # [N] m from the start of the route
+        # [2, N + M]
         self.velocity = np.concatenate(
             [direction * self.speed, people_velocity], axis=1
-        )  # [2, N + M]
-        self.finished = routes.last[route, lane] & (
-            self.s > length[lane] - 1.0
-        )  # [N] at the end of the route
+        )
+        self._cover(geometry, direction, people)
+
+        # [N] lane that is driven in, or towards
+        self.route, self.lane = self._advance_lanes(geometry, routes)
+        center = self._center_discs()
+        self.s = self.along[self.lane, center]  # [N] coordinates in that lane
+        self.d = self.across[self.lane, center]
+        # [N, K] lanes ahead, the present one first; `NO_LANE` without one
+        self.path = routes.path[self.route, self.lane]
+        # [N, K] m from the vehicle to their start
+        path_start = routes.path_start[self.route, self.lane]
+        self.path_start = path_start - self.s[:, None]
+        # [N] m from the start of the route
+        self.progress = routes.start[self.route, self.lane] + self.s
+        # [N] at the end of the route
+        at_end = self.s > geometry.length[self.lane] - 1.0
+        self.finished = routes.last[self.route, self.lane] & at_end
+
+    def __len__(self) -> int:
+        return len(self.vehicles)
+
+    def _read_traits(self, geometry: LaneGeometry) -> None:
+        rows = [v.parameters for v in self.vehicles]
+        traits = np.array(rows, dtype=np.float64).reshape(-1, 13)
+        self.length, self.width, self.wheelbase = traits[:, :3].T.copy()  # [N]
+        # [N, 7] pace, top speed, time gap, least gap, acceleration, braking, politeness
+        self.style = traits[:, 3:10]
+        # [N] m right of the middle of the lane, preferred
+        self.offset = traits[:, 10].copy()
+        sizes = (self.length[:, None], self.width[:, None], self.wheelbase[:, None])
+        outer, inner = swept_sides(*sizes, geometry.radius)
+        right_turn = geometry.turn > 0
+        self.left = np.where(right_turn, outer, inner)  # [N, L] m
+        self.right = np.where(right_turn, inner, outer)
+        # [N, L] rad, in the lanes
+        slip_sine = sizes[2] / 2 * geometry.curvature
+        self.slip = np.arcsin(np.clip(slip_sine, -0.9, 0.9))
+        # [N, L] m2/s2, of the desired speed
+        self.squared_limit = (geometry.limit * self.style[:, :1]) ** 2
+
+    def _cover(self, geometry: LaneGeometry, direction: Floats, people: Floats) -> None:
+        """Find the lane coordinates of the discs.
+
+        ``direction`` [2, N]: of the vehicles.
+        """
+        places = self.length[:, None] * _DISC_PLACES  # [N, discs] m along the axis
+        discs = self.xy[:, :, None] + places * direction[:, :, None]
+        points = np.concatenate([discs.reshape(2, -1), people], axis=1)
+        # [L, P] lane coordinates of the discs
+        self.along, self.across = geometry.coordinates(points)
+        radius = np.hypot(self.width / 2, self.length / (2 * _DISCS))
+        people_radius = np.full(people.shape[1], _PERSON_RADIUS_M)
+        # [P]
+        self.disc_radius = np.concatenate([radius.repeat(_DISCS), people_radius])
+        # [P] vehicle, person
+        numbers = np.arange(len(self) + people.shape[1])
+        counts = np.where(numbers < len(self), _DISCS, 1)
+        self.disc_owner = numbers.repeat(counts)
+
+    def _center_discs(self) -> Ints:
+        """Return the disc in the middle of each vehicle [N]."""
+        return np.arange(len(self)) * _DISCS + _DISCS // 2
+
+    def _advance_lanes(
+        self, geometry: LaneGeometry, routes: RouteTable
+    ) -> tuple[Ints, Ints]:
+        """Give vehicles that passed the end of a lane the next one.
+
+        Return routes and lanes [N].
+        """
+        center = self._center_discs()
+        route = np.array([v.route for v in self.vehicles], dtype=np.int64)
+        lane = np.array([v.lane_number for v in self.vehicles], dtype=np.int64)
+        for _ in range(2):  # a lane may be shorter than a step
+            following = routes.following[route, lane]
+            passed = self.along[lane, center] > geometry.length[lane]
+            passed &= following != NO_LANE
+            lane = np.where(passed, following, lane)
+        for vehicle, number in zip(self.vehicles, lane.tolist(), strict=True):
+            vehicle.lane_number = number
+        return route, lane
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,130 +160,141 @@ class Leaders:
 
 
 def find_leaders(state: RoadState, geometry: LaneGeometry) -> Leaders:
-    """Find the nearest disc of another vehicle or person in the strip that each vehicle is going to sweep."""
-    row, k = np.nonzero(
-        state.path >= 0
-    )  # R lanes of all paths, in the order of the vehicles
-    if not len(row):
+    """Find the nearest disc in the strip of each vehicle.
+
+    It is that of another vehicle or of a person.
+    """
+    # R lanes of all paths, in the order of the vehicles
+    vehicle_row, path_index = np.nonzero(state.path >= 0)
+    if not len(vehicle_row):
         return Leaders(np.zeros(0), np.zeros(0))
-    lane, radius, now = state.path[row, k], state.disc_radius, k == 0
-    low, high = _swept_strip(state, row, lane, now)
+    lane = state.path[vehicle_row, path_index]
+    radius = state.disc_radius
+    low_m, high_m = _swept_strip(state, vehicle_row, lane, present=path_index == 0)
     inside = (state.along > -0.3) & (state.along < geometry.length[:, None] + 0.3)
-    ahead = (
-        np.where(inside, state.along, -np.inf)[lane] + state.path_start[row, k, None]
-    )  # [R, P]
-    blocks = (state.across + radius)[lane] > low[:, None]
-    blocks &= (state.across - radius)[lane] < high[:, None]
-    blocks &= (ahead > 0.0) & (state.disc_owner != row[:, None])
-    gap, gaps = (
-        np.where(blocks, ahead - radius, np.inf),
-        np.full(state.path.shape, np.inf),
-    )
-    disc = gap.argmin(axis=1)
-    least = gaps[row, k] = gap[np.arange(len(row)), disc]
-    nearest = now.nonzero()[0] + gaps.argmin(axis=1)  # [N]
-    lane, disc, least = lane[nearest], disc[nearest], least[nearest]
-    tangent = geometry.heading(lane, state.along[lane, disc])
-    velocity = state.velocity[:, state.disc_owner[disc]]
+    along = np.where(inside, state.along, -np.inf)[lane]
+    ahead_m = along + state.path_start[vehicle_row, path_index, None]  # [R, P]
+    blocks = (state.across + radius)[lane] > low_m[:, None]
+    blocks &= (state.across - radius)[lane] < high_m[:, None]
+    blocks &= (ahead_m > 0.0) & (state.disc_owner != vehicle_row[:, None])
+    lane_gap_m = np.where(blocks, ahead_m - radius, np.inf)
+    disc_index = lane_gap_m.argmin(axis=1)
+    gap_m = np.full(state.path.shape, np.inf)
+    gap_m[vehicle_row, path_index] = lane_gap_m[np.arange(len(vehicle_row)), disc_index]
+    # [N] of the lanes of the path that with the nearest disc
+    nearest = np.flatnonzero(path_index == 0) + gap_m.argmin(axis=1)
+    lane = lane[nearest]
+    disc_index = disc_index[nearest]
+    distance_m = gap_m.min(axis=1)
+    tangent = geometry.heading(lane, state.along[lane, disc_index])
+    velocity = state.velocity[:, state.disc_owner[disc_index]]
     speed = velocity[0] * np.cos(tangent) + velocity[1] * np.sin(tangent)
-    return Leaders(least - state.length / 2, np.where(least < np.inf, speed, 0.0))
+    speed = np.where(distance_m < np.inf, speed, 0.0)
+    return Leaders(distance_m - state.length / 2, speed)
 
 
 def _swept_strip(
-    state: RoadState, row: Ints, lane: Ints, now: Bools
+    state: RoadState, vehicle_row: Ints, lane: Ints, present: Bools
 ) -> tuple[Floats, Floats]:
-    """Least and greatest lateral position ``[R]`` m that vehicles ``row`` sweep in lanes ``lane`` of their paths.
+    """Return the least and greatest lateral position [R] m that vehicles sweep.
 
-    In its present lane (``now``) one moves to its desired offset, in later lanes between that offset and the middle.
+    They are vehicles ``vehicle_row`` in lanes ``lane`` of their paths. In its
+    ``present`` lane one moves to its desired offset, in later lanes between that offset
+    and the middle.
     """
-    offset = state.offset
-    low = np.where(now, np.minimum(state.d, offset)[row], np.minimum(offset, 0.0)[row])
-    high = np.where(now, np.maximum(state.d, offset)[row], np.maximum(offset, 0.0)[row])
-    return low - state.left[row, lane] - _MARGIN, high + state.right[
-        row, lane
-    ] + _MARGIN
+    present_offset = np.where(present, state.d[vehicle_row], 0.0)
+    low_m = np.minimum(present_offset, state.offset[vehicle_row])
+    high_m = np.maximum(present_offset, state.offset[vehicle_row])
+    low_m = low_m - state.left[vehicle_row, lane] - _SIDE_MARGIN_M
+    return low_m, high_m + state.right[vehicle_row, lane] + _SIDE_MARGIN_M
 
 
 def swept_sides(
     length: Floats, width: Floats, wheelbase: Floats, radius: Floats
 ) -> tuple[Floats, Floats]:
-    """Reach of a box to the outer and to the inner side of a bend that its centre follows, m."""
-    rear = np.where(
-        np.isinf(radius), 0.0, np.sqrt(np.maximum(radius**2 - wheelbase**2 / 4, 0.0))
-    )
-    front = (wheelbase + length) / 2
+    """Return the reach of a box to both sides, m.
+
+    They are the outer and the inner side of a bend. The centre of the box follows the
+    bend.
+    """
+    straight = np.isinf(radius)
+    square = np.maximum(radius**2 - wheelbase**2 / 4, 0.0)
+    rear_m = np.where(straight, 0.0, np.sqrt(square))
+    front_m = (wheelbase + length) / 2
     with np.errstate(invalid="ignore"):
-        outer = np.where(
-            np.isinf(radius), width / 2, np.hypot(rear + width / 2, front) - radius
-        )
-        inner = np.where(np.isinf(radius), width / 2, radius - rear + width / 2)
-    return outer, inner
+        outer = np.hypot(rear_m + width / 2, front_m) - radius
+        inner = radius - rear_m + width / 2
+    half_width = width / 2
+    return np.where(straight, half_width, outer), np.where(straight, half_width, inner)
 
 
 def desired_speed(state: RoadState) -> Floats:
-    """Desired speed ``[N]`` m/s, which decreases in time for the limits ahead."""
-    distance = np.maximum(state.path_start - state.length[:, None] / 2, 0)
-    allowed = np.sqrt(
-        state.limit[np.arange(len(state))[:, None], state.path] + 2.0 * 1.3 * distance
-    )
+    """Return desired speeds [N] m/s within the limits ahead."""
+    distance_m = np.maximum(state.path_start - state.length[:, None] / 2, 0)
+    squared_limit = state.squared_limit[np.arange(len(state))[:, None], state.path]
+    allowed = np.sqrt(squared_limit + 2.0 * _LIMIT_BRAKING_MPS2 * distance_m)
     allowed[state.path < 0] = np.inf
-    return np.asarray(np.minimum(allowed.min(axis=1), state.style[:, 1]))
+    return np.asarray(np.minimum(allowed.min(axis=1), state.style[:, _TOP_SPEED]))
 
 
 def free_acceleration(speed: Floats, desired: Floats, style: Floats) -> Floats:
-    """Acceleration ``[N]`` m/s2 of the driver model on an empty road."""
-    a = style[..., 4]
-    return np.maximum(
-        a * (1.0 - (speed / np.maximum(desired, 0.1)) ** 4), -style[..., 5]
-    )
+    """Return accelerations [N] m/s2 of the driver model on an empty road."""
+    speed_share = speed / np.maximum(desired, 0.1)
+    acceleration = style[..., ACCELERATION] * (1.0 - speed_share**4)
+    return np.maximum(acceleration, -style[..., _BRAKING])
 
 
 def braking(
     speed: Floats,
-    gap: Floats,
+    gap_m: Floats,
     leader: Floats,
     style: Floats,
-    least: float | None = None,
+    min_gap: float | None = None,
 ) -> Floats:
-    """Decrease ``[N]`` m/s2 of the acceleration for a leader at a ``gap`` ``[N]`` m.
+    """Return decreases [N] m/s2 of the acceleration behind leaders.
 
-    ``speed`` and ``leader`` ``[N]``: m/s of both; ``style``: of the drivers; ``least``: m, another gap at rest.
+    ``gap_m`` [N]: m to them. ``speed`` and ``leader`` [N]: m/s of both; ``style``: of
+    the drivers; ``min_gap``: m, another gap at rest.
     """
-    a, b = style[..., 4], style[..., 5]
-    closing = speed * (speed - leader) / (2.0 * np.sqrt(a * b))
-    jam = style[..., 3] if least is None else least
-    wanted = jam + np.maximum(speed * style[..., 2] + closing, 0.0)
-    return a * (wanted / np.maximum(gap, _CLOSE)) ** 2
+    acceleration = style[..., ACCELERATION]
+    effort = np.sqrt(acceleration * style[..., _BRAKING])
+    closing_gap_m = speed * (speed - leader) / (2.0 * effort)
+    rest_gap = style[..., MIN_GAP] if min_gap is None else min_gap
+    moving_gap = np.maximum(speed * style[..., _TIME_GAP] + closing_gap_m, 0.0)
+    gap_ratio = (rest_gap + moving_gap) / np.maximum(gap_m, _MIN_GAP_M)
+    return acceleration * gap_ratio**2
 
 
 def steering_angles(
-    state: RoadState, geometry: LaneGeometry, routes: RouteTable, dt: float
+    state: RoadState, geometry: LaneGeometry, routes: RouteTable, step_s: float
 ) -> Floats:
-    """Steering angle ``[N]`` rad that brings each vehicle to its place in the lane and along it.
+    """Return steering angles [N] rad along the lanes.
 
-    The angles of ``dt`` seconds ago limit the new ones.
+    The angles of ``step_s`` seconds ago limit the new ones.
     """
-    v = np.maximum(state.speed, 1.0)
-    ahead = state.s + v * _PREVIEW
-    after = routes.following[state.route, state.lane]
-    beyond = (ahead > geometry.length[state.lane]) & (after >= 0)
-    lane = np.where(beyond, after, state.lane)
-    s = np.where(beyond, ahead - geometry.length[state.lane], ahead)
+    speed = np.maximum(state.speed, 1.0)
+    length = geometry.length[state.lane]
+    following = routes.following[state.route, state.lane]
+    preview_m = state.s + speed * _PREVIEW_S
+    beyond = (preview_m > length) & (following >= 0)
+    lane = np.where(beyond, following, state.lane)
+    preview_station_m = np.where(beyond, preview_m - length, preview_m)
+    lateral_speed = -_LATERAL_RATE * (state.d - state.offset)
+    lateral_speed = lateral_speed.clip(-_MAX_LATERAL_MPS, _MAX_LATERAL_MPS)
+    drift_rad = np.arcsin((lateral_speed / np.maximum(speed, 3.0)).clip(-0.35, 0.35))
     slip = state.slip[np.arange(len(state)), lane]
-    rate = (-_LATERAL_RATE * (state.d - state.offset)).clip(
-        -_LATERAL_SPEED, _LATERAL_SPEED
+    target_heading = geometry.heading(lane, preview_station_m) - slip + drift_rad
+    heading_error = (
+        np.remainder(target_heading - state.heading + np.pi, 2 * np.pi) - np.pi
     )
-    wanted = (
-        geometry.heading(lane, s)
-        - slip
-        + np.arcsin((rate / np.maximum(v, 3.0)).clip(-0.35, 0.35))
+    bend_rate = speed * geometry.curvature[lane]
+    max_rate = _MAX_SWERVE_MPS2 / np.maximum(speed, _MIN_SWERVE_SPEED_MPS)
+    turn_rate = (_HEADING_RATE * heading_error).clip(
+        bend_rate - max_rate, bend_rate + max_rate
     )
-    error = np.remainder(wanted - state.heading + np.pi, 2 * np.pi) - np.pi
-    bend = v * geometry.curvature[lane]
-    most = _SWERVE / np.maximum(v, _SLOW)
-    rate = (_HEADING_RATE * error).clip(bend - most, bend + most)
-    turn = np.arcsin((state.wheelbase / 2 * rate / v).clip(-_MOST_SLIP, _MOST_SLIP))
-    now = np.arctan(np.tan(state.steering) / 2)
-    return np.asarray(
-        np.arctan(2 * np.tan(turn.clip(now - _SLIP_RATE * dt, now + _SLIP_RATE * dt)))
-    )
+    slip_sine = state.wheelbase / 2 * turn_rate / speed
+    new_slip = np.arcsin(slip_sine.clip(-_MAX_SLIP_SINE, _MAX_SLIP_SINE))
+    old_slip = np.arctan(np.tan(state.steering) / 2)
+    change = _SLIP_RATE * step_s
+    new_slip = new_slip.clip(old_slip - change, old_slip + change)
+    return np.asarray(np.arctan(2 * np.tan(new_slip)))

@@ -1,6 +1,5 @@
-"""Road maps of the four scenarios: lanes, routes, crossings and kerbs, in highway-env's frame (y down)."""
+"""Road maps of the four scenarios: lanes, routes, crossings and kerbs."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -9,348 +8,265 @@ import numpy as np
 from ...core import Floats
 from .lanes import LaneGeometry, Route
 from .library import CircularLane, RoadNetwork, SineLane, StraightLane
-from .world import APPROACH, ARM_WEIGHTS, STRIP, ScenarioName
+from .road_map import Crossing, Kerb, Pavement, RoadMap
+from .world import APPROACH_M, ARM_WEIGHTS, STRIP_M, ScenarioName
 
-_TURN_WEIGHTS = (
-    0.235,
-    1.0,
-    0.57,
-)  # frequency of left turns, straight on and right turns at the intersection
-_QUARTER_WEIGHTS = (
-    0.6,
-    1.0,
-    0.4,
-)  # frequency of one, two and three quarters around the roundabout
-_STREET_LIMIT = 9.0  # m/s, on the arms
-_BEND_LIMITS = (4.8, 3.4)  # m/s, of left and right turns
-_RING_RADIUS = 24.0  # m, of the roundabout
-_ENTRY_RADIUS = 20.0  # m, of its entries and exits
-_ROUNDABOUT_LIMITS = (4.4, 5.0, 5.3)  # m/s, of the entries, the ring and the exits
-_WIDTH = 3.5  # m, of a lane
-_LANES = 2  # of each direction of the intersection
-_ROUND_WIDTH = 4.5  # m, of the lanes of the roundabout
-_ISLAND = (
-    4.5  # m, from the middle of an arm of the roundabout to the middle of its lanes
+# frequency of left turns, straight on and right turns at the intersection
+_LEFT_WEIGHT = 0.235
+_AHEAD_WEIGHT = 1.0
+_RIGHT_WEIGHT = 0.57
+# frequency of one, two and three quarters around the roundabout
+_QUARTER_WEIGHTS = (0.6, 1.0, 0.4)
+_STREET_LIMIT_MPS = 9.0  # on the arms
+_LEFT_LIMIT_MPS = 4.8
+_RIGHT_LIMIT_MPS = 3.4
+_ENTRY_LIMIT_MPS = 4.4  # of the roundabout
+_RING_LIMIT_MPS = 5.0
+_EXIT_LIMIT_MPS = 5.3
+_RING_RADIUS_M = 24.0  # of the roundabout
+_ENTRY_RADIUS_M = 20.0  # of its entries and exits
+_LANE_WIDTH_M = 3.5
+_ARM_LANES = 2  # of each direction of the intersection
+_ROUND_LANE_WIDTH_M = 4.5  # of the roundabout
+# from the middle of an arm of the roundabout to the middle of its lanes
+_ISLAND_M = 4.5
+_RIGHT_RADIUS_M = 9.0  # of the intersection's right turns
+# from the junction's mouth to the near and the far edge of a crossing
+_ZEBRA_M = (1.0, 4.0)
+_RAMP_SWING_M = 3.25  # half of the lateral shift of a ramp
+_NO_PARKING_JUNCTION_M = 10.0  # at the junction's end of an arm
+_NO_PARKING_FAR_M = 5.0
+_RAMP_LIMIT_MPS = 20.0
+_QUARTER_TURNS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # cosines and sines
+
+# half of the road of an arm of the intersection, and from its middle to where arms end
+_HALF_ROAD_M = _LANE_WIDTH_M * _ARM_LANES
+_MOUTH_M = _LANE_WIDTH_M * (_ARM_LANES - 0.5) + _RIGHT_RADIUS_M
+# the same of the roundabout, to the straight part of its arms
+_ROUND_ASIDE_M = _ISLAND_M + _ENTRY_RADIUS_M
+_ROUND_MOUTH_M = float(
+    np.sqrt((_RING_RADIUS_M + _ENTRY_RADIUS_M) ** 2 - _ROUND_ASIDE_M**2)
 )
-_RIGHT_RADIUS = 9.0  # m, of the intersection's right turns
-_ZEBRA = (
-    1.0,
-    4.0,
-)  # m, from the junction's mouth to the near and the far edge of a crossing
-_RAMP_SWING = 3.25  # m, half of the lateral shift of a ramp
-_NO_PARKING = (10.0, 5.0)  # m, at the junction's and at the other end of an arm
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """A zebra crossing over an arm: its axis runs from ``origin`` in ``direction`` over ``span`` metres of road."""
-
-    origin: tuple[float, float]
-    direction: tuple[float, float]
-    span: float
-    width: float
-
-
-@dataclass(frozen=True)
-class Pavement:
-    """Pavement beside two roads that cross at (0, 0) along the axes; the kerbs bend around the corners."""
-
-    corner: float  # m, the middle of a kerb's bend is at (+-corner, +-corner)
-    radius: float  # m, of the bend
-    strip: float  # m, beside the kerb along the arms, where cars park; people walk behind it
-
-    @property
-    def kerb(self) -> float:
-        """Distance in m from the middle of a road to its straight kerbs."""
-        return self.corner - self.radius
-
-
-@dataclass(frozen=True)
-class Kerb:
-    """A straight kerb to the right of the way from ``start`` in ``direction``, where cars park."""
-
-    start: tuple[float, float]
-    direction: tuple[float, float]
-    length: float
-
-
-@dataclass(frozen=True, eq=False)
-class RoadMap:
-    """A road network with its routes."""
-
-    network: Any  # a RoadNetwork
-    geometry: LaneGeometry
-    routes: tuple[Route, ...]
-    crossings: tuple[Crossing, ...]
-    sensor: tuple[float, float, float]  # x, y, z of a roadside sensor
-    regulated: bool  # vehicles give way by conflicts of routes
-    overtaking: bool  # vehicles change lanes
-    first_in_first_out: bool  # False: vehicles may also go before one that is far away
-    pavement: Pavement | None = None
-    kerbs: tuple[Kerb, ...] = ()
 
 
 def build_map(scenario: ScenarioName, seconds: float) -> RoadMap:
-    """Build the map of ``scenario``; fast roads are long enough for a vehicle to stay on them for ``seconds``."""
-    if scenario in ("intersection", "roundabout"):
-        return _intersection() if scenario == "intersection" else _roundabout()
+    """Build the map of ``scenario``.
+
+    Fast roads are long enough for a vehicle to stay on them for ``seconds``.
+    """
+    if scenario == "intersection":
+        return _intersection()
+    if scenario == "roundabout":
+        return _roundabout()
     return _merge(seconds) if scenario == "merge" else _highway(seconds)
 
 
-def _turned(corner: int, x: float, y: float) -> Floats:
-    cos, sin = ((1, 0), (0, 1), (-1, 0), (0, -1))[corner % 4]
+def _turned(arm: int, x: float, y: float) -> Floats:
+    """Turn a point or direction of the first arm."""
+    cos, sin = _QUARTER_TURNS[arm % 4]
     return np.array([cos * x - sin * y, sin * x + cos * y], dtype=np.float64)
 
 
+def _pair(arm: int, x: float, y: float) -> tuple[float, float]:
+    x, y = _turned(arm, x, y).tolist()
+    return x, y
+
+
 def _intersection() -> RoadMap:
-    network, lanes = RoadNetwork(), _LANES
-    outermost = _WIDTH * (lanes - 0.5)
-    mouth = outermost + _RIGHT_RADIUS
+    network = RoadNetwork()
     for arm in range(4):
-        _intersection_arm(network, arm, mouth)
+        _add_intersection_arm(network, arm)
     geometry = LaneGeometry(network)
     routes = []
+    crossings = []
     for arm in range(4):
-        into, left, ahead, right = (
-            f"m{arm}",
-            *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)),
+        # the target arm, its frequency, the lanes within the junction and out of it
+        movements = [
+            (1, _LEFT_WEIGHT, 0, 0, False),
+            *((2, _AHEAD_WEIGHT / _ARM_LANES, k, k, True) for k in range(_ARM_LANES)),
+            (3, _RIGHT_WEIGHT, 0, _ARM_LANES - 1, False),
+        ]
+        for turn, movement_weight, within, lane, heavy in movements:
+            target = (arm + turn) % 4
+            indices = (
+                (f"o{arm}", f"m{arm}", lane),
+                (f"m{arm}", f"w{target}", within),
+                (f"w{target}", f"x{target}", lane),
+            )
+            roads = tuple((geometry.number[index],) for index in indices)
+            routes.append(Route(roads, ARM_WEIGHTS[arm] * movement_weight, heavy))
+        origin = _pair(arm, -_HALF_ROAD_M, _MOUTH_M + sum(_ZEBRA_M) / 2)
+        width_m = _ZEBRA_M[1] - _ZEBRA_M[0]
+        crossings.append(
+            Crossing(origin, _pair(arm, 1.0, 0.0), 2 * _HALF_ROAD_M, width_m)
         )
-        for to, places, turn, heavy in (
-            (left, (0,), _TURN_WEIGHTS[0], False),
-            (ahead, tuple(range(lanes)), _TURN_WEIGHTS[1], True),
-            (right, (lanes - 1,), _TURN_WEIGHTS[2], False),
-        ):
-            for k in places:
-                within = k if heavy else 0  # a turn has a single lane
-                indices = (
-                    (f"o{arm}", into, k),
-                    (into, to, within),
-                    (to, "x" + to[1], k),
-                )
-                weight = ARM_WEIGHTS[arm] * turn / len(places)
-                routes.append(
-                    Route(tuple((geometry.number[i],) for i in indices), weight, heavy)
-                )
-    half = _WIDTH * lanes
-    middle = mouth + sum(_ZEBRA) / 2
-    crossings = tuple(
-        Crossing(
-            (float(o[0]), float(o[1])),
-            (float(u[0]), float(u[1])),
-            span=2 * half,
-            width=_ZEBRA[1] - _ZEBRA[0],
-        )
-        for o, u in (
-            (_turned(arm, -half, middle), _turned(arm, 1.0, 0.0)) for arm in range(4)
-        )
-    )
-    corner = (
-        mouth + STRIP + 2.0
-    )  # behind the sidewalks, so that no person stands right in front of the sensor
-    pavement = Pavement(mouth, mouth - half, STRIP)
-    sensor = (corner, corner, 4.0)
-    kerbs = _kerbs(half + STRIP, mouth)
+    # behind the sidewalks, so that no person stands right in front of the sensor
+    corner = _MOUTH_M + STRIP_M + 2.0
     return RoadMap(
         network,
         geometry,
         tuple(routes),
-        crossings,
-        sensor,
-        True,
-        False,
-        True,
-        pavement,
-        kerbs,
+        sensor=(corner, corner, 4.0),
+        regulated=True,
+        crossings=tuple(crossings),
+        pavement=Pavement(_MOUTH_M, _MOUTH_M - _HALF_ROAD_M),
+        kerbs=_kerbs(_HALF_ROAD_M + STRIP_M, _MOUTH_M),
     )
 
 
-def _kerbs(aside: float, mouth: float) -> tuple[Kerb, ...]:
-    """Both kerbs of every arm, ``aside`` m from its middle; the arm begins ``mouth`` m from that of the junction."""
-    near, far = mouth + _NO_PARKING[0], mouth + APPROACH - _NO_PARKING[1]
-    found = []
+def _kerbs(aside_m: float, mouth_m: float) -> tuple[Kerb, ...]:
+    """Return both kerbs of every arm, ``aside_m`` m from its middle.
+
+    The arm begins ``mouth_m`` m from the middle of the junction.
+    """
+    start_m = mouth_m + _NO_PARKING_JUNCTION_M
+    end_m = mouth_m + APPROACH_M - _NO_PARKING_FAR_M
+    kerbs = []
     for arm in range(4):
-        for start, along in (((aside, far), -1.0), ((-aside, near), 1.0)):
-            (x, y), (dx, dy) = (
-                _turned(arm, *start).tolist(),
-                _turned(arm, 0.0, along).tolist(),
-            )
-            found.append(Kerb((x, y), (dx, dy), far - near))
-    return tuple(found)
+        inward = _pair(arm, 0.0, -1.0)
+        outward = _pair(arm, 0.0, 1.0)
+        kerbs.append(Kerb(_pair(arm, aside_m, end_m), inward, end_m - start_m))
+        kerbs.append(Kerb(_pair(arm, -aside_m, start_m), outward, end_m - start_m))
+    return tuple(kerbs)
 
 
-def _intersection_arm(network: Any, arm: int, mouth: float) -> None:
-    quarter, lanes = np.pi / 2 * arm, _LANES
-    into, left, ahead, right = (
-        f"m{arm}",
-        *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)),
-    )
-    inner, outer = _WIDTH / 2, _WIDTH * (lanes - 0.5)
-    for k in range(lanes):
-        x = _WIDTH * (k + 0.5)
-        start, end, over = (
-            _turned(arm, x, mouth + APPROACH),
-            _turned(arm, x, mouth),
-            _turned(arm, x, -mouth),
-        )
-        network.add_lane(
-            f"o{arm}", into, StraightLane(start, end, _WIDTH, speed_limit=_STREET_LIMIT)
-        )
-        network.add_lane(
-            into, ahead, StraightLane(end, over, _WIDTH, speed_limit=_STREET_LIMIT)
-        )
-        start, end = _turned(arm, -x, mouth), _turned(arm, -x, mouth + APPROACH)
-        network.add_lane(
-            f"w{arm}",
-            f"x{arm}",
-            StraightLane(start, end, _WIDTH, speed_limit=_STREET_LIMIT),
-        )
-    center, phases = (
-        _turned(arm, mouth, mouth),
-        (quarter + np.pi, quarter + 1.5 * np.pi),
-    )
-    network.add_lane(into, right, _arc(center, mouth - outer, phases, _BEND_LIMITS[1]))
-    center, phases = _turned(arm, -mouth, mouth), (quarter, quarter - np.pi / 2)
-    network.add_lane(into, left, _arc(center, mouth + inner, phases, _BEND_LIMITS[0]))
+def _add_intersection_arm(network: Any, arm: int) -> None:
+    """Add the lanes of an arm, and those through the junction."""
+    quarter_rad = np.pi / 2 * arm
+    into = f"m{arm}"
+    left, ahead, right = (f"w{(arm + turn) % 4}" for turn in (1, 2, 3))
+    far_y = _MOUTH_M + APPROACH_M
+    for k in range(_ARM_LANES):
+        x = _LANE_WIDTH_M * (k + 0.5)
+        for origin, target, side, start_m, end_m in (
+            (f"o{arm}", into, x, far_y, _MOUTH_M),
+            (into, ahead, x, _MOUTH_M, -_MOUTH_M),
+            (f"w{arm}", f"x{arm}", -x, _MOUTH_M, far_y),
+        ):
+            lane = _street(arm, (side, start_m), (side, end_m), _LANE_WIDTH_M)
+            network.add_lane(origin, target, lane)
+    inner = _MOUTH_M + _LANE_WIDTH_M / 2
+    outer = _MOUTH_M - _LANE_WIDTH_M * (_ARM_LANES - 0.5)
+    center = _turned(arm, _MOUTH_M, _MOUTH_M)
+    phase_range = (quarter_rad + np.pi, quarter_rad + 1.5 * np.pi)
+    network.add_lane(into, right, _arc(center, outer, phase_range, _RIGHT_LIMIT_MPS))
+    center = _turned(arm, -_MOUTH_M, _MOUTH_M)
+    phase_range = (quarter_rad, quarter_rad - np.pi / 2)
+    network.add_lane(into, left, _arc(center, inner, phase_range, _LEFT_LIMIT_MPS))
+
+
+def _street(
+    arm: int, start_m: tuple[float, float], end_m: tuple[float, float], width_m: float
+) -> Any:
+    points = (_turned(arm, *start_m), _turned(arm, *end_m))
+    return StraightLane(*points, width_m, speed_limit=_STREET_LIMIT_MPS)
 
 
 def _arc(
     center: Floats,
-    radius: float,
-    phases: tuple[float, float],
-    limit: float,
-    width: float = _WIDTH,
+    radius_m: float,
+    phase_range: tuple[float, float],
+    limit_mps: float,
+    width_m: float = _LANE_WIDTH_M,
 ) -> Any:
+    clockwise = phase_range[1] > phase_range[0]
     return CircularLane(
         center,
-        radius,
-        *phases,
-        clockwise=phases[1] > phases[0],
-        width=width,
-        speed_limit=limit,
+        radius_m,
+        *phase_range,
+        clockwise=clockwise,
+        width=width_m,
+        speed_limit=limit_mps,
     )
 
 
 def _roundabout() -> RoadMap:
     network = RoadNetwork()
     for arm in range(4):
-        _roundabout_arm(network, arm)
+        _add_roundabout_arm(network, arm)
     geometry = LaneGeometry(network)
     ring = [node for k in range(4) for node in (f"n{-k % 4}", f"e{(-k - 1) % 4}")]
     routes = []
     for arm in range(4):
-        for quarters, share in zip((1, 2, 3), _QUARTER_WEIGHTS, strict=True):
+        first = ring.index(f"n{arm}")
+        for quarters, movement_weight in zip((1, 2, 3), _QUARTER_WEIGHTS, strict=True):
             out = (arm - quarters) % 4
-            first = ring.index(f"n{arm}")
-            nodes = [
-                f"o{arm}",
-                f"a{arm}",
-                *(ring[(first + k) % 8] for k in range(2 * quarters)),
-                f"z{out}",
-                f"x{out}",
-            ]
-            weight = ARM_WEIGHTS[arm] * share
-            routes.append(
-                Route(
-                    tuple((geometry.number[a, b, 0],) for a, b in pairwise(nodes)),
-                    weight,
-                    heavy=True,
-                )
-            )
-    kerbs = _kerbs(_ISLAND + _ROUND_WIDTH / 2 + STRIP, _mouth())
+            around = [ring[(first + k) % 8] for k in range(2 * quarters)]
+            nodes = [f"o{arm}", f"a{arm}", *around, f"z{out}", f"x{out}"]
+            roads = tuple((geometry.number[a, b, 0],) for a, b in pairwise(nodes))
+            routes.append(Route(roads, ARM_WEIGHTS[arm] * movement_weight))
     return RoadMap(
         network,
         geometry,
         tuple(routes),
-        (),
-        (0.0, 0.0, 4.0),
-        True,
-        False,
-        False,
-        None,
-        kerbs,
+        sensor=(0.0, 0.0, 4.0),
+        regulated=True,
+        first_in_first_out=False,
+        kerbs=_kerbs(_ISLAND_M + _ROUND_LANE_WIDTH_M / 2 + STRIP_M, _ROUND_MOUTH_M),
     )
 
 
-def _mouth() -> float:
-    """Distance in m from the middle of the roundabout to the straight part of its arms."""
-    return float(
-        np.sqrt((_RING_RADIUS + _ENTRY_RADIUS) ** 2 - (_ISLAND + _ENTRY_RADIUS) ** 2)
-    )
+def _add_roundabout_arm(network: Any, arm: int) -> None:
+    """Add entry, exit and ring at an arm."""
+    quarter_rad = np.pi / 2 * arm
+    # where the entry touches the ring; the exit mirrors it
+    touch_rad = float(np.arctan2(_ROUND_MOUTH_M, _ROUND_ASIDE_M))
+    far_y = _ROUND_MOUTH_M + APPROACH_M
+    entry = _turned(arm, _ROUND_ASIDE_M, _ROUND_MOUTH_M)
+    leave = _turned(arm, -_ROUND_ASIDE_M, _ROUND_MOUTH_M)
+    middle = _turned(arm, 0.0, 0.0)
 
+    def straight(x: float, start_m: float, end_m: float) -> Any:
+        return _street(arm, (x, start_m), (x, end_m), _ROUND_LANE_WIDTH_M)
 
-def _roundabout_arm(network: Any, arm: int) -> None:
-    aside, away = _ISLAND + _ENTRY_RADIUS, _mouth()
-    into, ring, out = _ROUNDABOUT_LIMITS
-    angle = float(
-        np.arctan2(away, aside)
-    )  # where the entry touches the ring; the exit mirrors it
-    quarter = np.pi / 2 * arm
-
-    def straight(start: tuple[float, float], end: tuple[float, float]) -> Any:
-        return StraightLane(
-            _turned(arm, *start),
-            _turned(arm, *end),
-            _ROUND_WIDTH,
-            speed_limit=_STREET_LIMIT,
-        )
-
-    def arc(
-        center: tuple[float, float],
-        radius: float,
-        start: float,
-        end: float,
-        limit: float,
+    def bend(
+        center: Floats,
+        radius_m: float,
+        start_rad: float,
+        end_rad: float,
+        limit_mps: float,
     ) -> Any:
-        return _arc(
-            _turned(arm, *center),
-            radius,
-            (quarter + start, quarter + end),
-            limit,
-            _ROUND_WIDTH,
-        )
+        phase_range = (quarter_rad + start_rad, quarter_rad + end_rad)
+        return _arc(center, radius_m, phase_range, limit_mps, _ROUND_LANE_WIDTH_M)
 
-    network.add_lane(
-        f"o{arm}", f"a{arm}", straight((_ISLAND, away + APPROACH), (_ISLAND, away))
+    half_turn = np.pi
+    quarter_end = half_turn / 2 - touch_rad
+    first_arc = bend(middle, _RING_RADIUS_M, touch_rad, quarter_end, _RING_LIMIT_MPS)
+    second_arc = bend(
+        middle, _RING_RADIUS_M, half_turn - touch_rad, touch_rad, _RING_LIMIT_MPS
     )
-    network.add_lane(
-        f"a{arm}",
-        f"n{arm}",
-        arc((aside, away), _ENTRY_RADIUS, np.pi, np.pi + angle, into),
+    into = bend(
+        entry, _ENTRY_RADIUS_M, half_turn, half_turn + touch_rad, _ENTRY_LIMIT_MPS
     )
-    network.add_lane(
-        f"e{arm}", f"z{arm}", arc((-aside, away), _ENTRY_RADIUS, -angle, 0.0, out)
-    )
-    network.add_lane(
-        f"z{arm}", f"x{arm}", straight((-_ISLAND, away), (-_ISLAND, away + APPROACH))
-    )
-    network.add_lane(
-        f"n{arm}",
-        f"e{(arm - 1) % 4}",
-        arc((0.0, 0.0), _RING_RADIUS, angle, np.pi / 2 - angle, ring),
-    )
-    network.add_lane(
-        f"e{arm}", f"n{arm}", arc((0.0, 0.0), _RING_RADIUS, np.pi - angle, angle, ring)
-    )
+    out = bend(leave, _ENTRY_RADIUS_M, -touch_rad, 0.0, _EXIT_LIMIT_MPS)
+    network.add_lane(f"o{arm}", f"a{arm}", straight(_ISLAND_M, far_y, _ROUND_MOUTH_M))
+    network.add_lane(f"a{arm}", f"n{arm}", into)
+    network.add_lane(f"e{arm}", f"z{arm}", out)
+    network.add_lane(f"z{arm}", f"x{arm}", straight(-_ISLAND_M, _ROUND_MOUTH_M, far_y))
+    network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", first_arc)
+    network.add_lane(f"e{arm}", f"n{arm}", second_arc)
 
 
 def _fast_road(
     ends: tuple[float, float, float, float],
-    lanes: int,
-    limit: float,
+    lane_count: int,
+    limit_mps: float,
     ramp: dict[str, Any],
 ) -> tuple[Any, LaneGeometry, list[tuple[int, ...]]]:
-    """Three roads a-b, b-c and c-d along x with one more lane in the middle, and the numbers of their lanes.
+    """Return roads a-b, b-c, c-d along x and their lanes.
 
-    ``ramp``: further lanes by the names of their ends.
+    There is one more lane in the middle. ``ramp``: further lanes by the names of their
+    ends.
     """
-    network, counts = RoadNetwork(), {"ab": lanes, "bc": lanes + 1, "cd": lanes}
-    for (road, count), start, end in zip(
-        counts.items(), ends[:-1], ends[1:], strict=True
+    network = RoadNetwork()
+    counts = {"ab": lane_count, "bc": lane_count + 1, "cd": lane_count}
+    for (road, count), (start_m, end_m) in zip(
+        counts.items(), pairwise(ends), strict=True
     ):
         for k in range(count):
-            lane = StraightLane(
-                (start, k * _WIDTH), (end, k * _WIDTH), _WIDTH, speed_limit=limit
-            )
+            y = k * _LANE_WIDTH_M
+            points = ((start_m, y), (end_m, y))
+            lane = StraightLane(*points, _LANE_WIDTH_M, speed_limit=limit_mps)
             network.add_lane(*road, lane)
     for road, lane in ramp.items():
         network.add_lane(*road, lane)
@@ -363,59 +279,58 @@ def _fast_road(
     return network, geometry, numbers
 
 
-def _ramp(x: tuple[float, float], y: float, approaching: bool, limit: float) -> Any:
-    middle = y + _RAMP_SWING
-    phase = np.pi / 2 if approaching else -np.pi / 2
-    pulsation = np.pi / (x[1] - x[0])
-    return SineLane(
-        (x[0], middle),
-        (x[1], middle),
-        _RAMP_SWING,
-        pulsation,
-        phase,
-        _WIDTH,
-        speed_limit=limit,
-    )
+def _ramp(
+    start_m: float, end_m: float, y: float, phase: float, limit_mps: float
+) -> Any:
+    """Return the bend of a ramp beside ``y``."""
+    middle = y + _RAMP_SWING_M
+    pulsation = np.pi / (end_m - start_m)
+    points = ((start_m, middle), (end_m, middle))
+    wave = (_RAMP_SWING_M, pulsation, phase)
+    return SineLane(*points, *wave, _LANE_WIDTH_M, speed_limit=limit_mps)
 
 
 def _merge(seconds: float) -> RoadMap:
-    lanes, total = 2, max(560.0, 26.0 * seconds + 200.0)
-    bend, joined, narrow = total * 0.4, total * 0.4 + 80.0, total * 0.4 + 220.0
-    y = lanes * _WIDTH
-    far = y + 2 * _RAMP_SWING
-    entry = StraightLane((0.0, far), (bend, far), _WIDTH, speed_limit=20.0)
-    ramp = {"jk": entry, "kb": _ramp((bend, joined), y, True, 20.0)}
-    network, geometry, roads = _fast_road(
-        (0.0, joined, narrow, total), lanes, 25.0, ramp
+    lane_count = 2
+    total_m = max(560.0, 26.0 * seconds + 200.0)
+    bend = total_m * 0.4
+    joined_x = total_m * 0.4 + 80.0
+    narrow_x = total_m * 0.4 + 220.0
+    y = lane_count * _LANE_WIDTH_M
+    far_y = y + 2 * _RAMP_SWING_M
+    entry = StraightLane(
+        (0.0, far_y), (bend, far_y), _LANE_WIDTH_M, speed_limit=_RAMP_LIMIT_MPS
     )
-    main, middle, after, *before = roads
+    ramp = {"jk": entry, "kb": _ramp(bend, joined_x, y, np.pi / 2, _RAMP_LIMIT_MPS)}
+    ends = (0.0, joined_x, narrow_x, total_m)
+    network, geometry, roads = _fast_road(ends, lane_count, 25.0, ramp)
+    main, middle, final, *entries = roads
     routes = (
-        Route((main, middle[:-1], after), 0.7),
-        Route((*before, middle, after), 0.3),
+        Route((main, middle[:-1], final), 0.7),
+        Route((*entries, middle, final), 0.3),
     )
-    return RoadMap(
-        network,
-        geometry,
-        routes,
-        (),
-        ((joined + narrow) / 2, -7.0, 4.0),
-        False,
-        True,
-        True,
-    )
+    sensor = ((joined_x + narrow_x) / 2, -7.0, 4.0)
+    return RoadMap(network, geometry, routes, sensor, regulated=False)
 
 
 def _highway(seconds: float) -> RoadMap:
-    lanes, total = 3, max(600.0, 29.0 * seconds + 200.0)
-    wide, split = total * 0.45, total * 0.45 + 200.0
-    y = lanes * _WIDTH
-    far, parted = y + 2 * _RAMP_SWING, split + 90.0
-    leaving = StraightLane((parted, far), (total, far), _WIDTH, speed_limit=20.0)
-    ramp = {"ce": _ramp((split, parted), y, False, 22.0), "ef": leaving}
-    network, geometry, roads = _fast_road((0.0, wide, split, total), lanes, 28.0, ramp)
-    main, middle, after, *out = roads
-    routes = (
-        Route((main, middle[:-1], after), 0.75),
-        Route((main, middle, *out), 0.25, otherwise=0),
+    lane_count = 3
+    total_m = max(600.0, 29.0 * seconds + 200.0)
+    wide_x = total_m * 0.45
+    split_x = total_m * 0.45 + 200.0
+    parted_x = split_x + 90.0
+    y = lane_count * _LANE_WIDTH_M
+    far_y = y + 2 * _RAMP_SWING_M
+    leaving = StraightLane(
+        (parted_x, far_y), (total_m, far_y), _LANE_WIDTH_M, speed_limit=_RAMP_LIMIT_MPS
     )
-    return RoadMap(network, geometry, routes, (), (split, -7.0, 4.0), False, True, True)
+    ramp = {"ce": _ramp(split_x, parted_x, y, -np.pi / 2, 22.0), "ef": leaving}
+    ends = (0.0, wide_x, split_x, total_m)
+    network, geometry, roads = _fast_road(ends, lane_count, 28.0, ramp)
+    main, middle, final, *exits = roads
+    routes = (
+        Route((main, middle[:-1], final), 0.75),
+        Route((main, middle, *exits), 0.25, otherwise=0),
+    )
+    sensor = (split_x, -7.0, 4.0)
+    return RoadMap(network, geometry, routes, sensor, regulated=False)

@@ -1,8 +1,9 @@
 """Right of way at a junction: first come, first served, where routes conflict.
 
-Near its line a vehicle asks for the right of way. It gets it if it will reach every shared stretch after the vehicles
-that have it have left (or, if the map allows it, well before they come), and if no pedestrian is in the way. Until then
-it stops at its line; with the right of way it still waits before a stretch that is not free in time.
+Near its line a vehicle asks for the right of way. It gets it if it will reach every
+shared stretch after the vehicles that have it have left (or, if the map allows it, well
+before they come), and if no pedestrian is in the way. Until then it stops at its line.
+With the right of way it still waits before a stretch that is not free in time.
 """
 
 import math
@@ -12,27 +13,36 @@ import numpy as np
 
 from ...core import Floats
 from .conflicts import ConflictZone, CrossingStretch, Passage
-from .driving import Leaders, RoadState
-from .world import ASK_TIME
+from .driving import ACCELERATION, Leaders, RoadState
 
-Orders = list[
-    tuple[int, ConflictZone]
-]  # numbers of vehicles, each with a zone shared with it
-_ASK = 14.0  # m before the line at which a vehicle asks, and more at speed
-_AFTER, _BEFORE = 0.6, 0.5  # s between two vehicles at a shared stretch
-_KEEP = 0.2  # s of it that must remain, otherwise a vehicle with the right of way waits
-_PATIENCE = 6.0  # s after which no conflicting vehicle gets the right of way first
-_COURTESY = (
-    10.0  # s after which people who have just come to a crossing let a vehicle go first
-)
-_BESIDE = 1.7  # m from the middle of a vehicle's path to a pedestrian outside of it
-_ON_FOOT = 1.0  # s between a vehicle and a pedestrian
-_OVERSHOT = 3.0  # m; a vehicle that stopped this far behind the line still waits
-_SLOW = 1.0  # m/s; a slower vehicle may stay in its place
-_FIRM = (
-    3.0,
-    5.0,
-)  # m/s2, braking before a line: of the driven vehicle, and of others who see it come
+# numbers of vehicles, each with a zone shared with it
+Orders = list[tuple[int, ConflictZone]]
+_ASK_DISTANCE_M = 14.0  # before the line, at which a vehicle asks, and more at speed
+_ASK_TIME_S = 4.0
+# between two vehicles at a shared stretch
+_AFTER_S = 0.6
+_BEFORE_S = 0.5
+# of it that must remain, otherwise a vehicle with the right of way waits
+_MIN_AFTER_S = 0.2
+# after which no conflicting vehicle gets the right of way first
+_PATIENCE_S = 6.0
+# after which people who have just come to a crossing let a vehicle go first
+_COURTESY_S = 10.0
+# from the middle of a vehicle's path to a pedestrian outside of it
+_WALKER_GAP_M = 1.7
+_WALKER_GAP_S = 1.0  # between a vehicle and a pedestrian
+# a vehicle that stopped this far behind the line still waits
+_OVERSHOT_M = 3.0
+_SLOW_MPS = 1.0  # a slower vehicle may stay in its place
+_INSIDE_M = 0.5  # a vehicle this far inside a stretch no longer waits before it
+_STRETCH_GAP_M = 0.3  # before a crossing
+# braking before a line: of the driven vehicle, and of others who see it come
+_DRIVEN_BRAKING_MPS2 = 3.0
+_OTHERS_BRAKING_MPS2 = 5.0
+_FAST_ACCELERATION_MPS2 = 2.2
+_FAST_CRUISE = 1.05  # share of the limit
+_SLOW_ACCELERATION = 0.7  # share of the driver's
+_SLOW_CRUISE = 0.85
 
 
 @dataclass(frozen=True)
@@ -48,6 +58,9 @@ class CrossingPedestrian:
 
 @dataclass(slots=True)
 class _Approach:
+    """A vehicle on its way to the junction or through it."""
+
+    passage: Passage
     route: int
     front: float  # m from the start of the route
     rear: float
@@ -56,293 +69,295 @@ class _Approach:
     free: float  # m to a slow leader
     stop: float = math.inf  # m to the place where it has to wait
 
+    @property
+    def behind_line(self) -> bool:
+        """True if it can still wait at the line."""
+        return self.front <= self.passage.line + _OVERSHOT_M
+
+    def has_left(self, zone: ConflictZone) -> bool:
+        """Return True if it has left the other stretch of a zone.
+
+        On a common way it is enough to be ahead.
+        """
+        if zone.merging:
+            return (self.front + self.rear) / 2 > zone.other_end
+        return self.rear > zone.other_end
+
+    def soonest(self, place: float) -> float:
+        """Return the earliest time at a place, s from now."""
+        cruise_mps = _FAST_CRUISE * self.passage.cruise
+        distance_m = place - self.front
+        return _travel_time(distance_m, self.speed, _FAST_ACCELERATION_MPS2, cruise_mps)
+
+    def latest(self, end: float) -> float:
+        """Return the latest time at an ``end``, s from now.
+
+        Inf if it may stop before.
+        """
+        distance_m = end - self.rear
+        if min(self.free, self.stop) < distance_m:
+            return math.inf
+        acceleration_mps2 = _SLOW_ACCELERATION * self.acceleration
+        cruise_mps = _SLOW_CRUISE * self.passage.cruise
+        return _travel_time(distance_m, self.speed, acceleration_mps2, cruise_mps)
+
+    def meets(self, stretch: CrossingStretch, walk: CrossingPedestrian) -> bool:
+        """Return True if a pedestrian would be in the way."""
+        if walk.crossing != stretch.crossing or self.rear > stretch.end:
+            return False
+        to_middle = (stretch.across - walk.along) * walk.direction
+        if to_middle < -_WALKER_GAP_M:
+            return False
+        enters = max(to_middle - _WALKER_GAP_M, 0.0) / walk.speed
+        leaves = (to_middle + _WALKER_GAP_M) / walk.speed
+        comes_before = self.soonest(stretch.start) < leaves + _WALKER_GAP_S / 2
+        return comes_before and enters < self.latest(stretch.end) + _WALKER_GAP_S
+
+    def meets_any(
+        self, stretch: CrossingStretch, walks: list[CrossingPedestrian]
+    ) -> bool:
+        """Return True if any of the pedestrians would be in the way."""
+        return any(self.meets(stretch, walk) for walk in walks)
+
 
 @dataclass
 class RightOfWay:
-    """Granted rights of way, by vehicle number."""
+    """Granted rights of way, by vehicle number.
+
+    ``driven``: number of a vehicle that cannot be told to wait; others let it pass
+    where it cannot stop.
+    """
 
     passages: tuple[Passage, ...]
     first_in_first_out: bool
-    driven: int = -1  # number of a vehicle that cannot be told to wait; others let it pass where it cannot stop
-    _granted: dict[int, Orders] = field(
-        default_factory=dict
-    )  # vehicles to let go first
-    _asked: dict[int, float] = field(default_factory=dict)  # time
+    driven: int = -1
+    # vehicles to let go first
+    _granted: dict[int, Orders] = field(default_factory=dict)
+    _asked_s: dict[int, float] = field(default_factory=dict)
     _vehicles: dict[int, _Approach] = field(default_factory=dict)
-    _claimed: list[int] = field(
-        default_factory=list
-    )  # crossings that a vehicle has waited for long enough
+    # crossings that a vehicle has waited for long enough
+    _claimed: list[int] = field(default_factory=list)
 
     def update(
         self,
         state: RoadState,
-        ahead: Leaders,
+        leading_obstacles: Leaders,
         walks: list[CrossingPedestrian],
-        claimed: set[int],
-        time: float,
+        claimed_crossings: set[int],
+        time_s: float,
     ) -> Floats:
-        """Free metres ``[N]`` from each bumper to the place to wait at; inf if it need not wait.
+        """Return free metres [N] to the places to wait at.
 
-        ``walks``: pedestrians on crossings; ``claimed``: crossings where people have waited long enough, for which no
-        vehicle gets the right of way; ``time``: s.
+        They are inf for a vehicle that need not wait. ``walks``: pedestrians on
+        crossings; ``claimed_crossings``: crossings where people have waited long
+        enough, for which no vehicle gets the right of way.
         """
-        self._observe(state, ahead)
+        self._observe(state, leading_obstacles)
+        self._grant(self._first_waiting(), walks, claimed_crossings, time_s)
+        driven = self._vehicles.get(self.driven)
+        if driven is not None and driven.rear <= driven.passage.end:
+            self._let_pass(driven)
+        # the oldest right first: others wait for those who wait
+        for vehicle_number, orders in self._granted.items():
+            me = self._vehicles[vehicle_number]
+            me.stop = self._wait_inside(me, orders, walks)
         stop = np.full(len(state), np.inf)
-        waiting = self._first_waiting(state)
-        self._grant(waiting, walks, claimed, time)
-        self._let_pass(self._vehicles.get(self.driven))
-        index = {vehicle.number: i for i, vehicle in enumerate(state.vehicles)}
-        for (
-            number,
-            yields,
-        ) in (
-            self._granted.items()
-        ):  # the oldest right first: others wait for those who wait
-            me = self._vehicles[number]
-            stop[index[number]] = me.stop = self._wait_inside(me, yields, walks)
-        for number, i in index.items():
-            me = self._vehicles[number]
-            if (
-                number not in self._granted
-                and me.front < self.passages[me.route].line + _OVERSHOT
-            ):
-                stop[i] = max(self.passages[me.route].line - me.front, 0.0)
+        for row_index, (vehicle_number, me) in enumerate(self._vehicles.items()):
+            if vehicle_number in self._granted:
+                stop[row_index] = me.stop
+            elif me.front < me.passage.line + _OVERSHOT_M:
+                stop[row_index] = max(me.passage.line - me.front, 0.0)
         return stop
 
     def free_to_walk(self, walk: CrossingPedestrian) -> bool:
-        """True if no vehicle with the right of way comes in the time that a pedestrian needs to cross."""
+        """Return True if a pedestrian can cross.
+
+        No vehicle with the right of way comes in the needed time.
+        """
         if walk.patient and walk.crossing in self._claimed:
             return False
-        for number in self._granted:
-            me = self._vehicles[number]
-            for stretch in self.passages[me.route].stretches:
-                if (
-                    stretch.crossing == walk.crossing
-                    and me.rear < stretch.end
-                    and self._meets(me, stretch, walk)
-                ):
-                    return False
-        return True
-
-    def _observe(self, state: RoadState, ahead: Leaders) -> None:
-        front, rear = (
-            state.progress + state.length / 2,
-            state.progress - state.length / 2,
+        vehicles = (self._vehicles[vehicle_number] for vehicle_number in self._granted)
+        return not any(
+            me.rear < stretch.end and me.meets(stretch, walk)
+            for me in vehicles
+            for stretch in me.passage.stretches
         )
-        free = np.where(ahead.speed < _SLOW, ahead.gap, np.inf)
+
+    def _observe(self, state: RoadState, leading_obstacles: Leaders) -> None:
+        """Read the vehicles in order and forget those that left."""
+        stops = {
+            vehicle_number: self._vehicles[vehicle_number].stop
+            for vehicle_number in self._granted
+        }
         columns = (
             state.numbers,
             state.route,
-            front,
-            rear,
+            state.progress + state.length / 2,
+            state.progress - state.length / 2,
             state.speed,
-            state.style[:, 4],
-            free,
+            state.style[:, ACCELERATION],
+            np.where(
+                leading_obstacles.speed < _SLOW_MPS, leading_obstacles.gap, np.inf
+            ),
         )
-        before = self._vehicles
-        rows = zip(*(column.tolist() for column in columns), strict=True)
-        self._vehicles = {number: _Approach(*row) for number, *row in rows}
-        for number in self._granted:
-            if number in self._vehicles:
-                self._vehicles[number].stop = before[number].stop
-        inside = {
-            n
-            for n, me in self._vehicles.items()
-            if me.rear <= self.passages[me.route].end
-        }
-        self._granted = {
-            n: yields for n, yields in self._granted.items() if n in inside
-        }
-        self._asked = {
-            n: time for n, time in self._asked.items() if n in self._vehicles
-        }
-
-    def _first_waiting(self, state: RoadState) -> list[int]:
-        """The first vehicle of every approach without the right of way."""
-        first: dict[int, tuple[float, int]] = {}
-        for number, progress in zip(
-            state.numbers.tolist(), state.progress.tolist(), strict=True
+        self._vehicles = {}
+        for vehicle_number, route, *values in zip(
+            *(column.tolist() for column in columns), strict=True
         ):
-            passage = self.passages[self._vehicles[number].route]
-            if (
-                number in self._granted
-                or self._vehicles[number].front > passage.line + _OVERSHOT
-            ):
+            approach = _Approach(self.passages[route], route, *values)
+            approach.stop = stops.get(vehicle_number, math.inf)
+            self._vehicles[vehicle_number] = approach
+        for vehicle_number in [*self._granted]:
+            me = self._vehicles.get(vehicle_number)
+            if me is None or me.rear > me.passage.end:
+                del self._granted[vehicle_number]
+        for vehicle_number in self._asked_s.keys() - self._vehicles.keys():
+            del self._asked_s[vehicle_number]
+
+    def _first_waiting(self) -> list[int]:
+        """Return the first vehicle of every approach without the right of way."""
+        first_numbers: dict[int, int] = {}
+        for vehicle_number, me in self._vehicles.items():
+            if vehicle_number in self._granted or not me.behind_line:
                 continue
-            if passage.entry not in first or progress > first[passage.entry][0]:
-                first[passage.entry] = (progress, number)
-        return [number for _, number in first.values()]
+            leader = first_numbers.get(me.passage.entry)
+            if leader is None or _middle(me) > _middle(self._vehicles[leader]):
+                first_numbers[me.passage.entry] = vehicle_number
+        return list(first_numbers.values())
 
     def _grant(
         self,
         waiting: list[int],
         walks: list[CrossingPedestrian],
-        claimed: set[int],
-        time: float,
+        claimed_crossings: set[int],
+        time_s: float,
     ) -> None:
-        for number in waiting:
-            me = self._vehicles[number]
-            if self.passages[me.route].line - me.front < _ASK + ASK_TIME * me.speed:
-                self._asked.setdefault(number, time)
-        impatient: list[int] = []  # routes
+        """Give waiting vehicles the right of way in order."""
+        impatient_routes: list[int] = []
         self._claimed = []
-        for since, number in sorted(
-            (self._asked[n], n) for n in waiting if n in self._asked
-        ):
-            me = self._vehicles[number]
-            if any(route in self.passages[me.route].zones for route in impatient):
+        asking_times = self._asking(waiting, time_s)
+        for asked_s, vehicle_number in sorted(asking_times):
+            me = self._vehicles[vehicle_number]
+            if any(route in me.passage.zones for route in impatient_routes):
                 continue
-            order = self._order(me, walks, claimed)
-            if order is not None:
-                yields, before = order
-                self._granted[number] = yields
-                for other, zone in before:
-                    self._granted[other].append((number, zone))
+            zone_order = self._order(me, walks, claimed_crossings)
+            if zone_order is not None:
+                self._granted[vehicle_number], followers = zone_order
+                for other_approach, zone in followers:
+                    self._granted[other_approach].append((vehicle_number, zone))
                 continue
-            if time - since > _PATIENCE:
-                impatient.append(me.route)
-            if time - since > _COURTESY:
-                self._claimed += [
-                    stretch.crossing for stretch in self.passages[me.route].stretches
-                ]
+            if time_s - asked_s > _PATIENCE_S:
+                impatient_routes.append(me.route)
+            if time_s - asked_s > _COURTESY_S:
+                self._claimed += [stretch.crossing for stretch in me.passage.stretches]
+
+    def _asking(self, waiting: list[int], time_s: float) -> list[tuple[float, int]]:
+        """Return times of asking, and numbers, of vehicles close to their line."""
+        for vehicle_number in waiting:
+            me = self._vehicles[vehicle_number]
+            ask_distance_m = _ASK_DISTANCE_M + _ASK_TIME_S * me.speed
+            if me.passage.line - me.front < ask_distance_m:
+                self._asked_s.setdefault(vehicle_number, time_s)
+        return [(self._asked_s[n], n) for n in waiting if n in self._asked_s]
 
     def _order(
-        self, me: _Approach, walks: list[CrossingPedestrian], claimed: set[int]
+        self,
+        me: _Approach,
+        walks: list[CrossingPedestrian],
+        claimed_crossings: set[int],
     ) -> tuple[Orders, Orders] | None:
-        """Vehicles to let go first, and vehicles that must let this one go first; None if it cannot go now."""
-        passage = self.passages[me.route]
-        for stretch in passage.stretches:
-            if stretch.crossing in claimed or any(
-                self._meets(me, stretch, walk) for walk in walks
-            ):
+        """Return vehicles to let go first, and those that wait.
+
+        None if it cannot go now.
+        """
+        for stretch in me.passage.stretches:
+            if stretch.crossing in claimed_crossings or me.meets_any(stretch, walks):
                 return None
-        yields: Orders = []
-        before: Orders = []
-        for number in self._granted:
-            other = self._vehicles[number]
-            for zone in passage.zones.get(other.route, ()):
-                if _has_left(other, zone):
+        leaders: Orders = []
+        followers: Orders = []
+        for vehicle_number in self._granted:
+            other_approach = self._vehicles[vehicle_number]
+            for zone in me.passage.zones.get(other_approach.route, ()):
+                if other_approach.has_left(zone):
                     continue
                 if (
-                    self._soonest(me, zone.start)
-                    > self._latest(other, zone.other_end) + _AFTER
+                    me.soonest(zone.start)
+                    > other_approach.latest(zone.other_end) + _AFTER_S
                 ):
-                    yields.append((number, zone))
-                elif self._can_go_before(me, other, zone):
-                    before.append((number, zone.mirrored))
+                    leaders.append((vehicle_number, zone))
+                elif self._can_go_before(me, other_approach, zone):
+                    followers.append((vehicle_number, zone.mirrored))
                 else:
                     return None
-        return yields, before
+        return leaders, followers
 
-    def _let_pass(self, me: _Approach | None) -> None:
-        """Give the driven vehicle the right of way where it can no longer stop; vehicles that can stop let it pass."""
-        if me is None or me.rear > self.passages[me.route].end:
-            return
-        reach, passage = (
-            me.front + me.speed**2 / (2 * _FIRM[0]),
-            self.passages[me.route],
-        )
-        if reach > passage.line:
+    def _let_pass(self, me: _Approach) -> None:
+        """Let the driven vehicle go where it cannot stop.
+
+        Vehicles that can stop let it pass.
+        """
+        reach_m = me.front + me.speed**2 / (2 * _DRIVEN_BRAKING_MPS2)
+        if reach_m > me.passage.line:
             self._granted.setdefault(self.driven, [])
-        for number, orders in (
-            self._granted.items() if self.driven in self._granted else ()
-        ):
-            other = self._vehicles[number]
-            for zone in (
-                passage.zones.get(other.route, ()) if number != self.driven else ()
-            ):
-                order = (self.driven, zone.mirrored)
-                stops = other.front + other.speed**2 / (2 * _FIRM[1]) < zone.other_start
-                if reach > zone.start and stops and order not in orders:
-                    orders.append(order)
+        if self.driven not in self._granted:
+            return
+        for vehicle_number, orders in self._granted.items():
+            if vehicle_number == self.driven:
+                continue
+            other_approach = self._vehicles[vehicle_number]
+            other_reach = other_approach.front + other_approach.speed**2 / (
+                2 * _OTHERS_BRAKING_MPS2
+            )
+            for zone in me.passage.zones.get(other_approach.route, ()):
+                zone_order = (self.driven, zone.mirrored)
+                stops = other_reach < zone.other_start
+                if reach_m > zone.start and stops and zone_order not in orders:
+                    orders.append(zone_order)
 
     def _can_go_before(
-        self, me: _Approach, other: _Approach, zone: ConflictZone
+        self, me: _Approach, other_approach: _Approach, zone: ConflictZone
     ) -> bool:
-        if self.first_in_first_out or other.front > zone.other_start:
+        if self.first_in_first_out or other_approach.front > zone.other_start:
             return False
-        return self._latest(me, zone.end) + _BEFORE < self._soonest(
-            other, zone.other_start
+        return me.latest(zone.end) + _BEFORE_S < other_approach.soonest(
+            zone.other_start
         )
 
     def _wait_inside(
-        self, me: _Approach, yields: Orders, walks: list[CrossingPedestrian]
+        self, me: _Approach, orders: Orders, walks: list[CrossingPedestrian]
     ) -> float:
-        """Free metres of a vehicle with the right of way."""
+        """Return the free metres of a vehicle with the right of way."""
         stop = math.inf
-        for number, zone in yields:
-            if number not in self._granted or me.front > zone.start + 0.5:
+        for vehicle_number, zone in orders:
+            if vehicle_number not in self._granted or me.front > zone.start + _INSIDE_M:
                 continue
-            other = self._vehicles[number]
-            if (
-                not _has_left(other, zone)
-                and self._soonest(me, zone.start)
-                < self._latest(other, zone.other_end) + _KEEP
-            ):
+            other_approach = self._vehicles[vehicle_number]
+            latest = other_approach.latest(zone.other_end) + _MIN_AFTER_S
+            if not other_approach.has_left(zone) and me.soonest(zone.start) < latest:
                 stop = min(stop, max(zone.start - me.front, 0.0))
-        for stretch in self.passages[me.route].stretches:
-            if me.front < stretch.start and any(
-                self._meets(me, stretch, walk) for walk in walks
-            ):
-                stop = min(stop, max(stretch.start - me.front - 0.3, 0.0))
+        for stretch in me.passage.stretches:
+            if me.front < stretch.start and me.meets_any(stretch, walks):
+                room_m = stretch.start - me.front - _STRETCH_GAP_M
+                stop = min(stop, max(room_m, 0.0))
         return stop
 
-    def _meets(
-        self, me: _Approach, stretch: CrossingStretch, walk: CrossingPedestrian
-    ) -> bool:
-        """True if the vehicle and the pedestrian would be in each other's way on a crossing."""
-        if walk.crossing != stretch.crossing or me.rear > stretch.end:
-            return False
-        to_middle = (stretch.across - walk.along) * walk.direction
-        if to_middle < -_BESIDE:
-            return False
-        enters = max(to_middle - _BESIDE, 0.0) / walk.speed
-        leaves = (to_middle + _BESIDE) / walk.speed
-        soonest, latest = (
-            self._soonest(me, stretch.start),
-            self._latest(me, stretch.end),
-        )
-        return soonest < leaves + _ON_FOOT / 2 and enters < latest + _ON_FOOT
 
-    def _soonest(self, vehicle: _Approach, place: float) -> float:
-        """Earliest time at a place, s from now."""
-        return _travel_time(
-            place - vehicle.front,
-            vehicle.speed,
-            2.2,
-            1.05 * self.passages[vehicle.route].cruise,
-        )
-
-    def _latest(self, other: _Approach, end: float) -> float:
-        """Latest time at which the other vehicle passes an ``end``, s from now; inf if it may stop before."""
-        if min(other.free, other.stop) < end - other.rear:
-            return math.inf
-        cruise = 0.85 * self.passages[other.route].cruise
-        return _travel_time(
-            end - other.rear, other.speed, 0.7 * other.acceleration, cruise
-        )
-
-
-def _has_left(other: _Approach, zone: ConflictZone) -> bool:
-    """True if the other vehicle has left the shared stretch, or is ahead on the common way."""
-    return (
-        (other.front + other.rear) / 2 > zone.other_end
-        if zone.merging
-        else other.rear > zone.other_end
-    )
+def _middle(vehicle: _Approach) -> float:
+    return (vehicle.front + vehicle.rear) / 2
 
 
 def _travel_time(
-    distance: float, speed: float, acceleration: float, cruise: float
+    distance_m: float, speed: float, acceleration_mps2: float, cruise_mps: float
 ) -> float:
-    """Seconds over a distance with acceleration up to a cruising speed."""
-    if distance <= 0.0:
+    """Return seconds over a distance with acceleration up to a cruising speed."""
+    if distance_m <= 0.0:
         return 0.0
-    if speed >= cruise:
-        return distance / speed
-    gaining = (cruise * cruise - speed * speed) / (2 * acceleration)
-    if distance <= gaining:
-        return (
-            math.sqrt(speed * speed + 2 * acceleration * distance) - speed
-        ) / acceleration
-    return (cruise - speed) / acceleration + (distance - gaining) / cruise
+    if speed >= cruise_mps:
+        return distance_m / speed
+    gaining_m = (cruise_mps * cruise_mps - speed * speed) / (2 * acceleration_mps2)
+    if distance_m <= gaining_m:
+        top_mps = math.sqrt(speed * speed + 2 * acceleration_mps2 * distance_m)
+        return (top_mps - speed) / acceleration_mps2
+    return (cruise_mps - speed) / acceleration_mps2 + (
+        distance_m - gaining_m
+    ) / cruise_mps

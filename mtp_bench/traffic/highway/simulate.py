@@ -1,53 +1,66 @@
-"""Simulation of a world from a seed: traffic warms up and is recorded; worlds with a crash are rejected."""
+"""Simulation of a world from a seed: traffic warms up and is recorded.
 
+Worlds with a crash are rejected.
+"""
+
+from collections import Counter
 from functools import lru_cache
 
 import numpy as np
 
-from ...core import Bools, DataError, Floats, Ints, Lane
+from ...core import DataError, Floats, Lane
 from .behaviour import DriverBehaviour, PedestrianBehaviour
 from .conflicts import Passage, find_passages
-from .driving import (
-    Fleet,
-    RoadState,
-    braking,
-    desired_speed,
-    find_leaders,
-    steering_angles,
-)
+from .driving import RoadState, braking, desired_speed, find_leaders, steering_angles
+from .entries import Entries, draw_parked_boxes
 from .lane_change import LaneChanges
 from .lanes import RouteTable, lane_map, route_table
-from .networks import RoadMap, build_map
+from .networks import build_map
+from .overlap import overlapping
 from .pedestrians import Crowd
-from .recording import Recording
+from .recording import Recording, course_velocity
 from .right_of_way import RightOfWay
-from .vehicles import Driver, Entries, draw_parked_boxes, move_vehicles, vehicle_boxes
-from .world import RATE, WARM_UP, ScenarioName, Traffic, World
+from .road_map import RoadMap
+from .vehicles import Driver, move_vehicles, vehicle_boxes
+from .world import CLASSES, RATE, WARM_UP, ScenarioName, Traffic, World
 
 ATTEMPTS = 50
-HARDEST = 8.0  # m/s2, emergency braking
-_LINE_GAP = 0.4  # m to a line
-_JERK = (15.0, 5.0)  # m/s3, while braking and while accelerating
+MAX_BRAKING_MPS2 = 8.0  # emergency braking
+_LINE_GAP_M = 0.4  # to a line
+_BRAKING_JERK_MPS3 = 15.0
+_ACCELERATING_JERK_MPS3 = 5.0
+# numbers of people and parked cars follow those of drivers
+_FIRST_PERSON = 1_000_000
+_FIRST_PARKED = 2_000_000
+_CAR = CLASSES.index("car")
+_MOTORCYCLE = CLASSES.index("motorcycle")
+_PEDESTRIAN = CLASSES.index("pedestrian")
+_EGO_CANDIDATES = 3  # among which the ego is drawn
+_MIN_WAY_SHARE = 0.6  # of the longest way, for the ego
+_AROUND_M = 60.0  # around the ego, within which objects count
+Boxes = tuple[Floats, Floats, Floats]  # [N, 7] of vehicles, people and parked cars
 
 
 def simulate_world(traffic: Traffic, seed: int) -> World:
-    """Simulate crash-free traffic of ``traffic.seconds`` seconds: the same scene for the same seed.
+    """Simulate crash-free traffic of ``traffic.seconds`` seconds.
 
-    Machines differ in last bits, so states are rounded. Sub-seeds are tried until one has no "crash" (two true boxes
-    overlap) and, for a sensor on a vehicle, no "no_ego" (none is present all the time). DataError after `ATTEMPTS`.
+    It is the same scene for the same seed: machines differ in last bits, so states are
+    rounded. Sub-seeds are tried until one has no "crash" (two true boxes overlap) and,
+    for a sensor on a vehicle, no "no_ego" (no vehicle is present all the time). Raises
+    DataError after `ATTEMPTS`.
     """
     rejected: list[str] = []
-    for attempt in range(ATTEMPTS):
-        world = Attempt(traffic, seed, attempt).run()
+    for number in range(ATTEMPTS):
+        world = Attempt(traffic, seed, number).run()
         if isinstance(world, World):
             return world
         rejected.append(world)
-    reasons = ", ".join(
-        f"{rejected.count(reason)} x {reason}" for reason in sorted(set(rejected))
-    )
+    counts = sorted(Counter(rejected).items())
+    reasons = ", ".join(f"{count} x {reason}" for reason, count in counts)
     raise DataError(
-        f"{traffic.scenario}, seed {seed}: all {ATTEMPTS} attempts were rejected ({reasons}); expected a crash-free "
-        f"scene: ask for fewer vehicles than {traffic.vehicles}, fewer seconds than {traffic.seconds:g} or another seed"
+        f"{traffic.scenario}, seed {seed}: all {ATTEMPTS} attempts were rejected"
+        f" ({reasons}); expected a crash-free scene: ask for fewer vehicles than"
+        f" {traffic.vehicles}, fewer seconds than {traffic.seconds:g} or another seed"
     )
 
 
@@ -62,161 +75,154 @@ def _map_of(
 
 
 class Attempt:
-    """One run of the traffic, step by step."""
+    """One run of the traffic, step by step.
 
-    def __init__(self, traffic: Traffic, seed: int, attempt: int) -> None:
+    Drivers give way, make room for each other and wait for people on foot.
+    """
+
+    def __init__(self, traffic: Traffic, seed: int, attempt_number: int) -> None:
         self._traffic = traffic
         self.shared = _map_of(traffic.scenario, traffic.seconds)  # never changes
         self.map, self.routes, passages, self.lanes = self.shared
-        generators = (np.random.default_rng([seed, attempt, kind]) for kind in range(6))
-        entries, people, self._rng, parking, driving, walking = generators
+        entries, people, self._rng, parking, driving, walking = (
+            np.random.default_rng([seed, attempt_number, kind]) for kind in range(6)
+        )
         self.parked = draw_parked_boxes(self.map.kerbs, traffic.parked, parking)
-        self.crowd = Crowd(
-            self.map,
-            traffic.pedestrians,
-            people,
-            PedestrianBehaviour(1.0 / RATE, walking),
-        )
-        self.drivers = _Drivers(
-            self.map,
-            self.routes,
-            passages,
-            self.crowd,
-            DriverBehaviour(1.0 / RATE, driving),
-        )
-        self.vehicles = self.drivers.vehicles  # on the road
+        pedestrians = PedestrianBehaviour(1.0 / RATE, walking)
+        self.crowd = Crowd(self.map, traffic.pedestrians, people, pedestrians)
+        self.vehicles: list[Driver] = []  # on the road
+        self._behaviour = DriverBehaviour(1.0 / RATE, driving)
+        self.rules: RightOfWay | None = None
+        self._changes: LaneChanges | None = None
+        if self.map.regulated:
+            self.rules = RightOfWay(passages, self.map.first_in_first_out)
+        else:
+            self._changes = LaneChanges(self.map, self.routes)
         self._entries = Entries(self.map, traffic.vehicles, self.vehicles, entries)
         self._entries.fill()
         self._steps = 0
 
-    def boxes(self) -> tuple[Floats, Floats, Floats]:
-        """Boxes ``[N, 7]`` of vehicles, people on foot and parked cars, in highway-env's frame."""
+    def boxes(self) -> Boxes:
+        """Return boxes in highway-env's frame."""
         return vehicle_boxes(self.vehicles), self.crowd.boxes(), self.parked
 
-    def step(self, vehicles: Floats) -> None:
-        """Move everybody by 1 / `RATE` seconds; ``vehicles`` ``[N, 7]``: their boxes now."""
-        finished = self.drivers.step(
-            self._steps, np.concatenate([vehicles, self.parked])
-        )
-        self._entries.admit(finished)
-        self._steps += 1
+    def has_crash(self, boxes: Boxes) -> bool:
+        """Return True if any boxes overlap."""
+        return len(overlapping(np.concatenate(boxes), len(self.parked))) > 0
+
+    def record(self, recording: Recording, boxes: Boxes) -> None:
+        """Append the present frame to a recording."""
+        parked = range(_FIRST_PARKED, _FIRST_PARKED + len(self.parked))
+        people = self.crowd.people
+        velocity = [
+            course_velocity(self.vehicles),
+            self.crowd.xy()[1].T,
+            np.zeros((len(parked), 2)),
+        ]
+        class_id = [v.traits.class_id for v in self.vehicles]
+        class_id += [_PEDESTRIAN] * len(people) + [_CAR] * len(parked)
+        number = [v.number for v in self.vehicles]
+        number += [_FIRST_PERSON + p.number for p in people]
+        number += parked
+        box = np.concatenate(boxes)
+        recording.add(box, np.concatenate(velocity), class_id, number)
 
     def run(self) -> World | str:
-        """The recorded world, or the problem in one word."""
-        frames = round(self._traffic.seconds * RATE)
+        """Return the recorded world, or the problem in one word."""
         warm_up = round(WARM_UP * RATE)
-        recording = Recording(self.parked)
-        for step in range(warm_up + frames):
-            vehicles, people, parked = self.boxes()
-            if len(
-                overlapping(np.concatenate([vehicles, people, parked]), len(parked))
-            ):
+        recording = Recording(RATE)
+        for step in range(warm_up + round(self._traffic.seconds * RATE)):
+            boxes = self.boxes()
+            if self.has_crash(boxes):
                 return "crash"
             if step >= warm_up:
-                recording.add(self.vehicles, vehicles, self.crowd, people)
-            self.step(vehicles)
-        sensor = None if self._traffic.sensor == "ego" else self.map.sensor
-        return recording.world(sensor, self.lanes, self._rng)
+                self.record(recording, boxes)
+            self.step(boxes[0])
+        if self._traffic.sensor == "roadside":
+            return recording.seen_beside(self.map.sensor, self.lanes)
+        ego = _choose_ego(recording, self._rng)
+        return "no_ego" if ego is None else recording.seen_from(ego, self.lanes)
 
+    def step(self, vehicles: Floats) -> None:
+        """Move all by 1 / `RATE` seconds.
 
-class _Drivers:
-    """All drivers: they give way, make room for each other and wait for people on foot."""
-
-    def __init__(
-        self,
-        road_map: RoadMap,
-        routes: RouteTable,
-        passages: tuple[Passage, ...],
-        crowd: Crowd,
-        behaviour: DriverBehaviour,
-    ) -> None:
-        self._map, self._routes, self._crowd, self._behaviour = (
-            road_map,
-            routes,
-            crowd,
-            behaviour,
-        )
-        self.vehicles: list[Driver] = []
-        self.rules = (
-            RightOfWay(passages, road_map.first_in_first_out)
-            if road_map.regulated
-            else None
-        )
-        self._changes = LaneChanges(road_map, routes) if road_map.overtaking else None
-        self._fleet = Fleet([], 0, road_map.geometry)
-
-    def step(self, step: int, obstacles: Floats) -> list[Driver]:
-        """Move all drivers and people by 1 / `RATE` seconds; returns drivers at the end of their route.
-
-        ``obstacles`` ``[N, 7]``: boxes that people on foot walk around.
+        ``vehicles`` [N, 7]: boxes of the vehicles now.
         """
-        people, velocity = self._crowd.xy()
-        if (
-            self._fleet.vehicles != self.vehicles
-            or self._fleet.people != people.shape[1]
-        ):
-            self._fleet = Fleet([*self.vehicles], people.shape[1], self._map.geometry)
-        state = RoadState(self._fleet, self._map, self._routes, people, velocity)
-        acceleration = self._acceleration(state, step)
-        angle = steering_angles(state, self._map.geometry, self._routes, 1.0 / RATE)
-        move_vehicles(state.vehicles, state, angle, acceleration)
-        if self.rules is not None:
-            self._crowd.step(1.0 / RATE, obstacles, self.rules.free_to_walk)
-        return [state.vehicles[i] for i in np.flatnonzero(state.finished)]
-
-    def _acceleration(self, state: RoadState, step: int) -> Floats:
-        geometry, routes, style = self._map.geometry, self._routes, state.style
-        ahead = find_leaders(state, geometry)
-        desired, free = self._behaviour.free_acceleration(state, desired_speed(state))
-        result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, style)
-        lines = np.full(len(state), np.inf)
-        if self.rules is not None:
-            lines = self.rules.update(
-                state, ahead, self._crowd.walks(), self._crowd.claimed(), step / RATE
-            )
-        if self._changes is not None:
-            lines = (
-                routes.room[state.route, state.lane] - state.s - state.length / 2
-            )  # to the end of a lane
-            result = np.minimum(result, self._changes.bounds(state, desired))
-            self._changes.decide(state, desired, step, 1.0 / RATE)
-        result = np.minimum(
-            result, free - braking(state.speed, lines, np.zeros(1), style, _LINE_GAP)
+        people, velocity = self.crowd.xy()
+        state = RoadState([*self.vehicles], self.map, self.routes, people, velocity)
+        acceleration = self._acceleration(state)
+        steering_rad = steering_angles(
+            state, self.map.geometry, self.routes, 1.0 / RATE
         )
-        result = self._behaviour.braking(state, result, free, ahead, lines)
-        result = np.maximum(result, state.acceleration - _JERK[0] / RATE)
-        result = np.minimum(result, state.acceleration + _JERK[1] / RATE)
-        least = np.maximum(-HARDEST, -state.speed * RATE)  # no vehicle drives backwards
-        return np.asarray(np.maximum(result, least))
+        move_vehicles(state.vehicles, state, steering_rad, acceleration)
+        if self.rules is not None:
+            obstacles = np.concatenate([vehicles, self.parked])
+            self.crowd.step(1.0 / RATE, obstacles, self.rules.free_to_walk)
+        self._entries.admit([state.vehicles[i] for i in np.flatnonzero(state.finished)])
+        self._steps += 1
+
+    def _acceleration(self, state: RoadState) -> Floats:
+        """Return the accelerations [N] of all drivers, m/s2."""
+        style = state.style
+        ahead = find_leaders(state, self.map.geometry)
+        desired, free_mps2 = self._behaviour.free_acceleration(
+            state, desired_speed(state)
+        )
+        result_mps2: Floats = free_mps2 - braking(
+            state.speed, ahead.gap, ahead.speed, style
+        )
+        line_distance_m = np.full(len(state), np.inf)
+        if self.rules is not None:
+            walks = self.crowd.walks()
+            claimed = self.crowd.claimed()
+            time_s = self._steps / RATE
+            line_distance_m = self.rules.update(state, ahead, walks, claimed, time_s)
+        if self._changes is not None:
+            room_m = self.routes.room[state.route, state.lane]
+            line_distance_m = (
+                room_m - state.s - state.length / 2
+            )  # to the end of a lane
+            result_mps2 = np.minimum(result_mps2, self._changes.bounds(state, desired))
+            self._changes.decide(state, desired, self._steps, 1.0 / RATE)
+        for_line = braking(
+            state.speed, line_distance_m, np.zeros(1), style, _LINE_GAP_M
+        )
+        result_mps2 = np.minimum(result_mps2, free_mps2 - for_line)
+        result_mps2 = self._behaviour.braking(
+            state, result_mps2, free_mps2, ahead, line_distance_m
+        )
+        result_mps2 = np.maximum(
+            result_mps2, state.acceleration - _BRAKING_JERK_MPS3 / RATE
+        )
+        result_mps2 = np.minimum(
+            result_mps2, state.acceleration + _ACCELERATING_JERK_MPS3 / RATE
+        )
+        # no vehicle drives backwards
+        lowest_mps2 = np.maximum(-MAX_BRAKING_MPS2, -state.speed * RATE)
+        return np.asarray(np.maximum(result_mps2, lowest_mps2))
 
 
-def overlapping(box: Floats, still: int = 0) -> Ints:
-    """Pairs ``[n, 2]`` of rows of boxes ``[N, 7]`` that overlap in bird's eye view; the last ``still`` are apart."""
-    x, y, reach = box[:, 0], box[:, 1], np.hypot(box[:, 4], box[:, 5]) / 2
-    moving = slice(len(box) - still)
-    dx, dy = x[moving, None] - x, y[moving, None] - y
-    pairs = np.stack(
-        np.nonzero(dx * dx + dy * dy < (reach[moving, None] + reach) ** 2), axis=1
-    )
-    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
-    if len(pairs) == 0:
-        return pairs
-    return pairs[boxes_meet(box[pairs[:, 0]], box[pairs[:, 1]])]
+def _choose_ego(recording: Recording, rng: np.random.Generator) -> int | None:
+    """Draw the number of a vehicle for the sensor.
 
-
-def boxes_meet(a: Floats, b: Floats) -> Bools:
-    """Mask ``[n]`` of boxes a and b, both ``[n, 7]``, that overlap in bird's eye view."""
-    meets = ~_separated(a, b)
-    meets[meets] = ~_separated(b[meets], a[meets])
-    return meets
-
-
-def _separated(a: Floats, b: Floats) -> Bools:
-    """Mask ``[n]`` of boxes a ``[n, 7]`` with an axis that separates them from boxes b."""
-    cos, sin = np.cos(a[:, 3]), np.sin(a[:, 3])
-    x, y = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
-    turn = b[:, 3] - a[:, 3]
-    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    along = (a[:, 4] + c * b[:, 4] + s * b[:, 5]) / 2
-    across = (a[:, 5] + s * b[:, 4] + c * b[:, 5]) / 2
-    return (np.abs(cos * x + sin * y) > along) | (np.abs(cos * y - sin * x) > across)
+    It drives far and has many objects around it. It is present in all frames; None
+    without one.
+    """
+    rows = recording.rows()
+    number = rows[:, 10]
+    frame = rows[:, 11].astype(np.int64)
+    drives = ~np.isin(rows[:, 9], (_MOTORCYCLE, _PEDESTRIAN))
+    drives &= number < _FIRST_PERSON
+    candidates, count = np.unique(number[drives], return_counts=True)
+    candidates = candidates[count == len(recording.frames)]
+    if not len(candidates):
+        return None
+    way_m = np.empty(len(candidates))
+    around = np.empty(len(candidates))  # share of all rows
+    for i, candidate in enumerate(candidates):
+        path = rows[number == candidate, :2]
+        way_m[i] = np.hypot(*np.diff(path, axis=0).T).sum()
+        around[i] = np.mean(np.hypot(*(rows[:, :2] - path[frame]).T) < _AROUND_M)
+    preference = np.where(way_m >= _MIN_WAY_SHARE * way_m.max(), around, around - 1.0)
+    best = np.argsort(-preference, kind="stable")[:_EGO_CANDIDATES]
+    return int(candidates[best[int(rng.integers(len(best)))]])

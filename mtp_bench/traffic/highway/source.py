@@ -1,8 +1,7 @@
-"""Scenes of simulated traffic: worlds from the cache, reduced to the card's frame rate, reach and classes."""
+"""Scenes of simulated traffic: worlds from the cache, as a card wants them."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 
@@ -21,21 +20,24 @@ from ...sources import (
 from .store import WorldStore
 from .world import CLASSES, RATE, HighwaySource, SeedRanges, Traffic, World
 
-IN_VIEW = 0.05  # least visible share of a box in view
+_MIN_VISIBLE_SHARE = 0.05  # of a box in view
 DATASET = Dataset.of(__file__)
 
 
 class TrafficScenes:
-    """Scenes of the worlds of seeds, named ``<scenario>-<seed>``; a simulated detector adds the detections.
+    """Scenes of the worlds of seeds, named ``<scenario>-<seed>``.
 
-    Frame of reference: the road's, x and y in the plane, z up, the road at z = 0. Objects beyond the detector's reach
-    or field of view are not in the truth. An object is a prediction target once it was visible, at any distance.
+    A simulated detector adds the detections. Frame of reference: the road's, x and y in
+    the plane, z up, the road at z = 0. Objects beyond the detector's reach or field of
+    view are not in the truth. An object is a prediction target once it was visible, at
+    any distance.
     """
 
-    def __init__(self, card: Card, traffic: Any, seeds: SeedRanges) -> None:
-        """``traffic``: as in `WorldStore`. Raises CardError for a class that no simulation has."""
+    def __init__(self, card: Card, store: WorldStore, seeds: SeedRanges) -> None:
+        """Raise CardError for a class that no simulation has."""
         require_classes(card, "simulated traffic", CLASSES)
-        self.card, self.store = card, WorldStore(traffic)
+        self.card = card
+        self.store = store
         self.seeds = range(*getattr(seeds, card.source.split))
 
     @property
@@ -44,18 +46,17 @@ class TrafficScenes:
         return tuple(map(self.name_of, self.seeds))
 
     def name_of(self, seed: int) -> str:
-        """Name of the scene of one seed."""
+        """Return the name of the scene of one seed."""
         return f"{self.store.traffic.scenario}-{seed:06d}"
 
     def load(self, name: str) -> Scene:
-        """One scene, from the cache or simulated now (one or two seconds)."""
+        """Read one scene, or simulate it (one or two seconds)."""
         return scene_of(name, self.store.get(int(name.rsplit("-", 1)[1])), self.card)
 
     def missing(self, scenes: int | None = None) -> list[int]:
-        """Seeds, of the first ones, whose worlds are not in the cache."""
-        return [
-            seed for seed in self.seeds[:scenes] if not self.store.path(seed).is_file()
-        ]
+        """Return those of the first seeds that are not stored."""
+        seeds = self.seeds[:scenes]
+        return [seed for seed in seeds if not self.store.path(seed).is_file()]
 
     def generate(self, scenes: int | None, workers: int) -> Work:
         """Simulate those of the first scenes that are not in the cache."""
@@ -72,19 +73,34 @@ class HighwayTraffic(TrafficScenes):
     """Scenes of the library's own traffic."""
 
     def __init__(self, card: Card, data: object = None) -> None:
-        """``data``: not needed. Raises CardError for a rate or class that the simulation does not have."""
+        """Raise CardError for an impossible rate or class.
+
+        ``data`` is not needed.
+        """
         section = section_of(card, HighwaySource)
         stride_of(card, RATE)
-        super().__init__(card, traffic_of(section), section.seeds)
+        store = WorldStore(traffic_of(section), _simulate)
+        super().__init__(card, store, section.seeds)
+
+
+def _simulate(traffic: Traffic, seed: int) -> World:
+    from .simulate import simulate_world  # imports highway-env
+
+    return simulate_world(traffic, seed)
 
 
 def package(scenes: Callable[[Card], TrafficScenes], dataset: Dataset) -> SourcePackage:
-    """The package of a source of simulated ``scenes``: none is ever missing, as each is simulated when first used."""
+    """Return the package of a source of simulated ``scenes``.
+
+    No scene is ever missing, as each is simulated when it is first used.
+    """
 
     def status(card: Card, data: object) -> DataStatus:
         source = scenes(card)
-        stored, folder = len(source.seeds) - len(source.missing()), source.store.folder
-        note = f"{stored} of {len(source.seeds)} scenes are stored; each is simulated when it is first used"
+        folder = source.store.folder
+        total = len(source.seeds)
+        stored = f"{total - len(source.missing())} of {total} scenes are stored"
+        note = f"{stored}; each is simulated when it is first used"
         return DataStatus(dataset, folder, (folder,), notes=[note])
 
     return SourcePackage(
@@ -100,7 +116,10 @@ def package(scenes: Callable[[Card], TrafficScenes], dataset: Dataset) -> Source
 
 
 def scene_of(name: str, world: World, card: Card, stride: int | None = None) -> Scene:
-    """The frames, classes and objects within reach of ``world`` that the card has; ``stride``: if it is known."""
+    """Return the frames, classes and objects of ``world`` that the card has.
+
+    ``stride``: frames of the world per frame of the card, if it is known.
+    """
     from ...detector import Sensor, covered
 
     detector = card.detector
@@ -108,24 +127,32 @@ def scene_of(name: str, world: World, card: Card, stride: int | None = None) -> 
         raise CardError(f"{card.id}: simulated traffic needs a [detector]")
     sensor = Sensor(detector.reach, float(np.deg2rad(detector.field_of_view)))
     stride = stride or stride_of(card, 1.0 / float(world.time[1]))
+    truth = world.truth
     frames = np.arange(0, len(world.time), stride)
-    class_id = class_ids(CLASSES, card.task.classes)[world.truth.class_id]
-    keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
-    keep &= world.truth.frame_of_rows % stride == 0
-    truth = replace(
-        world.truth, eligible=ever_seen(world.truth, world.visible), class_id=class_id
-    ).select(keep)
-    truth = replace(
-        truth, start=truth.start[np.append(frames, world.truth.frames)]
-    )  # no rows between the frames
-    time, ego, none = world.time[frames], world.ego[frames], no_detections(len(frames))
+    class_id = class_ids(CLASSES, card.task.classes)[truth.class_id]
+    shown = covered(truth, world.ego, sensor) & (class_id >= 0)
+    shown &= truth.frame_of_rows % stride == 0
+    eligible = ever_seen(truth, world.visible)
+    rows = replace(truth, eligible=eligible, class_id=class_id).select(shown)
+    # no rows between the frames
+    start = rows.start[np.append(frames, truth.frames)]
     return Scene(
-        name, time, ego, truth, none, visible=world.visible[keep], lanes=world.lanes
+        name,
+        world.time[frames],
+        world.ego[frames],
+        replace(rows, start=start),
+        no_detections(len(frames)),
+        visible=world.visible[shown],
+        lanes=world.lanes,
     )
 
 
 def stride_of(card: Card, rate: float, advice: str = "") -> int:
-    """Steps of a simulation at ``rate`` Hz per frame of the task; CardError, with ``advice``, if it is not whole."""
+    """Return steps of a simulation per frame of the task.
+
+    ``rate``: of the simulation, Hz. Raises CardError, with ``advice``, if it is not
+    whole.
+    """
     stride = round(rate / card.task.rate)
     if stride < 1 or not np.isclose(card.task.rate * stride, rate):
         expected = f"expected {rate:g} Hz or a whole part of it{advice}"
@@ -134,18 +161,20 @@ def stride_of(card: Card, rate: float, advice: str = "") -> int:
 
 
 def traffic_of(section: HighwaySource) -> Traffic:
-    """The part of the section that the simulation depends on."""
-    return Traffic(
-        **{field.name: getattr(section, field.name) for field in fields(Traffic)}
-    )
+    """Return the part of the section that the simulation depends on."""
+    names = [setting.name for setting in fields(Traffic)]
+    return Traffic(**{name: getattr(section, name) for name in names})
 
 
 def ever_seen(truth: Truth, visible: Floats) -> Bools:
-    """Mask of boxes whose object was in view in their frame or before, at any distance ``[R]``."""
+    """Mark boxes [R] whose object was in view by then.
+
+    It may have been at any distance.
+    """
     order = np.argsort(truth.object_id, kind="stable")  # rows are sorted by frame
-    object_id, in_view = truth.object_id[order], visible[order] >= IN_VIEW
+    object_id = truth.object_id[order]
     first = np.searchsorted(object_id, object_id)
-    views = starts_of(in_view)
+    views = starts_of(visible[order] >= _MIN_VISIBLE_SHARE)
     seen = np.empty(len(order), dtype=bool)
     seen[order] = views[1:] > views[first]
     return seen

@@ -1,8 +1,9 @@
-"""Walking: the ways of people along sidewalks and over crossings, and the forces between people and vehicles.
+"""Ways of people along sidewalks and over crossings, and the forces on them.
 
-Social forces: Helbing and Molnár (1995), "Social force model for pedestrian dynamics", with a pull towards the group as
-in Moussaïd et al. (2010), "The walking behaviour of pedestrian social groups". People are always at least `APART` from
-each other, so that their boxes do not overlap.
+Social forces: Helbing and Molnár (1995), "Social force model for pedestrian dynamics",
+with a pull towards the group as in Moussaïd et al. (2010), "The walking behaviour of
+pedestrian social groups". People are always at least `APART_M` from each other, so that
+their boxes do not overlap.
 """
 
 from dataclasses import dataclass, replace
@@ -11,35 +12,37 @@ from itertools import pairwise
 import numpy as np
 
 from ...core import Bools, Floats
-from .networks import Crossing, Pavement
-from .world import STRAIGHT_ON, STRIP
+from .road_map import Crossing, Pavement
+from .world import STRIP_M
 
-APART = 0.8  # m between two centres
-_FAR = (
-    62.0,
-    70.0,
-)  # m from the middle of the junction, where people come from and go to
-_COMING, _GOING = (
-    (0.9, 1.6),
-    (2.7, 3.4),
-)  # m from the kerb, for people who come and people who go
-_BESIDE, _BEHIND = 0.9, 0.95  # m between two people of a group
-_SIDEWALK_EDGE = 0.35  # m from the kerb, within which people on a sidewalk stay
-_CLEAR = 6.0  # m from the corner to the first parked car
-_EASY_AT_KERB = 2.0  # m/s2, braking of people before a kerb
-_RELAX = 0.5  # s
-_PUSH, _RANGE, _SIGHT = 2.1, 0.35, 3.0  # m/s2, m, m
-_BLIND = 0.35  # share of the push from people behind
-_FRIEND = 0.3  # share of the push from people of the same group
-_PULL, _TOGETHER = (
-    0.5,
-    1.3,
-)  # 1/s2 towards the middle of a group that is farther away than this, m
-_SLOWING = 0.8  # s to the goal, where people slow down
-_FROM_BOX = 0.42  # m to the outline of a vehicle, where people do not go
-_ROOM = 0.65  # m to it, where people stop
-_EASY = 2.5  # m/s2, braking of people before each other and before vehicles
-_STRONGEST = 3.0  # m/s2 of force
+APART_M = 0.8  # between two centres
+# from the middle of the junction, where people come from and go to
+_END_M = (62.0, 70.0)
+# from the kerb, for people who come and people who go
+_COMING_M = (0.9, 1.6)
+_GOING_M = (2.7, 3.4)
+# share of the people who come along the road that they do not cross
+_AROUND_SHARE = 0.8
+# between two people of a group
+_BESIDE_M = 0.9
+_BEHIND_M = 0.95
+_SIDEWALK_EDGE_M = 0.35  # from the kerb, within which people on a sidewalk stay
+_CORNER_CLEARANCE_M = 6.0  # from the corner to the first parked car
+_KERB_BRAKING_MPS2 = 2.0  # of people before a kerb
+_RELAXATION_S = 0.5
+_PUSH_MPS2 = 2.1
+_PUSH_RANGE_M = 0.35
+_SIGHT_M = 3.0
+_REAR_PUSH = 0.35  # share of the push from people behind
+_FRIEND_PUSH = 0.3  # share of the push from people of the same group
+_PULL = 0.5  # 1/s2 towards the middle of a group that is far away
+_MIN_PULL_M = 1.3
+_SLOWING_S = 0.8  # to the goal, where people slow down
+# to the outline of a vehicle, where people do not go, and where they stop
+_OUTLINE_M = 0.42
+_STOP_M = 0.65
+_BRAKING_MPS2 = 2.5  # of people before each other and before vehicles
+_MAX_FORCE_MPS2 = 3.0
 _TINY = 1e-9
 Pairs = tuple[Floats, Floats, Floats]  # as `pairs_of`
 
@@ -53,17 +56,22 @@ class SidewalkUse:
     kerb: float  # m from the kerb
 
 
-def draw_sidewalk(coming: bool, rng: np.random.Generator) -> SidewalkUse:
-    """Draw one of the two sidewalks of a corner; arriving and leaving people keep apart."""
-    kerb = STRIP + rng.uniform(*(_COMING if coming else _GOING))
-    return SidewalkUse(
-        bool(rng.uniform() < STRAIGHT_ON), float(rng.uniform(*_FAR)), float(kerb)
-    )
+def draw_sidewalk(coming_mps: bool, rng: np.random.Generator) -> SidewalkUse:
+    """Draw one of the two sidewalks of a corner.
+
+    Arriving and leaving people keep apart.
+    """
+    kerb_m = STRIP_M + rng.uniform(*(_COMING_M if coming_mps else _GOING_M))
+    around = bool(rng.uniform() < _AROUND_SHARE)
+    return SidewalkUse(around, float(rng.uniform(*_END_M)), float(kerb_m))
 
 
 @dataclass(frozen=True, eq=False)
 class Footway:
-    """Way of a group; points are (along the crossing, across it and outwards) in metres from its origin."""
+    """Way of a group.
+
+    Points are (along the crossing, across it and outwards) in metres from its origin.
+    """
 
     crossing: Crossing
     pavement: Pavement
@@ -72,205 +80,245 @@ class Footway:
     coming: SidewalkUse
     going: SidewalkUse
 
-    def waiting_point(self, k: int) -> Floats:
-        """Point where the k-th person waits: two by two."""
-        along = self._kerb(-1) - self.direction * (0.9 + _BEHIND * (k // 2))
-        return np.array([along, self.middle + _BESIDE * (k % 2)])
+    def waiting_point(self, member_index: int) -> Floats:
+        """Return the point where the k-th person waits: two by two."""
+        behind = 0.9 + _BEHIND_M * (member_index // 2)
+        along = self._kerb(-1) - self.direction * behind
+        return np.array([along, self.middle + _BESIDE_M * (member_index % 2)])
 
-    def far_point(self, k: int) -> Floats:
-        """Point where the k-th person leaves the road."""
-        return np.array(
-            [self._kerb(1) + self.direction * 0.6, self.waiting_point(k)[1]]
-        )
+    def far_point(self, member_index: int) -> Floats:
+        """Return the point where the k-th person leaves the road."""
+        along = self._kerb(1) + self.direction * 0.6
+        return np.array([along, self.waiting_point(member_index)[1]])
 
-    def arrival(self, k: int) -> list[Floats]:
-        """Points of the k-th person's way to the crossing."""
-        return [*self._along(self.coming, -1, k), self.waiting_point(k)]
+    def arrival(self, member_index: int) -> list[Floats]:
+        """Return points of the k-th person's way to the crossing."""
+        return [
+            *self._along(self.coming, -1, member_index),
+            self.waiting_point(member_index),
+        ]
 
-    def departure(self, k: int) -> list[Floats]:
-        """Points of the k-th person's way from the other side of the road."""
-        return [self.far_point(k), *reversed(self._along(self.going, 1, k))]
+    def departure(self, member_index: int) -> list[Floats]:
+        """Return points of the k-th person's way from the road."""
+        return [
+            self.far_point(member_index),
+            *reversed(self._along(self.going, 1, member_index)),
+        ]
 
-    def stroll(self, k: int) -> list[Floats]:
-        """Points of the k-th person's way without a crossing: along one road, around the corner, along the other."""
+    def stroll(self, member_index: int) -> list[Floats]:
+        """Return points of the k-th person's way without a crossing.
+
+        It is along one road, around the corner and along the other.
+        """
         other = replace(self.coming, around=not self.coming.around)
-        return [*self._along(self.coming, -1, k), *reversed(self._along(other, -1, k))]
+        return [
+            *self._along(self.coming, -1, member_index),
+            *reversed(self._along(other, -1, member_index)),
+        ]
 
     def _kerb(self, end: int) -> float:
         return self.crossing.span if end * self.direction > 0 else 0.0
 
-    def _along(self, sidewalk: SidewalkUse, end: int, k: int) -> list[Floats]:
+    def _along(
+        self, sidewalk: SidewalkUse, end: int, member_index: int
+    ) -> list[Floats]:
+        """Return the two ends of a sidewalk, the far one first."""
+        kerb_m = self.pavement.kerb
         x, y = self.crossing.origin
-        out = (
-            float(np.hypot(x, y) ** 2 - self.pavement.kerb**2) ** 0.5
-        )  # m from the junction's middle
-        aside, far = (
-            sidewalk.kerb + _BESIDE * (k % 2),
-            sidewalk.far + _BEHIND * (k // 2),
-        )
-        away = end * self.direction
-        if not sidewalk.around:
-            ends = far, self.pavement.corner + _CLEAR
-            return [
-                np.array([self._kerb(end) + away * aside, place - out])
-                for place in ends
+        # m from the junction's middle
+        junction_m = float(np.hypot(x, y) ** 2 - kerb_m**2) ** 0.5
+        aside_m = sidewalk.kerb + _BESIDE_M * (member_index % 2)
+        far_m = sidewalk.far + _BEHIND_M * (member_index // 2)
+        outward = end * self.direction
+        if sidewalk.around:
+            places = (far_m, self.pavement.corner + 1.0)
+            points = [
+                (outward * (place - kerb_m), kerb_m + aside_m - junction_m)
+                for place in places
             ]
-        across = self.pavement.kerb + aside - out
-        places = (far, self.pavement.corner + 1.0)
-        return [
-            np.array([self._kerb(end) + away * (place - self.pavement.kerb), across])
-            for place in places
-        ]
+        else:
+            places = (far_m, self.pavement.corner + _CORNER_CLEARANCE_M)
+            points = [(outward * aside_m, place - junction_m) for place in places]
+        return [np.array([self._kerb(end) + along, across]) for along, across in points]
 
 
-def remaining_way(points: list[Floats], share: float) -> list[Floats]:
-    """The last ``share`` of a way; the first point is its start."""
-    steps = [float(np.hypot(*(b - a))) for a, b in pairwise(points)]
-    done = (1.0 - share) * sum(steps)
-    k = 0
-    while k + 1 < len(steps) and done > steps[k]:
-        done -= steps[k]
-        k += 1
-    return [
-        points[k] + (points[k + 1] - points[k]) * min(done / steps[k], 1.0),
-        *points[k + 1 :],
-    ]
+def remaining_way(points: list[Floats], remaining_share: float) -> list[Floats]:
+    """Return the last ``remaining_share`` of a way.
+
+    The first point is its start.
+    """
+    step_lengths = [float(np.hypot(*(b - a))) for a, b in pairwise(points)]
+    passed_m = (1.0 - remaining_share) * sum(step_lengths)
+    member_index = 0
+    while (
+        member_index + 1 < len(step_lengths) and passed_m > step_lengths[member_index]
+    ):
+        passed_m -= step_lengths[member_index]
+        member_index += 1
+    step_share = min(passed_m / step_lengths[member_index], 1.0)
+    start = (
+        points[member_index]
+        + (points[member_index + 1] - points[member_index]) * step_share
+    )
+    return [start, *points[member_index + 1 :]]
 
 
 def slow_at_kerb(
     place: Floats, velocity: Floats, pavement: Pavement, on_sidewalk: Bools
 ) -> Floats:
-    """Velocities ``[2, M]`` at which people ``on_sidewalk`` ``[M]`` can stop before the kerb."""
-    outwards, room = _to_kerb(place, pavement)
-    towards = _dot(velocity, outwards)
-    excess = (
-        np.maximum(towards - np.sqrt(2.0 * _EASY_AT_KERB * np.maximum(room, 0.0)), 0.0)
-        * on_sidewalk
-    )
-    return velocity - excess * outwards
+    """Return velocities [2, M] at which people can stop before the kerb.
+
+    Only people ``on_sidewalk`` [M] change theirs.
+    """
+    outwards, room_m = _to_kerb(place, pavement)
+    allowed_mps = np.sqrt(2.0 * _KERB_BRAKING_MPS2 * np.maximum(room_m, 0.0))
+    excess_mps = np.maximum(_dot(velocity, outwards) - allowed_mps, 0.0) * on_sidewalk
+    return velocity - excess_mps * outwards
 
 
 def keep_off_road(place: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
-    """Places ``[2, M]``; people ``on_sidewalk`` ``[M]`` are moved back to it."""
-    outwards, room = _to_kerb(place, pavement)
-    return place - np.maximum(-room, 0.0) * on_sidewalk * outwards
+    """Return places [2, M] off the road.
+
+    People ``on_sidewalk`` [M] are moved back to it.
+    """
+    outwards, room_m = _to_kerb(place, pavement)
+    return place - np.maximum(-room_m, 0.0) * on_sidewalk * outwards
 
 
 def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
-    """Direction to the nearest kerb ``[2, M]``, and the distance to it ``[M]``, negative on the road."""
-    excess = np.maximum(pavement.corner - np.abs(place), 0.0)
-    distance = np.hypot(*excess)
-    outwards = -np.where(place < 0, -1.0, 1.0) * excess / np.maximum(distance, 1e-9)
-    return outwards, pavement.radius - _SIDEWALK_EDGE - distance
+    """Return direction [2, M] and distance [M] to the kerb.
+
+    The distance is negative on the road.
+    """
+    excess_mps = np.maximum(pavement.corner - np.abs(place), 0.0)
+    distance = np.hypot(*excess_mps)
+    outwards = (
+        -np.where(place < 0, -1.0, 1.0) * excess_mps / np.maximum(distance, _TINY)
+    )
+    return outwards, pavement.radius - _SIDEWALK_EDGE_M - distance
 
 
 def social_force(
     pairs: Pairs, velocity: Floats, to_goal: Floats, pace: Floats, friends: Bools
 ) -> Floats:
-    """Acceleration ``[2, M]``, m/s2, of people on foot.
+    """Return accelerations [2, M], m/s2, of people on foot.
 
-    ``pairs``: of their places, ``velocity`` ``[2, M]`` m/s, ``to_goal`` ``[2, M]`` vector to the goal, ``pace`` ``[M]``
-    desired speed, ``friends`` ``[M, M]``: others of the same group.
+    ``pairs``: of their places; ``velocity`` [2, M] m/s; ``to_goal`` [2, M]: vector to
+    the goal; ``pace`` [M]: desired speed; ``friends`` [M, M]: others of the same group.
     """
-    far = np.hypot(*to_goal)
-    wanted = to_goal / np.maximum(far, _TINY) * np.minimum(pace, far / _SLOWING)
-    between, gap, unit = pairs
-    ahead = wanted / np.maximum(np.hypot(*wanted), _TINY)
-    facing = -_dot(ahead, unit)
-    strength = (
-        _PUSH
-        * np.exp((APART - gap) / _RANGE)
-        * (gap < _SIGHT)
-        * np.where(friends, _FRIEND, 1.0)
+    goal_m = np.hypot(*to_goal)
+    desired_mps = np.minimum(pace, goal_m / _SLOWING_S)
+    desired_velocity = to_goal / np.maximum(goal_m, _TINY) * desired_mps
+    between_vectors, gap_m, unit = pairs
+    ahead = desired_velocity / np.maximum(np.hypot(*desired_velocity), _TINY)
+    facing_cosine = -_dot(ahead, unit)
+    push_strength = (
+        _PUSH_MPS2 * np.exp((APART_M - gap_m) / _PUSH_RANGE_M) * (gap_m < _SIGHT_M)
     )
-    strength *= _BLIND + (1 - _BLIND) * (1 + facing) / 2
-    push = (strength * unit).sum(axis=1)
-    to_middle = -(between * friends).sum(axis=1) / np.maximum(
+    push_strength = push_strength * np.where(friends, _FRIEND_PUSH, 1.0)
+    push_strength *= _REAR_PUSH + (1 - _REAR_PUSH) * (1 + facing_cosine) / 2
+    push_force = (push_strength * unit).sum(axis=1)
+    # of the group
+    to_middle = -(between_vectors * friends).sum(axis=1) / np.maximum(
         friends.sum(axis=0), 1
-    )  # of the group
-    pull = to_middle * np.where(np.hypot(*to_middle) > _TOGETHER, _PULL, 0.0)
-    force = (wanted - velocity) / _RELAX + push + pull
-    return limit_length(force, _STRONGEST)
+    )
+    pull_force = to_middle * np.where(np.hypot(*to_middle) > _MIN_PULL_M, _PULL, 0.0)
+    force = (desired_velocity - velocity) / _RELAXATION_S + push_force + pull_force
+    return limit_length(force, _MAX_FORCE_MPS2)
 
 
 def pairs_of(place: Floats) -> Pairs:
-    """Vectors ``[2, M, M]`` from the others to each person (last axis), lengths (inf to oneself), and unit vectors."""
-    between = place[:, None, :] - place[:, :, None]
-    gap = np.hypot(*between)
-    unit = between / np.maximum(gap, _TINY)  # 0 to oneself
-    gap.reshape(-1)[:: len(gap) + 1] = np.inf
-    return between, gap, unit
+    """Return vectors [2, M, M] from others to each person (last axis).
+
+    Beside them lengths [M, M], inf to oneself, and unit vectors [2, M, M].
+    """
+    between_vectors = place[:, None, :] - place[:, :, None]
+    gap_m = np.hypot(*between_vectors)
+    unit = between_vectors / np.maximum(gap_m, _TINY)  # 0 to oneself
+    np.fill_diagonal(gap_m, np.inf)
+    return between_vectors, gap_m, unit
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
     return np.asarray(a[0] * b[0] + a[1] * b[1])
 
 
-def limit_length(vector: Floats, most: Floats | float) -> Floats:
-    """Vectors ``[2, M]`` shortened to at most ``most``."""
-    return np.asarray(
-        vector * np.minimum(1.0, most / np.maximum(np.hypot(*vector), _TINY))
-    )
+def limit_length(vector: Floats, limit: Floats | float) -> Floats:
+    """Return vectors [2, M] shortened to at most ``limit``."""
+    remaining_share = np.minimum(1.0, limit / np.maximum(np.hypot(*vector), _TINY))
+    return np.asarray(vector * remaining_share)
 
 
 def slow_before_others(
-    place: Floats, pairs: Pairs, velocity: Floats, vehicles: "Outlines", dt: float
+    place: Floats, pairs: Pairs, velocity: Floats, vehicles: "Outlines", step_s: float
 ) -> Floats:
-    """Velocities ``[2, M]`` at which people can stop before each other and ``vehicles``; ``pairs``: of ``place``."""
-    _, gap, unit = pairs
-    own = -_dot(velocity, unit)  # approaching speed
-    allowed = np.sqrt(2.0 * _EASY * np.maximum(gap - APART, 0.0))
-    excess = np.maximum(own + own.T - allowed, 0.0)
-    closing = np.maximum(own, 0.0)
-    excess *= closing / np.maximum(closing + closing.T, _TINY)
-    worst, people = excess.argmax(axis=0), np.arange(len(gap))
-    velocity = velocity + excess[worst, people] * unit[:, worst, people]
-    before = vehicles.before
-    coming = (before - vehicles.clearance(place + dt * velocity)) / dt
-    allowed = np.sqrt(2.0 * _EASY * np.maximum(before - _ROOM, 0.0))
-    share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0).min(
-        axis=1, initial=1.0
+    """Return velocities [2, M] at which people can stop in time.
+
+    They stop before each other and before ``vehicles``; ``pairs``: of ``place``.
+    """
+    _, gap_m, unit = pairs
+    approach_mps = -_dot(velocity, unit)  # speed
+    allowed_mps = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(gap_m - APART_M, 0.0))
+    excess_mps = np.maximum(approach_mps + approach_mps.T - allowed_mps, 0.0)
+    closing_mps = np.maximum(approach_mps, 0.0)
+    excess_mps *= closing_mps / np.maximum(closing_mps + closing_mps.T, _TINY)
+    worst = excess_mps.argmax(axis=0)
+    people = np.arange(len(gap_m))
+    velocity = velocity + excess_mps[worst, people] * unit[:, worst, people]
+    clearance = vehicles.before
+    coming_mps = (clearance - vehicles.clearance(place + step_s * velocity)) / step_s
+    allowed_mps = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(clearance - _STOP_M, 0.0))
+    remaining_share = np.where(
+        coming_mps > allowed_mps, allowed_mps / np.maximum(coming_mps, _TINY), 1.0
     )
-    return np.asarray(velocity * share)
+    return np.asarray(velocity * remaining_share.min(axis=1, initial=1.0))
 
 
 def push_apart(place: Floats) -> Floats:
-    """Places ``[2, M]`` after people closer than `APART` are moved apart."""
+    """Return places [2, M] after people closer than `APART_M` are moved apart."""
     for _ in range(3):
-        between = place[:, None, :] - place[:, :, None]
-        gap = np.hypot(*between)
-        short = np.maximum(APART + 1e-3 - gap, 0.0)
-        short.reshape(-1)[:: len(gap) + 1] = 0.0  # to oneself
+        between_vectors = place[:, None, :] - place[:, :, None]
+        gap_m = np.hypot(*between_vectors)
+        short = np.maximum(APART_M + 1e-3 - gap_m, 0.0)
+        np.fill_diagonal(short, 0.0)  # to oneself
         if not short.any():
             break
-        place = place + 0.5 * (short * (between / np.maximum(gap, 1e-6))).sum(axis=1)
+        place = place + 0.5 * (short * (between_vectors / np.maximum(gap_m, 1e-6))).sum(
+            axis=1
+        )
     return place
 
 
 def keep_out_of_vehicles(place: Floats, moved: Floats, vehicles: "Outlines") -> Floats:
-    """``moved`` ``[2, M]``; people in front of a vehicle stay at ``place``."""
-    after = vehicles.clearance(moved)
-    return np.where(
-        np.any((after < _FROM_BOX) & (after < vehicles.before), axis=1), place, moved
-    )
+    """Return places [2, M] outside of vehicles.
+
+    They are ``moved``, but people in front of a vehicle stay at ``place``.
+    """
+    clearance = vehicles.clearance(moved)
+    too_near = (clearance < _OUTLINE_M) & (clearance < vehicles.before)
+    return np.where(too_near.any(axis=1), place, moved)
 
 
 class Outlines:
-    """Outlines of boxes ``[N, 7]``, and their clearance ``[M, N]`` ``before`` people at ``place`` ``[2, M]`` move."""
+    """Outlines of boxes [N, 7].
+
+    ``before`` [M, N]: their clearance of people at ``place`` [2, M], who move then.
+    """
 
     def __init__(self, box: Floats, place: Floats) -> None:
-        self._x, self._y, self._half_length, self._half_width = (
-            box[:, 0],
-            box[:, 1],
-            box[:, 4] / 2,
-            box[:, 5] / 2,
-        )
-        self._cos, self._sin = np.cos(box[:, 3]), np.sin(box[:, 3])
+        self._center = box[:, :2].T
+        self._half_length = box[:, 4] / 2
+        self._half_width = box[:, 5] / 2
+        self._cos = np.cos(box[:, 3])
+        self._sin = np.sin(box[:, 3])
         self.before = self.clearance(place)
 
     def clearance(self, points: Floats) -> Floats:
-        """Distance ``[M, N]`` of points ``[2, M]`` to the outlines along the axes of the boxes; negative inside."""
-        dx, dy = points[0, :, None] - self._x, points[1, :, None] - self._y
+        """Return distances [M, N] of points [2, M] to the outlines.
+
+        They are along the axes of the boxes, and negative inside.
+        """
+        dx, dy = points[:, :, None] - self._center[:, None]
         along = np.abs(self._cos * dx + self._sin * dy) - self._half_length
         across = np.abs(self._cos * dy - self._sin * dx) - self._half_width
-        return np.maximum(along, across)
+        return np.asarray(np.maximum(along, across))
