@@ -212,7 +212,7 @@ def test_large_components_are_matched_in_memory_of_their_pairs(seed: int, monkey
     row, column = np.nonzero(rng.random((8, 12)) < 0.5)
     pairs = Pairs(row, column, -rng.integers(1, 9, len(row)).astype(np.float64))
     dense = match_best(pairs, 8)
-    monkeypatch.setattr("mtp_bench.scoring.matching._MOST_CELLS", 0)
+    monkeypatch.setattr("mtp_bench.scoring.matching._MAX_CELLS", 0)
     sparse = match_best(pairs, 8)
     cost = dict(zip(zip(row.tolist(), column.tolist(), strict=True), pairs.cost.tolist(), strict=True))
     worth = [sum(cost[i, j] for i, j in enumerate(found.tolist()) if j >= 0) for found in (dense, sparse)]

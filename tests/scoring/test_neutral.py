@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mtp_bench.core.types import ImageField
-from mtp_bench.scoring import evaluated, unconfirmable
+from mtp_bench.scoring import evaluated
+from mtp_bench.scoring.neutral import unconfirmable
 from tests.support.scoring_scenes import Thing, make_scene
 
 CAR, WALKER = 0, 1
