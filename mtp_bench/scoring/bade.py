@@ -50,14 +50,14 @@ class Cuts:
 
         Beside it its part from targets without a forecast.
         """
-        kept = np.searchsorted(-self.confidence, -min_confidence, side="right")
-        changes = int(np.searchsorted(self.step, kept))
-        last = last_of(self.target[:changes])
-        target = self.target[last]
+        steps = np.searchsorted(-self.confidence, -min_confidence, side="right")
+        changes = int(np.searchsorted(self.step, steps))
+        final_change = last_of(self.target[:changes])
+        target = self.target[final_change]
         error = self.miss_error.copy()
-        error[target] = self.error[last]
+        error[target] = self.error[final_change]
         missed = self.miss_error.copy()
-        missed[target[self.covered[last]]] = 0.0
+        missed[target[self.covered[final_change]]] = 0.0
         return error, missed
 
     def false_costs(self, min_confidence: float, cost: Floats) -> float:
@@ -186,8 +186,7 @@ def at_budgets(
     else:
         count = np.arange(1, len(order) + 1) / max(live_frames, 1)
     level, first = np.unique(-confidence[order], return_index=True)
-    last = np.append(first, len(confidence))[1:] - 1
-    level_count = count[last]
+    level_count = count[np.append(first, len(confidence))[1:] - 1]
     cached: dict[int, Floats] = {}
 
     def at_level(index: int) -> Floats:
@@ -250,11 +249,11 @@ def fixed_parts(
     if truth_complete:
         false_cost = cuts.false_costs(SURE, class_cost)
         return error, missed, false_cost, float(broken_cost.sum())
-    kept = np.flatnonzero(cuts.confidence >= SURE)
-    frame = cuts.frame[kept]
+    row = np.flatnonzero(cuts.confidence >= SURE)
+    frame = cuts.frame[row]
     order = np.argsort(frame, kind="stable")  # by frame, then the most confident first
     place = np.arange(len(order)) - np.searchsorted(frame[order], frame[order])
-    beyond = kept[order[place >= FREE_FORECASTS]]
+    beyond = row[order[place >= FREE_FORECASTS]]
     false_cost = float(class_cost[cuts.class_id[beyond]].sum())
     frame_count = np.bincount(frame, minlength=len(malformed))
     free = np.maximum(0, FREE_FORECASTS - frame_count)

@@ -22,6 +22,7 @@ from .pairs import Pairs, near_pairs
 # scene, t, true ids, true xy, track ids, track xy
 Frame = tuple[Hashable, float, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
 Mode = Literal["frame", "sticky"]
+_ID_TYPES = (int, str, np.integer)
 
 
 def tracking_counts(
@@ -55,7 +56,7 @@ def tracking_counts(
         )
     else:
         raise ShapeError(f"mode is {mode!r}, expected 'frame' or 'sticky'")
-    events = find_events(truth.history, matched, tracks.history, tracks.identity)
+    events = find_events(truth.history, matched, tracks.identity)
     switches, fragments = clear_identity(truth.history, matched, tracks.identity)
     row = np.flatnonzero(matched >= 0)
     tp = len(row)
@@ -113,20 +114,18 @@ def _positions(frames: Sequence[Frame], column: int, name: str) -> _Positions:
     identities: list[int] = []
     positions: list[Floats] = [np.zeros((0, 2))]
     for frame in frames:
-        ids = _ids(frame, column, name)
-        if len(set(ids)) < len(ids):
-            raise ShapeError(
-                f"{name} ids of {_where(frame)} are {ids}, expected each id once"
-            )
+        try:
+            ids = _ids(frame[column])
+            positions.append(_xy(frame[column + 1], len(ids)))
+        except (TypeError, ValueError):
+            raise _content_error(frame, column, name) from None
         identities += map(codes[frame[0]].__getitem__, ids)
-        positions.append(_xy(frame, column + 1, len(ids), name))
     frame_index = np.repeat(np.arange(len(frames)), [len(xy) for xy in positions[1:]])
     identity = np.array(identities, dtype=np.int64)
     xy = np.concatenate(positions)
     infinite = ~np.isfinite(xy).all(axis=1)
     if infinite.any():
-        index = int(frame_index[infinite][0])
-        raise _xy_error(frames[index], column + 1, len(positions[1 + index]), name)
+        raise _content_error(frames[frame_index[infinite][0]], column, name)
     return _Positions(frame_index, identity, xy, history(frame_index, identity))
 
 
@@ -134,38 +133,30 @@ def _where(frame: Frame) -> str:
     return f"(scene {frame[0]!r}, t {frame[1]})"
 
 
-def _ids(frame: Frame, column: int, name: str) -> list[int | str]:
-    content: Any = frame[column]
-    try:
-        ids = list(content.tolist() if isinstance(content, np.ndarray) else content)
-    except TypeError:
-        ids = [content]
-    if not {int, str}.issuperset(map(type, ids)):
-        for identity in ids:
-            integer_or_text = isinstance(identity, int | str | np.integer)
-            if isinstance(identity, bool) or not integer_or_text:
-                raise ShapeError(
-                    f"{name} ids of {_where(frame)} hold {identity!r}, "
-                    "expected a list of integers or strings"
-                )
+def _ids(content: Any) -> list[int | str]:
+    """Return distinct ids; raises TypeError or ValueError for other content."""
+    ids = list(content.tolist() if isinstance(content, np.ndarray) else content)
+    kinds = set(map(type, ids))
+    if any(kind is bool or not issubclass(kind, _ID_TYPES) for kind in kinds):
+        raise ValueError
+    if len(set(ids)) < len(ids):
+        raise ValueError
     return ids
 
 
-def _xy(frame: Frame, column: int, ids: int, name: str) -> Floats:
-    """Return the positions [M, 2] of a frame with this number of ids, m."""
-    try:
-        xy = np.asarray(frame[column], dtype=np.float64)
-    except (TypeError, ValueError):
-        raise _xy_error(frame, column, ids, name) from None
+def _xy(content: Any, ids: int) -> Floats:
+    """Return positions [ids, 2]; raises TypeError or ValueError for other content."""
+    xy = np.asarray(content, dtype=np.float64)
     if xy.size == ids == 0:
         return np.zeros((0, 2))
     if xy.shape != (ids, 2):
-        raise _xy_error(frame, column, ids, name)
+        raise ValueError
     return xy
 
 
-def _xy_error(frame: Frame, column: int, ids: int, name: str) -> ShapeError:
+def _content_error(frame: Frame, column: int, name: str) -> ShapeError:
+    ids, xy = map(reprlib.repr, frame[column : column + 2])
     return ShapeError(
-        f"{name} xy of {_where(frame)} is {reprlib.repr(frame[column])}, "
-        f"expected finite metres of shape {(ids, 2)}"
+        f"{name} ids and xy of {_where(frame)} are {ids} and {xy}, expected distinct "
+        "integers or strings, and a finite position (x, y) in metres for each"
     )

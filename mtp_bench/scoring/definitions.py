@@ -11,7 +11,7 @@ GOLDEN = "195ccd395a2be54c2642206445429a4ea9816aed903c9c7c4abd5b2f7a24a5bf"
 MISS_RATE_GATE = 2.0  # m, a sample whose final point is farther away misses (MR, EPA)
 # m/s, straight displacement over the future by its time; slower targets are "static"
 MOVING_SPEED = 0.5
-# rad, change of the true heading over the future; the subset "turning" has targets above
+# rad, change of the true heading over the future; targets above are "turning"
 TURNING = 0.5
 PLANNING_SIGMA = 3.0  # m, PI-ADE weighs a target by exp(-approach^2 / (2 sigma^2))
 # equal steps up to the card's number of false forecasts, at most one per target: their

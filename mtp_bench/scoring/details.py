@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..cards import Card
-from ..core import Bools, Floats, ShapeError
+from ..core import Bools, Floats
 from .definitions import (
     CURVE_BUDGETS,
     DISTANCE_BINS,
@@ -49,7 +49,6 @@ def details(table: AgentTable, card: Card) -> Details:
     confidences = _confidences(table, scores)
     brier, reliability = calibration(*confidences) if confidences else (None, [])
     invalid = np.sum([score.invalid for score in scores], axis=0).tolist()
-    covered = table.covered.sum()
     return Details(
         **setting.key,
         seeds=seeds,
@@ -65,26 +64,32 @@ def details(table: AgentTable, card: Card) -> Details:
             ratio(false_forecasts, table.live) if table.complete else None
         ),
         curve=_curve(table),
-        k_curve={
-            str(k): ratio(table.curve[:, i].sum(), covered)
-            for i, k in enumerate(first_run[0].ks)
-        },
+        k_curve=_k_curve(table, first_run[0].ks),
         bins=_bins(table, card),
-        # where the agent itself (its first seed) has the event
-        own={
-            name: _errors(table, join_scenes(first_run, name)) for name in OWN_SUBSETS
-        },
-        own_events={
-            kind: sum(score.own_events[kind] for score in first_run) for kind in KINDS
-        },
-        guessed_parents=ratio(
-            sum(score.guessed_parents for score in first_run),
-            sum(score.frames for score in first_run),
-        ),
+        **_own_fields(table, first_run),
         tracking=_tracking([score.counts for score in first_run], card, table.complete),
         invalid=dict(zip(("tracks", "hypotheses", "objects"), invalid, strict=True)),
         dropped_detections=sum(score.dropped for score in scores),
     )
+
+
+def _k_curve(table: AgentTable, ks: Sequence[int]) -> dict[str, float | None]:
+    covered = table.covered.sum()
+    sums = [table.curve[:, i].sum() for i in range(len(ks))]
+    return {str(k): ratio(total, covered) for k, total in zip(ks, sums, strict=True)}
+
+
+def _own_fields(table: AgentTable, run: Sequence[SceneScore]) -> dict[str, Any]:
+    """Return fields of a `Details` on the events of the agent itself in one run."""
+    own_events = {}
+    for kind in KINDS:
+        own_events[kind] = sum(score.own_events[kind] for score in run)
+    guessed_parents = sum(score.guessed_parents for score in run)
+    return {
+        "own": {name: _errors(table, join_scenes(run, name)) for name in OWN_SUBSETS},
+        "own_events": own_events,
+        "guessed_parents": ratio(guessed_parents, sum(score.frames for score in run)),
+    }
 
 
 def _curve(table: AgentTable) -> list[tuple[float, float]]:
@@ -123,10 +128,10 @@ def _confidences(
     return confidence[counted].astype(float), outcome[counted] > Outcome.NEUTRAL
 
 
-def calibration(confidence: Floats, there: Bools) -> tuple[float, list[Reliability]]:
+def calibration(confidence: Floats, matched: Bools) -> tuple[float, list[Reliability]]:
     """Return the Brier score of n confidences, and the reliability curve.
 
-    ``there`` [n]: it is of a true object.
+    ``matched`` [n]: it is of a true object.
     """
     place = np.minimum((confidence * _RANGES).astype(int), _RANGES - 1)
     curve = []
@@ -135,11 +140,11 @@ def calibration(confidence: Floats, there: Bools) -> tuple[float, list[Reliabili
         curve.append(
             Reliability(
                 confidence=float(confidence[in_range].mean()),
-                matched=float(there[in_range].mean()),
+                matched=float(matched[in_range].mean()),
                 forecasts=int(in_range.sum()),
             )
         )
-    return float(((confidence - there) ** 2).mean()), curve
+    return float(((confidence - matched) ** 2).mean()), curve
 
 
 def misstated(table: AgentTable) -> tuple[float, float] | None:
@@ -243,11 +248,8 @@ def _tracking(counts: list[StreamCounts], card: Card, complete: bool) -> Trackin
     False output only where the truth is ``complete``. A false track without a class is
     false in every class and in none, so then a single class has none of these numbers.
     """
-    sums: dict[str, Any] = {}
-    for name in _COUNTS:
-        sums[name] = np.sum([getattr(count, name) for count in counts], axis=0)
-    for name in _IDENTITY_COUNTS:
-        sums[name] = np.sum([getattr(count.identity, name) for count in counts], axis=0)
+    sums = _summed(counts, _COUNTS)
+    sums |= _summed([count.identity for count in counts], _IDENTITY_COUNTS)
     overall = {name: value.sum(axis=0) for name, value in sums.items()}
     class_complete = complete and not sums["fp"][-1]
     classes = {}
@@ -261,6 +263,14 @@ def _tracking(counts: list[StreamCounts], card: Card, complete: bool) -> Trackin
     return Tracking(
         all=_clear(overall, card, complete), classes=classes, **false_output
     )
+
+
+def _summed(counts: Sequence[Any], names: Sequence[str]) -> dict[str, Any]:
+    """Return the sums over scenes of the attributes of these names."""
+    return {
+        name: np.sum([getattr(count, name) for count in counts], axis=0)
+        for name in names
+    }
 
 
 def _clear(count: dict[str, Any], card: Card, complete: bool) -> Clear:
@@ -309,21 +319,10 @@ def forecast_average_precision(
     and the best final point within 4 m; ``score`` [n]. The mean of the precision over
     101 recalls, what lies below .1 of either cut off, as nuScenes does for detection.
     Equal scores are one point of the curve, so the order of the rows does not matter;
-    an agent without confidences has one point. Raises ShapeError for arrays that do not
-    fit or more correct forecasts than targets.
+    an agent without confidences has one point.
     """
     is_correct = np.asarray(correct, dtype=bool)
     confidence = np.asarray(score, dtype=np.float64)
-    if is_correct.ndim != 1 or is_correct.shape != confidence.shape:
-        raise ShapeError(
-            f"correct has shape {is_correct.shape} and score {confidence.shape}, "
-            "expected one length for both"
-        )
-    if is_correct.sum() > targets:
-        raise ShapeError(
-            f"{int(is_correct.sum())} correct forecasts of {targets} targets, "
-            "expected at most one each"
-        )
     if targets == 0:
         return None
     if len(is_correct) == 0:

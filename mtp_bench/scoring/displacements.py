@@ -75,8 +75,10 @@ def floored(weights: NDArray[Any]) -> Floats:
     the floor is dropped once.
     """
     weight = np.asarray(weights, dtype=np.float64)
-    stated = (weight > 0).sum(axis=1, keepdims=True)
-    floor = SAMPLE_FLOOR * weight.sum(axis=1, keepdims=True) / np.maximum(stated, 1)
+    sample_count = (weight > 0).sum(axis=1, keepdims=True)
+    floor = (
+        SAMPLE_FLOOR * weight.sum(axis=1, keepdims=True) / np.maximum(sample_count, 1)
+    )
     return np.where(weight < floor, 0.0, weight)
 
 

@@ -3,7 +3,7 @@
 Definitions: docs/definitions, "Driving".
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
@@ -183,6 +183,10 @@ def fault_interval(collisions: float, scenes: int) -> Interval:
     return 100.0 * float(low), 100.0 * float(high)
 
 
+def _mean(drives: Sequence[Drive], value: Callable[[Drive], float]) -> float:
+    return float(np.mean([value(drive) for drive in drives]))
+
+
 def _row(
     agent: AgentDrives, reference: Mapping[str, float], stp_scores: Floats | None
 ) -> DrivingRow:
@@ -198,12 +202,9 @@ def _row(
         scene_drives = agent.drives[scene]
         drives += scene_drives
         progress += [progress_of(drive, way_m) for drive in scene_drives]
-        fault_shares.append(np.mean([100.0 * drive.at_fault for drive in scene_drives]))
+        fault_shares.append(_mean(scene_drives, lambda drive: 100.0 * drive.at_fault))
     faults = float(np.mean(fault_shares))
-    goals = [drive.seconds for drive in drives if drive.goal]
-
-    def per_100(counts: list[int]) -> float:
-        return float(np.mean([100.0 * count for count in counts]))
+    arrived = [drive for drive in drives if drive.goal]
 
     return DrivingRow(
         agent=agent.agent,
@@ -214,12 +215,12 @@ def _row(
         p=p,
         collisions=faults,
         collisions_interval=fault_interval(faults, len(scores)),
-        any_collision=per_100([bool(drive.collision) for drive in drives]),
-        near_misses=per_100([drive.near_misses for drive in drives]),
+        any_collision=_mean(drives, lambda drive: 100.0 * bool(drive.collision)),
+        near_misses=_mean(drives, lambda drive: 100.0 * drive.near_misses),
         progress=float(np.mean(progress)),
-        phantom_brakes=per_100([drive.phantom_brakes for drive in drives]),
-        goal_seconds=float(np.mean(goals)) if goals else None,
-        comfort=float(np.mean([drive.comfortable for drive in drives])),
+        phantom_brakes=_mean(drives, lambda drive: 100.0 * drive.phantom_brakes),
+        goal_seconds=_mean(arrived, lambda drive: drive.seconds) if arrived else None,
+        comfort=_mean(drives, lambda drive: float(drive.comfortable)),
         bade=own_bade(agent),
         scenes=len(reference),
     )

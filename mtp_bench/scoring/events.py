@@ -5,6 +5,7 @@ hole is scored like a scene of its own: objects and tracks have another identity
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,15 +19,11 @@ HOLES = "holes in time"
 LOST_TARGETS = "targets across holes in time"
 
 
-@dataclass(frozen=True, eq=False)
-class Events:
+class Events(NamedTuple):
     """Rows of the truth where an object's identity has an event, ascending."""
 
     ids: Rows
     lost: Rows
-    # those lost whose old id is output outside the gate; that of the others is not
-    # output
-    wrong: Rows
     reacquired: Rows
 
 
@@ -84,14 +81,12 @@ def object_history(truth: Truth) -> History:
     return history(truth.frame_of_rows, identity)
 
 
-def find_events(
-    objects: History, matched: Matched, tracks: History, track_id: Ints
-) -> Events:
+def find_events(objects: History, matched: Matched, track_id: Ints) -> Events:
     """Return the events of one stream of tracks.
 
-    ``objects`` and ``tracks`` are the histories of the true boxes [R] and the tracks;
-    ``matched`` [R] the row of the track of each true box, -1 none; ``track_id`` the ids
-    by row. No event is found across frames without the object.
+    ``objects``: history of the true boxes [R]; ``matched`` [R]: row of the track of
+    each true box, -1 none; ``track_id``: ids by row. No event is found across frames
+    without the object.
     """
     column = matched[objects.order]
     is_matched = column >= 0
@@ -100,16 +95,10 @@ def find_events(
     ids = np.append(np.asarray(track_id, dtype=np.int64), -1)
     follows_match = objects.consecutive & (column_before >= 0)
     changed = ids[column_before] != ids[column]
-    lost = np.flatnonzero(follows_match & ~is_matched)
-    # tracks that are output in the next frame too
-    continued = np.zeros(len(tracks.order), dtype=bool)
-    continued[tracks.order[np.flatnonzero(tracks.consecutive) - 1]] = True
-    wrong = lost[continued[column_before[lost]]]
     reacquired = _matched_again(objects.consecutive, is_matched)
     return Events(
         ids=np.sort(objects.order[follows_match & is_matched & changed]),
-        lost=np.sort(objects.order[lost]),
-        wrong=np.sort(objects.order[wrong]),
+        lost=np.sort(objects.order[follows_match & ~is_matched]),
         reacquired=np.sort(objects.order[reacquired]),
     )
 
@@ -128,7 +117,7 @@ def clear_identity(
     same_object = matched_identity[1:] == matched_identity[:-1]
     switched = place[1:][same_object & (matched_id[1:] != matched_id[:-1])]
     fragmented = _matched_again(objects.follows, column >= 0)
-    return objects.order[switched], objects.order[np.flatnonzero(fragmented)]
+    return objects.order[switched], objects.order[fragmented]
 
 
 def _matched_again(follows: Bools, is_matched: Bools) -> Bools:
@@ -173,6 +162,6 @@ def separated_truth(scene: Scene, card: Card) -> Truth:
 
 
 def separated_tracks(rollout: Rollout, scene: Scene, card: Card) -> Rollout:
-    """Return the rollout of a scene, whose tracks have other identities after a hole."""
+    """Return the rollout of a scene, with other track identities after a hole."""
     piece = pieces(scene, card)[rollout.tracks.frame_of_rows]
     return replace(rollout, track_id=separated(rollout.track_id, piece))

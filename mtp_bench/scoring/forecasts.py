@@ -338,7 +338,10 @@ def offer_neutral(
 
 
 def sample_weights(log_weight: Floats) -> NDArray[np.float64]:
-    """Return the weights [n, K] of log-weights: 0 for an absent sample, else above 0."""
+    """Return the weights [n, K] of log-weights, 0 for an absent sample.
+
+    Others are above 0.
+    """
     logs = np.asarray(log_weight, dtype=np.float64)
     present = logs >= ABSENT_BELOW
     max_log = np.where(present, logs, -np.inf).max(

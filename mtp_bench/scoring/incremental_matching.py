@@ -82,8 +82,8 @@ def add_in_order(
 def final_match(additions: Additions, rows: int) -> Matched:
     """Return the column matched to each row [rows] in the end, -1 for none."""
     matched = np.full(rows, -1, dtype=np.intp)
-    last = last_of(additions.row)
-    matched[additions.row[last]] = additions.column[last]
+    final_change = last_of(additions.row)
+    matched[additions.row[final_change]] = additions.column[final_change]
     return matched
 
 
@@ -194,8 +194,8 @@ class _Matching:
             offset = base - self._column_potential[column]
             for row, cost in self._edges[column]:
                 distance = offset + cost - self._row_potential[row]
-                is_shorter = distance < best.get(row, distance + 1)
-                if row not in reached and is_shorter and distance < limit:
+                # a row that is reached has its least distance already
+                if distance < min(best.get(row, limit), limit):
                     best[row] = distance
                     previous[row] = column
                     heappush(queue, (distance, row))

@@ -90,35 +90,38 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
     best = np.argmax(weight, axis=1)
     is_empty = np.asarray(~alive.any(axis=1))
     alive[is_empty, 0] = True
-    parent, stated = _stated_parents(rollout, alive)
+    parent, is_stated = _stated_parents(rollout, alive)
     # an empty frame states no parent; a guess would take the hypothesis with the fewest
     # tracks, which loses the least
     empty_frame = 1 + np.flatnonzero(is_empty[1:])
     parent[empty_frame, 0] = best[empty_frame - 1]
-    stated[empty_frame, 0] = True
+    is_stated[empty_frame, 0] = True
     if alive.shape[1] > 1:
         gates = card.per_class(card.task.forecast_gate)
         # farthest a track may move in a frame [C + 1], m; the last entry is for tracks
         # without a class
         reach = np.array([*gates, max(gates)]) + MAX_SPEED / card.task.rate
-        unstated = (alive & ~stated)[1:].any(axis=1)
+        unstated = (alive & ~is_stated)[1:].any(axis=1)
         for t in (1 + np.flatnonzero(unstated)).tolist():
             guess = _parents(rollout, member, alive[t - 1], weight[t - 1], t, reach)
-            parent[t] = np.where(stated[t], parent[t], guess)
-    return Hypotheses(alive, member, best, parent, stated)
+            parent[t] = np.where(is_stated[t], parent[t], guess)
+    return Hypotheses(alive, member, best, parent, is_stated)
 
 
 def _stated_parents(rollout: Rollout, alive: Bools) -> tuple[Rows, Bools]:
-    """Return stated parents [F, H] that existed, else 0; and True where there is one."""
+    """Return stated parents [F, H] that existed, and where there is one.
+
+    0 where there is none.
+    """
     parent = np.zeros(alive.shape, dtype=np.intp)
-    stated = np.zeros(alive.shape, dtype=bool)
+    is_stated = np.zeros(alive.shape, dtype=bool)
     stated_parent = np.asarray(rollout.hypothesis_parent)
     if stated_parent.shape == alive.shape and len(stated_parent):
         index = np.clip(stated_parent[1:], 0, None)
         existed = np.take_along_axis(alive[:-1], index, axis=1)
-        stated[1:] = (stated_parent[1:] >= 0) & existed
-        parent[stated] = stated_parent[stated]
-    return parent, stated
+        is_stated[1:] = (stated_parent[1:] >= 0) & existed
+        parent[is_stated] = stated_parent[is_stated]
+    return parent, is_stated
 
 
 def match_hypotheses(
@@ -188,32 +191,33 @@ def lineage_events(
     # [objects, H] track row in the frame before, and of the last match since the object
     # is there
     previous = np.full((len(objects), shape[1]), -1, dtype=np.intp)
-    last = previous.copy()
+    latest = previous.copy()
     evaluated = truth.select(~truth.neutral)
     truth_row = np.flatnonzero(~truth.neutral)
     for t in range(evaluated.frames):
         parent = lineage.parent[t]
         rows = truth_row[evaluated.rows(t)]
         index = object_number[rows]
-        now = matched[rows]
-        before = previous[:, parent][index]
-        last_before = last[:, parent][index]
-        is_matched = now >= 0
-        was_matched = before >= 0
-        last_track[rows] = last_before
-        ids[rows] = was_matched & is_matched & (track_id[before] != track_id[now])
+        track = matched[rows]
+        previous_track = previous[:, parent][index]
+        old_track = latest[:, parent][index]
+        is_matched = track >= 0
+        was_matched = previous_track >= 0
+        other_id = track_id[previous_track] != track_id[track]
+        last_track[rows] = old_track
+        ids[rows] = was_matched & is_matched & other_id
         lost[rows] = was_matched & ~is_matched
-        reacquired[rows] = is_matched & (last_before >= 0) & ~was_matched
+        reacquired[rows] = is_matched & (old_track >= 0) & ~was_matched
         if lost[rows].any():
             tracks = rollout.tracks.rows(t)
-            output = rollout.track_id[tracks][:, None, None] == track_id[before]
+            output = rollout.track_id[tracks][:, None, None] == track_id[previous_track]
             output &= lineage.member[tracks][:, None]
             wrong[rows] = lost[rows] & output.any(axis=0)
         # forget objects that are absent in this frame
         previous = np.full_like(previous, -1)
-        last = previous.copy()
-        previous[index] = now
-        last[index] = np.where(is_matched, now, last_before)
+        latest = previous.copy()
+        previous[index] = track
+        latest[index] = np.where(is_matched, track, old_track)
     # absent hypotheses have no events
     alive = lineage.alive[truth.frame_of_rows]
     return LineageEvents(ids, lost & alive, wrong & alive, reacquired, last_track)
@@ -244,18 +248,18 @@ def _parents(
     and class), plus the cap for every track that one of them lacks. Equal costs: the
     heavier, then the lower index.
     """
-    now = rollout.tracks.rows(t)
+    present = rollout.tracks.rows(t)
     past = rollout.tracks.rows(t - 1)
-    cap_now = reach[rollout.track_class[now]]
+    cap_now = reach[rollout.track_class[present]]
     cap_past = reach[rollout.track_class[past]]
-    same_id = rollout.track_id[now][:, None] == rollout.track_id[past]
-    same_class = rollout.track_class[now][:, None] == rollout.track_class[past]
+    same_id = rollout.track_id[present][:, None] == rollout.track_id[past]
+    same_class = rollout.track_class[present][:, None] == rollout.track_class[past]
     row, column = np.nonzero(same_id & same_class)
-    offset = rollout.track_box[now][row, :2] - rollout.track_box[past][column, :2]
+    offset = rollout.track_box[present][row, :2] - rollout.track_box[past][column, :2]
     distance = np.minimum(np.hypot(offset[:, 0], offset[:, 1]), cap_now[row])
     saved = np.zeros((len(cap_now), len(cap_past)))
     saved[row, column] = cap_now[row] + cap_past[column] - distance
-    member_now = member[now].astype(np.float64)
+    member_now = member[present].astype(np.float64)
     member_past = member[past].astype(np.float64)
     # [H now, H past], less what all share
     cost = (cap_past @ member_past)[None] - member_now.T @ saved @ member_past

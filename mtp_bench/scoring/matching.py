@@ -129,9 +129,9 @@ def match_sticky(
         sticky = part[has_before[part] & was_matched]
         if len(sticky):
             matched[row[sticky]] = column[sticky]
-            taken = local_row[part, None] == local_row[sticky]
-            taken |= local_column[part, None] == local_column[sticky]
-            part = part[~taken.any(axis=1)]
+            excluded = local_row[part, None] == local_row[sticky]
+            excluded |= local_column[part, None] == local_column[sticky]
+            part = part[~excluded.any(axis=1)]
         if len(part):
             chosen = part[_assign(local_row[part], local_column[part], cost[part])]
             matched[row[chosen]] = column[chosen]
@@ -150,7 +150,10 @@ def columns_to_rows(matched: Matched, columns: int) -> Matched:
 
 
 def _settle_single(pairs: Pairs, matched: Matched) -> Pairs:
-    """Match the pairs without another candidate for row or column; return the others."""
+    """Match the pairs without another candidate for row or column.
+
+    Returns the other pairs.
+    """
     if len(pairs) == 0:
         return pairs
     row_pairs = np.bincount(pairs.row)
@@ -272,8 +275,8 @@ def _cheapest_sparse(row: Rows, column: Rows, cost: Floats) -> Rows:
     rows = int(row.max()) + 1
     columns = int(column.max()) + 1
     every_row = np.arange(rows)
-    # each row may take a column of its own that costs nothing; a constant on all of them
-    # changes no choice
+    # each row may take a column of its own that costs nothing; a constant on all of
+    # them changes no choice
     weight = np.concatenate([cost, np.zeros(rows)]) - float(cost.min()) + 1.0
     graph_row = np.concatenate([row, every_row])
     graph_column = np.concatenate([column, columns + every_row])

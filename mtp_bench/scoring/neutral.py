@@ -42,23 +42,17 @@ def evaluated(scene: Scene) -> Scene:
 def neutral_places(scene: Scene, frame: Ints, xy: Floats, class_id: Ints) -> Bools:
     """Return True [n] for objects that no label of the scene could confirm.
 
-    At ``xy`` [n, 2] m. False without an image.
+    At ``xy`` [n, 2] m, scene's frame of reference; False without an image. An object of
+    ``class_id`` [n] in ``frame`` [n] is seen as an upright box of the size that stands
+    for its class, with the heading of the platform and its bottom 1.65 m below the
+    camera. In the image it is the least rectangle around that box as far as it lies
+    before the camera, cut to the image. No label confirms it if nothing of it is left,
+    if it is at most 25 pixels high, or if more than half of it lies in one region where
+    labels do not care.
     """
-    if scene.image is None:
+    image = scene.image
+    if image is None:
         return np.zeros(len(xy), dtype=bool)
-    return unconfirmable(scene.image, frame, xy, class_id)
-
-
-def unconfirmable(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) -> Bools:
-    """Return True [n] for objects that no label of the image could confirm.
-
-    At ``xy`` [n, 2] m, scene's frame of reference. An object of ``class_id`` [n] in
-    ``frame`` [n] is seen as an upright box of the size that stands for its class, with
-    the heading of the platform and its bottom 1.65 m below the camera. In the image it
-    is the least rectangle around that box as far as it lies before the camera, cut to
-    the image. No label confirms it if nothing of it is left, if it is at most 25 pixels
-    high, or if more than half of it lies in one region where labels do not care.
-    """
     box = _image_boxes(image, frame, np.asarray(xy, dtype=np.float64), class_id)
     is_wide = box[:, 2] > box[:, 0]
     is_high = box[:, 3] - box[:, 1] > LEAST_IMAGE_HEIGHT

@@ -117,19 +117,21 @@ def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
     Those that round to 0 are left out; if all do, the first stands with two decimals.
     The sum of names beyond the first ``most`` is called "others".
     """
-    shown = {name: value for name, value in parts.items() if abs(value) >= LEAST_SHOWN}
+    shown = _shown(parts)
     if parts and not shown:
         return "{} {:.2f} m".format(*next(iter(parts.items())))
-    below_threshold = shown.pop(BELOW, None)
-    names = list(shown)
+    names = [name for name in shown if name != BELOW]
+    remainder = sum(shown[name] for name in names[most:])
     named = {name: shown[name] for name in names[:most]}
-    others = sum(shown[name] for name in names[most:])
-    if abs(others) >= LEAST_SHOWN:
-        named["others"] = others
-    if below_threshold is not None:
-        named[BELOW] = below_threshold
-    texts = [f"{name} {value:.1f}" for name, value in named.items()]
-    return ", ".join([f"{texts[0]} m", *texts[1:]]) if texts else "nothing"
+    named = _shown({**named, "others": remainder, BELOW: shown.get(BELOW, 0.0)})
+    if not named:
+        return "nothing"
+    first, *texts = [f"{name} {value:.1f}" for name, value in named.items()]
+    return ", ".join([f"{first} m", *texts])
+
+
+def _shown(parts: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in parts.items() if abs(value) >= LEAST_SHOWN}
 
 
 def by_fault(parts: Mapping[str, float]) -> dict[str, float]:
@@ -191,7 +193,7 @@ def error_parts(
     """
     bade = table.bade(subset)
     absent = bade.missed - bade.below_threshold
-    rest = bade.error - bade.missed
+    unsplit = bade.error - bade.missed
     parts: dict[str, Floats] = {}
     if references is not None:
         split = np.isfinite(sum(references))
@@ -202,11 +204,11 @@ def error_parts(
             "ground_truth": covered * ground_truth,
             "localisation": covered * (associated - centred),
             "history": covered * (centred - ground_truth),
-            "association": rest - covered * associated,
+            "association": unsplit - covered * associated,
         }
         parts = {name: np.where(split, part, 0.0) for name, part in parts.items()}
-        rest = np.where(split, 0.0, rest)
-    parts |= {"rest": rest, "below_threshold": bade.below_threshold}
+        unsplit = np.where(split, 0.0, unsplit)
+    parts |= {"rest": unsplit, "below_threshold": bade.below_threshold}
     for cause in AbsentCause:
         parts[cause.name.lower()] = np.where(table.absent_cause == cause, absent, 0.0)
     return parts

@@ -168,23 +168,31 @@ def places_on(
     none on event subsets.
     """
     places: list[dict[Subset, Place]] = [{} for _ in agents]
-    for subset in subsets if agents else ():
+    if not agents:
+        return places
+    for subset in subsets:
         sums = [agent.sums_on(subset) for agent in agents]
         subset_reason = why_not_on(subset, sums[0])
-        ranked_agents = []
-        for i, place in enumerate(places):
-            reason = unranked[i] or subset_reason
-            if subset != "all":
-                reason = reason or guarded[i]
-            if reason is None:
-                ranked_agents.append(i)
-            else:
-                place[subset] = Place(why=reason)
-        if ranked_agents:
-            errors = np.array([sums[i].error for i in ranked_agents])
-            ranks = rank_by_error(errors, sums[0].weight)
-            for i, rank in zip(ranked_agents, ranks, strict=True):
-                places[i][subset] = rank
+        guard_reasons = [None] * len(agents) if subset == "all" else guarded
+        reasons = [
+            unranked_reason or subset_reason or guard_reason
+            for unranked_reason, guard_reason in zip(
+                unranked, guard_reasons, strict=True
+            )
+        ]
+        for place, agent_places in zip(_placed(sums, reasons), places, strict=True):
+            agent_places[subset] = place
+    return places
+
+
+def _placed(sums: Sequence[UnitSums], reasons: Sequence[str | None]) -> Sequence[Place]:
+    """Return the places of agents on one subset; with a reason they have none."""
+    ranked = [i for i, reason in enumerate(reasons) if reason is None]
+    places = [Place(why=reason or "") for reason in reasons]
+    if ranked:
+        errors = [sums[i].error for i in ranked]
+        for i, place in zip(ranked, rank_by_error(errors, sums[0].weight), strict=True):
+            places[i] = place
     return places
 
 

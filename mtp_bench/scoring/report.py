@@ -61,10 +61,7 @@ def summarise(
     references = references or {}
     all_tables = _tables_by_id(agents, references, reference)
     tables = [all_tables[id(setting)] for setting in agents]
-    equal_budget: dict[str, AgentTable] = {}
-    for table in tables:
-        if table.setting.budget == "equal":
-            equal_budget.setdefault(table.setting.agent, table)
+    equal_budget = _equal_budget(tables)
     stp_table = equal_budget.get(stp)
     truth_table = equal_budget.get(truth)
     pairs = [
@@ -88,6 +85,15 @@ def summarise(
         condition=_condition(tables, card, reference),
         tables=tables,
     )
+
+
+def _equal_budget(tables: Sequence[AgentTable]) -> dict[str, AgentTable]:
+    """Return the first table of equal k of each agent."""
+    first_tables: dict[str, AgentTable] = {}
+    for table in tables:
+        if table.setting.budget == "equal":
+            first_tables.setdefault(table.setting.agent, table)
+    return first_tables
 
 
 def _tables_by_id(
@@ -127,20 +133,11 @@ def _condition(
     tables: Sequence[AgentTable], card: Card, reference: Reference | None
 ) -> dict[str, str]:
     """Return conditions: card, detector, completeness of the truth, event weights."""
-    scenes = tables[0].setting.seeds[0] if tables else ()
-    detectors = Counter(score.detections for score in scenes)
     condition = {}
     if isinstance(card.source, FilesSource):
         condition["folder"] = Path(card.source.folder or "own scenes").name
-        stored = detectors.pop(f"{card.source.detector}, stored detections", 0)
-        label = f"own detections, settings of {card.source.detector}"
-        detectors += Counter({label: stored})
-    detections = [
-        f"{label} ({counted(scene_count, 'scene')})"
-        for label, scene_count in sorted(detectors.items())
-    ]
-    truth = "complete"
     complete = all(table.complete for table in tables)
+    truth = "complete"
     if not complete:
         truth = "prediction targets only: false forecasts cannot be known"
     budget = reference.budget if reference else ONE_PER_TARGET
@@ -151,11 +148,25 @@ def _condition(
         "presence": card.presence or "",
         "detector": card.detector_name,
         "card": card.digest,
-        "detections": "; ".join(detections),
+        "detections": _detections_text(tables, card),
         "truth": truth,
         "weights": reference.origin if reference else "none",
         "budget": budget.text(complete),
     }
+
+
+def _detections_text(tables: Sequence[AgentTable], card: Card) -> str:
+    """Return the detectors with their numbers of scenes."""
+    scenes = tables[0].setting.seeds[0] if tables else ()
+    detectors = Counter(score.detections for score in scenes)
+    if isinstance(card.source, FilesSource):
+        stored = detectors.pop(f"{card.source.detector}, stored detections", 0)
+        label = f"own detections, settings of {card.source.detector}"
+        detectors += Counter({label: stored})
+    return "; ".join(
+        f"{label} ({counted(scene_count, 'scene')})"
+        for label, scene_count in sorted(detectors.items())
+    )
 
 
 def _paired_rows(

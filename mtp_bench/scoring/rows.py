@@ -148,7 +148,8 @@ class Row(AgentSetting):
     gap_closed: Annotated[
         Share,
         Column(
-            help="Share closed of the gap from stp to prediction on ground-truth tracks."
+            help="Share closed of the gap from stp to prediction on ground-truth "
+            "tracks."
         ),
     ]
     gap_interval: IntervalColumn

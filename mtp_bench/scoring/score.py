@@ -72,11 +72,10 @@ class SceneScore(ForecastErrors):
     # [n] values of `AbsentCause`, whether it has a forecast or not
     absent_cause: Ints
     own_ids: Bools  # [n] along the lineage of the best hypothesis
-    own_lost: Bools  # [n]
-    own_reacquired: Bools  # [n]
+    own_frag: Bools  # [n] lost or reacquired
     all_h_ids: Bools  # [n] in every hypothesis
     all_h_frag: Bools  # [n]
-    # on all evaluated true boxes, targets or not, by KINDS; "wrong" are among the "lost"
+    # on all evaluated true boxes, targets or not, by KINDS; "wrong" are among "lost"
     own_events: dict[str, int]
     # frames whose lineage was guessed, since the agent does not state it
     guessed_parents: int
@@ -107,11 +106,6 @@ class SceneScore(ForecastErrors):
         return capped_error(self.centred_ade, self.miss_error)
 
     @property
-    def own_frag(self) -> Bools:
-        """Lost or reacquired [n]."""
-        return self.own_lost | self.own_reacquired
-
-    @property
     def forecasts(self) -> int:
         """Number of forecasts in live frames."""
         return len(self.outcome)
@@ -125,8 +119,7 @@ class SceneScore(ForecastErrors):
 def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     """Score ``rollout`` of ``scene`` under the rules of ``card``.
 
-    Raises RolloutError for a rollout of another scene, or of another number of frames
-    or classes.
+    Raises RolloutError as `check_rollout`.
     """
     check_rollout(scene, rollout, card)
     scene = evaluated(scene)
@@ -138,18 +131,19 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     matching = match_by_confidence(candidates, forecasts.confidence)
     errors, object_of_truth = candidates.final_errors(matching)
     outcome, final_error = _outcomes(candidates, matching, object_of_truth, errors)
-    class_error = np.asarray(card.per_class(card.task.miss_error))
-    miss_error = class_error[targets.class_id]
+    class_miss_error = np.asarray(card.per_class(card.task.miss_error))
+    miss_error = class_miss_error[targets.class_id]
     scene_cuts = cuts(candidates, matching, forecasts.confidence, miss_error)
     score = nearest_score(scene, forecasts)
-    by_score = match_by_confidence(candidates, score)
+    score_matching = match_by_confidence(candidates, score)
     lineage = hypotheses(rollout, card)
     matched = match_hypotheses(truth, rollout, lineage.member, card)
     events = lineage_events(truth, rollout, lineage, matched)
     best_events = events.of(lineage.best[truth.frame_of_rows])
     unit = units(scene, card)
-    stated = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
+    hypothesis_count = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
     malformed = rollout.malformed * live[:, None]
+    fixed = fixed_error(scene_cuts, malformed, class_miss_error, scene.truth_complete)
     tracks = separated_tracks(rollout, scene, card)
     seconds = rollout.seconds[1:] if len(rollout.seconds) > 1 else rollout.seconds
     return SceneScore(
@@ -157,7 +151,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         recording=scene.recording or scene.name,
         frames=scene.frames,
         live=int(live.sum()),
-        hypotheses=int(stated.max(initial=0)),
+        hypotheses=int(hypothesis_count.max(initial=0)),
         samples=rollout.forecast.shape[1],
         truth_complete=scene.truth_complete,
         detections=scene.detector,
@@ -176,19 +170,16 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         capped=capped_error(errors.min_ade, miss_error),
         absent_cause=absent_causes(scene, targets, card),
         own_ids=best_events.ids[targets.row, 0],
-        own_lost=best_events.lost[targets.row, 0],
-        own_reacquired=best_events.reacquired[targets.row, 0],
+        own_frag=best_events.frag[targets.row, 0],
         all_h_ids=in_all(truth, lineage, events, "ids")[targets.row],
         all_h_frag=in_all(truth, lineage, events, "frag")[targets.row],
         own_events={kind: int(getattr(best_events, kind).sum()) for kind in KINDS},
         guessed_parents=lineage.guessed,
         cuts=scene_cuts,
-        score_cuts=cuts(candidates, by_score, score, miss_error),
+        score_cuts=cuts(candidates, score_matching, score, miss_error),
         outcome=outcome,
         final_error=final_error,
-        fixed_error=fixed_error(
-            scene_cuts, malformed, class_error, scene.truth_complete
-        ),
+        fixed_error=fixed,
         counts=stream_counts(truth, tracks, lineage, card),
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),

@@ -1,4 +1,4 @@
-"""Uncertainty: studentised intervals, sign-flip tests and the intervals that invert them.
+"""Uncertainty: studentised intervals, sign-flip tests and intervals that invert them.
 
 Units are recordings cut into blocks of at most 20 s. A weighted mean over targets is a
 ratio of sums over units: ``numerator`` [U] and ``denominator`` [U], the weight of the
@@ -19,7 +19,8 @@ RESAMPLES = 2000
 LEVEL = 0.95
 _TAILS = [(1 - LEVEL) / 2, (1 + LEVEL) / 2]
 MIN_UNITS = 3  # of an interval
-# quantile of Student's t: no 95 % interval is wider than the 99 % interval of normal units
+# quantile of Student's t: no 95 % interval is wider than the 99 % interval of normal
+# units
 _WIDEST = 0.995
 EXACT_UNITS = 14  # all sign flips up to here
 FLIPS = 10_000  # random sign flips beyond
@@ -113,7 +114,7 @@ def effective_number(weight: ArrayLike) -> float:
 
 
 class PairedDifference(NamedTuple):
-    """Difference of two means over the same targets, in the unit of their numerators."""
+    """Difference of two means over the same targets, in their numerators' unit."""
 
     mean: float
     p: float  # of the sign-flip test over units

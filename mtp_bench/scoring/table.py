@@ -311,7 +311,7 @@ def _events(
             sum(reference.weight(score.scene, name).sum() for score in run)
         )
     stp_events = [reference.of(score.scene).stp_events for score in run]
-    ids, lost, reacquired = np.sum(stp_events, axis=0).tolist()
+    ids, *fragments = np.sum(stp_events, axis=0).tolist()
     events["paper_ids"] = float(ids)
-    events["paper_frag"] = float(lost + reacquired)
+    events["paper_frag"] = float(sum(fragments))
     return events

@@ -84,31 +84,31 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     rows = np.zeros((0, length), dtype=np.intp)
     if len(place):
         rows = objects.order[place[:, None] + np.arange(length)]
-    now = rows[:, past - 1]
-    is_target = truth.eligible[now] & ~truth.neutral[now]
-    rows = rows[is_target][np.argsort(now[is_target])]
-    now = rows[:, past - 1]
+    present = rows[:, past - 1]
+    is_target = truth.eligible[present] & ~truth.neutral[present]
+    rows = rows[is_target][np.argsort(present[is_target])]
+    present = rows[:, past - 1]
     end = rows[:, -1]
     xy = np.asarray(truth.box[:, :2], dtype=np.float64)
     future_xy = xy[rows[:, past:]]
-    future_frame = frame[now][:, None] + np.arange(1, future + 1)
+    future_frame = frame[present][:, None] + np.arange(1, future + 1)
     ego_xy = np.asarray(scene.ego[:, :2], dtype=np.float64)
     future_distance = np.linalg.norm(future_xy - ego_xy[future_frame], axis=-1)
-    world_start = _in_world(scene, xy[now], frame[now])
+    world_start = _in_world(scene, xy[present], frame[present])
     world_end = _in_world(scene, xy[end], frame[end])
     displacement = np.linalg.norm(world_end - world_start, axis=-1)
-    seconds = scene.time[frame[end]] - scene.time[frame[now]]
-    turning = np.zeros(len(now), dtype=bool)
+    seconds = scene.time[frame[end]] - scene.time[frame[present]]
+    turning = np.zeros(len(present), dtype=bool)
     if not card.source.traits.places_only:
-        turning = _heading_change(scene, end, now) > TURNING
+        turning = _heading_change(scene, end, present) > TURNING
     return Targets(
-        start=np.searchsorted(frame[now], np.arange(scene.frames + 1)),
-        row=now,
-        frame=frame[now],
-        object_id=np.asarray(truth.object_id)[now],
-        class_id=np.asarray(truth.class_id)[now],
+        start=np.searchsorted(frame[present], np.arange(scene.frames + 1)),
+        row=present,
+        frame=frame[present],
+        object_id=np.asarray(truth.object_id)[present],
+        class_id=np.asarray(truth.class_id)[present],
         future=future_xy,
-        distance=np.linalg.norm(xy[now] - ego_xy[frame[now]], axis=-1),
+        distance=np.linalg.norm(xy[present] - ego_xy[frame[present]], axis=-1),
         approach=future_distance.min(axis=1, initial=np.inf),
         moving=displacement > MOVING_SPEED * seconds,
         turning=turning,
@@ -212,22 +212,22 @@ def _in_world(scene: Scene, xy: Floats, frame: Ints) -> Floats:
     return rotate(xy, scene.world[frame, 3]) + scene.world[frame, :2]
 
 
-def _heading_change(scene: Scene, end: Ints, now: Ints) -> Floats:
+def _heading_change(scene: Scene, end: Ints, present: Ints) -> Floats:
     """Return the change of heading [n] in the world between two rows of the truth."""
     heading = np.asarray(scene.truth.box[:, 3], dtype=np.float64)
     if scene.world is not None:
         heading = heading + scene.world[scene.truth.frame_of_rows, 3]
-    return np.abs(wrap_angle(heading[end] - heading[now]))
+    return np.abs(wrap_angle(heading[end] - heading[present]))
 
 
 def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
     """Return the first places [n] of ``length`` consecutive frames of one object."""
     if len(ids) < length:
         return np.zeros(0, dtype=np.intp)
-    first = slice(0, len(ids) - length + 1)
-    last = slice(length - 1, len(ids))
-    consecutive = frames[last] - frames[first] == length - 1
-    return np.flatnonzero((ids[first] == ids[last]) & consecutive)
+    start = slice(0, len(ids) - length + 1)
+    end = slice(length - 1, len(ids))
+    consecutive = frames[end] - frames[start] == length - 1
+    return np.flatnonzero((ids[start] == ids[end]) & consecutive)
 
 
 def units(scene: Scene, card: Card) -> Ints:

@@ -44,7 +44,8 @@ class SceneWeights:
     stp_events: tuple[int, int, int]  # of that run, on all evaluated true boxes
     false_forecasts: int  # of that run, in live frames
     forecasts: int  # of that run, in live frames
-    # m that the ego of a closed loop drives with ground-truth tracks, in place of events
+    # m that the ego of a closed loop drives with ground-truth tracks, in place of
+    # events
     way: float | None = None
 
     @property
