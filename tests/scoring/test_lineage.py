@@ -109,8 +109,6 @@ ABSENT = {
     "unmatched after a neutral frame": ("xnxx", "1--1", ([], [], [])),
     "found again after a neutral frame": ("xnxxx", "1-1-1", ([], [3], [4])),
     "a track on a neutral box": ("xnx", "121", ([], [], [])),
-    "absent in between": ("x.x", "1-1", ([], [], [])),
-    "absent after a loss": ("xx.x", "1--1", ([], [1], [])),
     "there all the time": ("xxxx", "1-12", ([3], [1], [2])),
 }
 
@@ -121,6 +119,16 @@ def test_a_frame_with_no_or_a_neutral_object_has_no_event(seen: str, stream: str
     got, _ = events([[] if c == "-" else [held(int(c), 0, 0)] for c in stream], [[0]] * len(seen), 1, truth)
     frame = make_scene(truth).truth.frame_of_rows
     assert tuple(frame[getattr(got, kind)[:, 0]].tolist() for kind in ("ids", "lost", "reacquired")) == want
+
+
+def test_a_wrong_loss_is_that_of_its_own_object() -> None:
+    truth = [[Thing(5, 0, 0), Thing(6, 20, 0)]] * 2
+    tracks = [[held(1, 0, 0), held(2, 20, 0)], [held(1, 9, 0)]]  # 1 is still output, 2 is not
+    got, _ = events(tracks, [[0]] * 2, 1, truth)
+    assert (got.lost[:, 0].tolist(), got.wrong[:, 0].tolist()) == (
+        [False, False, True, True],
+        [False] * 2 + [True, False],
+    )
 
 
 def test_frames_in_which_the_lineage_is_guessed_are_counted() -> None:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.core.types import ImageField
-from mtp_bench.scoring import evaluated
-from mtp_bench.scoring.neutral import unconfirmable
+from mtp_bench.scoring import evaluated, neutral_places
 from tests.support.scoring_scenes import Thing, make_scene
 
 CAR, WALKER = 0, 1
@@ -27,8 +26,9 @@ def field(*regions: tuple[float, ...], frames: int = 1) -> ImageField:
 
 
 def one(image: ImageField, x: float, y: float = 0.0, class_id: int = CAR, frame: int = 0) -> bool:
-    (answer,) = unconfirmable(image, np.array([frame]), np.array([[x, y]]), np.array([class_id]))
-    return bool(answer)
+    scene = replace(make_scene([]), image=image)
+    (hidden,) = neutral_places(scene, np.array([frame]), np.array([[x, y]]), np.array([class_id]))
+    return bool(hidden)
 
 
 SEEN = {
