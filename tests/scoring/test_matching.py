@@ -77,15 +77,7 @@ def test_the_best_total_equals_enumeration(cost: NDArray[np.float64]) -> None:
 INF = np.inf
 CASES: dict[str, tuple[list[list[float]], list[int]]] = {
     # cost matrix, column of each row
-    "one pair": ([[1.0]], [0]),
-    "nothing allowed": ([[INF, INF]], [-1]),
-    "many pairs beat near ones": ([[0.0, 1.9], [1.9, INF]], [1, 0]),
-    "chain of three": ([[1.9, INF, INF], [0.0, 1.9, INF], [INF, 0.0, 1.9]], [0, 1, 2]),
-    "nearest of a row": ([[2.0, 1.0, 3.0]], [1]),
-    "nearest of a column": ([[2.0], [1.0], [3.0]], [-1, 0, -1]),
     "square of equal costs": ([[1.0, 1.0], [1.0, 1.0]], [0, 1]),
-    "square": ([[1.0, 0.2], [0.1, 1.0]], [1, 0]),
-    "two components": ([[1.0, INF], [INF, 2.0]], [0, 1]),
     "costs of 1e15": ([[1e15, 1e15 + 2], [1e15 + 1, 1e15 + 8]], [1, 0]),
     "negative costs": ([[-5.0, -1.0], [-4.0, INF]], [1, 0]),
     "costs all equal": ([[3.0, 3.0, 3.0], [3.0, 3.0, 3.0], [3.0, 3.0, 3.0]], [0, 1, 2]),
@@ -119,13 +111,9 @@ def sticky(costs_of_frames: list[list[list[float]]]) -> list[int]:
 
 
 STICKY: dict[str, tuple[list[list[list[float]]], list[int]]] = {
-    "kept though another is nearer": ([[[0.1, INF]], [[1.5, 0.1]], [[1.5, 0.1]]], [0, 0, 0]),
-    "given up outside the gate": ([[[0.1, INF]], [[INF, 0.1]], [[0.1, 0.2]]], [0, 1, 1]),
     "forgotten after a frame without a match": ([[[0.1, INF]], [[INF, INF]], [[1.5, 0.1]]], [0, -1, 1]),
     "kept pairs take precedence over cardinality": (
         [[[0.1, INF], [INF, INF]], [[0.1, 0.2], [0.1, INF]]], [0, -1, 0, -1]),
-    "the rest is matched anew": ([[[0.1, INF], [INF, INF]], [[1.0, 0.1], [0.1, 0.5]]], [0, -1, 0, 1]),
-    "first frame has no memory": ([[[1.0, 0.5]]], [1]),
 }  # fmt: skip
 
 
