@@ -190,7 +190,10 @@ def at_budgets(
     cached: dict[int, Floats] = {}
 
     def at_level(index: int) -> Floats:
-        """Return values at the cut of this level; -1 keeps no forecast."""
+        """Return values at the cut of this level.
+
+        -1 keeps no forecast.
+        """
         if index not in cached:
             min_confidence = -float(level[index]) if index >= 0 else np.inf
             values = [value(scene, min_confidence) for scene in range(len(cuts))]

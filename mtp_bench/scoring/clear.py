@@ -89,7 +89,10 @@ class _Positions:
 
 
 def _ordered(frames: Iterable[Frame]) -> list[Frame]:
-    """Return the frames by scene and time; raises ShapeError if one occurs twice."""
+    """Return the frames by scene and time.
+
+    Raises ShapeError if one occurs twice.
+    """
     scenes: dict[Hashable, int] = {}
     frame_at: dict[tuple[int, float], Frame] = {}
     for frame in frames:
@@ -134,7 +137,10 @@ def _where(frame: Frame) -> str:
 
 
 def _ids(content: Any) -> list[int | str]:
-    """Return distinct ids; raises TypeError or ValueError for other content."""
+    """Return distinct ids.
+
+    Raises TypeError or ValueError for other content.
+    """
     ids = list(content.tolist() if isinstance(content, np.ndarray) else content)
     kinds = set(map(type, ids))
     if any(kind is bool or not issubclass(kind, _ID_TYPES) for kind in kinds):
@@ -145,7 +151,10 @@ def _ids(content: Any) -> list[int | str]:
 
 
 def _xy(content: Any, ids: int) -> Floats:
-    """Return positions [ids, 2]; raises TypeError or ValueError for other content."""
+    """Return positions [ids, 2].
+
+    Raises TypeError or ValueError for other content.
+    """
     xy = np.asarray(content, dtype=np.float64)
     if xy.size == ids == 0:
         return np.zeros((0, 2))

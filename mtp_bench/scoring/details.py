@@ -301,8 +301,9 @@ def _clear(count: dict[str, Any], card: Card, complete: bool) -> Clear:
 def end_to_end_accuracy(
     hits: float, false_forecasts: float, targets: float
 ) -> float | None:
-    """Return EPA: (hits - alpha x false forecasts) / targets; None without a target.
+    """Return EPA: (hits - alpha x false forecasts) / targets.
 
+    None without a target.
     ViP3D, Gu et al. 2023. A hit is a target with a matched forecast and a minFDE of at
     most 2 m. ViP3D matches within 2 m; the benchmark uses the forecast gate of its
     card, which is 2 m for vehicles.
@@ -313,8 +314,9 @@ def end_to_end_accuracy(
 def forecast_average_precision(
     correct: ArrayLike, score: ArrayLike, targets: int
 ) -> float | None:
-    """Return AP_f of forecasts with a confidence; None without a target.
+    """Return AP_f of forecasts with a confidence.
 
+    None without a target.
     Peri et al. 2022; Xu et al. 2024. ``correct`` [n]: matched to a target now (2 m),
     and the best final point within 4 m; ``score`` [n]. The mean of the precision over
     101 recalls, what lies below .1 of either cut off, as nuScenes does for detection.

@@ -197,7 +197,10 @@ class Candidates:
 def _pair_errors(
     pairs: Pairs, target: Rows, targets: Targets, forecasts: RecordedForecasts
 ) -> Floats:
-    """Return the minADE [E] of pairs as `Candidates.error`; ``target`` [E], -1 none."""
+    """Return the minADE [E] of pairs as `Candidates.error`.
+
+    ``target`` [E], -1 none.
+    """
     error = np.zeros(len(pairs))
     of_target = np.flatnonzero(target >= 0)
     size = max(1, _CHUNK // max(1, int(np.prod(forecasts.offset.shape[1:3]))))

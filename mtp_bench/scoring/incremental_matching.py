@@ -93,8 +93,9 @@ def last_of(values: Ints) -> NDArray[np.intp]:
 
 
 def _integer_costs(cost: Floats, tie: Floats) -> list[int]:
-    """Return one integer per pair that orders by cost, then tie; sums are exact.
+    """Return one integer per pair that orders by cost, then tie.
 
+    Sums are exact.
     The two are packed into bits of one integer: exact for components of up to about
     1 000 matched pairs, beyond which a sum of ties may carry over into the bits above.
     """

@@ -47,8 +47,9 @@ NO_TARGETS = "no targets"
 
 
 def why_unranked(budget: Budget, samples: int, observe: str) -> str | None:
-    """Return a short reason why an agent is not ranked; None if it is.
+    """Return a short reason why an agent is not ranked.
 
+    None if it is.
     ``samples``: per object; ``observe``: the mode of the env.
     """
     if observe in _UNRANKED_MODES:
@@ -59,8 +60,9 @@ def why_unranked(budget: Budget, samples: int, observe: str) -> str | None:
 
 
 def why_not_on(subset: Subset, sums: UnitSums) -> str | None:
-    """Return a short reason why a subset does not rank agents; None if it does.
+    """Return a short reason why a subset does not rank agents.
 
+    None if it does.
     ``sums``: of one of the agents, whose targets are those of all.
     """
     if subset != "all" and subset not in RANKED_SUBSETS:
@@ -90,8 +92,9 @@ class HasSums(Protocol):
 def guard(
     agent: HasSums, stp: HasSums | None, own_stp: HasSums | None = None
 ) -> str | None:
-    """Return why an agent is not ranked on event subsets; None if it is.
+    """Return why an agent is not ranked on event subsets.
 
+    None if it is.
     Over all targets it is worse than ``stp`` or ``own_stp``, STP with the agent's own
     predictor: significantly and by more than 1 %, or by more than 5 %. A limit of None
     is unknown.
@@ -122,7 +125,10 @@ class Place(NamedTuple):
 
     @property
     def rank(self) -> str | None:
-        """The place with its span, "2 (1–3)"; without a span of one rank."""
+        """The place with its span, "2 (1–3)".
+
+        Without a span of one rank.
+        """
         if self.place is None or self.span is None:
             return None
         if self.span[0] == self.span[1]:
@@ -186,7 +192,10 @@ def places_on(
 
 
 def _placed(sums: Sequence[UnitSums], reasons: Sequence[str | None]) -> Sequence[Place]:
-    """Return the places of agents on one subset; with a reason they have none."""
+    """Return the places of agents on one subset.
+
+    With a reason they have none.
+    """
     ranked = [i for i, reason in enumerate(reasons) if reason is None]
     places = [Place(why=reason or "") for reason in reasons]
     if ranked:
@@ -197,7 +206,10 @@ def _placed(sums: Sequence[UnitSums], reasons: Sequence[str | None]) -> Sequence
 
 
 def span_text(span: tuple[int, int] | None) -> str | None:
-    """Return a range of ranks, "1–3"; one number where it holds one rank."""
+    """Return a range of ranks, "1–3".
+
+    One number where it holds one rank.
+    """
     return None if span is None else "–".join(map(str, dict.fromkeys(span)))
 
 

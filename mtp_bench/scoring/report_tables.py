@@ -243,8 +243,9 @@ def _has_other_detections(report: Report) -> bool:
 
 
 def unchanged(env_id: str, digest: str | None) -> str:
-    """Return ``env_id``; empty where a card of this ``digest`` does not ship.
+    """Return ``env_id``.
 
+    Empty where a card of this ``digest`` does not ship.
     Own scenes, another split and other detections keep the name of the env, not its
     content.
     """

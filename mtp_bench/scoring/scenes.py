@@ -44,8 +44,9 @@ class SceneResult:
 
 
 def rows_per_scene(tables: Sequence[AgentTable]) -> Iterator[dict[str, Any]]:
-    """Return a row per agent, seed and scene; the seeds are numbered from 0.
+    """Return a row per agent, seed and scene.
 
+    The seeds are numbered from 0.
     ``bADE_sum`` is bADE over all targets, summed over those of the scene: its sums over
     the scenes, divided by the number of targets and averaged over seeds, are the bADE
     of the report. The budgets are those of all scenes.

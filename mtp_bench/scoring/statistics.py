@@ -138,7 +138,10 @@ Numbers = tuple[float | None, tuple[float, float] | None, float | None]
 
 
 def numbers_of(difference: PairedDifference | None) -> Numbers:
-    """Return mean, interval and p of a difference; None for each without one."""
+    """Return mean, interval and p of a difference.
+
+    None for each without one.
+    """
     if difference is None:
         return None, None, None
     return difference.mean, difference.interval, difference.p
@@ -194,7 +197,10 @@ def beyond_rounding(a: Floats, b: Floats) -> Floats:
 
 
 def ratio(numerator: float, denominator: float) -> float | None:
-    """Return numerator / denominator; None unless the denominator is above 0."""
+    """Return numerator / denominator.
+
+    None unless the denominator is above 0.
+    """
     return float(numerator / denominator) if denominator > 0 else None
 
 

@@ -230,7 +230,10 @@ def _hits(
 
 
 def idf1(shared: float, truth: float, tracks: float) -> float | None:
-    """Return IDF1 from counts of boxes; None without any."""
+    """Return IDF1 from counts of boxes.
+
+    None without any.
+    """
     return 2.0 * shared / (truth + tracks) if truth + tracks else None
 
 

@@ -83,7 +83,10 @@ class AgentTable:
     events: dict[str, float | None]
 
     def bade(self, subset: str) -> Bade:
-        """Return bADE on a subset; turning targets have the budgets of all."""
+        """Return bADE on a subset.
+
+        Turning targets have the budgets of all.
+        """
         return self.of_all if subset in ("all", "turning") else self.of_subsets
 
     @property
