@@ -19,11 +19,9 @@ from .definitions import (
 )
 from .details import (
     calibration as calibration,
-    end_to_end_accuracy as end_to_end_accuracy,
     forecast_average_precision as forecast_average_precision,
 )
 from .displacements import (
-    Displacement as Displacement,
     displacement as displacement,
     energy_score as energy_score,
     floored as floored,
@@ -41,7 +39,6 @@ from .driving import (
 from .events import (
     HOLES as HOLES,
     LOST_TARGETS as LOST_TARGETS,
-    Events as Events,
     find_events as find_events,
     history as history,
     object_history as object_history,
@@ -75,7 +72,6 @@ from .matching import (
 from .neutral import (
     evaluated as evaluated,
     neutral_places as neutral_places,
-    unconfirmable as unconfirmable,
 )
 from .pairs import (
     Pairs as Pairs,
@@ -111,6 +107,7 @@ from .rank import (
     Pair as Pair,
     Place as Place,
     References as References,
+    difference_to as difference_to,
     guard as guard,
     places_on as places_on,
     rank_by_error as rank_by_error,
@@ -118,20 +115,17 @@ from .rank import (
     why_not_on as why_not_on,
     why_unranked as why_unranked,
 )
-from .report import (
-    Report as Report,
-    paired_row as paired_row,
-    rejected_line as rejected_line,
-    summarise as summarise,
-)
+from .report import paired_row as paired_row, summarise as summarise
 from .report_tables import (
     NAMES as NAMES,
+    Report as Report,
     blocks_of as blocks_of,
     heading as heading,
     main_settings as main_settings,
     main_table as main_table,
     place_of as place_of,
     preference as preference,
+    rejected_line as rejected_line,
     shipped_env as shipped_env,
     unchanged as unchanged,
 )
@@ -172,7 +166,6 @@ from .table import (
     stated_hypotheses as stated_hypotheses,
 )
 from .targets import (
-    Targets as Targets,
     absent_causes as absent_causes,
     find_targets as find_targets,
     left_out as left_out,

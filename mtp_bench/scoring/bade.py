@@ -1,4 +1,4 @@
-"""Budgeted ADE (bADE) and its relatives: errors of targets at confidence thresholds (docs/definitions, "bADE").
+"""Budgeted ADE (bADE) and its relatives: errors of targets at confidence thresholds.
 
 | number | forecasts that are kept |
 |---|---|
@@ -6,8 +6,9 @@
 | fixed error | those of a confidence of at least 0.5; false ones cost c / 2 |
 | bADE | as many as a budget of false forecasts allows, averaged over budgets |
 
-A cut is a confidence threshold: it keeps the forecasts of at least that confidence. The error at a budget is that of
-the last cut within it; the rest of the budget counts as a share of the next cut.
+A cut is a confidence threshold: it keeps the forecasts of at least that confidence. The
+error at a budget is that of the last cut within it; the rest of the budget counts as a
+share of the next cut (docs/definitions, "bADE").
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +30,10 @@ from .pairs import Rows
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
-    """The A forecasts in live frames by falling confidence, and the E changes of errors as they are added in turn."""
+    """Forecasts of live frames by falling confidence, and the errors as they are added.
+
+    ``A`` forecasts, ``E`` changes of errors.
+    """
 
     confidence: Floats  # [A] falling
     frame: Ints  # [A]
@@ -41,25 +45,36 @@ class Cuts:
     covered: Bools  # [E] True if the target has a forecast from then on
     miss_error: Floats  # [n] m, c of each target
 
-    def at(self, least: float) -> tuple[Floats, Floats]:
-        """Error of each target [n], m, and its part from targets without a forecast, at the least kept confidence."""
-        kept = int(np.searchsorted(-self.confidence, -least, side="right"))
-        changes = int(np.searchsorted(self.step, kept))
-        error, missed = self.miss_error.copy(), self.miss_error.copy()
-        last = last_of(self.target[:changes])
-        target = self.target[last]
-        error[target] = self.error[last]
-        missed[target[self.covered[last]]] = 0.0
+    def at(self, min_confidence: float) -> tuple[Floats, Floats]:
+        """Return the error of each target [n], m, at the least kept confidence.
+
+        Beside it its part from targets without a forecast.
+        """
+        steps = np.searchsorted(-self.confidence, -min_confidence, side="right")
+        changes = int(np.searchsorted(self.step, steps))
+        final_change = last_of(self.target[:changes])
+        target = self.target[final_change]
+        error = self.miss_error.copy()
+        error[target] = self.error[final_change]
+        missed = self.miss_error.copy()
+        missed[target[self.covered[final_change]]] = 0.0
         return error, missed
 
-    def false_costs(self, least: float, cost: Floats) -> float:
-        """Sum of ``cost`` [C] by class over the false forecasts of confidence ``least`` and more."""
-        return float(cost[self.class_id[self.false & (self.confidence >= least)]].sum())
+    def false_costs(self, min_confidence: float, cost: Floats) -> float:
+        """Return the cost of false forecasts of ``min_confidence`` and more.
+
+        ``cost`` [C]: by class.
+        """
+        counted = self.false & (self.confidence >= min_confidence)
+        return float(cost[self.class_id[counted]].sum())
 
 
 @dataclass(frozen=True, eq=False)
 class Budgets:
-    """Numbers of false forecasts that are allowed; if false ones are unknown, forecasts per live frame."""
+    """Numbers of false forecasts that are allowed.
+
+    If false ones are unknown, forecasts per live frame.
+    """
 
     all: Floats  # bADE of "all" is the mean over these
     subsets: float  # of the event subsets
@@ -68,55 +83,59 @@ class Budgets:
 
 @dataclass(frozen=True)
 class CardBudget:
-    """Constants of a card that set its budgets: counts of the reference STP on the scored split.
+    """Constants of a card that set its budgets.
 
-    Budgets never depend on what an agent is given: worse detections would widen them, and lower its error.
+    They are counts of the reference STP on the scored split. Budgets never depend on
+    what an agent is given: worse detections would widen them, and lower its error.
     """
 
     env: str = ""  # id of the card; empty: its scored split has no frozen counts
     forecasts: int = 1  # false ones of STP; all of them if false ones are unknown
     divisor: int = 1  # targets; live frames if false forecasts are unknown
-    false_known: bool = (
-        True  # False: the truth of the scored split holds prediction targets alone
-    )
+    # False: the truth of the scored split holds prediction targets alone
+    false_known: bool = True
 
     def fit_for(self, false_known: bool) -> "CardBudget":
-        """Return the constants for scenes whose false forecasts are known or not; without such, one per target."""
-        return (
-            self
-            if self.false_known == false_known
-            else CardBudget(false_known=false_known)
-        )
+        """Return the constants for scenes whose false forecasts are known or not.
+
+        Without such constants, one per target.
+        """
+        if self.false_known == false_known:
+            return self
+        return CardBudget(false_known=false_known)
 
     def budgets(self, targets: int, false_known: bool = True) -> Budgets:
         """Return the budgets of a run with this number of targets.
 
-        ``false_known``: False where the truth of the run's scenes holds prediction targets alone.
+        ``false_known``: False where the truth of the run's scenes holds prediction
+        targets alone.
         """
-        own = self.fit_for(false_known)
-        if false_known:
-            limit = (
-                own.forecasts * targets / own.divisor
-            )  # multiplied first: exact on the scored split
-            return Budgets(
-                np.arange(1, BUDGETS + 1) * min(float(targets), limit) / BUDGETS, limit
-            )
-        per_frame = [
-            *FORECASTS_PER_FRAME,
-            *([own.forecasts / own.divisor] if own.env else []),
-        ]
-        return Budgets(np.array(per_frame), per_frame[-1], false_known=False)
+        constants = self.fit_for(false_known)
+        if not false_known:
+            per_frame = list(FORECASTS_PER_FRAME)
+            if constants.env:
+                per_frame.append(constants.forecasts / constants.divisor)
+            return Budgets(np.array(per_frame), per_frame[-1], false_known=False)
+        # multiplied first: exact on the scored split
+        limit = constants.forecasts * targets / constants.divisor
+        steps = np.arange(1, BUDGETS + 1)
+        return Budgets(steps * min(float(targets), limit) / BUDGETS, limit)
 
     def text(self, false_known: bool = True) -> str:
         """Return the budgets of a run and their source in words, for a report."""
-        own = self.fit_for(false_known)
-        source = f"constant of {own.env}" if own.env else "no constant for such scenes"
+        constants = self.fit_for(false_known)
+        source = "no constant for such scenes"
+        if constants.env:
+            source = f"constant of {constants.env}"
         if not false_known:
-            rates = ", ".join(f"{rate:.3g}" for rate in own.budgets(0, false_known).all)
-            return f"{rates} forecasts per live frame, as false ones are not known ({source})"
-        rate = own.forecasts / own.divisor
-        most = ", over all targets up to 1" if rate > 1 else ""
-        return f"up to {rate:.3g} per target{most} ({source})"
+            rates = ", ".join(f"{rate:.3g}" for rate in self.budgets(0, False).all)
+            return (
+                f"{rates} forecasts per live frame, as false ones are not known "
+                f"({source})"
+            )
+        rate = constants.forecasts / constants.divisor
+        limit = ", over all targets up to 1" if rate > 1 else ""
+        return f"up to {rate:.3g} per target{limit} ({source})"
 
 
 ONE_PER_TARGET = CardBudget()
@@ -135,14 +154,17 @@ def errors_at(
     budgets: Sequence[float] | Floats,
     live_frames: int | None = None,
 ) -> BudgetErrors:
-    """Errors of one run, the ``cuts`` of all its scenes, at each of the ``budgets``.
+    """Return the errors of one run at each of the ``budgets``.
 
-    ``live_frames``: of the run, if a budget is a number of forecasts per live frame; None: of false forecasts.
+    ``cuts``: of all its scenes. ``live_frames``: of the run, if a budget is a number of
+    forecasts per live frame; None: of false forecasts.
     """
-    both = at_budgets(
-        cuts, budgets, lambda scene, least: np.stack(cuts[scene].at(least)), live_frames
-    )
-    return BudgetErrors(both[:, 0], both[:, 1])
+
+    def scene_errors(scene: int, min_confidence: float) -> Floats:
+        return np.stack(cuts[scene].at(min_confidence))
+
+    errors = at_budgets(cuts, budgets, scene_errors, live_frames)
+    return BudgetErrors(errors[:, 0], errors[:, 1])
 
 
 def at_budgets(
@@ -151,61 +173,66 @@ def at_budgets(
     value: Callable[[int, float], Floats],
     live_frames: int | None = None,
 ) -> Floats:
-    """Values of targets at each of the ``budgets`` [b, p, n], interpolated between two cuts.
+    """Return values of targets at each budget [b, p, n], between two cuts.
 
-    ``value(scene, least)``: p values [p, targets] of the scene of this index, for the least kept confidence ``least``.
+    ``value(scene, min_confidence)``: p values [p, targets] of the scene of this index,
+    for the least kept confidence. Values are interpolated linearly. The other arguments
+    are those of `errors_at`.
     """
     confidence = np.concatenate([cut.confidence for cut in cuts])
-    false = np.concatenate([cut.false for cut in cuts])
     order = np.argsort(-confidence, kind="stable")
+    if live_frames is None:
+        count = np.cumsum(np.concatenate([cut.false for cut in cuts])[order])
+    else:
+        count = np.arange(1, len(order) + 1) / max(live_frames, 1)
     level, first = np.unique(-confidence[order], return_index=True)
-    last = np.append(first[1:], len(confidence)) - 1 if len(level) else first
-    count = (
-        np.cumsum(false[order])
-        if live_frames is None
-        else np.arange(1, len(order) + 1) / max(live_frames, 1)
-    )
-    computed: dict[int, Floats] = {}
+    level_count = count[np.append(first, len(confidence))[1:] - 1]
+    cached: dict[int, Floats] = {}
 
-    def at(cut: int) -> Floats:
-        """Values at the cut whose least confidence is level ``cut``; -1 keeps no forecast."""
-        if cut not in computed:
-            least = -float(level[cut]) if cut >= 0 else np.inf
-            computed[cut] = np.concatenate(
-                [value(scene, least) for scene in range(len(cuts))], axis=1
-            )
-        return computed[cut]
+    def at_level(index: int) -> Floats:
+        """Return values at the cut of this level.
 
-    reached = count[last] if len(level) else np.zeros(0)
+        -1 keeps no forecast.
+        """
+        if index not in cached:
+            min_confidence = -float(level[index]) if index >= 0 else np.inf
+            values = [value(scene, min_confidence) for scene in range(len(cuts))]
+            cached[index] = np.concatenate(values, axis=1)
+        return cached[index]
+
     rows = []
     for budget in np.asarray(budgets, dtype=np.float64).tolist():
-        beyond = int(
-            np.searchsorted(reached, budget, side="right")
-        )  # the first cut above the budget
-        row = at(beyond - 1)
-        if beyond < len(level):
-            before = float(reached[beyond - 1]) if beyond else 0.0
-            share = (budget - before) / (float(reached[beyond]) - before)
-            row = (1.0 - share) * row + share * at(beyond)
+        # the first cut above the budget
+        above = int(np.searchsorted(level_count, budget, side="right"))
+        row = at_level(above - 1)
+        if above < len(level):
+            spent = float(level_count[above - 1]) if above else 0.0
+            share = (budget - spent) / (float(level_count[above]) - spent)
+            row = (1.0 - share) * row + share * at_level(above)
         rows.append(row)
     return np.stack(rows)
 
 
 def capped_error(min_ade: Floats, miss_error: Floats) -> Floats:
-    """Error [n] of targets, m: ``min_ade`` [n], inf without a forecast, at most ``miss_error`` [n]."""
+    """Return the error [n] of targets, m: minADE, at most the miss error.
+
+    ``min_ade`` [n]: inf without a forecast.
+    """
     return np.minimum(min_ade, miss_error)
 
 
 def fixed_error(
     cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete: bool
 ) -> float:
-    """Error at the fixed operating point, summed over the targets of a scene, m: c-GOSPA.
+    """Return the error at the fixed operating point: c-GOSPA, summed over targets, m.
 
-    A target costs min(minADE, c), and c without a forecast of confidence 0.5 or more. A false forecast of such a
-    confidence costs c / 2; if false ones are unknown, each beyond the 40 most confident of a frame does.
+    A target costs min(minADE, c), and c without a forecast of confidence 0.5 or more. A
+    false forecast of such a confidence costs c / 2; if false ones are unknown, each
+    beyond the 40 most confident of a frame does.
 
-    ``cuts``: the forecasts of live frames. ``malformed`` [F, C + 1]: invalid objects in live frames by class; they
-    count as false forecasts, those without a class as of the largest c. ``miss_error`` [C]: c.
+    ``cuts``: the forecasts of live frames. ``malformed`` [F, C + 1]: invalid objects in
+    live frames by class; they count as false forecasts, those without a class as of the
+    largest c. ``miss_error`` [C]: c.
     """
     error, _, false, broken = fixed_parts(cuts, malformed, miss_error, truth_complete)
     return float(error.sum()) + false + broken
@@ -214,29 +241,26 @@ def fixed_error(
 def fixed_parts(
     cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete: bool
 ) -> tuple[Floats, Floats, float, float]:
-    """Parts of `fixed_error`, whose arguments it has, m.
+    """Return the parts of `fixed_error`, whose arguments it has, m.
 
-    They are the error of each target [n], its part from targets without a forecast, the cost of the false forecasts,
-    and that of the invalid objects.
+    They are the error of each target [n], its part from targets without a forecast, the
+    cost of the false forecasts, and that of the invalid objects.
     """
     error, missed = cuts.at(SURE)
-    share = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())
-    broken = malformed @ share
+    class_cost = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())
+    broken_cost = malformed @ class_cost
     if truth_complete:
-        return error, missed, cuts.false_costs(SURE, share), float(broken.sum())
-    kept = np.flatnonzero(cuts.confidence >= SURE)
-    frame = cuts.frame[kept]
+        false_cost = cuts.false_costs(SURE, class_cost)
+        return error, missed, false_cost, float(broken_cost.sum())
+    row = np.flatnonzero(cuts.confidence >= SURE)
+    frame = cuts.frame[row]
     order = np.argsort(frame, kind="stable")  # by frame, then the most confident first
     place = np.arange(len(order)) - np.searchsorted(frame[order], frame[order])
-    beyond = kept[order[place >= FREE_FORECASTS]]
-    free = np.maximum(0, FREE_FORECASTS - np.bincount(frame, minlength=len(malformed)))
-    count = malformed.sum(axis=1)
-    part = np.divide(
-        np.maximum(0, count - free), count, out=np.zeros(len(count)), where=count > 0
-    )
-    return (
-        error,
-        missed,
-        float(share[cuts.class_id[beyond]].sum()),
-        float((part * broken).sum()),
-    )
+    beyond = row[order[place >= FREE_FORECASTS]]
+    false_cost = float(class_cost[cuts.class_id[beyond]].sum())
+    frame_count = np.bincount(frame, minlength=len(malformed))
+    free = np.maximum(0, FREE_FORECASTS - frame_count)
+    broken = malformed.sum(axis=1)
+    share = np.zeros(len(broken))
+    np.divide(np.maximum(0, broken - free), broken, out=share, where=broken > 0)
+    return error, missed, false_cost, float((share * broken_cost).sum())

@@ -1,10 +1,13 @@
-"""CLEAR MOT metrics and identity events (docs/definitions, "Events") of tracks that are given frame by frame."""
+"""CLEAR MOT metrics and identity events of tracks that are given frame by frame.
+
+Definitions: docs/definitions, "Events".
+"""
 
 import reprlib
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import count, pairwise
+from itertools import count
 from numbers import Real
 from typing import Any, Literal
 
@@ -16,51 +19,59 @@ from .events import History, clear_identity, find_events, history
 from .matching import match, match_sticky
 from .pairs import Pairs, near_pairs
 
-Frame = tuple[
-    Hashable, float, ArrayLike, ArrayLike, ArrayLike, ArrayLike
-]  # scene, t, true ids, xy, track ids, xy
+# scene, t, true ids, true xy, track ids, track xy
+Frame = tuple[Hashable, float, ArrayLike, ArrayLike, ArrayLike, ArrayLike]
 Mode = Literal["frame", "sticky"]
+_ID_TYPES = (int, str, np.integer)
 
 
 def tracking_counts(
     frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "frame"
 ) -> dict[str, int | float | None]:
-    """``TP FP FN IDS FRAG MOTA MOTP ids lost reacquired`` of tracks against truth, by BEV centre distance.
+    """Return tracking counts of tracks against truth, by BEV centre distance.
 
-    ``frames`` iterates (scene, t, true ids [M], true xy [M, 2], track ids [N], track xy [N, 2]) in metres; ids are
-    integers or strings; lists or arrays, which may be empty; scenes may be interleaved. ``gate`` is inclusive. All
-    numbers come from the matching of ``mode``: "frame" has no memory, "sticky" keeps the pairs of the previous frame.
-    ``IDS`` and ``FRAG`` are CLEAR's, ``ids``, ``lost`` and ``reacquired`` the events of this benchmark; MOTP is the
-    mean distance of matched pairs, metres. None stands for an undefined number. Raises ShapeError for a negative gate,
-    an unknown mode, ids or positions of another shape or type, a time or a position that is not finite,
-    and an id or a frame that occurs twice.
+    They are ``TP FP FN IDS FRAG MOTA MOTP ids lost reacquired``. ``frames`` iterates
+    (scene, t, true ids [M], true xy [M, 2], track ids [N], track xy [N, 2]) in metres;
+    ids are integers or strings; lists or arrays, which may be empty; scenes may be
+    interleaved. ``gate`` is inclusive. All numbers come from the matching of ``mode``:
+    "frame" has no memory, "sticky" keeps the pairs of the previous frame.
+
+    ``IDS`` and ``FRAG`` are CLEAR's, ``ids``, ``lost`` and ``reacquired`` the events of
+    this benchmark; MOTP is the mean distance of matched pairs, metres. None stands for
+    an undefined number. Raises ShapeError for a negative gate, an unknown mode, ids or
+    positions of another shape or type, a time or a position that is not finite, and an
+    id or a frame that occurs twice.
     """
     if not (np.isfinite(gate) and gate >= 0):
         raise ShapeError(f"gate is {gate}, expected a distance of 0 m or more")
-    truth, tracks = _read_frames(frames)
+    ordered = _ordered(frames)
+    truth = _positions(ordered, 2, "true")
+    tracks = _positions(ordered, 4, "track")
     pairs = Pairs(*near_pairs(truth.frame, truth.xy, tracks.frame, tracks.xy, gate))
     if mode == "frame":
-        matched = match(pairs, len(truth))
+        matched = match(pairs, len(truth.xy))
     elif mode == "sticky":
         matched = match_sticky(
-            pairs, len(truth), truth.history.previous(), tracks.history.previous()
+            pairs, len(truth.xy), truth.history.previous(), tracks.history.previous()
         )
     else:
         raise ShapeError(f"mode is {mode!r}, expected 'frame' or 'sticky'")
-    events = find_events(truth.history, matched, tracks.history, tracks.identity)
+    events = find_events(truth.history, matched, tracks.identity)
     switches, fragments = clear_identity(truth.history, matched, tracks.identity)
     row = np.flatnonzero(matched >= 0)
     tp = len(row)
-    fn, fp = len(truth) - tp, len(tracks) - tp
-    gap = truth.xy[row] - tracks.xy[matched[row]]
+    fn = len(truth.xy) - tp
+    fp = len(tracks.xy) - tp
+    errors = fn + fp + len(switches)
+    offset = truth.xy[row] - tracks.xy[matched[row]]
     return {
         "TP": tp,
         "FP": fp,
         "FN": fn,
         "IDS": len(switches),
         "FRAG": len(fragments),
-        "MOTA": 1.0 - (fn + fp + len(switches)) / len(truth) if len(truth) else None,
-        "MOTP": float(np.hypot(gap[:, 0], gap[:, 1]).mean()) if tp else None,
+        "MOTA": 1.0 - errors / len(truth.xy) if len(truth.xy) else None,
+        "MOTP": float(np.hypot(offset[:, 0], offset[:, 1]).mean()) if tp else None,
         "ids": len(events.ids),
         "lost": len(events.lost),
         "reacquired": len(events.reacquired),
@@ -76,100 +87,85 @@ class _Positions:
     xy: Floats  # [R, 2] m
     history: History
 
-    def __len__(self) -> int:
-        return len(self.frame)
 
+def _ordered(frames: Iterable[Frame]) -> list[Frame]:
+    """Return the frames by scene and time.
 
-def _read_frames(frames: Iterable[Frame]) -> tuple[_Positions, _Positions]:
-    """Truth and tracks of ``frames``; raises ShapeError, with the scene and t, for what `tracking_counts` names."""
-    given = list(frames)
+    Raises ShapeError if one occurs twice.
+    """
     scenes: dict[Hashable, int] = {}
-    keys = [(scenes.setdefault(frame[0], len(scenes)), _time(frame)) for frame in given]
-    order = sorted(range(len(given)), key=keys.__getitem__)
-    for before, after in pairwise(order):
-        if keys[before] == keys[after]:
+    frame_at: dict[tuple[int, float], Frame] = {}
+    for frame in frames:
+        scene, time = frame[:2]
+        if not isinstance(time, Real) or not np.isfinite(time):
             raise ShapeError(
-                f"frame {_where(given[after])} is given twice, expected once"
+                f"t of frame {_where(frame)} is {time!r}, expected a finite number"
             )
-    ordered = [given[i] for i in order]
-    return _positions(ordered, 2, "true"), _positions(ordered, 4, "track")
+        key = scenes.setdefault(scene, len(scenes)), float(time)
+        if key in frame_at:
+            raise ShapeError(f"frame {_where(frame)} is given twice, expected once")
+        frame_at[key] = frame
+    return [frame_at[key] for key in sorted(frame_at)]
 
 
-def _positions(frames: Sequence[Frame], place: int, name: str) -> _Positions:
-    """The ids at ``place`` of each frame, and the positions behind them."""
+def _positions(frames: Sequence[Frame], column: int, name: str) -> _Positions:
+    """Read the ids at ``column`` of each frame, and the positions behind them."""
     unused = count()
     codes: dict[Hashable, dict[Hashable, int]] = defaultdict(
         lambda: defaultdict(unused.__next__)
     )
-    identity, points = list[int](), list[Floats]()
+    identities: list[int] = []
+    positions: list[Floats] = [np.zeros((0, 2))]
     for frame in frames:
-        ids = _ids(frame, place, name)
-        if len(set(ids)) < len(ids):
-            raise ShapeError(
-                f"{name} ids of {_where(frame)} are {ids}, expected each id once"
-            )
-        identity += map(codes[frame[0]].__getitem__, ids)
-        points.append(_points(frame, place + 1, len(ids), name))
-    rows = np.repeat(np.arange(len(frames)), [len(each) for each in points])
-    numbers, xy = (
-        np.array(identity, dtype=np.int64),
-        np.concatenate([np.zeros((0, 2)), *points]),
-    )
-    if not np.isfinite(xy).all():
-        for frame, each in zip(frames, points, strict=True):
-            _points(frame, place + 1, len(each), name, finite=True)
-    return _Positions(rows, numbers, xy, history(rows, numbers))
+        try:
+            ids = _ids(frame[column])
+            positions.append(_xy(frame[column + 1], len(ids)))
+        except (TypeError, ValueError):
+            raise _content_error(frame, column, name) from None
+        identities += map(codes[frame[0]].__getitem__, ids)
+    frame_index = np.repeat(np.arange(len(frames)), [len(xy) for xy in positions[1:]])
+    identity = np.array(identities, dtype=np.int64)
+    xy = np.concatenate(positions)
+    infinite = ~np.isfinite(xy).all(axis=1)
+    if infinite.any():
+        raise _content_error(frames[frame_index[infinite][0]], column, name)
+    return _Positions(frame_index, identity, xy, history(frame_index, identity))
 
 
 def _where(frame: Frame) -> str:
     return f"(scene {frame[0]!r}, t {frame[1]})"
 
 
-def _time(frame: Frame) -> float:
-    if not isinstance(frame[1], Real) or not np.isfinite(frame[1]):
-        raise ShapeError(
-            f"t of frame {_where(frame)} is {frame[1]!r}, expected a finite number"
-        )
-    return float(frame[1])
+def _ids(content: Any) -> list[int | str]:
+    """Return distinct ids.
 
-
-def _ids(frame: Frame, place: int, name: str) -> list[int | str]:
-    """Ids [M] of a frame."""
-    given: Any = frame[place]
-    try:
-        ids: list[Any] = list(
-            given.tolist() if isinstance(given, np.ndarray) else given
-        )
-    except TypeError:
-        ids = [given]
-    plain = {int, str}.issuperset(map(type, ids))
-    odd = (
-        []
-        if plain
-        else [
-            i
-            for i in ids
-            if isinstance(i, bool) or not isinstance(i, int | str | np.integer)
-        ]
-    )
-    if odd:
-        raise ShapeError(
-            f"{name} ids of {_where(frame)} hold {odd[0]!r}, expected a list of integers or strings"
-        )
+    Raises TypeError or ValueError for other content.
+    """
+    ids = list(content.tolist() if isinstance(content, np.ndarray) else content)
+    kinds = set(map(type, ids))
+    if any(kind is bool or not issubclass(kind, _ID_TYPES) for kind in kinds):
+        raise ValueError
+    if len(set(ids)) < len(ids):
+        raise ValueError
     return ids
 
 
-def _points(
-    frame: Frame, place: int, count: int, name: str, finite: bool = False
-) -> Floats:
-    """Positions [M, 2] of a frame with ``count`` ids, m; ``finite``: they must be."""
-    try:
-        xy = np.asarray(frame[place], dtype=np.float64)
-    except (TypeError, ValueError):
-        xy = np.zeros(0)
-    if xy.size == count == 0:
+def _xy(content: Any, ids: int) -> Floats:
+    """Return positions [ids, 2].
+
+    Raises TypeError or ValueError for other content.
+    """
+    xy = np.asarray(content, dtype=np.float64)
+    if xy.size == ids == 0:
         return np.zeros((0, 2))
-    if xy.shape != (count, 2) or (finite and not np.isfinite(xy).all()):
-        got = f"{name} xy of {_where(frame)} is {reprlib.repr(frame[place])}"
-        raise ShapeError(f"{got}, expected finite metres of shape {(count, 2)}")
+    if xy.shape != (ids, 2):
+        raise ValueError
     return xy
+
+
+def _content_error(frame: Frame, column: int, name: str) -> ShapeError:
+    ids, xy = map(reprlib.repr, frame[column : column + 2])
+    return ShapeError(
+        f"{name} ids and xy of {_where(frame)} are {ids} and {xy}, expected distinct "
+        "integers or strings, and a finite position (x, y) in metres for each"
+    )

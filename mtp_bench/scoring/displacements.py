@@ -1,6 +1,7 @@
-"""Errors of forecasts: minADE, minFDE, miss, energy score and the curve over k (docs/definitions, "The miss error").
+"""Errors of forecasts: minADE, minFDE, miss, energy score and the curve over k.
 
-``n`` targets, ``S`` samples, ``T`` future frames. An absent sample has weight 0; its coordinates are never looked at.
+``n`` targets, ``S`` samples, ``T`` future frames. An absent sample has weight 0; its
+coordinates are never looked at (docs/definitions, "The miss error").
 """
 
 from collections.abc import Sequence
@@ -13,13 +14,17 @@ from numpy.typing import ArrayLike, NDArray
 from ..core import Bools, Floats, ShapeError, require_finite, require_shape
 from .definitions import MISS_RATE_GATE, SAMPLE_FLOOR
 
-_BLOCK = 64  # rows of the distance matrix at a time; larger products wake up the threads of the BLAS
+# rows of the distance matrix at a time; larger products wake up the threads of the BLAS
+_BLOCK = 64
 _CHUNK = 1 << 18  # distances held at a time: they should stay in the cache
 
 
 @dataclass(frozen=True, eq=False)
 class Displacement:
-    """Errors per target; where ``valid`` is False the errors are inf and ``miss`` is True."""
+    """Errors per target.
+
+    Where ``valid`` is False the errors are inf and ``miss`` is True.
+    """
 
     min_ade: Floats  # [n] m, least mean distance over the horizon
     min_fde: Floats  # [n] m, least final distance, minimised on its own
@@ -32,31 +37,30 @@ class Displacement:
 def displacement(
     samples: ArrayLike, truth: ArrayLike, weights: ArrayLike | None = None
 ) -> Displacement:
-    """Errors of ``samples`` [n, S, T, 2] against ``truth`` [n, T, 2], in metres.
+    """Return the errors of ``samples`` [n, S, T, 2], in metres.
 
-    ``weights`` [n, S] are at least 0 and need not sum to 1; None weighs all samples alike. Samples of next to no weight
-    are absent, see `floored`. A target without a sample of
-    positive weight, or with a non-finite coordinate in one, is invalid: its errors are inf, never NaN and never less.
-    Raises ShapeError for shapes that do not fit, a truth that is not finite, or weights below 0.
+    ``truth`` [n, T, 2]. ``weights`` [n, S] are at least 0 and need not sum to 1; None
+    weighs all samples alike. Samples of next to no weight are absent, see `floored`. A
+    target without a sample of positive weight, or with a non-finite coordinate in one,
+    is invalid: its errors are inf, never NaN and never less. Raises ShapeError for
+    shapes that do not fit, a truth that is not finite, or weights below 0.
     """
-    guess, true = (
-        np.asarray(samples, dtype=np.float64),
-        np.asarray(truth, dtype=np.float64),
-    )
-    weight = floored(_checked(guess, true, weights))
-    ade, fde, valid = sample_errors(guess, true, weight)
+    paths = np.asarray(samples, dtype=np.float64)
+    true_path = np.asarray(truth, dtype=np.float64)
+    weight = floored(_checked_weights(paths, true_path, weights))
+    ade, fde, valid = sample_errors(paths, true_path, weight)
     min_fde = fde.min(axis=1, initial=np.inf)
-    score = np.full(len(true), np.inf)
-    share = weight[valid]
-    clean = np.where((share > 0)[:, :, None, None], guess[valid], true[valid][:, None])
-    score[valid] = energy_score(
-        clean, true[valid], share / share.sum(axis=1, keepdims=True)
-    )
-    min_ade, miss = ade.min(axis=1, initial=np.inf), ~(min_fde <= MISS_RATE_GATE)
+    valid_path = true_path[valid]
+    valid_weight = weight[valid]
+    is_present = (valid_weight > 0)[:, :, None, None]
+    clean_paths = np.where(is_present, paths[valid], valid_path[:, None])
+    share = valid_weight / valid_weight.sum(axis=1, keepdims=True)
+    score = np.full(len(true_path), np.inf)
+    score[valid] = energy_score(clean_paths, valid_path, share)
     return Displacement(
-        min_ade=min_ade,
+        min_ade=ade.min(axis=1, initial=np.inf),
         min_fde=min_fde,
-        miss=miss,
+        miss=~(min_fde <= MISS_RATE_GATE),
         energy_score=score,
         valid=valid,
         ade=ade,
@@ -64,40 +68,46 @@ def displacement(
 
 
 def floored(weights: NDArray[Any]) -> Floats:
-    """Weights [n, S] with 0 for the samples of less than 1 % of the uniform weight: they are absent in every number.
+    """Return weights [n, S] with 0 for samples below 1 % of the uniform weight.
 
-    So a sample that costs nothing in the energy score earns nothing in minADE. Samples of weight 0 do not count as
-    stated; what is below the floor is dropped once.
+    They are absent in every number. So a sample that costs nothing in the energy score
+    earns nothing in minADE. Samples of weight 0 do not count as stated; what is below
+    the floor is dropped once.
     """
     weight = np.asarray(weights, dtype=np.float64)
-    stated = (weight > 0).sum(axis=1, keepdims=True)
-    floor = SAMPLE_FLOOR * weight.sum(axis=1, keepdims=True) / np.maximum(stated, 1)
+    sample_count = (weight > 0).sum(axis=1, keepdims=True)
+    floor = (
+        SAMPLE_FLOOR * weight.sum(axis=1, keepdims=True) / np.maximum(sample_count, 1)
+    )
     return np.where(weight < floor, 0.0, weight)
 
 
 def sample_errors(
-    guess: NDArray[Any], true: NDArray[Any], weight: NDArray[Any]
+    paths: NDArray[Any], true_path: NDArray[Any], weight: NDArray[Any]
 ) -> tuple[Floats, Floats, Bools]:
-    """Mean and final error [n, S] of each sample, inf if absent or in an invalid target; valid [n]. Unchecked input."""
+    """Return mean and final error [n, S] of each sample, and valid [n].
+
+    Errors are inf if the sample is absent or its target invalid. Input is not checked.
+    """
     present = weight > 0
-    broken = (present & ~np.isfinite(guess).all(axis=(2, 3))).any(axis=1)
+    broken = (present & ~np.isfinite(paths).all(axis=(2, 3))).any(axis=1)
     valid = np.asarray(present.any(axis=1) & ~broken)
     used = present & valid[:, None]
-    gap = np.where(used[:, :, None, None], guess - true[:, None], 0.0)
-    x, y = gap[..., 0], gap[..., 1]
-    step = np.sqrt(x * x + y * y)  # an eighth of the time of np.hypot
-    return (
-        np.where(used, step.mean(axis=2), np.inf),
-        np.where(used, step[:, :, -1], np.inf),
-        valid,
-    )
+    offset = np.where(used[:, :, None, None], paths - true_path[:, None], 0.0)
+    x = offset[..., 0]
+    y = offset[..., 1]
+    distance = np.sqrt(x * x + y * y)  # an eighth of the time of np.hypot
+    ade = np.where(used, distance.mean(axis=2), np.inf)
+    return ade, np.where(used, distance[:, :, -1], np.inf), valid
 
 
 def k_curve(errors: ArrayLike, ks: Sequence[int]) -> NDArray[np.float64]:
-    """Expected least error [n, len(ks)] of a random k-subset of the samples, from errors [n, S], inf where absent.
+    """Return the expected least error [n, len(ks)] of a random k-subset of samples.
 
-    Closed form over the sorted errors, sum_j e_(j) C(m-1-j, k-1) / C(m, k) with m samples present; all of them where k
-    exceeds m; inf where none is. Raises ShapeError for a k below 1 or a NaN among the errors.
+    ``errors`` [n, S]: inf where absent. Closed form over the sorted errors,
+    sum_j e_(j) C(m-1-j, k-1) / C(m, k) with m samples present; all of them where k
+    exceeds m; inf where none is. Raises ShapeError for a k below 1 or a NaN among the
+    errors.
     """
     table = np.asarray(errors, dtype=np.float64)
     require_shape("errors", table, (None, None))
@@ -112,40 +122,43 @@ def k_curve(errors: ArrayLike, ks: Sequence[int]) -> NDArray[np.float64]:
     for count in np.unique(present[present > 0]):
         rows = present == count
         for i, k in enumerate(ks):
-            curve[rows, i] = ordered[rows, :count] @ _least_of_subset(
-                int(count), min(k, int(count))
-            )
+            probability = _probability_of_min(int(count), min(k, int(count)))
+            curve[rows, i] = ordered[rows, :count] @ probability
     return curve
 
 
-def _least_of_subset(m: int, k: int) -> NDArray[np.float64]:
-    """Probability [m] that the j-th smallest of m is the least of a random k-subset: C(m-1-j, k-1) / C(m, k)."""
+def _probability_of_min(m: int, k: int) -> NDArray[np.float64]:
+    """Return the probability [m] that the j-th smallest is the least of a k-subset.
+
+    Of m samples: C(m-1-j, k-1) / C(m, k).
+    """
     probability = np.zeros(m)
-    last = k / m
+    value = k / m
     for j in range(m - k + 1):
-        probability[j] = last
-        # C(m-2-j, k-1) / C(m-1-j, k-1): every factor lies in [0, 1], so nothing overflows
-        last *= (m - k - j) / max(m - 1 - j, 1)
+        probability[j] = value
+        # C(m-2-j, k-1) / C(m-1-j, k-1): every factor lies in [0, 1], so nothing
+        # overflows
+        value *= (m - k - j) / max(m - 1 - j, 1)
     return probability
 
 
-def _checked(
-    guess: NDArray[np.float64], true: NDArray[np.float64], weights: ArrayLike | None
+def _checked_weights(
+    paths: NDArray[np.float64],
+    true_path: NDArray[np.float64],
+    weights: ArrayLike | None,
 ) -> NDArray[np.float64]:
-    """The weights, after a check of everything."""
-    require_shape("samples", guess, (None, None, None, 2))
-    require_shape("truth", true, (len(guess), guess.shape[2], 2))
-    if guess.shape[2] == 0:
+    """Return the weights, after a check of everything."""
+    require_shape("samples", paths, (None, None, None, 2))
+    require_shape("truth", true_path, (len(paths), paths.shape[2], 2))
+    if paths.shape[2] == 0:
         raise ShapeError(
-            f"samples have shape {guess.shape}, expected at least one future step"
+            f"samples have shape {paths.shape}, expected at least one future step"
         )
-    require_finite("truth", true)
-    weight = (
-        np.ones(guess.shape[:2])
-        if weights is None
-        else np.asarray(weights, dtype=np.float64)
-    )
-    require_shape("weights", weight, guess.shape[:2])
+    require_finite("truth", true_path)
+    if weights is None:
+        return np.ones(paths.shape[:2])
+    weight = np.asarray(weights, dtype=np.float64)
+    require_shape("weights", weight, paths.shape[:2])
     require_finite("weights", weight)
     if (weight < 0).any():
         raise ShapeError(
@@ -155,46 +168,49 @@ def _checked(
 
 
 def energy_score(samples: Floats, truth: Floats, weights: Floats) -> Floats:
-    """Energy score [n], metres, of ``samples`` [n, S, T, 2] for ``truth`` [n, T, 2]; ``weights`` [n, S] sum to 1.
+    """Return the energy score [n], metres, of ``samples`` [n, S, T, 2].
 
-    ``sum_a w_a |x_a - y| - 1/2 sum_a sum_b w_a w_b |x_a - x_b|``, the norm over the flattened T x 2 divided by sqrt(T):
-    the score of the weighted samples as a distribution, at least 0 and proper (Gneiting and Raftery 2007, eq. 22). All
-    inputs are finite; absent samples have weight 0.
+    ``truth`` [n, T, 2]; ``weights`` [n, S] sum to 1. The score of the weighted samples
+    as a distribution, at least 0 and proper (Gneiting and Raftery 2007, eq. 22):
+    ``sum_a w_a |x_a - y| - 1/2 sum_a sum_b w_a w_b |x_a - x_b|``, the norm over the
+    flattened T x 2 divided by sqrt(T). All inputs are finite; absent samples have
+    weight 0.
     """
-    n, count, steps, _ = samples.shape
-    flat = (samples - truth[:, None]).reshape(n, count, 2 * steps)
-    first = np.einsum(
-        "ns,ns->n", weights, np.sqrt(np.einsum("nsd,nsd->ns", flat, flat))
-    )
+    targets, count, steps, _ = samples.shape
+    offset = (samples - truth[:, None]).reshape(targets, count, 2 * steps)
+    distance = np.sqrt(np.einsum("nsd,nsd->ns", offset, offset))
+    mean_distance = np.einsum("ns,ns->n", weights, distance)
     if count < 2:
-        return np.asarray(first / np.sqrt(steps))
-    spread = np.empty(n)
+        return np.asarray(mean_distance / np.sqrt(steps))
+    spread = np.empty(targets)
     chunk = max(1, _CHUNK // (count * min(count, _BLOCK)))
-    for low in range(0, n, chunk):
+    for low in range(0, targets, chunk):
         part = slice(low, low + chunk)
-        spread[part] = _pair_term(flat[part], weights[part])
+        spread[part] = _pair_term(offset[part], weights[part])
     # rounding may leave a hair below 0 where all samples coincide
-    return np.asarray(np.maximum(first - spread, 0.0) / np.sqrt(steps))
+    return np.asarray(np.maximum(mean_distance - spread, 0.0) / np.sqrt(steps))
 
 
-def _pair_term(flat: Floats, weight: Floats) -> Floats:
-    """Sum over unordered pairs of w_a w_b |x_a - x_b|, for [n, S, d] and [n, S]."""
-    flat = (
-        flat - np.einsum("ns,nsd->nd", weight, flat)[:, None]
-    )  # centred, the Gram matrix loses least to cancellation
-    square = np.einsum("nsd,nsd->ns", flat, flat)
-    total = np.zeros(len(flat))
-    for low in range(0, flat.shape[1] - 1, _BLOCK):
-        rows, rest = slice(low, low + _BLOCK), slice(low, None)
-        distance = flat[:, rows] @ flat[:, rest].transpose(0, 2, 1)
+def _pair_term(offset: Floats, weight: Floats) -> Floats:
+    """Return the sum over unordered pairs of w_a w_b |x_a - x_b|.
+
+    ``offset`` [n, S, d], ``weight`` [n, S].
+    """
+    # centred, the Gram matrix loses least to cancellation
+    offset = offset - np.einsum("ns,nsd->nd", weight, offset)[:, None]
+    square = np.einsum("nsd,nsd->ns", offset, offset)
+    total = np.zeros(len(offset))
+    for low in range(0, offset.shape[1] - 1, _BLOCK):
+        rows = slice(low, low + _BLOCK)
+        columns = slice(low, None)
+        distance = offset[:, rows] @ offset[:, columns].transpose(0, 2, 1)
         distance *= -2.0
         distance += square[:, rows, None]
-        distance += square[:, None, rest]
+        distance += square[:, None, columns]
         np.maximum(distance, 0.0, out=distance)
         np.sqrt(distance, out=distance)
         size = distance.shape[1]
         distance[:, :, :size] *= np.triu(np.ones((size, size)), 1)
-        total += np.einsum(
-            "na,na->n", (distance @ weight[:, rest, None])[:, :, 0], weight[:, rows]
-        )
+        weighted = (distance @ weight[:, columns, None])[:, :, 0]
+        total += np.einsum("na,na->n", weighted, weight[:, rows])
     return total

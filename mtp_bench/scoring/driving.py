@@ -1,6 +1,9 @@
-"""Driving in a closed loop: scores of scenes and rows of agents, paired by scene (docs/definitions, "Driving")."""
+"""Driving in a closed loop: scores of scenes and rows of agents, paired by scene.
 
-from collections.abc import Mapping, Sequence
+Definitions: docs/definitions, "Driving".
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
@@ -13,15 +16,14 @@ from ..core import Column, Drive, Floats, Section
 from .bade import ONE_PER_TARGET
 from .rows import Interval, IntervalColumn
 from .score import SceneScore
-from .statistics import bootstrap_interval, paired_difference
+from .statistics import bootstrap_interval, numbers_of, paired_difference
 from .table import run_errors
 
 WEIGHTS = {"progress": 5.0, "no near miss": 5.0, "comfort": 2.0}
-LEAST_WAY = (
-    5.0  # m: where ground-truth tracks let the ego drive less, progress counts as made
-)
-_Many = Annotated[float, Field(ge=0)]
-_Part = Annotated[float, Field(ge=0, le=1)]
+# where ground-truth tracks let the ego drive less, progress counts as made
+MIN_WAY_M = 5.0
+_Amount = Annotated[float, Field(ge=0)]
+_Share = Annotated[float, Field(ge=0, le=1)]
 _per_100 = partial(Column, better="lower", format=".1f", group="per 100 scenes")
 
 
@@ -43,22 +45,22 @@ class DrivingRow(Section):
         Column("p", format=".3f", help="Sign-flip test of the difference over scenes."),
     ]
     collisions: Annotated[
-        _Many,
+        _Amount,
         _per_100("collisions at fault", help="Collisions at fault per 100 scenes."),
     ]
     collisions_interval: IntervalColumn
     any_collision: Annotated[
-        _Many, _per_100("collisions", help="All collisions per 100 scenes.")
+        _Amount, _per_100("collisions", help="All collisions per 100 scenes.")
     ]
     near_misses: Annotated[
-        _Many, _per_100("near misses", help="Near misses per 100 scenes.")
+        _Amount, _per_100("near misses", help="Near misses per 100 scenes.")
     ]
     phantom_brakes: Annotated[
-        _Many,
+        _Amount,
         _per_100("phantom brakes", help="Hard braking on a free way, per 100 scenes."),
     ]
     progress: Annotated[
-        _Part,
+        _Share,
         Column(
             "progress",
             "share",
@@ -67,11 +69,11 @@ class DrivingRow(Section):
         ),
     ]
     goal_seconds: Annotated[
-        _Many | None,
+        _Amount | None,
         Column("s to goal", "", "lower", help="Seconds, if it is reached; mean."),
     ]
     comfort: Annotated[
-        _Part,
+        _Share,
         Column(
             "comfort",
             "share",
@@ -93,7 +95,10 @@ class DrivingRow(Section):
 
 @dataclass(frozen=True, eq=False)
 class AgentDrives:
-    """Drives of an agent: for each scene one per seed; and the scores of its forecasts in them, a run per seed."""
+    """Drives of an agent: for each scene one per seed.
+
+    ``scores``: of its forecasts in them, a run per seed.
+    """
 
     agent: str
     drives: Mapping[str, Sequence[Drive]]
@@ -101,31 +106,32 @@ class AgentDrives:
 
 
 def scene_score(drive: Drive, reference: float) -> float:
-    """Score of one drive, 0 to 1; ``reference``: m that the ego drives there with ground-truth tracks."""
-    parts = (
-        progress_of(drive, reference),
-        float(drive.near_misses == 0),
-        float(drive.comfortable),
-    )
-    total = sum(
-        weight * part for weight, part in zip(WEIGHTS.values(), parts, strict=True)
-    )
-    return 0.0 if drive.at_fault else total / sum(WEIGHTS.values())
+    """Return the score of one drive, 0 to 1.
+
+    ``reference``: m that the ego drives there with ground-truth tracks.
+    """
+    if drive.at_fault:
+        return 0.0
+    parts = {
+        "progress": progress_of(drive, reference),
+        "no near miss": float(drive.near_misses == 0),
+        "comfort": float(drive.comfortable),
+    }
+    total = sum(WEIGHTS[name] * part for name, part in parts.items())
+    return total / sum(WEIGHTS.values())
 
 
 def progress_of(drive: Drive, reference: float) -> float:
-    """Share of the ``reference`` way that was driven, at most 1."""
-    return 1.0 if reference < LEAST_WAY else min(1.0, drive.way / reference)
+    """Return the share of the ``reference`` way (m) that was driven, at most 1."""
+    return 1.0 if reference < MIN_WAY_M else min(1.0, drive.way / reference)
 
 
 def scene_scores(agent: AgentDrives, reference: Mapping[str, float]) -> Floats:
-    """Scores [S] of the scenes of ``reference``, means over seeds."""
-    return np.array(
-        [
-            np.mean([scene_score(d, way) for d in agent.drives[name]])
-            for name, way in reference.items()
-        ]
-    )
+    """Return the scores [S] of the scenes of ``reference``, means over seeds."""
+    scores = []
+    for scene, way_m in reference.items():
+        scores.append(np.mean([scene_score(d, way_m) for d in agent.drives[scene]]))
+    return np.array(scores)
 
 
 def driving_rows(
@@ -133,32 +139,42 @@ def driving_rows(
     reference: Mapping[str, float],
     stp: AgentDrives | None = None,
 ) -> list[DrivingRow]:
-    """A row per agent, the best score first; ``reference``: way with ground-truth tracks of each scene, m."""
-    base = None if stp is None else scene_scores(stp, reference)
-    rows = [_row(agent, reference, None if agent is stp else base) for agent in agents]
+    """Return a row per agent, the best score first.
+
+    ``reference``: way with ground-truth tracks of each scene, m.
+    """
+    stp_scores = None if stp is None else scene_scores(stp, reference)
+    rows = []
+    for agent in agents:
+        rows.append(_row(agent, reference, None if agent is stp else stp_scores))
     return sorted(rows, key=lambda row: -row.drive_score)
 
 
 def own_bade(agent: AgentDrives) -> float | None:
-    """BADE in the agent's own drives, m, mean over seeds; budgets up to a false forecast per target; or None."""
-    runs = [run for run in agent.scores if any(map(len, run))]
-    errors = [
-        run_errors(
-            run, ONE_PER_TARGET.budgets(sum(map(len, run))).all, True, "cuts"
-        ).error.mean()
-        for run in runs
-    ]
+    """Return bADE in the agent's own drives, m, mean over seeds.
+
+    Budgets are up to a false forecast per target. None without targets.
+    """
+    errors = []
+    for run in agent.scores:
+        targets = sum(len(score) for score in run)
+        if targets:
+            budgets = ONE_PER_TARGET.budgets(targets).all
+            errors.append(run_errors(run, budgets, false_known=True).error.mean())
     return float(np.mean(errors)) if errors else None
 
 
 def score_interval(scores: ArrayLike) -> Interval | None:
-    """Interval of the mean of drive scores of scenes [S], at most 1."""
+    """Return the interval of the mean of drive scores of scenes [S], at most 1."""
     interval = bootstrap_interval(scores, np.ones(np.shape(scores)))
     return interval and (interval[0], min(interval[1], 1.0))
 
 
 def fault_interval(collisions: float, scenes: int) -> Interval:
-    """Interval of ``collisions`` per 100 scenes (Clopper and Pearson 1934): resamples say too little of rare events."""
+    """Return the interval of ``collisions`` per 100 scenes (Clopper and Pearson 1934).
+
+    Resamples say too little of rare events.
+    """
     from scipy.special import betaincinv
 
     hits = min(collisions / 100.0, 1.0) * scenes
@@ -167,42 +183,44 @@ def fault_interval(collisions: float, scenes: int) -> Interval:
     return 100.0 * float(low), 100.0 * float(high)
 
 
+def _mean(drives: Sequence[Drive], value: Callable[[Drive], float]) -> float:
+    return float(np.mean([value(drive) for drive in drives]))
+
+
 def _row(
-    agent: AgentDrives, reference: Mapping[str, float], base: Floats | None
+    agent: AgentDrives, reference: Mapping[str, float], stp_scores: Floats | None
 ) -> DrivingRow:
-    score = scene_scores(agent, reference)
-    drives = [agent.drives[name] for name in reference]
-    every = [
-        (drive, way)
-        for own, way in zip(drives, reference.values(), strict=True)
-        for drive in own
-    ]
-    faults = np.array(
-        [np.mean([100.0 * drive.at_fault for drive in own]) for own in drives]
-    )
-    to_stp = (
-        None if base is None else paired_difference(score, base, np.ones(len(score)))
-    )
-    goals = [drive.seconds for drive, _ in every if drive.goal]
+    scores = scene_scores(agent, reference)
+    difference = None
+    if stp_scores is not None:
+        difference = paired_difference(scores, stp_scores, np.ones(len(scores)))
+    mean, mean_interval, p = numbers_of(difference)
+    drives: list[Drive] = []
+    progress = []
+    fault_shares = []
+    for scene, way_m in reference.items():
+        scene_drives = agent.drives[scene]
+        drives += scene_drives
+        progress += [progress_of(drive, way_m) for drive in scene_drives]
+        fault_shares.append(_mean(scene_drives, lambda drive: 100.0 * drive.at_fault))
+    faults = float(np.mean(fault_shares))
+    arrived = [drive for drive in drives if drive.goal]
+
     return DrivingRow(
         agent=agent.agent,
-        drive_score=float(score.mean()),
-        interval=score_interval(score),
-        difference=to_stp and to_stp.mean,
-        difference_interval=to_stp and to_stp.interval,
-        p=to_stp and to_stp.p,
-        collisions=float(faults.mean()),
-        collisions_interval=fault_interval(float(faults.mean()), len(faults)),
-        any_collision=float(
-            np.mean([100.0 * bool(drive.collision) for drive, _ in every])
-        ),
-        near_misses=float(np.mean([100.0 * drive.near_misses for drive, _ in every])),
-        progress=float(np.mean([progress_of(drive, way) for drive, way in every])),
-        phantom_brakes=float(
-            np.mean([100.0 * drive.phantom_brakes for drive, _ in every])
-        ),
-        goal_seconds=float(np.mean(goals)) if goals else None,
-        comfort=float(np.mean([drive.comfortable for drive, _ in every])),
+        drive_score=float(scores.mean()),
+        interval=score_interval(scores),
+        difference=mean,
+        difference_interval=mean_interval,
+        p=p,
+        collisions=faults,
+        collisions_interval=fault_interval(faults, len(scores)),
+        any_collision=_mean(drives, lambda drive: 100.0 * bool(drive.collision)),
+        near_misses=_mean(drives, lambda drive: 100.0 * drive.near_misses),
+        progress=float(np.mean(progress)),
+        phantom_brakes=_mean(drives, lambda drive: 100.0 * drive.phantom_brakes),
+        goal_seconds=_mean(arrived, lambda drive: drive.seconds) if arrived else None,
+        comfort=_mean(drives, lambda drive: float(drive.comfortable)),
         bade=own_bade(agent),
         scenes=len(reference),
     )

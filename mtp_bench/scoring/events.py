@@ -1,9 +1,11 @@
-"""Identity events of true objects, and holes in time, which no event, target or identity crosses (docs/definitions).
+"""Identity events of true objects, and holes in time.
 
-Each side of a hole is scored like a scene of its own: objects and tracks have another identity there.
+No event, target or identity crosses a hole (docs/definitions, "Events"). Each side of a
+hole is scored like a scene of its own: objects and tracks have another identity there.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,25 +14,22 @@ from ..core import Bools, Ints, Rollout, Scene, ShapeError, Truth, pieces_of
 from .matching import Matched
 from .pairs import Rows
 
-HOLES, LOST_TARGETS = (
-    "holes in time",
-    "targets across holes in time",
-)  # counts beside the skipped rows of a scene
+# counts beside the skipped rows of a scene
+HOLES = "holes in time"
+LOST_TARGETS = "targets across holes in time"
 
 
-@dataclass(frozen=True, eq=False)
-class Events:
-    """Rows of the truth where something happens to the identity of an object, ascending."""
+class Events(NamedTuple):
+    """Rows of the truth where an object's identity has an event, ascending."""
 
     ids: Rows
     lost: Rows
-    wrong: Rows  # those lost whose old id is output outside the gate; that of the others is not output
     reacquired: Rows
 
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Rows of a table sorted by identity, then frame, and whether each continues the identity of the row before."""
+    """Rows of a table sorted by identity, then frame."""
 
     order: Rows  # [R]
     identity: Ints  # [R] in that order
@@ -39,122 +38,130 @@ class History:
     consecutive: Bools  # [R] ... in the frame just before
 
     def previous(self) -> Rows:
-        """Row [R] of the same identity in the frame just before, -1 without one; in the order of the table."""
-        earlier = np.full(len(self.order), -1, dtype=np.intp)
+        """Return the row [R] of the same identity in the frame just before.
+
+        -1 without one; in the order of the table.
+        """
+        previous_row = np.full(len(self.order), -1, dtype=np.intp)
         place = np.flatnonzero(self.consecutive)
-        earlier[self.order[place]] = self.order[place - 1]
-        return earlier
+        previous_row[self.order[place]] = self.order[place - 1]
+        return previous_row
 
 
 def history(frame: Ints, identity: Ints) -> History:
-    """History of a table [R] that is sorted by frame; an identity occurs once per frame, else ShapeError."""
+    """Return the history of a table [R] that is sorted by frame.
+
+    An identity occurs once per frame, else ShapeError.
+    """
     order = np.argsort(identity, kind="stable")
-    who, when = identity[order], frame[order]
-    follows, consecutive = (
-        np.zeros(len(order), dtype=bool),
-        np.zeros(len(order), dtype=bool),
-    )
-    follows[1:] = who[1:] == who[:-1]
-    step = when[1:] - when[:-1]
+    sorted_identity = identity[order]
+    sorted_frame = frame[order]
+    step = np.diff(sorted_frame)
+    follows = np.zeros(len(order), dtype=bool)
+    follows[1:] = sorted_identity[1:] == sorted_identity[:-1]
+    consecutive = np.zeros(len(order), dtype=bool)
     consecutive[1:] = follows[1:] & (step == 1)
     twice = np.flatnonzero(follows[1:] & (step == 0))
     if len(twice):
-        i = int(twice[0])
         raise ShapeError(
-            f"identity {who[i]} occurs twice in frame {when[i]}, expected once per frame"
+            f"identity {sorted_identity[twice[0]]} occurs twice in frame "
+            f"{sorted_frame[twice[0]]}, expected once per frame"
         )
-    return History(order, who, when, follows, consecutive)
+    return History(order, sorted_identity, sorted_frame, follows, consecutive)
 
 
 def object_history(truth: Truth) -> History:
-    """History of the true boxes [R]; a neutral box counts as absent, as an object of its own."""
-    identity = np.asarray(truth.object_id, dtype=np.int64)
-    alone = identity.max(initial=0) + 1 + np.arange(len(identity))
-    return history(truth.frame_of_rows, np.where(truth.neutral, alone, identity))
+    """Return the history of the true boxes [R].
+
+    A neutral box counts as absent, as an object of its own.
+    """
+    object_id = np.asarray(truth.object_id, dtype=np.int64)
+    unused_id = object_id.max(initial=0) + 1 + np.arange(len(object_id))
+    identity = np.where(truth.neutral, unused_id, object_id)
+    return history(truth.frame_of_rows, identity)
 
 
-def find_events(
-    objects: History, matched: Matched, tracks: History, track_id: Ints
-) -> Events:
-    """Events of one stream of tracks.
+def find_events(objects: History, matched: Matched, track_id: Ints) -> Events:
+    """Return the events of one stream of tracks.
 
-    ``objects`` and ``tracks`` are the histories of the true boxes [R] and the tracks; ``matched`` [R] the row of the
-    track of each true box, -1 none; ``track_id`` the ids by row. No event is found across frames without the object.
+    ``objects``: history of the true boxes [R]; ``matched`` [R]: row of the track of
+    each true box, -1 none; ``track_id``: ids by row. No event is found across frames
+    without the object.
     """
     column = matched[objects.order]
-    held = column >= 0
-    before = np.roll(column, 1)
-    ids = np.append(np.asarray(track_id, dtype=np.int64), -1)  # row -1: no track
-    follows_match = objects.consecutive & (before >= 0)
-    lost = np.flatnonzero(follows_match & ~held)
-    went_on = np.zeros(
-        len(tracks.order), dtype=bool
-    )  # tracks that are output in the next frame too
-    went_on[tracks.order[np.flatnonzero(tracks.consecutive) - 1]] = True
+    is_matched = column >= 0
+    column_before = np.roll(column, 1)
+    # row -1: no track
+    ids = np.append(np.asarray(track_id, dtype=np.int64), -1)
+    follows_match = objects.consecutive & (column_before >= 0)
+    changed = ids[column_before] != ids[column]
+    reacquired = _matched_again(objects.consecutive, is_matched)
     return Events(
-        ids=np.sort(objects.order[follows_match & held & (ids[before] != ids[column])]),
-        lost=np.sort(objects.order[lost]),
-        wrong=np.sort(objects.order[lost[went_on[before[lost]]]]),
-        reacquired=np.sort(objects.order[_matched_again(objects.consecutive, held)]),
+        ids=np.sort(objects.order[follows_match & is_matched & changed]),
+        lost=np.sort(objects.order[follows_match & ~is_matched]),
+        reacquired=np.sort(objects.order[reacquired]),
     )
 
 
 def clear_identity(
     objects: History, matched: Matched, track_id: Ints
 ) -> tuple[Rows, Rows]:
-    """Rows of CLEAR-IDS (the id differs from the last matched one) and of CLEAR-FRAG (matched again after a gap)."""
+    """Return the rows of CLEAR-IDS and of CLEAR-FRAG.
+
+    IDS: the id differs from the last matched one; FRAG: matched again after a gap.
+    """
     column = matched[objects.order]
     place = np.flatnonzero(column >= 0)
-    same = objects.identity[place[1:]] == objects.identity[place[:-1]]
-    switched = place[1:][
-        same & (track_id[column[place[1:]]] != track_id[column[place[:-1]]])
-    ]
-    return objects.order[switched], objects.order[
-        np.flatnonzero(_matched_again(objects.follows, column >= 0))
-    ]
+    matched_identity = objects.identity[place]
+    matched_id = track_id[column[place]]
+    same_object = matched_identity[1:] == matched_identity[:-1]
+    switched = place[1:][same_object & (matched_id[1:] != matched_id[:-1])]
+    fragmented = _matched_again(objects.follows, column >= 0)
+    return objects.order[switched], objects.order[fragmented]
 
 
-def _matched_again(follows: Bools, held: Bools) -> Bools:
-    """Return True for rows that are matched (``held``) after a gap that followed a match in the same run.
+def _matched_again(follows: Bools, is_matched: Bools) -> Bools:
+    """Return True for rows that are matched after a gap that followed a match.
 
-    ``follows`` [R] as in `counted_in_run`.
+    All in the same run; ``follows`` [R] as in `counted_in_run`.
     """
-    before = counted_in_run(follows, held) > held
-    return np.asarray(held & follows & ~np.roll(held, 1) & before)
+    matched_before = counted_in_run(follows, is_matched) > is_matched
+    after_gap = follows & ~np.roll(is_matched, 1)
+    return np.asarray(is_matched & after_gap & matched_before)
 
 
 def counted_in_run(follows: Bools, flags: Bools) -> Ints:
-    """Return the number of ``flags`` [R] in each row's run of rows, up to the row itself.
+    """Return the number of ``flags`` [R] in each row's run, up to the row itself.
 
     ``follows`` [R]: the row continues the run of the row before.
     """
     count = np.cumsum(flags)
-    return np.asarray(
-        count - np.maximum.accumulate(np.where(follows, 0, count - flags))
-    )
+    count_before_run = np.where(follows, 0, count - flags)
+    return np.asarray(count - np.maximum.accumulate(count_before_run))
 
 
 def pieces(scene: Scene, card: Card) -> Ints:
-    """Piece of time [F] of each frame of ``scene``: 0 up to the first hole."""
+    """Return the piece of time [F] of each frame: 0 up to the first hole."""
     return pieces_of(scene.time, 1.0 / card.task.rate)
 
 
 def separated(identity: Ints, piece: Ints) -> Ints:
-    """Identities [R] that differ from one ``piece`` [R] to another; those of piece 0 stay as they are."""
+    """Return identities [R] that differ from one ``piece`` [R] to another.
+
+    Those of piece 0 stay as they are.
+    """
     ids = np.asarray(identity, dtype=np.int64)
     return np.asarray(ids + piece * (ids.max(initial=0) - ids.min(initial=0) + 1))
 
 
 def separated_truth(scene: Scene, card: Card) -> Truth:
-    """The truth of ``scene``, whose objects have another identity after a hole."""
+    """Return the truth of a scene, with other identities after a hole."""
     truth = scene.truth
-    return replace(
-        truth,
-        object_id=separated(truth.object_id, pieces(scene, card)[truth.frame_of_rows]),
-    )
+    piece = pieces(scene, card)[truth.frame_of_rows]
+    return replace(truth, object_id=separated(truth.object_id, piece))
 
 
 def separated_tracks(rollout: Rollout, scene: Scene, card: Card) -> Rollout:
-    """``rollout`` of ``scene``, whose tracks have another identity after a hole."""
+    """Return the rollout of a scene, with other track identities after a hole."""
     piece = pieces(scene, card)[rollout.tracks.frame_of_rows]
     return replace(rollout, track_id=separated(rollout.track_id, piece))

@@ -1,4 +1,4 @@
-"""Score of single frames, from which a training env takes its reward and its metrics."""
+"""Score of single frames, from which a training env takes its reward and metrics."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,20 +24,19 @@ from .targets import find_targets, live_frames
 class FrameScore:
     """Numbers of one frame or of several; the costs are the parts of `fixed_error`.
 
-    ``covered``, ``min_ade`` and ``false_forecasts`` keep every forecast, as in a `SceneScore`. Where the truth lists
-    prediction targets alone, false forecasts are unknown and their number is 0.
+    ``covered``, ``min_ade`` and ``false_forecasts`` keep every forecast, as in a
+    `SceneScore`. Where the truth lists prediction targets alone, false forecasts are
+    unknown and their number is 0.
     """
 
     targets: int = 0
     covered: int = 0  # targets with a forecast
     min_ade: float = 0.0  # m, mean over the covered targets; 0 without one
     false_forecasts: int = 0
-    cost_missed: float = (
-        0.0  # m, of targets without a forecast of confidence 0.5 or more
-    )
-    cost_false: float = (
-        0.0  # m, of false forecasts of such a confidence, and of invalid objects
-    )
+    # m, of targets without a forecast of confidence 0.5 or more
+    cost_missed: float = 0.0
+    # m, of false forecasts of such a confidence, and of invalid objects
+    cost_false: float = 0.0
     cost_error: float = 0.0  # m, of targets with a forecast of such a confidence
 
     @property
@@ -52,60 +51,57 @@ class FrameScore:
 
     @classmethod
     def total(cls, frames: Sequence["FrameScore"]) -> "FrameScore":
-        """Sums over ``frames``, and the mean minADE over all covered targets."""
-        table = np.array([list(vars(frame).values()) for frame in frames]).reshape(
-            -1, 7
-        )
+        """Return sums over ``frames``, and the mean minADE over all covered targets."""
+        table = np.array([list(vars(frame).values()) for frame in frames])
+        table = table.reshape(-1, 7)
         table[:, 2] *= table[:, 1]
         targets, covered, min_ade, false, *costs = table.sum(axis=0).tolist()
-        return cls(
-            int(targets), int(covered), min_ade / max(covered, 1.0), int(false), *costs
-        )
+        mean_ade = min_ade / max(covered, 1.0)
+        return cls(int(targets), int(covered), mean_ade, int(false), *costs)
 
 
 class FrameScorer:
     """Scores of the frames of one scene under the rules of ``card``."""
 
     def __init__(self, scene: Scene, card: Card) -> None:
-        self._scene, self._card = evaluated(scene), card
-        targets = find_targets(
-            replace(self._scene, image=None), card
-        )  # evaluated already
-        self._targets = replace(
-            targets, row=targets.row - scene.truth.start[targets.frame]
-        )
         self.live = live_frames(scene, card)
+        self._card = card
+        self._scene = evaluated(scene)
+        # evaluated already: without the image
+        targets = find_targets(replace(self._scene, image=None), card)
+        frame_row = targets.row - scene.truth.start[targets.frame]
+        self._targets = replace(targets, row=frame_row)
         self._miss_error = np.asarray(card.per_class(card.task.miss_error))
 
     def score(
         self, t: int, forecasts: RecordedForecasts, malformed: Ints
     ) -> FrameScore:
-        """Score of the ``forecasts`` and the invalid objects ``malformed`` [C + 1] by class of frame ``t``."""
-        scene, card = self._scene, self._card
+        """Score the ``forecasts`` and the invalid objects of frame ``t``.
+
+        ``malformed`` [C + 1]: number of invalid objects by class.
+        """
         if not self.live[t]:
             return FrameScore()
-        here = self._targets.only(t)
-        found = Candidates.of(
-            replace(scene, truth=scene.truth.only(t)), here, forecasts, self.live, card
+        targets = self._targets.only(t)
+        scene = replace(self._scene, truth=self._scene.truth.only(t))
+        candidates = Candidates.of(scene, targets, forecasts, self.live, self._card)
+        matching = match_by_confidence(candidates, forecasts.confidence)
+        miss_error = self._miss_error[targets.class_id]
+        frame_cuts = cuts(candidates, matching, forecasts.confidence, miss_error)
+        malformed_table = np.zeros((scene.frames, len(malformed)), dtype=np.int64)
+        malformed_table[t] = malformed
+        error, missed, *false_costs = fixed_parts(
+            frame_cuts, malformed_table, self._miss_error, scene.truth_complete
         )
-        matching = match_by_confidence(found, forecasts.confidence)
-        broken = np.zeros((scene.frames, len(malformed)), dtype=np.int64)
-        broken[t] = malformed
-        kept = cuts(
-            found, matching, forecasts.confidence, self._miss_error[here.class_id]
-        )
-        error, missed, *false = fixed_parts(
-            kept, broken, self._miss_error, scene.truth_complete
-        )
-        _, target, min_ade = target_errors(found, matching)
-        final = min_ade[last_of(target)]
-        final = final[np.isfinite(final)]
+        _, target, min_ade = target_errors(candidates, matching)
+        final_ade = min_ade[last_of(target)]
+        final_ade = final_ade[np.isfinite(final_ade)]
         return FrameScore(
-            targets=len(here),
-            covered=len(final),
-            min_ade=float(final.mean()) if len(final) else 0.0,
+            targets=len(targets),
+            covered=len(final_ade),
+            min_ade=float(final_ade.mean()) if len(final_ade) else 0.0,
             false_forecasts=int(matching.false.sum()) if scene.truth_complete else 0,
             cost_missed=float(missed.sum()),
-            cost_false=sum(false),
+            cost_false=sum(false_costs),
             cost_error=float((error - missed).sum()),
         )

@@ -1,11 +1,12 @@
-"""One-to-one matching of ragged rows: maximum cardinality first, then minimum total cost.
+"""One-to-one matching of ragged rows: most pairs first, then minimum total cost.
 
-All frames are matched at once; only larger components of pairs reach an assignment solver. Among solutions of equal
-cost the one with the lower row, then the lower column is preferred where the choice is ours.
+All frames are matched at once; only larger components of pairs reach an assignment
+solver. Among solutions of equal cost the one with the lower row, then the lower column
+is preferred where the choice is ours.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -15,9 +16,9 @@ from ..core import Bools, Floats, Ints
 from .pairs import Pairs, Rows
 
 Matched = NDArray[np.intp]
-_MOST_CELLS = (
-    1 << 20
-)  # of a dense table of costs: a few boxes that touch many objects must not choose the memory
+# of a dense table of costs: a few boxes that touch many objects must not choose the
+# memory
+_MAX_CELLS = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,34 +33,35 @@ class _Contested:
     local_column: Rows  # [E]
 
     def keep(self, mask: Bools) -> "_Contested":
-        """The components where ``mask`` [components] holds."""
+        """Return the components where ``mask`` [components] holds."""
         inside = mask[self.label]
-        label, row, column = (
-            part[inside] for part in (self.label, self.local_row, self.local_column)
-        )
-        return replace(
-            self,
-            pairs=self.pairs.keep(inside),
-            label=label,
-            local_row=row,
-            local_column=column,
+        return _Contested(
+            self.pairs.keep(inside),
+            self.label[inside],
+            self.rows,
+            self.columns,
+            self.local_row[inside],
+            self.local_column[inside],
         )
 
     def parts(self) -> list[tuple[int, int]]:
-        """First and last place of each component."""
+        """Return the first pair of each component, and the one after its last."""
         first = np.flatnonzero(np.diff(self.label, prepend=-1))
         return list(pairwise([*first.tolist(), len(self.label)]))
 
 
 def match(pairs: Pairs, rows: int) -> Matched:
-    """Column matched to each row [rows], -1 for none; ``frame`` mode, without memory."""
+    """Return the column matched to each row [rows], -1 for none.
+
+    ``frame`` mode, without memory.
+    """
     return _match(pairs, rows, _assign, squares=True)
 
 
 def match_best(pairs: Pairs, rows: int) -> Matched:
-    """Column matched to each row [rows], -1 for none: the matching of least total cost, of any cardinality.
+    """Return the matching [rows] of least total cost, of any number of pairs.
 
-    All costs are below 0, so no pair is left out that could be added.
+    All costs are below 0, so no pair is left out that could be added. -1 for none.
     """
     return _match(pairs, rows, _cheapest_below_zero, squares=False)
 
@@ -67,66 +69,80 @@ def match_best(pairs: Pairs, rows: int) -> Matched:
 def _match(
     pairs: Pairs, rows: int, assign: Callable[[Rows, Rows, Floats], Rows], squares: bool
 ) -> Matched:
-    """Column matched to each row [rows]; ``assign`` solves large components, with ``squares`` not those of 2 x 2."""
+    """Return the column matched to each row [rows].
+
+    ``assign`` solves large components, with ``squares`` not those of 2 x 2.
+    """
     matched = np.full(rows, -1, dtype=np.intp)
-    rest = _settle_single(pairs, matched)
-    if len(rest):
-        contested = _components(rest)
-        small = np.minimum(contested.rows, contested.columns) == 1
-        _settle_star(contested.keep(small), matched)
-        if squares:
-            square = (contested.rows == 2) & (contested.columns == 2)
-            _settle_square(contested.keep(square), matched)
-            small |= square
-        large = contested.keep(~small)
-        row, column, cost = large.pairs.row, large.pairs.column, large.pairs.cost
-        for low, high in large.parts():
-            chosen = low + assign(
-                large.local_row[low:high], large.local_column[low:high], cost[low:high]
-            )
-            matched[row[chosen]] = column[chosen]
+    contested_pairs = _settle_single(pairs, matched)
+    if len(contested_pairs) == 0:
+        return matched
+    contested = _components(contested_pairs)
+    settled = np.minimum(contested.rows, contested.columns) == 1
+    _settle_star(contested.keep(settled), matched)
+    if squares:
+        square = (contested.rows == 2) & (contested.columns == 2)
+        _settle_square(contested.keep(square), matched)
+        settled |= square
+    large = contested.keep(~settled)
+    for low, high in large.parts():
+        part = slice(low, high)
+        chosen = low + assign(
+            large.local_row[part], large.local_column[part], large.pairs.cost[part]
+        )
+        matched[large.pairs.row[chosen]] = large.pairs.column[chosen]
     return matched
 
 
 def match_sticky(
     pairs: Pairs, rows: int, earlier_row: Ints, earlier_column: Ints
 ) -> Matched:
-    """Column matched to each row [rows], -1 for none; pairs of the previous frame that are still inside are kept first.
+    """Match with memory: pairs of the frame before that are still inside come first.
 
-    ``earlier_row`` [rows] and ``earlier_column`` [columns] give the row of the same object, the column of the same
-    track, in the previous frame, -1 where it has none. Rows and columns are sorted by frame.
+    Returns the column matched to each row [rows], -1 for none. ``earlier_row`` [rows]
+    and ``earlier_column`` [columns] give the row of the same object, the column of the
+    same track, in the previous frame, -1 where it has none. Rows and columns are sorted
+    by frame.
     """
     matched = np.full(rows, -1, dtype=np.intp)
-    rest = _settle_single(pairs, matched)
-    if len(rest) == 0:
+    contested_pairs = _settle_single(pairs, matched)
+    if len(contested_pairs) == 0:
         return matched
-    contested = _components(rest)
-    row, column, cost = (
-        contested.pairs.row,
-        contested.pairs.column,
-        contested.pairs.cost,
-    )
-    before, old = earlier_row[row], earlier_column[column]
-    known = (before >= 0) & (old >= 0)
-    i, j = contested.local_row, contested.local_column
-    # a component lies inside one frame; components in the order of their first row follow time
-    for low, high in sorted(contested.parts(), key=lambda part: int(row[part[0]])):
-        kept = low + np.flatnonzero(
-            known[low:high] & (matched[before[low:high]] == old[low:high])
-        )
+    contested = _components(contested_pairs)
+    row = contested.pairs.row
+    column = contested.pairs.column
+    cost = contested.pairs.cost
+    local_row = contested.local_row
+    local_column = contested.local_column
+    row_before = earlier_row[row]
+    column_before = earlier_column[column]
+    has_before = (row_before >= 0) & (column_before >= 0)
+
+    def first_row(part: tuple[int, int]) -> int:
+        return int(row[part[0]])
+
+    # a component lies inside one frame; components in the order of their first row
+    # follow time
+    for low, high in sorted(contested.parts(), key=first_row):
         part = np.arange(low, high)
-        if len(kept):
-            matched[row[kept]] = column[kept]
-            taken = (i[part, None] == i[kept]) | (j[part, None] == j[kept])
-            part = part[~taken.any(axis=1)]
+        was_matched = matched[row_before[part]] == column_before[part]
+        sticky = part[has_before[part] & was_matched]
+        if len(sticky):
+            matched[row[sticky]] = column[sticky]
+            excluded = local_row[part, None] == local_row[sticky]
+            excluded |= local_column[part, None] == local_column[sticky]
+            part = part[~excluded.any(axis=1)]
         if len(part):
-            chosen = part[_assign(i[part], j[part], cost[part])]
+            chosen = part[_assign(local_row[part], local_column[part], cost[part])]
             matched[row[chosen]] = column[chosen]
     return matched
 
 
 def columns_to_rows(matched: Matched, columns: int) -> Matched:
-    """Row matched to each column [columns], -1 for none: the inverse of a matching."""
+    """Return the row matched to each column [columns], -1 for none.
+
+    It is the inverse of a matching.
+    """
     inverse = np.full(columns, -1, dtype=np.intp)
     row = np.flatnonzero(matched >= 0)
     inverse[matched[row]] = row
@@ -134,43 +150,50 @@ def columns_to_rows(matched: Matched, columns: int) -> Matched:
 
 
 def _settle_single(pairs: Pairs, matched: Matched) -> Pairs:
-    """Match the pairs whose row and column have no other candidate; returns the others."""
+    """Match the pairs without another candidate for row or column.
+
+    Returns the other pairs.
+    """
     if len(pairs) == 0:
         return pairs
-    of_row, of_column = np.bincount(pairs.row), np.bincount(pairs.column)
-    single = (of_row[pairs.row] == 1) & (of_column[pairs.column] == 1)
+    row_pairs = np.bincount(pairs.row)
+    column_pairs = np.bincount(pairs.column)
+    single = (row_pairs[pairs.row] == 1) & (column_pairs[pairs.column] == 1)
     matched[pairs.row[single]] = pairs.column[single]
     return pairs.keep(~single)
 
 
 def _components(pairs: Pairs) -> _Contested:
-    """Connected components of the pairs, at least one pair."""
+    """Return the connected components of the pairs, at least one pair."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    _, row_of = np.unique(pairs.row, return_inverse=True)
-    _, column_of = np.unique(pairs.column, return_inverse=True)
-    rows, nodes = int(row_of.max()) + 1, int(row_of.max() + column_of.max()) + 2
-    graph = coo_array(
-        (np.ones(len(row_of), dtype=np.int8), (row_of, rows + column_of)),
-        shape=(nodes, nodes),
-    )
-    label_of_row, label_of_column = np.split(
-        connected_components(graph, directed=False)[1], [rows]
-    )
-    label, count = label_of_row[row_of].astype(np.intp), int(label_of_row.max()) + 1
+    row_node = np.unique(pairs.row, return_inverse=True)[1]
+    column_node = np.unique(pairs.column, return_inverse=True)[1]
+    rows = int(row_node.max()) + 1
+    nodes = rows + int(column_node.max()) + 1
+    edges = np.ones(len(row_node), dtype=np.int8)
+    graph = coo_array((edges, (row_node, rows + column_node)), shape=(nodes, nodes))
+    node_label = connected_components(graph, directed=False)[1]
+    row_label, column_label = np.split(node_label, [rows])
+    components = int(row_label.max()) + 1
+    row_count, row_number = _numbered(row_label, components)
+    column_count, column_number = _numbered(column_label, components)
+    label = row_label[row_node].astype(np.intp)
     order = np.argsort(label, kind="stable")
-    row_count, local_row = _numbered(label_of_row, count)
-    columns, local_column = _numbered(label_of_column, count)
-    local_row, local_column = local_row[row_of][order], local_column[column_of][order]
     return _Contested(
-        pairs.keep(order), label[order], row_count, columns, local_row, local_column
+        pairs.keep(order),
+        label[order],
+        row_count,
+        column_count,
+        row_number[row_node][order],
+        column_number[column_node][order],
     )
 
 
-def _numbered(label: Ints, count: int) -> tuple[Ints, Rows]:
-    """Size of each of ``count`` components, and the number of each node within its own."""
-    size = np.bincount(label, minlength=count)
+def _numbered(label: Ints, components: int) -> tuple[Ints, Rows]:
+    """Return the size of each component, and the number of each node within its own."""
+    size = np.bincount(label, minlength=components)
     order = np.argsort(label, kind="stable")
     number = np.empty(len(label), dtype=np.intp)
     number[order] = np.arange(len(label)) - np.repeat(np.cumsum(size) - size, size)
@@ -178,81 +201,87 @@ def _numbered(label: Ints, count: int) -> tuple[Ints, Rows]:
 
 
 def _settle_star(contested: _Contested, matched: Matched) -> None:
-    """Components with one row or one column: the cheapest pair."""
-    pairs, label = contested.pairs, contested.label
-    order = np.lexsort((pairs.column, pairs.row, pairs.cost, label))
-    first = order[np.diff(label[order], prepend=-1) != 0]
+    """Match the cheapest pair of components with one row or one column."""
+    pairs = contested.pairs
+    order = np.lexsort((pairs.column, pairs.row, pairs.cost, contested.label))
+    first = order[np.diff(contested.label[order], prepend=-1) != 0]
     matched[pairs.row[first]] = pairs.column[first]
 
 
 def _settle_square(contested: _Contested, matched: Matched) -> None:
-    """Connected components of two rows and two columns: one of the two full matchings."""
-    pairs, i, j = contested.pairs, contested.local_row, contested.local_column
+    """Match components of two rows and two columns: one of the two full matchings."""
+    pairs = contested.pairs
     if len(pairs) == 0:
         return
-    _, group = np.unique(contested.label, return_inverse=True)
+    group = np.unique(contested.label, return_inverse=True)[1]
     count = int(group[-1]) + 1
-    row, column, cost = (
-        np.empty((count, 2), np.intp),
-        np.empty((count, 2), np.intp),
-        np.full((count, 2, 2), np.inf),
-    )
-    row[group, i], column[group, j], cost[group, i, j] = (
-        pairs.row,
-        pairs.column,
-        pairs.cost,
-    )
+    row = np.empty((count, 2), np.intp)
+    column = np.empty((count, 2), np.intp)
+    cost = np.full((count, 2, 2), np.inf)
+    row[group, contested.local_row] = pairs.row
+    column[group, contested.local_column] = pairs.column
+    cost[group, contested.local_row, contested.local_column] = pairs.cost
     crossed = cost[:, 0, 1] + cost[:, 1, 0] < cost[:, 0, 0] + cost[:, 1, 1]
     matched[row] = np.where(crossed[:, None], column[:, ::-1], column)
 
 
 def _assign(row: Rows, column: Rows, cost: Floats) -> Rows:
-    """Places of the chosen pairs of one component, or of what is left of it; rows and columns are its own numbers."""
+    """Return the chosen pairs of one component, or of what is left of it.
+
+    Rows and columns are its own numbers.
+    """
     if len(row) == 1:
         return np.zeros(1, dtype=np.intp)
-    rows, columns = int(row.max()) + 1, int(column.max()) + 1
-    if min(rows, columns) == 1:
+    size = min(int(row.max()), int(column.max())) + 1
+    if size == 1:
         return np.array([np.argmin(cost)], dtype=np.intp)
-    least = float(cost.min())
-    spread = float(cost.max()) - least
-    # one more pair always outweighs any sum of costs, without the rounding that a fixed huge number brings
-    return _cheapest(
-        row,
-        column,
-        cost - least,
-        (min(rows, columns) + 1) * spread if spread > 0 else 1.0,
-    )
+    min_cost = float(cost.min())
+    spread = float(cost.max()) - min_cost
+    # one more pair always outweighs any sum of costs, without the rounding that a fixed
+    # huge number brings
+    absent = (size + 1) * spread if spread > 0 else 1.0
+    return _cheapest(row, column, cost - min_cost, absent)
 
 
 def _cheapest(row: Rows, column: Rows, cost: Floats, absent: float = 0.0) -> Rows:
-    """Places of the pairs of the cheapest full assignment, in which a pair that is not there costs ``absent``."""
+    """Return the pairs of the cheapest full assignment.
+
+    A pair that is not there costs ``absent``.
+    """
     from scipy.optimize import linear_sum_assignment
 
     shape = int(row.max()) + 1, int(column.max()) + 1
-    dense, place = np.full(shape, absent), np.full(shape, -1, dtype=np.intp)
-    dense[row, column], place[row, column] = cost, np.arange(len(row))
+    dense = np.full(shape, absent)
+    dense[row, column] = cost
+    place = np.full(shape, -1, dtype=np.intp)
+    place[row, column] = np.arange(len(row))
     chosen = place[linear_sum_assignment(dense)]
     return np.asarray(chosen[chosen >= 0])
 
 
 def _cheapest_below_zero(row: Rows, column: Rows, cost: Floats) -> Rows:
-    """Places of the pairs of the cheapest assignment of costs below 0."""
+    """Return the pairs of the cheapest assignment of costs below 0."""
     cells = (int(row.max()) + 1) * (int(column.max()) + 1)
-    return (_cheapest if cells <= _MOST_CELLS else _cheapest_sparse)(row, column, cost)
+    if cells > _MAX_CELLS:
+        return _cheapest_sparse(row, column, cost)
+    return _cheapest(row, column, cost)
 
 
 def _cheapest_sparse(row: Rows, column: Rows, cost: Floats) -> Rows:
-    """As `_cheapest_below_zero`, in memory that grows with the pairs, not with rows x columns."""
+    """Do as `_cheapest_below_zero`, in memory that grows with the pairs alone."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
-    rows, columns = int(row.max()) + 1, int(column.max()) + 1
-    every, least = np.arange(rows), float(cost.min())
-    # each row may take a column of its own that costs nothing; a constant on all of them changes no choice
-    weight = np.concatenate([cost, np.zeros(rows)]) - least + 1.0
-    at = np.concatenate([row, every]), np.concatenate([column, columns + every])
-    graph = csr_array((weight, at), shape=(rows, columns + rows))
+    rows = int(row.max()) + 1
+    columns = int(column.max()) + 1
+    every_row = np.arange(rows)
+    # each row may take a column of its own that costs nothing; a constant on all of
+    # them changes no choice
+    weight = np.concatenate([cost, np.zeros(rows)]) - float(cost.min()) + 1.0
+    graph_row = np.concatenate([row, every_row])
+    graph_column = np.concatenate([column, columns + every_row])
+    graph = csr_array((weight, (graph_row, graph_column)), shape=(rows, columns + rows))
     chosen_row, chosen_column = min_weight_full_bipartite_matching(graph)
-    taken = np.full(rows, -1, dtype=np.intp)
-    taken[chosen_row] = chosen_column
-    return np.flatnonzero(taken[row] == column)
+    matched = np.full(rows, -1, dtype=np.intp)
+    matched[chosen_row] = chosen_column
+    return np.flatnonzero(matched[row] == column)

@@ -1,7 +1,8 @@
-"""Neutral objects, which no label could confirm or refute (docs/definitions, "Targets").
+"""Neutral objects, which no label could confirm or refute.
 
-KITTI is labelled in images. An object is placed into the image from its x and y alone, since an agent could choose
-the other numbers of a forecast freely.
+KITTI is labelled in images. An object is placed into the image from its x and y alone,
+since an agent could choose the other numbers of a forecast freely (docs/definitions,
+"Targets").
 """
 
 from dataclasses import replace
@@ -11,94 +12,99 @@ import numpy as np
 from ..core import Bools, Floats, ImageField, Ints, Scene
 from .definitions import CAMERA_HEIGHT, LEAST_IMAGE_HEIGHT, MOST_IN_REGION
 
-_NEAR = 0.1  # m before the camera: what is nearer or behind is cut off
-_CORNER = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)]) - [
-    0.5,
-    0.5,
-    0.0,
-]  # along, across, up
-_EDGE = np.array(
-    [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
-).T  # [2, 12] corners
-_ENDS = np.concatenate(
-    [_EDGE, _EDGE[::-1]], axis=1
-)  # [2, 24] every edge from both ends
+_MIN_DEPTH_M = 0.1  # before the camera: what is nearer or behind is cut off
+# [8, 3] along, across, up, of a box of size 1
+_CORNER = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
+_CORNER = _CORNER - [0.5, 0.5, 0.0]
+# [2, 24] corners: every edge from both ends
+_ENDS = np.array(
+    [(i, j) for i in range(8) for j in range(8) if (i ^ j).bit_count() == 1]
+).T
 
 
 def evaluated(scene: Scene) -> Scene:
-    """``scene`` as it is evaluated: true boxes that no label of its image could confirm are neutral, never targets."""
-    truth, image = scene.truth, scene.image
-    if image is None:
+    """Return a scene as it is evaluated.
+
+    True boxes that no label of its image could confirm are neutral, never targets.
+    """
+    if scene.image is None:
         return scene
-    hidden = unconfirmable(image, truth.frame_of_rows, truth.box[:, :2], truth.class_id)
-    return replace(
-        scene,
-        truth=replace(
-            truth, eligible=truth.eligible & ~hidden, neutral=truth.neutral | hidden
-        ),
+    truth = scene.truth
+    hidden = neutral_places(
+        scene, truth.frame_of_rows, truth.box[:, :2], truth.class_id
     )
+    truth = replace(
+        truth, eligible=truth.eligible & ~hidden, neutral=truth.neutral | hidden
+    )
+    return replace(scene, truth=truth)
 
 
 def neutral_places(scene: Scene, frame: Ints, xy: Floats, class_id: Ints) -> Bools:
-    """True for objects at ``xy`` [n, 2] m that no label of the scene could confirm [n]; False without an image."""
-    if scene.image is None:
-        return np.zeros(len(xy), dtype=bool)
-    return unconfirmable(scene.image, frame, xy, class_id)
+    """Return True [n] for objects that no label of the scene could confirm.
 
-
-def unconfirmable(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) -> Bools:
-    """True for objects at ``xy`` [n, 2] m, scene's frame of reference, that no label of the image could confirm [n].
-
-    An object of ``class_id`` [n] in ``frame`` [n] is seen as an upright box of the size that stands for its class, with
-    the heading of the platform and its bottom 1.65 m below the camera. In the image it is the least rectangle around
-    that box as far as it lies before the camera, cut to the image. No label confirms it if nothing of it is left, if it
-    is at most 25 pixels high, or if more than half of it lies in one region where labels do not care.
+    At ``xy`` [n, 2] m, scene's frame of reference; False without an image. An object of
+    ``class_id`` [n] in ``frame`` [n] is seen as an upright box of the size that stands
+    for its class, with the heading of the platform and its bottom 1.65 m below the
+    camera. In the image it is the least rectangle around that box as far as it lies
+    before the camera, cut to the image. No label confirms it if nothing of it is left,
+    if it is at most 25 pixels high, or if more than half of it lies in one region where
+    labels do not care.
     """
+    image = scene.image
+    if image is None:
+        return np.zeros(len(xy), dtype=bool)
     box = _image_boxes(image, frame, np.asarray(xy, dtype=np.float64), class_id)
-    low = ~((box[:, 3] - box[:, 1] > LEAST_IMAGE_HEIGHT) & (box[:, 2] > box[:, 0]))
-    return np.asarray(low | (_share_in_region(image, frame, box) > MOST_IN_REGION))
+    is_wide = box[:, 2] > box[:, 0]
+    is_high = box[:, 3] - box[:, 1] > LEAST_IMAGE_HEIGHT
+    in_region = _share_in_region(image, frame, box) > MOST_IN_REGION
+    return np.asarray(~(is_high & is_wide) | in_region)
 
 
 def _image_boxes(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) -> Floats:
-    """Left, top, right, bottom [n, 4] of objects in the image, pixels; right is left of left where nothing is seen."""
+    """Return left, top, right, bottom [n, 4] of objects in the image, pixels.
+
+    Right is left of left where nothing is seen.
+    """
     offset = _CORNER * image.box_size[class_id][:, None]  # [n, 8, 3]
-    cos, sin = (
-        np.cos(image.heading[frame])[:, None],
-        np.sin(image.heading[frame])[:, None],
-    )
+    cos = np.cos(image.heading[frame])[:, None]
+    sin = np.sin(image.heading[frame])[:, None]
     corner = np.ones((len(xy), 8, 4))
     corner[..., 0] = xy[:, :1] + cos * offset[..., 0] - sin * offset[..., 1]
     corner[..., 1] = xy[:, 1:] + sin * offset[..., 0] + cos * offset[..., 1]
     corner[..., 2] = (image.height[frame] - CAMERA_HEIGHT)[:, None] + offset[..., 2]
     point = corner @ image.projection[frame].swapaxes(1, 2)  # u w, v w, w
-    start, end = point[:, _ENDS[0]], point[:, _ENDS[1]]  # [n, 24, 3]
-    depth, other = start[..., 2], end[..., 2]
-    seen = np.maximum(depth, other) >= _NEAR
-    cut = seen & (
-        depth < _NEAR
-    )  # the edge comes out in front of the camera: it starts there
-    along = np.where(cut, (_NEAR - depth) / np.where(cut, other - depth, 1.0), 0.0)
-    start = start + along[..., None] * (end - start)
-    pixel = start[..., :2] / np.where(seen, start[..., 2], 1.0)[..., None]
-    least = np.where(seen[..., None], pixel, np.inf).min(axis=1)
-    most = np.where(seen[..., None], pixel, -np.inf).max(axis=1)
+    start = point[:, _ENDS[0]]  # [n, 24, 3]
+    end = point[:, _ENDS[1]]
+    start_depth = start[..., 2]
+    end_depth = end[..., 2]
+    visible = np.maximum(start_depth, end_depth) >= _MIN_DEPTH_M
+    # the edge comes out in front of the camera: it starts there
+    cut = visible & (start_depth < _MIN_DEPTH_M)
+    depth_change = np.where(cut, end_depth - start_depth, 1.0)
+    share = np.where(cut, (_MIN_DEPTH_M - start_depth) / depth_change, 0.0)
+    start = start + share[..., None] * (end - start)
+    pixel = start[..., :2] / np.where(visible, start[..., 2], 1.0)[..., None]
+    top_left = np.where(visible[..., None], pixel, np.inf).min(axis=1)
+    bottom_right = np.where(visible[..., None], pixel, -np.inf).max(axis=1)
     return np.concatenate(
-        [np.maximum(least, 0.0), np.minimum(most, image.size)], axis=1
+        [np.maximum(top_left, 0.0), np.minimum(bottom_right, image.size)], axis=1
     )
 
 
 def _share_in_region(image: ImageField, frame: Ints, box: Floats) -> Floats:
-    """Largest share [n] of each image box [n, 4] that lies in one region of its frame."""
+    """Return the largest share [n] of image boxes [n, 4] in one region of a frame."""
     first = image.region_start[frame]
     count = image.region_start[frame + 1] - first
     row = np.repeat(np.arange(len(box)), count)
     place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    region, own = image.region[first[row] + place], box[row]
-    side = np.minimum(own[:, 2:], region[:, 2:]) - np.maximum(own[:, :2], region[:, :2])
-    area = np.maximum(own[:, 2:] - own[:, :2], 0.0).prod(axis=1)
-    common = np.maximum(side, 0.0).prod(axis=1)
+    region = image.region[first[row] + place]
+    row_box = box[row]
+    top_left = np.maximum(row_box[:, :2], region[:, :2])
+    bottom_right = np.minimum(row_box[:, 2:], region[:, 2:])
+    common_area = np.maximum(bottom_right - top_left, 0.0).prod(axis=1)
+    box_area = np.maximum(row_box[:, 2:] - row_box[:, :2], 0.0).prod(axis=1)
+    row_share = np.zeros(len(row))
+    np.divide(common_area, box_area, out=row_share, where=box_area > 0)
     share = np.zeros(len(box))
-    np.maximum.at(
-        share, row, np.divide(common, area, out=np.zeros(len(row)), where=area > 0)
-    )
+    np.maximum.at(share, row, row_share)
     return share

@@ -1,6 +1,8 @@
-"""Rules of rank and shares of gaps that an agent closes (docs/definitions, "Ranks" and "Controls, and the gap closed").
+"""Rules of rank, and shares of gaps that an agent closes.
 
-The gaps are to prediction from ground-truth tracks, and to perfect association.
+The gaps are to prediction from ground-truth tracks, and to perfect association. All of
+it needs the sums over units alone, of agents of a comparison as of records
+(docs/definitions, "Ranks" and "Controls, and the gap closed").
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,6 +23,7 @@ from .definitions import (
 )
 from .rows import Budget
 from .statistics import (
+    PairedDifference,
     UnitSums,
     beyond_rounding,
     effective_number,
@@ -32,13 +35,10 @@ from .table import AgentScores, AgentTable
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
 ASSOCIATED = "saw which detections are of one object"
 SAW_TRUTH = "saw the truth"
-_NEVER = {
-    "truth": SAW_TRUTH,
-    "associated": ASSOCIATED,
-    "tracks": NOT_CAUSAL,
-}  # modes that are never ranked
+_UNRANKED_MODES = {"truth": SAW_TRUTH, "associated": ASSOCIATED, "tracks": NOT_CAUSAL}
 ALONE = "one agent alone is not ranked"
-_DIGITS = 1e-9  # share of a weight or a number of objects by which the digits in a record may differ from it
+# share by which the digits in a record may differ from a weight or number of objects
+_DIGITS = 1e-9
 UNSTATED = "its manifest does not state gap_references"
 NOT_KINEMATIC = "its predictor is not that of stp"
 NOT_RUN = "its references were not run"
@@ -47,34 +47,36 @@ NO_TARGETS = "no targets"
 
 
 def why_unranked(budget: Budget, samples: int, observe: str) -> str | None:
-    """Return a short reason why an agent is shown but not ranked; None if it is ranked.
+    """Return a short reason why an agent is not ranked.
 
+    None if it is.
     ``samples``: per object; ``observe``: the mode of the env.
     """
-    free = (
-        None
-        if budget == "equal"
-        else f"{samples} samples per object, not the env's own k"
-    )
-    return _NEVER.get(observe, free)
+    if observe in _UNRANKED_MODES:
+        return _UNRANKED_MODES[observe]
+    if budget != "equal":
+        return f"{samples} samples per object, not the env's own k"
+    return None
 
 
 def why_not_on(subset: Subset, sums: UnitSums) -> str | None:
-    """Return a short reason why agents are not ranked on a subset; None if they are.
+    """Return a short reason why a subset does not rank agents.
 
+    None if it does.
     ``sums``: of one of the agents, whose targets are those of all.
     """
-    weight = sums.weight
     if subset != "all" and subset not in RANKED_SUBSETS:
         return "shown only"
     if sums.effective_objects < RANKED_OBJECTS * (1.0 - _DIGITS):
         return f"{sums.effective_objects:.1f} objects, fewer than {RANKED_OBJECTS}"
-    units = effective_number(weight)
+    units = effective_number(sums.weight)
     if units < RANKED_UNITS * (1.0 - _DIGITS):
-        return f"too few recordings to rank: {units:.1f} effective units, fewer than {RANKED_UNITS}"
-    if subset != "all" and weight.max() > LARGEST_SHARE * weight.sum() * (
-        1.0 + _DIGITS
-    ):
+        return (
+            f"too few recordings to rank: {units:.1f} effective units, "
+            f"fewer than {RANKED_UNITS}"
+        )
+    largest_weight = LARGEST_SHARE * sums.weight.sum() * (1.0 + _DIGITS)
+    if subset != "all" and sums.weight.max() > largest_weight:
         return f"one unit has more than {LARGEST_SHARE:.0%} of the weight"
     return None
 
@@ -88,28 +90,28 @@ class HasSums(Protocol):
 
 
 def guard(
-    agent: HasSums, stp: HasSums | None, own: HasSums | None = None
+    agent: HasSums, stp: HasSums | None, own_stp: HasSums | None = None
 ) -> str | None:
-    """Return why an agent is not ranked on event subsets; None if it is.
+    """Return why an agent is not ranked on event subsets.
 
-    Over all targets it is worse than ``stp`` or ``own``, STP with the agent's own predictor: significantly and by more
-    than 1 %, or by more than 5 %. A limit of None is unknown.
+    None if it is.
+    Over all targets it is worse than ``stp`` or ``own_stp``, STP with the agent's own
+    predictor: significantly and by more than 1 %, or by more than 5 %. A limit of None
+    is unknown.
     """
     sums = agent.sums_on("all")
-    for limit, whose in ((stp, "stp"), (own, "stp with its own predictor")):
+    limits = {"stp": stp, "stp with its own predictor": own_stp}
+    for limit_name, limit in limits.items():
         if limit is None:
             continue
         limit_sums = limit.sums_on("all")
         difference = sums.minus(limit_sums)
         if difference is None:
             continue
-        excess = (
-            difference.mean
-            * float(sums.weight.sum())
-            / max(float(limit_sums.error.sum()), 1e-300)
-        )
+        limit_error = max(float(limit_sums.error.sum()), 1e-300)
+        excess = difference.mean * float(sums.weight.sum()) / limit_error
         if excess > GUARD or (excess > GUARD_SIGNIFICANT and difference.significant):
-            return f"over all targets its bADE is above that of {whose}"
+            return f"over all targets its bADE is above that of {limit_name}"
     return None
 
 
@@ -117,45 +119,46 @@ class Place(NamedTuple):
     """The place of an agent on one subset, and the ranks that the tests leave open."""
 
     place: int | None = None  # by bADE, from 1 on; agents of equal bADE share it
-    span: tuple[int, int] | None = (
-        None  # 1 + number of significantly better agents; n - number of worse ones
-    )
+    # 1 + number of significantly better agents; n - number of worse ones
+    span: tuple[int, int] | None = None
     why: str = ""  # it has no place
 
     @property
     def rank(self) -> str | None:
-        """The place with its span, "2 (1–3)"; the place alone where the span is that place; None without a place."""
+        """The place with its span, "2 (1–3)".
+
+        Without a span of one rank.
+        """
         if self.place is None or self.span is None:
             return None
-        return (
-            str(self.place)
-            if self.span[0] == self.span[1]
-            else f"{self.place} ({span_text(self.span)})"
-        )
+        if self.span[0] == self.span[1]:
+            return str(self.place)
+        return f"{self.place} ({span_text(self.span)})"
 
 
 def rank_by_error(sums: ArrayLike, weight: ArrayLike) -> list[Place]:
-    """Places of agents by bADE, and the ranks that the paired tests leave open.
+    """Return places of agents by bADE, and the ranks that the tests leave open.
 
-    ``sums`` [A, U]: weighted errors of each agent, summed over the targets of each unit, which are the same for all;
-    ``weight`` [U] of these targets. Better: the sum of the differences is below 0 and p < 0.05.
+    ``sums`` [A, U]: weighted errors of each agent, summed over the targets of each
+    unit, which are the same for all; ``weight`` [U] of these targets. Better: the sum
+    of the differences is below 0 and p < 0.05.
     """
     errors = np.asarray(sums, dtype=np.float64)
     require_shape("sums", errors, (None, None))
     require_finite("sums", errors)
-    pairs, total = np.array(np.triu_indices(len(errors), 1)), errors.sum(axis=1)
-    less = beyond_rounding(total[pairs[0]], total[pairs[1]])
-    pairs = np.where(less < 0, pairs, pairs[::-1])[
-        :, less != 0
-    ]  # the smaller error first
-    sure = pairs[:, significant_pairs(errors, weight, pairs)]
-    smaller, better, worse = (
-        np.bincount(each, minlength=len(errors))
-        for each in (pairs[1], sure[1], sure[0])
-    )
-    ends = zip((1 + better).tolist(), (len(errors) - worse).tolist(), strict=True)
+    agents = len(errors)
+    total = errors.sum(axis=1)
+    pairs = np.array(np.triu_indices(agents, 1))
+    difference = beyond_rounding(total[pairs[0]], total[pairs[1]])
+    smaller_first = np.where(difference < 0, pairs, pairs[::-1])
+    pairs = smaller_first[:, difference != 0]
+    significant = pairs[:, significant_pairs(errors, weight, pairs)]
+    place = 1 + np.bincount(pairs[1], minlength=agents)
+    first_rank = 1 + np.bincount(significant[1], minlength=agents)
+    last_rank = agents - np.bincount(significant[0], minlength=agents)
     return [
-        Place(1 + int(place), span) for place, span in zip(smaller, ends, strict=True)
+        Place(int(place[i]), (int(first_rank[i]), int(last_rank[i])))
+        for i in range(agents)
     ]
 
 
@@ -167,58 +170,84 @@ def places_on(
 ) -> list[dict[Subset, Place]]:
     """Return the places of agents with the same targets on each subset.
 
-    ``unranked``: reasons why agents have no place at all; ``guarded``: why they have none on event subsets.
+    ``unranked``: reasons why agents have no place at all; ``guarded``: why they have
+    none on event subsets.
     """
     places: list[dict[Subset, Place]] = [{} for _ in agents]
-    for subset in subsets if agents else ():
+    if not agents:
+        return places
+    for subset in subsets:
         sums = [agent.sums_on(subset) for agent in agents]
-        of_all = why_not_on(subset, sums[0])
-        why = [own or of_all for own in unranked]
-        if subset != "all":
-            why = [
-                reason or of_guard
-                for reason, of_guard in zip(why, guarded, strict=True)
-            ]
-        errors = [
-            own.error for own, reason in zip(sums, why, strict=True) if reason is None
+        subset_reason = why_not_on(subset, sums[0])
+        guard_reasons = [None] * len(agents) if subset == "all" else guarded
+        reasons = [
+            unranked_reason or subset_reason or guard_reason
+            for unranked_reason, guard_reason in zip(
+                unranked, guard_reasons, strict=True
+            )
         ]
-        ranks = iter(rank_by_error(np.array(errors), sums[0].weight) if errors else ())
-        for place, reason in zip(places, why, strict=True):
-            place[subset] = next(ranks) if reason is None else Place(why=reason)
+        for place, agent_places in zip(_placed(sums, reasons), places, strict=True):
+            agent_places[subset] = place
+    return places
+
+
+def _placed(sums: Sequence[UnitSums], reasons: Sequence[str | None]) -> Sequence[Place]:
+    """Return the places of agents on one subset.
+
+    With a reason they have none.
+    """
+    ranked = [i for i, reason in enumerate(reasons) if reason is None]
+    places = [Place(why=reason or "") for reason in reasons]
+    if ranked:
+        errors = [sums[i].error for i in ranked]
+        for i, place in zip(ranked, rank_by_error(errors, sums[0].weight), strict=True):
+            places[i] = place
     return places
 
 
 def span_text(span: tuple[int, int] | None) -> str | None:
-    """A range of ranks, "1–3"; one number where it holds one rank."""
+    """Return a range of ranks, "1–3".
+
+    One number where it holds one rank.
+    """
     return None if span is None else "–".join(map(str, dict.fromkeys(span)))
 
 
+def difference_to(
+    stp: HasSums | None, agent: HasSums, subset: Subset
+) -> PairedDifference | None:
+    """Return bADE minus that of ``stp``, metres.
+
+    None without ``stp``, without targets, and with another number of samples.
+    """
+    if stp is None:
+        return None
+    sums = agent.sums_on(subset)
+    stp_sums = stp.sums_on(subset)
+    return sums.minus(stp_sums) if sums.samples == stp_sums.samples else None
+
+
 class References(NamedTuple):
-    """Runs with an agent's own predictor and presence model beside which it is measured; None: not run."""
+    """Runs with an agent's own predictor and presence model; None: not run."""
 
     single: AgentScores | None = None  # one hypothesis
     ground_truth: AgentScores | None = None  # the same on ground-truth tracks
-    same_samples: AgentScores | None = (
-        None  # one hypothesis, all samples that several draw, reduced to k
-    )
-    associated_same_samples: AgentScores | None = (
-        None  # the same with perfect association of the detections
-    )
-    associated: AgentScores | None = (
-        None  # perfect association, with as many samples as the agent draws
-    )
-    tracks: AgentScores | None = (
-        None  # ground-truth tracks, with as many samples as the agent draws
-    )
+    # one hypothesis, all samples that several draw, reduced to k
+    same_samples: AgentScores | None = None
+    # the same with perfect association of the detections
+    associated_same_samples: AgentScores | None = None
+    # perfect association, with as many samples as the agent draws
+    associated: AgentScores | None = None
+    # ground-truth tracks, with as many samples as the agent draws
+    tracks: AgentScores | None = None
 
 
 class Gap(NamedTuple):
     """Share of a gap that is closed, or the reason why it is undefined."""
 
     closed: float | None = None  # 0: as STP, 1: as from ground-truth tracks
-    parts: tuple[Floats, Floats] | None = (
-        None  # [U], [U] what is closed of each unit, and the gap
-    )
+    # [U], [U] part that is closed of each unit, and the gap
+    parts: tuple[Floats, Floats] | None = None
     why: str | None = None  # it is undefined
 
     @property
@@ -228,10 +257,11 @@ class Gap(NamedTuple):
 
 
 def gap_closed(agent: UnitSums, stp: UnitSums, truth: UnitSums) -> Gap:
-    """Return the share (E_STP - E) / (E_STP - E_GT) that an agent closes on one subset.
+    """Return the share (E_STP - E) / (E_STP - E_GT) that an agent closes.
 
-    ``stp``: of STP, ``truth``: of STP on ground-truth tracks, both on the targets of the agent. It is undefined without
-    targets, where numbers of samples differ, and unless STP is significantly worse than ground-truth tracks.
+    ``stp``: of STP, ``truth``: of STP on ground-truth tracks, both on the targets of
+    the agent. It is undefined without targets, where numbers of samples differ, and
+    unless STP is significantly worse than ground-truth tracks.
     """
     if len({agent.samples, stp.samples, truth.samples}) > 1:
         return Gap(
@@ -255,20 +285,18 @@ class Pair(NamedTuple):
     missing: str = NOT_RUN  # why one is absent
 
     def closed_by(self, agent: HasSums, subset: Subset) -> Gap:
-        """Return the share of the gap that an agent closes, or the reason why it is undefined."""
+        """Return the share of the gap that an agent closes, or why it is undefined."""
         if self.stp is None or self.truth is None:
             return Gap(why=self.missing)
         return gap_closed(
-            *(each.sums_on(subset) for each in (agent, self.stp, self.truth))
+            agent.sums_on(subset), self.stp.sums_on(subset), self.truth.sums_on(subset)
         )
 
 
 class GapPairs(NamedTuple):
     """The pairs between which an agent's gaps are closed."""
 
-    kinematic: Pair = (
-        Pair()
-    )  # stp and gt_tracks, unless the agent has another predictor
+    kinematic: Pair = Pair()  # stp and gt_tracks, unless it has another predictor
     own: Pair = Pair()
     association: Pair = Pair()
 
@@ -280,37 +308,36 @@ def pairs_of(
     references: Mapping[str, References | None],
     tables: Mapping[int, AgentTable],
 ) -> GapPairs:
-    """Return the pairs of an agent; ``tables``: of all references, by the id of their scores."""
-    agent = table.setting.agent
-    if agent not in references:
+    """Return the pairs of an agent.
+
+    ``tables``: of all references, by the id of their scores.
+    """
+    setting = table.setting
+    if setting.agent not in references:
         return GapPairs(Pair(stp, truth))
-    runs = references[agent]
+    runs = references[setting.agent]
     if runs is None:
-        return GapPairs(*[Pair(missing=UNSTATED)] * 3)
-    ends = [None if run is None else tables[id(run)] for run in runs]
-    kinematic = (
-        runs.single is not None
-        and stp is not None
-        and runs.single.agent == stp.setting.agent
-    )
-    return GapPairs(
-        kinematic=Pair(stp, truth) if kinematic else Pair(missing=NOT_KINEMATIC),
-        own=Pair(ends[0], ends[1]),
-        association=Pair(missing=SAW_TRUTH)
-        if table.setting.observe == "truth"
-        else Pair(ends[2], ends[3]),
-    )
+        unstated = Pair(missing=UNSTATED)
+        return GapPairs(unstated, unstated, unstated)
+    single, ground_truth, same_samples, associated = map(tables.get, map(id, runs[:4]))
+    kinematic = Pair(missing=NOT_KINEMATIC)
+    if single and stp and single.setting.agent == stp.setting.agent:
+        kinematic = Pair(stp, truth)
+    association = Pair(same_samples, associated)
+    if setting.observe == "truth":
+        association = Pair(missing=SAW_TRUTH)
+    return GapPairs(kinematic, Pair(single, ground_truth), association)
 
 
 def gap_columns(table: AgentTable, subset: Subset, pairs: GapPairs) -> dict[str, Any]:
-    """Fields of a `Row`: shares of the gaps with intervals, and reasons of blank ones."""
-    gap, same, association = (pair.closed_by(table, subset) for pair in pairs)
+    """Return fields of a `Row`: gaps with intervals, and reasons of blank ones."""
+    gap, own_gap, association = (pair.closed_by(table, subset) for pair in pairs)
     return {
         "gap_closed": gap.closed,
         "gap_interval": gap.interval,
         "gap_blank_because": gap.why,
-        "gap_closed_same_predictor": same.closed,
-        "gap_same_predictor_interval": same.interval,
+        "gap_closed_same_predictor": own_gap.closed,
+        "gap_same_predictor_interval": own_gap.interval,
         "association_gap_closed": association.closed,
         "association_gap_interval": association.interval,
         "association_gap_blank_because": association.why,

@@ -1,21 +1,32 @@
-"""The main table of a report: a row per agent, the best first."""
+"""The content of a comparison and its main table: a row per agent, the best first."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Annotated
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Annotated, Any
 
 from ..cards import load_card
-from ..core import Column, Table, card_ids, columns_of, counted
+from ..core import (
+    Column,
+    MtpBenchError,
+    Table,
+    card_ids,
+    columns_of,
+    counted,
+    to_html,
+    to_text,
+)
 from .definitions import Subset
 from .details import misstated
 from .rank import span_text
-from .report import Report
-from .rows import Budget, Row
+from .rows import Budget, Details, PairedRow, Row
+from .scenes import rows_per_scene
+from .table import AgentTable
 
 FAILED = "failed"  # in place of a number
 MEANING = (
-    "bADE (budgeted ADE): mean over targets and budgets of min(minADE, c), or c without a forecast. #: ranks in this "
-    "run; –: saw the truth or too few objects."
+    "bADE (budgeted ADE): mean over targets and budgets of min(minADE, c), or c "
+    "without a forecast. #: ranks in this run; –: saw the truth or too few objects."
 )
 NAMES: dict[Subset, str] = {
     "all": "all targets",
@@ -27,7 +38,100 @@ NAMES: dict[Subset, str] = {
     "paper_frag": "FRAG as in the paper",
     "turning": "turning",
 }
-_ALL, _IDS = NAMES["all"], NAMES["ids"]
+_ALL = NAMES["all"]
+_IDS = NAMES["ids"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Report:
+    """The content of a comparison; None stands for undefined."""
+
+    env: str
+    definitions: str
+    rows: list[Row]
+    paired: list[PairedRow]  # differences to the controls
+    details: list[Details]  # per agent
+    # source, split, detector, card, detections, truth, weights, budget, presence; of
+    # own scenes their folder
+    condition: dict[str, str] = field(default_factory=dict)
+    tables: Sequence[AgentTable] = ()  # sources of the rows, per agent
+    shown: Sequence[str] = ()  # names of the agents of the main table; empty: all
+    # agents that failed, which have no rows: where and why
+    failures: Mapping[str, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        agents = len({row.agent.split(" ")[0] for row in self.rows})
+        failed = f"; failed: {', '.join(self.failures)}" if self.failures else ""
+        title = main_table(self).title.partition(":")[0]
+        return (
+            f"Report on {title}, {counted(agents, 'agent')}{failed}\n"
+            "print(report) shows the table, report.to_frame() and report.per_scene() "
+            "have the numbers"
+        )
+
+    def __str__(self) -> str:
+        table = to_text(main_table(self)).rstrip()
+        return "\n".join([table, *self.notes(), *map(" ".join, self.failures.items())])
+
+    def notes(self) -> Iterator[str]:
+        """Return the lines about agents that no reader may miss.
+
+        Rows were rejected, or confidences do not come true.
+        """
+        for detail in self.details:
+            rejected = sum(detail.invalid.values())
+            if rejected:
+                yield rejected_line(detail.agent, rejected)
+        yield from misstated_lines(self)
+
+    def _repr_html_(self) -> str:
+        failures = [
+            f"<p>{escape(' '.join(failure))}</p>" for failure in self.failures.items()
+        ]
+        return to_html(main_table(self)) + "".join(failures)
+
+    def to_frame(self) -> Any:
+        """Return the rows as a DataFrame, a column per key of ``compare --json``.
+
+        It has a row per agent, setting and subset. Raises MtpBenchError if pandas is
+        not installed.
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise MtpBenchError(
+                "to_frame needs pandas, which is not installed: pip install pandas"
+            ) from None
+        content = [row.model_dump() for row in self.rows]
+        return pandas.DataFrame(content, columns=list(Row.model_fields))
+
+    def per_scene(self) -> list[dict[str, Any]]:
+        """Return the numbers of single scenes, as plain values.
+
+        A row per agent, seed and scene; see `rows_per_scene`.
+        """
+        return list(rows_per_scene(self.tables))
+
+    def to_json(self, *further: str) -> dict[str, Any]:
+        """Return the content of ``compare --json``.
+
+        It has env, definitions, rows, and the ``further`` fields that are named.
+        """
+        content: dict[str, Any] = {"env": self.env, "definitions": self.definitions}
+        for name in ("rows", *further):
+            part = getattr(self, name)
+            if name not in ("condition", "failures"):
+                part = [row.model_dump(mode="json") for row in part]
+            content[name] = part
+        return content
+
+
+def rejected_line(agent: str, rejected: int) -> str:
+    """Return the note about rejected rows of an agent's actions."""
+    return (
+        f"! {agent}: {counted(rejected, 'row')} rejected; "
+        "`mtp-bench check` explains the errors"
+    )
 
 
 @dataclass(frozen=True)
@@ -59,140 +163,149 @@ class MainRow:
 
 
 def main_table(report: Report) -> Table:
-    """Table of bADE over all targets and on identity switches: a row per agent, the best first.
+    """Return the table of bADE over all targets and on identity switches.
 
-    An agent has its setting with the most hypotheses at equal k; `Report.shown` names the agents.
+    It has a row per agent, the best first. An agent has its setting with the most
+    hypotheses at equal k; `Report.shown` names the agents.
     """
-    blocks = sorted(
-        main_settings(report).values(),
-        key=lambda of: (of["all"].error is None, of["all"].error or 0.0),
-    )
-    rows = [
-        *map(_main_row, blocks),
-        *(MainRow(agent, error=FAILED) for agent in report.failures),
-    ]
-    note = f"{MEANING} Budgets of false forecasts: {report.condition.get('budget', 'not stated')}."
-    return Table(
-        "main", f"{heading(report)}: m, less is better", note, rows, columns_of(MainRow)
-    )
+
+    def sort_key(rows: Mapping[Subset, Row]) -> tuple[bool, float]:
+        return rows["all"].error is None, rows["all"].error or 0.0
+
+    settings = sorted(main_settings(report).values(), key=sort_key)
+    rows = [_main_row(setting) for setting in settings]
+    rows += [MainRow(agent, error=FAILED) for agent in report.failures]
+    budget = report.condition.get("budget", "not stated")
+    note = f"{MEANING} Budgets of false forecasts: {budget}."
+    title = f"{heading(report)}: m, less is better"
+    return Table("main", title, note, rows, columns_of(MainRow))
 
 
 def heading(report: Report) -> str:
-    """The place of a report, with the number of scenes and seeds."""
-    counts = [
-        text
-        for row in report.rows[:1]
-        for text in (counted(row.scenes, "scene"), counted(row.seeds, "seed"))
-    ]
-    return ", ".join([place_of(report), *counts])
+    """Return the place of a report, with the number of scenes and seeds."""
+    if not report.rows:
+        return place_of(report)
+    scenes = counted(report.rows[0].scenes, "scene")
+    seeds = counted(report.rows[0].seeds, "seed")
+    return f"{place_of(report)}, {scenes}, {seeds}"
 
 
 def place_of(report: Report) -> str:
-    """The env of a report, or the folder of own scenes."""
+    """Return the env of a report, or the folder of own scenes."""
     if "folder" in report.condition:
         detections = report.condition["detections"]
-        own = (
-            "own detections" if detections.startswith("own detections") else detections
-        )
-        return f"{report.condition['folder']}, {own}"
+        if detections.startswith("own detections"):
+            detections = "own detections"
+        return f"{report.condition['folder']}, {detections}"
     return report.env if shipped_env(report) else f"{report.env}, changed"
 
 
 def shipped_env(report: Report) -> str:
-    """The env whose numbers are comparable with those of ``report``; empty where its card is not the shipped one."""
+    """Return the env whose numbers are comparable with those of ``report``.
+
+    Empty where its card is not the shipped one.
+    """
     return unchanged(report.env, report.condition.get("card"))
 
 
 def misstated_lines(report: Report) -> Iterator[str]:
-    """Return the note about confidences that do not come true on other detections than the card's own.
+    """Return the note about confidences that do not come true.
 
-    It is about the first agent: others have the same presence model, unless a run names one (``--presence``).
+    Only on other detections than the card's own. It is about the first agent: others
+    have the same presence model, unless a run names one (``--presence``).
     """
     condition = report.condition
-    card = load_card(report.env) if report.env in card_ids() else None
-    other_detector = card is not None and card.detector_name != condition.get(
-        "detector"
-    )
-    is_drive = (
-        card is not None and card.drive is not None
-    )  # its scenes are own ones, with the card's own detector
-    if (
-        is_drive
-        or condition.get("presence")
-        or not (other_detector or "folder" in condition)
-    ):
+    if condition.get("presence") or not _has_other_detections(report):
         return
     for table in report.tables:
-        if table.setting.observe != "truth" and (means := misstated(table)):
+        means = misstated(table) if table.setting.observe != "truth" else None
+        if means is not None:
+            confidence, matched = means
             yield (
-                "! {}: the mean confidence is {:.2f}, and {:.2f} of the forecasts are of a true object: presence was "
-                "not fitted to such detections. `mtp-bench train presence` fits a model, --presence FILE takes it, and "
-                "--presence scores takes scores as they are".format(
-                    table.setting.agent, *means
-                )
+                f"! {table.setting.agent}: the mean confidence is {confidence:.2f}, "
+                f"and {matched:.2f} of the forecasts are of a true object: presence "
+                "was not fitted to such detections. `mtp-bench train presence` fits a "
+                "model, --presence FILE takes it, and --presence scores takes scores "
+                "as they are"
             )
             return
 
 
-def unchanged(env_id: str, digest: str | None) -> str:
-    """``env_id``; empty where a card of this ``digest`` is not the one that ships.
+def _has_other_detections(report: Report) -> bool:
+    if report.env in card_ids():
+        card = load_card(report.env)
+        # scenes of a closed loop are own ones, with the card's own detector
+        if card.drive is not None:
+            return False
+        if card.detector_name != report.condition.get("detector"):
+            return True
+    return "folder" in report.condition
 
-    Own scenes, another split and other detections keep the name of the env, not its content.
+
+def unchanged(env_id: str, digest: str | None) -> str:
+    """Return ``env_id``.
+
+    Empty where a card of this ``digest`` does not ship.
+    Own scenes, another split and other detections keep the name of the env, not its
+    content.
     """
-    return (
-        env_id
-        if env_id not in card_ids() or digest in (None, load_card(env_id).digest)
-        else ""
-    )
+    if env_id not in card_ids() or digest in (None, load_card(env_id).digest):
+        return env_id
+    return ""
 
 
 def blocks_of(report: Report) -> Iterator[Mapping[Subset, Row]]:
-    """The rows of each agent and setting, by subset."""
+    """Return the rows of each agent and setting, by subset."""
     size = max(1, len({row.subset for row in report.rows}))
     for start in range(0, len(report.rows), size):
         yield {row.subset: row for row in report.rows[start : start + size]}
 
 
 def main_settings(report: Report) -> dict[str, Mapping[Subset, Row]]:
-    """Rows by subset of each agent's setting with the most hypotheses at equal k, and with its own parameters."""
-    best: dict[str, Mapping[Subset, Row]] = {}
+    """Return the rows by subset of each agent's main setting.
+
+    It has equal k, the agent's own parameters, and then the most hypotheses.
+    """
+
+    def sort_key(rows: Mapping[Subset, Row]) -> tuple[bool, bool, int]:
+        row = rows["all"]
+        return preference(row.budget, " " not in row.agent, row.hypotheses)
+
+    settings: dict[str, Mapping[Subset, Row]] = {}
     for rows in blocks_of(report):
-        name = rows["all"].agent.split(" ")[0]
-        if not report.shown or name in report.shown:
-            best[name] = max(
-                best.get(name, rows), rows, key=lambda of: _preference(of["all"])
-            )
-    return best
+        agent = rows["all"].agent.split(" ")[0]
+        if not report.shown or agent in report.shown:
+            settings[agent] = max(settings.get(agent, rows), rows, key=sort_key)
+    return settings
 
 
 def preference(
     budget: Budget, has_own_parameters: bool, hypotheses: int
 ) -> tuple[bool, bool, int]:
-    """Sort key of the settings of one agent; the largest one is its main setting."""
+    """Return the sort key of an agent's settings, the largest for the main one."""
     return budget == "equal", has_own_parameters, hypotheses
 
 
-def _preference(row: Row) -> tuple[bool, bool, int]:
-    return preference(row.budget, " " not in row.agent, row.hypotheses)
-
-
 def _main_row(rows: Mapping[Subset, Row]) -> MainRow:
-    row, ids, turning = rows["all"], rows["ids"], rows.get("turning")
-    missing = row.minADE is None or row.minFDE is None
+    row = rows["all"]
+    ids_row = rows["ids"]
+    displacements = None
+    if row.minADE is not None and row.minFDE is not None:
+        displacements = f"{row.minADE:.2f}/{row.minFDE:.2f}"
     return MainRow(
         agent=row.agent,
         hypotheses=row.hypotheses,
         error=row.error,
-        interval=_ends(row),
+        interval=_interval_text(row),
         ranks=span_text(row.rank_range),
-        displacements=None if missing else f"{row.minADE:.2f}/{row.minFDE:.2f}",
+        displacements=displacements,
         coverage=row.coverage,
-        ids_error=ids.error,
-        ids_interval=_ends(ids),
-        ids_ranks=span_text(ids.rank_range),
-        turning_error=None if turning is None else turning.error,
+        ids_error=ids_row.error,
+        ids_interval=_interval_text(ids_row),
+        ids_ranks=span_text(ids_row.rank_range),
+        turning_error=rows["turning"].error if "turning" in rows else None,
     )
 
 
-def _ends(row: Row) -> str | None:
+def _interval_text(row: Row) -> str | None:
     return None if row.interval is None else "{:.2f}–{:.2f}".format(*row.interval)

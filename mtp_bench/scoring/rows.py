@@ -1,7 +1,8 @@
-"""Rows of a report. Their fields are the keys of its JSON and declare the columns of its tables.
+"""Rows of a report.
 
-None stands for undefined, never NaN. `Report.to_json` writes them. Every field has a sentence, of its column or of its
-`Field`: the page of JSON keys is made of them.
+Their fields are the keys of its JSON and declare the columns of its tables. None stands
+for undefined, never NaN. `Report.to_json` writes them. Every field has a sentence, of
+its column or of its `Field`: the page of JSON keys is made of them.
 """
 
 from typing import Annotated, Any, Literal
@@ -12,13 +13,11 @@ from ..core import Column, Section
 from .definitions import Subset
 
 Count = Annotated[int, Field(ge=0)]
-Interval = Annotated[
-    tuple[float, float], Field(strict=False)
-]  # 95 %; JSON has a list of two
+# 95 %; JSON has a list of two
+Interval = Annotated[tuple[float, float], Field(strict=False)]
 Point = Annotated[tuple[float, float], Field(strict=False)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Budget = Literal["equal", "free"]
-
 
 Metres = Annotated[float | None, Column(unit="m", better="lower")]
 Share = Annotated[float | None, Column(unit="share", better="higher")]
@@ -29,8 +28,13 @@ IntervalColumn = Annotated[
     Interval | None, Column(interval=True, help="95 % interval of the number before.")
 ]
 Score = Annotated[float | None, Column(better="higher")]
+Milliseconds = Annotated[
+    float | None,
+    Column("ms per frame", "ms", "lower", ".1f", help="Mean time of `act`."),
+]
 _SUBSET = Column(
-    help="Subset of the targets: all, those that turn, or weighted by how often an event happens there."
+    help="Subset of the targets: all, those that turn, or weighted by how often an "
+    "event happens there."
 )
 _SEEDS = "Runs with different random draws, of which numbers are means."
 _TARGETS = Annotated[Count, Column(help="Targets with a weight above 0.")]
@@ -40,8 +44,8 @@ PValue = Annotated[
 ]
 
 
-def told(meaning: str) -> Any:
-    """A field that no table shows, with the ``meaning`` of its key."""
+def described(meaning: str) -> Any:
+    """Declare a field that no table shows, with the ``meaning`` of its key."""
     return Field(description=meaning)
 
 
@@ -51,7 +55,8 @@ class AgentSetting(Section):
     agent: Annotated[
         str,
         Column(
-            help="Name of the submission, with the parameters that are not its default ones."
+            help="Name of the submission, with the parameters that are not its default "
+            "ones."
         ),
     ]
     hypotheses: Annotated[Count, Column("H", help="Hypotheses of the tracker.")]
@@ -64,7 +69,8 @@ class AgentSetting(Section):
 class Row(AgentSetting):
     """Numbers of one subset of the targets.
 
-    A further metric is a field here, optional and None by default, and its value in `report`.
+    A further metric is a field here, optional and None by default, and its value in
+    `report`.
     """
 
     subset: Annotated[Subset, _SUBSET]
@@ -142,7 +148,8 @@ class Row(AgentSetting):
     gap_closed: Annotated[
         Share,
         Column(
-            help="Share closed of the gap from stp to prediction on ground-truth tracks."
+            help="Share closed of the gap from stp to prediction on ground-truth "
+            "tracks."
         ),
     ]
     gap_interval: IntervalColumn
@@ -171,7 +178,8 @@ class Row(AgentSetting):
         tuple[int, int] | None,
         Column(
             "ranks",
-            help="1 + the number of agents that are significantly better, to n - the number worse.",
+            help="1 + the number of agents that are significantly better, to n - the "
+            "number worse.",
         ),
         Field(strict=False),
     ] = None
@@ -180,7 +188,7 @@ class Row(AgentSetting):
     effective_targets: Annotated[
         float, Column(format=".1f", help="Effective number of targets (Kish).")
     ]
-    # expected number in a run of the reference tracker; of "paper_" subsets those of plain STP
+    # in a run of the reference tracker; of "paper_" subsets those of plain STP
     events: Annotated[
         float | None,
         Column(
@@ -196,10 +204,7 @@ class Row(AgentSetting):
         float, Column(format=".1f", help="Effective number of blocks of at most 20 s.")
     ]
     seeds: Annotated[Count, Column(help=_SEEDS)]
-    ms_per_frame: Annotated[
-        float | None,
-        Column("ms per frame", "ms", "lower", ".1f", help="Mean time of `act`."),
-    ]
+    ms_per_frame: Milliseconds
 
 
 class PairedRow(AgentSetting):
@@ -223,27 +228,27 @@ class PairedRow(AgentSetting):
 class Errors(Section):
     """Errors over some of the targets."""
 
-    minADE: float | None = told(
+    minADE: float | None = described(
         "Mean distance of the best sample, over covered targets, metres."
     )
-    minFDE: float | None = told(
+    minFDE: float | None = described(
         "Final distance of the best sample, over covered targets, metres."
     )
-    error: float | None = told("bADE at the budgets of all targets, metres.")
-    plain_error: float | None = told("Error with every forecast kept, metres.")
-    coverage: float | None = told("Share of the targets that have a forecast.")
-    targets: Count = told("Targets.")
-    objects: Count = told("Objects that have these targets.")
-    scenes: Count = told("Scenes that have these targets.")
+    error: float | None = described("bADE at the budgets of all targets, metres.")
+    plain_error: float | None = described("Error with every forecast kept, metres.")
+    coverage: float | None = described("Share of the targets that have a forecast.")
+    targets: Count = described("Targets.")
+    objects: Count = described("Objects that have these targets.")
+    scenes: Count = described("Scenes that have these targets.")
 
 
 class Bin(Section):
     """Errors over the targets of one distance, class or motion."""
 
-    by: Literal["distance", "class", "motion"] = told(
+    by: Literal["distance", "class", "motion"] = described(
         "What the bins divide the targets by."
     )
-    bin: str = told("Metres to the ego, a class, or moving and static.")
+    bin: str = described("Metres to the ego, a class, or moving and static.")
     errors: Errors
     EPA: float | None = Field(
         default=None, description="End-to-end prediction accuracy, of classes alone."
@@ -252,17 +257,24 @@ class Bin(Section):
     @model_serializer
     def _flat(self) -> dict[str, Any]:
         row = {"by": self.by, "bin": self.bin, **self.errors.model_dump()}
-        return {**row, "EPA": self.EPA} if self.by == "class" else row
+        if self.by == "class":
+            row["EPA"] = self.EPA
+        return row
 
 
 class Clear(Section):
-    """Tracking numbers; None where a false positive cannot be known because the truth is not complete."""
+    """Tracking numbers.
 
-    TP: Count = told("Matched tracks (true positives), summed over frames.")
-    FP: Count | None = told(
+    None where a false positive cannot be known because the truth is not complete.
+    """
+
+    TP: Count = described("Matched tracks (true positives), summed over frames.")
+    FP: Count | None = described(
         "Tracks of no object (false positives), summed over frames."
     )
-    FN: Count = told("Objects without a track (false negatives), summed over frames.")
+    FN: Count = described(
+        "Objects without a track (false negatives), summed over frames."
+    )
     IDS: Annotated[
         Count, Column("IDS", better="lower", group="CLEAR", help="Identity switches.")
     ]
@@ -270,7 +282,7 @@ class Clear(Section):
         Count, Column("FRAG", better="lower", group="CLEAR", help="Fragmentations.")
     ]
     MOTA: Annotated[Score, Column(help="Multi-object tracking accuracy.")]
-    MOTP: float | None = told(
+    MOTP: float | None = described(
         "Mean IoU or mean distance in metres of the matches, as the gate measures."
     )
     IDF1: Annotated[Score, Column(help="F1 of the identities.")]
@@ -280,36 +292,43 @@ class Clear(Section):
 class Tracking(Section):
     """Tracking numbers of the first seed."""
 
-    all: Clear = told("Numbers over all classes; those of each class stand beside.")
+    all: Clear = described(
+        "Numbers over all classes; those of each class stand beside."
+    )
     classes: dict[str, Clear]
-    false_positives: Count | None = told("Tracks of no object, summed over frames.")
-    false_tracks: Count | None = told(
+    false_positives: Count | None = described(
+        "Tracks of no object, summed over frames."
+    )
+    false_tracks: Count | None = described(
         "Tracks that are matched in no frame of their life."
     )
 
     @model_serializer
     def _flat(self) -> dict[str, Any]:
         classes = {name: clear.model_dump() for name, clear in self.classes.items()}
-        false = {
+        return {
+            "all": self.all.model_dump(),
+            **classes,
             "false_positives": self.false_positives,
             "false_tracks": self.false_tracks,
         }
-        return {"all": self.all.model_dump(), **classes, **false}
 
 
 class Reliability(Section):
-    """Forecasts of one range of confidence, and how many of them were of a true object."""
+    """Forecasts of one range of confidence, and how many were of a true object."""
 
-    confidence: Probability = told("Mean confidence.")
-    matched: Probability = told("Share that is of a true object.")
-    forecasts: Count = told("Number of forecasts.")
+    confidence: Probability = described("Mean confidence.")
+    matched: Probability = described("Share that is of a true object.")
+    forecasts: Count = described("Number of forecasts.")
 
 
 class Details(AgentSetting):
     """Further numbers of an agent over all targets."""
 
-    seeds: Count = told(_SEEDS)
-    nothing_predicted: float | None = told("Error if nothing is predicted, metres.")
+    seeds: Count = described(_SEEDS)
+    nothing_predicted: float | None = described(
+        "Error if nothing is predicted, metres."
+    )
     miss_rate: Annotated[
         float | None,
         Column("MR", "", "lower", help="Miss rate; uncovered targets are missed."),
@@ -328,7 +347,7 @@ class Details(AgentSetting):
             "Brier", "", "lower", help="Brier score of the confidences in live frames."
         ),
     ]
-    reliability: list[Reliability] = told("Calibration by range of confidence.")
+    reliability: list[Reliability] = described("Calibration by range of confidence.")
     forecasts_per_frame: Annotated[
         float, Column("forecasts", format=".1f", help="Forecasts per live frame.")
     ]
@@ -336,22 +355,25 @@ class Details(AgentSetting):
         float | None,
         Column("false", "", "lower", ".1f", help="False ones per live frame."),
     ]
-    curve: list[Point] = told(
-        "False forecasts per target (forecasts per live frame where those cannot be known), and the error in metres."
+    curve: list[Point] = described(
+        "False forecasts per target (forecasts per live frame where those cannot be "
+        "known), and the error in metres."
     )
-    k_curve: dict[str, float | None] = told(
+    k_curve: dict[str, float | None] = described(
         "Expected minADE of k samples by k, metres."
     )
-    bins: list[Bin] = told("Errors by distance, class and motion.")
-    own: dict[str, Errors] = told(
+    bins: list[Bin] = described("Errors by distance, class and motion.")
+    own: dict[str, Errors] = described(
         "Errors where the agent itself has an event: shown, never ranked."
     )
-    own_events: dict[str, int] = told("Number of the agent's own events, by kind.")
-    guessed_parents: float | None = told(
+    own_events: dict[str, int] = described("Number of the agent's own events, by kind.")
+    guessed_parents: float | None = described(
         "Share of frames in which the lineage of own events had to be guessed."
     )
-    tracking: Tracking = told("Tracking numbers of the first seed.")
-    invalid: dict[str, int] = told("Rejected rows of the agent's actions, by table.")
-    dropped_detections: Count = told(
+    tracking: Tracking = described("Tracking numbers of the first seed.")
+    invalid: dict[str, int] = described(
+        "Rejected rows of the agent's actions, by table."
+    )
+    dropped_detections: Count = described(
         "Detections beyond the range or the number of the task, not shown to the agent."
     )

@@ -27,30 +27,38 @@ class SceneResult:
 
     @classmethod
     def of(cls, agent: str, seed: int, score: SceneScore) -> "SceneResult":
-        """The numbers of a scored scene."""
-        targets, covered = len(score), int(score.covered.sum())
-        ade, fde = (
-            float(error[score.covered].sum())
-            for error in (score.min_ade, score.min_fde)
+        """Return the numbers of a scored scene."""
+        targets = len(score)
+        covered = int(score.covered.sum())
+        return cls(
+            agent=agent,
+            scene=score.scene,
+            seed=seed,
+            frames=score.frames,
+            targets=targets,
+            covered=covered,
+            min_ade=ratio(float(score.min_ade[score.covered].sum()), covered),
+            min_fde=ratio(float(score.min_fde[score.covered].sum()), covered),
+            coverage=ratio(covered, targets),
         )
-        means = ratio(ade, covered), ratio(fde, covered), ratio(covered, targets)
-        return cls(agent, score.scene, seed, score.frames, targets, covered, *means)
 
 
 def rows_per_scene(tables: Sequence[AgentTable]) -> Iterator[dict[str, Any]]:
-    """A row per agent, seed and scene; the seeds are numbered from 0.
+    """Return a row per agent, seed and scene.
 
-    ``bADE_sum`` is bADE over all targets, summed over those of the scene: its sums over the scenes, divided by the
-    number of targets and averaged over seeds, are the bADE of the report. The budgets are those of all scenes.
+    The seeds are numbered from 0.
+    ``bADE_sum`` is bADE over all targets, summed over those of the scene: its sums over
+    the scenes, divided by the number of targets and averaged over seeds, are the bADE
+    of the report. The budgets are those of all scenes.
     """
     for table in tables:
         budgets = table.budgets
         for seed, run in enumerate(table.setting.seeds):
-            error = run_errors(
-                run, budgets.all, budgets.false_known, "cuts"
-            ).error.mean(axis=0)
-            sums = np.bincount(table.scene, weights=error, minlength=len(run)).tolist()
-            for score, bade in zip(run, sums, strict=True):
+            errors = run_errors(run, budgets.all, budgets.false_known).error
+            sums = np.bincount(
+                table.scene, weights=errors.mean(axis=0), minlength=len(run)
+            )
+            for score, bade_sum in zip(run, sums.tolist(), strict=True):
                 result = SceneResult.of(table.setting.agent, seed, score)
                 yield {
                     **table.setting.key,
@@ -62,8 +70,8 @@ def rows_per_scene(tables: Sequence[AgentTable]) -> Iterator[dict[str, Any]]:
                     "coverage": result.coverage,
                     "minADE": result.min_ade,
                     "minFDE": result.min_fde,
-                    "bADE": ratio(bade, result.targets),
-                    "bADE_sum": bade,
+                    "bADE": ratio(bade_sum, result.targets),
+                    "bADE_sum": bade_sum,
                     "forecasts": score.forecasts,
                     "false_forecasts": score.false_forecasts,
                     "identity_switches": score.own_events["ids"],

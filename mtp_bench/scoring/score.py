@@ -1,4 +1,4 @@
-"""Score of one scene: arrays per target and counts, small enough to send between processes."""
+"""Score of one scene: arrays per target and counts, to be sent between processes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,10 +21,12 @@ from .forecasts import (
 from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated
+from .statistics import ratio
 from .stream import StreamCounts, stream_counts
 from .targets import absent_causes, find_targets, left_out, live_frames, units
 
-_MOST = np.finfo(np.float64).max
+_MAX = np.finfo(np.float64).max
+_GRID_M = 1e7  # between two frames or classes, where all are searched at once
 KINDS = ("ids", "lost", "wrong", "reacquired")
 
 
@@ -39,10 +41,15 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class SceneScore(ForecastErrors):
-    """Score of one rollout of one scene; arrays over targets are in the order of `find_targets`."""
+    """Score of one rollout of one scene.
+
+    Arrays over targets are in the order of `find_targets`.
+    """
 
     scene: str
-    recording: str  # that the scene is cut from, within which objects keep their ids; its own name if it is whole
+    # that the scene is cut from, within which objects keep their ids; its own name if
+    # it is whole
+    recording: str
     frames: int
     live: int  # number of live frames
     hypotheses: int  # largest number stated in a frame
@@ -60,21 +67,18 @@ class SceneScore(ForecastErrors):
     moving: Bools  # [n]
     turning: Bools  # [n]
     miss_error: Floats  # [n] m, c
-    capped: (
-        Floats  # [n] m, min(min_ade, c), c where not covered; every forecast is kept
-    )
-    absent_cause: Ints  # [n] values of `AbsentCause`, whether it has a forecast or not
+    # [n] m, min(min_ade, c), c where not covered; every forecast is kept
+    capped: Floats
+    # [n] values of `AbsentCause`, whether it has a forecast or not
+    absent_cause: Ints
     own_ids: Bools  # [n] along the lineage of the best hypothesis
-    own_lost: Bools  # [n]
-    own_reacquired: Bools  # [n]
+    own_frag: Bools  # [n] lost or reacquired
     all_h_ids: Bools  # [n] in every hypothesis
     all_h_frag: Bools  # [n]
-    own_events: dict[
-        str, int
-    ]  # on all evaluated true boxes, targets or not, by KINDS; "wrong" are among the "lost"
-    guessed_parents: (
-        int  # frames whose lineage was guessed, since the agent does not state it
-    )
+    # on all evaluated true boxes, targets or not, by KINDS; "wrong" are among "lost"
+    own_events: dict[str, int]
+    # frames whose lineage was guessed, since the agent does not state it
+    guessed_parents: int
     cuts: Cuts  # of the forecasts in live frames, by their confidence
     score_cuts: Cuts  # the same by the score of the nearest detection
     outcome: Ints  # [A] values of `Outcome`, in the order of ``cuts``
@@ -83,23 +87,23 @@ class SceneScore(ForecastErrors):
     counts: StreamCounts
     invalid: Ints  # [3] rows rejected: tracks, hypotheses, objects
     dropped: int  # detections that did not fit into the observation
-    skipped: dict[
-        str, int
-    ]  # rows of the scene that could not be read, by reason; holes in time and their targets
-    seconds: float  # per frame, mean without the first frame, in which agents start, unless it is the only one
+    # rows of the scene that could not be read, by reason; holes in time and their
+    # targets
+    skipped: dict[str, int]
+    # per frame, mean without the first frame, in which agents start, unless it is the
+    # only one
+    seconds: float
 
     def __len__(self) -> int:
         return len(self.frame)
 
     @property
     def centred(self) -> Floats:
-        """The error ``capped`` [n] with the present place of every forecast moved to the truth, m."""
-        return capped_error(self.centred_ade, self.miss_error)
+        """Error ``capped`` [n] with the present place of forecasts moved to the truth.
 
-    @property
-    def own_frag(self) -> Bools:
-        """Lost or reacquired [n]."""
-        return self.own_lost | self.own_reacquired
+        In metres.
+        """
+        return capped_error(self.centred_ade, self.miss_error)
 
     @property
     def forecasts(self) -> int:
@@ -115,38 +119,39 @@ class SceneScore(ForecastErrors):
 def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     """Score ``rollout`` of ``scene`` under the rules of ``card``.
 
-    Raises RolloutError for a rollout of another scene, or of another number of frames or classes.
+    Raises RolloutError as `check_rollout`.
     """
     check_rollout(scene, rollout, card)
     scene = evaluated(scene)
-    truth, targets, live = (
-        separated_truth(scene, card),
-        find_targets(scene, card),
-        live_frames(scene, card),
-    )
+    truth = separated_truth(scene, card)
+    targets = find_targets(scene, card)
+    live = live_frames(scene, card)
     forecasts = RecordedForecasts.of(rollout)
-    found = Candidates.of(scene, targets, forecasts, live, card)
-    matching = match_by_confidence(found, forecasts.confidence)
-    errors, object_of_truth = found.final_errors(matching)
-    miss_error = np.asarray(card.per_class(card.task.miss_error))
-    of_targets = miss_error[targets.class_id]
-    by_confidence = cuts(found, matching, forecasts.confidence, of_targets)
+    candidates = Candidates.of(scene, targets, forecasts, live, card)
+    matching = match_by_confidence(candidates, forecasts.confidence)
+    errors, object_of_truth = candidates.final_errors(matching)
+    outcome, final_error = _outcomes(candidates, matching, object_of_truth, errors)
+    class_miss_error = np.asarray(card.per_class(card.task.miss_error))
+    miss_error = class_miss_error[targets.class_id]
+    scene_cuts = cuts(candidates, matching, forecasts.confidence, miss_error)
     score = nearest_score(scene, forecasts)
+    score_matching = match_by_confidence(candidates, score)
     lineage = hypotheses(rollout, card)
-    events = lineage_events(
-        truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card)
-    )
-    of_best = events.of(lineage.best[truth.frame_of_rows])
+    matched = match_hypotheses(truth, rollout, lineage.member, card)
+    events = lineage_events(truth, rollout, lineage, matched)
+    best_events = events.of(lineage.best[truth.frame_of_rows])
     unit = units(scene, card)
-    outcome, final_error = _outcomes(found, matching, object_of_truth, errors)
+    hypothesis_count = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
+    malformed = rollout.malformed * live[:, None]
+    fixed = fixed_error(scene_cuts, malformed, class_miss_error, scene.truth_complete)
+    tracks = separated_tracks(rollout, scene, card)
+    seconds = rollout.seconds[1:] if len(rollout.seconds) > 1 else rollout.seconds
     return SceneScore(
         scene=scene.name,
         recording=scene.recording or scene.name,
         frames=scene.frames,
         live=int(live.sum()),
-        hypotheses=int(
-            np.isfinite(rollout.hypothesis_log_weight).sum(axis=1).max(initial=0)
-        ),
+        hypotheses=int(hypothesis_count.max(initial=0)),
         samples=rollout.forecast.shape[1],
         truth_complete=scene.truth_complete,
         detections=scene.detector,
@@ -160,132 +165,125 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         approach=targets.approach,
         moving=targets.moving,
         turning=targets.turning,
-        miss_error=of_targets,
+        miss_error=miss_error,
         **vars(errors),
-        capped=capped_error(errors.min_ade, of_targets),
+        capped=capped_error(errors.min_ade, miss_error),
         absent_cause=absent_causes(scene, targets, card),
-        own_ids=of_best.ids[targets.row, 0],
-        own_lost=of_best.lost[targets.row, 0],
-        own_reacquired=of_best.reacquired[targets.row, 0],
+        own_ids=best_events.ids[targets.row, 0],
+        own_frag=best_events.frag[targets.row, 0],
         all_h_ids=in_all(truth, lineage, events, "ids")[targets.row],
         all_h_frag=in_all(truth, lineage, events, "frag")[targets.row],
-        own_events={kind: int(getattr(of_best, kind).sum()) for kind in KINDS},
+        own_events={kind: int(getattr(best_events, kind).sum()) for kind in KINDS},
         guessed_parents=lineage.guessed,
-        cuts=by_confidence,
-        score_cuts=cuts(found, match_by_confidence(found, score), score, of_targets),
+        cuts=scene_cuts,
+        score_cuts=cuts(candidates, score_matching, score, miss_error),
         outcome=outcome,
         final_error=final_error,
-        fixed_error=fixed_error(
-            by_confidence,
-            rollout.malformed * live[:, None],
-            miss_error,
-            scene.truth_complete,
-        ),
-        counts=stream_counts(
-            truth, separated_tracks(rollout, scene, card), lineage, card
-        ),
+        fixed_error=fixed,
+        counts=stream_counts(truth, tracks, lineage, card),
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
         skipped=scene.skipped | left_out(scene, card),
-        seconds=float(
-            rollout.seconds[1:].mean()
-            if len(rollout.seconds) > 1
-            else rollout.seconds.sum()
-        ),
+        seconds=float(seconds.sum() / max(len(seconds), 1)),
     )
 
 
 def mean_plain_error(scores: Sequence[SceneScore]) -> float | None:
-    """Mean plain error over the targets of some scenes, m; None without a target."""
-    targets = sum(len(score) for score in scores)
-    return (
-        sum(float(score.capped.sum()) for score in scores) / targets
-        if targets
-        else None
-    )
+    """Return the mean plain error over the targets of some scenes, m.
+
+    None without a target.
+    """
+    total = sum(float(score.capped.sum()) for score in scores)
+    return ratio(total, sum(len(score) for score in scores))
 
 
 def nearest_score(scene: Scene, forecasts: RecordedForecasts) -> Floats:
-    """Score [S] of the nearest detection of the same frame and class as each forecast, mapped to (-1, 1); else -1.
+    """Return the score [S] of the nearest detection of each forecast.
 
-    In its place it shows what the agent's own confidence is worth (docs/definitions, "Controls, and the gap closed").
+    Of the same frame and class, mapped to (-1, 1); -1 without one. In place of the
+    agent's own confidence it shows what that is worth (docs/definitions, "Controls, and
+    the gap closed").
     """
     from scipy.spatial import KDTree
 
-    seen = scene.detections
-    if not len(seen.box) or not len(forecasts.frame):
+    detections = scene.detections
+    if not len(detections.box) or not len(forecasts.frame):
         return np.full(len(forecasts.frame), -1.0)
-    apart = 1e7  # m between two frames or classes
-    tree = KDTree(_places(seen.box, seen.frame_of_rows, seen.class_id, apart))
-    distance, nearest = tree.query(
-        _places(forecasts.box, forecasts.frame, forecasts.class_id, apart)
+    tree = KDTree(
+        _grid_points(detections.box, detections.frame_of_rows, detections.class_id)
     )
-    score = seen.score[nearest]
-    return np.where(distance < apart / 2, score / (1.0 + np.abs(score)), -1.0)
+    distance, nearest = tree.query(
+        _grid_points(forecasts.box, forecasts.frame, forecasts.class_id)
+    )
+    score = detections.score[nearest]
+    return np.where(distance < _GRID_M / 2, score / (1.0 + np.abs(score)), -1.0)
 
 
-def _places(box: Floats, frame: Ints, class_id: Ints, apart: float) -> Floats:
-    return np.column_stack([box[:, :2], apart * frame, apart * class_id])
+def _grid_points(box: Floats, frame: Ints, class_id: Ints) -> Floats:
+    return np.column_stack([box[:, :2], _GRID_M * frame, _GRID_M * class_id])
 
 
 def _outcomes(
-    found: Candidates,
+    candidates: Candidates,
     matching: IncrementalMatching,
     object_of_truth: Matched,
     errors: ForecastErrors,
 ) -> tuple[Ints, Floats]:
-    """Outcome and minFDE of the forecasts in live frames [A], in the order in which they were added."""
+    """Return outcome and minFDE of the forecasts in live frames [A], as added."""
     outcome = np.where(matching.false, Outcome.FALSE_POSITIVE, Outcome.NEUTRAL)
     final_error = np.full(len(outcome), np.inf)
     outcome[object_of_truth[object_of_truth >= 0]] = Outcome.NON_TARGET
-    column = object_of_truth[found.targets.row]
-    outcome[column[column >= 0]] = Outcome.TARGET
-    final_error[column[column >= 0]] = errors.min_fde[column >= 0]
+    column = object_of_truth[candidates.targets.row]
+    covered = column >= 0
+    outcome[column[covered]] = Outcome.TARGET
+    final_error[column[covered]] = errors.min_fde[covered]
     return outcome[matching.order], final_error[matching.order]
 
 
 def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
-    """Raise RolloutError for a rollout of another scene or card, and for values that no env records.
+    """Raise RolloutError for a rollout of another scene or card.
 
-    A file of rollouts may have been edited.
+    Also for values that no env records: a file of rollouts may have been edited.
     """
-    where, classes = f"rollout of scene {rollout.scene!r}", len(card.task.classes)
-    for what, got, wanted in (
-        ("name of the scene", rollout.scene, scene.name),
-        ("number of frames", rollout.frames, scene.frames),
-        ("number of future frames", rollout.forecast.shape[2], card.task.future),
-        ("number of classes", rollout.malformed.shape[1] - 1, classes),
-    ):
-        if got != wanted:
+    where = f"rollout of scene {rollout.scene!r}"
+    classes = len(card.task.classes)
+    sizes = {
+        "name of the scene": (rollout.scene, scene.name),
+        "number of frames": (rollout.frames, scene.frames),
+        "number of future frames": (rollout.forecast.shape[2], card.task.future),
+        "number of classes": (rollout.malformed.shape[1] - 1, classes),
+    }
+    for size_name, (size, expected_size) in sizes.items():
+        if size != expected_size:
             raise RolloutError(
-                f"{where}: the {what} is {got!r}, expected {wanted!r}; was it run on another card?"
+                f"{where}: the {size_name} is {size!r}, expected {expected_size!r}; "
+                "was it run on another card?"
             )
-    parents = rollout.hypothesis_parent.shape[1]
-    for name, least, most, expected in (
-        ("track_box", -_MOST, _MOST, "finite numbers"),
-        (
-            "track_class",
-            -1,
-            classes - 1,
-            f"-1 to {classes - 1}",
-        ),  # -1: not stated, fits every class
-        ("hypothesis_parent", -1, parents - 1, f"-1 to {parents - 1}"),
-        ("object_box", -_MOST, _MOST, "finite numbers"),
-        ("object_class", 0, classes - 1, f"0 to {classes - 1}"),
-        ("object_confidence", 0, 1, "values in [0, 1]"),
-        ("invalid", 0, _MOST, "0 or more"),
-        ("malformed", 0, _MOST, "0 or more"),
-        ("dropped", 0, _MOST, "0 or more"),
-        ("seconds", 0, _MOST, "a finite time of 0 s or more"),
-    ):
+    last_class = classes - 1
+    last_parent = rollout.hypothesis_parent.shape[1] - 1
+    ranges = {
+        "track_box": (-_MAX, _MAX, "finite numbers"),
+        # -1: not stated, fits every class
+        "track_class": (-1, last_class, f"-1 to {last_class}"),
+        "hypothesis_parent": (-1, last_parent, f"-1 to {last_parent}"),
+        "object_box": (-_MAX, _MAX, "finite numbers"),
+        "object_class": (0, last_class, f"0 to {last_class}"),
+        "object_confidence": (0, 1, "values in [0, 1]"),
+        "invalid": (0, _MAX, "0 or more"),
+        "malformed": (0, _MAX, "0 or more"),
+        "dropped": (0, _MAX, "0 or more"),
+        "seconds": (0, _MAX, "a finite time of 0 s or more"),
+    }
+    for name, (low, high, expected) in ranges.items():
         array = np.asarray(getattr(rollout, name))
-        bad = ~((array >= least) & (array <= most))  # NaN is bad
-        if bad.any():
-            row = int(np.argwhere(bad)[0][0])
-            table = {"track": rollout.tracks, "object": rollout.objects}.get(
-                name.split("_")[0]
-            )
-            frame = row if table is None else table.frame_of_rows[row]
+        outside = ~((array >= low) & (array <= high))  # NaN is outside
+        if outside.any():
+            frame = int(np.argwhere(outside)[0][0])
+            if name.startswith("track_"):
+                frame = rollout.tracks.frame_of_rows[frame]
+            elif name.startswith("object_"):
+                frame = rollout.objects.frame_of_rows[frame]
             raise RolloutError(
-                f"{where}: {name} contains {array[bad][0]} (frame {frame}); expected {expected}"
+                f"{where}: {name} contains {array[outside][0]} (frame {frame}); "
+                f"expected {expected}"
             )

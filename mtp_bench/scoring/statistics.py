@@ -1,7 +1,8 @@
-"""Uncertainty: studentised intervals, sign-flip tests and the intervals that invert them, gaps (docs/definitions).
+"""Uncertainty: studentised intervals, sign-flip tests and intervals that invert them.
 
-Units are recordings cut into blocks of at most 20 s. A weighted mean over targets is a ratio of sums over units:
-``numerator`` [U] and ``denominator`` [U], the weight of the targets.
+Units are recordings cut into blocks of at most 20 s. A weighted mean over targets is a
+ratio of sums over units: ``numerator`` [U] and ``denominator`` [U], the weight of the
+targets (docs/definitions, "Ranks").
 """
 
 from dataclasses import dataclass
@@ -16,85 +17,104 @@ from .definitions import RANKED_UNITS, SIGNIFICANT
 
 RESAMPLES = 2000
 LEVEL = 0.95
-LEAST_UNITS = 3  # of an interval
-_WIDEST = 0.995  # quantile of Student's t: no 95 % interval is wider than the 99 % interval of normal units
+_TAILS = [(1 - LEVEL) / 2, (1 + LEVEL) / 2]
+MIN_UNITS = 3  # of an interval
+# quantile of Student's t: no 95 % interval is wider than the 99 % interval of normal
+# units
+_WIDEST = 0.995
 EXACT_UNITS = 14  # all sign flips up to here
 FLIPS = 10_000  # random sign flips beyond
 ROUNDING = 1e-12  # relative difference up to which two numbers count as equal
 _SEED = 20_250_101
-_TOGETHER = 64  # differences whose sums are flipped in one product
+_BATCH = 64  # differences whose sums are flipped in one product
 
 
 def bootstrap_interval(
     numerator: ArrayLike, denominator: ArrayLike
 ) -> tuple[float, float] | None:
-    """Studentised bootstrap interval (95 %) of sum(numerator) / sum(denominator) over resampled units.
+    """Return the 95 % interval of sum(numerator) / sum(denominator) over units.
 
-    The error of each resample's mean is taken in units of that resample's own standard error, so that the interval is
-    wide enough for few and unequal units; the percentile interval is not (Efron and Tibshirani 1993, ch. 12). Units
-    without weight (denominator 0) are left out; None with fewer than three others, since resamples of two units do
-    not estimate an error. The resamples depend on the number of units only, so agents are compared on the same ones.
-    If no sum is below 0, neither is the interval.
+    A studentised bootstrap: the error of each resample's mean is taken in units of that
+    resample's own standard error, so that the interval is wide enough for few and
+    unequal units; the percentile interval is not (Efron and Tibshirani 1993, ch. 12).
+    Units without weight (denominator 0) are left out; None with fewer than three
+    others, since resamples of two units do not estimate an error. The resamples depend
+    on the number of units only, so agents are compared on the same ones. If no sum is
+    below 0, neither is the interval.
     """
-    top, bottom = as_sums("numerator", numerator), as_sums("denominator", denominator)
-    require_shape("numerator", top, bottom.shape)
-    if (bottom < 0).any():
+    sums = as_sums("numerator", numerator)
+    weight = as_sums("denominator", denominator)
+    require_shape("numerator", sums, weight.shape)
+    if (weight < 0).any():
         raise ShapeError(
-            f"denominator reaches down to {bottom.min()}, expected weights of 0 or more"
+            f"denominator reaches down to {weight.min()}, expected weights of 0 or more"
         )
-    return _interval(top[bottom > 0].tobytes(), bottom[bottom > 0].tobytes())
+    return _interval(sums[weight > 0].tobytes(), weight[weight > 0].tobytes())
 
 
-@lru_cache(
-    maxsize=8192
-)  # a leaderboard needs the difference of the same reference pair with every agent
+# a leaderboard needs the difference of the same reference pair with every agent
+@lru_cache(maxsize=8192)
 def _interval(numerator: bytes, denominator: bytes) -> tuple[float, float] | None:
-    top, bottom = np.frombuffer(numerator), np.frombuffer(denominator)
-    if len(bottom) < LEAST_UNITS:
+    sums = np.frombuffer(numerator)
+    weight = np.frombuffer(denominator)
+    units = len(weight)
+    if units < MIN_UNITS:
         return None
-    mean, error = _mean_and_error(np.ones((1, len(bottom))), top, bottom)
-    means, errors = _mean_and_error(_resamples(len(bottom)), top, bottom)
-    known = errors > 1e-9 * max(
-        float(error[0]), 1e-300
-    )  # not those that drew one unit again and again
-    if error[0] == 0 or not known.any():
+    mean, error = _mean_and_error(np.ones((1, units)), sums, weight)
+    means, errors = _mean_and_error(_resamples(units), sums, weight)
+    # not those that drew one unit again and again
+    usable = errors > 1e-9 * max(float(error[0]), 1e-300)
+    if error[0] == 0 or not usable.any():
         return float(mean[0]), float(mean[0])
-    t = (means[known] - mean[0]) / errors[known]
-    most = _widest(len(bottom))
-    low, high = np.clip(np.quantile(t, [(1 - LEVEL) / 2, (1 + LEVEL) / 2]), -most, most)
-    least = 0.0 if top.min() >= 0 else -np.inf
-    return max(float(mean[0] - high * error[0]), least), float(mean[0] - low * error[0])
+    t_values = (means[usable] - mean[0]) / errors[usable]
+    limit = _widest(units)
+    low, high = np.clip(np.quantile(t_values, _TAILS), -limit, limit)
+    lower_end = float(mean[0] - high * error[0])
+    if sums.min() >= 0:
+        lower_end = max(lower_end, 0.0)
+    return lower_end, float(mean[0] - low * error[0])
 
 
 @lru_cache(maxsize=64)
 def _widest(units: int) -> float:
-    """Largest half-width of an interval in standard errors, which resamples of few units estimate badly."""
+    """Return the largest half-width of an interval in standard errors.
+
+    Resamples of few units estimate it badly.
+    """
     from scipy.special import stdtrit  # scipy.stats takes seconds to import
 
     return float(stdtrit(units - 1, _WIDEST))
 
 
 def _mean_and_error(
-    counts: Floats, top: Floats, bottom: Floats
+    counts: Floats, sums: Floats, weight: Floats
 ) -> tuple[Floats, Floats]:
-    """Mean and its standard error [B] of resamples that hold each unit ``counts`` [B, U] times."""
-    weight = counts @ bottom
-    mean = (counts @ top) / weight
-    # unit by unit: in a difference of sums of squares, rounding gives an error to resamples of one unit alone
-    square = (counts * (top - mean[:, None] * bottom) ** 2).sum(axis=1)
+    """Return mean and standard error [B] of resamples.
+
+    They hold each unit ``counts`` [B, U] times.
+    """
+    total_weight = counts @ weight
+    mean = (counts @ sums) / total_weight
+    # unit by unit: in a difference of sums of squares, rounding gives an error to
+    # resamples of one unit alone
+    square = (counts * (sums - mean[:, None] * weight) ** 2).sum(axis=1)
     units = counts.sum(axis=1)
-    return mean, np.sqrt(square * units / np.maximum(units - 1.0, 1.0)) / weight
+    error = np.sqrt(square * units / np.maximum(units - 1.0, 1.0)) / total_weight
+    return mean, error
 
 
 def effective_number(weight: ArrayLike) -> float:
-    """Effective sample size (Kish 1965) of weights: (sum w)^2 / sum w^2; 0 without any."""
+    """Return the effective sample size (Kish 1965): (sum w)^2 / sum w^2.
+
+    It is 0 without any weight.
+    """
     array = np.asarray(weight, dtype=np.float64)
     square = float((array**2).sum())
     return float(array.sum()) ** 2 / square if square > 0 else 0.0
 
 
 class PairedDifference(NamedTuple):
-    """Difference of two means over the same targets, in the unit of their numerators."""
+    """Difference of two means over the same targets, in their numerators' unit."""
 
     mean: float
     p: float  # of the sign-flip test over units
@@ -107,33 +127,45 @@ class PairedDifference(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """The 95 % interval that inverts the test: without 0 exactly if p < 0.05; None: unbounded.
+        """The 95 % interval that inverts the test: without 0 exactly if p < 0.05.
 
-        It is unbounded with fewer than six units.
+        None: it is unbounded, as with fewer than six units.
         """
         return _test_interval(*self.units)
+
+
+Numbers = tuple[float | None, tuple[float, float] | None, float | None]
+
+
+def numbers_of(difference: PairedDifference | None) -> Numbers:
+    """Return mean, interval and p of a difference.
+
+    None for each without one.
+    """
+    if difference is None:
+        return None, None, None
+    return difference.mean, difference.interval, difference.p
 
 
 def paired_difference(
     a: ArrayLike, b: ArrayLike, denominator: ArrayLike
 ) -> PairedDifference | None:
-    """Return the difference a - b of two means, and test its sum under random signs of the units.
+    """Return the difference a - b of two means, and test its sum.
 
-    Numerators ``a`` and ``b`` [U], ``denominator`` [U]: the weight of the units; None where that is 0 in all of them.
-    The test takes all 2^U signs up to EXACT_UNITS units, else FLIPS random ones and the observed one. Units without a
-    difference and a weight do not matter; p is 1 without any other unit.
+    Numerators ``a`` and ``b`` [U], ``denominator`` [U]: the weight of the units; None
+    where that is 0 in all of them. The sign-flip test takes all 2^U signs of the units
+    up to EXACT_UNITS units, else FLIPS random ones and the observed one. Units without
+    a difference and a weight do not matter; p is 1 without any other unit.
     """
-    gap, weight = (
-        beyond_rounding(as_sums("a", a), as_sums("b", b)),
-        as_sums("denominator", denominator),
-    )
-    require_shape("denominator", weight, gap.shape)
-    mean = ratio(gap.sum(), weight.sum())
+    difference = beyond_rounding(as_sums("a", a), as_sums("b", b))
+    weight = as_sums("denominator", denominator)
+    require_shape("denominator", weight, difference.shape)
+    mean = ratio(difference.sum(), weight.sum())
     if mean is None:
         return None
-    counted = (gap != 0) | (weight != 0)
-    units = gap[counted].tobytes(), weight[counted].tobytes()
-    return PairedDifference(mean, _chance(units[0]), units)
+    counted = (difference != 0) | (weight != 0)
+    units = difference[counted].tobytes(), weight[counted].tobytes()
+    return PairedDifference(mean, _p_value(units[0]), units)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,122 +178,134 @@ class UnitSums:
     effective_objects: float
 
     def minus(self, other: "UnitSums") -> PairedDifference | None:
-        """Return bADE minus that of ``other`` on the same targets, metres; None without targets."""
+        """Return bADE minus that of ``other`` on the same targets, metres.
+
+        None without targets.
+        """
         return paired_difference(self.error, other.error, self.weight)
 
 
-def beyond_rounding(one: Floats, other: Floats) -> Floats:
-    """Differences of two arrays, 0 within rounding.
+def beyond_rounding(a: Floats, b: Floats) -> Floats:
+    """Return the differences a - b, 0 within rounding.
 
-    Sums of the same terms in another order, or means of other numbers of equal seeds, differ by rounding alone.
+    Sums of the same terms in another order, or means of other numbers of equal seeds,
+    differ by rounding alone.
     """
-    gap = one - other
-    return np.where(
-        np.abs(gap) <= ROUNDING * np.maximum(np.abs(one), np.abs(other)), 0.0, gap
-    )
+    difference = a - b
+    slack = ROUNDING * np.maximum(np.abs(a), np.abs(b))
+    return np.where(np.abs(difference) <= slack, 0.0, difference)
 
 
-def ratio(top: float, bottom: float) -> float | None:
-    """``top / bottom``; None unless the denominator is above 0."""
-    return float(top / bottom) if bottom > 0 else None
+def ratio(numerator: float, denominator: float) -> float | None:
+    """Return numerator / denominator.
+
+    None unless the denominator is above 0.
+    """
+    return float(numerator / denominator) if denominator > 0 else None
 
 
 def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | None:
-    """Percentile interval (95 %) of sum(part) / sum(whole) over resampled units, [U] each and of either sign.
+    """Return the percentile interval (95 %) of sum(part) / sum(whole) over units.
 
-    None with fewer than three units, or if the whole is not above 0 in nearly all resamples.
+    ``part`` and ``whole`` [U] may be of either sign. None with fewer than three units,
+    or if the whole is not above 0 in nearly all resamples.
     """
-    top, bottom = as_sums("part", part), as_sums("whole", whole)
-    require_shape("whole", bottom, top.shape)
-    if len(bottom) < LEAST_UNITS:
+    part_sums = as_sums("part", part)
+    whole_sums = as_sums("whole", whole)
+    require_shape("whole", whole_sums, part_sums.shape)
+    if len(whole_sums) < MIN_UNITS:
         return None
-    counts = _resamples(len(bottom))
-    total = counts @ bottom
+    counts = _resamples(len(whole_sums))
+    total = counts @ whole_sums
     if (total <= 0).mean() > (1 - LEVEL) / 2:
         return None
     positive = total > 0
-    low, high = np.quantile(
-        (counts @ top)[positive] / total[positive], [(1 - LEVEL) / 2, (1 + LEVEL) / 2]
-    )
+    shares = (counts @ part_sums)[positive] / total[positive]
+    low, high = np.quantile(shares, _TAILS)
     return float(low), float(high)
 
 
-@lru_cache(
-    maxsize=8192
-)  # a leaderboard needs a pair of agents for ranks and for differences
+# a leaderboard needs a pair of agents for ranks and for differences
+@lru_cache(maxsize=8192)
 def _test_interval(difference: bytes, weight: bytes) -> tuple[float, float] | None:
-    """Return the means m for which the differences minus m times the weights have p >= 0.05."""
-    gap, share = np.frombuffer(difference), np.frombuffer(weight)
-    if not gap.any():
-        return (0.0, 0.0) if len(gap) >= RANKED_UNITS else None
-    signs, observed = _flips(len(gap))
-    low, high = _ends(gap, share, signs @ np.stack([gap, share], axis=1))
+    """Return the means m at which differences minus m times weights have p >= 0.05."""
+    unit_difference = np.frombuffer(difference)
+    unit_weight = np.frombuffer(weight)
+    units = len(unit_difference)
+    if not unit_difference.any():
+        return (0.0, 0.0) if units >= RANKED_UNITS else None
+    signs, observed = _flips(units)
+    flipped = signs @ np.stack([unit_difference, unit_weight], axis=1)
+    low, high = _flip_ends(unit_difference, unit_weight, flipped)
     # as many flips must hold a mean for its p to be 0.05 or more
-    least = int(np.ceil(SIGNIFICANT * (len(low) + observed) - 1e-9)) - observed
-    interval = (
-        float(np.partition(low, least - 1)[least - 1]),
-        float(np.partition(high, -least)[-least]),
-    )
-    return interval if np.isfinite(interval).all() else None
+    count = int(np.ceil(SIGNIFICANT * (len(low) + observed) - 1e-9)) - observed
+    low_end = float(np.partition(low, count - 1)[count - 1])
+    high_end = float(np.partition(high, -count)[-count])
+    bounded = np.isfinite([low_end, high_end]).all()
+    return (low_end, high_end) if bounded else None
 
 
 @lru_cache(maxsize=8192)
-def _chance(difference: bytes) -> float:
-    """The p of one difference in units that count."""
-    return float(_chances(np.frombuffer(difference)[None])[0])
+def _p_value(difference: bytes) -> float:
+    return float(_p_values(np.frombuffer(difference)[None])[0])
 
 
 def significant_pairs(
     errors: Floats, weight: ArrayLike, pairs: NDArray[np.int64]
 ) -> Bools:
-    """True where the differences of ``pairs`` [2, P] of rows of ``errors`` [A, U] are significant, many at once."""
-    share = as_sums("weight", weight)
-    require_shape("weight", share, (errors.shape[1],))
-    # of the weight alone: a forged error without any must not change the flips of other pairs
-    errors, starts = errors[:, share != 0], range(0, pairs.shape[1], _TOGETHER)
-    chances = [
-        _chances(beyond_rounding(*errors[pairs[:, i : i + _TOGETHER]])) for i in starts
-    ]
-    return (np.concatenate([np.zeros(0), *chances]) < SIGNIFICANT) & share.any()
+    """Return True [P] where the two agents of a pair differ significantly.
 
-
-def _chances(gap: Floats) -> Floats:
-    """The p [P] of differences [P, U] in units that count."""
-    signs, observed = _flips(gap.shape[1])
-    slack = ROUNDING * np.abs(gap).sum(
-        axis=1, keepdims=True
-    )  # the same terms may be summed in another order
-    beyond = np.abs(gap.sum(axis=1, keepdims=True)) - np.abs(gap @ signs.T)
-    return np.asarray(
-        ((beyond <= slack).sum(axis=1) + observed) / (len(signs) + observed)
-    )
-
-
-def _ends(gap: Floats, share: Floats, flipped: Floats) -> tuple[Floats, Floats]:
-    """Means between which each flip is at least as extreme as what was observed: from [N], to [N].
-
-    ``flipped`` [N, 2]: sums of differences and weights after each flip. They are inside where
-    |A - m B| >= |D - m W|: between (D + A) / (W + B) and (D - A) / (W - B), which always include D / W.
+    ``errors`` [A, U] of agents, ``weight`` [U], ``pairs`` [2, P] of rows of ``errors``.
     """
-    total = np.array([gap.sum(), share.sum()])
-    slack = ROUNDING * np.abs(np.stack([gap, share])).sum(
-        axis=1
-    )  # the same terms may be summed in another order
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = np.stack([_end(total + flipped, slack), _end(total - flipped, slack)])
+    unit_weight = as_sums("weight", weight)
+    require_shape("weight", unit_weight, (errors.shape[1],))
+    # a forged error without any weight must not change the flips of other pairs
+    errors = errors[:, unit_weight != 0]
+    p_values: list[Floats] = [np.zeros(0)]
+    for start in range(0, pairs.shape[1], _BATCH):
+        first, second = errors[pairs[:, start : start + _BATCH]]
+        p_values.append(_p_values(beyond_rounding(first, second)))
+    return (np.concatenate(p_values) < SIGNIFICANT) & unit_weight.any()
+
+
+def _p_values(difference: Floats) -> Floats:
+    """Return the p [P] of differences [P, U] in units that count."""
+    signs, observed = _flips(difference.shape[1])
+    # the same terms may be summed in another order
+    slack = ROUNDING * np.abs(difference).sum(axis=1, keepdims=True)
+    total = np.abs(difference.sum(axis=1, keepdims=True))
+    as_extreme = total - np.abs(difference @ signs.T) <= slack
+    return np.asarray((as_extreme.sum(axis=1) + observed) / (len(signs) + observed))
+
+
+def _flip_ends(
+    difference: Floats, weight: Floats, flipped: Floats
+) -> tuple[Floats, Floats]:
+    """Return the means [N], [N] between which each flip is as extreme as observed.
+
+    ``flipped`` [N, 2]: sums of differences and weights after each flip. Means m are
+    inside where |A - m B| >= |D - m W|: between (D + A) / (W + B) and
+    (D - A) / (W - B), which always include D / W.
+    """
+    total = np.array([difference.sum(), weight.sum()])
+    # the same terms may be summed in another order
+    slack = ROUNDING * np.abs(np.stack([difference, weight])).sum(axis=1)
+    quotients = []
+    for sums in (total + flipped, total - flipped):
+        numerator, denominator = np.where(np.abs(sums) <= slack, 0.0, sums).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            quotients.append(numerator / denominator)
+    ends = np.stack(quotients)
     unbounded = np.isnan(ends).any(axis=0)  # the observed signs, or all turned
-    return np.where(unbounded, -np.inf, ends.min(axis=0)), np.where(
-        unbounded, np.inf, ends.max(axis=0)
-    )
-
-
-def _end(sums: Floats, slack: Floats) -> Floats:
-    difference, weight = np.where(np.abs(sums) <= slack, 0.0, sums).T
-    return np.asarray(difference / weight)
+    low = np.where(unbounded, -np.inf, ends.min(axis=0))
+    return low, np.where(unbounded, np.inf, ends.max(axis=0))
 
 
 def as_sums(name: str, values: ArrayLike) -> Floats:
-    """Sums over the targets of each unit [U] as an array; raises ShapeError for another shape or a NaN."""
+    """Return sums over the targets of each unit [U] as an array.
+
+    Raises ShapeError for another shape or a NaN.
+    """
     array = np.asarray(values, dtype=np.float64)
     require_shape(name, array, (None,))
     require_finite(name, array)
@@ -270,27 +314,25 @@ def as_sums(name: str, values: ArrayLike) -> Floats:
 
 @lru_cache(maxsize=8)
 def _flips(units: int) -> tuple[Floats, int]:
-    """All signs [2^U, U] and 0; of more than EXACT_UNITS units random ones and 1, the observed signs beside them."""
+    """Return the signs [N, U] of the test, and the number of observed ones beside them.
+
+    All 2^U signs and 0; of more than EXACT_UNITS units random ones and 1.
+    """
     if units > EXACT_UNITS:
-        return _signs(units).astype(np.float64), 1
+        return _random_signs(units).astype(np.float64), 1
     return 1.0 - 2.0 * ((np.arange(1 << units)[:, None] >> np.arange(units)) & 1), 0
 
 
-@lru_cache(
-    maxsize=64
-)  # a comparison of many agents uses the same signs again and again
-def _signs(units: int) -> NDArray[np.int8]:
-    """Random signs [FLIPS, U], as bytes since they are cached."""
-    return (
-        np.random.default_rng(_SEED)
-        .choice([-1.0, 1.0], size=(FLIPS, units))
-        .astype(np.int8)
-    )
+# a comparison of many agents uses the same signs again and again: cached, as bytes
+@lru_cache(maxsize=64)
+def _random_signs(units: int) -> NDArray[np.int8]:
+    rng = np.random.default_rng(_SEED)
+    return rng.choice([-1.0, 1.0], size=(FLIPS, units)).astype(np.int8)
 
 
 @lru_cache(maxsize=8)
 def _resamples(units: int) -> Floats:
-    """Number of times each unit occurs in each resample [RESAMPLES, U]."""
+    """Return how often each unit occurs in each resample [RESAMPLES, U]."""
     rng = np.random.default_rng([_SEED, units])
     counts = rng.multinomial(units, np.full(units, 1.0 / units), size=RESAMPLES)
     return counts.astype(np.float64)

@@ -1,7 +1,9 @@
-"""Tracking counts of what an agent outputs: the tracks of its best hypothesis of every frame, by their ids as given.
+"""Tracking counts of what an agent outputs, by the ids of its tracks as given.
 
-IDF1 (Ristani et al. 2016) pairs whole identities by the frames that they share inside the gate. HOTA (Luiten et al.
-2021) is the mean over 19 thresholds of a similarity, which is .5 at a gate of distance, or the overlap itself.
+They are of the tracks of its best hypothesis of every frame. IDF1 (Ristani et al. 2016)
+pairs whole identities by the frames that they share inside the gate. HOTA (Luiten et
+al. 2021) is the mean over 19 thresholds of a similarity, which is .5 at a gate of
+distance, or the overlap itself.
 """
 
 from dataclasses import dataclass
@@ -28,21 +30,25 @@ class IdentityCounts:
 
     shared: Floats  # [C] IDTP: boxes of identities that are paired
     hits: Floats  # [C, 19] true boxes with a track, per threshold
-    association: Floats  # [C, 19] summed over the hits: how much of both identities the pair makes up
+    # [C, 19] summed over the hits: how much of both identities the pair makes up
+    association: Floats
 
 
-class _Identities(NamedTuple):
-    """Which object and which track each pair is of."""
+class _IdentityPairs(NamedTuple):
+    """The pairs of an object and a track to which pairs of boxes belong."""
 
-    of: Rows  # [E] number of the pair of identities
-    object: Rows  # [P] of each pair of identities
-    track: Rows  # [P]
-    lives: Floats  # [P] boxes of both
+    number: Rows  # [E] number of the pair of identities
+    object_id: Rows  # [P] of each pair of identities
+    track_id: Rows  # [P]
+    boxes: Floats  # [P] boxes of both
 
 
 @dataclass(frozen=True, eq=False)
 class StreamCounts:
-    """Counts per class [C + 1]; the last entry holds track boxes without a stated class."""
+    """Counts per class [C + 1].
+
+    The last entry holds track boxes without a stated class.
+    """
 
     truth: Ints
     tp: Ints
@@ -50,9 +56,8 @@ class StreamCounts:
     fn: Ints
     ids: Ints  # CLEAR-IDS
     frag: Ints  # CLEAR-FRAG
-    cost: NDArray[
-        np.float64
-    ]  # summed over matched pairs: m, or 1 - IoU, as the event gate measures
+    # summed over matched pairs: m, or 1 - IoU, as the event gate measures
+    cost: NDArray[np.float64]
     false_positives: int  # unmatched boxes in frame mode
     false_tracks: int  # ids matched in no frame of their life, in frame mode
     identity: IdentityCounts
@@ -61,85 +66,99 @@ class StreamCounts:
 def stream_counts(
     truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Card
 ) -> StreamCounts:
-    """CLEAR counts (sticky mode) and false output (frame mode) of the best hypothesis of every frame."""
+    """Return CLEAR counts and false output of the best hypothesis of every frame.
+
+    CLEAR counts are of the sticky mode, false output of the frame mode.
+    """
     frame = rollout.tracks.frame_of_rows
     chosen = np.flatnonzero(lineage.member[np.arange(len(frame)), lineage.best[frame]])
-    near, similarity, inside = _near_pairs(truth, rollout, frame, chosen, card)
-    pairs = near.keep(inside)
-    own = pairs.keep(~truth.neutral[pairs.row])
+    chosen_id = rollout.track_id[chosen]
+    chosen_class = rollout.track_class[chosen]
+    similar, similarity, inside = _similar_pairs(truth, rollout, chosen, card)
+    pairs = similar.keep(inside)
+    evaluated_pairs = pairs.keep(~truth.neutral[pairs.row])
     objects = object_history(truth)
-    tracks = history(frame[chosen], rollout.track_id[chosen])
-    matched = match_sticky(own, len(truth.box), objects.previous(), tracks.previous())
-    switched, begun = clear_identity(objects, matched, rollout.track_id[chosen])
+    tracks = history(frame[chosen], chosen_id)
+    matched = match_sticky(
+        evaluated_pairs, len(truth.box), objects.previous(), tracks.previous()
+    )
+    switches, fragments = clear_identity(objects, matched, chosen_id)
     row = np.flatnonzero(matched >= 0)
     cost = np.zeros(len(truth.box))
-    hit = matched[own.row] == own.column
-    cost[own.row[hit]] = own.cost[hit]
-    wrong = offer_neutral(matched, pairs, truth.neutral, len(chosen)).unmatched
-    in_frame = match_neutral_last(pairs, truth.neutral, len(chosen)).unmatched
-    ids, number = np.unique(rollout.track_id[chosen], return_inverse=True)
-    count = len(card.task.classes) + 1
-    excused = ~wrong & (columns_to_rows(matched, len(chosen)) < 0)
-    object_of = np.where(
-        truth.neutral, -1, np.unique(truth.object_id, return_inverse=True)[1]
+    hit = matched[evaluated_pairs.row] == evaluated_pairs.column
+    cost[evaluated_pairs.row[hit]] = evaluated_pairs.cost[hit]
+    false = offer_neutral(matched, pairs, truth.neutral, len(chosen)).unmatched
+    false_in_frame = match_neutral_last(pairs, truth.neutral, len(chosen)).unmatched
+    ids, track_number = np.unique(chosen_id, return_inverse=True)
+    matched_frames = np.bincount(
+        track_number, weights=~false_in_frame, minlength=len(ids)
     )
-    track_of = np.where(excused, -1, number)
-    counted = (object_of[near.row] >= 0) & (track_of[near.column] >= 0)
+    # identity counts leave out neutral objects, and tracks that are matched to them
+    at_neutral = ~false & (columns_to_rows(matched, len(chosen)) < 0)
+    object_number = np.unique(truth.object_id, return_inverse=True)[1]
+    object_number = np.where(truth.neutral, -1, object_number)
+    track_number = np.where(at_neutral, -1, track_number)
+    counted = (object_number[similar.row] >= 0) & (track_number[similar.column] >= 0)
+    classes = len(card.task.classes) + 1
 
     def per_class(rows: Rows) -> NDArray[np.intp]:
-        return np.bincount(truth.class_id[rows], minlength=count)
+        return np.bincount(truth.class_id[rows], minlength=classes)
 
-    evaluated = np.flatnonzero(~truth.neutral)
-    track_class = rollout.track_class[chosen]
+    evaluated_count = per_class(np.flatnonzero(~truth.neutral))
+    false_class = np.where(chosen_class < 0, classes - 1, chosen_class)[false]
+    class_cost = np.bincount(truth.class_id[row], weights=cost[row], minlength=classes)
     return StreamCounts(
-        truth=per_class(evaluated),
+        truth=evaluated_count,
         tp=per_class(row),
-        fp=np.bincount(
-            np.where(track_class < 0, count - 1, track_class)[wrong], minlength=count
-        ),
-        fn=per_class(evaluated) - per_class(row),
-        ids=per_class(switched),
-        frag=per_class(begun),
-        cost=np.bincount(
-            truth.class_id[row], weights=cost[row], minlength=count
-        ).astype(np.float64),
-        false_positives=int(in_frame.sum()),
-        false_tracks=int(
-            (np.bincount(number, weights=~in_frame, minlength=len(ids)) == 0).sum()
-        ),
+        fp=np.bincount(false_class, minlength=classes),
+        fn=evaluated_count - per_class(row),
+        ids=per_class(switches),
+        frag=per_class(fragments),
+        cost=class_cost.astype(np.float64),
+        false_positives=int(false_in_frame.sum()),
+        false_tracks=int((matched_frames == 0).sum()),
         identity=identity_counts(
-            near.keep(counted),
+            similar.keep(counted),
             similarity[counted],
             inside[counted],
-            object_of,
-            track_of,
+            object_number,
+            track_number,
             truth.class_id,
-            count,
+            classes,
         ),
     )
 
 
-def _near_pairs(
-    truth: Truth, rollout: Rollout, frame: Ints, chosen: Rows, card: Card
+def _similar_pairs(
+    truth: Truth, rollout: Rollout, chosen: Rows, card: Card
 ) -> tuple[Pairs, Floats, Bools]:
-    """Pairs of true boxes and the ``chosen`` tracks, their similarity, which is above 0, and which are in the gate."""
-    gate, limit = (
-        card.task.event_gate,
-        np.array(card.per_class(card.task.event_gate.threshold)),
+    """Return pairs of true boxes and the ``chosen`` tracks of similarity above 0.
+
+    Beside them their similarity, and which are in the gate.
+    """
+    gate = card.task.event_gate
+    threshold = np.array(card.per_class(gate.threshold))
+    by_overlap = gate.measure == "iou_3d"
+    # half as similar as can be at the gate
+    reach = np.full(len(threshold), 1e-9) if by_overlap else 2.0 * threshold
+    pairs = box_pairs(
+        truth.frame_of_rows,
+        truth.box,
+        truth.class_id,
+        rollout.tracks.frame_of_rows[chosen],
+        rollout.track_box[chosen],
+        rollout.track_class[chosen],
+        gate.measure,
+        tuple(reach.tolist()),
     )
-    overlap = gate.measure == "iou_3d"
-    reach = (
-        np.full(len(limit), 1e-9) if overlap else 2.0 * limit
-    )  # half as similar as can be at the gate
-    boxes = frame[chosen], rollout.track_box[chosen], rollout.track_class[chosen]
-    at = truth.frame_of_rows, truth.box, truth.class_id
-    near = box_pairs(*at, *boxes, gate.measure, tuple(reach.tolist()))
-    here = limit[truth.class_id[near.row]]
-    if overlap:
-        return near, 1.0 - near.cost, 1.0 - near.cost >= here
-    similarity = 1.0 - near.cost / (2.0 * here)
+    pair_threshold = threshold[truth.class_id[pairs.row]]
+    if by_overlap:
+        overlap = 1.0 - pairs.cost
+        return pairs, overlap, overlap >= pair_threshold
+    similarity = 1.0 - pairs.cost / (2.0 * pair_threshold)
+    inside = pairs.cost <= pair_threshold
     positive = similarity > 0
-    return near.keep(positive), similarity[positive], (near.cost <= here)[positive]
+    return pairs.keep(positive), similarity[positive], inside[positive]
 
 
 def identity_counts(
@@ -151,83 +170,83 @@ def identity_counts(
     class_id: Ints,
     classes: int,
 ) -> IdentityCounts:
-    """Counts of one scene.
+    """Return the counts of one scene.
 
-    ``pairs`` [E] of true boxes and track boxes of one frame, their ``similarity`` [E] above 0, and which of them are
-    ``inside`` [E] the gate. ``objects`` [R] and ``tracks`` [columns]: numbers from 0 on that name the identity of each
-    box, -1 for boxes that do not count, which are in no pair. ``class_id`` [R] of the true boxes, below ``classes``.
+    ``pairs`` [E] of true boxes and track boxes of one frame, their ``similarity`` [E]
+    above 0, and which of them are ``inside`` [E] the gate. ``objects`` [R] and
+    ``tracks`` [columns]: numbers from 0 on that name the identity of each box, -1 for
+    boxes that do not count, which are in no pair. ``class_id`` [R] of the true boxes,
+    below ``classes``.
     """
-    life_of_object, life_of_track = (
-        np.bincount(ids[ids >= 0], minlength=1) for ids in (objects, tracks)
-    )
-    code, of = np.unique(
-        objects[pairs.row] * len(life_of_track) + tracks[pairs.column],
-        return_inverse=True,
-    )
-    first, second = np.divmod(code, len(life_of_track))
-    known = _Identities(
-        of,
-        first,
-        second,
-        (life_of_object[first] + life_of_track[second]).astype(np.float64),
-    )
-    class_of = np.zeros(len(life_of_object), dtype=np.intp)
-    class_of[objects[pairs.row]] = class_id[pairs.row]
-    is_class = (class_of[first] == np.arange(classes)[:, None]).astype(
-        np.float64
-    )  # [C, P]
-    frames = np.bincount(of[inside], minlength=len(code)).astype(np.float64)
-    paired = (
-        match_best(Pairs(first, second, -frames).keep(frames > 0), len(life_of_object))[
-            first
-        ]
-        == second
-    )
-    together = _together(pairs, similarity, known, len(objects), len(tracks))
+    object_boxes = np.bincount(objects[objects >= 0], minlength=1)
+    track_boxes = np.bincount(tracks[tracks >= 0], minlength=1)
+    code = objects[pairs.row] * len(track_boxes) + tracks[pairs.column]
+    codes, index = np.unique(code, return_inverse=True)
+    object_id, track_id = np.divmod(codes, len(track_boxes))
+    boxes = (object_boxes[object_id] + track_boxes[track_id]).astype(np.float64)
+    identities = _IdentityPairs(index, object_id, track_id, boxes)
+    object_class = np.zeros(len(object_boxes), dtype=np.intp)
+    object_class[objects[pairs.row]] = class_id[pairs.row]
+    # [C, P]
+    is_class = object_class[object_id] == np.arange(classes)[:, None]
+    is_class = is_class.astype(np.float64)
+    frames = np.bincount(index[inside], minlength=len(codes)).astype(np.float64)
+    shared_pairs = Pairs(object_id, track_id, -frames).keep(frames > 0)
+    partner = match_best(shared_pairs, len(object_boxes))
+    paired = partner[object_id] == track_id
+    hits = _hits(pairs, similarity, identities, len(objects), len(tracks))
     return IdentityCounts(
         shared=is_class @ (frames * paired),
-        hits=is_class @ together,
-        association=is_class @ (together**2 / (known.lives[:, None] - together)),
+        hits=is_class @ hits,
+        association=is_class @ (hits**2 / (boxes[:, None] - hits)),
     )
 
 
-def _together(
-    pairs: Pairs, similarity: Floats, known: _Identities, rows: int, columns: int
+def _hits(
+    pairs: Pairs,
+    similarity: Floats,
+    identities: _IdentityPairs,
+    rows: int,
+    columns: int,
 ) -> Floats:
-    """Hits [P, 19] of every pair of identities, per threshold."""
-    of_row = np.bincount(pairs.row, weights=similarity, minlength=rows)
-    of_column = np.bincount(pairs.column, weights=similarity, minlength=columns)
-    # how well two identities go together over all frames: the boxes of such are matched first
-    joint = similarity / (of_row[pairs.row] + of_column[pairs.column] - similarity)
-    total = np.bincount(known.of, weights=joint, minlength=len(known.lives))
-    score = (total / (known.lives - total))[known.of] * similarity
-    hit = (
-        match_best(Pairs(pairs.row, pairs.column, -score), rows)[pairs.row]
-        == pairs.column
-    )
-    steps = len(THRESHOLDS) + 1
-    level = np.searchsorted(
-        THRESHOLDS - _EPSILON, similarity[hit], side="right"
-    )  # thresholds that it reaches
+    """Return the hits [P, 19] of every pair of identities, per threshold."""
+    count = len(identities.boxes)
+    row_sum = np.bincount(pairs.row, weights=similarity, minlength=rows)
+    column_sum = np.bincount(pairs.column, weights=similarity, minlength=columns)
+    # how well two identities go together over all frames: the boxes of such are matched
+    # first
+    joint = similarity / (row_sum[pairs.row] + column_sum[pairs.column] - similarity)
+    total = np.bincount(identities.number, weights=joint, minlength=count)
+    score = (total / (identities.boxes - total))[identities.number] * similarity
+    matched = match_best(Pairs(pairs.row, pairs.column, -score), rows)
+    hit = matched[pairs.row] == pairs.column
+    # number of thresholds that each hit reaches
+    level = np.searchsorted(THRESHOLDS - _EPSILON, similarity[hit], side="right")
+    levels = len(THRESHOLDS) + 1
     table = np.bincount(
-        known.of[hit] * steps + level, minlength=len(known.lives) * steps
-    ).reshape(-1, steps)
+        identities.number[hit] * levels + level, minlength=count * levels
+    ).reshape(-1, levels)
     return np.asarray(table[:, :0:-1].cumsum(axis=1)[:, ::-1], dtype=np.float64)
 
 
 def idf1(shared: float, truth: float, tracks: float) -> float | None:
-    """IDF1 from counts of boxes; None without any."""
+    """Return IDF1 from counts of boxes.
+
+    None without any.
+    """
     return 2.0 * shared / (truth + tracks) if truth + tracks else None
 
 
 def hota(
     hits: Floats, association: Floats, truth: float, tracks: float
 ) -> float | None:
-    """HOTA from counts per threshold [19] and the numbers of boxes; None without any."""
+    """Return HOTA from counts per threshold [19] and the numbers of boxes.
+
+    None without any box.
+    """
     if not truth + tracks:
         return None
+    detection_accuracy = hits / (truth + tracks - hits)
     return float(
-        np.sqrt(
-            hits / (truth + tracks - hits) * association / np.maximum(hits, 1.0)
-        ).mean()
+        np.sqrt(detection_accuracy * association / np.maximum(hits, 1.0)).mean()
     )

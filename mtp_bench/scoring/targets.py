@@ -1,4 +1,7 @@
-"""Targets, why one may lack a forecast, live frames and units of uncertainty (docs/definitions, "Targets", "Ranks")."""
+"""Targets, why one may lack a forecast, live frames and units of uncertainty.
+
+Definitions: docs/definitions, "Targets" and "Ranks".
+"""
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -31,7 +34,9 @@ from .events import (
 from .neutral import evaluated
 from .pairs import near_pairs
 
-_EXCESS = 0.05  # of BLOCK_SECONDS, by which the blocks of a scene may exceed it together, for 41 frames at 2 Hz
+# of BLOCK_SECONDS, by which the blocks of a scene may exceed it together, for 41 frames
+# at 2 Hz
+_EXCESS = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,180 +50,200 @@ class Targets(Ragged):
     future: Floats  # [n, T, 2] true x y of the next T frames, m, frame of the scene
     distance: Floats  # [n] m to the ego now (BEV)
     approach: Floats  # [n] m, nearest BEV distance to the ego over the future
-    moving: Bools  # [n] straight displacement over the future, by its time, above MOVING_SPEED
-    turning: Bools  # [n] heading changes by more than TURNING from now to the last future frame
+    # [n] straight displacement over the future, by its time, above MOVING_SPEED
+    moving: Bools
+    # [n] heading changes by more than TURNING from now to the last future frame
+    turning: Bools
 
     def __len__(self) -> int:
         return len(self.row)
 
 
 def find_targets(scene: Scene, card: Card) -> Targets:
-    """Targets of ``scene``: eligible, not neutral, with P past frames (the current one included) and T future ones.
+    """Return the targets of ``scene``.
 
-    Objects that no label of an image could confirm are neutral. The P + T frames are consecutive, without a hole in
-    time, and the object may be neutral in all but the current one. Targets of an official list need the T future
-    frames only.
-    ``moving`` and ``turning`` are measured in the world also where every frame has its own frame of reference; where
-    headings are nominal, no target turns.
-    Raises DataError where an object occurs twice in a frame.
+    They are eligible, not neutral, with P past frames (the current one included) and T
+    future ones. Objects that no label of an image could confirm are neutral. The P + T
+    frames are consecutive, without a hole in time, and the object may be neutral in all
+    but the current one. Targets of an official list need the T future frames only.
+    ``moving`` and ``turning`` are measured in the world also where every frame has its
+    own frame of reference; where headings are nominal, no target turns. Raises
+    DataError where an object occurs twice in a frame.
     """
-    truth, future = evaluated(scene).truth, card.task.future
-    past = 1 if scene.listed_targets else card.task.past
+    truth = evaluated(scene).truth
+    future = card.task.future
+    past = _past(scene, card)
     frame = truth.frame_of_rows
+    piece = pieces(scene, card)[frame]
     try:
-        objects = history(frame, separated(truth.object_id, pieces(scene, card)[frame]))
+        objects = history(frame, separated(truth.object_id, piece))
     except ShapeError as error:
         raise DataError(f"scene {scene.name!r}: {error}") from None
-    window = past + future
-    place = _windows(objects.identity, objects.frame, window)
-    rows = (
-        objects.order[place[:, None] + np.arange(window)]
-        if len(place)
-        else np.zeros((0, window), dtype=np.intp)
-    )
-    now = rows[:, past - 1]
-    wanted = truth.eligible[now] & ~truth.neutral[now]
-    rows = rows[wanted][np.argsort(now[wanted])]
-    now = rows[:, past - 1]
-    xy = np.asarray(truth.box[:, :2], dtype=np.float64)
-    ahead = rows[:, past:]
-    steps = frame[now][:, None] + np.arange(1, future + 1)
-    ego = np.asarray(scene.ego[:, :2], dtype=np.float64)
+    length = past + future
+    place = _windows(objects.identity, objects.frame, length)
+    rows = np.zeros((0, length), dtype=np.intp)
+    if len(place):
+        rows = objects.order[place[:, None] + np.arange(length)]
+    present = rows[:, past - 1]
+    is_target = truth.eligible[present] & ~truth.neutral[present]
+    rows = rows[is_target][np.argsort(present[is_target])]
+    present = rows[:, past - 1]
     end = rows[:, -1]
-    seconds = scene.time[frame[end]] - scene.time[frame[now]]
-    travelled = np.linalg.norm(
-        _in_world(scene, xy[end], frame[end]) - _in_world(scene, xy[now], frame[now]),
-        axis=-1,
-    )
+    xy = np.asarray(truth.box[:, :2], dtype=np.float64)
+    future_xy = xy[rows[:, past:]]
+    future_frame = frame[present][:, None] + np.arange(1, future + 1)
+    ego_xy = np.asarray(scene.ego[:, :2], dtype=np.float64)
+    future_distance = np.linalg.norm(future_xy - ego_xy[future_frame], axis=-1)
+    world_start = _in_world(scene, xy[present], frame[present])
+    world_end = _in_world(scene, xy[end], frame[end])
+    displacement = np.linalg.norm(world_end - world_start, axis=-1)
+    seconds = scene.time[frame[end]] - scene.time[frame[present]]
+    turning = np.zeros(len(present), dtype=bool)
+    if not card.source.traits.places_only:
+        turning = _heading_change(scene, end, present) > TURNING
     return Targets(
-        start=np.searchsorted(frame[now], np.arange(scene.frames + 1)),
-        row=now,
-        frame=frame[now],
-        object_id=np.asarray(truth.object_id)[now],
-        class_id=np.asarray(truth.class_id)[now],
-        future=xy[ahead],
-        distance=np.linalg.norm(xy[now] - ego[frame[now]], axis=-1),
-        approach=np.linalg.norm(xy[ahead] - ego[steps], axis=-1).min(
-            axis=1, initial=np.inf
-        ),
-        moving=travelled > MOVING_SPEED * seconds,
-        turning=_turned(scene, end, now, card.source.traits.places_only),
+        start=np.searchsorted(frame[present], np.arange(scene.frames + 1)),
+        row=present,
+        frame=frame[present],
+        object_id=np.asarray(truth.object_id)[present],
+        class_id=np.asarray(truth.class_id)[present],
+        future=future_xy,
+        distance=np.linalg.norm(xy[present] - ego_xy[frame[present]], axis=-1),
+        approach=future_distance.min(axis=1, initial=np.inf),
+        moving=displacement > MOVING_SPEED * seconds,
+        turning=turning,
     )
+
+
+def _past(scene: Scene, card: Card) -> int:
+    """Return the past frames that a target needs, the current one included."""
+    return 1 if scene.listed_targets else card.task.past
 
 
 class AbsentCause(IntEnum):
-    """Why a target may have no forecast: the first cause that holds, as its detections tell, not the agent."""
+    """Why a target may have no forecast: the first cause that holds.
+
+    As its detections tell, not the agent.
+    """
 
     NO_FORECAST = 0  # a detection of its class lies inside the forecast gate
     OTHER_CLASS = 1  # one of another class does
     OFF_PLACE = 2  # one of its class lies within two gates
-    UNDETECTED_NEW = (
-        3  # none of its class lay inside the gate in any earlier frame of the object
-    )
+    # none of its class lay inside the gate in any earlier frame of the object
+    UNDETECTED_NEW = 3
     UNDETECTED_SEEN = 4
 
 
 def absent_causes(scene: Scene, targets: Targets, card: Card) -> Ints:
-    """Values of `AbsentCause` [n] of the ``targets``; frames in which an object is neutral are frames of it too.
+    """Return values of `AbsentCause` [n] of the ``targets``.
 
-    After a hole in time an object is another one.
+    Frames in which an object is neutral are frames of it too. After a hole in time an
+    object is another one.
     """
-    truth, seen = separated_truth(scene, card), scene.detections
+    truth = separated_truth(scene, card)
+    detections = scene.detections
     gate = np.asarray(card.per_class(card.task.forecast_gate), dtype=np.float64)
-    at = truth.frame_of_rows, truth.box[:, :2]
+    frame = truth.frame_of_rows
     row, column, distance = near_pairs(
-        *at, seen.frame_of_rows, seen.box[:, :2], 2 * float(gate.max())
+        frame,
+        truth.box[:, :2],
+        detections.frame_of_rows,
+        detections.box[:, :2],
+        2 * float(gate.max()),
     )
-    limit = gate[truth.class_id[row]]
-    own, inside = truth.class_id[row] == seen.class_id[column], distance <= limit
+    pair_gate = gate[truth.class_id[row]]
+    same_class = truth.class_id[row] == detections.class_id[column]
+    inside = distance <= pair_gate
 
-    def of_targets(pairs: Bools) -> Bools:
-        return np.bincount(row[pairs], minlength=len(truth.box))[targets.row] > 0
+    def has_pair(mask: Bools) -> Bools:
+        """Return True [R] for true boxes with such a pair."""
+        return np.bincount(row[mask], minlength=len(frame)) > 0
 
-    objects = history(at[0], truth.object_id)
-    now = np.bincount(row[own & inside], minlength=len(truth.box))[objects.order] > 0
-    ever = np.zeros(len(now), dtype=bool)
-    ever[objects.order] = counted_in_run(objects.follows, now) > 0
-    holds = [
-        of_targets(own & inside),
-        of_targets(~own & inside),
-        of_targets(own & (distance <= 2 * limit)),
-    ]
+    detected = has_pair(same_class & inside)
+    other_class = has_pair(~same_class & inside)
+    off_place = has_pair(same_class & (distance <= 2 * pair_gate))
+    objects = history(frame, truth.object_id)
+    detections_so_far = counted_in_run(objects.follows, detected[objects.order])
+    ever_detected = np.zeros(len(frame), dtype=bool)
+    ever_detected[objects.order] = detections_so_far > 0
+    conditions = [detected, other_class, off_place, ~ever_detected]
     return np.select(
-        [*holds, ~ever[targets.row]], list(AbsentCause)[:4], AbsentCause.UNDETECTED_SEEN
+        [condition[targets.row] for condition in conditions],
+        list(AbsentCause)[:4],
+        AbsentCause.UNDETECTED_SEEN,
     )
 
 
 def live_frames(scene: Scene, card: Card) -> Bools:
-    """The frames [F] in which a target can exist: only there false forecasts count (docs/definitions, "Targets")."""
-    past, future = 0 if scene.listed_targets else card.task.past - 1, card.task.future
-    t, piece = np.arange(scene.frames), pieces(scene, card)
-    whole = (
-        piece[np.maximum(t - past, 0)]
-        == piece[np.minimum(t + future, scene.frames - 1)]
-    )
-    return np.asarray((t >= past) & (t < scene.frames - future) & whole)
+    """Return the frames [F] in which a target can exist.
+
+    Only there false forecasts count (docs/definitions, "Targets").
+    """
+    past = _past(scene, card) - 1
+    future = card.task.future
+    t = np.arange(scene.frames)
+    piece = pieces(scene, card)
+    first_piece = piece[np.maximum(t - past, 0)]
+    last_piece = piece[np.minimum(t + future, scene.frames - 1)]
+    inside = (t >= past) & (t < scene.frames - future)
+    return np.asarray(inside & (first_piece == last_piece))
 
 
 def left_out(scene: Scene, card: Card) -> dict[str, int]:
-    """Counts of the holes in time of a scene, and of the targets that it would have without them; none without holes.
+    """Return counts of the holes in time of a scene, and of the targets they cost.
 
-    They stand beside `Scene.skipped`.
+    None without holes. They stand beside `Scene.skipped`.
     """
     holes = int(pieces(scene, card).max(initial=0))
     if not holes:
         return {}
-    even = replace(scene, time=np.arange(scene.frames) / card.task.rate)
-    return {
-        HOLES: holes,
-        LOST_TARGETS: len(find_targets(even, card)) - len(find_targets(scene, card)),
-    }
+    even_scene = replace(scene, time=np.arange(scene.frames) / card.task.rate)
+    targets = len(find_targets(even_scene, card)) - len(find_targets(scene, card))
+    return {HOLES: holes, LOST_TARGETS: targets}
 
 
 def _in_world(scene: Scene, xy: Floats, frame: Ints) -> Floats:
-    """Places [n, 2] m of ``frame`` [n] in a frame of reference that all frames of the scene share."""
-    return (
-        xy
-        if scene.world is None
-        else rotate(xy, scene.world[frame, 3]) + scene.world[frame, :2]
-    )
+    """Return places [n, 2] m of ``frame`` [n] in the scene's frame of reference.
+
+    All frames of the scene share it.
+    """
+    if scene.world is None:
+        return xy
+    return rotate(xy, scene.world[frame, 3]) + scene.world[frame, :2]
 
 
-def _turned(scene: Scene, end: Ints, now: Ints, nominal: bool) -> Bools:
-    """True [n] where the heading in the world differs between two rows of the truth [n], unless it is ``nominal``."""
-    truth, world = scene.truth, scene.world
-    heading, frame = np.asarray(truth.box[:, 3], dtype=np.float64), truth.frame_of_rows
-    heading = heading if world is None else heading + world[frame, 3]
-    return (np.abs(wrap_angle(heading[end] - heading[now])) > TURNING) & (not nominal)
+def _heading_change(scene: Scene, end: Ints, present: Ints) -> Floats:
+    """Return the change of heading [n] in the world between two rows of the truth."""
+    heading = np.asarray(scene.truth.box[:, 3], dtype=np.float64)
+    if scene.world is not None:
+        heading = heading + scene.world[scene.truth.frame_of_rows, 3]
+    return np.abs(wrap_angle(heading[end] - heading[present]))
 
 
 def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
-    """First places [n] of ``length`` consecutive frames of one object."""
+    """Return the first places [n] of ``length`` consecutive frames of one object."""
     if len(ids) < length:
         return np.zeros(0, dtype=np.intp)
-    first, last = slice(0, len(ids) - length + 1), slice(length - 1, len(ids))
-    return np.flatnonzero(
-        (ids[first] == ids[last]) & (frames[last] - frames[first] == length - 1)
-    )
+    start = slice(0, len(ids) - length + 1)
+    end = slice(length - 1, len(ids))
+    consecutive = frames[end] - frames[start] == length - 1
+    return np.flatnonzero((ids[start] == ids[end]) & consecutive)
 
 
 def units(scene: Scene, card: Card) -> Ints:
-    """Index of the block [F] of each frame of ``scene``: blocks of at most 20 s are the units of uncertainty.
+    """Return the index of the block [F] of each frame.
 
-    The blocks have equal numbers of frames, up to one, and are as few as possible. The frames must be about equally
+    Blocks of at most 20 s are the units of uncertainty. They have equal numbers of
+    frames, up to one, and are as few as possible. The frames must be about equally
     spaced in time; a hole counts as one period.
     """
-    if scene.frames < 2:
-        return np.zeros(scene.frames, dtype=np.int64)
-    missing = (np.diff(scene.time) - 1.0 / card.task.rate)[
-        np.diff(pieces(scene, card)) > 0
-    ].sum()
-    seconds = (
-        float(scene.time[-1] - scene.time[0] - missing)
-        * scene.frames
-        / (scene.frames - 1)
-    )
-    count = max(
-        1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9)))
-    )  # times are sums of rounded periods
-    return np.arange(scene.frames) * count // scene.frames
+    frames = scene.frames
+    if frames < 2:
+        return np.zeros(frames, dtype=np.int64)
+    excess = np.diff(scene.time) - 1.0 / card.task.rate
+    hole_seconds = excess[np.diff(pieces(scene, card)) > 0].sum()
+    span = float(scene.time[-1] - scene.time[0] - hole_seconds)
+    seconds = span * frames / (frames - 1)
+    # times are sums of rounded periods
+    blocks = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))
+    return np.arange(frames) * blocks // frames

@@ -1,6 +1,7 @@
-"""Event weights: rates of errors of the reference tracker at each target, frozen per env (envs/reference/README.md).
+"""Event weights: rates of errors of the reference tracker at each target.
 
-Scenes are keyed by a hash of their names, so that weights can be published without the content of a dataset.
+They are frozen per env (envs/reference/README.md). Scenes are keyed by a hash of their
+names, so that weights can be published without the content of a dataset.
 """
 
 import hashlib
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..core import Bools, DataError, Rollout, Scene, require_known
+from ..core import Bools, DataError, Rollout, Scene, counted, require_known
 from .bade import ONE_PER_TARGET, CardBudget
 from .definitions import SUBSETS
 from .events import separated_truth
@@ -24,23 +25,28 @@ from .neutral import evaluated
 WEIGHED = SUBSETS[1:]  # "all" weighs every target alike
 EVENTS = ("ids", "lost", "reacquired")  # frag is lost or reacquired
 COUNTED = (*EVENTS, "frag")
-_DIGITS = 16
-TEXTS = ("env", "card", "definitions", "agent")
-NUMBERS = ("targets", "false_forecasts", "forecasts")
+HEADER = ("env", "card", "definitions", "agent", "runs", "parameters")
+_KEY_DIGITS = 16
+_TOTALS = ("targets", "false_forecasts", "forecasts")
 
 
 @dataclass(frozen=True, eq=False)
 class SceneWeights:
-    """Events of the reference tracker on the ``n`` targets of a scene, in the order of `find_targets`."""
+    """Events of the reference tracker on the ``n`` targets of a scene.
+
+    In the order of `find_targets`.
+    """
 
     counts: NDArray[np.uint8]  # [n, 4] runs with ids, lost, reacquired, frag
-    stp: Bools  # [n, 3] ids, lost, reacquired of the one run without cut or noise: the paper's condition
+    # [n, 3] ids, lost, reacquired of the one run without cut or noise: the paper's
+    # condition
+    stp: Bools
     stp_events: tuple[int, int, int]  # of that run, on all evaluated true boxes
     false_forecasts: int  # of that run, in live frames
     forecasts: int  # of that run, in live frames
-    way: float | None = (
-        None  # m that the ego of a closed loop drives with ground-truth tracks, in place of events
-    )
+    # m that the ego of a closed loop drives with ground-truth tracks, in place of
+    # events
+    way: float | None = None
 
     @property
     def targets(self) -> int:
@@ -50,7 +56,7 @@ class SceneWeights:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Event weights of an env, their origin, and the constants of the card that set budgets."""
+    """Event weights of an env, their origin, and the constants that set budgets."""
 
     env: str
     card: str  # digest
@@ -59,27 +65,22 @@ class Reference:
     runs: int
     parameters: dict[str, Any]  # differences of the runs, as in the file
     scenes: dict[str, SceneWeights]  # by `scene_key`
-    frozen: bool = field(
-        default=False, kw_only=True
-    )  # read from the file of a shipped env; not part of the content
-    constants: CardBudget | None = field(
-        default=None, kw_only=True
-    )  # None: of these scenes; not part of the content
+    # the rest is not part of the content:
+    # read from the file of a shipped env
+    frozen: bool = field(default=False, kw_only=True)
+    # None: of these scenes
+    constants: CardBudget | None = field(default=None, kw_only=True)
 
     @cached_property
     def digest(self) -> str:
         """The sha256 of the content."""
-        sha = hashlib.sha256(
-            json.dumps(header_of(self), sort_keys=True, separators=(",", ":")).encode()
-        )
+        header = json.dumps(header_of(self), sort_keys=True, separators=(",", ":"))
+        sha = hashlib.sha256(header.encode())
         for key, scene in sorted(self.scenes.items()):
-            numbers: list[float] = [
-                scene.targets,
-                *scene.stp_events,
-                scene.false_forecasts,
-                scene.forecasts,
-            ]
-            numbers += [] if scene.way is None else [scene.way]
+            numbers: list[float] = [scene.targets, *scene.stp_events]
+            numbers += [scene.false_forecasts, scene.forecasts]
+            if scene.way is not None:
+                numbers.append(scene.way)
             sha.update(f"\n{key} {' '.join(map(str, numbers))}\n".encode())
             sha.update(scene.counts.tobytes() + scene.stp.tobytes())
         return sha.hexdigest()
@@ -87,22 +88,25 @@ class Reference:
     @property
     def totals(self) -> dict[str, Any]:
         """Totals over the scenes, shown at the head of the file."""
-        scenes = list(self.scenes.values())
-        events = (
-            np.array([scene.stp_events for scene in scenes], dtype=np.int64)
-            .reshape(-1, len(EVENTS))
-            .sum(axis=0)
-        )
-        counts = sum(
-            (scene.counts.sum(axis=0, dtype=np.int64) for scene in scenes),
-            np.zeros(len(COUNTED), np.int64),
-        )
+        totals: dict[str, Any] = dict.fromkeys(_TOTALS, 0)
+        events = np.zeros(len(EVENTS), dtype=np.int64)
+        counts = np.zeros(len(COUNTED), dtype=np.int64)
+        for scene in self.scenes.values():
+            for name in _TOTALS:
+                totals[name] += getattr(scene, name)
+            events += np.array(scene.stp_events, dtype=np.int64)
+            counts += scene.counts.sum(axis=0, dtype=np.int64)
         weights = np.round(counts / self.runs, 2).tolist()
         return {
-            **{name: sum(getattr(scene, name) for scene in scenes) for name in NUMBERS},
+            **totals,
             "events_of_stp": dict(zip(EVENTS, events.tolist(), strict=True)),
             "sum_of_weights": dict(zip(COUNTED, weights, strict=True)),
         }
+
+    @property
+    def of_drives(self) -> bool:
+        """True if scenes have distances driven in place of events."""
+        return any(scene.way is not None for scene in self.scenes.values())
 
     @property
     def budget(self) -> CardBudget:
@@ -110,48 +114,51 @@ class Reference:
         if self.constants is not None:
             return self.constants
         totals = self.totals
-        if totals["targets"] == 0 or any(
-            scene.way is not None for scene in self.scenes.values()
-        ):
+        if totals["targets"] == 0 or self.of_drives:
             return ONE_PER_TARGET
         return CardBudget(self.env, totals["false_forecasts"], totals["targets"])
 
     @property
     def origin(self) -> str:
         """Origin of the weights in one sentence, for a report."""
-        kind = (
-            "distances driven in"
-            if any(s.way is not None for s in self.scenes.values())
-            else "event weights of"
-        )
-        text = (
-            f"{kind} {self.runs} run{'' if self.runs == 1 else 's'} of {self.agent!r}"
-        )
+        kind = "distances driven in" if self.of_drives else "event weights of"
+        text = f"{kind} {counted(self.runs, 'run')} of {self.agent!r}"
+        digest = self.digest[:12]
         if self.frozen:
-            return f"frozen {text} (hash {self.digest[:12]})"
-        return f"{text} on these scenes (hash {self.digest[:12]}), not the frozen ones of a ranking"
+            return f"frozen {text} (hash {digest})"
+        return (
+            f"{text} on these scenes (hash {digest}), not the frozen ones of a ranking"
+        )
 
     def holds(self, scenes: Iterable[str]) -> bool:
-        """True if all scenes of these names have weights."""
+        """Return True if all scenes of these names have weights."""
         return all(scene_key(self.env, name) in self.scenes for name in scenes)
 
     def of(self, scene: str) -> SceneWeights:
-        """Weights of the scene of this name; raises DataError for a scene without weights."""
+        """Return the weights of the scene of this name.
+
+        Raises DataError for a scene without weights.
+        """
         key = scene_key(self.env, scene)
         if key not in self.scenes:
             raise DataError(
-                f"no event weights of scene {scene!r} of {self.env} (key {key}): make them from this scene"
+                f"no event weights of scene {scene!r} of {self.env} (key {key}): "
+                "make them from this scene"
             )
         return self.scenes[key]
 
     def ways(self, scenes: Iterable[str]) -> dict[str, float]:
-        """Way with ground-truth tracks in each scene of a closed loop, metres; raises DataError as `of`."""
+        """Return the way with ground-truth tracks in scenes of a closed loop, metres.
+
+        Raises DataError as `of`.
+        """
         return {name: self.of(name).way or 0.0 for name in scenes}
 
     def weight(self, scene: str, subset: str) -> NDArray[np.float64]:
-        """Weights [n] from 0 to 1 of the targets of a scene, one of WEIGHED; those of the paper are 0 or 1.
+        """Return the weights [n] from 0 to 1 of the targets of a scene.
 
-        Raises UnknownNameError for another subset and DataError for a scene without weights.
+        ``subset``: one of WEIGHED; weights of the paper's are 0 or 1. Raises
+        UnknownNameError for another subset and DataError for a scene without weights.
         """
         require_known("weighted subset", subset, WEIGHED)
         return self.weight_in(self.of(scene), subset)
@@ -166,24 +173,26 @@ class Reference:
 
 
 def scene_key(env: str, scene: str) -> str:
-    """Key of a scene in a file of weights."""
-    return hashlib.sha256(f"{env}/{scene}".encode()).hexdigest()[:_DIGITS]
+    """Return the key of a scene in a file of weights."""
+    return hashlib.sha256(f"{env}/{scene}".encode()).hexdigest()[:_KEY_DIGITS]
 
 
 def tracking_events(scene: Scene, rollout: Rollout, card: Card) -> Bools:
-    """Events [R, 3] of EVENTS of the best hypothesis of a rollout, per true box."""
+    """Return the EVENTS [R, 3] of the best hypothesis of a rollout, per true box."""
     scene = evaluated(scene)
     lineage = hypotheses(rollout, card)
     matched = match_hypotheses(scene.truth, rollout, lineage.member, card)
     best = lineage.best[scene.truth.frame_of_rows]
-    events = lineage_events(separated_truth(scene, card), rollout, lineage, matched).of(
-        best
-    )
+    truth = separated_truth(scene, card)
+    events = lineage_events(truth, rollout, lineage, matched).of(best)
     return np.concatenate([getattr(events, kind) for kind in EVENTS], axis=1)
 
 
 def count_runs(events: Iterable[Bools], targets: int) -> NDArray[np.uint8]:
-    """Runs [targets, 4] with each kind of event, and with frag; ``events``: of each run [targets, 3]."""
+    """Return the number of runs [targets, 4] with each kind of event, and with frag.
+
+    ``events``: of each run [targets, 3].
+    """
     counts = np.zeros((targets, len(COUNTED)), dtype=np.uint8)
     for run in events:
         counts += np.concatenate([run, run[:, 1:2] | run[:, 2:]], axis=1)
@@ -191,6 +200,5 @@ def count_runs(events: Iterable[Bools], targets: int) -> NDArray[np.uint8]:
 
 
 def header_of(reference: Reference) -> dict[str, Any]:
-    """Fields at the head of a reference's file: env, card, definitions, agent, runs and parameters."""
-    names = (*TEXTS, "runs", "parameters")
-    return {name: getattr(reference, name) for name in names}
+    """Return the fields at the head of a reference's file, by HEADER."""
+    return {name: getattr(reference, name) for name in HEADER}

@@ -1,6 +1,7 @@
-"""Files of event weights: JSON with a readable head, and the packed counts of all scenes at the end.
+"""Files of event weights: JSON with a readable head, and packed counts at the end.
 
-Counts of all scenes are packed together: scenes of one env are alike, so this halves the size.
+Counts of all scenes are packed together: scenes of one env are alike, so this halves
+the size.
 """
 
 import base64
@@ -15,10 +16,10 @@ from pydantic import Field
 
 from ..core import DataError, Section, read_json, validate, whole_file
 from .definitions import WEIGHTS_DEFINITIONS
-from .weights import COUNTED, EVENTS, NUMBERS, TEXTS, Reference, SceneWeights, header_of
+from .weights import COUNTED, EVENTS, HEADER, Reference, SceneWeights, header_of
 
-MOST_BYTES = 64 << 20  # of a file
-_MOST_TARGETS = 16 << 20  # of all scenes: a small packed text must not fill the memory
+MAX_BYTES = 64 << 20  # of a file
+_MAX_TARGETS = 16 << 20  # of all scenes: a small packed text must not fill the memory
 _ADVICE = "freeze it again"
 _Count = Annotated[int, Field(ge=0)]
 
@@ -48,34 +49,35 @@ class _ReferenceFile(Section):
 def write_reference(
     path: str | Path, reference: Reference, secret: bool = False
 ) -> None:
-    """Write a reference as JSON with its hash, one line per scene; the file appears complete or not at all.
+    """Write a reference as JSON with its hash, one line per scene.
 
-    ``secret``: readable by the user alone, also while it is written.
+    The file appears complete or not at all. ``secret``: readable by the user alone,
+    also while it is written.
     """
-    head = {
+    header = {
         **header_of(reference),
         "totals": reference.totals,
         "hash": reference.digest,
     }
     scenes = dict(sorted(reference.scenes.items()))
-    lines = [
-        f"  {json.dumps(key)}: {json.dumps(_scene_entry(scene))}"
-        for key, scene in scenes.items()
-    ]
-    tail = ""
-    for name in ("counts", "stp"):
-        content = b"".join(getattr(scene, name).tobytes() for scene in scenes.values())
-        packed = base64.b64encode(
-            lzma.compress(content, preset=6 | lzma.PRESET_EXTREME)
-        ).decode("ascii")
-        tail += f',\n "{name}": "{packed}"'
+    entries = []
+    for key, scene in scenes.items():
+        entry = _SceneEntry(
+            targets=scene.targets,
+            false_forecasts=scene.false_forecasts,
+            forecasts=scene.forecasts,
+            stp_events=scene.stp_events,
+            way=scene.way,
+        )
+        content = json.dumps(entry.model_dump(mode="json", exclude_none=True))
+        entries.append(f"  {json.dumps(key)}: {content}")
+    counts = _packed([scene.counts.tobytes() for scene in scenes.values()])
+    stp = _packed([scene.stp.tobytes() for scene in scenes.values()])
+    head = json.dumps(header, indent=1).removesuffix("\n}")
+    lines = ",\n".join(entries)
     text = (
-        json.dumps(head, indent=1)[: -len("\n}")]
-        + ',\n "scenes": {\n'
-        + ",\n".join(lines)
-        + "\n }"
-        + tail
-        + "\n}\n"
+        f'{head},\n "scenes": {{\n{lines}\n }},\n "counts": "{counts}",\n'
+        f' "stp": "{stp}"\n}}\n'
     )
     with whole_file(Path(path)) as part:
         part.touch(mode=0o600)
@@ -87,78 +89,68 @@ def write_reference(
 def read_reference(path: str | Path) -> Reference:
     """Read a file of `write_reference`.
 
-    Raises DataError, naming file and key, if the file is missing or broken or does not fit its hash.
+    Raises DataError, naming file and key, if the file is missing or broken or does not
+    fit its hash.
     """
     path = Path(path)
-    file = validate(
-        _ReferenceFile,
-        read_json(path, DataError, most=MOST_BYTES),
-        str(path),
-        DataError,
-    )
+    content = read_json(path, DataError, most=MAX_BYTES)
+    file = validate(_ReferenceFile, content, str(path), DataError)
     reference = Reference(
-        **{name: getattr(file, name) for name in (*TEXTS, "runs", "parameters")},
-        scenes={},
+        **{name: getattr(file, name) for name in HEADER}, scenes=_scenes(file, path)
     )
-    reference.scenes.update(_scenes(file, path))
     for name, value in (("hash", reference.digest), ("totals", reference.totals)):
         if getattr(file, name) != value:
             raise DataError(
-                f"{path}: {name} is {getattr(file, name)!r}, the content has {value!r}; {_ADVICE}"
+                f"{path}: {name} is {getattr(file, name)!r}, the content has "
+                f"{value!r}; {_ADVICE}"
             )
     if reference.definitions != WEIGHTS_DEFINITIONS:
         raise DataError(
-            f"{path}: definitions is {reference.definitions!r}, expected {WEIGHTS_DEFINITIONS!r}: "
-            f"mtp-bench maintain freeze --env {reference.env}"
+            f"{path}: definitions is {reference.definitions!r}, expected "
+            f"{WEIGHTS_DEFINITIONS!r}: mtp-bench maintain freeze --env {reference.env}"
         )
     return reference
 
 
 def _scenes(file: _ReferenceFile, path: Path) -> dict[str, SceneWeights]:
-    """The scenes of a file by key, in the order in which their counts are packed."""
-    entries = sorted(file.scenes.items())
-    ends = np.cumsum([entry.targets for _, entry in entries], dtype=np.int64)
-    targets = int(ends[-1]) if len(ends) else 0
-    if targets > _MOST_TARGETS:
+    """Return the scenes of a file by key, in the order of their packed counts."""
+    entries = dict(sorted(file.scenes.items()))
+    targets = sum(entry.targets for entry in entries.values())
+    if targets > _MAX_TARGETS:
         raise DataError(
-            f"{path}: targets of all scenes are {targets}, expected at most {_MOST_TARGETS}"
+            f"{path}: targets of all scenes are {targets}, "
+            f"expected at most {_MAX_TARGETS}"
         )
-    counts = np.split(
-        _unpacked(file.counts, (targets, len(COUNTED)), f"{path}: counts"), ends[:-1]
-    )
-    stp = np.split(
-        _unpacked(file.stp, (targets, len(EVENTS)), f"{path}: stp").astype(bool),
-        ends[:-1],
-    )
-    return {
-        key: SceneWeights(
-            counts[i],
-            stp[i],
-            entry.stp_events,
-            entry.false_forecasts,
-            entry.forecasts,
-            entry.way,
+    counts = _unpacked(file.counts, (targets, len(COUNTED)), f"{path}: counts")
+    stp = _unpacked(file.stp, (targets, len(EVENTS)), f"{path}: stp").astype(bool)
+    scenes = {}
+    start = 0
+    for key, entry in entries.items():
+        rows = slice(start, start + entry.targets)
+        scenes[key] = SceneWeights(
+            counts=counts[rows],
+            stp=stp[rows],
+            stp_events=entry.stp_events,
+            false_forecasts=entry.false_forecasts,
+            forecasts=entry.forecasts,
+            way=entry.way,
         )
-        for i, (key, entry) in enumerate(entries)
-    }
+        start += entry.targets
+    return scenes
 
 
-def _scene_entry(scene: SceneWeights) -> dict[str, Any]:
-    """The numbers of a scene as in a file."""
-    entry = {
-        **{name: getattr(scene, name) for name in NUMBERS},
-        "stp_events": list(scene.stp_events),
-    }
-    return entry if scene.way is None else {**entry, "way": scene.way}
+def _packed(contents: list[bytes]) -> str:
+    content = b"".join(contents)
+    packed = lzma.compress(content, preset=6 | lzma.PRESET_EXTREME)
+    return base64.b64encode(packed).decode("ascii")
 
 
 def _unpacked(text: str, shape: tuple[int, int], where: str) -> NDArray[np.uint8]:
     size = shape[0] * shape[1]
     try:
-        reader = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=MOST_BYTES)
-        content = reader.decompress(
-            base64.b64decode(text, validate=True), size + 1
-        )  # never more than is needed
+        reader = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=MAX_BYTES)
+        packed = base64.b64decode(text, validate=True)
+        content = reader.decompress(packed, size + 1)  # never more than is needed
     except (ValueError, lzma.LZMAError, EOFError) as error:
         raise DataError(f"{where} cannot be read: {error}: {_ADVICE}") from None
     if len(content) != size:

@@ -1,5 +1,6 @@
 """Events and CLEAR counts on streams that can be read off a line; input that is wrong."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -7,19 +8,21 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from mtp_bench.core.errors import ShapeError
-from mtp_bench.scoring import find_events, history, tracking_counts
+from mtp_bench.scoring import history, tracking_counts
+from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
+from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene
 
 # One object, one character per frame: a letter is the id of the track on it, "-" no track on it, "." no object,
 # "!" the track before is output, but 9 m away.
 EVENTS = {
-    # stream: ids, lost, of these "wrong", reacquired (frames)
+    # stream: frames of ids, lost, of these "wrong", reacquired
     "aaaa": ([], [], [], []),
     "aabb": ([2], [], [], []),
     "aa-a": ([], [2], [], [3]),
     "aa-b": ([], [2], [], [3]),
     "aa!a": ([], [2], [2], [3]),
+    "aa-!": ([], [2], [], []),
     "--aa": ([], [], [], []),
-    "aa--": ([], [2], [], []),
     "a-a-": ([], [1, 3], [], [2]),
     "aba": ([1, 2], [], [], []),
     "aa.a": ([], [], [], []),
@@ -35,52 +38,33 @@ EVENTS = {
 }
 
 
+def tracks_of(stream: str) -> list[list[tuple[str, float]]]:
+    """Id and distance from the object, of the track of each frame."""
+    ids = [*itertools.accumulate(stream, lambda last, c: c if c.isalpha() else last)]
+    away = {"!": 9.0, "-": None, ".": None}
+    found = [(id, away.get(c, 0.1)) for id, c in zip(ids, stream, strict=True)]
+    return [[] if x is None else [(id, x)] for id, x in found]
+
+
 def frames_of(stream: str) -> list[Any]:
-    frames, last = [], "a"
-    for t, c in enumerate(stream):
-        last = c if c.isalpha() else last
-        tracks = [(last, [t + 9.0, 0.0])] if c == "!" else [(c, [t + 0.1, 0.0])] if c.isalpha() else []
-        truth = [] if c == "." else [("g", [float(t), 0.0])]
-        frames.append(
-            ("s", t, [i for i, _ in truth], [x for _, x in truth], [i for i, _ in tracks], [x for _, x in tracks])
-        )
-    return frames
+    rows = [([], []) if c == "." else (["g"], [[0.0, 0.0]]) for c in stream]
+    sides = [([id for id, _ in track], [[x, 0.0] for _, x in track]) for track in tracks_of(stream)]
+    return [("s", t, *rows[t], *sides[t]) for t in range(len(stream))]
 
 
-def events_of(stream: str) -> Any:
-    code = {c: i for i, c in enumerate(sorted(set(stream)))}
-    frame = np.array([t for t, c in enumerate(stream) if c != "."], dtype=int)
-    matched, track_frame, track_id, last = [], [], [], "a"
-    for t, c in enumerate(stream):
-        last = c if c.isalpha() else last
-        if c.isalpha() or c == "!":
-            track_frame.append(t)
-            track_id.append(code[last])
-        if c != ".":
-            matched.append(len(track_id) - 1 if c.isalpha() else -1)
-    ids = np.array(track_id, dtype=int)
-    objects = history(frame, np.full(len(frame), 7))
-    tracks = history(np.array(track_frame, dtype=int), ids)
-    return find_events(objects, np.array(matched, dtype=int), tracks, ids)
-
-
-@pytest.mark.parametrize(("stream", "want"), EVENTS.items(), ids=EVENTS.keys())
-def test_events_of_one_object(stream: str, want: tuple[list[int], ...]) -> None:
-    found = events_of(stream)
-    frame = np.array([t for t, c in enumerate(stream) if c != "."], dtype=int)
-    got = found.ids, found.lost, found.wrong, found.reacquired
-    assert tuple(frame[rows].tolist() for rows in got) == want
+@pytest.mark.parametrize("stream", EVENTS)
+def test_events_of_one_object(stream: str) -> None:
+    """The same frame by frame, and along the lineage of one hypothesis."""
+    want = EVENTS[stream]
     counts = tracking_counts(frames_of(stream))
     assert (counts["ids"], counts["lost"], counts["reacquired"]) == tuple(len(want[i]) for i in (0, 1, 3))
-
-
-@pytest.mark.parametrize("later", [(1, 2), (2, 1)])
-def test_a_wrong_loss_is_that_of_its_object_in_any_order_of_rows(later: tuple[int, int]) -> None:
-    # objects 1 and 2 are matched to tracks 11 and 12, then both are lost: 11 is still output, 12 is not
-    objects = history(np.array([0, 0, 1, 1]), np.array([1, 2, *later]))
-    ids = np.array([11, 12, 11])
-    found = find_events(objects, np.array([0, 1, -1, -1]), history(np.array([0, 0, 1]), ids), ids)
-    assert (found.lost.tolist(), found.wrong.tolist()) == ([2, 3], [2 + later.index(1)])
+    tracks = [[Thing(ord(id), x, 0) for id, x in track] for track in tracks_of(stream)]
+    truth = make_scene([[] if c == "." else [Thing(7, 0, 0)] for c in stream]).truth
+    rollout, card = make_rollout(tracks), make_card()
+    lineage = hypotheses(rollout, card)
+    found = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
+    kinds = (found.ids, found.lost, found.wrong, found.reacquired)
+    assert tuple(truth.frame_of_rows[kind[:, 0]].tolist() for kind in kinds) == want
 
 
 def test_an_identity_twice_in_a_frame_is_an_error() -> None:
@@ -155,28 +139,41 @@ def test_nothing_at_all() -> None:
 
 
 GOOD: Any = ("s", 3, [1, 2], [[0, 0], [1, 1]], [5], [[0, 0]])
-IDS, XY = "expected a list of integers or strings", "expected finite metres of shape"
-BAD: dict[str, tuple[Any, str]] = {
-    "NaN": ([(*GOOD[:3], [[0, 0], [1, float("nan")]], *GOOD[4:])], rf"true xy of \(scene 's', t 3\) is .*nan.*{XY}"),
-    "infinite": ([(*GOOD[:5], [[np.inf, 0]])], r"track xy of \(scene 's', t 3\)"),
-    "true id twice": ([(*GOOD[:2], [1, 1], *GOOD[3:])], r"true ids of \(scene 's', t 3\) are \[1, 1\], expected each"),
-    "track id twice": ([(*GOOD[:4], ["a", "a"], [[0, 0], [1, 1]])], "track ids of .*'a', 'a'"),
-    "lengths differ": ([(*GOOD[:3], [[0, 0]], *GOOD[4:])], rf"true xy .*{XY} \(2, 2\)"),
-    "three coordinates": ([(*GOOD[:5], [[0, 0, 0]])], rf"track xy .*{XY} \(1, 2\)"),
-    "ragged": ([(*GOOD[:3], [[0, 0], [1]], *GOOD[4:])], f"true xy .*{XY}"),
-    "text": ([(*GOOD[:5], [["a", "b"]])], f"track xy .*{XY}"),
-    "frame twice": ([GOOD, GOOD], r"frame \(scene 's', t 3\) is given twice"),
-    "ids are floats": ([(*GOOD[:4], [0.5], [[0, 0]])], rf"track ids of \(scene 's', t 3\) hold 0.5, {IDS}"),
-    "a float beside a text": ([(*GOOD[:2], [0.5, "a"], *GOOD[3:])], f"hold 0.5, {IDS}"),
-    "ids are flags": ([(*GOOD[:2], [True, False], *GOOD[3:])], f"hold True, {IDS}"),
-    "no ids": ([(*GOOD[:2], None, [], *GOOD[4:])], f"hold None, {IDS}"),
-    "ids as a column": ([(*GOOD[:2], np.array([[1], [2]]), *GOOD[3:])], rf"hold \[1\], {IDS}"),
-    "no time": ([("s", float("nan"), *GOOD[2:])], r"t of frame \(scene 's', t nan\) is nan, expected a finite number"),
-    "a time in words": ([("s", "noon", *GOOD[2:])], r"t of frame .* is 'noon', expected a finite number"),
-}  # fmt: skip
+TRUE, TRACK = (rf"(?s){name} ids and xy of \(scene 's', t 3\) are .*, expected distinct" for name in ("true", "track"))
+BAD: dict[str, tuple[dict[int, Any], str]] = {  # what stands in place of the content of a good frame
+    "NaN": ({3: [[0, 0], [1, float("nan")]]}, TRUE),
+    "infinite": ({5: [[np.inf, 0]]}, TRACK),
+    "true id twice": ({2: [1, 1]}, TRUE),
+    "track id twice": ({4: ["a", "a"], 5: [[0, 0], [1, 1]]}, TRACK),
+    "lengths differ": ({3: [[0, 0]]}, TRUE),
+    "three coordinates": ({5: [[0, 0, 0]]}, TRACK),
+    "ragged": ({3: [[0, 0], [1]]}, TRUE),
+    "text": ({5: [["a", "b"]]}, TRACK),
+    "ids are floats": ({4: [0.5]}, TRACK),
+    "a float beside a text": ({2: [0.5, "a"]}, TRUE),
+    "ids are flags": ({2: [True, False]}, TRUE),
+    "no ids": ({2: None, 3: []}, TRUE),
+    "ids as a column": ({2: np.array([[1], [2]])}, TRUE),
+    "no time": ({1: float("nan")}, r"t of frame \(scene 's', t nan\) is nan, expected a finite number"),
+    "a time in words": ({1: "noon"}, r"t of frame .* is 'noon', expected a finite number"),
+}
 
 
-@pytest.mark.parametrize(("frames", "message"), BAD.values(), ids=BAD.keys())
-def test_wrong_frames_are_an_error(frames: Any, message: str) -> None:
+@pytest.mark.parametrize(("change", "message"), BAD.values(), ids=BAD.keys())
+def test_wrong_frames_are_an_error(change: dict[int, Any], message: str) -> None:
     with pytest.raises(ShapeError, match=message):
-        tracking_counts(frames)
+        tracking_counts([tuple(change.get(i, value) for i, value in enumerate(GOOD))])  # type: ignore[list-item]
+
+
+OTHER_WRONG: dict[str, tuple[list[Any], dict[str, Any]]] = {
+    r"frame \(scene 's', t 3\) is given twice": ([GOOD, GOOD], {}),
+    "gate is -1, expected a distance of 0 m or more": ([GOOD], {"gate": -1}),
+    "mode is 'x', expected 'frame' or 'sticky'": ([GOOD], {"mode": "x"}),
+}
+
+
+@pytest.mark.parametrize("message", OTHER_WRONG)
+def test_other_wrong_input_is_an_error(message: str) -> None:
+    frames, options = OTHER_WRONG[message]
+    with pytest.raises(ShapeError, match=message):
+        tracking_counts(frames, **options)

@@ -15,10 +15,8 @@ from mtp_bench.judge.records.evaluation import scorer_digest
 from mtp_bench.scoring import (
     AgentScores,
     Reference,
-    bade,
     find_targets,
     mean_plain_error,
-    report as reports,
     score_scene,
     summarise,
 )
@@ -162,19 +160,23 @@ def test_the_golden_results_are_those_of_the_definitions(unchanged: list[Any]) -
     assert len(scorer_digest()) == 64
 
 
-@pytest.mark.parametrize(("name", "value"), [("FALSE_FORECAST_SHARE", 0.5 + 1e-6), ("BUDGETS", 9)])
-def test_a_changed_number_is_seen(unchanged: list[Any], name: str, value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bade, name, value)
-    assert digest(results("center_distance", True)) != digest(unchanged)
+def changed(content: list[Any], part: int, **numbers: Any) -> list[Any]:
+    """The golden results with other numbers in the first object of one part."""
+    first, *others = content[part]
+    other = first.model_copy(update=numbers) if isinstance(first, Row) else replace(first, **numbers)
+    return [*content[:part], [other, *others], *content[part + 1 :]]
 
 
-def test_an_added_column_changes_nothing(unchanged: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_number_is_seen_and_an_added_column_is_not(unchanged: list[Any], monkeypatch: Any) -> None:
     class FurtherRow(Row):
         further_error: Annotated[float | None, Column("further", "m", "lower", optional=True)] = 1.5
 
-    monkeypatch.setattr(reports, "Row", FurtherRow)
-    further = results("center_distance", True)
-    assert digest(further) == digest(unchanged)
+    before = digest(unchanged)
+    row, score = unchanged[0][0], unchanged[3][0]
+    assert digest(changed(unchanged, 0, error=row.error + 1e-6)) != before
+    assert digest(changed(unchanged, 3, fixed_error=score.fixed_error + 1e-6)) != before
+    further = [[FurtherRow(**dict(row)) for row in unchanged[0]], *unchanged[1:]]
+    assert digest(further) == before
     monkeypatch.setitem(FIELDS, Row, f"{FIELDS[Row]} further_error")
     assert listed(further[0][0])["further_error"] == 1.5
 

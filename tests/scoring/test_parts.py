@@ -60,12 +60,6 @@ def test_the_first_cause_of_a_missing_forecast(cause: str) -> None:
     assert costs([CAR], CAUSES[cause], []) == {cause: 10.0}
 
 
-def test_a_forecast_that_is_not_sure_enough() -> None:
-    # a false forecast is surer than the right one: of ten budgets, up to one false forecast, the last alone keeps both
-    said = [Thing(1, 0, 0, forecast=still(0), confidence=0.5), Thing(2, 50, 0, forecast=still(50))]
-    assert costs([CAR], [[], [CAR]], said) == {"below threshold": 9.0}
-
-
 def test_the_parts_of_a_forecast() -> None:
     # it starts 1 m beside the car and ends 2.5 m off; with perfect association it starts 1 m off and stays there,
     # on ground-truth tracks it is .25 m off

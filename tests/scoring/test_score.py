@@ -98,11 +98,11 @@ def test_order_of_rows_and_samples_and_names_of_tracks_do_not_matter(seed: int) 
     assert_equal(score_scene(scene, other, CARD), score_scene(scene, rollout, CARD))
 
 
-@pytest.mark.parametrize("yaw", [0.3, 2.0, -1.1])
-def test_any_heading_up_to_the_rounding_of_forecasts(yaw: float) -> None:
-    scene, rollout = random_case(11)
+@steady
+@given(seeds, st.floats(-3, 3))
+def test_any_heading_up_to_the_rounding_of_forecasts(seed: int, yaw: float) -> None:
+    scene, rollout = random_case(seed)
     got, want = score_scene(*moved(scene, rollout, yaw, (40.0, -7.0, 2.0)), CARD), score_scene(scene, rollout, CARD)
-    np.testing.assert_allclose(got.capped, want.capped, atol=0.01)
     np.testing.assert_allclose(got.distance, want.distance)
     np.testing.assert_allclose(got.approach, want.approach)
     assert np.array_equal(got.own_ids, want.own_ids)
@@ -278,13 +278,6 @@ def test_where_false_tracks_have_no_class_no_class_has_a_number_of_them(right: b
     assert (fp, mota) == ((4, 0.0) if right else (8, -2.0))
     assert [(c.FP, c.MOTA, c.IDF1, c.HOTA) for c in tracking.classes.values()] == [(None,) * 4] * 2
     assert sum(c.TP for c in tracking.classes.values()) == (4 if right else 0)
-
-
-def test_all_scenes_of_an_agent_have_as_many_samples() -> None:
-    score = scored([[Thing(1, 0, 0)]] * 4, [[Thing(3, 0.1, 0)]] * 4)
-    other = replace(score, samples=score.samples + 1)
-    with pytest.raises(RolloutError, match=f"has {other.samples} samples per object, expected {score.samples} as in"):
-        agent_table(AgentScores("agent", 1, score.samples, "equal", ((score,), (other,))), None)
 
 
 def test_a_neutral_box_is_left_to_the_track_that_fits_nothing_else() -> None:
