@@ -10,12 +10,12 @@ from ...core import NO_PROGRESS, Rollout, counted, long_work, parallel_map
 from ...running import open_run
 from ...scoring import SceneParts
 from ...sources import open_source
+from ..causes import sentence
 from ..drawing.report import save_report
 from ..framing import focuses_of
 from ..moment_list import Moment, moments
 from ..played import PlayedRun
 from ..run_replay import replay
-from ..sentences import sentence
 from ..terminal.output import command_line
 from .runs import Findings
 

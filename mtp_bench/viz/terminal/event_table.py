@@ -8,9 +8,9 @@ import numpy as np
 
 from ...core import BLANK, Column, Rollout, Scene, Table
 from ...scoring import parts_text
+from ..causes import cause_text, causes_of
 from ..focus import Focus
 from ..incident import INCIDENT_KINDS, Incident
-from ..plan import collision_cause
 from ..run_replay import Replay
 from .output import command_line, counted, show_command, show_lines
 
@@ -48,8 +48,9 @@ class Listed:
             "view", str(folder), scene=replay.scene.name, at=at.name, data=data, env=env
         )
         if at.kind == "collision" and (drive := replay.rollout.drive):
+            (cause,) = causes_of(Focus(replay, at))
             further |= {
-                "cause": collision_cause(Focus(replay, at)),
+                "cause": f"{cause.stage}: {cause_text(cause)}",
                 "at_fault": drive.at_fault,
             }
         return cls(
