@@ -83,8 +83,11 @@ def view(
         if save is None and not web:
             require_display()
     replays = _replays(runs, scene, at is not None)
-    incident = None if at is None else find_incident(replays[0], at)
-    focuses = [] if incident is None else focuses_of(replays, incident)
+    incident = None
+    focuses: list[Focus] = []
+    if at is not None:
+        incident = find_incident(replays[0], at)
+        focuses = focuses_of(replays, incident)
     text = _text(replays, focuses)
     if png is not None:
         save_report(png, *focuses)

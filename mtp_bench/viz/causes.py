@@ -26,9 +26,9 @@ from .plan import collision_evidence
 Values = dict[str, Any]
 
 _FORECAST = (
-    "the nearest of {samples} samples goes {way_m:.0f} m at {turn_deg:+.0f}° and ends "
-    "{end_error_m:.1f} m off; the object goes {true_way_m:.0f} m at "
-    "{true_turn_deg:+.0f}°"
+    "the nearest of {samples} samples goes {way_m:.0f} m at {turn_deg:.0f}° to the "
+    "heading and ends {end_error_m:.1f} m off; the object goes {true_way_m:.0f} m at "
+    "{true_turn_deg:.0f}°"
 )
 _COUNTS = (
     "detected in {detected_frames} and forecast in {forecast_frames} of the {frames} "
@@ -109,6 +109,14 @@ def cause_text(cause: Cause) -> str:
     return TEMPLATES[cause.reason].format(**cause.values) if cause.values else ""
 
 
+def cause_line(cause: Cause) -> str:
+    """Return a cause in one line: title, cost in metres and evidence."""
+    line = cause.title
+    if cause.cost_m is not None:
+        line += f", {cause.cost_m:.1f} m"
+    return f"{line}: {cause_text(cause)}".removesuffix(": ")
+
+
 def ranked_parts(
     parts: Mapping[str, float], is_borrowed: bool
 ) -> list[tuple[str, str, float]]:
@@ -149,7 +157,7 @@ def causes_of(focus: Focus) -> list[Cause]:
     if not at.parts:
         return []
     is_borrowed = bool(borrowed(focus.replay)[at.row])
-    causes = []
+    causes: list[Cause] = []
     is_sure = at.confidence is not None and at.confidence >= SURE
     for stage, part_name, cost_m in ranked_parts(at.parts, is_borrowed):
         if causes and cost_m < LEAST_SHOWN:
@@ -193,12 +201,7 @@ def happened(focus: Focus) -> str:
 
 def sentence(focus: Focus) -> str:
     """Return the event, and its gravest cause with evidence and cost."""
-    lines = [happened(focus)]
-    for cause in causes_of(focus)[:1]:
-        cost = "" if cause.cost_m is None else f", {cause.cost_m:.1f} m"
-        text = cause_text(cause)
-        lines.append(cause.title + cost + (f": {text}" if text else ""))
-    return ". ".join(lines)
+    return ". ".join([happened(focus), *map(cause_line, causes_of(focus)[:1])])
 
 
 def _event_values(focus: Focus, event: Incident) -> Values:
@@ -208,8 +211,8 @@ def _event_values(focus: Focus, event: Incident) -> Values:
     )
     duration = "for good"
     if focus.regained >= 0:
-        seconds = focus.seconds(focus.regained) - focus.seconds(event.frame)
-        duration = f"for {seconds:.1f} s"
+        time_s = focus.seconds(focus.regained) - focus.seconds(event.frame)
+        duration = f"for {time_s:.1f} s"
     values = {
         "object": focus.named,
         "noun": focus.noun,

@@ -108,9 +108,11 @@ def taken_detection(focus: Focus, track_id: int, t: int) -> int:
     moved_m = 0.0
     if expected_place is not None:
         moved_m = float(np.hypot(*(track_place - expected_place)))
-    gap = track_place - replay.scene.detections.box[detection_row, :2]
-    is_near = np.hypot(*gap) <= SMOOTHED_SHARE * focus.gate_m + moved_m
-    return detection_row if is_near else -1
+    offset_m = track_place - replay.scene.detections.box[detection_row, :2]
+    is_near = np.hypot(*offset_m) <= SMOOTHED_SHARE * focus.gate_m + moved_m
+    if not is_near:
+        return -1
+    return detection_row
 
 
 @lru_cache(maxsize=64)  # lists ask for all tracks of a frame, one after the other
@@ -123,8 +125,10 @@ def _matched_detections(
     tracks = np.arange(rollout.tracks.rows(t).start, rollout.tracks.rows(t).stop)
     tracks = tracks[replay.answers.hypotheses.member[tracks, hypothesis]]
     rows = detections.rows(t)
-    gap = rollout.track_box[tracks, None, :2].astype(float) - detections.box[rows, :2]
-    distance_m = np.hypot(gap[..., 0], gap[..., 1])
+    offset_m = (
+        rollout.track_box[tracks, None, :2].astype(float) - detections.box[rows, :2]
+    )
+    distance_m = np.hypot(offset_m[..., 0], offset_m[..., 1])
     track_class = rollout.track_class[tracks][:, None]
     same_class = (track_class == detections.class_id[rows]) | (track_class < 0)
     i, j = np.nonzero(same_class & (distance_m <= radius_m))

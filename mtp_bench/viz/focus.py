@@ -107,7 +107,9 @@ class Focus:
 
         A gap is a row of -1 or a hole in time. The last frame may lie before the first.
         """
-        step = 1 if last_frame >= first_frame else -1
+        step = 1
+        if last_frame < first_frame:
+            step = -1
         piece = pieces(self.replay.scene, self.replay.card)
         frames = np.arange(first_frame, last_frame + step, step)
         frames = frames[(frames >= 0) & (frames < len(rows))]
@@ -258,8 +260,10 @@ class Focus:
         samples = (start + to_metres(rollout.forecast[row]))[weight > 0]
         future = self.future(t)[1:]
         if len(future):
-            gap = samples[:, : len(future)] - future
-            nearest = np.argmin(np.hypot(gap[..., 0], gap[..., 1]).sum(axis=1))
+            offset_m = samples[:, : len(future)] - future
+            nearest = np.argmin(
+                np.hypot(offset_m[..., 0], offset_m[..., 1]).sum(axis=1)
+            )
         else:
             nearest = np.argmax(weight[weight > 0])
         track_id = int(self.replay.answers.object_track_id[row])

@@ -135,8 +135,8 @@ def focuses_of(replays: Sequence[Replay], at: Incident) -> list[Focus]:
 
 def frames_around(scene: Scene, t: int) -> range:
     """Return the frames within `AROUND_SECONDS` of frame ``t``."""
-    gap = np.abs(scene.time - scene.time[t])
-    frames = np.flatnonzero(gap <= AROUND_SECONDS + 1e-6)
+    offset_m = np.abs(scene.time - scene.time[t])
+    frames = np.flatnonzero(offset_m <= AROUND_SECONDS + 1e-6)
     return range(int(frames[0]), int(frames[-1]) + 1)
 
 
@@ -276,10 +276,10 @@ def window_of(
     """
     turn = turn_of(focus)
     shown = compared or (focus,)
-    gaps = [_things(run, is_close) - run.place(run.at.frame) for run in shown]
-    gap = MARGIN * rotate(np.concatenate(gaps), -turn)
-    low = gap.min(axis=0)
-    high = gap.max(axis=0)
+    offsets_m = [_things(run, is_close) - run.place(run.at.frame) for run in shown]
+    offset_m = MARGIN * rotate(np.concatenate(offsets_m), -turn)
+    low = offset_m.min(axis=0)
+    high = offset_m.max(axis=0)
     half = np.maximum((high - low) / 2, np.maximum(high, -low) / (1 + OFF_CENTER))
     smallest = 1.5 + 1.2 * max(map(length_of, shown))
     half = np.clip(half, smallest, max(smallest, CLOSE_M) if is_close else LARGEST_M)

@@ -98,8 +98,8 @@ def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
     distance_m = None
     if replay.card.has_ego:
         ego_place = replay.scene.ego[frame[worst_row], :2]
-        gap = replay.scene.truth.box[worst_row, :2] - ego_place
-        distance_m = float(np.hypot(*gap))
+        offset_m = replay.scene.truth.box[worst_row, :2] - ego_place
+        distance_m = float(np.hypot(*offset_m))
     first = int(frame[rows[0]])
     until = int(frame[rows[-1]])
     return Moment(
@@ -126,8 +126,8 @@ def find_incident(replay: Replay, text: str) -> Incident:
         return replay.incident(text)
     if re.fullmatch(_WHOLE_NUMBER, text):
         return _worst_of(replay, _require_frame(replay, int(text), text))
-    if seconds := re.fullmatch(rf"({_WHOLE_NUMBER}(?:\.\d{{1,9}})?) ?s", text):
-        return _worst_of(replay, _frame_at(replay, float(seconds[1]), text))
+    if time_s := re.fullmatch(rf"({_WHOLE_NUMBER}(?:\.\d{{1,9}})?) ?s", text):
+        return _worst_of(replay, _frame_at(replay, float(time_s[1]), text))
     name, _, frame = text.rpartition("@")
     if name and re.fullmatch(_WHOLE_NUMBER, frame) and not is_object:
         return _in_frame(replay, _rows_of(replay, name), int(frame), text)
@@ -139,19 +139,19 @@ def find_incident(replay: Replay, text: str) -> Incident:
     return replay.moment(int(rows[np.argmax(cost)]))
 
 
-def _frame_at(replay: Replay, seconds: float, text: str) -> int:
+def _frame_at(replay: Replay, time_s: float, text: str) -> int:
     time = replay.scene.time - replay.scene.time[0]
-    if seconds > time[-1] + 1.0:
+    if time_s > time[-1] + 1.0:
         _require_frame(replay, replay.frames, text)
-    return int(np.argmin(np.abs(time - seconds)))
+    return int(np.argmin(np.abs(time - time_s)))
 
 
 def _require_frame(replay: Replay, t: int, text: str) -> int:
     if t >= replay.frames:
-        seconds = replay.scene.time[-1] - replay.scene.time[0]
+        time_s = replay.scene.time[-1] - replay.scene.time[0]
         raise MtpBenchError(
             f"{text}: scene {replay.scene.name} ends at frame {replay.frames - 1}, "
-            f"{seconds:.1f} s"
+            f"{time_s:.1f} s"
         )
     return t
 

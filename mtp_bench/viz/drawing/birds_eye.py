@@ -71,23 +71,24 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
     turns, and its size never changes.
     """
     table = scene.detections if len(scene.detections.box) else scene.truth
-    places = table.box[:, :2]
+    box_places = table.box[:, :2]
     if card.drive is not None:  # more frames will come
         middle = scene.ego[:, :2].tolist()
         return [Window(x, y, LARGEST_M, LARGEST_M) for x, y in middle]
     if not card.has_ego:
-        places = places if len(places) else scene.ego[:, :2]
-        low = np.quantile(places, 0.01, axis=0) - MARGIN_M
-        high = np.quantile(places, 0.99, axis=0) + MARGIN_M
+        if not len(box_places):
+            box_places = scene.ego[:, :2]
+        low = np.quantile(box_places, 0.01, axis=0) - MARGIN_M
+        high = np.quantile(box_places, 0.99, axis=0) + MARGIN_M
         return [
             Window(*((low + high) / 2).tolist(), *(high - low).tolist())
         ] * scene.frames
     pose = scene.ego[table.frame_of_rows]
-    gap = rotate(places - pose[:, :2], -pose[:, 3])
-    gap = np.append(gap, [[0.0, 0.0]], axis=0)  # scenes without boxes
+    offset_m = rotate(box_places - pose[:, :2], -pose[:, 3])
+    offset_m = np.append(offset_m, [[0.0, 0.0]], axis=0)  # scenes without boxes
     # where detections reach too far for one picture, those near the ego matter most
-    ahead = np.clip(np.median(gap[:, 0]), -LARGEST_M / 2, LARGEST_M / 2)
-    reach = np.abs(gap - [ahead, 0.0]).max(axis=1)
+    ahead = np.clip(np.median(offset_m[:, 0]), -LARGEST_M / 2, LARGEST_M / 2)
+    reach = np.abs(offset_m - [ahead, 0.0]).max(axis=1)
     size = 2 * float(np.clip(np.quantile(reach, 0.9), SMALLEST_M, LARGEST_M))
     shift = rotate(np.tile([ahead, 0.0], (scene.frames, 1)), scene.ego[:, 3])
     middle = (scene.ego[:, :2] + shift).tolist()
@@ -105,10 +106,12 @@ def draw_frame(replay: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     draw_plan(canvas, replay, t)
     # the newest event of each object lately, at the place of the object now
     object_ids = truth.object_id[truth.rows(t)].tolist()
-    places = dict(zip(object_ids, truth.box[truth.rows(t), :2], strict=True))
+    box_places = dict(zip(object_ids, truth.box[truth.rows(t), :2], strict=True))
     ring_px = min(max(10.0, 2.5 * canvas.scale), 20.0)
     events = replay.recent(t, EVENT_SECONDS * replay.card.task.rate)
-    event_places = [places.get(e.object_id, np.array(e.position[:2])) for e in events]
+    event_places = [
+        box_places.get(e.object_id, np.array(e.position[:2])) for e in events
+    ]
     for place in event_places:
         canvas.ring(canvas.pixels(place), ring_px)
     # names are written as far as there is room, events first
@@ -239,8 +242,8 @@ def _heading(replay: Replay, t: int) -> Iterator[Text]:
         yield replay.agent, LARGE, BLACK
     yield replay.card.id, MIDDLE, GRAY
     yield f"scene {scene.name}", MIDDLE, GRAY
-    seconds = scene.time[t] - scene.time[0]
-    yield f"frame {t} of {scene.frames - 1}   {seconds:.1f} s", MIDDLE, BLACK
+    time_s = scene.time[t] - scene.time[0]
+    yield f"frame {t} of {scene.frames - 1}   {time_s:.1f} s", MIDDLE, BLACK
     plan = plan_at(replay, t)
     if plan is not None:
         acceleration = round(plan.acceleration, 1) + 0.0

@@ -141,34 +141,36 @@ class Canvas:
 
     # ---- signs
 
-    def dot(self, pixel: Floats, radius: float, color: Color, alpha: int = 255) -> None:
-        """Draw a disc around a pixel; ``radius`` in pixels."""
-        self.draw.ellipse(_around(pixel, radius), fill=(*color, alpha))
+    def dot(
+        self, pixel: Floats, radius_px: float, color: Color, alpha: int = 255
+    ) -> None:
+        """Draw a disc around a pixel; ``radius_px`` in pixels."""
+        self.draw.ellipse(_around(pixel, radius_px), fill=(*color, alpha))
 
-    def ring(self, pixel: Floats, radius: float) -> None:
+    def ring(self, pixel: Floats, radius_px: float) -> None:
         """Draw the mark of an event: a bright circle with a dark edge."""
         for wider, color, width in ((1.0, BLACK, 5.0), (0.0, EVENT, 3.0)):
-            square = _around(pixel, radius + wider)
+            square = _around(pixel, radius_px + wider)
             self.draw.ellipse(square, outline=color, width=round(width * FINER))
 
-    def cross(self, pixel: Floats, radius: float, color: Color) -> None:
+    def cross(self, pixel: Floats, radius_px: float, color: Color) -> None:
         """Draw two crossed lines on a white edge."""
         for line_color, width in ((WHITE, 5.0), (color, 2.5)):
             for side in (1.0, -1.0):
-                ends = pixel + radius * np.array([[-1.0, -side], [1.0, side]])
+                ends = pixel + radius_px * np.array([[-1.0, -side], [1.0, side]])
                 self.stroke(ends, line_color, width)
 
-    def circle(self, pixel: Floats, radius: float, color: Color) -> None:
+    def circle(self, pixel: Floats, radius_px: float, color: Color) -> None:
         """Draw a dashed circle."""
         angle = np.linspace(0.0, 2 * np.pi, 61)
-        self.stroke(pixel + radius * unit_vectors(angle), color, 1.5, dashed=True)
+        self.stroke(pixel + radius_px * unit_vectors(angle), color, 1.5, dashed=True)
 
     # ---- texts
 
     def text(
         self, x: float, y: float, text: str, size: int, color: Color, edge: bool = False
     ) -> None:
-        """Write a line of text with its top left_px at a pixel; ``edge``: a white one."""
+        """Write a line of text with its top left at a pixel; ``edge``: a white one."""
         self.draw.text(
             (round(x * FINER), round(y * FINER)),
             text,
@@ -178,28 +180,28 @@ class Canvas:
             stroke_fill=WHITE,
         )
 
-    def label(self, xy: Floats, text: str, color: Color, reach: float) -> None:
-        """Write a small text ``reach`` pixels from a thing at ``xy`` [2], if possible."""
-        place = self._free_place(xy, text_size(text, SMALL), (reach + 1.0,))
+    def label(self, xy: Floats, text: str, color: Color, reach_px: float) -> None:
+        """Write a small text ``reach_px`` pixels from a thing at ``xy`` [2], if possible."""
+        place = self._free_place(xy, text_size(text, SMALL), (reach_px + 1.0,))
         if place is not None:
             self.text(place[0], place[1], text, SMALL, color, edge=True)
 
     def callout(
-        self, xy: Floats, text: str, color: Color, reach: float, size: int = MIDDLE
+        self, xy: Floats, text: str, color: Color, reach_px: float, size: int = MIDDLE
     ) -> None:
         """Write a text on a board with a line to a thing at ``xy`` [2] of the world.
 
-        The line begins ``reach`` pixels from the thing. The text is left_px out where
+        The line begins ``reach_px`` pixels from the thing. The text is left out where
         there is no room.
         """
         wide, high = text_size(text, size)
-        gaps = [reach + gap for gap in BOARD_GAPS_PX]
+        gaps = [reach_px + gap for gap in BOARD_GAPS_PX]
         place = self._free_place(xy, (wide + 8.0, high + 4.0), gaps)
         if place is None:
             return
         start = self.pixels(xy)
         end = np.clip(start, place[:2], place[2:])
-        start = start + reach * (end - start) / max(np.hypot(*(end - start)), 1e-9)
+        start = start + reach_px * (end - start) / max(np.hypot(*(end - start)), 1e-9)
         self.stroke(np.stack([start, end]), color, 1.0)
         square = [round(edge * FINER) for edge in place]
         self.draw.rectangle(square, fill=WHITE, outline=color, width=FINER)
@@ -231,7 +233,7 @@ class Canvas:
         )
 
     def scale_bar(self) -> None:
-        """Draw a bar of a round number of metres at the bottom left_px."""
+        """Draw a bar of a round number of metres at the bottom left."""
         max_m = self.width / self.scale / 5
         power = 10.0 ** np.floor(np.log10(max_m))
         steps = [step * power for step in (0.5, 1.0, 2.0, 5.0) if step * power <= max_m]
@@ -275,9 +277,9 @@ def _points(pixels: Floats) -> list[tuple[float, ...]]:
     return [tuple(point) for point in (pixels * FINER).tolist()]
 
 
-def _around(pixel: Floats, radius: float) -> list[tuple[float, ...]]:
+def _around(pixel: Floats, radius_px: float) -> list[tuple[float, ...]]:
     """Return the corners of the square around a circle, in enlarged pixels."""
-    return _points(np.stack([pixel - radius, pixel + radius]))
+    return _points(np.stack([pixel - radius_px, pixel + radius_px]))
 
 
 def _dashes(path: Floats) -> Iterable[Floats]:

@@ -100,12 +100,12 @@ class _CloseUp:
         for role, forecast in self.forecasts:
             is_new = role == "now"
             color = ROLES[self._role(role, forecast)]
-            for sample in forecast.samples if is_new else ():
-                path = np.concatenate([forecast.start[None], sample])
-                self.canvas.lines([path], color, 1.0, 70)
-            width = 3.0 if is_new else 2.0
+            if is_new:
+                starts = np.broadcast_to(forecast.start, (len(forecast.samples), 1, 2))
+                paths = np.concatenate([starts, forecast.samples], axis=1)
+                self.canvas.lines(paths, color, 1.0, 70)
             text = self._forecast_name(forecast)
-            mark = Mark(text, line=color, width=width, dashed=not is_new)
+            mark = Mark(text, line=color, width=2.0 + is_new, dashed=not is_new)
             self._path(forecast.nearest_path, mark)
         for track in shown.tracks:
             self.canvas.lines([track.trail], ROLES[track.role], 2.0, 130)
@@ -266,15 +266,15 @@ class _CloseUp:
         names: list[Named] = []
         future = self.shown.future
         if len(future) > 1:
-            seconds = (len(future) - 1) / self.focus.replay.card.task.rate
-            text = f"true, {seconds:.1f} s later"
+            time_s = (len(future) - 1) / self.focus.replay.card.task.rate
+            text = f"true, {time_s:.1f} s later"
             names.append((future[-1], text, "truth", 7.0))
         for role, forecast in self.forecasts[::-1]:
             path = forecast.nearest_path
             text = self._forecast_name(forecast)
             if role == "now" and len(future) > 1:
-                gap = path[: len(future)][-1] - future[-1]
-                text += f", {np.hypot(*gap):.1f} m off"
+                offset_m = path[: len(future)][-1] - future[-1]
+                text += f", {np.hypot(*offset_m):.1f} m off"
             names.append((path[-1], text, self._role(role, forecast), 6.0))
         return names
 

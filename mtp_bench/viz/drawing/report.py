@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw, PngImagePlugin
 
 from ...core import __version__, whole_file
 from ...scoring import LEAST_SHOWN, named_parts
-from ..causes import cause_text, causes_of, happened, headline, sentence
+from ..causes import cause_line, causes_of, happened, headline, sentence
 from ..evidence import ego_distance, visible_share
 from ..focus import Focus
 from ..framing import window_of
@@ -91,8 +91,8 @@ def picture(
     ink = ImageDraw.Draw(image)
     title = _title(focus, t)
     color: Color = BLACK
-    last_frame = focus.at.until if focus.at.object_id < 0 else focus.at.frame
-    if not focus.at.frame <= t <= last_frame:
+    lasts = focus.at.object_id < 0 and focus.at.frame < t <= focus.at.until
+    if t != focus.at.frame and not lasts:
         color = GRAY
         title += f"   The text is of {focus.seconds(focus.at.frame):.1f} s:"
     stage = headline(focus).capitalize()
@@ -107,10 +107,7 @@ def picture(
 
 def _text_lines(focus: Focus, width_px: float) -> list[str]:
     """Return the event and its gravest causes in lines of ``width_px`` pixels."""
-    texts = [happened(focus)]
-    for cause in causes_of(focus)[:MAX_CAUSES]:
-        cost = "" if cause.cost_m is None else f", {cause.cost_m:.1f} m"
-        texts.append(f"{cause.title}{cost}: {cause_text(cause)}".removesuffix(": "))
+    texts = [happened(focus), *map(cause_line, causes_of(focus)[:MAX_CAUSES])]
     return [line for text in texts for line in wrapped(text, LARGE, width_px)]
 
 

@@ -49,7 +49,7 @@ class Log:
     """Target of entities: a recording, the frames and timelines, a prefix of paths.
 
     The rows of an entity are those of all frames from ``first`` on, which has those
-    from ``start[0]`` to ``start[1]``.
+    from ``row_start[0]`` to ``row_start[1]``.
     """
 
     recording: rr.RecordingStream
@@ -62,52 +62,52 @@ class Log:
 
     def boxes(
         self,
-        path: str,
-        start: Ints,
+        entity_path: str,
+        row_start: Ints,
         box: Floats,
-        color: Colors,
+        row_colors: Colors,
         labels: Labels = None,
         fill: Any = "majorwireframe",
         radius: float = EDGE_M,
     ) -> None:
         """Log boxes [R, 7] with colours [R, 3] and labels [R]."""
-        rows, counts = self._rows(start)
+        rows, counts = self._rows(row_start)
         box = np.ascontiguousarray(box[rows], dtype=np.float32)
         columns = rr.Boxes3D.columns(
             centers=box[:, :3],
             half_sizes=box[:, 4:7] / 2,
             quaternions=Rotation.from_euler("z", box[:, 3:4]).as_quat(),
-            colors=packed(color[rows]),
+            colors=packed(row_colors[rows]),
             labels=(labels and labels[rows]) or None,
         )
         style = rr.Boxes3D.from_fields(fill_mode=fill, radii=radius, show_labels=False)
-        self.columns(path, style, columns.partition(counts))
+        self.columns(entity_path, style, columns.partition(counts))
 
     def strips(
         self,
-        path: str,
-        start: Ints,
-        point: Floats,
-        color: Colors,
+        entity_path: str,
+        row_start: Ints,
+        strip_points: Floats,
+        row_colors: Colors,
         radius: float,
         labels: Labels = None,
     ) -> None:
         """Log polylines [R, points, 3] with colours [R, 3] and labels [R]."""
-        rows, counts = self._rows(start)
+        rows, counts = self._rows(row_start)
         columns = rr.LineStrips3D.columns(
-            strips=np.ascontiguousarray(point[rows], dtype=np.float32),
-            colors=packed(color[rows]),
+            strips=np.ascontiguousarray(strip_points[rows], dtype=np.float32),
+            colors=packed(row_colors[rows]),
             labels=(labels and labels[rows]) or None,
         )
         style = rr.LineStrips3D.from_fields(radii=radius, show_labels=False)
-        self.columns(path, style, columns.partition(counts))
+        self.columns(entity_path, style, columns.partition(counts))
 
     def names(
         self,
-        path: str,
-        start: Ints,
+        entity_path: str,
+        row_start: Ints,
         place: Floats,
-        color: Colors,
+        row_colors: Colors,
         labels: Sequence[str],
         size: float,
     ) -> None:
@@ -115,18 +115,22 @@ class Log:
 
         Their colours [R, 3] are made lighter: a viewer writes them on dark ground.
         """
-        rows, counts = self._rows(start)
-        pale = 255 - (PALE_SHARE * (255.0 - color[rows])).astype(np.uint8)
+        rows, counts = self._rows(row_start)
+        pale = 255 - (PALE_SHARE * (255.0 - row_colors[rows])).astype(np.uint8)
         texts = [drawable(label) for label in labels[rows]]
         columns = rr.Points3D.columns(
             positions=place[rows], colors=packed(pale), labels=texts or None
         )
         radii = rr.Radius.ui_points(size)
         style = rr.Points3D.from_fields(radii=radii, show_labels=True)
-        self.columns(path, style, columns.partition(counts))
+        self.columns(entity_path, style, columns.partition(counts))
 
     def columns(
-        self, path: str, style: Any, columns: Any, frames: Sequence[int] | None = None
+        self,
+        entity_path: str,
+        style: Any,
+        columns: Any,
+        frames: Sequence[int] | None = None,
     ) -> None:
         """Log values of ``frames``, by default all, and their style."""
         frame = np.array(self.frames if frames is None else frames, dtype=np.int64)
@@ -136,14 +140,14 @@ class Log:
         if self.timeline != EVENT:  # whose frames are logged for the second time
             times.append(rr.TimeColumn("frame", sequence=frame))
             if style is not None:
-                self.recording.log(self.root + path, style, static=True)
-        self.recording.send_columns(self.root + path, times, columns)
+                self.recording.log(self.root + entity_path, style, static=True)
+        self.recording.send_columns(self.root + entity_path, times, columns)
 
-    def _rows(self, start: Ints) -> tuple[slice, Ints]:
+    def _rows(self, row_start: Ints) -> tuple[slice, Ints]:
         """Return the rows that are logged, and their number in each frame."""
         first = self.frames.start - self.first
-        start = start[first : self.frames.stop + 1 - self.first]
-        return slice(int(start[0]), int(start[-1])), np.diff(start)
+        row_start = row_start[first : self.frames.stop + 1 - self.first]
+        return slice(int(row_start[0]), int(row_start[-1])), np.diff(row_start)
 
 
 def log_map(recording: rr.RecordingStream, replay: Replay, root: str = "") -> None:
@@ -157,16 +161,18 @@ def log_map(recording: rr.RecordingStream, replay: Replay, root: str = "") -> No
     ground = float(np.median(boxes[:, 2] - boxes[:, 6] / 2)) if len(boxes) else 0.0
     lanes = replay.scene.lanes
     borders = [side for l in lanes if not l.junction for side in (l.left, l.right)]
-    arrows = [] if replay.card.lanes is None else list(arrows_of(lanes))
+    arrows: list[Floats] = []
+    if replay.card.lanes is not None:
+        arrows = list(arrows_of(lanes))
     centers = [lane.center for lane in lanes]
-    for name, color, lines in (
+    for name, row_colors, lines in (
         ("center", CENTER, centers),
         ("border", BORDER, borders),
         ("direction", BORDER, arrows),
     ):
         strips = [np.insert(line, 2, ground, axis=1) for line in lines]
         if strips:
-            shape = rr.LineStrips3D(strips, colors=color, radii=EDGE_M)
+            shape = rr.LineStrips3D(strips, colors=row_colors, radii=EDGE_M)
             recording.log(f"{root}world/map/{name}", shape, static=True)
 
 
@@ -179,9 +185,11 @@ def log_scene(log: Log, replay: Replay) -> None:
     scene = replay.scene
     truth = scene.truth
     if replay.card.has_ego:
-        color = _all(EGO, scene.frames)
-        start: Ints = np.arange(scene.frames + 1)
-        log.boxes("world/ego", start, ego_boxes(scene.ego), color, fill="solid")
+        row_colors = _all(EGO, scene.frames)
+        row_start: Ints = np.arange(scene.frames + 1)
+        log.boxes(
+            "world/ego", row_start, ego_boxes(scene.ego), row_colors, fill="solid"
+        )
         translation = np.float32(scene.ego[log.frames, :3])
         log.columns(
             "world/follow", None, rr.Transform3D.columns(translation=translation)
@@ -189,14 +197,22 @@ def log_scene(log: Log, replay: Replay) -> None:
     if len(truth.box):
         names = object_names(replay)
         labels = [names[object_id] for object_id in truth.object_id.tolist()]
-        color = _either(truth.neutral, NEUTRAL, TRUTH)
-        log.boxes("world/gt", truth.start, truth.box, color, labels, radius=2 * EDGE_M)
+        row_colors = _either(truth.neutral, NEUTRAL, TRUTH)
+        log.boxes(
+            "world/gt", truth.start, truth.box, row_colors, labels, radius=2 * EDGE_M
+        )
         separated = separated_truth(scene, replay.card)
-        start, point = true_futures(separated, replay.card.task.future)
-        log.strips("world/gt_future", start, point, _all(TRUTH, len(point)), FUTURE_M)
+        row_start, strip_points = true_futures(separated, replay.card.task.future)
+        log.strips(
+            "world/gt_future",
+            row_start,
+            strip_points,
+            _all(TRUTH, len(strip_points)),
+            FUTURE_M,
+        )
     detections = scene.detections
-    color = _either(replay.detection_false, FALSE, DETECTION)
-    log.boxes("world/det", detections.start, detections.box, color)
+    row_colors = _either(replay.detection_false, FALSE, DETECTION)
+    log.boxes("world/det", detections.start, detections.box, row_colors)
 
 
 def log_plan(log: Log, replay: Replay) -> None:
@@ -211,14 +227,16 @@ def log_plan(log: Log, replay: Replay) -> None:
     steps = [np.stack([plan.path[:-1], plan.path[1:]], axis=1) for plan in plans]
     step = np.concatenate(steps)
     ground = float(np.median(replay.scene.ego[:, 2]))
-    start: Ints = np.arange(len(plans) + 1) * len(plans[0].hard)
-    color = _either(np.concatenate([plan.hard for plan in plans]), FALSE, EGO)
-    log.strips("world/plan", start, np.insert(step, 2, ground, axis=2), color, PLAN_M)
+    row_start: Ints = np.arange(len(plans) + 1) * len(plans[0].hard)
+    row_colors = _either(np.concatenate([plan.hard for plan in plans]), FALSE, EGO)
+    log.strips(
+        "world/plan", row_start, np.insert(step, 2, ground, axis=2), row_colors, PLAN_M
+    )
     slower = np.concatenate([plan.slower for plan in plans])
-    start = starts_of([len(plan.slower) for plan in plans])
+    row_start = starts_of([len(plan.slower) for plan in plans])
     labels = ["slows the ego"] * len(slower)
-    color = _all(FALSE, len(slower))
-    log.boxes("world/slower", start, slower, color, labels, radius=3 * EDGE_M)
+    row_colors = _all(FALSE, len(slower))
+    log.boxes("world/slower", row_start, slower, row_colors, labels, radius=3 * EDGE_M)
 
 
 def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
@@ -234,8 +252,8 @@ def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
     rows = [evaluated]
     for _ in range(future):
         rows.append(following[rows[-1]])
-    point = truth.box[np.stack(rows, axis=1), :3].astype(np.float32)
-    return np.searchsorted(evaluated, truth.start), point
+    strip_points = truth.box[np.stack(rows, axis=1), :3].astype(np.float32)
+    return np.searchsorted(evaluated, truth.start), strip_points
 
 
 def log_answers(
@@ -249,18 +267,18 @@ def log_answers(
     rate_hz = replay.card.task.rate
     log_plan(log, replay)
     for hypothesis in hypotheses:
-        path = f"world/hyp/{hypothesis:02d}"
+        entity_path = f"world/hyp/{hypothesis:02d}"
         rows = np.flatnonzero(replay.answers.hypotheses.member[:, hypothesis])
-        start = np.searchsorted(rows, rollout.track_start)
+        row_start = np.searchsorted(rows, rollout.track_start)
         track_ids = rollout.track_id[rows]
         names = track_ids.astype(str).tolist()
         box = rollout.track_box[rows]
-        color = track_colors(track_ids)
-        log.boxes(f"{path}/box", start, box, color, fill=TRACK_FILL)
-        log.names(f"{path}/name", start, box[:, :3], color, names, 1.0)
+        row_colors = track_colors(track_ids)
+        log.boxes(f"{entity_path}/box", row_start, box, row_colors, fill=TRACK_FILL)
+        log.names(f"{entity_path}/name", row_start, box[:, :3], row_colors, names, 1.0)
         past = replay.answers.past(rows, hypothesis, trail_frames(rate_hz))
         trails = rollout.track_box[past[:, :: _stride(rate_hz)], :3]
-        log.strips(f"{path}/trail", start, trails, color, TRAIL_M)
+        log.strips(f"{entity_path}/trail", row_start, trails, row_colors, TRAIL_M)
     if level != "tracks":
         is_false = replay.forecast_false
         _log_forecasts(log, "world/forecast", replay, level, ~is_false)
@@ -269,7 +287,7 @@ def log_answers(
 
 
 def _log_forecasts(
-    log: Log, path: str, replay: Replay, level: str, chosen: Bools
+    log: Log, entity_path: str, replay: Replay, level: str, chosen: Bools
 ) -> None:
     """Log forecast samples of the ``chosen`` objects [O]: all, or the heaviest.
 
@@ -285,11 +303,11 @@ def _log_forecasts(
     steps = to_metres(rollout.forecast[row, sample])
     # the first point is the object itself, and the height does not change
     offset = np.pad(steps, ((0, 0), (1, 0), (0, 1)))
-    point = rollout.object_box[row, None, :3].astype(np.float64) + offset
+    strip_points = rollout.object_box[row, None, :3].astype(np.float64) + offset
     labels = [f"confidence {value:.2f}" for value in rollout.object_confidence[row]]
-    start = np.searchsorted(row, rollout.object_start)
-    color = track_colors(replay.answers.object_track_id[row])
-    log.strips(path, start, point, color, FORECAST_M, labels)
+    row_start = np.searchsorted(row, rollout.object_start)
+    row_colors = track_colors(replay.answers.object_track_id[row])
+    log.strips(entity_path, row_start, strip_points, row_colors, FORECAST_M, labels)
 
 
 def trail_frames(rate_hz: float) -> int:
@@ -305,5 +323,5 @@ def _either(mask: Bools, yes: Color, no: Color) -> Colors:
     return np.where(mask[:, None], yes, no).astype(np.uint8)
 
 
-def _all(color: Color, count: int) -> Colors:
-    return np.full((count, 3), color, dtype=np.uint8)
+def _all(row_colors: Color, count: int) -> Colors:
+    return np.full((count, 3), row_colors, dtype=np.uint8)

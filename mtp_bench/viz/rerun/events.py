@@ -75,7 +75,7 @@ def _track_state(track: int | None) -> str:
 
 
 def _log_sentences(
-    log: Log, path: str, replay: Replay, incidents: Sequence[Incident]
+    log: Log, entity_path: str, replay: Replay, incidents: Sequence[Incident]
 ) -> None:
     """Log events of one kind in the event log."""
     shown = [event for event in incidents if event.frame in log.frames]
@@ -84,7 +84,7 @@ def _log_sentences(
         color = packed(np.full((len(shown), 3), EVENTS[shown[0].kind], dtype=np.uint8))
         levels = ["INFO"] * len(shown)
         columns = rr.TextLog.columns(text=texts, level=levels, color=color)
-        log.columns(path, None, columns, [event.frame for event in shown])
+        log.columns(entity_path, None, columns, [event.frame for event in shown])
 
 
 def log_focus(log: Log, focuses: Sequence[Focus], focus: Focus) -> None:
@@ -126,12 +126,12 @@ def _log_markers(log: Log, replay: Replay) -> None:
         places = np.array([event.position for event in events]) + MARKER_M
         labels = [f"{event.name}: {event.label}" for event in events]
         colors = np.array([EVENTS[event.kind] for event in events], dtype=np.uint8)
-        start = starts_of([len(recent) for recent in frame_events])
-        log.names("world/events", start, places, colors, labels, 6.0)
+        row_start = starts_of([len(recent) for recent in frame_events])
+        log.names("world/events", row_start, places, colors, labels, 6.0)
 
 
 def _log_marks(
-    log: Log, path: str, replay: Replay, incidents: Sequence[Incident]
+    log: Log, entity_path: str, replay: Replay, incidents: Sequence[Incident]
 ) -> None:
     """Log the names of events of one kind on the time line."""
     names: list[list[str]] = [[] for _ in range(replay.frames)]
@@ -144,7 +144,7 @@ def _log_marks(
         states = [", ".join(frame_names) for frame_names in names]
         color = EVENTS[incidents[0].kind]
         colors = np.full((len(states), 3), color, dtype=np.uint8)
-        _log_lane(log, path, states, colors)
+        _log_lane(log, entity_path, states, colors)
 
 
 def lanes(replay: Replay) -> dict[int, list[int | None]]:
@@ -165,7 +165,9 @@ def lanes(replay: Replay) -> dict[int, list[int | None]]:
     return object_lanes
 
 
-def _log_lane(log: Log, path: str, states: Sequence[str], colors: Colors) -> None:
+def _log_lane(
+    log: Log, entity_path: str, states: Sequence[str], colors: Colors
+) -> None:
     """Log a lane with a state in each frame [F], "" for none, and its colour [F, 3]."""
     color_of_state = dict(zip(states, packed(colors), strict=True))
     color_of_state.pop("", None)
@@ -178,7 +180,7 @@ def _log_lane(log: Log, path: str, states: Sequence[str], colors: Colors) -> Non
     first = log.frames.start
     changes = [t for t in log.frames if t == first or states[t] != states[t - 1]]
     columns = rr.StateChange.columns(state=[states[t] for t in changes])
-    log.columns(path, style, columns, changes)
+    log.columns(entity_path, style, columns, changes)
 
 
 # ---- curves
@@ -220,9 +222,9 @@ def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
     distances = []
     for track_id in focus.tracks_at(at.frame)[:MAX_CURVES]:
         rows = focus.track_rows(track_id)
-        gap = _places(replay.rollout.track_box, rows) - true_place
+        offset_m = _places(replay.rollout.track_box, rows) - true_place
         color = ROLE_COLORS[track_id == at.old_id, track_id == at.new_id]
-        distances.append(Curve(f"track {track_id}", np.hypot(*gap.T), color))
+        distances.append(Curve(f"track {track_id}", np.hypot(*offset_m.T), color))
     return {
         f"error of {focus.named}, m": [
             _limit("largest error, c", max_error, replay.frames),

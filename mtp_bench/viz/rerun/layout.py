@@ -83,13 +83,13 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     texts = []
     for agent in agents:
         root = f"/{agent.root}focus"
-        seconds = agent.replay.scene.time[at.frame] - agent.replay.scene.time[0]
-        title = agent.titled(f"{at.name} at {seconds:.1f} s")
+        time_s = agent.replay.scene.time[at.frame] - agent.replay.scene.time[0]
+        title = agent.titled(f"{at.name} at {time_s:.1f} s")
         pictures.append(rrb.Spatial2DView(origin=f"{root}/picture", name=title))
         title = agent.titled("what happened")
         texts.append(rrb.TextDocumentView(origin=f"{root}/text", name=title))
     event_views = rrb.Vertical(
-        rrb.Tabs(*pictures, active_tab=0) if len(agents) > 1 else pictures[0],
+        rrb.Tabs(*pictures, active_tab=0),
         rrb.Tabs(*texts, key, active_tab=0),
         row_shares=[2, 1],
     )

@@ -6,7 +6,7 @@ The colours can be read on dark and light grounds.
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace as dataclass_replace
 from functools import cached_property
 
 import numpy as np
@@ -145,16 +145,14 @@ def shown_agents(
         focuses = focuses_of(replays, at)
     agents: list[ShownAgent] = []
     names = _distinct([path_part(replay.agent) or "agent" for replay in replays])
-    for replay, name, focus in zip(replays, names, focuses, strict=True):
-        agents.append(
-            ShownAgent(
-                replay,
-                _hypotheses(replay, level, at),
-                name=name if len(replays) > 1 else "",
-                root=f"agents/{name}/" if agents else "",
-                focus=focus,
-            )
-        )
+    for replay, agent_name, focus in zip(replays, names, focuses, strict=True):
+        hypotheses = _hypotheses(replay, level, at)
+        agent = ShownAgent(replay, hypotheses, focus=focus)
+        if len(replays) > 1:
+            agent = dataclass_replace(agent, name=agent_name)
+        if agents:
+            agent = dataclass_replace(agent, root=f"agents/{agent_name}/")
+        agents.append(agent)
     return agents
 
 
