@@ -1,4 +1,4 @@
-"""``mtp-bench view``: runs of one scene as a recording, in a file, window or browser."""
+"""``mtp-bench view``: runs of one scene in a file, a window or a browser."""
 
 # rerun is slow to load: its functions are imported, and called, without --png alone
 # pyright: reportPossiblyUnboundVariable=false
@@ -110,7 +110,10 @@ def view(
 def _opened(
     folders: Sequence[Path], data: str | None, env_id: str | None
 ) -> list[OpenedRun]:
-    """Open the runs in ``folders``; raise MtpBenchError if their cards differ."""
+    """Open the runs in ``folders``.
+
+    Raises MtpBenchError if their cards differ.
+    """
     runs = [open_run(folder, data, env_id) for folder in folders]
     first = runs[0]
     for run in runs[1:]:
@@ -127,11 +130,11 @@ def _opened(
 def _replays(
     runs: Sequence[OpenedRun], scene: str | None, images: bool
 ) -> list[Replay]:
-    """Replay one scene of runs, by default the first of the first run.
+    """Replay one scene of runs.
 
-    With ``images`` they have the camera images of the source. Runs of one agent with
-    different numbers of hypotheses have these in their names. Raises UnknownNameError
-    for a run without the scene.
+    By default it is the first of the first run. With ``images`` they have the camera
+    images of the source. Runs of one agent with different numbers of hypotheses have
+    these in their names. Raises UnknownNameError for a run without the scene.
     """
     first = runs[0]
     name = first.first(scene).scene
@@ -154,7 +157,7 @@ def _replays(
 
 
 def _text(replays: Sequence[Replay], focuses: Sequence[Focus]) -> str:
-    """Return the scene, the event of the first run, and its counterparts."""
+    """Return scene, event and its counterparts in words."""
     text = f"scene {replays[0].scene.name}"
     for focus in focuses[:1]:
         text += f", frame {focus.at.frame}, {sentence(focus)}"

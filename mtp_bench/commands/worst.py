@@ -1,5 +1,6 @@
 """``mtp-bench worst``."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -82,39 +83,53 @@ def worst(
                 at = moment.at
                 row = WorstRow.of(played, at, str(folder), root, env, moment=moment)
                 rows.append(row)
-    chosen = rows
-    if cause is not None and not below:
-        chosen = [row for row in chosen if cause in (row.moment.cause, row.fault)]
-    if class_name is not None:
-        chosen = [row for row in chosen if row.class_name == class_name]
-    if within is not None:
-        chosen = [row for row in chosen if (row.moment.distance or 0.0) <= within]
-    chosen = sorted(chosen, key=lambda row: -row.moment.cost)[:top]
     parts = named_parts(part_sum / max(1, targets))
     total = float(costs(part_sum, below))
+    chosen = _chosen(rows, None if below else cause, class_name, within)[:top]
     content = worst_json(chosen, total, parts, opened.card.id, opened.run.info.agent)
     write_json(json_file, content)
-    if chosen:
-        show_table(worst_table(chosen, total))
-        show("")
-        show_lines([CAPTION_BELOW if below else WORST_CAPTION, LOOK])
-        show_command(chosen[0].view)
+    _show_moments(chosen, total, below)
     rollouts = opened.rollouts(scene)
     show_collisions(collisions, rollouts)
     if unsplit:
         show_lines([UNSPLIT.format(unsplit)])
     cost = sum(row.moment.cost for row in chosen)
-    share = cost / total if total else 0.0
+    count = f"{len(chosen)} of {counted(len(rows), 'moment')}"
     sum_name = "part" if below else "blame"
-    count = counted(len(rows), "moment")
-    summary = f"{len(chosen)} of {count}, {share:.0%} of the {sum_name}."
+    summary = f"{count}, {cost / (total or 1.0):.0%} of the {sum_name}."
     show_lines([summary, run_line(parts, len(rollouts))])
+
+
+def _chosen(
+    rows: Sequence[WorstRow],
+    cause: str | None,
+    class_name: str | None,
+    within: float | None,
+) -> list[WorstRow]:
+    """Return the rows that pass the filters, by falling cost."""
+    chosen = list(rows)
+    if cause is not None:
+        chosen = [row for row in chosen if cause in (row.moment.cause, row.fault)]
+    if class_name is not None:
+        chosen = [row for row in chosen if row.class_name == class_name]
+    if within is not None:
+        chosen = [row for row in chosen if (row.moment.distance or 0.0) <= within]
+    return sorted(chosen, key=lambda row: -row.moment.cost)
+
+
+def _show_moments(rows: Sequence[WorstRow], total: float, below: bool) -> None:
+    """Print the table of moments, and the command that shows the first."""
+    if rows:
+        show_table(worst_table(rows, total))
+        show("")
+        show_lines([CAPTION_BELOW if below else WORST_CAPTION, LOOK])
+        show_command(rows[0].view)
 
 
 def _check_filters(
     opened: OpenedRun, class_name: str | None, within: float | None
 ) -> None:
-    """Refuse a class that the card does not have, and a distance without an ego."""
+    """Refuse an unknown class, and a distance without an ego."""
     if class_name is not None:
         one_of(class_name, opened.card.task.classes, "--class")
     if within is not None and not opened.card.has_ego:

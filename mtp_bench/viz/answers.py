@@ -24,17 +24,18 @@ class Answers:
 
     @cached_property
     def shown(self) -> Bools:
-        """Mask [N] of the tracks in the best hypothesis of their frame."""
+        """Mask [N] of tracks in the best hypothesis of their frame."""
         frame = self.rollout.tracks.frame_of_rows
         best = self.hypotheses.best[frame]
         return self.hypotheses.member[np.arange(len(frame)), best]
 
     @cached_property
     def object_track(self) -> Ints:
-        """Track [O] of the best hypothesis nearest to each forecast object, or -1.
+        """Track [O] of the best hypothesis at each forecast object.
 
-        It lies inside the forecast gate; the matching is one-to-one. An action does not
-        say which track a forecast belongs to: this is only for names.
+        It is the nearest, -1 without one. It lies inside the forecast gate; the
+        matching is one-to-one. An action does not say which track a forecast belongs
+        to: this is only for names.
         """
         rollout = self.rollout
         chosen = np.flatnonzero(self.shown)
@@ -57,9 +58,9 @@ class Answers:
 
     @cached_property
     def earlier(self) -> Ints:
-        """Row [N, H] of each track in the frame before, -1 for a new track.
+        """Row [N, H] of each track in the frame before.
 
-        It follows the lineage of each hypothesis.
+        It is -1 for a new track. It follows the lineage of each hypothesis.
         """
         rollout = self.rollout
         member = self.hypotheses.member
@@ -75,10 +76,10 @@ class Answers:
         return earlier
 
     def past(self, rows: Ints, hypothesis: int, frames: int) -> Ints:
-        """Return rows [n, frames + 1] of tracks now and in the frames before.
+        """Return rows of tracks now and in the frames before.
 
-        ``rows`` [n] are those of the tracks of a hypothesis. A track that did not exist
-        then repeats its first row.
+        Their shape is [n, frames + 1]. ``rows`` [n] are those of the tracks of a
+        hypothesis. A track that did not exist then repeats its first row.
         """
         frame = self.rollout.tracks.frame_of_rows
         past_rows = [rows]

@@ -105,12 +105,15 @@ class Cause(NamedTuple):
 
 
 def cause_text(cause: Cause) -> str:
-    """Return the evidence of a cause; empty where nothing can be measured."""
+    """Return the evidence of a cause in words.
+
+    It is empty where nothing can be measured.
+    """
     return TEMPLATES[cause.reason].format(**cause.values) if cause.values else ""
 
 
 def cause_line(cause: Cause) -> str:
-    """Return a cause in one line: title, cost in metres and evidence."""
+    """Return title, cost in metres and evidence of a cause."""
     line = cause.title
     if cause.cost_m is not None:
         line += f", {cause.cost_m:.1f} m"
@@ -120,11 +123,12 @@ def cause_line(cause: Cause) -> str:
 def ranked_parts(
     parts: Mapping[str, float], is_borrowed: bool
 ) -> list[tuple[str, str, float]]:
-    """Rank the parts of an error by stage, reason and cost in m, the gravest first.
+    """Rank the parts of an error, the gravest first.
 
-    The stage with the largest sum comes first, below threshold last. Stages and parts
-    that do not add to the error are left out. ``is_borrowed``: the detections behind
-    it are of other objects, so the object itself is not detected.
+    Returns stage, reason and cost in m. The stage with the largest sum comes first,
+    below threshold last. Stages and parts that do not add to the error are left out.
+    ``is_borrowed``: the detections behind it are of other objects, so the object itself
+    is not detected.
     """
     stages = dict(_STAGES)
     if is_borrowed:
@@ -182,7 +186,7 @@ def headline(focus: Focus) -> str:
 
 
 def happened(focus: Focus) -> str:
-    """Return the event of a moment in one sentence, with its name and time."""
+    """Return name, time and event of a moment in one sentence."""
     at = focus.at
     name = at.name
     event = at
@@ -258,7 +262,7 @@ def _localisation(focus: Focus) -> Values:
 
 
 def _history(focus: Focus) -> Values:
-    """Measure the speeds of the track and of the object over the last second."""
+    """Measure speeds of track and object over the last second."""
     t = focus.at.frame
     forecast = focus.forecast(t)
     if forecast is None or forecast.track_id < 0:
@@ -304,7 +308,7 @@ def _association(focus: Focus) -> Values:
 
 
 def _detection(focus: Focus) -> Values:
-    """Measure the detection of the object, or the nearest of its class."""
+    """Measure the detection of the object or its class."""
     row = object_detection(focus, focus.at.frame)
     if row < 0:
         return {}
@@ -339,7 +343,7 @@ def _not_detected(focus: Focus) -> Values:
 
 
 def _below_threshold(focus: Focus) -> Values:
-    """Count the budgets that leave out the forecast, and the least they keep."""
+    """Count the budgets that leave out the forecast."""
     thresholds = focus.replay.thresholds
     confidence = focus.at.confidence
     if thresholds is None or confidence is None:
@@ -371,7 +375,7 @@ _MEASURES: dict[str, Callable[[Focus], Values]] = {
 
 
 def _false_forecast(focus: Focus) -> Cause:
-    """Explain a false forecast, which has no cost: it uses up the budgets."""
+    """Explain a false forecast, which uses up the budgets."""
     t = focus.at.frame
     truth = focus.replay.scene.truth
     mistaken = of_other_class(focus, t, truth)

@@ -41,7 +41,7 @@ def gate(focus: Focus) -> Gate:
 
 
 def reach(focus: Focus) -> float:
-    """Return the distance within which a box lies at the object, m.
+    """Return the distance within which boxes are at the object, m.
 
     It is the forecast gate, or the event gate if that is larger.
     """
@@ -50,19 +50,25 @@ def reach(focus: Focus) -> float:
 
 
 def distance_to(focus: Focus, place: Floats) -> float:
-    """Return the distance of a ``place`` [2 or more] from the object then, m."""
+    """Return the distance of a ``place`` [2 or more] to the object, m."""
     return float(np.hypot(*(place[:2] - focus.place(focus.at.frame))))
 
 
 def ego_distance(focus: Focus, t: int) -> float | None:
-    """Return the distance of the object to the ego at ``t``, m; None without an ego."""
+    """Return the distance from object to ego at ``t``, m.
+
+    None without an ego.
+    """
     if not focus.replay.card.has_ego:
         return None
     return float(np.hypot(*(focus.place(t) - focus.replay.scene.ego[t, :2])))
 
 
 def visible_share(focus: Focus, t: int) -> float | None:
-    """Return the share of the object in line of sight; None where it is unknown."""
+    """Return the share of the object in line of sight.
+
+    None where it is unknown.
+    """
     shares = focus.replay.scene.visible
     if shares is None or focus.rows[t] < 0:
         return None
@@ -73,29 +79,32 @@ def visible_share(focus: Focus, t: int) -> float | None:
 
 
 def trail(focus: Focus, track_id: int, t: int, frames: int) -> Floats:
-    """Return places [n, 2] of a track in the ``frames`` frames until ``t``, now last.
+    """Return places [n, 2] of a track until ``t``, now last.
 
-    It is empty if the track is not output at ``t``.
+    They are those of the last ``frames`` frames. It is empty if the track is not output
+    at ``t``.
     """
     rows = focus.until_gap(focus.track_rows(track_id), t, t - frames + 1)[::-1]
     return focus.replay.rollout.track_box[rows, :2].astype(np.float64)
 
 
 def expected(focus: Focus, track_id: int, t: int) -> Floats | None:
-    """Return the place [2] of a track at ``t`` by its last two boxes before.
+    """Predict the place [2] of a track at ``t``.
 
-    None for a track that was not there then, and after a hole in time.
+    Its last two boxes before go on at constant velocity. None for a track that was not
+    there then, and after a hole in time.
     """
     previous = trail(focus, track_id, t, 3)[:-1]
     return np.asarray(2 * previous[-1] - previous[0]) if len(previous) else None
 
 
 def taken_detection(focus: Focus, track_id: int, t: int) -> int:
-    """Return the row of the detection that a track took at ``t``; -1 if it coasts.
+    """Return the row of the detection that a track took.
 
-    The tracks of the hypothesis are matched with detections one-to-one. A filter moves
-    a track from its expected place towards its detection and stops short of it: the
-    detection lies about as near to the box as the box has moved.
+    It is -1 if the track coasts at ``t``. The tracks of the hypothesis are matched with
+    detections one-to-one. A filter moves a track from its expected place towards its
+    detection and stops short of it: the detection lies about as near to the box as the
+    box has moved.
     """
     replay = focus.replay
     track_row = int(focus.track_rows(track_id)[t])
@@ -119,7 +128,7 @@ def taken_detection(focus: Focus, track_id: int, t: int) -> int:
 def _matched_detections(
     replay: Replay, t: int, hypothesis: int, radius_m: float
 ) -> dict[int, int]:
-    """Match the tracks of a hypothesis with the detections of frame ``t``, by rows."""
+    """Match tracks of a hypothesis with detections, by rows."""
     detections = replay.scene.detections
     rollout = replay.rollout
     tracks = np.arange(rollout.tracks.rows(t).start, rollout.tracks.rows(t).stop)
@@ -141,7 +150,7 @@ def _matched_detections(
 
 
 def near_detections(focus: Focus, t: int) -> Ints:
-    """Return rows of the detections within `Focus.near_m` at ``t``, the nearest first."""
+    """Return rows of detections within `Focus.near_m`, the nearest first."""
     detections = focus.replay.scene.detections
     rows = detections.rows(t)
     distance_m = np.hypot(*(detections.box[rows, :2] - focus.place(t)).T)
@@ -163,7 +172,7 @@ def object_detection(focus: Focus, t: int) -> int:
 
 
 def appeared(focus: Focus, t: int) -> int:
-    """Return the first frame of the object since the last hole in time."""
+    """Return the object's first frame since a hole in time."""
     piece = pieces(focus.replay.scene, focus.replay.card)
     truth = focus.replay.scene.truth
     frames = truth.frame_of_rows[truth.object_id == focus.at.object_id]
@@ -171,7 +180,7 @@ def appeared(focus: Focus, t: int) -> int:
 
 
 def last_detected(focus: Focus, t: int) -> int:
-    """Return the last frame until ``t`` in which the object was detected, or -1."""
+    """Return the last frame with a detection until ``t``, or -1."""
     is_object = focus.replay.detected == focus.at.object_id
     frames = focus.replay.scene.detections.frame_of_rows[is_object]
     in_time = (frames >= appeared(focus, t)) & (frames <= t)
@@ -179,7 +188,7 @@ def last_detected(focus: Focus, t: int) -> int:
 
 
 def of_other_class(focus: Focus, t: int, table: Detections | Truth) -> int:
-    """Return the row of the nearest box of another class at the object, or -1.
+    """Return the nearest box of another class, or -1.
 
     ``table``: the detections, or the true boxes.
     """
@@ -192,7 +201,7 @@ def of_other_class(focus: Focus, t: int, table: Detections | Truth) -> int:
 
 
 def owner_of(focus: Focus, detection_row: int, t: int) -> int:
-    """Return the true box of another object that a detection is matched to, or -1."""
+    """Return the other true box of a detection, or -1."""
     truth = focus.replay.scene.truth
     object_id = focus.replay.detected[detection_row]
     if object_id in (-1, focus.at.object_id):
@@ -203,7 +212,7 @@ def owner_of(focus: Focus, detection_row: int, t: int) -> int:
 
 @lru_cache(maxsize=4)  # asked for every moment of a run
 def borrowed(replay: Replay) -> Bools:
-    """Mask the true boxes [R] near which all detections are of other objects.
+    """Mask true boxes [R] with detections of other objects alone.
 
     Detections within two gates count, and boxes whose error has a cause that a
     detection explains.

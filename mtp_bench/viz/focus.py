@@ -61,7 +61,7 @@ class Focus:
 
     @property
     def near_m(self) -> float:
-        """Radius around the object, m: detections farther away are not of it."""
+        """Radius around the object that has its detections, m."""
         return 2 * self.gate_m
 
     def class_noun(self, class_id: int) -> str:
@@ -69,7 +69,7 @@ class Focus:
         return self.replay.card.task.classes[class_id].replace("_", " ")
 
     def name_of(self, truth_row: int) -> str:
-        """Return the name of the object of a true box; empty for row -1."""
+        """Return the name of a true box, empty for row -1."""
         if truth_row < 0:
             return ""
         truth = self.replay.scene.truth
@@ -77,7 +77,7 @@ class Focus:
         return f"{self.class_noun(truth.class_id[truth_row])} {short_name}"
 
     def track_name(self, track_id: int) -> str:
-        """Return the name of a track; a stored track has its id in the file too."""
+        """Return the name of a track, with its stored id."""
         stored_name = self.replay.scene.track_names.get(track_id)
         name = f"track {track_id}"
         return name if stored_name is None else f"{name} ({stored_name} in its file)"
@@ -90,7 +90,7 @@ class Focus:
 
     @cached_property
     def rows(self) -> Ints:
-        """Row [F] of the object in the truth, -1 without it or for a false forecast."""
+        """Row [F] of the object in the truth, or -1."""
         truth = self.replay.scene.truth
         is_object = (truth.object_id == self.at.object_id) & ~truth.neutral
         return self._rows_by_frame(
@@ -103,7 +103,7 @@ class Focus:
         return rows
 
     def until_gap(self, rows: Ints, first_frame: int, last_frame: int) -> Ints:
-        """Return the ``rows`` [F] of frames in an interval, up to a gap.
+        """Return the ``rows`` [F] of an interval up to a gap.
 
         A gap is a row of -1 or a hole in time. The last frame may lie before the first.
         """
@@ -132,13 +132,13 @@ class Focus:
         return self.replay.rollout.track_box[track_row, :2].astype(np.float64)
 
     def path(self, first_frame: int, last_frame: int) -> Floats:
-        """Return places [n, 2] of the object in an interval, up to a gap."""
+        """Return places [n, 2] of the object up to a gap."""
         return self.replay.scene.truth.box[
             self.until_gap(self.rows, first_frame, last_frame), :2
         ]
 
     def future(self, t: int) -> Floats:
-        """Return places [n, 2] of the object within the horizon, now first."""
+        """Return places [n, 2] within the horizon, now first."""
         return self.path(t, t + self.replay.card.task.future)
 
     # ---- its tracks
@@ -156,14 +156,14 @@ class Focus:
         return member[np.arange(len(frame)), self.hypothesis[frame]]
 
     def track_rows(self, track_id: int) -> Ints:
-        """Return the row [F] of a track in each frame, -1 where it is not output."""
+        """Return the row [F] of a track in each frame, or -1."""
         rollout = self.replay.rollout
         is_track = self.shown & (rollout.track_id == track_id) & (track_id >= 0)
         return self._rows_by_frame(is_track, rollout.tracks.frame_of_rows)
 
     @cached_property
     def track_of_truth(self) -> Ints:
-        """Track [R] matched to each true box in this hypothesis, -1 without one."""
+        """Track [R] of each true box in this hypothesis, or -1."""
         replay = self.replay
         frame = replay.scene.truth.frame_of_rows
         chosen = self.hypothesis[frame]
@@ -173,14 +173,14 @@ class Focus:
 
     @cached_property
     def truth_of_track(self) -> Ints:
-        """True box [N + 1] matched to each track, -1 without one and for row -1."""
+        """True box [N + 1] of each track, -1 for row -1."""
         truth_rows = np.full(len(self.replay.rollout.track_id) + 1, -1)
         matched = np.flatnonzero(self.track_of_truth >= 0)
         truth_rows[self.track_of_truth[matched]] = matched
         return truth_rows
 
     def followers(self, first_frame: int, last_frame: int) -> Ints:
-        """Return ids [n] of the tracks that follow the object, up to a gap.
+        """Return ids [n] of the object's tracks up to a gap.
 
         They are those of the frames of an interval, -1 without a track.
         """
@@ -190,26 +190,26 @@ class Focus:
         ]
 
     def follower(self, t: int) -> int:
-        """Return the id of the track that follows the object at ``t``, or -1."""
+        """Return the id of the object's track at ``t``, or -1."""
         return next(iter(self.followers(t, t).tolist()), -1)
 
     @cached_property
     def regained(self) -> int:
-        """First frame after the event in which a track follows the object, or -1."""
+        """First frame after the event with a track, or -1."""
         later_tracks = self.followers(self.at.frame, self.replay.frames - 1)[1:]
         followed = np.flatnonzero(later_tracks >= 0)
         return self.at.frame + 1 + int(followed[0]) if len(followed) else -1
 
     def other_object(self, track_id: int, t: int) -> int:
-        """Return the row of the true box of another object that a track follows.
+        """Return the other true box that a track follows.
 
-        It is that of frame ``t``, -1 without one.
+        It is a row of frame ``t``, -1 without one.
         """
         truth_row = int(self.truth_of_track[self.track_rows(track_id)[t]])
         return -1 if truth_row == self.rows[t] else truth_row
 
     def nearest_track(self, t: int) -> int:
-        """Return the id of the track nearest to the object within its gate, or -1."""
+        """Return the id of the nearest track in the gate, or -1."""
         rollout = self.replay.rollout
         rows = rollout.tracks.rows(t)
         distance_m = np.hypot(*(rollout.track_box[rows, :2] - self.place(t)).T)
@@ -219,7 +219,7 @@ class Focus:
         return int(rollout.track_id[rows][np.argmin(distance_m)])
 
     def tracks_at(self, t: int) -> tuple[int, ...]:
-        """Return ids of the tracks that a picture of frame ``t`` shows in colour."""
+        """Return ids of the tracks in colour in frame ``t``."""
         around = range(max(0, t - 1), min(self.replay.frames, t + 2))
         track_ids = [self.at.old_id, self.at.new_id]
         track_ids += [self.follower(frame) for frame in around]
@@ -231,7 +231,7 @@ class Focus:
 
     @cached_property
     def doubled(self) -> int:
-        """Row of the true object that a false forecast repeats, -1 without one.
+        """True object that a false forecast repeats, or -1.
 
         The object is of the class of the forecast, inside its gate.
         """
@@ -245,7 +245,7 @@ class Focus:
         return int(rows.start + distance_m.argmin())
 
     def forecast(self, t: int) -> ObjectForecast | None:
-        """Return the forecast of frame ``t`` that the scorer matches to the object.
+        """Return the forecast that the scorer matches to the object.
 
         Without one it is that of the object's track then.
         """
@@ -284,7 +284,7 @@ class Focus:
         return rows.start + int(np.argmax(of_track)) if of_track.any() else -1
 
     def forecasts(self, t: int) -> list[tuple[str, ObjectForecast]]:
-        """Return the forecasts in a picture of frame ``t``, each with its role.
+        """Return role and forecast of those shown in frame ``t``.
 
         From the event on the one before the event stays in sight: the event spoilt it.
         """

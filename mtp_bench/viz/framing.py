@@ -31,7 +31,7 @@ OFF_CENTER = 0.3  # of half a picture: the object stays in the middle third
 
 
 def arrows_of(lanes: Iterable[Lane]) -> Iterator[Floats]:
-    """Yield arrow heads [3, 2] on the middle lines, along the direction of travel.
+    """Yield arrow heads [3, 2] along the direction of travel.
 
     Each lane has at least one.
     """
@@ -88,7 +88,7 @@ class FocusFrame:
 
 
 def counterpart(replay: Replay, at: Incident) -> Incident:
-    """Return the incident of ``replay`` at the place of one of another run.
+    """Return the incident of ``replay`` that matches another run's.
 
     Both are runs of one scene. It is the event of the object in that frame, or the
     false forecast nearest to that place within the forecast gate. Without either it is
@@ -123,7 +123,7 @@ def counterpart(replay: Replay, at: Incident) -> Incident:
 
 
 def focuses_of(replays: Sequence[Replay], at: Incident) -> list[Focus]:
-    """Focus on an event of the first of several runs, and on its counterparts.
+    """Focus on an event of a run and on its counterparts.
 
     All are runs of one scene and seen from the same direction.
     """
@@ -204,7 +204,7 @@ def _tracks(focus: Focus, t: int, frames_back: int) -> Iterator[ShownTrack]:
 
 
 def _nearest_other(focus: Focus, t: int) -> int:
-    """Return the row of the nearest other true object within `Focus.near_m`, or -1."""
+    """Return the nearest other true object, or -1."""
     truth = focus.replay.scene.truth
     rows = truth.rows(t)
     distance_m = np.hypot(*(truth.box[rows, :2] - focus.place(t)).T)
@@ -216,7 +216,7 @@ def _nearest_other(focus: Focus, t: int) -> int:
 
 
 def _detection_text(focus: Focus, row: int, owner: int) -> str:
-    """Return the score of a detection: ".85" or "pedestrian .85, of cyclist 3"."""
+    """Describe a detection: ".85" or "pedestrian .85, of cyclist 3"."""
     detections = focus.replay.scene.detections
     text = f"{detections.score[row]:.2f}".replace("0.", ".")
     class_id = detections.class_id[row]
@@ -239,7 +239,7 @@ def _without(rows: slice, *shown_rows: Ints) -> Ints:
 
 
 def length_of(focus: Focus) -> float:
-    """Return the length of the object, m; of its track, if only that is there."""
+    """Return the length of the object or else its track, m."""
     t = focus.at.frame
     replay = focus.replay
     if focus.rows[t] >= 0:
@@ -249,9 +249,9 @@ def length_of(focus: Focus) -> float:
 
 
 def turn_of(focus: Focus) -> float:
-    """Return the direction (rad) of the object's way; 0 for a false forecast.
+    """Return the direction of the object's way, rad.
 
-    It is that of its future, or its heading if it stands.
+    It is 0 for a false forecast, else that of its future, or its heading if it stands.
     """
     row = focus.rows[focus.at.frame]
     if focus.facing is not None:
@@ -268,7 +268,7 @@ def turn_of(focus: Focus) -> float:
 def window_of(
     focus: Focus, t: int, compared: Sequence[Focus] = (), is_close: bool = False
 ) -> Window:
-    """Return the window of a picture of frame ``t``, which follows the object.
+    """Return the window of frame ``t``, which follows the object.
 
     It holds the object in its middle third, and its future and forecasts at the event;
     if ``is_close`` only the boxes. All frames of an event have windows of one size, and
@@ -289,7 +289,7 @@ def window_of(
 
 
 def _things(focus: Focus, is_close: bool) -> Floats:
-    """Return places [n, 2] that the picture of an event shows, with the object's."""
+    """Return places [n, 2] that the picture has to show."""
     t = focus.at.frame
     shown = frame_of(focus, t)
     boxes = [*shown.object_box, *shown.other_boxes, *shown.detection_box]

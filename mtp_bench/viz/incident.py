@@ -39,18 +39,18 @@ class Incident:
 
     @property
     def error(self) -> float | None:
-        """Sum of the parts, m: the target's bADE, or its plain error if unsplit."""
+        """Sum of the parts, m: bADE, or plain error if unsplit."""
         return None if self.parts is None else sum(self.parts.values())
 
     @property
     def blame(self) -> float:
-        """The error without the part below threshold, m; 0 if it is not a target."""
+        """The error without the part below threshold, m."""
         parts = self.parts or {}
         return sum(value for name, value in parts.items() if name != BELOW)
 
     @property
     def label(self) -> str:
-        """The event in as few words as a marker has room for."""
+        """The event in the few words of a marker."""
         track_ids = dict.fromkeys((self.old_id, self.new_id))
         shown_ids = [str(track_id) for track_id in track_ids if track_id >= 0]
         return f"{_LABELS.get(self.kind, self.kind)} {' > '.join(shown_ids)}".strip()

@@ -39,7 +39,7 @@ class Moment:
 
     @property
     def fault(self) -> str:
-        """The stage at fault; empty without an error."""
+        """The stage at fault, empty without an error."""
         ranking = ranked_parts(self.parts, self.borrowed)
         return ranking[0][0] if ranking else ""
 
@@ -69,7 +69,7 @@ def moments(replay: Replay, below: bool = False) -> list[Moment]:
 
 
 def _spans(replay: Replay, is_bad: Bools) -> Iterator[Ints]:
-    """Yield rows of the targets from first to last bad frame of each run of them."""
+    """Yield rows of targets of each run of bad frames."""
     truth = replay.scene.truth
     identity = separated_truth(replay.scene, replay.card).object_id
     objects = history(truth.frame_of_rows, identity)
@@ -113,7 +113,7 @@ def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
 
 
 def find_incident(replay: Replay, text: str) -> Incident:
-    """Find the incident that ``text`` names, in one of the forms of `AT`.
+    """Find the incident that ``text`` names, see `AT`.
 
     An object stands for its worst moment, a frame for its worst target. An object is
     named by its id in the source, or the beginning of it, with its class before it or
@@ -157,7 +157,7 @@ def _require_frame(replay: Replay, t: int, text: str) -> int:
 
 
 def _in_frame(replay: Replay, rows: Ints, t: int, text: str) -> Incident:
-    """Return an object in frame ``t``, with the span of the moment around it.
+    """Return an object in frame ``t`` with its moment's span.
 
     Raises MtpBenchError if the object is not there.
     """
@@ -176,9 +176,9 @@ def _in_frame(replay: Replay, rows: Ints, t: int, text: str) -> Incident:
 
 
 def _rows_of(replay: Replay, name: str) -> Ints:
-    """Return rows of the object of this name; raise UnknownNameError without one.
+    """Return rows of the object of this name.
 
-    The name may have the class before it.
+    Raises UnknownNameError without one. The name may have the class before it.
     """
     scene = replay.scene
     object_ids, first_rows = np.unique(scene.truth.object_id, return_index=True)
@@ -218,7 +218,10 @@ def _named_objects(names: Mapping[int, str], word: str) -> list[int]:
 
 
 def _worst_of(replay: Replay, t: int) -> Incident:
-    """Return the worst target of frame ``t``; raise MtpBenchError without one."""
+    """Return the worst target of frame ``t``.
+
+    Raises MtpBenchError without one.
+    """
     frame = replay.scene.truth.frame_of_rows
     is_target = np.isfinite(replay.part[:, 0])
     rows = np.flatnonzero((frame == t) & is_target)

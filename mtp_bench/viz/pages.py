@@ -17,7 +17,7 @@ def text_of(folder: Path, name: str) -> str:
 
 
 def source_of(text: str) -> str:
-    """Name a style or script of the page in a content security policy."""
+    """Name a style or script in a content security policy."""
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
     return f"'sha256-{digest}'"
 

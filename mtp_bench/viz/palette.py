@@ -1,4 +1,4 @@
-"""Colours that are distinct in every kind of colour vision (Okabe and Ito), and their meanings."""
+"""Colours that are distinct in every kind of colour vision (Okabe and Ito)."""
 
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 

@@ -37,7 +37,7 @@ class Photo:
 
 
 def photo_of(focus: Focus) -> Photo | None:
-    """Return the image of the event's frame that shows most of the object.
+    """Return the image that shows most of the object then.
 
     None if no camera sees it.
     """
@@ -62,7 +62,7 @@ def photo_of(focus: Focus) -> Photo | None:
 
 
 def _event_boxes(focus: Focus) -> list[tuple[str, Floats]]:
-    """Return role and box of what the image marks, the object first."""
+    """Return role and box of all marks, the object first."""
     shown = frame_of(focus, focus.at.frame)
     boxes = [("truth", box) for box in shown.object_box]
     boxes += [(track.role, track.box) for track in shown.tracks]
@@ -75,7 +75,7 @@ def _event_boxes(focus: Focus) -> list[tuple[str, Floats]]:
 
 
 def projected(projection: Floats, box: Floats) -> Floats:
-    """Return the edges [n, 2, 2] of a box [7] in an image, pixels.
+    """Project the edges of a box [7] to pixels [n, 2, 2].
 
     Parts that are close to the camera or behind it are cut off.
     """
@@ -92,9 +92,10 @@ def projected(projection: Floats, box: Floats) -> Floats:
 
 
 def photo_row(photo: Photo, width: int) -> Image.Image:
-    """Draw a row of ``width`` x `HEIGHT` pixels: the image, and the object from near.
+    """Draw the image, and the object from near.
 
-    An image that cannot be read is named instead.
+    The row has ``width`` x `HEIGHT` pixels. An image that cannot be read is named
+    instead.
     """
     row = Image.new("RGB", (width, HEIGHT), PAPER)
     ink = ImageDraw.Draw(row)
@@ -126,7 +127,7 @@ def photo_row(photo: Photo, width: int) -> Image.Image:
 def _draw_part(
     photo: Photo, picture: Image.Image, size: tuple[int, int], radius_px: float
 ) -> Image.Image:
-    """Draw the ``picture`` of a photo with its boxes in ``size`` pixels.
+    """Draw the ``picture`` of a photo with its boxes.
 
     It shows at most ``radius_px`` pixels of it around the event.
     """

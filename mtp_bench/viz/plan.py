@@ -26,7 +26,10 @@ class ShownPlan:
 
 
 def plan_at(replay: Replay, t: int) -> ShownPlan | None:
-    """Return the plan in frame ``t`` of the scene; None without a closed loop."""
+    """Return the plan in frame ``t``.
+
+    None without a closed loop.
+    """
     drive = replay.rollout.drive
     if drive is None or t >= len(drive.plan):
         return None
@@ -57,7 +60,7 @@ class CollisionEvidence(NamedTuple):
 
     @property
     def cause(self) -> tuple[str, str]:
-        """Stage and reason of the first stage that failed; the planner if none did."""
+        """The first stage that failed, else the planner, and its reason."""
         min_frames = MIN_SHARE * self.frames
         forecast_is_off = self.forecast_error_m > self.gate_m
         if self.detected_frames < min_frames:
@@ -74,7 +77,7 @@ class CollisionEvidence(NamedTuple):
 
 
 def collision_evidence(focus: Focus) -> CollisionEvidence:
-    """Measure what the stages stated of an object before the ego hits it."""
+    """Measure outputs of the stages before a collision."""
     replay = focus.replay
     t = focus.at.frame
     object_id = focus.at.object_id
@@ -105,10 +108,11 @@ def collision_evidence(focus: Focus) -> CollisionEvidence:
 
 
 def _forecast_then(focus: Focus, frame: int) -> tuple[float, float]:
-    """Return error at the collision (m) and confidence of the forecast of a frame.
+    """Return error at the collision, m, and confidence.
 
-    Both are NaN without a forecast. It is the one that begins nearest to the object
-    inside its gate: the scorer matches no forecast this late.
+    They are those of the forecast of ``frame``. Both are NaN without a forecast. It is
+    the one that begins nearest to the object inside its gate: the scorer matches no
+    forecast this late.
     """
     rollout = focus.replay.rollout
     rows = rollout.objects.rows(frame)

@@ -25,9 +25,10 @@ class PlayedRun:
     def replay(
         self, rollout: Rollout, scene: Scene | None = None, agent: str = ""
     ) -> Replay:
-        """Replay one rollout; ``scene``: with a road; ``agent``: in place of its name.
+        """Replay one rollout.
 
-        Causes of other data are found again.
+        ``scene``: with a road. ``agent``: in place of its name. Causes of other data
+        are found again.
         """
         card = self.opened.card
         name = rollout.scene

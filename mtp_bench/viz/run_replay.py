@@ -79,7 +79,7 @@ class Replay:
 
     @classmethod
     def of_episode(cls, episode: LiveEpisode, back: int) -> "Replay":
-        """Return the last ``back`` + 1 frames of an episode, without judgement."""
+        """Return the last ``back`` + 1 frames without judgement."""
         first = max(0, episode.frame - back)
         scene = episode.scene
         rollout = episode.rollout(first)
@@ -124,9 +124,9 @@ class Replay:
 
     @cached_property
     def detected(self) -> Ints:
-        """True object [D] of each detection inside the forecast gate, or -1.
+        """True object [D] of each detection, or -1.
 
-        The matching is one-to-one.
+        It lies inside the forecast gate. The matching is one-to-one.
         """
         table = self.scene.detections
         return true_ids(
@@ -139,7 +139,10 @@ class Replay:
         return tuple(event for event in self.incidents if event.kind != "spurious")
 
     def incident(self, name: str) -> Incident:
-        """Return the incident of this name; raise UnknownNameError without it."""
+        """Return the incident of this name.
+
+        Raises UnknownNameError without it.
+        """
         incidents = {incident.name: incident for incident in self.incidents}
         what = f"event of scene {self.scene.name}"
         require_known(what, name, incidents, "`mtp-bench events` lists them")
@@ -147,11 +150,14 @@ class Replay:
 
     @cached_property
     def previous(self) -> Ints:
-        """Row [R] of each object in the frame before; -1 also across a hole in time."""
+        """Row [R] of each object in the frame before.
+
+        It is -1 without one and across a hole in time.
+        """
         return object_history(separated_truth(self.scene, self.card)).previous()
 
     def moment(self, row: int) -> Incident:
-        """Return the object of a true box in its frame, without an event."""
+        """Return a true box as an incident without an event."""
         truth = self.scene.truth
         track_ids = np.append(self.rollout.track_id, -1)
         frame = int(np.searchsorted(truth.start, row, side="right")) - 1
@@ -181,7 +187,7 @@ class Replay:
         )
 
     def recent(self, t: int, frames: float) -> list[Incident]:
-        """Return the newest event of each object in the last ``frames`` until ``t``."""
+        """Return each object's newest event in the ``frames`` until ``t``."""
         newest = {}
         for event in self.events:
             if t - frames < event.frame <= t:
@@ -242,7 +248,7 @@ def replay(
 
 
 def ego_boxes(ego: Floats) -> Floats:
-    """Return boxes [F, 7] of the vehicle at the poses ``ego`` [F, 4]."""
+    """Return boxes [F, 7] of the vehicle at poses [F, 4]."""
     return np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
 
 
@@ -298,7 +304,7 @@ def _identity_events(judged: Replay) -> list[Incident]:
 
 
 def _false_runs(judged: Replay) -> list[Incident]:
-    """List the runs of false forecasts of one track in consecutive frames.
+    """List runs of false forecasts of one track.
 
     A forecast without a track stands alone.
     """
@@ -332,7 +338,7 @@ def _false_runs(judged: Replay) -> list[Incident]:
 
 
 def _collisions(judged: Replay) -> list[Incident]:
-    """List the collision of the ego of a closed loop, in the last frame before it."""
+    """List the collision of the ego, in the last frame before it."""
     drive = judged.rollout.drive
     if drive is None:
         return []

@@ -65,10 +65,10 @@ class NamedBox(NamedTuple):
 
 
 def windows_of(scene: Scene, card: Card) -> list[Window]:
-    """Return the window of each frame, by the detections of the scene.
+    """Return the window of each frame.
 
-    Without detections it is by the true boxes. It follows the ego or stays; it never
-    turns, and its size never changes.
+    It is by the detections of the scene. Without detections it is by the true boxes. It
+    follows the ego or stays; it never turns, and its size never changes.
     """
     table = scene.detections if len(scene.detections.box) else scene.truth
     box_places = table.box[:, :2]
@@ -131,7 +131,10 @@ def draw_frame(replay: Replay, t: int, window: Window) -> NDArray[np.uint8]:
 
 
 def draw_lanes(canvas: Canvas, replay: Replay) -> None:
-    """Draw the road, with the directions of its lanes where agents see these."""
+    """Draw the road.
+
+    Lanes have directions where agents see these.
+    """
     outlines = {}
     for lane in replay.scene.lanes:
         outline = np.concatenate([lane.left, lane.right[::-1]])
@@ -148,7 +151,7 @@ def draw_lanes(canvas: Canvas, replay: Replay) -> None:
 
 
 def draw_plan(canvas: Canvas, replay: Replay, t: int) -> list[tuple[Mark, Floats]]:
-    """Draw the plan of the ego of a closed loop, its way, and what slows it.
+    """Draw the plan and way of the ego, and what slows it.
 
     Returns the marks with their places [n, 2], m.
     """
@@ -171,7 +174,10 @@ def draw_plan(canvas: Canvas, replay: Replay, t: int) -> list[tuple[Mark, Floats
 
 
 def _draw_tracks(canvas: Canvas, replay: Replay, answered: int) -> list[NamedBox]:
-    """Draw trails and tracks of an answered frame; return them, false ones last."""
+    """Draw trails and tracks of an answered frame.
+
+    Returns the tracks, false ones last.
+    """
     rollout = replay.rollout
     answers = replay.answers
     rows = np.arange(*rollout.tracks.start[[answered, answered + 1]])
@@ -258,7 +264,7 @@ def _heading(replay: Replay, t: int) -> Iterator[Text]:
 
 
 def legend(replay: Replay) -> list[Mark]:
-    """Return the marks of this kind of picture, the same for all frames of a video."""
+    """Return the marks, the same for all frames of a video."""
     has_truth = len(replay.scene.truth.box) > 0
     knows_false = replay.judged and replay.scene.truth_complete
     is_driven = replay.card.drive is not None or replay.rollout.drive is not None

@@ -70,19 +70,19 @@ class Canvas:
         return min(self.width / self.window.wide, self.height / self.window.high)
 
     def pixels(self, xy: Floats) -> Floats:
-        """Convert places [..., 2] of the world, m, to pixels [..., 2], y downwards."""
+        """Convert places [..., 2], m, to pixels [..., 2], y downwards."""
         gap = np.asarray(xy, dtype=np.float64) - [self.window.x, self.window.y]
         rotated = rotate(gap, -self.window.turn)
         return rotated * [self.scale, -self.scale] + [self.width / 2, self.height / 2]
 
     def inside(self, xy: Floats, margin_px: float | Floats = 0.0) -> Bools:
-        """Mask the places [..., 2] of the world in the picture or ``margin_px`` off."""
+        """Mask places [..., 2] in the picture or its margin."""
         x, y = np.moveaxis(self.pixels(xy), -1, 0)
         in_x = (x >= -margin_px) & (x <= self.width + margin_px)
         return np.asarray(in_x & (y >= -margin_px) & (y <= self.height + margin_px))
 
     def meets(self, xy: Floats) -> bool:
-        """Check if the rectangle around places [n, 2] of the world is in sight."""
+        """Check if the rectangle around places [n, 2] is in sight."""
         pixels = self.pixels(xy)
         if not len(pixels):
             return False
@@ -98,7 +98,7 @@ class Canvas:
         width: float = 1.0,
         alpha: int = 255,
     ) -> None:
-        """Draw polylines [n, 2] of the world, m; ``alpha`` 255 is opaque."""
+        """Draw polylines [n, 2], m, where ``alpha`` 255 is opaque."""
         for path in paths:
             if len(path) > 1:
                 self.stroke(self.pixels(path), color, width, alpha)
@@ -111,7 +111,7 @@ class Canvas:
         alpha: int = 255,
         dashed: bool = False,
     ) -> None:
-        """Draw a polyline through ``pixels`` [n, 2]; ``width`` in pixels."""
+        """Draw a polyline through ``pixels`` [n, 2], ``width`` pixels wide."""
         thick = max(1, round(width * FINER))
         joint = "curve" if thick > 3 else None
         for part in _dashes(pixels) if dashed else [pixels]:
@@ -122,7 +122,10 @@ class Canvas:
         self.draw.polygon(_points(self.pixels(path)), fill=color)
 
     def boxes(self, box: Floats, mark: Outline) -> None:
-        """Draw boxes [n, 7] x y z yaw l w h, m and rad; skip those out of sight."""
+        """Draw boxes [n, 7] (x y z yaw l w h, m and rad).
+
+        Those out of sight are skipped.
+        """
         diagonal_px = np.hypot(box[:, 4], box[:, 5]) * self.scale
         box = box[self.inside(box[:, :2], diagonal_px + HEADING_PX)]
         for row in box:
@@ -144,11 +147,11 @@ class Canvas:
     def dot(
         self, pixel: Floats, radius_px: float, color: Color, alpha: int = 255
     ) -> None:
-        """Draw a disc around a pixel; ``radius_px`` in pixels."""
+        """Draw a disc around a pixel."""
         self.draw.ellipse(_around(pixel, radius_px), fill=(*color, alpha))
 
     def ring(self, pixel: Floats, radius_px: float) -> None:
-        """Draw the mark of an event: a bright circle with a dark edge."""
+        """Draw a bright circle with a dark edge: an event."""
         for wider, color, width in ((1.0, BLACK, 5.0), (0.0, EVENT, 3.0)):
             square = _around(pixel, radius_px + wider)
             self.draw.ellipse(square, outline=color, width=round(width * FINER))
@@ -170,7 +173,10 @@ class Canvas:
     def text(
         self, x: float, y: float, text: str, size: int, color: Color, edge: bool = False
     ) -> None:
-        """Write a line of text with its top left at a pixel; ``edge``: a white one."""
+        """Write a text with its top left at a pixel.
+
+        ``edge``: with a white one.
+        """
         self.draw.text(
             (round(x * FINER), round(y * FINER)),
             text,
@@ -181,7 +187,7 @@ class Canvas:
         )
 
     def label(self, xy: Floats, text: str, color: Color, reach_px: float) -> None:
-        """Write a small text ``reach_px`` pixels from a thing at ``xy`` [2], if possible."""
+        """Write a small text beside a thing at ``xy`` [2], if possible."""
         place = self._free_place(xy, text_size(text, SMALL), (reach_px + 1.0,))
         if place is not None:
             self.text(place[0], place[1], text, SMALL, color, edge=True)
@@ -189,7 +195,7 @@ class Canvas:
     def callout(
         self, xy: Floats, text: str, color: Color, reach_px: float, size: int = MIDDLE
     ) -> None:
-        """Write a text on a board with a line to a thing at ``xy`` [2] of the world.
+        """Write a text on a board beside a thing at ``xy`` [2].
 
         The line begins ``reach_px`` pixels from the thing. The text is left out where
         there is no room.
@@ -210,7 +216,7 @@ class Canvas:
     def _free_place(
         self, xy: Floats, size: tuple[float, float], gaps: Iterable[float]
     ) -> Rectangle | None:
-        """Take a free rectangle of ``size`` pixels beside a place of the world."""
+        """Take a free rectangle of ``size`` pixels beside a place."""
         if not self.inside(xy):
             return None
         half = np.array(size) / 2
@@ -233,7 +239,7 @@ class Canvas:
         )
 
     def scale_bar(self) -> None:
-        """Draw a bar of a round number of metres at the bottom left."""
+        """Draw a bar of a round number of metres."""
         max_m = self.width / self.scale / 5
         power = 10.0 ** np.floor(np.log10(max_m))
         steps = [step * power for step in (0.5, 1.0, 2.0, 5.0) if step * power <= max_m]
@@ -268,7 +274,7 @@ def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 @cache
 def text_size(text: str, size: int) -> tuple[float, float]:
-    """Return width and height in pixels that a line of text takes."""
+    """Return width and height of a text in pixels."""
     left_px, _, right, _ = font(size).getbbox(text)
     return right - left_px, size * 1.2
 
@@ -278,12 +284,12 @@ def _points(pixels: Floats) -> list[tuple[float, ...]]:
 
 
 def _around(pixel: Floats, radius_px: float) -> list[tuple[float, ...]]:
-    """Return the corners of the square around a circle, in enlarged pixels."""
+    """Return corners of a square around a circle, enlarged."""
     return _points(np.stack([pixel - radius_px, pixel + radius_px]))
 
 
 def _dashes(path: Floats) -> Iterable[Floats]:
-    """Return the dashes [2, 2] along a polyline [n, 2] of pixels."""
+    """Cut a polyline [n, 2] of pixels into dashes [2, 2]."""
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
     count = max(2, round(float(along[-1]) / (2 * DASH_PX)))
     cuts = np.linspace(0.0, along[-1], 2 * count)

@@ -39,7 +39,10 @@ Named = tuple[Floats, str, str, float]  # place [2], text, role, reach in pixels
 def draw_focus(
     focus: Focus, t: int, size: tuple[int, int], window: Window
 ) -> tuple[Image.Image, list[Mark]]:
-    """Draw frame ``t`` of an event in ``size`` pixels; return it with its key."""
+    """Draw frame ``t`` of an event in ``size`` pixels.
+
+    Returns the picture and its key.
+    """
     close_up = _CloseUp(focus, frame_of(focus, t), Canvas.blank(*size, window))
     close_up.draw_scene()
     close_up.draw_paths()
@@ -128,7 +131,7 @@ class _CloseUp:
         self._boxes(self.shown.object_box, Mark(name, OBJECT))
 
     def draw_evidence(self) -> None:
-        """Draw expected places, detections that tracks took, the gate, and the ring."""
+        """Draw expected places, taken detections, the gate, the ring."""
         canvas = self.canvas
         detections = self.focus.replay.scene.detections
         for track in self.shown.tracks:
@@ -159,14 +162,17 @@ class _CloseUp:
 
     @property
     def _is_on(self) -> bool:
-        """True from the frame before the event; a false forecast has an end."""
+        """True from the frame before the event on.
+
+        A false forecast has an end.
+        """
         at = self.focus.at
         if self.shown.frame < at.frame - 1:
             return False
         return at.kind != "spurious" or self.shown.frame <= at.until
 
     def _note(self, mark: Mark, places: Floats) -> None:
-        """Remember a mark that is drawn at ``places`` [..., 2] m, if it is in sight."""
+        """Remember a mark at ``places`` [..., 2], m, if in sight."""
         if mark not in self.marks and self.canvas.inside(places).any():
             self.marks.insert(0, mark)
 
@@ -176,7 +182,7 @@ class _CloseUp:
         self._note(mark, box[:, :2])
 
     def _path(self, path: Floats, mark: Mark) -> None:
-        """Draw a path [n, 2] m in the style of a mark, with a dot at its end."""
+        """Draw a path [n, 2], m, with a dot at its end."""
         pixels = self.canvas.pixels(path)
         color = mark.line or BLACK
         self.canvas.stroke(pixels, color, mark.width, dashed=mark.dashed)
@@ -184,14 +190,14 @@ class _CloseUp:
         self._note(mark, path)
 
     def _role(self, role: str, forecast: ObjectForecast) -> str:
-        """Return the role of a forecast: that of its track, if it has one."""
+        """Return the role of a forecast's track, else its own."""
         for track in self.shown.tracks:
             if role == "now" and track.track_id == forecast.track_id:
                 return track.role
         return role
 
     def _forecast_name(self, forecast: ObjectForecast) -> str:
-        """Name a forecast by its time, and by its track if another one."""
+        """Name a forecast by its time and other track."""
         focus = self.focus
         follower = focus.at.new_id
         if focus.at.object_id >= 0:
@@ -217,7 +223,7 @@ class _CloseUp:
     # ---- texts
 
     def write_names(self) -> None:
-        """Write names, the most important first, the last ones if there is room."""
+        """Write names, the most important first, while there is room."""
         self.canvas.scale_bar()
         self._keep_clear()
         for place, text, role, reach_px in self._names():
@@ -244,7 +250,7 @@ class _CloseUp:
             canvas.text_places.append((left_px, top, right, bottom))
 
     def _names(self) -> list[Named]:
-        """List the names of boxes, what is missing, and names of the ends of paths."""
+        """List the names of boxes and of ends of paths."""
         shown = self.shown
         focus = self.focus
         names: list[Named] = []
@@ -262,7 +268,7 @@ class _CloseUp:
         return names + self._path_names()
 
     def _path_names(self) -> list[Named]:
-        """List the names of the ends of the future and of the forecasts."""
+        """List the names of ends of future and forecasts."""
         names: list[Named] = []
         future = self.shown.future
         if len(future) > 1:

@@ -1,4 +1,4 @@
-"""The column beside a picture: a heading, bars, the meaning of the marks, and remarks."""
+"""The column beside a picture: heading, bars, meaning of the marks, and remarks."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ class Mark:
     sign: str = ""  # "ring", "cross" or "circle", the latter in the colour of the line
 
     def draw(self, canvas: Canvas, y: float) -> None:
-        """Draw it at the height ``y`` of a canvas where a metre is a pixel."""
+        """Draw it at height ``y`` where a metre is a pixel."""
         middle = np.array([28.0, y])
         color = self.line or BLACK
         if self.sign == "ring":
@@ -73,7 +73,10 @@ def column(
 
 
 def _write(canvas: Canvas, y: float, texts: Sequence[Text]) -> float:
-    """Write texts from ``y`` on as far as there is room; return the y below them."""
+    """Write texts from ``y`` on, as far as there is room.
+
+    Returns the y below them.
+    """
     for text, letters, color in texts:
         lines = wrapped(text, letters, canvas.width - 2 * TEXT_LEFT_PX)
         line_px = LINE_HEIGHT * letters

@@ -32,7 +32,7 @@ REMARK = (
 
 
 def report(focus: Focus, compared: Sequence[Focus] = ()) -> Image.Image:
-    """Draw an event: its frame, and below it the frames around it.
+    """Draw the frame of an event, and those around it.
 
     A camera image that shows it stands at the bottom. The same event in other runs,
     ``compared``, has the same scale.
@@ -51,7 +51,7 @@ def stacked(images: Sequence[Image.Image]) -> Image.Image:
 
 
 def save_report(path: Path, *focuses: Focus) -> None:
-    """Write the picture of an event as PNG, complete or not at all.
+    """Write the picture of an event as PNG.
 
     Its description is the sentence on the event. Several ``focuses`` are one event in
     several runs: their pictures stand below each other, their sentences in lines.
@@ -106,13 +106,13 @@ def picture(
 
 
 def _text_lines(focus: Focus, width_px: float) -> list[str]:
-    """Return the event and its gravest causes in lines of ``width_px`` pixels."""
+    """Return event and gravest causes in lines of ``width_px``."""
     texts = [happened(focus), *map(cause_line, causes_of(focus)[:MAX_CAUSES])]
     return [line for text in texts for line in wrapped(text, LARGE, width_px)]
 
 
 def _parts(focus: Focus, t: int) -> dict[str, float]:
-    """Return the parts of the object's error at ``t`` by name, m."""
+    """Return parts of the error at ``t`` by name, m."""
     part = focus.replay.part[focus.rows[t]]
     is_target = focus.rows[t] >= 0 and np.isfinite(part[0])
     return named_parts(part) if is_target else {}
@@ -147,7 +147,7 @@ def _title(focus: Focus, t: int) -> str:
 
 
 def _strip(focus: Focus, compared: Sequence[Focus]) -> Image.Image:
-    """Draw the frames t - 1, t and t + 1 from near, with the track of each."""
+    """Draw the frames around the event from near."""
     width = SIZE[0] // 3
     image = Image.new("RGB", (SIZE[0], ROW), PAPER)
     ink = ImageDraw.Draw(image)
@@ -167,7 +167,7 @@ def _strip(focus: Focus, compared: Sequence[Focus]) -> Image.Image:
 
 
 def _follower(focus: Focus, t: int) -> tuple[str, Color]:
-    """Return the track that follows the object, in words and in its colour."""
+    """Return text and colour of the track that follows."""
     track_id = focus.at.new_id
     if focus.at.object_id < 0:
         is_output = focus.track_rows(track_id)[t] >= 0

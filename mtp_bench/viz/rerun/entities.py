@@ -1,4 +1,4 @@
-"""Entities of a recording: boxes and polylines over frames, the map, tracks, forecasts."""
+"""Entities of a recording: boxes and polylines over frames, map, tracks, forecasts."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -92,7 +92,7 @@ class Log:
         radius: float,
         labels: Labels = None,
     ) -> None:
-        """Log polylines [R, points, 3] with colours [R, 3] and labels [R]."""
+        """Log polylines [R, points, 3] with colours and labels [R]."""
         rows, counts = self._rows(row_start)
         columns = rr.LineStrips3D.columns(
             strips=np.ascontiguousarray(strip_points[rows], dtype=np.float32),
@@ -111,7 +111,7 @@ class Log:
         labels: Sequence[str],
         size: float,
     ) -> None:
-        """Log names [R] at places [R, 3], and dots of ``size`` points.
+        """Log names [R] and dots of ``size`` at places [R, 3].
 
         Their colours [R, 3] are made lighter: a viewer writes them on dark ground.
         """
@@ -144,7 +144,7 @@ class Log:
         self.recording.send_columns(self.root + entity_path, times, columns)
 
     def _rows(self, row_start: Ints) -> tuple[slice, Ints]:
-        """Return the rows that are logged, and their number in each frame."""
+        """Return the logged rows, and their number per frame."""
         first = self.frames.start - self.first
         row_start = row_start[first : self.frames.stop + 1 - self.first]
         return slice(int(row_start[0]), int(row_start[-1])), np.diff(row_start)
@@ -216,7 +216,7 @@ def log_scene(log: Log, replay: Replay) -> None:
 
 
 def log_plan(log: Log, replay: Replay) -> None:
-    """Log the plans of the ego of a closed loop, and the object that slows it.
+    """Log plans of the ego, and the object that slows it.
 
     Plans are red where the ego brakes hard.
     """
@@ -240,10 +240,11 @@ def log_plan(log: Log, replay: Replay) -> None:
 
 
 def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
-    """Return start [F + 1] and points [R, future + 1, 3] of the objects' ways.
+    """Return the ways of objects within the horizon.
 
-    They are those of evaluated objects within the horizon, up to a gap. In ``truth``
-    objects have another identity after a hole in time.
+    Their start is [F + 1], their points are [R, future + 1, 3]. They are those of
+    evaluated objects within the horizon, up to a gap. In ``truth`` objects have another
+    identity after a hole in time.
     """
     previous = history(truth.frame_of_rows, truth.object_id).previous()
     following = np.arange(len(previous))  # a row without a successor follows itself
@@ -259,9 +260,10 @@ def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
 def log_answers(
     log: Log, replay: Replay, hypotheses: Iterable[int], level: str
 ) -> None:
-    """Log tracks and trails of hypotheses, and forecasts if the ``level`` has them.
+    """Log tracks and trails of hypotheses, and forecasts.
 
-    False forecasts have an entity of their own, so that they can be hidden.
+    The ``level`` may leave out forecasts. False forecasts have an entity of their own,
+    so that they can be hidden.
     """
     rollout = replay.rollout
     rate_hz = replay.card.task.rate
@@ -289,7 +291,7 @@ def log_answers(
 def _log_forecasts(
     log: Log, entity_path: str, replay: Replay, level: str, chosen: Bools
 ) -> None:
-    """Log forecast samples of the ``chosen`` objects [O]: all, or the heaviest.
+    """Log all or the heaviest samples of ``chosen`` objects [O].
 
     They have the colour of the object's track.
     """

@@ -88,7 +88,7 @@ def _log_sentences(
 
 
 def log_focus(log: Log, focuses: Sequence[Focus], focus: Focus) -> None:
-    """Log the picture of an event, its table of causes, and a ring around it."""
+    """Log picture, causes and ring of an event."""
     png = BytesIO()
     report(focus, focuses).save(png, format="PNG")
     picture = rr.EncodedImage(contents=png.getvalue(), media_type="image/png")
@@ -133,7 +133,7 @@ def _log_markers(log: Log, replay: Replay) -> None:
 def _log_marks(
     log: Log, entity_path: str, replay: Replay, incidents: Sequence[Incident]
 ) -> None:
-    """Log the names of events of one kind on the time line."""
+    """Log names of events on the time line."""
     names: list[list[str]] = [[] for _ in range(replay.frames)]
     time = replay.scene.time
     for event in incidents:
@@ -148,7 +148,7 @@ def _log_marks(
 
 
 def lanes(replay: Replay) -> dict[int, list[int | None]]:
-    """Return the identity lane [F] of each evaluated object, by its number.
+    """Return the identity lane [F] of each object by number.
 
     It has the track of the best hypothesis that follows the object: -1 while it is
     untracked, None while it is absent.
@@ -168,7 +168,7 @@ def lanes(replay: Replay) -> dict[int, list[int | None]]:
 def _log_lane(
     log: Log, entity_path: str, states: Sequence[str], colors: Colors
 ) -> None:
-    """Log a lane with a state in each frame [F], "" for none, and its colour [F, 3]."""
+    """Log a lane with states [F], "" for none, and colours."""
     color_of_state = dict(zip(states, packed(colors), strict=True))
     color_of_state.pop("", None)
     names = list(color_of_state)
@@ -196,7 +196,7 @@ class Curve(NamedTuple):
 
 
 def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
-    """Return curves by the title of their plot: of an event, or of the whole scene."""
+    """Return curves of an event or scene by plot title."""
     if focus is None:
         part = np.full((replay.frames, len(PARTS)), np.nan)
         is_target = np.isfinite(replay.part[:, 0])
@@ -251,13 +251,13 @@ def _limit(name: str, value: float, frames: int) -> Curve:
 
 
 def _places(box: Floats, rows: Ints) -> Floats:
-    """Return places [F, 2] of the boxes in ``rows`` [F], NaN for row -1."""
+    """Return places [F, 2] of ``rows`` [F], NaN for -1."""
     places = np.append(box[:, :2].astype(np.float64), [[np.nan, np.nan]], axis=0)
     return places[rows]
 
 
 def _error_curves(part: Floats, frames: range) -> list[Curve]:
-    """Return the error and its largest parts in ``frames``; ``part`` [F, len(PARTS)]."""
+    """Return the error and its largest parts in ``frames``."""
     largest = np.nan_to_num(np.abs(part))[frames].max(axis=0)
     names = list(PARTS.values())
     curves = [Curve("error", part.sum(axis=1), SWITCH, 5.0)]

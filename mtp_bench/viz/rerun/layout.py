@@ -41,7 +41,7 @@ class Eye:
     def view(
         self, agent: ShownAgent, name: str, paths: Sequence[str]
     ) -> rrb.Spatial3DView:
-        """Return a view of what all agents share, and of these entities of an agent.
+        """Return a view of shared entities and of an agent's.
 
         False forecasts among them are hidden until their eye icon is clicked.
         """
@@ -66,7 +66,10 @@ class Eye:
 
 
 def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
-    """Return the blueprint of a recording; all views look at its event."""
+    """Return the blueprint of a recording.
+
+    All views look at its event.
+    """
     eye = _eye(agents[0], at)
     card = agents[0].replay.card
     key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
@@ -96,13 +99,13 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     above = rrb.Horizontal(
         *views, event_views, column_shares=[*[1.0] * len(views), 1.4]
     )
-    # the timeline of the event has nothing but its window, which is played over and over
+    # the timeline of the event has its window alone, which is played over and over
     parts = rrb.Vertical(above, below, row_shares=[2.8, 1])
     return _blueprint(parts, "Playing", EVENT, card, loop="All")
 
 
 def live_layout(agent: ShownAgent) -> rrb.Blueprint:
-    """Return the blueprint of an episode that is still running, at its newest frame."""
+    """Return the blueprint of an episode that still runs."""
     views = rrb.Horizontal(*_views(agent, _eye(agent, None), MAX_VIEWS))
     return _blueprint(views, "Following", "frame", agent.replay.card)
 
@@ -123,7 +126,7 @@ def _blueprint(
 
 
 def _eye(agent: ShownAgent, at: Incident | None) -> Eye:
-    """Return an eye on the event, else on the sensors, else on detections of frame 0."""
+    """Return an eye on the event, the sensors or detections."""
     world = f"/{agent.shared}world"
     if at is not None:
         return Eye(np.array(at.position), NEAR_M)
@@ -140,7 +143,7 @@ def _eye(agent: ShownAgent, at: Incident | None) -> Eye:
 
 
 def _views(agent: ShownAgent, eye: Eye, max_views: int) -> list[Any]:
-    """Return views side by side: the hypotheses from above, then the scene.
+    """Return views of the hypotheses, then of the scene.
 
     The heaviest hypothesis is first; the scene is seen from aside, with detections.
     Views beyond ``max_views`` are in tabs behind the first.
@@ -152,8 +155,8 @@ def _views(agent: ShownAgent, eye: Eye, max_views: int) -> list[Any]:
         name = "seen from above"
         if len(agent.hypotheses) > 1:
             name = f"hypothesis {hypothesis}"
-        if not np.isnan(weight):
-            name += f", weight {weight:.2f}"
+            if not np.isnan(weight):
+                name += f", weight {weight:.2f}"
         paths = [*forecasts, f"{world}/hyp/{hypothesis:02d}/**"]
         views.append(eye.view(agent, name, paths))
     best = next(iter(agent.hypotheses))
@@ -164,7 +167,7 @@ def _views(agent: ShownAgent, eye: Eye, max_views: int) -> list[Any]:
 
 
 def _curves(agent: ShownAgent, in_tabs: bool) -> list[Any]:
-    """Return plots of the errors, and of an event also of distances."""
+    """Return plots of errors and of an event's distances."""
     plots = []
     for number, title in enumerate(curves_of(agent.replay, agent.focus)):
         corner = rrb.Corner2D.RightTop if number else rrb.Corner2D.LeftTop
@@ -179,7 +182,7 @@ def _curves(agent: ShownAgent, in_tabs: bool) -> list[Any]:
 
 
 def _lanes(agents: Sequence[ShownAgent]) -> rrb.Tabs:
-    """Return the lanes and events on the time line, and the event log.
+    """Return lanes, events on the time line, and event log.
 
     The first tab has those of the event, or of the objects with most events.
     """
@@ -204,6 +207,7 @@ def _chosen_lanes(agent: ShownAgent, max_lanes: int) -> list[str]:
     """Return paths of the lanes and marks in the first tab."""
     replay = agent.replay
     object_lanes = lanes(replay)
+    kinds = {event.kind for event in replay.incidents}
     if agent.focus is None:
         count = Counter(event.object_id for event in replay.events)
         chosen = sorted(object_lanes, key=lambda number: (-count[number], number))
@@ -216,6 +220,6 @@ def _chosen_lanes(agent: ShownAgent, max_lanes: int) -> list[str]:
             for object_id, lane in object_lanes.items()
             if object_id == at.object_id or tracks & {*lane}
         ]
-    kinds = {event.kind for event in replay.incidents}
+        kinds &= {at.kind}
     marks = [f"marks/{kind}" for kind in INCIDENT_KINDS if kind in kinds]
     return [*(agent.lanes[object_id] for object_id in chosen), *marks]

@@ -94,7 +94,7 @@ def _log_runs(
     level: str,
     at: Incident | None,
 ) -> None:
-    """Log the content that all runs share once, then each run under its root."""
+    """Log shared content once, then each run under its root."""
     scene = agents[0].replay.scene
     focuses = [agent.focus for agent in agents if agent.focus is not None]
     log_map(recording, agents[0].replay)
@@ -139,7 +139,10 @@ class LiveRecording:
             )
 
     def render(self, episode: LiveEpisode) -> None:
-        """Log ``episode.frame``; in evaluation mode nothing that derives from truth."""
+        """Log ``episode.frame``.
+
+        In evaluation mode nothing derives from the truth.
+        """
         if self._recording is None:
             return
         t = episode.frame
@@ -161,6 +164,6 @@ class LiveRecording:
         log_answers(replace(log, first=replay.first), replay, hypotheses, "top")
 
     def close(self) -> None:
-        """Wait until everything has been sent; the viewer stays."""
+        """Wait until everything has been sent."""
         if self._recording is not None:
             self._recording.flush()

@@ -55,16 +55,16 @@ _DRAWABLE = r"[^\n\x20-\x7e\xa1-\xac\xae-\u017f\u0391-\u03a1\u03a3-\u03c9\u0410-
 
 
 def track_colors(track_id: Ints) -> Colors:
-    """Return the colour [N, 3] of each track id [N]; grey for -1.
+    """Return the colour [N, 3] of each track id [N].
 
-    It is the same in every frame and run.
+    It is grey for -1, and the same in every frame and run.
     """
     table = np.array([*TRACKS, UNKNOWN], dtype=np.uint8)
     return table[np.where(track_id < 0, len(TRACKS), track_id % len(TRACKS))]
 
 
 def packed(colors: Colors | Color) -> NDArray[np.uint32]:
-    """Return opaque colours [N] as one number each, from red, green, blue [N, 3]."""
+    """Pack red, green, blue [N, 3] into opaque numbers [N]."""
     rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
     number: NDArray[np.uint32] = rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32)
     return number + np.uint32(255)
@@ -79,7 +79,7 @@ def drawable(text: str) -> str:
 
 
 def object_names(replay: Replay) -> dict[int, str]:
-    """Return the name of each true object by its number, such as "car 4"."""
+    """Return names such as "car 4" by object number."""
     truth = replay.scene.truth
     object_ids, rows = np.unique(truth.object_id, return_index=True)
     names = {}
@@ -113,7 +113,7 @@ class ShownAgent:
 
     @cached_property
     def lanes(self) -> dict[int, str]:
-        """Path of the identity lane of each true object by its number."""
+        """Path of the identity lane of each object by number."""
         names = object_names(self.replay)
         parts = {number: path_part(name) for number, name in names.items()}
         count = Counter(parts.values())
@@ -131,9 +131,10 @@ class ShownAgent:
 def shown_agents(
     replays: Sequence[Replay], level: str, at: Incident | None
 ) -> list[ShownAgent]:
-    """Name the runs of one scene; ``at``: an event of the first one, for all.
+    """Name the runs of one scene.
 
-    The entities of the first run have no prefix, those of the others "agents/NAME/".
+    All look at the event ``at`` of the first one. The entities of the first run have no
+    prefix, those of the others "agents/NAME/".
     """
     require_known("level", level, LEVELS)
     scenes = {replay.scene.name for replay in replays}
@@ -166,7 +167,7 @@ def _distinct(names: Sequence[str]) -> list[str]:
 
 
 def _hypotheses(replay: Replay, level: str, at: Incident | None) -> dict[int, float]:
-    """Return the hypotheses of a level with their weights, the heaviest first.
+    """Return hypotheses of a level with weights, heaviest first.
 
     They are all that ever hold a track, or the heaviest of them.
     """

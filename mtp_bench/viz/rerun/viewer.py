@@ -49,10 +49,10 @@ def require_display() -> None:
 
 
 def show_recording(replays: Sequence[Replay], level: str, at: Incident | None) -> None:
-    """Open a viewer on runs of one scene, at the frame of ``at``.
+    """Open a viewer on runs of one scene.
 
-    It stays when this process ends. Raises MtpBenchError without a display, and if the
-    viewer does not start.
+    It shows the frame of ``at`` and stays when this process ends. Raises MtpBenchError
+    without a display, and if the viewer does not start.
     """
     require_display()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
@@ -69,7 +69,7 @@ def serve_recording(
     at: Incident | None,
     ready: Callable[[str], object],
 ) -> None:
-    """Serve runs of one scene to browsers on this machine until interrupted.
+    """Serve runs to browsers on this machine until interrupted.
 
     ``ready`` gets the address. Raises MtpBenchError if the server does not start.
     """
@@ -104,7 +104,7 @@ def free_port() -> int:
 def start_viewer(
     port: int, options: Sequence[str], content: IO[bytes] | None = None
 ) -> subprocess.Popen[bytes]:
-    """Start a viewer that listens and has a session of its own.
+    """Start a viewer with a session of its own.
 
     ``content``: a recording for its standard input. Raises MtpBenchError if it does not
     start.
