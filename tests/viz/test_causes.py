@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from string import Formatter
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from mtp_bench.cards import load_card
 from mtp_bench.running.stored import open_run
 from mtp_bench.scoring.parts import BELOW, LEAST_SHOWN, PARTS, fault_of
 from mtp_bench.sources import open_source
-from mtp_bench.viz.causes import TEMPLATES, Cause, cause_text, causes_of, happened, headline, ranked_parts, sentence
+from mtp_bench.viz.causes import TEMPLATES, Cause, causes_of, happened, headline, ranked_parts, sentence
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.moment_list import find_incident, moments
 from mtp_bench.viz.played import PlayedRun
@@ -120,13 +119,6 @@ def test_planted_faults(planted: Replay) -> None:
         check(focus)
     (cause,) = causes_of(Focus(planted, find_incident(planted, "mistaken")))
     assert cause.values["detected_class"] == "pedestrian"
-
-
-def test_no_texts_without_values() -> None:
-    for reason, template in TEMPLATES.items():
-        keys = {key for _, key, _, _ in Formatter().parse(template) if key}
-        assert keys or reason == "no detection"
-        assert cause_text(Cause("detector", reason, {}, 1.0)) == ""
 
 
 CONFIDENCES = {

@@ -3,22 +3,17 @@
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace as changed
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from mtp_bench import MtpBenchError
 from mtp_bench.core.types import Rollout
-from mtp_bench.sources import CameraImage
 from mtp_bench.viz.answers import Answers
 from mtp_bench.viz.causes import cause_text, causes_of, happened
-from mtp_bench.viz.drawing.report import SIZE
 from mtp_bench.viz.focus import Focus
-from mtp_bench.viz.photo import HEIGHT
 from mtp_bench.viz.rerun.entities import TOP_SAMPLES
 from mtp_bench.viz.rerun.recording import save_recording
 from mtp_bench.viz.rerun.sdk import rr
@@ -26,7 +21,6 @@ from mtp_bench.viz.rerun.shown import TOP_HYPOTHESES
 from mtp_bench.viz.rerun.viewer import viewer_program
 from mtp_bench.viz.run_replay import Replay, replay
 from tests.support import scoring_scenes
-from tests.support.camera_images import PIXELS, write_image
 from tests.support.focus_scenes import EVENT, crowd
 from tests.support.recordings import Rows, assert_recorded, boxes, read
 from tests.support.scoring_scenes import at, make_card
@@ -187,17 +181,6 @@ def test_signs_that_the_viewer_cannot_draw_are_replaced(run: Replay, tmp_path: P
     assert found["world/gt"][0]["labels"] == ["car ? 1", "car ? 1", "pedestrian Zoë"]
     lanes = {path for path in found if path.startswith("identity/")}
     assert lanes == {"identity/car-1-7", "identity/car-1-3", "identity/pedestrian-Zo"}
-
-
-def test_camera_images_stand_below_the_small_pictures(tmp_path: Path) -> None:
-    run = crowd(ahead=12.0)
-    projection = np.array([[800.0, -1000.0, 0.0, 8000.0], [450.0, 0.0, -1000.0, 5250.0], [1.0, 0.0, 0.0, 10.0]])
-    write_image(tmp_path / "a.png")
-    image = CameraImage(EVENT, "image_02", tmp_path / "a.png", PIXELS, projection)
-    for images, height in (((image,), SIZE[1] + HEIGHT), ((), SIZE[1])):
-        found = read(save(tmp_path / "a.rrd", changed(run, images=images), at=run.incident("ids-0")))
-        (png,) = found["focus/picture"][-1]["blob"]
-        assert Image.open(BytesIO(bytes(png))).size == (SIZE[0], height)
 
 
 def test_forecasts_of_nothing_have_a_place_of_their_own(tmp_path: Path) -> None:
