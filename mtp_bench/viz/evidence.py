@@ -173,10 +173,10 @@ def object_detection(focus: Focus, t: int) -> int:
 
 def appeared(focus: Focus, t: int) -> int:
     """Return the object's first frame since a hole in time."""
-    piece = pieces(focus.replay.scene, focus.replay.card)
+    time_piece = pieces(focus.replay.scene, focus.replay.card)
     truth = focus.replay.scene.truth
     frames = truth.frame_of_rows[truth.object_id == focus.at.object_id]
-    return int(frames[piece[frames] == piece[t]][0])
+    return int(frames[time_piece[frames] == time_piece[t]][0])
 
 
 def last_detected(focus: Focus, t: int) -> int:
@@ -228,8 +228,8 @@ def borrowed(replay: Replay) -> Bools:
         2 * float(gate_m.max()),
     )
     is_near = distance_m <= 2 * gate_m[truth.class_id[row]]
-    owner = replay.detected[column]
-    is_other = is_near & (owner >= 0) & (owner != truth.object_id[row])
+    owner_id = replay.detected[column]
+    is_other = is_near & (owner_id >= 0) & (owner_id != truth.object_id[row])
     count = np.bincount(row[is_near], minlength=len(truth.box))
     of_others = np.bincount(row[is_other], minlength=len(truth.box))
     columns = [list(PARTS).index(key) for key in _WITH_DETECTION]

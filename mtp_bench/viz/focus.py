@@ -107,13 +107,13 @@ class Focus:
 
         A gap is a row of -1 or a hole in time. The last frame may lie before the first.
         """
-        step = 1
+        frame_step = 1
         if last_frame < first_frame:
-            step = -1
-        piece = pieces(self.replay.scene, self.replay.card)
-        frames = np.arange(first_frame, last_frame + step, step)
+            frame_step = -1
+        time_piece = pieces(self.replay.scene, self.replay.card)
+        frames = np.arange(first_frame, last_frame + frame_step, frame_step)
         frames = frames[(frames >= 0) & (frames < len(rows))]
-        is_gap = (rows[frames] < 0) | (piece[frames] != piece[frames[:1]])
+        is_gap = (rows[frames] < 0) | (time_piece[frames] != time_piece[frames[:1]])
         count = int(np.argmax(np.append(is_gap, True)))
         return rows[frames[:count]]
 
@@ -253,11 +253,13 @@ class Focus:
         if row < 0:
             return None
         rollout = self.replay.rollout
-        weight = floored(sample_weights(rollout.forecast_log_weight[row : row + 1]))[0]
-        if not weight.any():
+        sample_weight = floored(
+            sample_weights(rollout.forecast_log_weight[row : row + 1])
+        )[0]
+        if not sample_weight.any():
             return None
         start = rollout.object_box[row, :2].astype(np.float64)
-        samples = (start + to_metres(rollout.forecast[row]))[weight > 0]
+        samples = (start + to_metres(rollout.forecast[row]))[sample_weight > 0]
         future = self.future(t)[1:]
         if len(future):
             offset_m = samples[:, : len(future)] - future
@@ -265,7 +267,7 @@ class Focus:
                 np.hypot(offset_m[..., 0], offset_m[..., 1]).sum(axis=1)
             )
         else:
-            nearest = np.argmax(weight[weight > 0])
+            nearest = np.argmax(sample_weight[sample_weight > 0])
         track_id = int(self.replay.answers.object_track_id[row])
         if self.track_rows(track_id)[t] < 0:
             track_id = -1

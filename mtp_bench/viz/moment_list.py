@@ -88,12 +88,14 @@ def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
     frame = replay.scene.truth.frame_of_rows
     part = replay.part[rows]
     parts = named_parts(part.mean(axis=0))
-    cause = next(iter(parts))
+    cause_name = next(iter(parts))
     names = np.array(list(PARTS.values()))
     # largest part of each frame, with below threshold last
     frame_cause = names[np.where(names == BELOW, -np.inf, part).argmax(axis=1)]
-    worst_row = int(rows[np.lexsort((-cost[rows].round(3), frame_cause != cause))[0]])
-    cause_part = part[:, names == cause].ravel()
+    worst_row = int(
+        rows[np.lexsort((-cost[rows].round(3), frame_cause != cause_name))[0]]
+    )
+    cause_part = part[:, names == cause_name].ravel()
     borrowed_part = cause_part[borrowed(replay)[rows]]
     distance_m = None
     if replay.card.has_ego:
@@ -185,7 +187,7 @@ def _rows_of(replay: Replay, name: str) -> Ints:
     names = {number: scene.name_of(number) for number in object_ids.tolist()}
     numbers = _named_objects(names, name)
     if len(numbers) != 1:
-        noun, _, word = name.rpartition(" ")
+        noun, _, object_word = name.rpartition(" ")
         class_ids = scene.truth.class_id[first_rows].tolist()
         classes = [replay.card.task.classes[class_id] for class_id in class_ids]
         of_class = {
@@ -193,7 +195,7 @@ def _rows_of(replay: Replay, name: str) -> Ints:
             for number, class_name in zip(names, classes, strict=True)
             if class_name.replace("_", " ") == noun.replace("_", " ")
         }
-        numbers = [n for n in _named_objects(names, word) if n in of_class]
+        numbers = [n for n in _named_objects(names, object_word) if n in of_class]
     if len(numbers) != 1:
         raise UnknownNameError(
             f"object of scene {scene.name}",
@@ -204,15 +206,19 @@ def _rows_of(replay: Replay, name: str) -> Ints:
     return np.flatnonzero(scene.truth.object_id == numbers[0])
 
 
-def _named_objects(names: Mapping[int, str], word: str) -> list[int]:
+def _named_objects(names: Mapping[int, str], object_word: str) -> list[int]:
     """Return the numbers of objects that a word names.
 
     It is the whole id, else the number, else the beginning of ids.
     """
-    exact = [number for number, name in names.items() if name == word]
-    by_number = [number for number in names if word.removeprefix("#") == str(number)]
+    exact = [number for number, name in names.items() if name == object_word]
+    by_number = [
+        number for number in names if object_word.removeprefix("#") == str(number)
+    ]
     begins = [
-        number for number, name in names.items() if word and name.startswith(word)
+        number
+        for number, name in names.items()
+        if object_word and name.startswith(object_word)
     ]
     return exact or by_number or begins
 

@@ -91,23 +91,23 @@ def projected(projection: Floats, box: Floats) -> Floats:
     return np.asarray(ends[..., :2] / ends[..., 2:])
 
 
-def photo_row(photo: Photo, width: int) -> Image.Image:
+def photo_row(photo: Photo, width_px: int) -> Image.Image:
     """Draw the image, and the object from near.
 
-    The row has ``width`` x `HEIGHT` pixels. An image that cannot be read is named
+    The row has ``width_px`` x `HEIGHT` pixels. An image that cannot be read is named
     instead.
     """
-    row = Image.new("RGB", (width, HEIGHT), PAPER)
+    row = Image.new("RGB", (width_px, HEIGHT), PAPER)
     ink = ImageDraw.Draw(row)
-    height = HEIGHT - CAPTION
-    size = photo.image.size  # that its projection is for
-    whole_width = min(round(height * size[0] / size[1]), (width - GAP) // 2)
+    height_px = HEIGHT - CAPTION
+    size_px = photo.image.size  # that its projection is for
+    whole_width = min(round(height_px * size_px[0] / size_px[1]), (width_px - GAP) // 2)
     try:
         with (
             warnings.catch_warnings(action="ignore"),
             Image.open(photo.image.path) as file,
         ):
-            picture = file.convert("RGB").resize(size)
+            picture = file.convert("RGB").resize(size_px)
     # SyntaxError: a broken PNG
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
         text = f"{photo.image.path.name} cannot be read"
@@ -116,25 +116,25 @@ def photo_row(photo: Photo, width: int) -> Image.Image:
     near_px = max(MIN_PX, AROUND * photo.extent) / 2
     for left_px, right_px, radius_px, view in (
         (0, whole_width, np.inf, "whole"),
-        (whole_width + GAP, width, near_px, "near the object"),
+        (whole_width + GAP, width_px, near_px, "near the object"),
     ):
-        part = _draw_part(photo, picture, (right_px - left_px, height), radius_px)
+        part = _draw_part(photo, picture, (right_px - left_px, height_px), radius_px)
         row.paste(part, (left_px, CAPTION))
         ink.text((left_px + 10, 4), f"{photo.image.camera}, {view}", BLACK, font(TEXT))
     return row
 
 
 def _draw_part(
-    photo: Photo, picture: Image.Image, size: tuple[int, int], radius_px: float
+    photo: Photo, picture: Image.Image, size_px: tuple[int, int], radius_px: float
 ) -> Image.Image:
     """Draw the ``picture`` of a photo with its boxes.
 
     It shows at most ``radius_px`` pixels of it around the event.
     """
     image_size = np.array(picture.size, dtype=np.float64)
-    half = np.minimum(radius_px * np.array(size) / min(size), image_size / 2)
+    half = np.minimum(radius_px * np.array(size_px) / min(size_px), image_size / 2)
     low = np.clip(photo.middle, half, image_size - half) - half
-    scale = float(min(np.array(size) / (2 * half)))
+    scale = float(min(np.array(size_px) / (2 * half)))
     inner = np.maximum(1, np.rint(2 * half * scale)).astype(int)
     box = (*low.tolist(), *(low + 2 * half).tolist())
     part = picture.resize(tuple(inner * FINER), Image.Resampling.BILINEAR, box=box)
@@ -142,8 +142,8 @@ def _draw_part(
     for role, edges in photo.edges[::-1]:  # the object lies above its tracks
         for line in (edges - low) * scale * FINER:
             ink.line([tuple(point) for point in line.tolist()], ROLES[role], 2 * FINER)
-    part_image = Image.new("RGB", size, PAPER)
+    part_image = Image.new("RGB", size_px, PAPER)
     part_image.paste(
-        part.reduce(FINER), tuple(((np.array(size) - inner) // 2).tolist())
+        part.reduce(FINER), tuple(((np.array(size_px) - inner) // 2).tolist())
     )
     return part_image

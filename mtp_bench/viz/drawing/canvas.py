@@ -171,7 +171,13 @@ class Canvas:
     # ---- texts
 
     def text(
-        self, x: float, y: float, text: str, size: int, color: Color, edge: bool = False
+        self,
+        x: float,
+        y: float,
+        text: str,
+        size_px: int,
+        color: Color,
+        edge: bool = False,
     ) -> None:
         """Write a text with its top left at a pixel.
 
@@ -181,7 +187,7 @@ class Canvas:
             (round(x * FINER), round(y * FINER)),
             text,
             fill=color,
-            font=font(size * FINER),
+            font=font(size_px * FINER),
             stroke_width=FINER if edge else 0,
             stroke_fill=WHITE,
         )
@@ -193,14 +199,19 @@ class Canvas:
             self.text(place[0], place[1], text, SMALL, color, edge=True)
 
     def callout(
-        self, xy: Floats, text: str, color: Color, reach_px: float, size: int = MIDDLE
+        self,
+        xy: Floats,
+        text: str,
+        color: Color,
+        reach_px: float,
+        size_px: int = MIDDLE,
     ) -> None:
         """Write a text on a board beside a thing at ``xy`` [2].
 
         The line begins ``reach_px`` pixels from the thing. The text is left out where
         there is no room.
         """
-        wide, high = text_size(text, size)
+        wide, high = text_size(text, size_px)
         gaps = [reach_px + gap for gap in BOARD_GAPS_PX]
         place = self._free_place(xy, (wide + 8.0, high + 4.0), gaps)
         if place is None:
@@ -211,15 +222,15 @@ class Canvas:
         self.stroke(np.stack([start, end]), color, 1.0)
         square = [round(edge * FINER) for edge in place]
         self.draw.rectangle(square, fill=WHITE, outline=color, width=FINER)
-        self.text(place[0] + 4, place[1] + 1, text, size, color)
+        self.text(place[0] + 4, place[1] + 1, text, size_px, color)
 
     def _free_place(
-        self, xy: Floats, size: tuple[float, float], gaps: Iterable[float]
+        self, xy: Floats, size_px: tuple[float, float], gaps: Iterable[float]
     ) -> Rectangle | None:
-        """Take a free rectangle of ``size`` pixels beside a place."""
+        """Take a free rectangle of ``size_px`` pixels beside a place."""
         if not self.inside(xy):
             return None
-        half = np.array(size) / 2
+        half = np.array(size_px) / 2
         for gap, angle in product(gaps, np.deg2rad(TEXT_DIRECTIONS)):
             way = unit_vectors(angle)
             center = self.pixels(xy) + way * (gap + half)
@@ -267,16 +278,16 @@ class Canvas:
 
 
 @cache
-def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+def font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Load the font that Pillow ships, the same on every machine."""
-    return ImageFont.load_default(size)
+    return ImageFont.load_default(size_px)
 
 
 @cache
-def text_size(text: str, size: int) -> tuple[float, float]:
+def text_size(text: str, size_px: int) -> tuple[float, float]:
     """Return width and height of a text in pixels."""
-    left_px, _, right, _ = font(size).getbbox(text)
-    return right - left_px, size * 1.2
+    left_px, _, right, _ = font(size_px).getbbox(text)
+    return right - left_px, size_px * 1.2
 
 
 def _points(pixels: Floats) -> list[tuple[float, ...]]:

@@ -37,13 +37,13 @@ Named = tuple[Floats, str, str, float]  # place [2], text, role, reach in pixels
 
 
 def draw_focus(
-    focus: Focus, t: int, size: tuple[int, int], window: Window
+    focus: Focus, t: int, size_px: tuple[int, int], window: Window
 ) -> tuple[Image.Image, list[Mark]]:
-    """Draw frame ``t`` of an event in ``size`` pixels.
+    """Draw frame ``t`` of an event in ``size_px`` pixels.
 
     Returns the picture and its key.
     """
-    close_up = _CloseUp(focus, frame_of(focus, t), Canvas.blank(*size, window))
+    close_up = _CloseUp(focus, frame_of(focus, t), Canvas.blank(*size_px, window))
     close_up.draw_scene()
     close_up.draw_paths()
     close_up.draw_boxes()

@@ -53,18 +53,18 @@ class Mark:
 
 
 def column(
-    size: tuple[int, int],
+    size_px: tuple[int, int],
     heading: Sequence[Text],
     marks: Sequence[Mark],
     remarks: Sequence[Text] = (),
     parts: Mapping[str, float] | None = None,
 ) -> Image.Image:
-    """Draw texts and marks below each other in ``size`` pixels.
+    """Draw texts and marks below each other in ``size_px`` pixels.
 
     ``parts``: metres by name, drawn as bars below the heading; those below 0 are
     hollow. Remarks are left out where there is no room.
     """
-    canvas = Canvas.blank(*size, Window(0.0, 0.0, *size), PAPER)
+    canvas = Canvas.blank(*size_px, Window(0.0, 0.0, *size_px), PAPER)
     y = _write(canvas, 12.0, heading)
     y = _draw_bars(canvas, y, parts or {})
     y = _draw_marks(canvas, y + 8, marks)
@@ -114,7 +114,7 @@ def _draw_marks(canvas: Canvas, y: float, marks: Sequence[Mark]) -> float:
     return y
 
 
-def wrapped(text: str, size: int, width_px: float) -> list[str]:
+def wrapped(text: str, size_px: int, width_px: float) -> list[str]:
     """Break ``text`` into lines of at most ``width_px`` pixels.
 
     It is broken between words, but not between a number and its unit.
@@ -122,7 +122,7 @@ def wrapped(text: str, size: int, width_px: float) -> list[str]:
     lines: list[str] = []
     for word in re.sub(r"(\d) (m|s)\b", rf"\1{_TIED}\2", text).split(" "):
         longer = f"{lines[-1]} {word}" if lines else word
-        if lines and text_size(longer, size)[0] <= width_px:
+        if lines and text_size(longer, size_px)[0] <= width_px:
             lines[-1] = longer
         else:
             lines.append(word)

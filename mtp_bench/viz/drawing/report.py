@@ -37,8 +37,11 @@ def report(focus: Focus, compared: Sequence[Focus] = ()) -> Image.Image:
     A camera image that shows it stands at the bottom. The same event in other runs,
     ``compared``, has the same scale.
     """
-    size = (SIZE[0], SIZE[1] - ROW)
-    images = [picture(focus, focus.at.frame, size, compared), _strip(focus, compared)]
+    size_px = (SIZE[0], SIZE[1] - ROW)
+    images = [
+        picture(focus, focus.at.frame, size_px, compared),
+        _strip(focus, compared),
+    ]
     photo = photo_of(focus)
     if photo is not None:
         images.append(photo_row(photo, SIZE[0]))
@@ -68,26 +71,26 @@ def save_report(path: Path, *focuses: Focus) -> None:
 
 
 def picture(
-    focus: Focus, t: int, size: tuple[int, int], compared: Sequence[Focus] = ()
+    focus: Focus, t: int, size_px: tuple[int, int], compared: Sequence[Focus] = ()
 ) -> Image.Image:
-    """Draw event, causes, frame ``t`` and key in ``size`` pixels.
+    """Draw event, causes, frame ``t`` and key in ``size_px`` pixels.
 
     The view follows the object. The text is grey in frames other than the event.
     """
-    image = Image.new("RGB", size, PAPER)
-    lines = _text_lines(focus, size[0] - 28)
+    image = Image.new("RGB", size_px, PAPER)
+    lines = _text_lines(focus, size_px[0] - 28)
     top = 40 + LINE_PX * len(lines)
-    width = size[0] - COLUMN
-    height = size[1] - top
+    width_px = size_px[0] - COLUMN
+    height_px = size_px[1] - top
     window = window_of(focus, t, compared)
-    close_up, marks = draw_focus(focus, t, (width, height), window)
+    close_up, marks = draw_focus(focus, t, (width_px, height_px), window)
     image.paste(close_up, (0, top))
     up = "north is up" if focus.at.object_id < 0 else "the object will be to the right"
     remarks = [(REMARK.format(up), SMALL - 1, GRAY)]
     heading = [(_error_text(focus, t), SMALL, BLACK)]
     parts = {n: v for n, v in _parts(focus, t).items() if abs(v) >= LEAST_SHOWN}
-    key = column((COLUMN, height), heading, marks, remarks, parts)
-    image.paste(key, (width, top))
+    key = column((COLUMN, height_px), heading, marks, remarks, parts)
+    image.paste(key, (width_px, top))
     ink = ImageDraw.Draw(image)
     title = _title(focus, t)
     color: Color = BLACK
@@ -101,7 +104,7 @@ def picture(
     ink.text((title_left, 10), title, GRAY, font(SMALL))
     for i, line in enumerate(lines):
         ink.text((14, 29 + LINE_PX * i), line, color, font(LARGE - 1))
-    ink.rectangle([0, top, width - 1, size[1] - 1], outline=EDGE)
+    ink.rectangle([0, top, width_px - 1, size_px[1] - 1], outline=EDGE)
     return image
 
 
@@ -148,21 +151,21 @@ def _title(focus: Focus, t: int) -> str:
 
 def _strip(focus: Focus, compared: Sequence[Focus]) -> Image.Image:
     """Draw the frames around the event from near."""
-    width = SIZE[0] // 3
+    width_px = SIZE[0] // 3
     image = Image.new("RGB", (SIZE[0], ROW), PAPER)
     ink = ImageDraw.Draw(image)
     for i, name in enumerate(("t - 1", "t", "t + 1")):
         t = focus.at.frame + i - 1
-        left_px = i * width
+        left_px = i * width_px
         if 0 <= t < focus.replay.frames:
             window = window_of(focus, t, compared, is_close=True)
-            close_up, _ = draw_focus(focus, t, (width, ROW - CAPTION), window)
+            close_up, _ = draw_focus(focus, t, (width_px, ROW - CAPTION), window)
             image.paste(close_up, (left_px, CAPTION))
             text = f"{name}: frame {t}, {focus.seconds(t):.1f} s"
             ink.text((left_px + 10, 4), text, BLACK, font(TEXT))
             text, color = _follower(focus, t)
             ink.text((left_px + 10, 23), text, color, font(TEXT))
-        ink.rectangle([left_px, 0, left_px + width - 1, ROW - 1], outline=EDGE)
+        ink.rectangle([left_px, 0, left_px + width_px - 1, ROW - 1], outline=EDGE)
     return image
 
 
