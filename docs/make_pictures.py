@@ -18,12 +18,12 @@ from PIL import Image
 
 import mtp_bench
 from mtp_bench.running.stored import open_run
+from mtp_bench.viz.causes import sentence
 from mtp_bench.viz.drawing.birds_eye import draw_frame
 from mtp_bench.viz.drawing.report import save_report
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import Window
 from mtp_bench.viz.played import PlayedRun
-from mtp_bench.viz.sentences import sentence
 from mtp_bench.viz.terminal.event_table import Listed, in_order
 
 HERE = Path(__file__).parent / "pictures"

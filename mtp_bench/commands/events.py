@@ -28,51 +28,50 @@ from ..viz import (
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice
 from .output import write_json
 
+_KIND = choice(
+    INCIDENT_KINDS,
+    text="Only this kind, such as spurious (false forecasts); repeatable.",
+)
+_SORT = choice(
+    ORDERS,
+    text="time: by scene and frame; cost, confidence or length: the largest first.",
+)
+
 
 def events(
     folder: FolderArgument,
     scene: Annotated[str | None, Option(help="Only this scene.")] = None,
-    kind: Annotated[
-        list[str] | None,
-        choice(
-            INCIDENT_KINDS,
-            text="Only this kind, such as spurious (false forecasts); repeatable.",
-        ),
-    ] = None,
-    sort: Annotated[
-        str,
-        choice(
-            ORDERS,
-            text="time: by scene and frame; cost, confidence or length: the largest first.",
-        ),
-    ] = "time",
+    kind: Annotated[list[str] | None, _KIND] = None,
+    sort: Annotated[str, _SORT] = "time",
     top: Annotated[int | None, Option(min=1, help="Only the first N.")] = None,
     root: DataOption = None,
     env: RunCardOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """List identity switches, losses, re-acquisitions, false forecasts and collisions, and how to look at each."""
-    tally, rows = Tally(), list[Listed]()
+    """List identity switches, losses, re-acquisitions, false forecasts and collisions.
+
+    Each has a command that shows it.
+    """
+    tally = Tally()
+    all_rows = list[Listed]()
     with reported("finding events") as progress:
         opened = open_run(folder, root, env)
         for played in replays(opened, scene, progress):
             tally.add(played)
-            rows += [
-                Listed.of(played, each, str(folder), root, env)
-                for each in played.incidents
-            ]
-    hits = [row for row in rows if row.cause]
-    rows = in_order(
-        [row for row in rows if row.incident.kind in (kind or INCIDENT_KINDS)], sort
-    )[:top]
-    write_json(
-        json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent)
-    )
+            for incident in played.incidents:
+                all_rows.append(Listed.of(played, incident, str(folder), root, env))
+    rows = [row for row in all_rows if kind is None or row.incident.kind in kind]
+    rows = in_order(rows, sort)[:top]
+    content = events_json(rows, tally, opened.card.id, opened.run.info.agent)
+    write_json(json_file, content)
     listed = rows if kind or top else longest_only(rows)
+    shown_command = ""
     if listed:
+        shown_command = listed[0].view
         show_table(event_table(listed))
         show("")
         show_lines([EVENT_CAPTION, LOOK])
-        show_command(listed[0].view)
-    show_collisions(hits, opened.rollouts(scene), listed[0].view if listed else "")
+        show_command(shown_command)
+    collisions = [row for row in all_rows if row.cause]
+    show_collisions(collisions, opened.rollouts(scene), shown_command)
     show(tally_line(tally, all_listed=len(listed) == len(rows)))

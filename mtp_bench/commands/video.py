@@ -11,7 +11,7 @@ from ..viz import (
     AT,
     VIDEO_SUFFIXES,
     PlayedRun,
-    found,
+    find_incident,
     frames_around,
     pictures,
     replay,
@@ -22,32 +22,22 @@ from ..viz import (
 from .options import DataOption, FolderArgument, RunCardOption, file_option
 from .output import say
 
+_OUTPUT = file_option(
+    "-o", "--output", text="File to write: .mp4 or .gif.", suffixes=VIDEO_SUFFIXES
+)
+_SCENE = Option(help="Which scene. Default: the first of the run.")
+_AT = Option(help=f"Only from 3 s before to 3 s after this moment: {AT}.")
+_FPS = Option(
+    min=0.1, max=50, help="Pictures per second. Default: as many as were recorded."
+)
+
 
 def video(
     folder: FolderArgument,
-    output: Annotated[
-        Path,
-        file_option(
-            "-o",
-            "--output",
-            text="File to write: .mp4 or .gif.",
-            suffixes=VIDEO_SUFFIXES,
-        ),
-    ],
-    scene: Annotated[
-        str | None, Option(help="Which scene. Default: the first of the run.")
-    ] = None,
-    at: Annotated[
-        str | None, Option(help=f"Only from 3 s before to 3 s after this moment: {AT}.")
-    ] = None,
-    fps: Annotated[
-        float | None,
-        Option(
-            min=0.1,
-            max=50,
-            help="Pictures per second. Default: as many as were recorded.",
-        ),
-    ] = None,
+    output: Annotated[Path, _OUTPUT],
+    scene: Annotated[str | None, _SCENE] = None,
+    at: Annotated[str | None, _AT] = None,
+    fps: Annotated[float | None, _FPS] = None,
     root: DataOption = None,
     env: RunCardOption = None,
 ) -> None:
@@ -56,28 +46,20 @@ def video(
     with reported("drawing the video") as progress:
         opened = open_run(folder, root, env)
         rollout = opened.first(scene)
-        drawn = opened.drawn(rollout.scene, say)
+        content = opened.drawn(rollout.scene, say)
         if at is None:
-            played, incident = (
-                replay(drawn, rollout, opened.card, opened.run.info.agent),
-                None,
-            )
+            played = replay(content, rollout, opened.card, opened.run.info.agent)
+            incident = None
+            frames = range(played.frames)
         else:
-            played = PlayedRun(opened).replay(rollout, drawn)
-            incident = found(played, at)
-        frames = (
-            range(played.frames)
-            if incident is None
-            else frames_around(played.scene, incident.frame)
-        )
+            played = PlayedRun(opened).replay(rollout, content)
+            incident = find_incident(played, at)
+            frames = frames_around(played.scene, incident.frame)
         progress.started(len(frames))
-        rate = fps or opened.card.task.rate
-        write_video(
-            output,
-            pictures(played, frames, incident),
-            rate,
-            lambda: progress.done(rollout.scene),
-        )
+        rate_hz = fps or opened.card.task.rate
+        images = pictures(played, frames, incident)
+        write_video(output, images, rate_hz, lambda: progress.done(rollout.scene))
     show(
-        f"{output}: scene {rollout.scene}, frames {frames.start} to {frames.stop - 1}, {rate:g} per second"
+        f"{output}: scene {rollout.scene}, frames {frames.start} to {frames.stop - 1}, "
+        f"{rate_hz:g} per second"
     )

@@ -1,9 +1,10 @@
-"""``mtp-bench view``: runs of one scene as a recording, in a file, a window or a browser."""
+"""``mtp-bench view``: runs of one scene in a file, a window or a browser."""
 
 # rerun is slow to load: its functions are imported, and called, without --png alone
 # pyright: reportPossiblyUnboundVariable=false
 
 import shlex
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +21,8 @@ from ..viz import (
     Focus,
     PlayedRun,
     Replay,
+    find_incident,
     focuses_of,
-    found,
     save_report,
     sentence,
     show,
@@ -29,42 +30,34 @@ from ..viz import (
 from .options import DataOption, RunCardOption, choice, file_option
 from .output import say
 
+_FOLDERS = Argument(
+    help="Folders written by `mtp-bench run`; several are shown side by side."
+)
+_SCENE = Option(help="Which scene. Default: the first of the run.")
+_AT = Option(help=f"Open the first run there: {AT}.")
+_LEVEL = choice(
+    LEVELS,
+    text="tracks, top (3 samples per object) or all (every sample and hypothesis).",
+)
+_SAVE = file_option(
+    "--save", text="Write a recording (.rrd) instead.", suffixes=(".rrd",)
+)
+_PNG = file_option(
+    "--png",
+    text="Write a picture (.png) instead; needs --at, no screen, no rerun.",
+    suffixes=(".png",),
+)
+_WEB = Option("--web", help="Serve it to a browser on this machine instead.")
+
 
 def view(
-    folders: Annotated[
-        list[Path],
-        Argument(
-            help="Folders written by `mtp-bench run`; several are shown side by side."
-        ),
-    ],
-    scene: Annotated[
-        str | None, Option(help="Which scene. Default: the first of the run.")
-    ] = None,
-    at: Annotated[str | None, Option(help=f"Open the first run there: {AT}.")] = None,
-    level: Annotated[
-        str,
-        choice(
-            LEVELS,
-            text="tracks, top (3 samples per object) or all (every sample and hypothesis).",
-        ),
-    ] = "top",
-    save: Annotated[
-        Path | None,
-        file_option(
-            "--save", text="Write a recording (.rrd) instead.", suffixes=(".rrd",)
-        ),
-    ] = None,
-    png: Annotated[
-        Path | None,
-        file_option(
-            "--png",
-            text="Write a picture (.png) instead; needs --at, no screen, no rerun.",
-            suffixes=(".png",),
-        ),
-    ] = None,
-    web: Annotated[
-        bool, Option("--web", help="Serve it to a browser on this machine instead.")
-    ] = False,
+    folders: Annotated[list[Path], _FOLDERS],
+    scene: Annotated[str | None, _SCENE] = None,
+    at: Annotated[str | None, _AT] = None,
+    level: Annotated[str, _LEVEL] = "top",
+    save: Annotated[Path | None, _SAVE] = None,
+    png: Annotated[Path | None, _PNG] = None,
+    web: Annotated[bool, _WEB] = False,
     root: DataOption = None,
     env: RunCardOption = None,
 ) -> None:
@@ -72,8 +65,11 @@ def view(
     if (save is not None) + web + (png is not None) > 1:
         raise BadParameter("choose one of them", param_hint="--save, --web, --png")
     if png is not None and at is None:
-        advice = "a picture shows one moment: name it with --at; `mtp-bench worst` lists them"
-        raise BadParameter(advice, param_hint="--png")
+        raise BadParameter(
+            "a picture shows one moment: name it with --at; `mtp-bench worst` lists "
+            "them",
+            param_hint="--png",
+        )
     runs = _opened(folders, root, env)
     if png is None:
         with long_work("loading rerun"):
@@ -87,39 +83,45 @@ def view(
         if save is None and not web:
             require_display()
     replays = _replays(runs, scene, at is not None)
-    incident = None if at is None else found(replays[0], at)
-    focuses = [] if incident is None else focuses_of(replays, incident)
-    shown = _sentence(replays, focuses)
+    incident = None
+    focuses: list[Focus] = []
+    if at is not None:
+        incident = find_incident(replays[0], at)
+        focuses = focuses_of(replays, incident)
+    text = _text(replays, focuses)
     if png is not None:
         save_report(png, *focuses)
-        show(f"{png}: {shown}")
+        show(f"{png}: {text}")
     elif save is not None:
         save_recording(save, replays, level, incident)
-        show(f"{save}: {shown}; open it with `rerun {shlex.quote(str(save))}`")
+        show(f"{save}: {text}; open it with `rerun {shlex.quote(str(save))}`")
     elif web:
         with long_work(""):  # nothing to say while the user looks at it
-            serve_recording(
-                replays,
-                level,
-                incident,
-                lambda url: show(f"{shown}: {url} until Ctrl-C"),
-            )
+
+            def ready(url: str) -> None:
+                show(f"{text}: {url} until Ctrl-C")
+
+            serve_recording(replays, level, incident, ready)
     else:
         show_recording(replays, level, incident)
-        show(shown)
+        show(text)
 
 
 def _opened(
     folders: Sequence[Path], data: str | None, env_id: str | None
 ) -> list[OpenedRun]:
-    """The runs in ``folders``; raises MtpBenchError if they were made for different cards."""
+    """Open the runs in ``folders``.
+
+    Raises MtpBenchError if their cards differ.
+    """
     runs = [open_run(folder, data, env_id) for folder in folders]
     first = runs[0]
     for run in runs[1:]:
         if run.card.digest != first.card.digest:
             raise MtpBenchError(
-                f"{run.folder}: made for {run.card.id} ({run.card.digest}), expected {first.card.id} "
-                f"({first.card.digest}) as in {first.folder}: only runs of one env and detector share a picture"
+                f"{run.folder}: made for {run.card.id} ({run.card.digest}), expected "
+                f"{first.card.id} ({first.card.digest}) as in {first.folder}: only "
+                "runs of one env and detector share a picture"
             )
     return runs
 
@@ -128,46 +130,37 @@ def _opened(
 def _replays(
     runs: Sequence[OpenedRun], scene: str | None, images: bool
 ) -> list[Replay]:
-    """The runs of one scene, by default the first of the first run, with the camera ``images`` that its source has.
+    """Replay one scene of runs.
 
-    Runs of one agent with different numbers of hypotheses have these in their names. Raises UnknownNameError for a run
-    without the scene.
+    By default it is the first of the first run. With ``images`` they have the camera
+    images of the source. Runs of one agent with different numbers of hypotheses have
+    these in their names. Raises UnknownNameError for a run without the scene.
     """
     first = runs[0]
     name = first.first(scene).scene
     content = first.drawn(name, say)
     cameras = camera_images(content, first.card, first.data, say) if images else ()
-    counts: dict[str, set[int]] = {}
+    counts = defaultdict[str, set[int]](set)
     for run in runs:
-        counts.setdefault(run.run.info.agent, set()).add(run.run.info.hypotheses or 1)
+        counts[run.run.info.agent].add(run.run.info.hypotheses or 1)
     replays = []
     for run in runs:
-        info = run.run.info
-        given = (
-            content
-            if run is first
-            else replace(content, detections=run.scene(name).detections)
-        )
-        agent = (
-            info.agent
-            if len(counts[info.agent]) == 1
-            else f"{info.agent} (H = {info.hypotheses or 1})"
-        )
-        replays.append(
-            replace(
-                PlayedRun(run).replay(run.first(name), given, agent), images=cameras
-            )
-        )
+        agent = run.run.info.agent
+        if len(counts[agent]) > 1:
+            agent = f"{agent} (H = {run.run.info.hypotheses or 1})"
+        run_content = content
+        if run is not first:
+            run_content = replace(content, detections=run.scene(name).detections)
+        played = PlayedRun(run).replay(run.first(name), run_content, agent)
+        replays.append(replace(played, images=cameras))
     return replays
 
 
-def _sentence(replays: Sequence[Replay], focuses: Sequence[Focus]) -> str:
-    """The scene, the event of the first run, and its counterparts in the others."""
-    name = replays[0].scene.name
-    if not focuses:
-        return f"scene {name}"
-    first, *others = focuses
-    sentences = [f"scene {name}, frame {first.at.frame}, {sentence(first)}"]
-    return "; ".join(
-        [*sentences, *(f"{each.replay.agent}: {sentence(each)}" for each in others)]
-    )
+def _text(replays: Sequence[Replay], focuses: Sequence[Focus]) -> str:
+    """Return scene, event and its counterparts in words."""
+    text = f"scene {replays[0].scene.name}"
+    for focus in focuses[:1]:
+        text += f", frame {focus.at.frame}, {sentence(focus)}"
+    for focus in focuses[1:]:
+        text += f"; {focus.replay.agent}: {sentence(focus)}"
+    return text

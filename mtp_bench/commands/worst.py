@@ -1,12 +1,13 @@
 """``mtp-bench worst``."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
 from typer import BadParameter, Option
 
 from ..core import reported
-from ..running import open_run
+from ..running import OpenedRun, open_run
 from ..scoring import BELOW, FAULTS, PARTS, named_parts
 from ..viz import (
     CAPTION_BELOW,
@@ -41,84 +42,97 @@ CAUSES = tuple(dict.fromkeys([*FAULTS, *PARTS.values()]))
 LOOK = (
     "To look at the first; with --png FILE.png it becomes a picture, without a screen:"
 )
+_CAUSE = choice(
+    CAUSES,
+    text=f"Only moments of this cause or part of the stack: {', '.join(CAUSES)}.",
+)
+_CLASS = Option("--class", help="Only objects of this class.")
+_WITHIN = Option(min=0, help="Only objects at most so many metres from the ego.")
 
 
 def worst(
     folder: FolderArgument,
     scene: Annotated[str | None, Option(help="Only this scene.")] = None,
-    cause: Annotated[
-        str | None,
-        choice(
-            CAUSES,
-            text=f"Only moments of this cause or part of the stack: {', '.join(CAUSES)}.",
-        ),
-    ] = None,
-    class_name: Annotated[
-        str | None, Option("--class", help="Only objects of this class.")
-    ] = None,
-    within: Annotated[
-        float | None,
-        Option(min=0, help="Only objects at most so many metres from the ego."),
-    ] = None,
+    cause: Annotated[str | None, _CAUSE] = None,
+    class_name: Annotated[str | None, _CLASS] = None,
+    within: Annotated[float | None, _WITHIN] = None,
     top: Annotated[int, Option(min=1, help="How many.")] = 20,
     root: DataOption = None,
     env: RunCardOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """List the worst moments of a run: whose fault each was, and how to look at it."""
-    hits = list[Listed]()
-    below, whole, targets, rows, unsplit = (
-        cause in (BELOW, "confidence"),
-        np.zeros(len(PARTS)),
-        0,
-        list[WorstRow](),
-        "",
-    )
+    collisions = list[Listed]()
+    rows = list[WorstRow]()
+    below = cause in (BELOW, "confidence")
+    part_sum = np.zeros(len(PARTS))
+    targets = 0
+    unsplit = ""
     with reported("finding the worst moments") as progress:
         opened = open_run(folder, root, env)
-        if class_name is not None:
-            one_of(class_name, opened.card.task.classes, "--class")
-        if within is not None and not opened.card.has_ego:
-            raise BadParameter(
-                f"{opened.card.id} has no ego to measure from", param_hint="--within"
-            )
+        _check_filters(opened, class_name, within)
         for played in replays(opened, scene, progress):
-            whole, unsplit = whole + np.nansum(played.part, axis=0), played.unsplit
+            part_sum += np.nansum(played.part, axis=0)
             targets += int(np.isfinite(played.part[:, 0]).sum())
-            hits += [
-                Listed.of(played, e, str(folder), root, env)
-                for e in played.incidents
-                if e.kind == "collision"
-            ]
-            rows += [
-                WorstRow.of(played, one.at, str(folder), root, env, moment=one)
-                for one in moments(played, below)
-            ]
-    kept = [
-        row
-        for row in rows
-        if (cause is None or below or cause in (row.moment.cause, row.fault))
-        and (class_name is None or row.class_name == class_name)
-        and (within is None or (row.moment.distance or 0.0) <= within)
-    ]
-    shown = sorted(kept, key=lambda row: -row.moment.cost)[:top]
-    parts, total = named_parts(whole / max(1, targets)), float(costs(whole, below))
-    write_json(
-        json_file,
-        worst_json(shown, total, parts, opened.card.id, opened.run.info.agent),
-    )
-    if shown:
-        show_table(worst_table(shown, total))
+            unsplit = played.unsplit
+            for event in played.events:
+                if event.kind == "collision":
+                    row = Listed.of(played, event, str(folder), root, env)
+                    collisions.append(row)
+            for moment in moments(played, below):
+                at = moment.at
+                row = WorstRow.of(played, at, str(folder), root, env, moment=moment)
+                rows.append(row)
+    parts = named_parts(part_sum / max(1, targets))
+    total = float(costs(part_sum, below))
+    chosen = _chosen(rows, None if below else cause, class_name, within)[:top]
+    content = worst_json(chosen, total, parts, opened.card.id, opened.run.info.agent)
+    write_json(json_file, content)
+    _show_moments(chosen, total, below)
+    rollouts = opened.rollouts(scene)
+    show_collisions(collisions, rollouts)
+    if unsplit:
+        show_lines([UNSPLIT.format(unsplit)])
+    cost = sum(row.moment.cost for row in chosen)
+    count = f"{len(chosen)} of {counted(len(rows), 'moment')}"
+    sum_name = "part" if below else "blame"
+    summary = f"{count}, {cost / (total or 1.0):.0%} of the {sum_name}."
+    show_lines([summary, run_line(parts, len(rollouts))])
+
+
+def _chosen(
+    rows: Sequence[WorstRow],
+    cause: str | None,
+    class_name: str | None,
+    within: float | None,
+) -> list[WorstRow]:
+    """Return the rows that pass the filters, by falling cost."""
+    chosen = list(rows)
+    if cause is not None:
+        chosen = [row for row in chosen if cause in (row.moment.cause, row.fault)]
+    if class_name is not None:
+        chosen = [row for row in chosen if row.class_name == class_name]
+    if within is not None:
+        chosen = [row for row in chosen if (row.moment.distance or 0.0) <= within]
+    return sorted(chosen, key=lambda row: -row.moment.cost)
+
+
+def _show_moments(rows: Sequence[WorstRow], total: float, below: bool) -> None:
+    """Print the table of moments, and the command that shows the first."""
+    if rows:
+        show_table(worst_table(rows, total))
         show("")
         show_lines([CAPTION_BELOW if below else WORST_CAPTION, LOOK])
-        show_command(shown[0].view)
-    show_collisions(hits, opened.rollouts(scene))
-    share = sum(row.moment.cost for row in shown) / total if total else 0.0
-    of_run = f"{len(shown)} of {counted(len(rows), 'moment')}, {share:.0%} of the {'part' if below else 'blame'}."
-    show_lines(
-        [
-            *([UNSPLIT.format(unsplit)] if unsplit else []),
-            of_run,
-            run_line(parts, len(opened.rollouts(scene))),
-        ]
-    )
+        show_command(rows[0].view)
+
+
+def _check_filters(
+    opened: OpenedRun, class_name: str | None, within: float | None
+) -> None:
+    """Refuse an unknown class, and a distance without an ego."""
+    if class_name is not None:
+        one_of(class_name, opened.card.task.classes, "--class")
+    if within is not None and not opened.card.has_ego:
+        raise BadParameter(
+            f"{opened.card.id} has no ego to measure from", param_hint="--within"
+        )

@@ -13,6 +13,7 @@ from .board.page import (
     write_board as write_board,
 )
 from .board.tables import board_tables as board_tables
+from .causes import sentence as sentence
 from .drawing.report import save_report as save_report
 from .drawing.video import (
     VIDEO_SUFFIXES as VIDEO_SUFFIXES,
@@ -23,7 +24,12 @@ from .drawing.video import (
 from .focus import Focus as Focus
 from .framing import focuses_of as focuses_of, frames_around as frames_around
 from .incident import INCIDENT_KINDS as INCIDENT_KINDS
-from .moment_list import AT as AT, costs as costs, found as found, moments as moments
+from .moment_list import (
+    AT as AT,
+    costs as costs,
+    find_incident as find_incident,
+    moments as moments,
+)
 from .played import PlayedRun as PlayedRun, replays as replays
 from .rerun.recording import save_recording as save_recording
 from .rerun.shown import LEVELS as LEVELS
@@ -33,7 +39,6 @@ from .rerun.viewer import (
     show_recording as show_recording,
 )
 from .run_replay import Replay as Replay, replay as replay
-from .sentences import sentence as sentence
 from .studies.study import (
     Study as Study,
     require_study_folder as require_study_folder,

@@ -1,405 +1,237 @@
-"""Evidence around an event that an agent does not state; metres, frame of the scene, rows of the tables of the run."""
+"""Evidence around an event that an agent does not state.
 
-from dataclasses import dataclass
+Positions are in metres, in the frame of the scene; rows are those of the run's tables.
+"""
+
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
-from ..core import Detections, Floats, Ints, Truth, to_metres, wrap_angle
-from ..scoring import SURE, Pairs, fault_of, match, pieces
-from .focus import Focus, ObjectForecast
-from .incident import MOMENT
-from .moment_list import borrowed
-from .plan import collision_cause
+from ..core import Bools, Detections, Floats, Ints, Truth
+from ..scoring import PARTS, Pairs, match, near_pairs, pieces
+from .focus import Focus
 from .run_replay import Replay
 
-STILL = 1.0  # m, within the horizon: an object that moves less stands still
-TINY = 0.1  # m: a forecast that begins nearer begins at the object
-SHORT, LONG = 0.75, 1.33  # shares of a distance between which it is the same
-ASIDE, BACK = np.deg2rad(12.0), np.deg2rad(120.0)
-SMOOTHED = 0.25  # share of the forecast gate that a track's box may lie beside its detection without having moved
+# share of the forecast gate between a track's box and its detection without motion
+SMOOTHED_SHARE = 0.25
+_WITH_DETECTION = ("no_forecast", "other_class", "off_place")  # keys of PARTS
 
 
-@dataclass(frozen=True)
-class Gate:
-    """Rule by which the scorer lets a track follow the object: least IoU in 3D, or greatest distance of the centres."""
+class Gate(NamedTuple):
+    """Rule by which the scorer lets a track follow the object."""
 
-    iou: bool
-    threshold: float  # IoU, or m
+    by_iou: bool  # else by the distance of the centres
+    threshold: float  # least IoU in 3D, or greatest distance in m
 
     @property
     def text(self) -> str:
         """The rule in words."""
-        return (
-            f"an IoU of {self.threshold:g}"
-            if self.iou
-            else f"within {self.threshold:g} m"
-        )
+        if self.by_iou:
+            return f"an IoU of {self.threshold:g}"
+        return f"within {self.threshold:g} m"
 
 
 def gate(focus: Focus) -> Gate:
-    """Event gate of the object's class."""
-    rule, card = focus.replay.card.task.event_gate, focus.replay.card
-    return Gate(
-        rule.measure == "iou_3d",
-        float(card.per_class(rule.threshold)[focus.at.class_id]),
-    )
+    """Return the event gate of the object's class."""
+    card = focus.replay.card
+    rule = card.task.event_gate
+    threshold = float(card.per_class(rule.threshold)[focus.at.class_id])
+    return Gate(rule.measure == "iou_3d", threshold)
 
 
 def reach(focus: Focus) -> float:
-    """Distance within which a box lies at the object, m: its forecast gate, or its event gate if that is larger."""
-    rule = gate(focus)
-    return focus.gate if rule.iou else max(focus.gate, rule.threshold)
+    """Return the distance within which boxes are at the object, m.
 
-
-def expected(focus: Focus, track_id: int, t: int) -> Floats | None:
-    """Place [2] where a track was expected at frame ``t`` by its own forecast of the frame before.
-
-    It is the first step of the heaviest sample; without a forecast the last two boxes go on at constant velocity. None
-    for a track that was not there in the frame before, and after a hole in time.
+    It is the forecast gate, or the event gate if that is larger.
     """
-    run, rows = focus.replay, focus.track_rows(track_id)
-    if (
-        t == 0
-        or min(rows[t], rows[t - 1]) < 0
-        or np.diff(pieces(run.scene, run.card)[t - 1 : t + 1]) > 0
-    ):
+    rule = gate(focus)
+    return focus.gate_m if rule.by_iou else max(focus.gate_m, rule.threshold)
+
+
+def distance_to(focus: Focus, place: Floats) -> float:
+    """Return the distance of a ``place`` [2 or more] to the object, m."""
+    return float(np.hypot(*(place[:2] - focus.place(focus.at.frame))))
+
+
+def ego_distance(focus: Focus, t: int) -> float | None:
+    """Return the distance from object to ego at ``t``, m.
+
+    None without an ego.
+    """
+    if not focus.replay.card.has_ego:
         return None
-    objects = run.rollout.objects.rows(t - 1)
-    own = (
-        objects.start
-        + np.flatnonzero(run.answers.object_track[objects] == rows[t - 1])[:1]
-    )
-    for row in own.tolist():
-        sample = int(np.argmax(run.rollout.forecast_log_weight[row]))
-        return np.asarray(
-            run.rollout.object_box[row, :2]
-            + to_metres(run.rollout.forecast[row, sample, 0])
-        )
-    way = trail(focus, track_id, t - 1, 2)
-    return np.asarray(2 * way[-1] - way[0])
+    return float(np.hypot(*(focus.place(t) - focus.replay.scene.ego[t, :2])))
+
+
+def visible_share(focus: Focus, t: int) -> float | None:
+    """Return the share of the object in line of sight.
+
+    None where it is unknown.
+    """
+    shares = focus.replay.scene.visible
+    if shares is None or focus.rows[t] < 0:
+        return None
+    return float(shares[focus.rows[t]])
+
+
+# ---- tracks
 
 
 def trail(focus: Focus, track_id: int, t: int, frames: int) -> Floats:
-    """Places [n, 2] of a track in the last ``frames`` frames until ``t``, now last; empty if it is not output."""
+    """Return places [n, 2] of a track until ``t``, now last.
+
+    They are those of the last ``frames`` frames. It is empty if the track is not output
+    at ``t``.
+    """
     rows = focus.until_gap(focus.track_rows(track_id), t, t - frames + 1)[::-1]
     return focus.replay.rollout.track_box[rows, :2].astype(np.float64)
 
 
-def near_detections(focus: Focus, t: int) -> Ints:
-    """Rows of the detections within ``near`` metres of the object at frame ``t``, the nearest first."""
-    first, box = (
-        focus.replay.scene.detections.start[t],
-        focus.replay.scene.detections.box,
-    )
-    far = np.hypot(*(box[focus.replay.scene.detections.rows(t), :2] - focus.place(t)).T)
-    return np.asarray(
-        first + np.argsort(far, kind="stable")[: (far <= focus.near).sum()]
-    )
+def expected(focus: Focus, track_id: int, t: int) -> Floats | None:
+    """Predict the place [2] of a track at ``t``.
 
-
-def detection(focus: Focus, t: int) -> tuple[int, float]:
-    """Row of the detection of the object at frame ``t``, else of the nearest of its class, or -1; its distance, m."""
-    rows, seen = near_detections(focus, t), focus.replay.scene.detections
-    rows = rows[seen.class_id[rows] == focus.at.class_id]
-    row = min(
-        rows.tolist(),
-        key=lambda row: focus.replay.detected[row] != focus.at.object_id,
-        default=-1,
-    )
-    return row, away(focus, seen.box[row]) if row >= 0 else np.inf
-
-
-def detected_until(focus: Focus, t: int) -> tuple[int, int]:
-    """First frame of the object since the last hole in time, and its last one until ``t`` with a detection, or -1."""
-    run, piece = focus.replay, pieces(focus.replay.scene, focus.replay.card)
-    there = run.scene.truth.frame_of_rows[
-        run.scene.truth.object_id == focus.at.object_id
-    ]
-    first = int(there[piece[there] == piece[t]][0])
-    seen = run.scene.detections.frame_of_rows[run.detected == focus.at.object_id]
-    return first, int(np.append(-1, seen[(seen >= first) & (seen <= t)])[-1])
-
-
-def taken(focus: Focus, track_id: int, t: int) -> int:
-    """Row of the detection that a track took at frame ``t``, -1 for none: it coasts.
-
-    The tracks of the hypothesis are matched with detections one-to-one. A filter moves a track from its expected place
-    towards its detection and stops short of it: the detection lies about as near to the box as the box has moved.
+    Its last two boxes before go on at constant velocity. None for a track that was not
+    there then, and after a hole in time.
     """
-    row, run = int(focus.track_rows(track_id)[t]), focus.replay
-    detection = (
-        -1
-        if row < 0
-        else _nearest(run, t, int(focus.hypothesis[t]), focus.near).get(row, -1)
-    )
-    if detection < 0:
+    previous = trail(focus, track_id, t, 3)[:-1]
+    return np.asarray(2 * previous[-1] - previous[0]) if len(previous) else None
+
+
+def taken_detection(focus: Focus, track_id: int, t: int) -> int:
+    """Return the row of the detection that a track took.
+
+    It is -1 if the track coasts at ``t``. The tracks of the hypothesis are matched with
+    detections one-to-one. A filter moves a track from its expected place towards its
+    detection and stops short of it: the detection lies about as near to the box as the
+    box has moved.
+    """
+    replay = focus.replay
+    track_row = int(focus.track_rows(track_id)[t])
+    matches = _matched_detections(replay, t, int(focus.hypothesis[t]), focus.near_m)
+    detection_row = matches.get(track_row, -1)
+    if detection_row < 0:
         return -1
-    place, box = (
-        expected(focus, track_id, t),
-        run.rollout.track_box[row, :2].astype(np.float64),
-    )
-    moved = 0.0 if place is None else float(np.hypot(*(box - place)))
-    gap = float(np.hypot(*(box - run.scene.detections.box[detection, :2])))
-    return detection if gap <= SMOOTHED * focus.gate + moved else -1
+    track_place = replay.rollout.track_box[track_row, :2].astype(np.float64)
+    expected_place = expected(focus, track_id, t)
+    moved_m = 0.0
+    if expected_place is not None:
+        moved_m = float(np.hypot(*(track_place - expected_place)))
+    offset_m = track_place - replay.scene.detections.box[detection_row, :2]
+    is_near = np.hypot(*offset_m) <= SMOOTHED_SHARE * focus.gate_m + moved_m
+    if not is_near:
+        return -1
+    return detection_row
 
 
 @lru_cache(maxsize=64)  # lists ask for all tracks of a frame, one after the other
-def _nearest(run: Replay, t: int, hypothesis: int, near: float) -> dict[int, int]:
-    """The detection matched to each track of a hypothesis in frame ``t``, at most ``near`` metres away, by rows."""
-    table, rollout = run.scene.detections, run.rollout
-    tracks, seen = (
-        np.arange(each.start[t], each.start[t + 1]) for each in (rollout.tracks, table)
+def _matched_detections(
+    replay: Replay, t: int, hypothesis: int, radius_m: float
+) -> dict[int, int]:
+    """Match tracks of a hypothesis with detections, by rows."""
+    detections = replay.scene.detections
+    rollout = replay.rollout
+    tracks = np.arange(rollout.tracks.rows(t).start, rollout.tracks.rows(t).stop)
+    tracks = tracks[replay.answers.hypotheses.member[tracks, hypothesis]]
+    rows = detections.rows(t)
+    offset_m = (
+        rollout.track_box[tracks, None, :2].astype(float) - detections.box[rows, :2]
     )
-    tracks = tracks[run.answers.hypotheses.member[tracks, hypothesis]]
-    class_id = rollout.track_class[tracks]
-    gap = np.hypot(
-        *np.moveaxis(
-            rollout.track_box[tracks, None, :2].astype(np.float64)
-            - table.box[seen, :2],
-            -1,
-            0,
-        )
-    )
-    i, j = np.nonzero(
-        ((class_id[:, None] == table.class_id[seen]) | (class_id[:, None] < 0))
-        & (gap <= near)
-    )
-    matched = match(Pairs(i, j, gap[i, j]), len(tracks))
-    return dict(
-        zip(
-            tracks[matched >= 0].tolist(),
-            seen[matched[matched >= 0]].tolist(),
-            strict=True,
-        )
-    )
+    distance_m = np.hypot(offset_m[..., 0], offset_m[..., 1])
+    track_class = rollout.track_class[tracks][:, None]
+    same_class = (track_class == detections.class_id[rows]) | (track_class < 0)
+    i, j = np.nonzero(same_class & (distance_m <= radius_m))
+    matched = match(Pairs(i, j, distance_m[i, j]), len(tracks))
+    pairs = zip(tracks.tolist(), matched.tolist(), strict=True)
+    return {track: rows.start + column for track, column in pairs if column >= 0}
 
 
-def confusing(focus: Focus, t: int, true: bool = False) -> int:
-    """Row of the nearest detection of another class at the object at frame ``t``, -1 without one.
+# ---- detections
 
-    ``true``: of the nearest true object of another class, at a false forecast.
+
+def near_detections(focus: Focus, t: int) -> Ints:
+    """Return rows of detections within `Focus.near_m`, the nearest first."""
+    detections = focus.replay.scene.detections
+    rows = detections.rows(t)
+    distance_m = np.hypot(*(detections.box[rows, :2] - focus.place(t)).T)
+    order = np.argsort(distance_m, kind="stable")
+    return np.asarray(rows.start + order[: (distance_m <= focus.near_m).sum()])
+
+
+def object_detection(focus: Focus, t: int) -> int:
+    """Return the row of the detection of the object at ``t``.
+
+    Without one it is the nearest of its class within `Focus.near_m`, or -1.
     """
-    table: Truth | Detections = (
-        focus.replay.scene.truth if true else focus.replay.scene.detections
-    )
-    rows = table.start[t] + np.flatnonzero(
-        table.class_id[table.rows(t)] != focus.at.class_id
-    )
-    far = np.hypot(*(table.box[rows, :2] - focus.place(t)).T)
-    there = true or focus.rows[t] >= 0
-    return int(rows[np.argmin(far)]) if there and (far <= reach(focus)).any() else -1
+    rows = near_detections(focus, t)
+    rows = rows[focus.replay.scene.detections.class_id[rows] == focus.at.class_id]
+    if not len(rows):
+        return -1
+    is_object = focus.replay.detected[rows] == focus.at.object_id
+    return int(rows[np.argmax(is_object)])
 
 
-def owner_of(focus: Focus, detection: int, t: int) -> int:
-    """Row of the true box, other than the object, that a detection of frame ``t`` is matched to, -1 without one."""
-    truth, object_id = focus.replay.scene.truth, focus.replay.detected[detection]
-    same = (truth.object_id[truth.rows(t)] == object_id) & (
-        object_id not in (-1, focus.at.object_id)
-    )
-    return int(np.append(truth.start[t] + np.flatnonzero(same), -1)[0])
+def appeared(focus: Focus, t: int) -> int:
+    """Return the object's first frame since a hole in time."""
+    time_piece = pieces(focus.replay.scene, focus.replay.card)
+    truth = focus.replay.scene.truth
+    frames = truth.frame_of_rows[truth.object_id == focus.at.object_id]
+    return int(frames[time_piece[frames] == time_piece[t]][0])
 
 
-def says(focus: Focus, row: int) -> str:
-    """Class and score of a detection: "pedestrian .85"."""
-    table, classes = focus.replay.scene.detections, focus.replay.card.task.classes
-    return f"{classes[table.class_id[row]].replace('_', ' ')} {share(table.score[row])}"
+def last_detected(focus: Focus, t: int) -> int:
+    """Return the last frame with a detection until ``t``, or -1."""
+    is_object = focus.replay.detected == focus.at.object_id
+    frames = focus.replay.scene.detections.frame_of_rows[is_object]
+    in_time = (frames >= appeared(focus, t)) & (frames <= t)
+    return int(frames[in_time].max(initial=-1))
 
 
-def share(value: float, digits: int = 2) -> str:
-    """A number of at most 1 without its zero, such as ".85"."""
-    return f"{value:.{digits}f}".replace("0.", ".", int(abs(value) < 1))
+def of_other_class(focus: Focus, t: int, table: Detections | Truth) -> int:
+    """Return the nearest box of another class, or -1.
 
-
-def left_out(focus: Focus, t: int) -> str:
-    """Return why budgets leave out the forecast of the object at frame ``t``: its confidence, and what decides.
-
-    A forecast that is surer than not is left out because others fill the budgets, others because they are not sure.
+    ``table``: the detections, or the true boxes.
     """
-    confidence = float(focus.replay.worth[focus.rows[t], 1])
-    text = f"of confidence {share(confidence, 3)} is left out at"
-    if focus.replay.thresholds is None:
-        return f"{text} some budgets"
-    above = focus.replay.thresholds[focus.replay.thresholds > confidence]
-    least = float(above.min(initial=np.inf))
-    if np.isinf(least):
-        why = "they keep none as sure"
-    elif confidence < SURE:
-        why = f"they keep {share(least, 3)} and more"
-    else:
-        others = (
-            "false forecasts"
-            if focus.replay.scene.truth_complete
-            else "other forecasts"
-        )
-        why = f"{others} fill them down to {share(least, 3)}"
-    return f"{text} {len(above)} of {len(focus.replay.thresholds)} budgets, as {why}"
+    rows = table.rows(t)
+    distance_m = np.hypot(*(table.box[rows, :2] - focus.place(t)).T)
+    distance_m[table.class_id[rows] == focus.at.class_id] = np.inf
+    if distance_m.min(initial=np.inf) > reach(focus):
+        return -1
+    return int(rows.start + np.argmin(distance_m))
 
 
-def away(focus: Focus, place: Floats) -> float:
-    """Distance of the ``place`` [2 or more] from the object in the event's frame, m."""
-    return float(np.hypot(*(place[:2] - focus.place(focus.at.frame))))
+def owner_of(focus: Focus, detection_row: int, t: int) -> int:
+    """Return the other true box of a detection, or -1."""
+    truth = focus.replay.scene.truth
+    object_id = focus.replay.detected[detection_row]
+    if object_id in (-1, focus.at.object_id):
+        return -1
+    matches = truth.object_id[truth.rows(t)] == object_id
+    return truth.rows(t).start + int(np.argmax(matches)) if matches.any() else -1
 
 
-def track_away(focus: Focus, track: int) -> float:
-    """Distance of a track that is output then from the object in the event's frame, m."""
-    return away(
-        focus, focus.replay.rollout.track_box[focus.track_rows(track)[focus.at.frame]]
+@lru_cache(maxsize=4)  # asked for every moment of a run
+def borrowed(replay: Replay) -> Bools:
+    """Mask true boxes [R] with detections of other objects alone.
+
+    Detections within two gates count, and boxes whose error has a cause that a
+    detection explains.
+    """
+    truth = replay.scene.truth
+    detections = replay.scene.detections
+    gate_m = np.asarray(replay.card.per_class(replay.card.task.forecast_gate), float)
+    row, column, distance_m = near_pairs(
+        truth.frame_of_rows,
+        truth.box[:, :2],
+        detections.frame_of_rows,
+        detections.box[:, :2],
+        2 * float(gate_m.max()),
     )
-
-
-def metres(focus: Focus, far: float) -> str:
-    """A distance in one digit, or in two where one would hide on which side of a gate it lies."""
-    gates = {f"{each:.1f}" for each in (focus.gate, reach(focus))}
-    return f"{far:.2f} m" if f"{far:.1f}" in gates else f"{far:.1f} m"
-
-
-def ghost(focus: Focus, detection: int) -> str:
-    """Name of the run of false forecasts of a detection of another class, in brackets; empty without one."""
-    run, t, class_id = (
-        focus.replay,
-        focus.at.frame,
-        focus.replay.scene.detections.class_id[detection],
-    )
-    runs = (
-        each
-        for each in run.incidents
-        if each.kind == "spurious" and each.frame <= t <= each.until
-    )
-    there = (
-        each
-        for each in runs
-        if each.class_id == class_id and focus.track_rows(each.new_id)[t] >= 0
-    )
-    return next(
-        (
-            f" ({each.name})"
-            for each in there
-            if track_away(focus, each.new_id) <= reach(focus)
-        ),
-        "",
-    )
-
-
-def distance(focus: Focus, t: int) -> float | None:
-    """Distance of the object to the ego at frame ``t``, m; None without an ego."""
-    run = focus.replay
-    return (
-        float(np.hypot(*(focus.place(t) - run.scene.ego[t, :2])))
-        if run.card.has_ego
-        else None
-    )
-
-
-def visible(focus: Focus, t: int, last: int = -1) -> float | None:
-    """Mean share of the object in line of sight at frame ``t``, or until ``last``; None where it is not stated."""
-    shares, rows = focus.replay.scene.visible, focus.rows[t : max(t, last) + 1]
-    return (
-        None
-        if shares is None or (rows < 0).all()
-        else float(shares[rows[rows >= 0]].mean())
-    )
-
-
-def went(focus: Focus, forecast: ObjectForecast) -> str:
-    """The nearest sample beside what the object does."""
-    t = forecast.frame
-    future, past = (
-        focus.future(t),
-        focus.path(t, t - round(focus.replay.card.task.rate)),
-    )
-    path = forecast.nearest_path[: len(future)]
-    true, way = future[-1] - future[0], path[-1] - path[0]
-    start = (
-        (past[0] - past[-1]) * (len(future) - 1) / (len(past) - 1)
-        if len(past) > 1
-        else true
-    )  # at its speed now
-    begins, ends = path[0] - future[0], path[-1] - future[-1]
-    far, length, fast, near, off = (
-        float(np.hypot(*each)) for each in (true, way, start, begins, ends)
-    )
-    beside, left = (
-        near > max(off / 2, TINY),
-        float(true[0] * ends[1] - true[1] * ends[0]) / max(far, STILL),
-    )
-    ahead = np.arctan2(*(start if fast > STILL else true)[::-1])
-    turned, turns = (
-        float(wrap_angle(np.arctan2(*each[::-1]) - ahead)) for each in (true, way)
-    )  # to the left above 0
-    keeps, more = (
-        SHORT * fast < length < LONG * fast,
-        "far" if abs(turns) > abs(turned) else "little",
-    )
-    bent, own = (
-        "goes straight"
-        if abs(a) < ASIDE / 2
-        else f"turns {'left' if a > 0 else 'right'}"
-        for a in (turned, turns)
-    )
-    cases = (
-        (
-            far < STILL and length < STILL,
-            f"stands still {'beside' if beside else 'like'} it",
-        ),
-        (
-            far < STILL,
-            "moves off while it stands" if fast < STILL else "goes on while it stops",
-        ),
-        (length < max(STILL, 0.2 * far), "stands still while it moves"),
-        (abs(wrap_angle(turns - turned)) > BACK, "goes back"),
-        (
-            abs(wrap_angle(turns - turned)) > ASIDE,
-            f"{own} too {more}" if own == bent else f"{own} while it {bent}",
-        ),
-        (
-            length < SHORT * far,
-            "keeps its speed while it speeds up" if keeps else "falls short",
-        ),
-        (
-            length > LONG * far,
-            "keeps its speed while it brakes" if keeps else "goes too far",
-        ),
-        (beside, f"begins {near:.1f} m beside it"),
-        (abs(left) > far / 4, f"goes too far {'left' if left > 0 else 'right'}"),
-        (True, "goes the right way"),
-    )
-    return (
-        f"{next(text for applies, text in cases if applies)} and ends {off:.1f} m off"
-    )
-
-
-def _fault(focus: Focus) -> str:
-    """Return the part of the stack at fault for the error of an object, and its cause."""
-    at = focus.at
-    if at.parts is None:
-        return "not a target"
-    if at.parts and borrowed(focus.replay)[at.row]:
-        return "detector: only other objects are detected there"
-    fault = fault_of(at.parts) or "no error"
-    sure = at.confidence is not None and at.confidence >= SURE
-    return (
-        "budgets: filled by other forecasts"
-        if sure and fault.startswith("confidence")
-        else fault
-    )
-
-
-def verdict(focus: Focus) -> str:
-    """The part of the stack at fault and its cause: "detector: other class"."""
-    at, t = focus.at, focus.at.frame
-    if at.kind == "collision":
-        return collision_cause(focus).partition(":")[0]
-    if at.object_id >= 0:
-        return _fault(focus)
-    if at.kind == MOMENT:
-        return "no false forecast"
-    if confusing(focus, t, true=True) >= 0:
-        return "detector: other class"
-    if focus.doubled >= 0:
-        return "tracker: second forecast"
-    return (
-        "detector: false detection"
-        if taken(focus, at.new_id, t) >= 0
-        else "tracker: goes on without a detection"
-    )
+    is_near = distance_m <= 2 * gate_m[truth.class_id[row]]
+    owner_id = replay.detected[column]
+    is_other = is_near & (owner_id >= 0) & (owner_id != truth.object_id[row])
+    count = np.bincount(row[is_near], minlength=len(truth.box))
+    of_others = np.bincount(row[is_other], minlength=len(truth.box))
+    columns = [list(PARTS).index(key) for key in _WITH_DETECTION]
+    explained = replay.part[:, columns].sum(axis=1) > 0
+    return np.asarray((count > 0) & (count == of_others) & explained)

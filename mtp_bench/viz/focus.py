@@ -1,4 +1,7 @@
-"""An event of a run with its object, tracks, forecasts and detections by frame; metres, frame of the scene."""
+"""An event of a run with its object, tracks and forecasts by frame.
+
+Positions are in metres, in the frame of the scene.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..core import Bools, Floats, Ints, to_metres
-from ..scoring import box_pairs, floored, pieces, sample_weights
+from ..scoring import floored, pieces, sample_weights
 from .incident import Incident
 from .run_replay import Replay
 
@@ -18,143 +21,127 @@ class ObjectForecast:
     frame: int  # in which it was made
     track_id: int  # of the hypothesis that is looked at, -1 for none
     start: Floats  # [2] m
-    path: Floats  # [K, T, 2] m, one per frame after ``frame``
-    nearest: (
-        int  # the sample nearest to the true future; the heaviest if that is unknown
-    )
+    samples: Floats  # [K, T, 2] m, one per frame after ``frame``
+    nearest: int  # sample nearest to the true future; without one the heaviest
 
     @property
     def nearest_path(self) -> Floats:
         """The nearest sample with its start [T + 1, 2]."""
-        return np.concatenate([self.start[None], self.path[self.nearest]])
+        return np.concatenate([self.start[None], self.samples[self.nearest]])
 
 
 @dataclass(frozen=True, eq=False)
 class Focus:
-    """An event and the run it happened in; rows are those of the tables of the run.
+    """An event and the run in which it happened; rows are those of the run's tables.
 
-    Tracks are those of the best hypothesis of the event's frame, back along its lineage; later, of the best then.
+    Tracks are those of the best hypothesis of the event's frame, back along its
+    lineage. In later frames they are those of the best hypothesis of that frame.
     """
 
     replay: Replay
     at: Incident
-    facing: float | None = (
-        None  # rad, direction that points to the right; None: that of the object's way
-    )
+    # rad, direction that points to the right; None: that of the object's way
+    facing: float | None = None
 
     @property
     def noun(self) -> str:
         """Class of the object, in words."""
-        return self.replay.card.task.classes[self.at.class_id].replace("_", " ")
+        return self.class_noun(self.at.class_id)
 
     @property
     def named(self) -> str:
-        """Name of the object, such as "car 8" or, with the id of its source, "car c1958768"."""
+        """Name of the object, such as "car 8" or "car c1958768"."""
         return f"{self.noun} {self.replay.scene.short_name(self.at.object_id)}"
 
     @property
-    def gate(self) -> float:
+    def gate_m(self) -> float:
         """Forecast gate of the object's class, m."""
-        return float(
-            self.replay.card.per_class(self.replay.card.task.forecast_gate)[
-                self.at.class_id
-            ]
-        )
+        card = self.replay.card
+        return float(card.per_class(card.task.forecast_gate)[self.at.class_id])
 
     @property
-    def near(self) -> float:
-        """Radius around the object, m: detections farther away are not of it."""
-        return 2 * self.gate
+    def near_m(self) -> float:
+        """Radius around the object that has its detections, m."""
+        return 2 * self.gate_m
 
-    @cached_property
-    def named_tracks(self) -> tuple[int, ...]:
-        """Ids of the tracks that texts name: of the event, the frames around it and the next one, and at the object."""
-        at, last = self.at, self.replay.frames - 1
-        frames = [
-            t
-            for t in (*range(at.frame - 1, at.frame + 2), self.regained)
-            if 0 <= t <= last
-        ]
-        named = dict.fromkeys(
-            [
-                at.old_id,
-                at.new_id,
-                *map(self.follower, frames),
-                *self.tracks_at(at.frame),
-            ]
-        )
-        return tuple(track_id for track_id in named if track_id >= 0)
+    def class_noun(self, class_id: int) -> str:
+        """Return the name of a class in words."""
+        return self.replay.card.task.classes[class_id].replace("_", " ")
 
-    @cached_property
-    def regained(self) -> int:
-        """First frame after the event's in which a track follows the object; -1 if it is gone before, or a log ends."""
-        followed = np.flatnonzero(
-            self.followers(self.at.frame, self.replay.frames - 1)[1:] >= 0
-        )
-        return self.at.frame + 1 + int(followed[0]) if len(followed) else -1
+    def name_of(self, truth_row: int) -> str:
+        """Return the name of a true box, empty for row -1."""
+        if truth_row < 0:
+            return ""
+        truth = self.replay.scene.truth
+        short_name = self.replay.scene.short_name(int(truth.object_id[truth_row]))
+        return f"{self.class_noun(truth.class_id[truth_row])} {short_name}"
 
-    def name_of(self, row: int) -> str:
-        """Name of the object of a row of the truth; empty for row -1."""
-        truth, classes = self.replay.scene.truth, self.replay.card.task.classes
-        name = self.replay.scene.short_name(int(truth.object_id[row]))
-        return (
-            f"{classes[truth.class_id[row]].replace('_', ' ')} {name}"
-            if row >= 0
-            else ""
-        )
+    def track_name(self, track_id: int) -> str:
+        """Return the name of a track, with its stored id."""
+        stored_name = self.replay.scene.track_names.get(track_id)
+        name = f"track {track_id}"
+        return name if stored_name is None else f"{name} ({stored_name} in its file)"
 
     def seconds(self, t: int) -> float:
-        """Time of a frame since the first one."""
+        """Return the time of frame ``t`` since the first frame."""
         return float(self.replay.scene.time[t] - self.replay.scene.time[0])
+
+    # ---- the object
 
     @cached_property
     def rows(self) -> Ints:
-        """Row [F] of the object in the truth, -1 in frames without it; all -1 for a false forecast."""
+        """Row [F] of the object in the truth, or -1."""
         truth = self.replay.scene.truth
-        own = (
-            (truth.object_id == self.at.object_id)
-            & ~truth.neutral
-            & (self.at.object_id >= 0)
+        is_object = (truth.object_id == self.at.object_id) & ~truth.neutral
+        return self._rows_by_frame(
+            is_object & (self.at.object_id >= 0), truth.frame_of_rows
         )
-        return self._by_frame(own, truth.frame_of_rows)
 
-    def until_gap(self, rows: Ints, first: int, last: int) -> Ints:
-        """The ``rows`` [F] of the frames from ``first`` until a gap (-1), a hole in time or ``last``, or backwards."""
-        step = 1 if last >= first else -1
-        frames, piece = (
-            np.arange(first, last + step, step),
-            pieces(self.replay.scene, self.replay.card),
-        )
-        frames = frames[(frames >= 0) & (frames < len(rows))]
-        gap = np.flatnonzero((rows[frames] < 0) | (piece[frames] != piece[frames[:1]]))
-        return rows[frames[: gap[0]]] if len(gap) else rows[frames]
-
-    def _by_frame(self, own: Bools, frame: Ints) -> Ints:
-        """Row [F] in each frame of those in the mask ``own``, -1 without one."""
+    def _rows_by_frame(self, chosen: Bools, frame: Ints) -> Ints:
         rows = np.full(self.replay.frames, -1)
-        rows[frame[own]] = np.flatnonzero(own)
+        rows[frame[chosen]] = np.flatnonzero(chosen)
         return rows
 
-    def place(self, t: int) -> Floats:
-        """Place [2] of the object at frame ``t``; in frames without it, its nearest known place in time."""
-        known = np.flatnonzero(self.rows >= 0)
-        if len(known):
-            nearest = known[np.argmin(np.abs(known - t))]
-            return self.replay.scene.truth.box[self.rows[nearest], :2]
-        row = self.track_rows(self.at.new_id)[t]
-        return (
-            np.array(self.at.position[:2])
-            if row < 0
-            else self.replay.rollout.track_box[row, :2].astype(np.float64)
-        )
+    def until_gap(self, rows: Ints, first_frame: int, last_frame: int) -> Ints:
+        """Return the ``rows`` [F] of an interval up to a gap.
 
-    def path(self, first: int, last: int) -> Floats:
-        """Places [n, 2] of the object from frame ``first`` on until a gap or ``last``, forwards or backwards."""
-        return self.replay.scene.truth.box[self.until_gap(self.rows, first, last), :2]
+        A gap is a row of -1 or a hole in time. The last frame may lie before the first.
+        """
+        frame_step = 1
+        if last_frame < first_frame:
+            frame_step = -1
+        time_piece = pieces(self.replay.scene, self.replay.card)
+        frames = np.arange(first_frame, last_frame + frame_step, frame_step)
+        frames = frames[(frames >= 0) & (frames < len(rows))]
+        is_gap = (rows[frames] < 0) | (time_piece[frames] != time_piece[frames[:1]])
+        count = int(np.argmax(np.append(is_gap, True)))
+        return rows[frames[:count]]
+
+    def place(self, t: int) -> Floats:
+        """Return the place [2] of the object at frame ``t``, m.
+
+        In frames without the object it is its place nearest in time.
+        """
+        frames = np.flatnonzero(self.rows >= 0)
+        if len(frames):
+            nearest = frames[np.argmin(np.abs(frames - t))]
+            return self.replay.scene.truth.box[self.rows[nearest], :2]
+        track_row = self.track_rows(self.at.new_id)[t]
+        if track_row < 0:
+            return np.array(self.at.position[:2])
+        return self.replay.rollout.track_box[track_row, :2].astype(np.float64)
+
+    def path(self, first_frame: int, last_frame: int) -> Floats:
+        """Return places [n, 2] of the object up to a gap."""
+        return self.replay.scene.truth.box[
+            self.until_gap(self.rows, first_frame, last_frame), :2
+        ]
 
     def future(self, t: int) -> Floats:
-        """Places [n, 2] of the object within the horizon, now first."""
+        """Return places [n, 2] within the horizon, now first."""
         return self.path(t, t + self.replay.card.task.future)
+
+    # ---- its tracks
 
     @cached_property
     def hypothesis(self) -> Ints:
@@ -163,164 +150,150 @@ class Focus:
 
     @cached_property
     def shown(self) -> Bools:
-        """Tracks [N] that this hypothesis holds."""
+        """Tracks [N] of this hypothesis."""
         frame = self.replay.rollout.tracks.frame_of_rows
-        return self.replay.answers.hypotheses.member[
-            np.arange(len(frame)), self.hypothesis[frame]
-        ]
+        member = self.replay.answers.hypotheses.member
+        return member[np.arange(len(frame)), self.hypothesis[frame]]
 
     def track_rows(self, track_id: int) -> Ints:
-        """Row [F] of a track in each frame, -1 where it is not output."""
+        """Return the row [F] of a track in each frame, or -1."""
         rollout = self.replay.rollout
-        own = self.shown & (rollout.track_id == track_id) & (track_id >= 0)
-        return self._by_frame(own, rollout.tracks.frame_of_rows)
+        is_track = self.shown & (rollout.track_id == track_id) & (track_id >= 0)
+        return self._rows_by_frame(is_track, rollout.tracks.frame_of_rows)
 
     @cached_property
     def track_of_truth(self) -> Ints:
-        """Track [R] matched to each true box in this hypothesis, -1 without one."""
-        frame, chosen = (
-            self.replay.scene.truth.frame_of_rows,
-            self.hypothesis[self.replay.scene.truth.frame_of_rows],
-        )
-        matched = self.replay.matched[np.arange(len(frame)), chosen]
-        best = chosen == self.replay.answers.hypotheses.best[frame]
-        return np.where(best, self.replay.truth_track, matched)
+        """Track [R] of each true box in this hypothesis, or -1."""
+        replay = self.replay
+        frame = replay.scene.truth.frame_of_rows
+        chosen = self.hypothesis[frame]
+        matched = replay.matched[np.arange(len(frame)), chosen]
+        is_best = chosen == replay.answers.hypotheses.best[frame]
+        return np.where(is_best, replay.truth_track, matched)
 
     @cached_property
     def truth_of_track(self) -> Ints:
-        """True box [N + 1] that each track is matched to, -1 without one; -1 for row -1."""
-        rows = np.full(len(self.replay.rollout.track_id) + 1, -1)
+        """True box [N + 1] of each track, -1 for row -1."""
+        truth_rows = np.full(len(self.replay.rollout.track_id) + 1, -1)
         matched = np.flatnonzero(self.track_of_truth >= 0)
-        rows[self.track_of_truth[matched]] = matched
-        return rows
+        truth_rows[self.track_of_truth[matched]] = matched
+        return truth_rows
 
-    def follower(self, t: int) -> int:
-        """Id of the track that follows the object at frame ``t``, -1 without one."""
-        return int(
-            np.append(self.replay.rollout.track_id, -1)[
-                np.append(self.track_of_truth, -1)[self.rows[t]]
-            ]
-        )
+    def followers(self, first_frame: int, last_frame: int) -> Ints:
+        """Return ids [n] of the object's tracks up to a gap.
 
-    def followers(self, first: int, last: int) -> Ints:
-        """Ids [n] of the tracks that follow the object from ``first`` until a gap or ``last``, or backwards."""
-        return np.append(self.replay.rollout.track_id, -1)[
-            self.track_of_truth[self.until_gap(self.rows, first, last)]
+        They are those of the frames of an interval, -1 without a track.
+        """
+        track_ids = np.append(self.replay.rollout.track_id, -1)
+        return track_ids[
+            self.track_of_truth[self.until_gap(self.rows, first_frame, last_frame)]
         ]
 
-    def rival(self, t: int) -> int:
-        """Id of the nearest track in the event gate of the object that follows another one; -1 if one follows it."""
-        run, card, row, truth = (
-            self.replay.rollout,
-            self.replay.card,
-            self.rows[t],
-            self.replay.scene.truth,
-        )
-        if row < 0 or self.follower(t) >= 0:
+    def follower(self, t: int) -> int:
+        """Return the id of the object's track at ``t``, or -1."""
+        return next(iter(self.followers(t, t).tolist()), -1)
+
+    @cached_property
+    def regained(self) -> int:
+        """First frame after the event with a track, or -1."""
+        later_tracks = self.followers(self.at.frame, self.replay.frames - 1)[1:]
+        followed = np.flatnonzero(later_tracks >= 0)
+        return self.at.frame + 1 + int(followed[0]) if len(followed) else -1
+
+    def other_object(self, track_id: int, t: int) -> int:
+        """Return the other true box that a track follows.
+
+        It is a row of frame ``t``, -1 without one.
+        """
+        truth_row = int(self.truth_of_track[self.track_rows(track_id)[t]])
+        return -1 if truth_row == self.rows[t] else truth_row
+
+    def nearest_track(self, t: int) -> int:
+        """Return the id of the nearest track in the gate, or -1."""
+        rollout = self.replay.rollout
+        rows = rollout.tracks.rows(t)
+        distance_m = np.hypot(*(rollout.track_box[rows, :2] - self.place(t)).T)
+        distance_m[~self.shown[rows]] = np.inf
+        if distance_m.min(initial=np.inf) > self.gate_m:
             return -1
-        rows, own, gate = run.tracks.rows(t), slice(row, row + 1), card.task.event_gate
-        tracks = rows.start + np.flatnonzero(
-            self.shown[rows] & (self.truth_of_track[:-1][rows] >= 0)
-        )
-        frames, others = (
-            np.zeros(1 + len(tracks), dtype=np.int64),
-            (run.track_box[tracks], run.track_class[tracks]),
-        )
-        one, rule = (
-            (truth.box[own], truth.class_id[own]),
-            (gate.measure, card.per_class(gate.threshold)),
-        )
-        pairs = box_pairs(frames[:1], *one, frames[1:], *others, *rule)
-        return int(
-            np.append(run.track_id[tracks[pairs.column[np.argsort(pairs.cost)]]], -1)[0]
-        )
+        return int(rollout.track_id[rows][np.argmin(distance_m)])
+
+    def tracks_at(self, t: int) -> tuple[int, ...]:
+        """Return ids of the tracks in colour in frame ``t``."""
+        around = range(max(0, t - 1), min(self.replay.frames, t + 2))
+        track_ids = [self.at.old_id, self.at.new_id]
+        track_ids += [self.follower(frame) for frame in around]
+        track_ids += [forecast.track_id for _, forecast in self.forecasts(t)]
+        track_ids.append(self.nearest_track(t))
+        return tuple(track_id for track_id in dict.fromkeys(track_ids) if track_id >= 0)
+
+    # ---- its forecasts
 
     @cached_property
     def doubled(self) -> int:
-        """Row of the true object that a false forecast is a second one of: of its class in its gate; -1 without one."""
-        truth, rows = (
-            self.replay.scene.truth,
-            self.replay.scene.truth.rows(self.at.frame),
-        )
-        far = np.hypot(*(truth.box[rows, :2] - self.place(self.at.frame)).T)
-        far[truth.class_id[rows] != self.at.class_id] = np.inf
-        near = self.at.kind == "spurious" and far.min(initial=np.inf) <= self.gate
-        return rows.start + int(far.argmin()) if near else -1
+        """True object that a false forecast repeats, or -1.
 
-    def counted(self, row: int) -> int:
-        """Id of the track whose forecast counts for a true box, -1 without one."""
-        return int(
-            np.append(self.replay.answers.object_track_id, -1)[
-                np.append(self.replay.truth_forecast, -1)[row]
-            ]
-        )
-
-    def tracks_at(self, t: int) -> tuple[int, ...]:
-        """Ids of the tracks at the object in a picture of frame ``t``: of its forecasts, and its `rival`; -1: none."""
-        return (
-            *(each.track_id for _, each in self.forecasts(t)),
-            self.rival(t),
-            self.counted(self.doubled),
-        )
-
-    def other(self, track_id: int, t: int) -> int:
-        """Row of the true box, other than the object, that a track follows at frame ``t``, -1 without one."""
-        row = int(self.truth_of_track[self.track_rows(track_id)[t]])
-        return -1 if row == self.rows[t] else row
+        The object is of the class of the forecast, inside its gate.
+        """
+        truth = self.replay.scene.truth
+        rows = truth.rows(self.at.frame)
+        distance_m = np.hypot(*(truth.box[rows, :2] - self.place(self.at.frame)).T)
+        distance_m[truth.class_id[rows] != self.at.class_id] = np.inf
+        is_near = distance_m.min(initial=np.inf) <= self.gate_m
+        if self.at.kind != "spurious" or not is_near:
+            return -1
+        return int(rows.start + distance_m.argmin())
 
     def forecast(self, t: int) -> ObjectForecast | None:
-        """The forecast of frame ``t`` that the scorer matches to the object, else that of its track then."""
-        row, rollout = self._forecast_row(t), self.replay.rollout
-        weight = (
-            floored(sample_weights(rollout.forecast_log_weight[row : row + 1]))[0]
-            if row >= 0
-            else np.zeros(0)
-        )
-        stated = weight > 0
-        if not stated.any():
+        """Return the forecast that the scorer matches to the object.
+
+        Without one it is that of the object's track then.
+        """
+        row = self._forecast_row(t)
+        if row < 0:
+            return None
+        rollout = self.replay.rollout
+        sample_weight = floored(
+            sample_weights(rollout.forecast_log_weight[row : row + 1])
+        )[0]
+        if not sample_weight.any():
             return None
         start = rollout.object_box[row, :2].astype(np.float64)
-        path = (start + to_metres(rollout.forecast[row]))[stated]
+        samples = (start + to_metres(rollout.forecast[row]))[sample_weight > 0]
         future = self.future(t)[1:]
-        gap = np.hypot(*np.moveaxis(path[:, : len(future)] - future, -1, 0)).sum(axis=1)
-        nearest = int(np.argmin(gap) if len(future) else np.argmax(weight[stated]))
+        if len(future):
+            offset_m = samples[:, : len(future)] - future
+            nearest = np.argmin(
+                np.hypot(offset_m[..., 0], offset_m[..., 1]).sum(axis=1)
+            )
+        else:
+            nearest = np.argmax(sample_weight[sample_weight > 0])
         track_id = int(self.replay.answers.object_track_id[row])
-        return ObjectForecast(
-            t,
-            track_id if self.track_rows(track_id)[t] >= 0 else -1,
-            start,
-            path,
-            nearest,
-        )
+        if self.track_rows(track_id)[t] < 0:
+            track_id = -1
+        return ObjectForecast(t, track_id, start, samples, int(nearest))
 
     def _forecast_row(self, t: int) -> int:
         row = int(np.append(self.replay.truth_forecast, -1)[self.rows[t]])
         if row >= 0:
             return row
-        own = self.at.old_id if t < self.at.frame else self.at.new_id
-        if (
-            self.at.kind == "spurious" and own < 0
-        ):  # a forecast without a track stands alone
-            return self.at.row if t == self.at.frame else -1
-        objects = self.replay.rollout.objects.rows(t)
-        rows = np.flatnonzero(
-            (self.replay.answers.object_track_id[objects] == own) & (own >= 0)
-        )
-        return objects.start + int(rows[0]) if len(rows) else -1
+        track_id = self.at.old_id if t < self.at.frame else self.at.new_id
+        if track_id < 0:  # a false forecast without a track stands alone
+            stands_alone = self.at.kind == "spurious" and t == self.at.frame
+            return self.at.row if stands_alone else -1
+        rows = self.replay.rollout.objects.rows(t)
+        of_track = self.replay.answers.object_track_id[rows] == track_id
+        return rows.start + int(np.argmax(of_track)) if of_track.any() else -1
 
     def forecasts(self, t: int) -> list[tuple[str, ObjectForecast]]:
-        """The forecasts that a picture of frame ``t`` shows, each with its role, the most important one last.
+        """Return role and forecast of those shown in frame ``t``.
 
-        From the event on the one before it stays in sight: the switch has spoilt it.
+        From the event on the one before the event stays in sight: the event spoilt it.
         """
-        at, after = self.at, t >= self.at.frame
-        frames = (
-            [("before", min(t, at.frame - 1))]
-            if not after or (at.frame > 0 and at.kind != "spurious")
-            else []
-        )
-        shown = (
-            (role, self.forecast(frame))
-            for role, frame in [*frames, *[("now", t)] * after]
-        )
+        frames = {"before": min(t, self.at.frame - 1), "now": t}
+        if t < self.at.frame:
+            del frames["now"]
+        elif self.at.frame == 0 or self.at.kind == "spurious":
+            del frames["before"]
+        shown = [(role, self.forecast(frame)) for role, frame in frames.items()]
         return [(role, forecast) for role, forecast in shown if forecast is not None]

@@ -1,27 +1,24 @@
-"""Moments of a run: frames in which a forecast went wrong, with or without an event, and names that lead to them."""
+"""Moments of a run: frames in which a forecast went wrong, and names that find them."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
 from ..core import Bools, Floats, Ints, MtpBenchError, UnknownNameError
-from ..scoring import (
-    BELOW,
-    PARTS,
-    blame,
-    history,
-    named_parts,
-    near_pairs,
-    separated_truth,
-)
+from ..scoring import BELOW, PARTS, blame, history, named_parts, separated_truth
+from .causes import ranked_parts
+from .evidence import borrowed
 from .incident import INCIDENT_KINDS, Incident
 from .run_replay import Replay
 
-AT = "an event, OBJECT@FRAME, an object, a frame (20) or a time (12.5s); `events` and `worst` list them"
+AT = (
+    "an event, OBJECT@FRAME, an object, a frame (20) or a time (12.5s); "
+    "`events` and `worst` list them"
+)
 GAP_SECONDS = 0.5  # between two bad frames of one moment, at most
+_WHOLE_NUMBER = r"\d{1,9}"
 
 
 @dataclass(frozen=True)
@@ -33,192 +30,214 @@ class Moment:
     cost: float  # m, summed over them, that it is sorted by
     parts: dict[str, float]  # m, by name, means over them
     distance: float | None  # m from the ego to the object, in that frame; None: no ego
-    borrowed: bool  # in most frames of its cause, the detections behind it are matched to other objects
+    borrowed: bool  # in most frames of its cause the detections are of other objects
 
     @property
     def cause(self) -> str:
         """Name of the largest part."""
         return next(iter(self.parts))
 
+    @property
+    def fault(self) -> str:
+        """The stage at fault, empty without an error."""
+        ranking = ranked_parts(self.parts, self.borrowed)
+        return ranking[0][0] if ranking else ""
+
 
 def costs(part: Floats, below: bool = False) -> Floats:
-    """Cost [...] of the ``part`` [..., len(PARTS)] of errors, m: their blame, or the part ``below`` threshold."""
+    """Return costs [...] of the ``part`` [..., len(PARTS)] of errors, m.
+
+    They are the blame, or with ``below`` the part below threshold.
+    """
     return part[..., list(PARTS.values()).index(BELOW)] if below else blame(part)
 
 
-def moments(run: Replay, below: bool = False) -> list[Moment]:
-    """Moments of a run by falling cost; a frame is bad whose cost is above what is usual in the run.
+def moments(replay: Replay, below: bool = False) -> list[Moment]:
+    """List the moments of a run by falling cost.
 
-    ``below``: the cost is the part below threshold, instead of all others.
+    A frame is bad if its cost is at least the mean of the run. ``below``: the cost is
+    the part below threshold, instead of all others.
     """
-    cost = costs(run.part, below)
-    usual = float(np.nanmean(cost)) if below and np.isfinite(cost).any() else run.usual
-    bad = (cost > 0) & (
-        cost >= usual * (1 - 1e-9)
-    )  # all of them where they cost the same
-    return sorted(
-        (_moment(run, rows, cost) for rows in _spans(run, bad)), key=lambda m: -m.cost
-    )
+    cost = costs(replay.part, below)
+    threshold_m = replay.mean_blame_m
+    if below and np.isfinite(cost).any():
+        threshold_m = float(np.nanmean(cost))
+    # the margin: all of them where they cost the same
+    is_bad = (cost > 0) & (cost >= threshold_m * (1 - 1e-9))
+    found_moments = [_moment(replay, rows, cost) for rows in _spans(replay, is_bad)]
+    return sorted(found_moments, key=lambda moment: -moment.cost)
 
 
-def _spans(run: Replay, bad: np.ndarray) -> Iterator[Ints]:
-    """Rows of the targets from the first to the last bad frame of each run of bad frames."""
-    objects = history(
-        run.scene.truth.frame_of_rows, separated_truth(run.scene, run.card).object_id
-    )
-    place = np.flatnonzero(bad[objects.order])
-    most = 1 + round(GAP_SECONDS * run.card.task.rate)
-    step, other = np.diff(objects.frame[place]), np.diff(objects.identity[place]) != 0
-    for span in (
-        np.split(place, np.flatnonzero(other | (step > most)) + 1) if len(place) else ()
-    ):
+def _spans(replay: Replay, is_bad: Bools) -> Iterator[Ints]:
+    """Yield rows of targets of each run of bad frames."""
+    truth = replay.scene.truth
+    identity = separated_truth(replay.scene, replay.card).object_id
+    objects = history(truth.frame_of_rows, identity)
+    positions = np.flatnonzero(is_bad[objects.order])
+    if not len(positions):
+        return
+    max_step = 1 + round(GAP_SECONDS * replay.card.task.rate)
+    other_object = np.diff(objects.identity[positions]) != 0
+    is_gap = np.diff(objects.frame[positions]) > max_step
+    for span in np.split(positions, np.flatnonzero(other_object | is_gap) + 1):
         rows = objects.order[span[0] : span[-1] + 1]
-        yield rows[np.isfinite(run.part[rows, 0])]
+        yield rows[np.isfinite(replay.part[rows, 0])]
 
 
-def _moment(run: Replay, rows: Ints, cost: Floats) -> Moment:
-    frame, part = run.scene.truth.frame_of_rows, run.part[rows]
+def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
+    frame = replay.scene.truth.frame_of_rows
+    part = replay.part[rows]
     parts = named_parts(part.mean(axis=0))
+    cause_name = next(iter(parts))
     names = np.array(list(PARTS.values()))
-    first = names[
-        np.where(names == BELOW, -np.inf, part).argmax(axis=1)
-    ]  # cause of each frame
-    cause = next(iter(parts))
-    of_cause = part[:, names == cause].ravel()
-    worst = int(rows[np.lexsort((-cost[rows].round(3), first != cause))[0]])
-    gap = run.scene.truth.box[worst, :2] - run.scene.ego[frame[worst], :2]
+    # largest part of each frame, with below threshold last
+    frame_cause = names[np.where(names == BELOW, -np.inf, part).argmax(axis=1)]
+    worst_row = int(
+        rows[np.lexsort((-cost[rows].round(3), frame_cause != cause_name))[0]]
+    )
+    cause_part = part[:, names == cause_name].ravel()
+    borrowed_part = cause_part[borrowed(replay)[rows]]
+    distance_m = None
+    if replay.card.has_ego:
+        ego_place = replay.scene.ego[frame[worst_row], :2]
+        offset_m = replay.scene.truth.box[worst_row, :2] - ego_place
+        distance_m = float(np.hypot(*offset_m))
+    first = int(frame[rows[0]])
+    until = int(frame[rows[-1]])
     return Moment(
-        at=replace(
-            run.moment(worst), first=int(frame[rows[0]]), until=int(frame[rows[-1]])
-        ),
+        at=replace(replay.moment(worst_row), first=first, until=until),
         frames=len(rows),
         cost=float(cost[rows].sum()),
         parts=parts,
-        distance=float(np.hypot(*gap)) if run.card.has_ego else None,
-        borrowed=bool(2 * of_cause[borrowed(run)[rows]].sum() > of_cause.sum()),
+        distance=distance_m,
+        borrowed=bool(2 * borrowed_part.sum() > cause_part.sum()),
     )
 
 
-_SEEN = [
-    list(PARTS).index(name) for name in ("no_forecast", "other_class", "off_place")
-]  # causes with a detection
+def find_incident(replay: Replay, text: str) -> Incident:
+    """Find the incident that ``text`` names, see `AT`.
 
-
-@lru_cache(maxsize=4)  # asked for every moment of a run
-def borrowed(run: Replay) -> Bools:
-    """Mask [R] of the true boxes whose detections within two gates are all matched to other objects."""
-    truth, seen = run.scene.truth, run.scene.detections
-    gate = 2 * np.asarray(
-        run.card.per_class(run.card.task.forecast_gate), dtype=np.float64
-    )
-    at = truth.frame_of_rows, truth.box[:, :2]
-    row, column, distance = near_pairs(
-        *at, seen.frame_of_rows, seen.box[:, :2], float(gate.max())
-    )
-    inside = distance <= gate[truth.class_id[row]]
-    others = (run.detected[column] >= 0) & (
-        run.detected[column] != truth.object_id[row]
-    )
-    count, of_others = (
-        np.bincount(row[mask], minlength=len(truth.box))
-        for mask in (inside, inside & others)
-    )
-    return np.asarray(
-        (count > 0) & (count == of_others) & (run.part[:, _SEEN].sum(axis=1) > 0)
-    )
-
-
-def found(run: Replay, text: str) -> Incident:
-    """The incident that ``text`` names: an event, ``OBJECT@FRAME``, an object, a frame (20) or a time (12.5s).
-
-    An object stands for its worst moment, a frame for its worst target. An object is named by its id in the source, or
-    the beginning of it, with its class before it or not. Raises UnknownNameError, and MtpBenchError for a frame without
-    a target.
+    An object stands for its worst moment, a frame for its worst target. An object is
+    named by its id in the source, or the beginning of it, with its class before it or
+    not. Raises UnknownNameError, and MtpBenchError for a frame without a target.
     """
-    ids = set(map(run.scene.name_of, np.unique(run.scene.truth.object_id).tolist()))
-    seconds = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?) ?s", text)
+    object_ids = np.unique(replay.scene.truth.object_id).tolist()
+    is_object = text in map(replay.scene.name_of, object_ids)
+    kinds = "|".join(INCIDENT_KINDS)
+    if re.fullmatch(rf"({kinds})-\d+", text) and not is_object:
+        return replay.incident(text)
+    if re.fullmatch(_WHOLE_NUMBER, text):
+        return _worst_of(replay, _require_frame(replay, int(text), text))
+    if time_s := re.fullmatch(rf"({_WHOLE_NUMBER}(?:\.\d{{1,9}})?) ?s", text):
+        return _worst_of(replay, _frame_at(replay, float(time_s[1]), text))
     name, _, frame = text.rpartition("@")
-    if re.fullmatch(rf"({'|'.join(INCIDENT_KINDS)})-\d+", text) and text not in ids:
-        return run.incident(text)
-    if seconds or re.fullmatch(r"\d{1,9}", text):
-        time = run.scene.time - run.scene.time[0]
-        t = int(np.argmin(np.abs(time - float(seconds[1])))) if seconds else int(text)
-        if t >= run.frames or (seconds and float(seconds[1]) > time[-1] + 1.0):
-            raise MtpBenchError(
-                f"{text}: scene {run.scene.name} ends at frame {run.frames - 1}, {time[-1]:.1f} s"
-            )
-        return _worst_of(run, t)
-    if name and re.fullmatch(r"\d{1,9}", frame) and text not in ids:
-        return _in_frame(run, _rows_of(run, name), int(frame), text)
-    rows = _rows_of(run, text)
-    own = (each.at for each in moments(run) if each.at.row in rows)
-    return next(own, None) or run.moment(
-        int(rows[np.argmax(np.nan_to_num(costs(run.part)[rows], nan=-1.0))])
-    )
+    if name and re.fullmatch(_WHOLE_NUMBER, frame) and not is_object:
+        return _in_frame(replay, _rows_of(replay, name), int(frame), text)
+    rows = _rows_of(replay, text)
+    for moment in moments(replay):
+        if moment.at.row in rows:
+            return moment.at
+    cost = np.nan_to_num(costs(replay.part)[rows], nan=-1.0)
+    return replay.moment(int(rows[np.argmax(cost)]))
 
 
-def _in_frame(run: Replay, rows: Ints, t: int, text: str) -> Incident:
-    """An object in frame ``t``, with the span of the moment that this is part of; MtpBenchError if it is not there."""
-    frames = run.scene.truth.frame_of_rows[rows]
+def _frame_at(replay: Replay, time_s: float, text: str) -> int:
+    time = replay.scene.time - replay.scene.time[0]
+    if time_s > time[-1] + 1.0:
+        _require_frame(replay, replay.frames, text)
+    return int(np.argmin(np.abs(time - time_s)))
+
+
+def _require_frame(replay: Replay, t: int, text: str) -> int:
+    if t >= replay.frames:
+        time_s = replay.scene.time[-1] - replay.scene.time[0]
+        raise MtpBenchError(
+            f"{text}: scene {replay.scene.name} ends at frame {replay.frames - 1}, "
+            f"{time_s:.1f} s"
+        )
+    return t
+
+
+def _in_frame(replay: Replay, rows: Ints, t: int, text: str) -> Incident:
+    """Return an object in frame ``t`` with its moment's span.
+
+    Raises MtpBenchError if the object is not there.
+    """
+    frames = replay.scene.truth.frame_of_rows[rows]
     if t not in frames:
         raise MtpBenchError(
-            f"{text}: the object is not in frame {t}, but in frames {frames[0]} to {frames[-1]}"
+            f"{text}: the object is not in frame {t}, but in frames {frames[0]} to "
+            f"{frames[-1]}"
         )
-    at = run.moment(int(rows[np.searchsorted(frames, t)]))
-    spans = (each.at for each in moments(run) if each.at.object_id == at.object_id)
-    span = next((each for each in spans if each.first <= at.frame <= each.until), at)
-    return replace(at, first=span.first, until=span.until)
+    at = replay.moment(int(rows[np.searchsorted(frames, t)]))
+    for moment in moments(replay):
+        span = moment.at
+        if span.object_id == at.object_id and span.first <= t <= span.until:
+            return replace(at, first=span.first, until=span.until)
+    return at
 
 
-def _rows_of(run: Replay, name: str) -> Ints:
-    """Rows of the object of this name; raises UnknownNameError."""
-    scene, classes = run.scene, run.card.task.classes
-    numbers, first = np.unique(scene.truth.object_id, return_index=True)
-    ids = {scene.name_of(int(number)): int(number) for number in numbers}
-    nouns = {
-        int(scene.truth.object_id[row]): classes[scene.truth.class_id[row]].replace(
-            "_", " "
-        )
-        for row in first
-    }
-    word = name.rpartition(" ")[2]
-    for own in (name, word):
-        # the id itself, else its number, else the only one that begins so
-        exact = [number for each, number in ids.items() if own == each]
-        known = exact or [
-            number for number in nouns if own.removeprefix("#") == str(number)
-        ]
-        known = known or [
-            number for each, number in ids.items() if own and each.startswith(own)
-        ]
-        known = [
+def _rows_of(replay: Replay, name: str) -> Ints:
+    """Return rows of the object of this name.
+
+    Raises UnknownNameError without one. The name may have the class before it.
+    """
+    scene = replay.scene
+    object_ids, first_rows = np.unique(scene.truth.object_id, return_index=True)
+    names = {number: scene.name_of(number) for number in object_ids.tolist()}
+    numbers = _named_objects(names, name)
+    if len(numbers) != 1:
+        noun, _, object_word = name.rpartition(" ")
+        class_ids = scene.truth.class_id[first_rows].tolist()
+        classes = [replay.card.task.classes[class_id] for class_id in class_ids]
+        of_class = {
             number
-            for number in known
-            if own == name or name.replace("_", " ") == f"{nouns[number]} {own}"
-        ]
-        if len(known) == 1:
-            return np.flatnonzero(scene.truth.object_id == known[0])
-    raise UnknownNameError(
-        f"object of scene {scene.name}",
-        name,
-        list(ids),
-        "`mtp-bench worst` lists the worst of them, `events` events",
-    )
+            for number, class_name in zip(names, classes, strict=True)
+            if class_name.replace("_", " ") == noun.replace("_", " ")
+        }
+        numbers = [n for n in _named_objects(names, object_word) if n in of_class]
+    if len(numbers) != 1:
+        raise UnknownNameError(
+            f"object of scene {scene.name}",
+            name,
+            list(names.values()),
+            "`mtp-bench worst` lists the worst of them, `events` events",
+        )
+    return np.flatnonzero(scene.truth.object_id == numbers[0])
 
 
-def _worst_of(run: Replay, t: int) -> Incident:
-    """The worst target of frame ``t``; raises MtpBenchError without one."""
-    rows = np.flatnonzero(
-        (run.scene.truth.frame_of_rows == t) & np.isfinite(run.part[:, 0])
-    )
+def _named_objects(names: Mapping[int, str], object_word: str) -> list[int]:
+    """Return the numbers of objects that a word names.
+
+    It is the whole id, else the number, else the beginning of ids.
+    """
+    exact = [number for number, name in names.items() if name == object_word]
+    by_number = [
+        number for number in names if object_word.removeprefix("#") == str(number)
+    ]
+    begins = [
+        number
+        for number, name in names.items()
+        if object_word and name.startswith(object_word)
+    ]
+    return exact or by_number or begins
+
+
+def _worst_of(replay: Replay, t: int) -> Incident:
+    """Return the worst target of frame ``t``.
+
+    Raises MtpBenchError without one.
+    """
+    frame = replay.scene.truth.frame_of_rows
+    is_target = np.isfinite(replay.part[:, 0])
+    rows = np.flatnonzero((frame == t) & is_target)
     if len(rows):
-        return run.moment(int(rows[np.argmax(costs(run.part)[rows])]))
-    targets = run.scene.truth.frame_of_rows[np.isfinite(run.part[:, 0])]
-    has = (
-        f"frames {targets[0]} to {targets[-1]} have some"
-        if len(targets)
-        else "no frame has one"
-    )
+        return replay.moment(int(rows[np.argmax(costs(replay.part)[rows])]))
+    targets = frame[is_target]
+    frames_text = "no frame has one"
+    if len(targets):
+        frames_text = f"frames {targets[0]} to {targets[-1]} have some"
     raise MtpBenchError(
-        f"frame {t} of scene {run.scene.name} has no target: {has}; name an object, OBJECT@{t}"
+        f"frame {t} of scene {replay.scene.name} has no target: {frames_text}; name an "
+        f"object, OBJECT@{t}"
     )

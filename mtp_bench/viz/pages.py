@@ -12,24 +12,25 @@ if TYPE_CHECKING:
 
 @cache
 def text_of(folder: Path, name: str) -> str:
-    """A text that ships with the library."""
+    """Read a text that ships with the library."""
     return (folder / name).read_text(encoding="utf-8")
 
 
 def source_of(text: str) -> str:
-    """The name of a style or script of the page in a content security policy."""
-    return (
-        f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
-    )
+    """Name a style or script in a content security policy."""
+    digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+    return f"'sha256-{digest}'"
 
 
 def templates_of(folder: Path) -> "Environment":
-    """The templates in a folder. Values are escaped, and a name without a value is an error."""
+    """Load the templates in a folder.
+
+    Values are escaped, and a name without a value is an error.
+    """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    loader = FileSystemLoader(folder)
     return Environment(
-        loader=loader,
+        loader=FileSystemLoader(folder),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -1,4 +1,4 @@
-"""Colours that are distinct in every kind of colour vision (Okabe and Ito), and their meanings."""
+"""Colours that are distinct in every kind of colour vision (Okabe and Ito)."""
 
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 
@@ -21,8 +21,13 @@ EVENT = YELLOW
 EGO = BLACK
 
 # an event alone: its own parts are bright, all others dim
-BEFORE, NOW = (
-    BLUE,
-    VERMILLION,
-)  # the track and the forecast before the event, and from it on
+BEFORE_EVENT = BLUE  # the track and the forecast before the event
+FROM_EVENT = VERMILLION  # those from the event on
 DIM = (190, 190, 190)
+ROLES = {  # role of a thing in the event -> its colour
+    "truth": TRUTH,
+    "before": BEFORE_EVENT,
+    "now": FROM_EVENT,
+    "detection": BLACK,
+    "named": PURPLE,
+}

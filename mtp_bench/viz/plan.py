@@ -1,6 +1,7 @@
-"""Closed loops: plans of the ego, where it brakes hard and the object that slows it; the cause of a collision."""
+"""Closed loops: plans of the ego, and the outputs of the stages before a collision."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,10 +9,9 @@ from ..core import HARD_BRAKING, Bools, Floats, to_metres
 from ..traffic import RATE
 from .focus import Focus
 from .run_replay import Replay
-from .terminal.output import counted
 
-SECONDS = 3.0  # before a collision, for its cause
-LEAST = 0.5  # share of frames, and confidence, below which something was missing
+BEFORE_SECONDS = 3.0  # before a collision, in which outputs are counted
+MIN_SHARE = 0.5  # of frames, and confidence, below which something was missing
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,81 +25,106 @@ class ShownPlan:
     slower: Floats  # [0 or 1, 7] box of the forecast object that slows the ego
 
 
-def plan_at(run: Replay, t: int) -> ShownPlan | None:
-    """The plan in frame ``t`` of the scene; None without a closed loop."""
-    drive = run.rollout.drive
+def plan_at(replay: Replay, t: int) -> ShownPlan | None:
+    """Return the plan in frame ``t``.
+
+    None without a closed loop.
+    """
+    drive = replay.rollout.drive
     if drive is None or t >= len(drive.plan):
         return None
-    now = float(drive.acceleration[t * round(RATE / run.card.task.rate)])
-    speed = (
-        np.hypot(*np.diff(drive.plan[t], axis=0).T) * run.card.task.rate
-    )  # [T] m/s, means of the steps
-    hard = np.append(now, np.diff(speed) * run.card.task.rate) < HARD_BRAKING
-    boxes, cause = (
-        run.rollout.object_box[run.rollout.objects.rows(t - run.first)],
-        int(drive.cause[t]),
-    )
-    slower = (
-        boxes[cause : cause + 1].astype(np.float64) if cause >= 0 else np.zeros((0, 7))
-    )
-    return ShownPlan(drive.plan[t], hard, now, float(drive.risk[t]), slower)
+    rate_hz = replay.card.task.rate
+    acceleration = float(drive.acceleration[t * round(RATE / rate_hz)])
+    # [T] m/s, means of the steps
+    speed = np.hypot(*np.diff(drive.plan[t], axis=0).T) * rate_hz
+    hard = np.append(acceleration, np.diff(speed) * rate_hz) < HARD_BRAKING
+    objects = replay.rollout.objects.rows(t - replay.first)
+    slower = np.zeros((0, 7))
+    if drive.cause[t] >= 0:
+        row = objects.start + int(drive.cause[t])
+        slower = replay.rollout.object_box[row : row + 1].astype(np.float64)
+    return ShownPlan(drive.plan[t], hard, acceleration, float(drive.risk[t]), slower)
 
 
-def collision_cause(focus: Focus) -> str:
-    """The first part of the stack that lacked something, and what: "tracker: detected in 5, forecast in 2"..."""
-    run, t, own, told = (
-        focus.replay,
-        focus.at.frame,
-        focus.at.object_id,
-        focus.replay.rollout,
+class CollisionEvidence(NamedTuple):
+    """Outputs of the stages for one object in the seconds before the ego hits it."""
+
+    frames: int
+    detected_frames: int
+    forecast_frames: int
+    # mean over frames, of the nearest sample at the collision; NaN without forecasts
+    forecast_error_m: float
+    confidence: float  # mean over frames; NaN without forecasts
+    switch_s: float  # time of the last identity switch; NaN without one
+    gate_m: float  # forecast gate of the object's class
+
+    @property
+    def cause(self) -> tuple[str, str]:
+        """The first stage that failed, else the planner, and its reason."""
+        min_frames = MIN_SHARE * self.frames
+        forecast_is_off = self.forecast_error_m > self.gate_m
+        if self.detected_frames < min_frames:
+            return "detector", "not detected before"
+        if self.forecast_frames < min_frames:
+            return "tracker", "not forecast before"
+        if forecast_is_off and not np.isnan(self.switch_s):
+            return "tracker", "switched before"
+        if self.confidence < MIN_SHARE:
+            return "confidence", "unsure before"
+        if forecast_is_off:
+            return "predictor", "forecast off"
+        return "planner", "plan"
+
+
+def collision_evidence(focus: Focus) -> CollisionEvidence:
+    """Measure outputs of the stages before a collision."""
+    replay = focus.replay
+    t = focus.at.frame
+    object_id = focus.at.object_id
+    first = max(0, t - round(BEFORE_SECONDS * replay.card.task.rate))
+    frames = first + np.flatnonzero(focus.rows[first:t] >= 0)
+    if not len(frames):
+        frames = np.array([t])
+    detected = replay.scene.detections.frame_of_rows[replay.detected == object_id]
+    switch_s = np.nan
+    for event in replay.events:
+        if (event.kind, event.object_id) == ("ids", object_id) and event.frame >= first:
+            switch_s = focus.seconds(event.frame)
+    forecasts = np.array([_forecast_then(focus, frame) for frame in frames.tolist()])
+    forecasts = forecasts[~np.isnan(forecasts[:, 0])]
+    means = [np.nan, np.nan]
+    if len(forecasts):
+        means = forecasts.mean(axis=0).tolist()
+    error_m, confidence = means
+    return CollisionEvidence(
+        frames=len(frames),
+        detected_frames=int(np.isin(frames, detected).sum()),
+        forecast_frames=len(forecasts),
+        forecast_error_m=error_m,
+        confidence=confidence,
+        switch_s=switch_s,
+        gate_m=focus.gate_m,
     )
-    first = max(0, t - round(SECONDS * run.card.task.rate))
-    frames = [each for each in range(first, t) if focus.rows[each] >= 0] or [t]
-    detected = int(
-        np.isin(frames, run.scene.detections.frame_of_rows[run.detected == own]).sum()
-    )
-    switches = [
-        e.frame
-        for e in run.events
-        if (e.kind, e.object_id) == ("ids", own) and e.frame >= first
-    ]
-    off, sure = (
-        list[float](),
-        list[float](),
-    )  # m, of the nearest sample; the scorer matches no forecast this late
-    for each in frames:
-        rows = told.objects.rows(each)
-        far = np.hypot(*(told.object_box[rows, :2] - focus.place(each)).T)
-        far[told.object_class[rows] != focus.at.class_id] = np.inf
-        row = rows.start + int(np.argmin(far)) if (far <= focus.gate).any() else -1
-        samples = (
-            told.forecast[row][np.isfinite(told.forecast_log_weight[row])]
-            if row >= 0
-            else told.forecast[:0, 0]
-        )
-        if len(samples):
-            ends = told.object_box[row, :2] + to_metres(
-                samples[:, : max(1, t - each)][:, -1]
-            )
-            off.append(float(np.hypot(*(ends - focus.place(t)).T).min()))
-            sure.append(float(told.object_confidence[row]))
-    text = f"detected in {detected} and forecast in {len(off)} of the {counted(len(frames), 'frame')} before"
-    text += (
-        f"; nearest sample {np.mean(off):.1f} m off where they meet, confidence {np.mean(sure):.2f}"
-        if off
-        else ""
-    )
-    text += (
-        f"; it changed its track at {focus.seconds(switches[-1]):.1f} s"
-        if switches
-        else ""
-    )
-    few, astray = LEAST * len(frames), bool(off) and np.mean(off) > focus.gate
-    lacking = (
-        detected < few,
-        len(off) < few or (switches and astray),
-        np.mean(sure or [1.0]) < LEAST,
-        astray,
-        True,
-    )
-    return f"{('detector', 'tracker', 'confidence', 'predictor', 'planner')[[*map(bool, lacking)].index(True)]}: {text}"
+
+
+def _forecast_then(focus: Focus, frame: int) -> tuple[float, float]:
+    """Return error at the collision, m, and confidence.
+
+    They are those of the forecast of ``frame``. Both are NaN without a forecast. It is
+    the one that begins nearest to the object inside its gate: the scorer matches no
+    forecast this late.
+    """
+    rollout = focus.replay.rollout
+    rows = rollout.objects.rows(frame)
+    distance_m = np.hypot(*(rollout.object_box[rows, :2] - focus.place(frame)).T)
+    distance_m[rollout.object_class[rows] != focus.at.class_id] = np.inf
+    if distance_m.min(initial=np.inf) > focus.gate_m:
+        return np.nan, np.nan
+    row = rows.start + int(np.argmin(distance_m))
+    samples = rollout.forecast[row][np.isfinite(rollout.forecast_log_weight[row])]
+    if not len(samples):
+        return np.nan, np.nan
+    step = min(max(1, focus.at.frame - frame), samples.shape[1]) - 1
+    ends = rollout.object_box[row, :2] + to_metres(samples[:, step])
+    error_m = np.hypot(*(ends - focus.place(focus.at.frame)).T).min()
+    return float(error_m), float(rollout.object_confidence[row])

@@ -16,7 +16,8 @@ from mtp_bench.core.files import cache_root
 from mtp_bench.running.causes import run_parts
 from mtp_bench.running.stored import open_run
 from mtp_bench.scoring.parts import BELOW, PARTS, named_parts, parts_text, plain_parts
-from mtp_bench.viz.moment_list import borrowed, found, moments
+from mtp_bench.viz.evidence import borrowed
+from mtp_bench.viz.moment_list import find_incident, moments
 from mtp_bench.viz.played import PlayedRun
 from mtp_bench.viz.run_replay import Replay, replay
 
@@ -66,7 +67,7 @@ def test_every_fault_is_a_moment_with_its_cause(played: Replay) -> None:
     assert costs == sorted(costs, reverse=True)
     for moment in worst:
         assert moment.at.first <= moment.at.frame <= moment.at.until
-        assert moment.at.blame > played.usual
+        assert moment.at.blame > played.mean_blame_m
     assert not {moment.at.name.split("@")[0] for moment in worst[:3]} & {"parked"}
 
 
@@ -89,17 +90,21 @@ def test_the_summary_of_a_run_names_the_parts_that_were_planted(cli: CommandLine
 def test_moments_have_many_names(played: Replay) -> None:
     missed = next(moment.at for moment in moments(played) if moment.at.name.startswith("missed"))
     for text in ("missed", "car missed", "miss", f"missed@{missed.frame}", f"car missed@{missed.frame}"):
-        assert found(played, text).object_id == missed.object_id, text
-    assert found(played, f"missed@{missed.frame}").parts == missed.parts
+        assert find_incident(played, text).object_id == missed.object_id, text
+    assert find_incident(played, f"missed@{missed.frame}").parts == missed.parts
     worst = max((moment.at for moment in moments(played)), key=lambda at: at.blame)
-    assert found(played, str(worst.frame)).blame == found(played, f"{worst.frame / 2}s").blame >= worst.blame
-    assert found(played, "lost-0") == played.incident("lost-0")
+    assert (
+        find_incident(played, str(worst.frame)).blame
+        == find_incident(played, f"{worst.frame / 2}s").blame
+        >= worst.blame
+    )
+    assert find_incident(played, "lost-0") == played.incident("lost-0")
     for wrong in ("truck missed", "nobody", "nobody@3"):
         with pytest.raises(UnknownNameError, match="missed"):
-            found(played, wrong)
+            find_incident(played, wrong)
     for wrong in ("0", "missed@99", "900s"):
         with pytest.raises(MtpBenchError, match="frame"):
-            found(played, wrong)
+            find_incident(played, wrong)
 
 
 def test_causes_of_other_data_are_made_again(run: Path) -> None:
@@ -107,7 +112,7 @@ def test_causes_of_other_data_are_made_again(run: Path) -> None:
     scene = opened.scene("log")
     far = replace(scene, ego=scene.ego + 5.0)
     played = PlayedRun(opened)
-    assert played.replay(opened.first(), scene).usual > 0
+    assert played.replay(opened.first(), scene).mean_blame_m > 0
     with pytest.raises(RolloutError, match="other targets than when its run was scored"):
         played.replay(opened.first(), far)  # made again, from the data of the run
 
@@ -121,8 +126,10 @@ def test_ids_that_look_like_others() -> None:
     shown = [scene.short_name(number) for number in range(len(names))]
     assert len({*shown}) == len(names)
     for number, short in enumerate(shown):
-        assert found(run, f"{short}@6").object_id == found(run, f"car {short}@6").object_id == number, short
-    assert (found(run, "x@y@7").object_id, found(run, "lost-0").object_id) == (3, 4)
+        assert find_incident(run, f"{short}@6").object_id == find_incident(run, f"car {short}@6").object_id == number, (
+            short
+        )
+    assert (find_incident(run, "x@y@7").object_id, find_incident(run, "lost-0").object_id) == (3, 4)
 
 
 def test_the_list_and_its_file(cli: CommandLine, run: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
+from mtp_bench.core import Floats, Lane
 from mtp_bench.core.errors import CardError, DataError, UnknownNameError
 from mtp_bench.core.files import CACHE
 from mtp_bench.sources import describe, open_source, prepare

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mtp_bench.viz.causes import sentence
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import FocusFrame
 from mtp_bench.viz.run_replay import Replay, replay
-from mtp_bench.viz.sentences import sentence
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene, with_detections
 
 FRAMES, EVENT = 10, 4
@@ -42,7 +42,7 @@ def crowd(old_y: float | None = 1.5, ahead: float = 0.0, detected: bool = True) 
 
 
 def bright(shown: FocusFrame) -> int:
-    return len(shown.object_box) + len(shown.tracks) + len(shown.others) + len(shown.detection_box)
+    return len(shown.object_box) + len(shown.tracks) + len(shown.other_boxes) + len(shown.detection_box)
 
 
 def told(truth: Sequence[Sequence[Thing]], tracks: Sequence[Sequence[Thing]], name: str) -> str:

@@ -13,8 +13,7 @@ from mtp_bench.sources import CameraImage
 from mtp_bench.viz.drawing.canvas import PAPER
 from mtp_bench.viz.drawing.report import SIZE, report, save_report
 from mtp_bench.viz.focus import Focus
-from mtp_bench.viz.framing import ROLES
-from mtp_bench.viz.palette import Color
+from mtp_bench.viz.palette import ROLES, Color
 from mtp_bench.viz.photo import CAPTION, GAP, HEIGHT, photo_of, projected
 from mtp_bench.viz.run_replay import Replay
 from tests.support.camera_images import GREY, PIXELS, write_image

@@ -110,7 +110,7 @@ def test_false_forecasts_are_listed_as_runs_of_their_track() -> None:
         ("spurious-3", 5, 5, 9, False, 0.25),
     ]
     assert (played.forecast_false.sum(), (played.answers.object_track >= 0).sum()) == (5, 13)
-    assert played.counts["FP"].tolist() == [1, 1, 1, 0, 1, 1, 1, 0, 0]
+    assert played.rollout.tracks.frame_of_rows[played.track_false].tolist() == [0, 1, 2, 4, 5, 6]
     unknown = replay(replace(scene, truth_complete=False), make_rollout(tracks, said), CARD)
     assert {incident.kind for incident in unknown.incidents} == {"lost"}
     assert not unknown.forecast_false.any()
@@ -124,7 +124,6 @@ def test_what_is_tracked_false_or_neither() -> None:
     played = replay(with_detections(make_scene(truth), things), make_rollout(things), CARD)
     assert (played.truth_track.tolist(), played.track_false.tolist()) == ([0, 1, 3, 4], [False, False, True] * 2)
     assert played.detection_false.tolist() == [False, False, True] * 2
-    assert {name: count.tolist() for name, count in played.counts.items()} == {"TP": [1, 1], "FN": [0, 0], "FP": [1, 1]}
 
 
 def assert_same_as_the_score(scene: Scene, rollout: Rollout, card: Any) -> None:
@@ -138,8 +137,7 @@ def assert_same_as_the_score(scene: Scene, rollout: Rollout, card: Any) -> None:
     runs = [i for i in played.incidents if i.kind == "spurious"]
     assert sum(i.until - i.frame + 1 for i in runs) == (score.false_forecasts if scene.truth_complete else 0)
     if scene.truth_complete:
-        assert played.counts["FP"].sum() == score.counts.false_positives
-    assert played.counts["TP"].sum() + played.counts["FN"].sum() == (~scene.truth.neutral).sum()
+        assert played.track_false.sum() == score.counts.false_positives
     target = {(int(t), int(g)): i for i, (t, g) in enumerate(zip(score.frame, score.object_id, strict=True))}
     for incident in played.events:
         row = target.get((incident.frame, incident.object_id))

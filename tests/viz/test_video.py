@@ -14,7 +14,7 @@ from PIL import Image
 from mtp_bench.running.stored import open_run
 from mtp_bench.viz.drawing.birds_eye import SIZE
 from mtp_bench.viz.drawing.video import pictures, write_video
-from mtp_bench.viz.framing import SECONDS, frames_around
+from mtp_bench.viz.framing import AROUND_SECONDS, frames_around
 from mtp_bench.viz.run_replay import Replay, replay
 from tests.support.command_line import CommandLine
 
@@ -68,7 +68,7 @@ def test_an_event_is_shown_with_what_is_around_it(drawn: Callable[[str], Replay]
     assert frames_around(played.scene, t) == range(9), "the scene is shorter than what would be shown"
     time = 10 * played.scene.time
     assert frames_around(replace(played.scene, time=time), t) == range(2, 7)
-    assert (time[6] - time[4]) < SECONDS < (time[7] - time[4])
+    assert (time[6] - time[4]) < AROUND_SECONDS < (time[7] - time[4])
 
 
 def test_what_broke_leaves_no_file(tmp_path: Path) -> None:

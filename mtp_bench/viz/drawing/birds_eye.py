@@ -4,10 +4,11 @@ Tracks are numbered, false tracks and forecasts red, an event is a ring with its
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from ...cards import Card
 from ...core import Floats, Scene, rotate, to_metres
@@ -18,7 +19,6 @@ from ..palette import (
     BLACK,
     DETECTION,
     EGO,
-    EVENT,
     FALSE,
     FORECAST,
     OTHER_TRACK,
@@ -28,25 +28,20 @@ from ..palette import (
 )
 from ..plan import plan_at
 from ..run_replay import Replay, ego_boxes
-from .canvas import (
-    EDGE,
-    GRAY,
-    LARGE,
-    MIDDLE,
-    SMALL,
-    Canvas,
-    Outline,
-    callout,
-    scale_bar,
-)
+from .canvas import GRAY, LARGE, MIDDLE, SMALL, Canvas, Outline
 from .column import Mark, Text, column
 
 SIZE = (960, 720)  # pixels
 PANEL = 230  # pixels of the width
-SAMPLES = 5  # of each forecast, the heaviest
-ROAD, CENTER_LINE, BORDER = (240, 240, 240), (205, 205, 205), (150, 150, 150)
-SMALLEST, LARGEST = 16.0, 50.0  # m, half of what is shown around a vehicle
-MARGIN = 3.0  # m around the objects of a fixed place
+# colour, width in pixels, number of the heaviest samples, opacity
+FORECAST_STYLE = (FORECAST, 1.3, 5, 0.9)
+FALSE_STYLE = (FALSE, 0.8, 1, 0.4)
+ROAD = (240, 240, 240)
+CENTER_LINE = (205, 205, 205)
+BORDER = (150, 150, 150)
+SMALLEST_M = 16.0  # half of what is shown around a vehicle
+LARGEST_M = 50.0
+MARGIN_M = 3.0  # around the objects of a fixed place
 EVENT_SECONDS = 1.5  # time that an event stays in the picture
 TRACKED = Outline(TRUTH, 2.0, heading=True)
 UNTRACKED = Outline(TRUTH, 2.0, heading=True, dashed=True)
@@ -54,285 +49,265 @@ DETECTED = Outline(DETECTION, 1.2)
 FALSE_DETECTION = Outline(DETECTION, crossed=True)
 TRACK_BOX = Outline(TRACK, fill=95)
 FALSE_TRACK = Outline(FALSE, fill=25)
-OTHER = Outline(OTHER_TRACK, 0.8, dashed=True)
+OTHER_HYPOTHESIS = Outline(OTHER_TRACK, 0.8, dashed=True)
 VEHICLE = Outline(EGO, 1.5, fill=200, heading=True)
-PLAN = (
-    Mark("plan of the ego", line=EGO, width=3.5),
-    Mark("it brakes hard", line=FALSE, width=3.5),
-    Mark("object that slows it", line=FALSE, sign="circle"),
-)
+PLAN = Mark("plan of the ego", line=EGO, width=3.5)
+HARD_BRAKE = Mark("it brakes hard", line=FALSE, width=3.5)
+SLOWER = Mark("object that slows it", line=FALSE, sign="circle")
+
+
+class NamedBox(NamedTuple):
+    """A box [7] with its name."""
+
+    box: Floats
+    name: str
+    color: Color
 
 
 def windows_of(scene: Scene, card: Card) -> list[Window]:
-    """Window of each frame, by the detections of the scene; by its true boxes if it has no detections.
+    """Return the window of each frame.
 
-    It follows the ego or stays; it never turns, and its size never changes.
+    It is by the detections of the scene. Without detections it is by the true boxes. It
+    follows the ego or stays; it never turns, and its size never changes.
     """
-    seen = scene.detections if len(scene.detections.box) else scene.truth
-    xy = seen.box[:, :2]
-    if not card.has_ego:
-        places = xy if len(xy) else scene.ego[:, :2]
-        low, high = (
-            np.quantile(places, 0.01, axis=0) - MARGIN,
-            np.quantile(places, 0.99, axis=0) + MARGIN,
-        )
-        (x, y), (wide, tall) = (low + high) / 2, np.maximum(high - low, 2 * MARGIN)
-        return [Window(float(x), float(y), float(wide), float(tall))] * scene.frames
+    table = scene.detections if len(scene.detections.box) else scene.truth
+    box_places = table.box[:, :2]
     if card.drive is not None:  # more frames will come
-        return [Window(x, y, LARGEST, LARGEST) for x, y in scene.ego[:, :2].tolist()]
-    pose = scene.ego[seen.frame_of_rows]
-    ahead, aside = rotate(xy - pose[:, :2], -pose[:, 3]).T
-    rear, front = np.quantile(ahead, [0.05, 0.95]) if len(xy) else (0.0, 0.0)
-    rear, front = min(rear, -5.0), max(front, 5.0)
-    half = max(
-        (front - rear) / 2,
-        np.quantile(np.abs(aside), 0.9) if len(xy) else 0.0,
-        SMALLEST,
-    )
-    # if the detections reach too far for one picture, those near the ego matter most
-    center = (
-        (front + rear) / 2
-        if half <= LARGEST
-        else np.clip((front + rear) / 2, -LARGEST / 2, LARGEST / 2)
-    )
-    size = float(2 * min(half, LARGEST))
-    middle = scene.ego[:, :2] + rotate(
-        np.tile([center, 0.0], (scene.frames, 1)), scene.ego[:, 3]
-    )
-    return [Window(x, y, size, size) for x, y in middle.tolist()]
+        middle = scene.ego[:, :2].tolist()
+        return [Window(x, y, LARGEST_M, LARGEST_M) for x, y in middle]
+    if not card.has_ego:
+        if not len(box_places):
+            box_places = scene.ego[:, :2]
+        low = np.quantile(box_places, 0.01, axis=0) - MARGIN_M
+        high = np.quantile(box_places, 0.99, axis=0) + MARGIN_M
+        return [
+            Window(*((low + high) / 2).tolist(), *(high - low).tolist())
+        ] * scene.frames
+    pose = scene.ego[table.frame_of_rows]
+    offset_m = rotate(box_places - pose[:, :2], -pose[:, 3])
+    offset_m = np.append(offset_m, [[0.0, 0.0]], axis=0)  # scenes without boxes
+    # where detections reach too far for one picture, those near the ego matter most
+    ahead = np.clip(np.median(offset_m[:, 0]), -LARGEST_M / 2, LARGEST_M / 2)
+    reach = np.abs(offset_m - [ahead, 0.0]).max(axis=1)
+    size = 2 * float(np.clip(np.quantile(reach, 0.9), SMALLEST_M, LARGEST_M))
+    shift = rotate(np.tile([ahead, 0.0], (scene.frames, 1)), scene.ego[:, 3])
+    middle = (scene.ego[:, :2] + shift).tolist()
+    return [Window(x, y, size, size) for x, y in middle]
 
 
-def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
-    """Frame ``t`` of a run as a picture [height, width, 3] of SIZE."""
-    scene, truth = run.scene, run.scene.truth
-    # the newest event of each object lately, and its place [2] now
-    place = dict(
-        zip(
-            truth.object_id[truth.rows(t)].tolist(),
-            truth.box[truth.rows(t), :2],
-            strict=True,
-        )
-    )
-    recent = run.recent(t, EVENT_SECONDS * run.card.task.rate)
-    events = [
-        (event, place.get(event.object_id, np.array(event.position[:2])))
-        for event in recent
-    ]
+def draw_frame(replay: Replay, t: int, window: Window) -> NDArray[np.uint8]:
+    """Draw frame ``t`` of a run [height, width, 3] in `SIZE`."""
+    truth = replay.scene.truth
     canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], window)
-    ring = min(max(10.0, 2.5 * canvas.scale), 20.0)  # pixels
-    draw_lanes(canvas, run)
-    names = _draw_answers(canvas, run, t)
-    _draw_boxes(canvas, run, t)
-    draw_plan(canvas, run, t)
-    for _, xy in events:
-        canvas.ring(canvas.pixels(xy), ring)
-    image = canvas.finished()
-    ink = ImageDraw.Draw(image)
-    scale_bar(canvas, ink)
-    for (
-        incident,
-        xy,
-    ) in events:  # names are written as far as there is room, events first
-        callout(canvas, ink, xy, incident.label, BLACK, 0.7 * ring, SMALL, EVENT)
-    if run.card.has_ego:
-        names = [(ego_boxes(scene.ego[t][None])[0], "ego", EGO), *names]
-    for box, text, color in names:
-        callout(
-            canvas,
-            ink,
-            box[:2],
-            text,
-            color,
-            0.5 * float(box[4]) * canvas.scale,
-            SMALL,
-            None,
-        )
-    panel = column((PANEL, SIZE[1]), list(_heading(run, t)), legend(run), [], {})
-    whole = Image.new("RGB", SIZE)
-    whole.paste(image, (0, 0))
-    whole.paste(panel, (image.width, 0))
-    ImageDraw.Draw(whole).line([image.width, 0, image.width, SIZE[1]], fill=EDGE)
-    return np.array(whole, dtype=np.uint8)  # a copy, which can be drawn on
-
-
-def draw_lanes(canvas: Canvas, run: Replay) -> None:
-    """The road, under everything else; with the directions of its lanes where agents see these."""
-    near = [
-        lane
-        for lane in run.scene.lanes
-        if canvas.meets(np.concatenate([lane.left, lane.right]))
+    draw_lanes(canvas, replay)
+    _draw_forecasts(canvas, replay, t - replay.first)
+    named_boxes = _draw_tracks(canvas, replay, t - replay.first)
+    _draw_boxes(canvas, replay, t)
+    draw_plan(canvas, replay, t)
+    # the newest event of each object lately, at the place of the object now
+    object_ids = truth.object_id[truth.rows(t)].tolist()
+    box_places = dict(zip(object_ids, truth.box[truth.rows(t), :2], strict=True))
+    ring_px = min(max(10.0, 2.5 * canvas.scale), 20.0)
+    events = replay.recent(t, EVENT_SECONDS * replay.card.task.rate)
+    event_places = [
+        box_places.get(e.object_id, np.array(e.position[:2])) for e in events
     ]
-    for lane in near:
+    for place in event_places:
+        canvas.ring(canvas.pixels(place), ring_px)
+    # names are written as far as there is room, events first
+    canvas.scale_bar()
+    for event, place in zip(events, event_places, strict=True):
+        canvas.callout(place, event.label, BLACK, 0.7 * ring_px, SMALL)
+    if replay.card.has_ego:
+        ego = ego_boxes(replay.scene.ego[t][None])[0]
+        named_boxes = [NamedBox(ego, "ego", EGO), *named_boxes]
+    for box, name, color in named_boxes:
+        canvas.label(box[:2], name, color, 0.5 * float(box[4]) * canvas.scale)
+    panel = column((PANEL, SIZE[1]), list(_heading(replay, t)), legend(replay))
+    picture = Image.new("RGB", SIZE)
+    picture.paste(canvas.finished(), (0, 0))
+    picture.paste(panel, (canvas.width, 0))
+    return np.array(picture, dtype=np.uint8)  # a copy, which can be drawn on
+
+
+def draw_lanes(canvas: Canvas, replay: Replay) -> None:
+    """Draw the road.
+
+    Lanes have directions where agents see these.
+    """
+    outlines = {}
+    for lane in replay.scene.lanes:
         outline = np.concatenate([lane.left, lane.right[::-1]])
-        canvas.draw.polygon(
-            [(2 * x, 2 * y) for x, y in canvas.pixels(outline).tolist()], fill=ROAD
-        )
-    for lane in near:
-        canvas.lines([] if lane.junction else [lane.left, lane.right], BORDER)
+        if canvas.meets(outline):
+            outlines[lane] = outline
+    for outline in outlines.values():
+        canvas.polygon(outline, ROAD)
+    for lane in outlines:
+        if not lane.junction:
+            canvas.lines([lane.left, lane.right], BORDER)
         canvas.lines([lane.center], CENTER_LINE, 0.5)
-    canvas.lines([] if run.card.lanes is None else arrows_of(near), BORDER)
+    if replay.card.lanes is not None:
+        canvas.lines(arrows_of(outlines), BORDER)
 
 
-def draw_plan(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, Mark]]:
-    """Draw the plan of the ego of a closed loop, its way, and what slows it; places [n, 2] m of each mark."""
-    plan = plan_at(run, t)
+def draw_plan(canvas: Canvas, replay: Replay, t: int) -> list[tuple[Mark, Floats]]:
+    """Draw the plan and way of the ego, and what slows it.
+
+    Returns the marks with their places [n, 2], m.
+    """
+    plan = plan_at(replay, t)
     if plan is None:
         return []
-    canvas.lines([run.scene.ego[:, :2]], EGO, 1.0, 110)
-    for step, hard in zip(
-        zip(plan.path[:-1], plan.path[1:], strict=True), plan.hard, strict=True
-    ):
-        canvas.lines([np.array(step)], FALSE if hard else EGO, 3.5)
+    canvas.lines([replay.scene.ego[:, :2]], EGO, 1.0, 110)
+    steps = np.stack([plan.path[:-1], plan.path[1:]], axis=1)
+    canvas.lines(steps[~plan.hard], EGO, PLAN.width)
+    canvas.lines(steps[plan.hard], FALSE, PLAN.width)
     canvas.dot(canvas.pixels(plan.path[-1]), 4.0, EGO)
     for box in plan.slower:
-        canvas.circle(
-            canvas.pixels(box[:2]), 16.0 + 0.6 * float(box[4]) * canvas.scale, FALSE
-        )
-    return list(
-        zip(
-            (plan.slower[:, :2], plan.path[1:][plan.hard], plan.path),
-            PLAN[::-1],
-            strict=True,
-        )
-    )
-
-
-def _draw_answers(
-    canvas: Canvas, run: Replay, t: int
-) -> list[tuple[Floats, str, Color]]:
-    """Draw forecasts, trails and tracks; returns the boxes of the tracks with their names, false tracks last."""
-    rollout, answers, answered = run.rollout, run.answers, t - run.first
-    _draw_forecasts(canvas, run, answered)
-    tracks, best = rollout.tracks.rows(answered), int(answers.hypotheses.best[answered])
-    member, shown = answers.hypotheses.member[tracks].any(axis=1), answers.shown[tracks]
-    boxes = rollout.track_box[tracks].astype(np.float64)
-    canvas.boxes(boxes[member & ~shown], OTHER)
-    rows = tracks.start + np.flatnonzero(shown)
-    boxes, false = boxes[shown], run.track_false[rows]
-    past = answers.past(
-        rows, best, min(answered, max(1, round(TRAIL_SECONDS * run.card.task.rate)))
-    )
-    for row, wrong in zip(past, false, strict=True):
-        trail = rollout.track_box[np.unique(row), :2]
-        canvas.lines([trail], FALSE if wrong else TRACK, 1.0 if wrong else 1.6, 150)
-    canvas.boxes(boxes[false], FALSE_TRACK)
-    canvas.boxes(boxes[~false], TRACK_BOX)
-    order = np.argsort(false, kind="stable")
+        radius_px = 16.0 + 0.6 * float(box[4]) * canvas.scale
+        canvas.circle(canvas.pixels(box[:2]), radius_px, FALSE)
     return [
-        (boxes[i], str(rollout.track_id[rows[i]]), FALSE if false[i] else TRACK)
-        for i in order
+        (PLAN, plan.path),
+        (HARD_BRAKE, plan.path[1:][plan.hard]),
+        (SLOWER, plan.slower[:, :2]),
     ]
 
 
-def _draw_forecasts(canvas: Canvas, run: Replay, answered: int) -> None:
-    """The heaviest samples of each object, lighter ones fainter, each with a dot at its end."""
-    rollout = run.rollout
+def _draw_tracks(canvas: Canvas, replay: Replay, answered: int) -> list[NamedBox]:
+    """Draw trails and tracks of an answered frame.
+
+    Returns the tracks, false ones last.
+    """
+    rollout = replay.rollout
+    answers = replay.answers
+    rows = np.arange(*rollout.tracks.start[[answered, answered + 1]])
+    is_shown = answers.shown[rows]
+    is_other = answers.hypotheses.member[rows].any(axis=1) & ~is_shown
+    boxes = rollout.track_box.astype(np.float64)
+    canvas.boxes(boxes[rows[is_other]], OTHER_HYPOTHESIS)
+    rows = rows[is_shown]
+    frames_back = max(1, round(TRAIL_SECONDS * replay.card.task.rate))
+    best = int(answers.hypotheses.best[answered])
+    past = answers.past(rows, best, min(answered, frames_back))
+    trails = boxes[past, :2]
+    is_false = replay.track_false[rows]
+    canvas.lines(trails[is_false], FALSE, 1.0, 150)
+    canvas.lines(trails[~is_false], TRACK, 1.6, 150)
+    canvas.boxes(boxes[rows[is_false]], FALSE_TRACK)
+    canvas.boxes(boxes[rows[~is_false]], TRACK_BOX)
+    named_boxes = []
+    for chosen, color in ((rows[~is_false], TRACK), (rows[is_false], FALSE)):
+        names = rollout.track_id[chosen].astype(str).tolist()
+        pairs = zip(boxes[chosen], names, strict=True)
+        named_boxes += [NamedBox(box, name, color) for box, name in pairs]
+    return named_boxes
+
+
+def _draw_forecasts(canvas: Canvas, replay: Replay, answered: int) -> None:
+    """Draw the heaviest samples of each object, lighter ones fainter.
+
+    Each has a dot at its end. Of a false forecast there is one, fainter still.
+    """
+    rollout = replay.rollout
     objects = rollout.objects.rows(answered)
-    start = rollout.object_box[objects, :2].astype(np.float64)
+    starts = rollout.object_box[objects, :2].astype(np.float64)
     weights = sample_weights(rollout.forecast_log_weight[objects])
-    for i in np.flatnonzero(canvas.inside(start, canvas.width / 4)):
-        weight, paths = (
-            weights[i],
-            start[i] + to_metres(rollout.forecast[objects.start + i]),
-        )
-        false = run.forecast_false[objects.start + i]
-        color, width, most, dim = (
-            (FALSE, 0.8, 1, 0.4) if false else (FORECAST, 1.3, SAMPLES, 0.9)
-        )
-        for k in np.argsort(-weight, kind="stable")[:most][::-1]:
-            if weight[k] > 0:
-                path = canvas.pixels(np.concatenate([start[i, None], paths[k]]))
-                alpha = round(dim * (100 + 140 * float(weight[k] / weight.max())))
-                canvas.stroke(path, color, width, alpha)
-                canvas.dot(path[-1], 1.6 * width, color, alpha)
+    for i in np.flatnonzero(canvas.inside(starts, canvas.width / 4)):
+        is_false = replay.forecast_false[objects.start + i]
+        color, width, max_samples, dim = FALSE_STYLE if is_false else FORECAST_STYLE
+        paths = starts[i] + to_metres(rollout.forecast[objects.start + i])
+        heaviest = np.argsort(-weights[i], kind="stable")[:max_samples]
+        for sample in heaviest[weights[i][heaviest] > 0][::-1]:
+            path = canvas.pixels(np.concatenate([starts[i, None], paths[sample]]))
+            share = float(weights[i][sample] / weights[i].max())
+            alpha = round(dim * (100 + 140 * share))
+            canvas.stroke(path, color, width, alpha)
+            canvas.dot(path[-1], 1.6 * width, color, alpha)
 
 
-def _draw_boxes(canvas: Canvas, run: Replay, t: int) -> None:
-    truth, detections = run.scene.truth, run.scene.detections
-    rows = detections.rows(t)
-    false = run.detection_false[rows]
-    canvas.boxes(detections.box[rows][~false], DETECTED)
-    canvas.boxes(detections.box[rows][false], FALSE_DETECTION)
-    rows = truth.rows(t)
-    evaluated, tracked = ~truth.neutral[rows], run.truth_track[rows] >= 0
-    canvas.boxes(truth.box[rows][evaluated & tracked], TRACKED)
-    canvas.boxes(truth.box[rows][evaluated & ~tracked], UNTRACKED)
-    if run.card.has_ego:
-        canvas.boxes(ego_boxes(run.scene.ego[t][None]), VEHICLE)
+def _draw_boxes(canvas: Canvas, replay: Replay, t: int) -> None:
+    truth = replay.scene.truth
+    detections = replay.scene.detections
+    detected = detections.box[detections.rows(t)]
+    is_false = replay.detection_false[detections.rows(t)]
+    canvas.boxes(detected[~is_false], DETECTED)
+    canvas.boxes(detected[is_false], FALSE_DETECTION)
+    boxes = truth.box[truth.rows(t)]
+    is_evaluated = ~truth.neutral[truth.rows(t)]
+    is_tracked = replay.truth_track[truth.rows(t)] >= 0
+    canvas.boxes(boxes[is_evaluated & is_tracked], TRACKED)
+    canvas.boxes(boxes[is_evaluated & ~is_tracked], UNTRACKED)
+    if replay.card.has_ego:
+        canvas.boxes(ego_boxes(replay.scene.ego[t][None]), VEHICLE)
 
 
-def _heading(run: Replay, t: int) -> Iterator[Text]:
-    """Lines at the top of the column."""
-    scene, answered = run.scene, t - run.first
-    if run.agent:
-        yield run.agent, LARGE, BLACK
-    yield run.card.id, MIDDLE, GRAY
+def _heading(replay: Replay, t: int) -> Iterator[Text]:
+    """Yield the lines at the top of the column."""
+    scene = replay.scene
+    if replay.agent:
+        yield replay.agent, LARGE, BLACK
+    yield replay.card.id, MIDDLE, GRAY
     yield f"scene {scene.name}", MIDDLE, GRAY
-    yield (
-        f"frame {t} of {scene.frames - 1}   {scene.time[t] - scene.time[0]:.1f} s",
-        MIDDLE,
-        BLACK,
-    )
-    if (plan := plan_at(run, t)) is not None:
-        yield (
-            f"ego: {round(plan.acceleration, 1) + 0.0:+.1f} m/s2, risk {plan.risk:.0%}",
-            MIDDLE,
-            BLACK,
-        )
-    weight = run.rollout.hypothesis_log_weight[answered]
-    if np.isfinite(weight).sum() > 1:
-        share = 100 * float(np.exp(weight[run.answers.hypotheses.best[answered]]))
-        yield (
-            f"best of {np.isfinite(weight).sum()} hypotheses ({share:.0f} %)",
-            MIDDLE,
-            BLACK,
-        )
-    if run.judged:
-        tracked, untracked, false = (int(series[t]) for series in run.counts.values())
-        text = f"tracked {tracked}, untracked {untracked}"
-        yield text + (f", false {false}" if scene.truth_complete else ""), MIDDLE, BLACK
+    time_s = scene.time[t] - scene.time[0]
+    yield f"frame {t} of {scene.frames - 1}   {time_s:.1f} s", MIDDLE, BLACK
+    plan = plan_at(replay, t)
+    if plan is not None:
+        acceleration = round(plan.acceleration, 1) + 0.0
+        text = f"ego: {acceleration:+.1f} m/s2, risk {plan.risk:.0%}"
+        yield text, MIDDLE, BLACK
+    log_weight = replay.rollout.hypothesis_log_weight[t - replay.first]
+    count = int(np.isfinite(log_weight).sum())
+    if count > 1:
+        best = replay.answers.hypotheses.best[t - replay.first]
+        share = float(np.exp(log_weight[best]))
+        yield f"best of {count} hypotheses ({100 * share:.0f} %)", MIDDLE, BLACK
 
 
-def legend(run: Replay) -> list[Mark]:
-    """Marks of this kind of picture with their meaning; the same for all frames of a video."""
-    truth, complete = (
-        len(run.scene.truth.box) > 0,
-        run.judged and run.scene.truth_complete,
-    )
-    driven = run.card.drive is not None or run.rollout.drive is not None
+def legend(replay: Replay) -> list[Mark]:
+    """Return the marks, the same for all frames of a video."""
+    has_truth = len(replay.scene.truth.box) > 0
+    knows_false = replay.judged and replay.scene.truth_complete
+    is_driven = replay.card.drive is not None or replay.rollout.drive is not None
     entries = [
-        (truth, Mark("true box", TRACKED)),
-        (truth and run.judged, Mark("true box, untracked", UNTRACKED)),
+        (has_truth, Mark("true box", TRACKED)),
+        (has_truth and replay.judged, Mark("true box, untracked", UNTRACKED)),
         (True, Mark("detection", DETECTED)),
-        (complete, Mark("false positive", FALSE_DETECTION)),
+        (knows_false, Mark("false positive", FALSE_DETECTION)),
         (True, Mark("track, where it was", TRACK_BOX, TRACK)),
-        (complete, Mark("false track", FALSE_TRACK, FALSE)),
-        (True, Mark("other hypotheses", OTHER)),
+        (knows_false, Mark("false track", FALSE_TRACK, FALSE)),
+        (True, Mark("other hypotheses", OTHER_HYPOTHESIS)),
         (True, Mark("forecast", line=FORECAST)),
-        (complete, Mark("false forecast", line=FALSE)),
-        (run.judged, Mark("event")),
-        (run.card.has_ego, Mark("ego", VEHICLE)),
-        *((driven, mark) for mark in PLAN),
+        (knows_false, Mark("false forecast", line=FALSE)),
+        (replay.judged, Mark("event", sign="ring")),
+        (replay.card.has_ego, Mark("ego", VEHICLE)),
+        (is_driven, PLAN),
+        (is_driven, HARD_BRAKE),
+        (is_driven, SLOWER),
     ]
-    return [mark for shown, mark in entries if shown]
+    return [mark for is_shown, mark in entries if is_shown]
 
 
 class EpisodePictures:
-    """Renderer of an env: pictures of the frame that was answered last; before the first answer, of frame 0."""
+    """Renderer of an env: pictures of the frame that was answered last.
+
+    Before the first answer they are of frame 0.
+    """
 
     def __init__(self) -> None:
         self._episode: LiveEpisode | None = None
         self._windows: list[Window] = []
 
     def render(self, episode: LiveEpisode) -> NDArray[np.uint8]:
-        """A picture [height, width, 3], always of the same size; true boxes are not compared with the answer."""
+        """Draw a picture [height, width, 3], always of the same size.
+
+        True boxes are not compared with the answer.
+        """
         if self._episode is not episode:
-            self._episode, self._windows = (
-                episode,
-                windows_of(episode.scene, episode.card),
-            )
-        run = Replay.of_episode(episode, round(TRAIL_SECONDS * episode.card.task.rate))
-        return draw_frame(run, episode.frame, self._windows[episode.frame])
+            self._episode = episode
+            self._windows = windows_of(episode.scene, episode.card)
+        frames_back = round(TRAIL_SECONDS * episode.card.task.rate)
+        replay = Replay.of_episode(episode, frames_back)
+        return draw_frame(replay, episode.frame, self._windows[episode.frame])
 
     def close(self) -> None:
         """Do nothing: pictures keep no resource open."""

@@ -1,14 +1,16 @@
-"""A picture with coordinates in metres: lines, boxes and texts, drawn by Pillow without jagged edges.
+"""A picture with coordinates in metres: lines, boxes and texts, drawn by Pillow.
 
-No meaning depends on colour alone: truth is a bold outline (dashed where it is not tracked), a detection thin, a track
-filled, a false positive crossed. A text is put at a free place beside its thing, or left out.
+Everything is drawn larger and reduced, so that no edge is jagged. No meaning depends on
+colour alone: truth is a bold outline (dashed where it is not tracked), a detection
+thin, a track filled, a false positive crossed. A text is put at a free place beside its
+thing, or left_px out.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import product
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -21,25 +23,14 @@ PAPER = (247, 247, 247)  # beside a picture
 WHITE = (255, 255, 255)
 GRAY = (90, 90, 90)
 EDGE = (200, 200, 200)
-FINER = 2  # everything but text is drawn this much larger and then made smaller
-DASH = 4.0  # pixels
-FAR = 20.0  # pixels that a heading may stand out of the picture
+FINER = 2  # everything is drawn this much larger
+DASH_PX = 4.0
+HEADING_PX = 20.0  # that a heading may stand out of the picture
 SMALL, MIDDLE, LARGE = 11, 13, 16  # pixels of letters
-AWAY = (8.0, 26.0, 48.0, 76.0, 110.0)  # pixels from a thing to a board with its name
-EDGE_GAP = 12.0  # pixels between the edge and the tip of an arrow to it
-ARROW = 36.0  # pixels, its length
-SIDES = (
-    -60,
-    60,
-    -120,
-    120,
-    -30,
-    30,
-    -90,
-    90,
-    180,
-    0,
-)  # degrees, directions of the text
+BOARD_GAPS_PX = (8.0, 26.0, 48.0, 76.0, 110.0)  # from a thing to a board with its name
+# degrees, directions from a thing to its text
+TEXT_DIRECTIONS = (-60, 60, -120, 120, -30, 30, -90, 90, 180, 0)
+Rectangle = tuple[float, float, float, float]  # left, top, right, bottom in pixels
 
 
 @dataclass(frozen=True)
@@ -56,22 +47,20 @@ class Outline:
 
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """A picture of ``width`` x ``height`` pixels that shows at least ``window``; world to pixels and back."""
+    """A picture of ``width`` x ``height`` pixels that shows at least ``window``."""
 
     width: int
     height: int
     window: Window
     image: Image.Image
     draw: ImageDraw.ImageDraw
-    taken: list[tuple[float, float, float, float]] = field(
-        default_factory=list
-    )  # pixels that hold text already
+    text_places: list[Rectangle] = field(default_factory=list)  # that hold text already
 
     @classmethod
     def blank(
         cls, width: int, height: int, window: Window, paper: Color = WHITE
     ) -> Self:
-        """An empty picture with the background ``paper``."""
+        """Return an empty picture with the background ``paper``."""
         image = Image.new("RGB", (width * FINER, height * FINER), paper)
         return cls(width, height, window, image, ImageDraw.Draw(image, "RGBA"))
 
@@ -81,28 +70,26 @@ class Canvas:
         return min(self.width / self.window.wide, self.height / self.window.high)
 
     def pixels(self, xy: Floats) -> Floats:
-        """Pixels [..., 2], y downwards, of places [..., 2] of the world, m."""
-        moved = np.asarray(xy, dtype=np.float64) - [self.window.x, self.window.y]
-        turned = rotate(moved, -self.window.turn) if self.window.turn else moved
-        return turned * [self.scale, -self.scale] + [self.width / 2, self.height / 2]
+        """Convert places [..., 2], m, to pixels [..., 2], y downwards."""
+        gap = np.asarray(xy, dtype=np.float64) - [self.window.x, self.window.y]
+        rotated = rotate(gap, -self.window.turn)
+        return rotated * [self.scale, -self.scale] + [self.width / 2, self.height / 2]
 
-    def inside(self, xy: Floats, margin: float | Floats = 0.0) -> Bools:
-        """Places [..., 2] of the world that lie in the picture or at most ``margin`` pixels around it."""
+    def inside(self, xy: Floats, margin_px: float | Floats = 0.0) -> Bools:
+        """Mask places [..., 2] in the picture or its margin."""
         x, y = np.moveaxis(self.pixels(xy), -1, 0)
-        within: Bools = (
-            (x >= -margin)
-            & (x <= self.width + margin)
-            & (y >= -margin)
-            & (y <= self.height + margin)
-        )
-        return within
+        in_x = (x >= -margin_px) & (x <= self.width + margin_px)
+        return np.asarray(in_x & (y >= -margin_px) & (y <= self.height + margin_px))
 
     def meets(self, xy: Floats) -> bool:
-        """True if the rectangle around places [n, 2] of the world meets the picture."""
-        pixels, size = self.pixels(xy), (self.width, self.height)
-        return len(xy) > 0 and bool(
-            (pixels.max(axis=0) >= 0).all() and (pixels.min(axis=0) <= size).all()
-        )
+        """Check if the rectangle around places [n, 2] is in sight."""
+        pixels = self.pixels(xy)
+        if not len(pixels):
+            return False
+        ends_inside = (pixels.min(axis=0) <= (self.width, self.height)).all()
+        return bool(ends_inside and (pixels.max(axis=0) >= 0).all())
+
+    # ---- lines and boxes
 
     def lines(
         self,
@@ -111,36 +98,10 @@ class Canvas:
         width: float = 1.0,
         alpha: int = 255,
     ) -> None:
-        """Draw polylines, each of points [n, 2] of the world, m; ``width`` pixels wide, ``alpha`` 255 is opaque."""
+        """Draw polylines [n, 2], m, where ``alpha`` 255 is opaque."""
         for path in paths:
             if len(path) > 1:
                 self.stroke(self.pixels(path), color, width, alpha)
-
-    def boxes(self, box: Floats, mark: Outline) -> None:
-        """Draw boxes [n, 7] x y z yaw l w h, m and rad, in the style ``mark``; skip those outside the picture."""
-        box = box[
-            self.inside(box[:, :2], np.hypot(box[:, 4], box[:, 5]) * self.scale + FAR)
-        ]
-        for corners, row in zip(self.pixels(bev_corners(box)), box, strict=True):
-            if mark.fill:
-                self.draw.polygon(_points(corners), fill=(*mark.color, mark.fill))
-            self.stroke(
-                np.concatenate([corners, corners[:1]]),
-                mark.color,
-                mark.width,
-                dashed=mark.dashed,
-            )
-            if mark.crossed:
-                self.stroke(corners[[0, 2]], mark.color, mark.width)
-                self.stroke(corners[[1, 3]], mark.color, mark.width)
-            if mark.heading:
-                ahead = unit_vectors(row[3]) * (row[4] / 2 + max(0.4, 0.25 * row[4]))
-                front = corners[[0, 3]].mean(axis=0)
-                self.stroke(
-                    np.stack([front, self.pixels(row[:2] + ahead)]),
-                    mark.color,
-                    mark.width,
-                )
 
     def stroke(
         self,
@@ -150,214 +111,198 @@ class Canvas:
         alpha: int = 255,
         dashed: bool = False,
     ) -> None:
-        """Draw a polyline through ``pixels`` [n, 2], ``width`` pixels wide; ``alpha`` 255 is opaque."""
+        """Draw a polyline through ``pixels`` [n, 2], ``width`` pixels wide."""
         thick = max(1, round(width * FINER))
-        if dashed:
-            for a, b in _dashes(pixels):
-                self.draw.line(
-                    [tuple(a * FINER), tuple(b * FINER)],
-                    fill=(*color, alpha),
-                    width=thick,
-                )
-        else:
-            self.draw.line(
-                _points(pixels),
-                fill=(*color, alpha),
-                width=thick,
-                joint="curve" if thick > 3 else None,
-            )
+        joint = "curve" if thick > 3 else None
+        for part in _dashes(pixels) if dashed else [pixels]:
+            self.draw.line(_points(part), (*color, alpha), thick, joint)
 
-    def dot(self, pixel: Floats, radius: float, color: Color, alpha: int = 255) -> None:
-        """Draw a disc around a pixel; ``radius`` in pixels."""
-        self.draw.ellipse(_around(pixel, radius), fill=(*color, alpha))
+    def polygon(self, path: Floats, color: Color) -> None:
+        """Fill the area inside places [n, 2] of the world, m."""
+        self.draw.polygon(_points(self.pixels(path)), fill=color)
 
-    def ring(self, pixel: Floats, radius: float) -> None:
-        """Draw the mark of an event: a bright circle with a dark edge around a pixel; ``radius`` in pixels."""
+    def boxes(self, box: Floats, mark: Outline) -> None:
+        """Draw boxes [n, 7] (x y z yaw l w h, m and rad).
+
+        Those out of sight are skipped.
+        """
+        diagonal_px = np.hypot(box[:, 4], box[:, 5]) * self.scale
+        box = box[self.inside(box[:, :2], diagonal_px + HEADING_PX)]
+        for row in box:
+            corners = self.pixels(bev_corners(row))
+            if mark.fill:
+                self.draw.polygon(_points(corners), fill=(*mark.color, mark.fill))
+            lines = [corners[[0, 2]], corners[[1, 3]]] if mark.crossed else []
+            if mark.heading:
+                tick_m = row[4] / 2 + max(0.4, 0.25 * row[4])
+                tip = self.pixels(row[:2] + unit_vectors(row[3]) * tick_m)
+                lines.append(np.stack([corners[[0, 3]].mean(axis=0), tip]))
+            edge = corners[[0, 1, 2, 3, 0]]
+            self.stroke(edge, mark.color, mark.width, dashed=mark.dashed)
+            for line in lines:
+                self.stroke(line, mark.color, mark.width)
+
+    # ---- signs
+
+    def dot(
+        self, pixel: Floats, radius_px: float, color: Color, alpha: int = 255
+    ) -> None:
+        """Draw a disc around a pixel."""
+        self.draw.ellipse(_around(pixel, radius_px), fill=(*color, alpha))
+
+    def ring(self, pixel: Floats, radius_px: float) -> None:
+        """Draw a bright circle with a dark edge: an event."""
         for wider, color, width in ((1.0, BLACK, 5.0), (0.0, EVENT, 3.0)):
-            self.draw.ellipse(
-                _around(pixel, radius + wider),
-                outline=color,
-                width=round(width * FINER),
-            )
+            square = _around(pixel, radius_px + wider)
+            self.draw.ellipse(square, outline=color, width=round(width * FINER))
 
-    def cross(self, pixel: Floats, reach: float, color: Color) -> None:
-        """Draw two crossed lines on a white edge; ``reach`` pixels to each side."""
+    def cross(self, pixel: Floats, radius_px: float, color: Color) -> None:
+        """Draw two crossed lines on a white edge."""
         for line_color, width in ((WHITE, 5.0), (color, 2.5)):
             for side in (1.0, -1.0):
-                self.stroke(
-                    pixel + reach * np.array([[-1.0, -side], [1.0, side]]),
-                    line_color,
-                    width,
-                )
+                ends = pixel + radius_px * np.array([[-1.0, -side], [1.0, side]])
+                self.stroke(ends, line_color, width)
 
-    def circle(self, pixel: Floats, radius: float, color: Color) -> None:
-        """Draw a dashed circle around a pixel; ``radius`` in pixels."""
+    def circle(self, pixel: Floats, radius_px: float, color: Color) -> None:
+        """Draw a dashed circle."""
         angle = np.linspace(0.0, 2 * np.pi, 61)
-        self.stroke(pixel + radius * unit_vectors(angle), color, 1.5, dashed=True)
+        self.stroke(pixel + radius_px * unit_vectors(angle), color, 1.5, dashed=True)
+
+    # ---- texts
+
+    def text(
+        self,
+        x: float,
+        y: float,
+        text: str,
+        size_px: int,
+        color: Color,
+        edge: bool = False,
+    ) -> None:
+        """Write a text with its top left at a pixel.
+
+        ``edge``: with a white one.
+        """
+        self.draw.text(
+            (round(x * FINER), round(y * FINER)),
+            text,
+            fill=color,
+            font=font(size_px * FINER),
+            stroke_width=FINER if edge else 0,
+            stroke_fill=WHITE,
+        )
+
+    def label(self, xy: Floats, text: str, color: Color, reach_px: float) -> None:
+        """Write a small text beside a thing at ``xy`` [2], if possible."""
+        place = self._free_place(xy, text_size(text, SMALL), (reach_px + 1.0,))
+        if place is not None:
+            self.text(place[0], place[1], text, SMALL, color, edge=True)
+
+    def callout(
+        self,
+        xy: Floats,
+        text: str,
+        color: Color,
+        reach_px: float,
+        size_px: int = MIDDLE,
+    ) -> None:
+        """Write a text on a board beside a thing at ``xy`` [2].
+
+        The line begins ``reach_px`` pixels from the thing. The text is left out where
+        there is no room.
+        """
+        wide, high = text_size(text, size_px)
+        gaps = [reach_px + gap for gap in BOARD_GAPS_PX]
+        place = self._free_place(xy, (wide + 8.0, high + 4.0), gaps)
+        if place is None:
+            return
+        start = self.pixels(xy)
+        end = np.clip(start, place[:2], place[2:])
+        start = start + reach_px * (end - start) / max(np.hypot(*(end - start)), 1e-9)
+        self.stroke(np.stack([start, end]), color, 1.0)
+        square = [round(edge * FINER) for edge in place]
+        self.draw.rectangle(square, fill=WHITE, outline=color, width=FINER)
+        self.text(place[0] + 4, place[1] + 1, text, size_px, color)
+
+    def _free_place(
+        self, xy: Floats, size_px: tuple[float, float], gaps: Iterable[float]
+    ) -> Rectangle | None:
+        """Take a free rectangle of ``size_px`` pixels beside a place."""
+        if not self.inside(xy):
+            return None
+        half = np.array(size_px) / 2
+        for gap, angle in product(gaps, np.deg2rad(TEXT_DIRECTIONS)):
+            way = unit_vectors(angle)
+            center = self.pixels(xy) + way * (gap + half)
+            place = (*(center - half).tolist(), *(center + half).tolist())
+            if self._is_free(place):
+                self.text_places.append(place)
+                return place
+        return None
+
+    def _is_free(self, place: Rectangle) -> bool:
+        left_px, top, right, bottom = place
+        if min(left_px, top) < 2 or right > self.width - 2 or bottom > self.height - 2:
+            return False
+        return not any(
+            left_px < used[2] and used[0] < right and top < used[3] and used[1] < bottom
+            for used in self.text_places
+        )
+
+    def scale_bar(self) -> None:
+        """Draw a bar of a round number of metres."""
+        max_m = self.width / self.scale / 5
+        power = 10.0 ** np.floor(np.log10(max_m))
+        steps = [step * power for step in (0.5, 1.0, 2.0, 5.0) if step * power <= max_m]
+        text = f"{steps[-1]:g} m"
+        wide, high = text_size(text, MIDDLE)
+        left_px = 16.0
+        bottom = self.height - 16.0
+        right = left_px + steps[-1] * self.scale
+        top = bottom - high - 7
+        board = (left_px - 8, top - 5, max(right, left_px + wide) + 8, bottom + 8)
+        self.text_places.append(board)
+        self.draw.rectangle([edge * FINER for edge in board], fill=WHITE)
+        ends = [
+            (left_px, bottom - 5),
+            (left_px, bottom),
+            (right, bottom),
+            (right, bottom - 5),
+        ]
+        self.stroke(np.array(ends), BLACK, 2.0)
+        self.text((left_px + right - wide) / 2, top, text, MIDDLE, BLACK)
 
     def finished(self) -> Image.Image:
-        """The picture reduced from FINER times its size; texts are drawn onto the result."""
+        """Return the picture, reduced to its size."""
         return self.image.reduce(FINER)
 
 
 @cache
-def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """The font that Pillow ships, the same on every machine."""
-    return ImageFont.load_default(size)
+def font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Load the font that Pillow ships, the same on every machine."""
+    return ImageFont.load_default(size_px)
 
 
 @cache
-def text_size(text: str, size: int) -> tuple[float, float]:
-    """Width and height in pixels that a line of text takes."""
-    left, _, right, _ = font(size).getbbox(text)
-    return right - left, size * 1.2
+def text_size(text: str, size_px: int) -> tuple[float, float]:
+    """Return width and height of a text in pixels."""
+    left_px, _, right, _ = font(size_px).getbbox(text)
+    return right - left_px, size_px * 1.2
 
 
 def _points(pixels: Floats) -> list[tuple[float, ...]]:
-    return [tuple(p) for p in (pixels * FINER).tolist()]
+    return [tuple(point) for point in (pixels * FINER).tolist()]
 
 
-def _around(pixel: Floats, radius: float) -> list[float]:
-    """Bounding square (left, top, right, bottom) of a circle, in pixels of the enlarged image."""
-    return [*((pixel - radius) * FINER).tolist(), *((pixel + radius) * FINER).tolist()]
+def _around(pixel: Floats, radius_px: float) -> list[tuple[float, ...]]:
+    """Return corners of a square around a circle, enlarged."""
+    return _points(np.stack([pixel - radius_px, pixel + radius_px]))
 
 
-def _dashes(path: Floats) -> Iterable[tuple[Any, Any]]:
-    """Ends of the dashes along a polyline [n, 2] of pixels."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    cuts = np.linspace(0.0, along[-1], 2 * max(2, round(float(along[-1]) / (2 * DASH))))
+def _dashes(path: Floats) -> Iterable[Floats]:
+    """Cut a polyline [n, 2] of pixels into dashes [2, 2]."""
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
+    count = max(2, round(float(along[-1]) / (2 * DASH_PX)))
+    cuts = np.linspace(0.0, along[-1], 2 * count)
     points = np.column_stack([np.interp(cuts, along, axis) for axis in path.T])
-    return zip(points[::2], points[1::2], strict=True)
-
-
-def callout(
-    canvas: Canvas,
-    ink: ImageDraw.ImageDraw,
-    xy: Floats,
-    text: str,
-    color: Color,
-    reach: float,
-    size: int = MIDDLE,
-    board: Color | None = WHITE,
-) -> None:
-    """Write ``text`` at least ``reach`` pixels away from a thing at ``xy`` [2] of the world, if there is room.
-
-    It stands on a ``board`` with a line to the thing; None: without one, and near the thing only.
-    """
-    if not canvas.inside(xy):
-        return
-    pad = 0 if board is None else 4
-    wide, high = text_size(text, size)
-    wide, high = wide + 2 * pad, high + pad
-    x, y = canvas.pixels(xy).tolist()
-    for far, angle in product(AWAY if board is not None else (1.0,), np.deg2rad(SIDES)):
-        dx, dy = float(np.cos(angle)), float(np.sin(angle))
-        left = x + dx * (reach + far) + wide * (dx - 1) / 2
-        top = y + dy * (reach + far) + high * (dy - 1) / 2
-        if _take(canvas, left, top, left + wide, top + high):
-            break
-    else:
-        return
-    if board is None:
-        ink.text(
-            (round(left), round(top)),
-            text,
-            fill=color,
-            font=font(size),
-            stroke_width=1,
-            stroke_fill=WHITE,
-        )
-        return
-    near = (min(max(x, left), left + wide), min(max(y, top), top + high))
-    ink.line([x + dx * reach, y + dy * reach, *near], fill=color, width=1)
-    ink.rectangle(
-        [round(v) for v in (left, top, left + wide, top + high)],
-        fill=board,
-        outline=color,
-    )
-    ink.text((round(left + pad), round(top + 1)), text, fill=color, font=font(size))
-
-
-def pointer(
-    canvas: Canvas,
-    ink: ImageDraw.ImageDraw,
-    start: Floats,
-    target: Floats,
-    text: str,
-    color: Color,
-) -> None:
-    """Draw an arrow with a text at the edge of the picture, from ``start`` [2] m in it towards ``target`` outside."""
-    a, way = canvas.pixels(start), canvas.pixels(target) - canvas.pixels(start)
-    room = np.where(way > 0, np.array([canvas.width, canvas.height]) - a, a) - EDGE_GAP
-    share, length = (
-        float((room / np.maximum(np.abs(way), 1e-9)).min()),
-        float(np.hypot(*way)),
-    )
-    while share > 0 and any(
-        l < x < r and t < y < b
-        for x, y in [a + share * way]
-        for l, t, r, b in canvas.taken
-    ):
-        share -= ARROW / length
-    tip, unit = a + share * way, way / length
-    tail, back, aside = (
-        tip - ARROW * unit,
-        tip - 14.0 * unit,
-        5.0 * np.array([-unit[1], unit[0]]),
-    )
-    ink.line([*tail, *back], fill=color, width=2)
-    ink.polygon([*tip, *(back + aside), *(back - aside)], fill=color)
-    canvas.taken.append(
-        (*np.minimum(tip, tail).tolist(), *np.maximum(tip, tail).tolist())
-    )
-    callout(
-        canvas,
-        ink,
-        start + (share - ARROW / length) * (target - start),
-        text,
-        color,
-        1.0,
-    )
-
-
-def scale_bar(canvas: Canvas, ink: ImageDraw.ImageDraw) -> None:
-    """A bar of a round number of metres at the bottom left, which no other text overlaps."""
-    most = canvas.width / canvas.scale / 5
-    power = 10.0 ** np.floor(np.log10(most))
-    metres = float(
-        max(step * power for step in (0.5, 1.0, 2.0, 5.0) if step * power <= most)
-    )
-    left, bottom = 16, canvas.height - 16
-    right = left + round(metres * canvas.scale)
-    text = f"{metres:g} m"
-    wide, high = text_size(text, MIDDLE)
-    board = (left - 8, bottom - high - 12, max(right, left + wide) + 8, bottom + 8)
-    canvas.taken.append(board)
-    ink.rectangle(board, fill=WHITE)
-    ink.line(
-        [left, bottom - 5, left, bottom, right, bottom, right, bottom - 5],
-        fill=BLACK,
-        width=2,
-    )
-    ink.text(
-        ((left + right - wide) // 2, bottom - high - 7),
-        text,
-        fill=BLACK,
-        font=font(MIDDLE),
-    )
-
-
-def _take(canvas: Canvas, left: float, top: float, right: float, bottom: float) -> bool:
-    """Take a rectangle if it lies in the picture and meets no other one; returns whether it was free."""
-    inside = (
-        left >= 2
-        and top >= 2
-        and right <= canvas.width - 2
-        and bottom <= canvas.height - 2
-    )
-    free = inside and not any(
-        left < r and l < right and top < b and t < bottom for l, t, r, b in canvas.taken
-    )
-    if free:
-        canvas.taken.append((left, top, right, bottom))
-    return free
+    return points.reshape(count, 2, 2)

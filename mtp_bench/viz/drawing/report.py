@@ -1,237 +1,185 @@
-"""Picture of an event for a report: a sentence, the event, a key, and close-ups of the frames around it."""
+"""Picture of an event for a report: the event, its causes, a key, and close-ups."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, PngImagePlugin
 
 from ...core import __version__, whole_file
-from ...scoring import BELOW, LEAST_SHOWN, named_parts, parts_text
-from ..evidence import left_out, verdict
+from ...scoring import LEAST_SHOWN, named_parts
+from ..causes import cause_line, causes_of, happened, headline, sentence
+from ..evidence import ego_distance, visible_share
 from ..focus import Focus
-from ..framing import ROLES, close_window, frame_of, window_of
-from ..palette import BLACK, Color
+from ..framing import window_of
+from ..palette import BLACK, ROLES, Color
 from ..photo import photo_of, photo_row
-from ..sentences import sentence
 from .canvas import EDGE, GRAY, PAPER, font, text_size
-from .close_up import EXPECTED, draw_focus
-from .column import Mark, column, wrapped
+from .close_up import draw_focus
+from .column import column, wrapped
 
 SIZE = (1200, 800)  # pixels, of a report
-COLUMN, CAPTION = 300, 46
+COLUMN = 300  # pixels of the width
+CAPTION = 46
 ROW = 256  # pixels of the height for the small pictures, with their captions
+LINE_PX = 24
 LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
-MOST = 3  # parts of the whole moment
-REMARK = "From above; {}. Bold: the sample nearest to the truth, else the heaviest; thin: others."
+MAX_CAUSES = 3
+REMARK = (
+    "From above; {}. Bold: the sample nearest to the truth, else the heaviest; thin: "
+    "others."
+)
 
 
-def report(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
-    """The picture of an event, of SIZE: frame t above the small pictures, which may add a camera image.
+def report(focus: Focus, compared: Sequence[Focus] = ()) -> Image.Image:
+    """Draw the frame of an event, and those around it.
 
-    The same event in other runs, ``beside``, has the same scale.
+    A camera image that shows it stands at the bottom. The same event in other runs,
+    ``compared``, has the same scale.
     """
-    marks: list[Mark] = []
-    small = small_pictures(focus, beside, marks)
-    return stacked(
-        [picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW), beside, marks), small]
-    )
-
-
-def small_pictures(
-    focus: Focus, beside: Sequence[Focus], marks: list[Mark]
-) -> Image.Image:
-    """Close-ups of t - 1, t and t + 1, and below them the camera image that shows the event, if there is one.
-
-    Their marks are added to ``marks``.
-    """
+    size_px = (SIZE[0], SIZE[1] - ROW)
+    images = [
+        picture(focus, focus.at.frame, size_px, compared),
+        _strip(focus, compared),
+    ]
     photo = photo_of(focus)
-    return stacked(
-        [
-            strip(focus, beside, marks),
-            *([] if photo is None else [photo_row(photo, SIZE[0])]),
-        ]
-    )
+    if photo is not None:
+        images.append(photo_row(photo, SIZE[0]))
+    return stacked(images)
 
 
 def stacked(images: Sequence[Image.Image]) -> Image.Image:
-    """Images of one width below each other."""
+    """Put images of one width below each other."""
     return Image.fromarray(np.concatenate([np.asarray(image) for image in images]))
 
 
 def save_report(path: Path, *focuses: Focus) -> None:
-    """Write the picture of an event as PNG, with its sentence as description; the file is complete or does not appear.
+    """Write the picture of an event as PNG.
 
-    Several ``focuses`` are one event in several runs: their pictures stand below each other, their sentences in lines.
+    Its description is the sentence on the event. Several ``focuses`` are one event in
+    several runs: their pictures stand below each other, their sentences in lines.
     """
-    about = PngImagePlugin.PngInfo()
-    about.add_text("Title", _title(focuses[0], focuses[0].at.frame))
-    about.add_text("Description", "\n".join(map(sentence, focuses)))
-    about.add_text("Software", f"mtp_bench {__version__}")
-    drawn = stacked([report(focus, focuses) for focus in focuses])
-    if drawn.height == len(focuses) * SIZE[1]:  # camera images need all their colours
-        drawn = drawn.quantize(128, dither=Image.Dither.NONE)
+    metadata = PngImagePlugin.PngInfo()
+    metadata.add_text("Title", _title(focuses[0], focuses[0].at.frame))
+    metadata.add_text("Description", "\n".join(map(sentence, focuses)))
+    metadata.add_text("Software", f"mtp_bench {__version__}")
+    image = stacked([report(focus, focuses) for focus in focuses])
+    if image.height == len(focuses) * SIZE[1]:  # camera images need all their colours
+        image = image.quantize(128, dither=Image.Dither.NONE)
     with whole_file(path) as part:
-        drawn.save(part, format="PNG", pnginfo=about, optimize=True)
+        image.save(part, format="PNG", pnginfo=metadata, optimize=True)
 
 
 def picture(
-    focus: Focus,
-    t: int,
-    size: tuple[int, int],
-    beside: Sequence[Focus] = (),
-    further: Sequence[Mark] = (),
+    focus: Focus, t: int, size_px: tuple[int, int], compared: Sequence[Focus] = ()
 ) -> Image.Image:
-    """The sentence, frame ``t`` of the event and the key in ``size`` pixels; the view follows the object.
+    """Draw event, causes, frame ``t`` and key in ``size_px`` pixels.
 
-    ``further``: marks of small pictures, of which the key has the cross.
+    The view follows the object. The text is grey in frames other than the event.
     """
-    whole = Image.new("RGB", size, PAPER)
-    lines = wrapped(sentence(focus), LARGE, size[0] - 28)
-    top = 40 + 26 * len(lines)
-    wide, high = size[0] - COLUMN, size[1] - top
-    drawn, marks = draw_focus(focus, t, (wide, high), window_of(focus, t, beside))
-    whole.paste(drawn, (0, top))
-    marks += [EXPECTED] if EXPECTED in further and EXPECTED not in marks else []
-    parts = {
-        name: value
-        for name, value in _parts(focus, t, t).items()
-        if abs(value) >= LEAST_SHOWN
-    }
-    heading = [(text, SMALL, BLACK) for text in _errors(focus, t)]
-    above = REMARK.format(
-        "north is up" if focus.at.object_id < 0 else "the object will be to the right"
-    )
-    below = (
-        f"Below threshold: a forecast {left_out(focus, t)}." if BELOW in parts else ""
-    )
-    remarks = [(text, SMALL - 1, GRAY) for text in (above, below) if text]
-    whole.paste(column((COLUMN, high), heading, marks, remarks, parts), (wide, top))
-    ink = ImageDraw.Draw(whole)
-    of_event = (
-        focus.at.frame
-        <= t
-        <= (focus.at.until if focus.at.object_id < 0 else focus.at.frame)
-    )
-    other = (
-        "" if of_event else f"   The text is of {focus.seconds(focus.at.frame):.1f} s:"
-    )
-    fault = verdict(focus).capitalize()
-    ink.text(
-        (14, 5),
-        fault,
-        fill=GRAY if other else BLACK,
-        font=font(LARGE),
-        stroke_width=0 if other else 0.4,
-    )
-    ink.text(
-        (34 + text_size(fault, LARGE)[0], 10),
-        _title(focus, t) + other,
-        fill=GRAY,
-        font=font(SMALL),
-    )
+    image = Image.new("RGB", size_px, PAPER)
+    lines = _text_lines(focus, size_px[0] - 28)
+    top = 40 + LINE_PX * len(lines)
+    width_px = size_px[0] - COLUMN
+    height_px = size_px[1] - top
+    window = window_of(focus, t, compared)
+    close_up, marks = draw_focus(focus, t, (width_px, height_px), window)
+    image.paste(close_up, (0, top))
+    up = "north is up" if focus.at.object_id < 0 else "the object will be to the right"
+    remarks = [(REMARK.format(up), SMALL - 1, GRAY)]
+    heading = [(_error_text(focus, t), SMALL, BLACK)]
+    parts = {n: v for n, v in _parts(focus, t).items() if abs(v) >= LEAST_SHOWN}
+    key = column((COLUMN, height_px), heading, marks, remarks, parts)
+    image.paste(key, (width_px, top))
+    ink = ImageDraw.Draw(image)
+    title = _title(focus, t)
+    color: Color = BLACK
+    lasts = focus.at.object_id < 0 and focus.at.frame < t <= focus.at.until
+    if t != focus.at.frame and not lasts:
+        color = GRAY
+        title += f"   The text is of {focus.seconds(focus.at.frame):.1f} s:"
+    stage = headline(focus).capitalize()
+    ink.text((14, 5), stage, color, font(LARGE), stroke_width=0.4)
+    title_left = 34 + text_size(stage, LARGE)[0]
+    ink.text((title_left, 10), title, GRAY, font(SMALL))
     for i, line in enumerate(lines):
-        ink.text(
-            (14, 29 + 26 * i), line, fill=GRAY if other else BLACK, font=font(LARGE)
-        )
-    ink.rectangle([0, top, wide - 1, size[1] - 1], outline=EDGE)
-    return whole
+        ink.text((14, 29 + LINE_PX * i), line, color, font(LARGE - 1))
+    ink.rectangle([0, top, width_px - 1, size_px[1] - 1], outline=EDGE)
+    return image
 
 
-def _parts(focus: Focus, first: int, last: int) -> dict[str, float]:
-    """Parts of the object's error by name, m: means over the frames from ``first`` to ``last`` that are counted."""
-    part = focus.replay.part[focus.rows[first : last + 1]][
-        focus.rows[first : last + 1] >= 0
-    ]
-    part = part[np.isfinite(part[:, 0])]
-    return named_parts(part.mean(axis=0)) if len(part) else {}
+def _text_lines(focus: Focus, width_px: float) -> list[str]:
+    """Return event and gravest causes in lines of ``width_px``."""
+    texts = [happened(focus), *map(cause_line, causes_of(focus)[:MAX_CAUSES])]
+    return [line for text in texts for line in wrapped(text, LARGE, width_px)]
 
 
-def _errors(focus: Focus, t: int) -> Iterator[str]:
-    """The error of the whole moment, if it lasts, and that of frame ``t``, of which bars follow."""
-    at, when, parts = focus.at, f"at {focus.seconds(t):.1f} s", _parts(focus, t, t)
-    if 0 <= at.first < at.until:
-        span = f"{focus.seconds(at.first):.1f} to {focus.seconds(at.until):.1f} s"
-        yield f"Whole moment, {span}: {parts_text(_parts(focus, at.first, at.until), MOST)}"
-    bars = max(map(abs, parts.values()), default=0.0) >= LEAST_SHOWN
-    if at.object_id < 0:
-        yield "A false forecast has no error: it uses up the budgets."
-    elif not parts:
-        yield f"No error is counted {when}"
-    else:
-        most = focus.replay.card.per_class(focus.replay.card.task.miss_error)[
-            at.class_id
-        ]
-        cause = ", by cause:" if bars else ""
-        yield f"Mean error {when}: {sum(parts.values()):.1f} m of at most {most:g}{cause}"
+def _parts(focus: Focus, t: int) -> dict[str, float]:
+    """Return parts of the error at ``t`` by name, m."""
+    part = focus.replay.part[focus.rows[t]]
+    is_target = focus.rows[t] >= 0 and np.isfinite(part[0])
+    return named_parts(part) if is_target else {}
+
+
+def _error_text(focus: Focus, t: int) -> str:
+    """Return the error of frame ``t``, of which bars follow."""
+    if focus.at.object_id < 0:
+        return "A false forecast has no error: it uses up the budgets."
+    parts = _parts(focus, t)
+    if not parts:
+        return f"No error is counted at {focus.seconds(t):.1f} s"
+    card = focus.replay.card
+    max_error = card.per_class(card.task.miss_error)[focus.at.class_id]
+    error_m = sum(parts.values())
+    return (
+        f"Error at {focus.seconds(t):.1f} s: {error_m:.1f} m of at most {max_error:g}"
+    )
 
 
 def _title(focus: Focus, t: int) -> str:
-    run = focus.replay
-    parts = (
-        run.agent,
-        run.card.id,
-        run.scene.name,
-        f"frame {t}, {focus.seconds(t):.1f} s",
-    )
-    return "   ".join(part for part in parts if part)
+    replay = focus.replay
+    texts = [replay.agent, replay.card.id, replay.scene.name]
+    texts.append(f"frame {t}, {focus.seconds(t):.1f} s")
+    ego_m = ego_distance(focus, t)
+    if ego_m is not None:
+        texts.append(f"{ego_m:.0f} m from the ego")
+    visible = visible_share(focus, t)
+    if visible is not None:
+        texts.append(f"{visible:.0%} visible")
+    return "   ".join(text for text in texts if text)
 
 
-def strip(focus: Focus, beside: Sequence[Focus], marks: list[Mark]) -> Image.Image:
-    """The small pictures of the frames t - 1, t and t + 1, each with the track that follows the object."""
-    wide, at = SIZE[0] // 3, focus.at.frame
-    whole = Image.new("RGB", (SIZE[0], ROW), PAPER)
-    ink = ImageDraw.Draw(whole)
-    for i, (t, name) in enumerate(((at - 1, "t - 1"), (at, "t"), (at + 1, "t + 1"))):
-        left = i * wide
+def _strip(focus: Focus, compared: Sequence[Focus]) -> Image.Image:
+    """Draw the frames around the event from near."""
+    width_px = SIZE[0] // 3
+    image = Image.new("RGB", (SIZE[0], ROW), PAPER)
+    ink = ImageDraw.Draw(image)
+    for i, name in enumerate(("t - 1", "t", "t + 1")):
+        t = focus.at.frame + i - 1
+        left_px = i * width_px
         if 0 <= t < focus.replay.frames:
-            near, own = draw_focus(
-                focus,
-                t,
-                (wide, ROW - CAPTION),
-                close_window(focus, t, beside),
-                near=True,
-            )
-            marks += own
-            whole.paste(near, (left, CAPTION))
-            when, (text, color) = (
-                f"{name}: frame {t}, {focus.seconds(t):.1f} s",
-                _follower(focus, t),
-            )
-            ink.text((left + 10, 4), when, fill=BLACK, font=font(TEXT))
-            ink.text(
-                (left + 26 + text_size(when, TEXT)[0], 4),
-                _lineage(focus, t),
-                fill=GRAY,
-                font=font(TEXT),
-            )
-            ink.text((left + 10, 23), text, fill=color, font=font(TEXT))
-        ink.rectangle([left, 0, left + wide - 1, ROW - 1], outline=EDGE)
-    return whole
-
-
-def _lineage(focus: Focus, t: int) -> str:
-    """Change of the hypothesis that is looked at, in words; empty if it is the best one all along."""
-    hypotheses, at = focus.replay.answers.hypotheses, focus.at.frame
-    if t < at and focus.hypothesis[t] != hypotheses.best[t]:
-        return "not the best hypothesis then"
-    changed = (
-        t > at and hypotheses.parent[t, focus.hypothesis[t]] != focus.hypothesis[t - 1]
-    )
-    return "other hypothesis than at t" if changed else ""
+            window = window_of(focus, t, compared, is_close=True)
+            close_up, _ = draw_focus(focus, t, (width_px, ROW - CAPTION), window)
+            image.paste(close_up, (left_px, CAPTION))
+            text = f"{name}: frame {t}, {focus.seconds(t):.1f} s"
+            ink.text((left_px + 10, 4), text, BLACK, font(TEXT))
+            text, color = _follower(focus, t)
+            ink.text((left_px + 10, 23), text, color, font(TEXT))
+        ink.rectangle([left_px, 0, left_px + width_px - 1, ROW - 1], outline=EDGE)
+    return image
 
 
 def _follower(focus: Focus, t: int) -> tuple[str, Color]:
-    """The track that follows the object in a frame, in words and in the colour of its role."""
+    """Return text and colour of the track that follows."""
+    track_id = focus.at.new_id
     if focus.at.object_id < 0:
-        output = focus.at.new_id >= 0 and focus.track_rows(focus.at.new_id)[t] >= 0
-        return (f"track {focus.at.new_id}" if output else "not output", ROLES["now"])
-    track = focus.follower(t)
+        is_output = focus.track_rows(track_id)[t] >= 0
+        return f"track {track_id}" if is_output else "not output", ROLES["now"]
     if focus.rows[t] < 0:
         return f"no {focus.named} there", GRAY
-    if track < 0:
+    track_id = focus.follower(t)
+    if track_id < 0:
         return f"no track follows {focus.named}", ROLES["now"]
-    role = {each.track_id: each.role for each in frame_of(focus, t).tracks}.get(track)
-    return f"track {track} follows {focus.named}", BLACK if role is None else ROLES[
-        role
-    ]
+    roles = {focus.at.old_id: "before", focus.at.new_id: "now"}
+    role = roles.get(track_id, "named")
+    return f"track {track_id} follows {focus.named}", ROLES[role]

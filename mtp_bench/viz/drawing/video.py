@@ -17,12 +17,13 @@ from .birds_eye import SIZE, draw_frame, windows_of
 from .report import picture
 
 VIDEO_SUFFIXES = (".mp4", ".gif")
-COLORS = 128  # of a gif
+GIF_COLORS = 128
+MIN_DURATION_MS = 20  # of a picture of a gif: viewers slow down shorter ones
 Picture = NDArray[Any]  # uint8 [height, width, 3]
 
 
 def require_encoder(kind: str) -> None:
-    """Raise MtpBenchError unless files with the suffix ``kind`` of VIDEO_SUFFIXES can be written here."""
+    """Raise MtpBenchError unless files with this suffix can be written here."""
     if kind == ".mp4":
         try:
             import av  # noqa: F401
@@ -33,50 +34,57 @@ def require_encoder(kind: str) -> None:
 
 
 def pictures(
-    run: Replay, frames: Iterable[int], at: Incident | None = None
+    replay: Replay, frames: Iterable[int], at: Incident | None = None
 ) -> Iterator[Picture]:
-    """Bird's-eye pictures of these frames, all of one size; with an incident, close-ups in which all else is dim."""
+    """Draw bird's-eye pictures of ``frames``, all of one size.
+
+    With an incident they are close-ups in which all else is dim.
+    """
     if at is None:
-        windows = windows_of(run.scene, run.card)
-        yield from (draw_frame(run, t, windows[t]) for t in frames)
+        windows = windows_of(replay.scene, replay.card)
+        for t in frames:
+            yield draw_frame(replay, t, windows[t])
     else:
-        focus = Focus(run, at)
-        yield from (np.asarray(picture(focus, t, SIZE), dtype=np.uint8) for t in frames)
+        focus = Focus(replay, at)
+        for t in frames:
+            yield np.asarray(picture(focus, t, SIZE), dtype=np.uint8)
 
 
 def write_video(
     path: Path,
     frames: Iterable[Picture],
     rate: float,
-    done: Callable[[], object] = lambda: None,
+    on_frame: Callable[[], object] = lambda: None,
 ) -> None:
-    """Write one or more ``frames`` of SIZE at ``rate`` per second, complete or not at all; call ``done`` after each."""
+    """Write one or more ``frames`` of `SIZE` at ``rate`` per second.
 
-    def counted() -> Iterator[Picture]:
+    The file is complete or not there at all. ``on_frame`` is called after each frame.
+    """
+
+    def reported_frames() -> Iterator[Picture]:
         for frame in frames:
             yield frame
-            done()
+            on_frame()
 
     write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
     try:
         with whole_file(path) as part:
-            write(part, counted(), rate)
+            write(part, reported_frames(), rate)
     except OSError as error:
         raise MtpBenchError(f"cannot write {path}: {error.strerror or error}") from None
 
 
 def _write_gif(path: Path, frames: Iterator[Picture], rate: float) -> None:
     images = (
-        Image.fromarray(frame).quantize(COLORS, dither=Image.Dither.NONE)
+        Image.fromarray(frame).quantize(GIF_COLORS, dither=Image.Dither.NONE)
         for frame in frames
     )
-    duration = max(20, round(1000 / rate))  # ms; viewers slow down shorter ones
     next(images).save(
         path,
         format="GIF",
         save_all=True,
         append_images=images,
-        duration=duration,
+        duration=max(MIN_DURATION_MS, round(1000 / rate)),
         loop=0,
     )
 
@@ -84,15 +92,16 @@ def _write_gif(path: Path, frames: Iterator[Picture], rate: float) -> None:
 def _write_mp4(path: Path, frames: Iterator[Picture], rate: float) -> None:
     import av
 
-    name: Literal["libx264", "mpeg4"] = (
-        "libx264" if "libx264" in av.codecs_available else "mpeg4"
-    )
+    codec: Literal["libx264", "mpeg4"] = "mpeg4"
+    if "libx264" in av.codecs_available:
+        codec = "libx264"
     with av.open(str(path), "w", format="mp4") as container:
-        stream = container.add_stream(name, rate=Fraction(rate).limit_denominator(1000))
+        stream = container.add_stream(
+            codec, rate=Fraction(rate).limit_denominator(1000)
+        )
         stream.width, stream.height = SIZE
         stream.pix_fmt = "yuv420p"  # every player shows it
         for frame in frames:
-            container.mux(
-                stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24"))
-            )
+            image = av.VideoFrame.from_ndarray(frame, format="rgb24")
+            container.mux(stream.encode(image))
         container.mux(stream.encode())

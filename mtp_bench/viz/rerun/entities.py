@@ -1,4 +1,4 @@
-"""Entities of a recording: boxes and polylines over frames, the map, the sensor platform, tracks and forecasts."""
+"""Entities of a recording: boxes and polylines over frames, map, tracks, forecasts."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -29,318 +29,301 @@ from .shown import (
     track_colors,
 )
 
-TRAIL, FUTURE, FORECAST, EDGE, PLAN = (
-    0.14,
-    0.09,
-    0.035,
-    0.05,
-    0.2,
-)  # m, half the width of lines
+# m, half the width of lines
+TRAIL_M = 0.14
+FUTURE_M = 0.09
+FORECAST_M = 0.035
+EDGE_M = 0.05
+PLAN_M = 0.2
 TRACK_FILL = "transparentfillmajorwireframe"
 TRAIL_POINTS = 12
-TRAIL_RATE = 5.0  # Hz, at most: a longer trail of faster recordings has no more points
+MAX_TRAIL_HZ = 5.0  # a longer trail of faster recordings has no more points
 TOP_SAMPLES = 3
+PALE_SHARE = 0.36  # of the distance of a colour to white, for names on dark ground
 EVENT = "event"  # timeline with the frames around an event alone
 Labels = Sequence[str] | None
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Target of entities: a recording, the frames and timelines that are logged, and the prefix of the paths.
+    """Target of entities: a recording, the frames and timelines, a prefix of paths.
 
-    The rows of an entity are those of all frames from ``first`` on, which has those from ``start[0]`` to ``start[1]``.
+    The rows of an entity are those of all frames from ``first`` on, which has those
+    from ``row_start[0]`` to ``row_start[1]``.
     """
 
     recording: rr.RecordingStream
     scene: Scene
     frames: range  # that are logged
     root: str = ""  # prefix of the paths
-    seconds: tuple[str, ...] = (
-        "time",
-    )  # timelines that have the seconds since frame 0; beside them "frame"
+    # of the seconds since frame 0; beside "time" the frames have "frame"
+    timeline: str = "time"
     first: int = 0
 
     def boxes(
         self,
-        path: str,
-        start: Ints,
+        entity_path: str,
+        row_start: Ints,
         box: Floats,
-        color: Colors,
+        row_colors: Colors,
         labels: Labels = None,
         fill: Any = "majorwireframe",
-        radius: float = EDGE,
+        radius: float = EDGE_M,
     ) -> None:
-        """Boxes [R, 7] with colours [R, 3] and labels [R]; a frame without any shows none."""
-        rows, counts = self._rows(start)
+        """Log boxes [R, 7] with colours [R, 3] and labels [R]."""
+        rows, counts = self._rows(row_start)
         box = np.ascontiguousarray(box[rows], dtype=np.float32)
         columns = rr.Boxes3D.columns(
             centers=box[:, :3],
             half_sizes=box[:, 4:7] / 2,
             quaternions=Rotation.from_euler("z", box[:, 3:4]).as_quat(),
-            colors=packed(color[rows]),
+            colors=packed(row_colors[rows]),
             labels=(labels and labels[rows]) or None,
         )
         style = rr.Boxes3D.from_fields(fill_mode=fill, radii=radius, show_labels=False)
-        self.columns(path, style, columns.partition(counts))
+        self.columns(entity_path, style, columns.partition(counts))
 
     def strips(
         self,
-        path: str,
-        start: Ints,
-        point: Floats,
-        color: Colors,
+        entity_path: str,
+        row_start: Ints,
+        strip_points: Floats,
+        row_colors: Colors,
         radius: float,
         labels: Labels = None,
     ) -> None:
-        """Polylines [R, points, 3] with colours [R, 3] and labels [R]; a frame without any shows none."""
-        rows, counts = self._rows(start)
-        point = np.ascontiguousarray(point[rows], dtype=np.float32)
-        labels = (labels and labels[rows]) or None
+        """Log polylines [R, points, 3] with colours and labels [R]."""
+        rows, counts = self._rows(row_start)
         columns = rr.LineStrips3D.columns(
-            strips=point, colors=packed(color[rows]), labels=labels
+            strips=np.ascontiguousarray(strip_points[rows], dtype=np.float32),
+            colors=packed(row_colors[rows]),
+            labels=(labels and labels[rows]) or None,
         )
         style = rr.LineStrips3D.from_fields(radii=radius, show_labels=False)
-        self.columns(path, style, columns.partition(counts))
+        self.columns(entity_path, style, columns.partition(counts))
 
     def names(
         self,
-        path: str,
-        start: Ints,
+        entity_path: str,
+        row_start: Ints,
         place: Floats,
-        color: Colors,
-        labels: Labels,
+        row_colors: Colors,
+        labels: Sequence[str],
         size: float,
     ) -> None:
-        """Names [R] at places [R, 3] with colours [R, 3], which are made lighter; dots of ``size`` points."""
-        rows, counts = self._rows(start)
-        # a viewer writes names on a dark ground, or on grey
-        pale = np.uint8(255) - (0.36 * (255 - color[rows].astype(np.float64))).astype(
-            np.uint8
-        )
-        labels = [drawable(label) for label in labels[rows]] if labels else None
+        """Log names [R] and dots of ``size`` at places [R, 3].
+
+        Their colours [R, 3] are made lighter: a viewer writes them on dark ground.
+        """
+        rows, counts = self._rows(row_start)
+        pale = 255 - (PALE_SHARE * (255.0 - row_colors[rows])).astype(np.uint8)
+        texts = [drawable(label) for label in labels[rows]]
         columns = rr.Points3D.columns(
-            positions=place[rows], colors=packed(pale), labels=labels or None
+            positions=place[rows], colors=packed(pale), labels=texts or None
         )
-        style = rr.Points3D.from_fields(
-            radii=rr.Radius.ui_points(size), show_labels=True
-        )
-        self.columns(path, style, columns.partition(counts))
+        radii = rr.Radius.ui_points(size)
+        style = rr.Points3D.from_fields(radii=radii, show_labels=True)
+        self.columns(entity_path, style, columns.partition(counts))
 
     def columns(
-        self, path: str, style: Any, columns: Any, frames: Sequence[int] | None = None
+        self,
+        entity_path: str,
+        style: Any,
+        columns: Any,
+        frames: Sequence[int] | None = None,
     ) -> None:
-        """Values of ``frames``, by default all that are logged, and the style of all of them."""
+        """Log values of ``frames``, by default all, and their style."""
         frame = np.array(self.frames if frames is None else frames, dtype=np.int64)
-        duration = np.rint((self.scene.time - self.scene.time[0])[frame] * 1e9).astype(
-            "timedelta64[ns]"
-        )
-        times = [rr.TimeColumn(name, duration=duration) for name in self.seconds]
-        if self.seconds != (EVENT,):  # whose frames are logged for the second time
+        seconds = (self.scene.time - self.scene.time[0])[frame]
+        duration = np.rint(seconds * 1e9).astype("timedelta64[ns]")
+        times = [rr.TimeColumn(self.timeline, duration=duration)]
+        if self.timeline != EVENT:  # whose frames are logged for the second time
             times.append(rr.TimeColumn("frame", sequence=frame))
             if style is not None:
-                self.recording.log(self.root + path, style, static=True)
-        self.recording.send_columns(self.root + path, times, columns)
+                self.recording.log(self.root + entity_path, style, static=True)
+        self.recording.send_columns(self.root + entity_path, times, columns)
 
-    def _rows(self, start: Ints) -> tuple[slice, Ints]:
-        """The rows that are logged, and their number in each frame."""
-        start = start[
-            self.frames.start - self.first : self.frames.stop + 1 - self.first
-        ]
-        return slice(int(start[0]), int(start[-1])), np.diff(start)
+    def _rows(self, row_start: Ints) -> tuple[slice, Ints]:
+        """Return the logged rows, and their number per frame."""
+        first = self.frames.start - self.first
+        row_start = row_start[first : self.frames.stop + 1 - self.first]
+        return slice(int(row_start[0]), int(row_start[-1])), np.diff(row_start)
 
 
-def log_map(recording: rr.RecordingStream, run: Replay, root: str = "") -> None:
-    """Log the coordinates and the road, which do not move; with the directions of lanes where agents see these."""
-    scene = run.scene
+def log_map(recording: rr.RecordingStream, replay: Replay, root: str = "") -> None:
+    """Log the coordinates and the road, which do not move.
+
+    The directions of lanes are logged where agents see these.
+    """
     recording.log(f"{root}world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    boxes = scene.detections.box  # not the true ones, which an evaluation does not show
+    # not the true boxes, which an evaluation does not show
+    boxes = replay.scene.detections.box
     ground = float(np.median(boxes[:, 2] - boxes[:, 6] / 2)) if len(boxes) else 0.0
-    borders = [
-        line
-        for lane in scene.lanes
-        if not lane.junction
-        for line in (lane.left, lane.right)
-    ]
-    arrows = [] if run.card.lanes is None else [*arrows_of(scene.lanes)]
-    centers = [lane.center for lane in scene.lanes]
-    for name, color, lines in (
+    lanes = replay.scene.lanes
+    borders = [side for l in lanes if not l.junction for side in (l.left, l.right)]
+    arrows: list[Floats] = []
+    if replay.card.lanes is not None:
+        arrows = list(arrows_of(lanes))
+    centers = [lane.center for lane in lanes]
+    for name, row_colors, lines in (
         ("center", CENTER, centers),
         ("border", BORDER, borders),
         ("direction", BORDER, arrows),
     ):
-        strips = [
-            np.column_stack([line, np.full(len(line), ground)]).astype(np.float32)
-            for line in lines
-        ]
+        strips = [np.insert(line, 2, ground, axis=1) for line in lines]
         if strips:
-            recording.log(
-                f"{root}world/map/{name}",
-                rr.LineStrips3D(strips, colors=color, radii=EDGE),
-                static=True,
-            )
+            shape = rr.LineStrips3D(strips, colors=row_colors, radii=EDGE_M)
+            recording.log(f"{root}world/map/{name}", shape, static=True)
 
 
-def log_scene(log: Log, run: Replay) -> None:
-    """Log the content that all agents share: sensors, truth and detections, false positives in red.
+def log_scene(log: Log, replay: Replay) -> None:
+    """Log what all agents share: sensors, truth and detections.
 
-    ``world/follow`` is a frame of reference that moves along with the sensors without turning, for views.
+    ``world/follow`` is a frame of reference that moves along with the sensors without
+    turning, for views.
     """
-    scene, truth, detections = run.scene, run.scene.truth, run.scene.detections
-    if run.card.has_ego:
+    scene = replay.scene
+    truth = scene.truth
+    if replay.card.has_ego:
+        row_colors = _all(EGO, scene.frames)
+        row_start: Ints = np.arange(scene.frames + 1)
         log.boxes(
-            "world/ego",
-            np.arange(scene.frames + 1),
-            ego_boxes(scene.ego),
-            _all(EGO, scene.frames),
-            fill="solid",
+            "world/ego", row_start, ego_boxes(scene.ego), row_colors, fill="solid"
         )
+        translation = np.float32(scene.ego[log.frames, :3])
         log.columns(
-            "world/follow",
-            None,
-            rr.Transform3D.columns(translation=np.float32(scene.ego[log.frames, :3])),
+            "world/follow", None, rr.Transform3D.columns(translation=translation)
         )
     if len(truth.box):
-        names, colors = object_names(run), _either(truth.neutral, NEUTRAL, TRUTH)
+        names = object_names(replay)
         labels = [names[object_id] for object_id in truth.object_id.tolist()]
-        log.boxes("world/gt", truth.start, truth.box, colors, labels, radius=2 * EDGE)
-        start, point = true_futures(
-            separated_truth(scene, run.card), run.card.task.future
+        row_colors = _either(truth.neutral, NEUTRAL, TRUTH)
+        log.boxes(
+            "world/gt", truth.start, truth.box, row_colors, labels, radius=2 * EDGE_M
         )
-        log.strips("world/gt_future", start, point, _all(TRUTH, len(point)), FUTURE)
-    log.boxes(
-        "world/det",
-        detections.start,
-        detections.box,
-        _either(run.detection_false, FALSE, DETECTION),
-    )
+        separated = separated_truth(scene, replay.card)
+        row_start, strip_points = true_futures(separated, replay.card.task.future)
+        log.strips(
+            "world/gt_future",
+            row_start,
+            strip_points,
+            _all(TRUTH, len(strip_points)),
+            FUTURE_M,
+        )
+    detections = scene.detections
+    row_colors = _either(replay.detection_false, FALSE, DETECTION)
+    log.boxes("world/det", detections.start, detections.box, row_colors)
 
 
-def log_plan(log: Log, run: Replay) -> None:
-    """Log the plans of the ego of a closed loop, red where it brakes hard, and the object that slows it."""
-    plans = [
-        plan
-        for t in range(run.first, run.frames)
-        if (plan := plan_at(run, t)) is not None
-    ]
+def log_plan(log: Log, replay: Replay) -> None:
+    """Log plans of the ego, and the object that slows it.
+
+    Plans are red where the ego brakes hard.
+    """
+    frames = range(replay.first, replay.frames)
+    plans = [plan for t in frames if (plan := plan_at(replay, t)) is not None]
     if not plans:
         return
-    step = np.concatenate(
-        [np.stack([plan.path[:-1], plan.path[1:]], axis=1) for plan in plans]
-    )
-    height = np.full((*step.shape[:2], 1), float(np.median(run.scene.ego[:, 2])))
-    colors = _either(np.concatenate([plan.hard for plan in plans]), FALSE, EGO)
-    every = np.arange(len(plans) + 1) * len(plans[0].hard)
+    steps = [np.stack([plan.path[:-1], plan.path[1:]], axis=1) for plan in plans]
+    step = np.concatenate(steps)
+    ground = float(np.median(replay.scene.ego[:, 2]))
+    row_start: Ints = np.arange(len(plans) + 1) * len(plans[0].hard)
+    row_colors = _either(np.concatenate([plan.hard for plan in plans]), FALSE, EGO)
     log.strips(
-        "world/plan", every, np.concatenate([step, height], axis=-1), colors, PLAN
+        "world/plan", row_start, np.insert(step, 2, ground, axis=2), row_colors, PLAN_M
     )
-    slower, start = (
-        np.concatenate([plan.slower for plan in plans]),
-        starts_of([len(plan.slower) for plan in plans]),
-    )
-    log.boxes(
-        "world/slower",
-        start,
-        slower,
-        _all(FALSE, len(slower)),
-        ["slows the ego"] * len(slower),
-        radius=3 * EDGE,
-    )
+    slower = np.concatenate([plan.slower for plan in plans])
+    row_start = starts_of([len(plan.slower) for plan in plans])
+    labels = ["slows the ego"] * len(slower)
+    row_colors = _all(FALSE, len(slower))
+    log.boxes("world/slower", row_start, slower, row_colors, labels, radius=3 * EDGE_M)
 
 
 def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
-    """Start [F + 1] and points [R, future + 1, 3] of the evaluated objects' ways within the horizon, up to a gap.
+    """Return the ways of objects within the horizon.
 
-    ``truth``: objects have another identity after a hole in time.
+    Their start is [F + 1], their points are [R, future + 1, 3]. They are those of
+    evaluated objects within the horizon, up to a gap. In ``truth`` objects have another
+    identity after a hole in time.
     """
-    before = history(truth.frame_of_rows, truth.object_id).previous()
-    after = np.arange(len(before))  # a row without a successor follows itself
-    after[before[before >= 0]] = np.flatnonzero(before >= 0)
+    previous = history(truth.frame_of_rows, truth.object_id).previous()
+    following = np.arange(len(previous))  # a row without a successor follows itself
+    following[previous[previous >= 0]] = np.flatnonzero(previous >= 0)
     evaluated = np.flatnonzero(~truth.neutral)
-    row = evaluated
-    point = np.empty((len(row), future + 1, 3), dtype=np.float32)
-    for k in range(future + 1):
-        point[:, k] = truth.box[row, :3]
-        row = after[row]
-    return np.searchsorted(evaluated, truth.start), point
+    rows = [evaluated]
+    for _ in range(future):
+        rows.append(following[rows[-1]])
+    strip_points = truth.box[np.stack(rows, axis=1), :3].astype(np.float32)
+    return np.searchsorted(evaluated, truth.start), strip_points
 
 
-def log_answers(log: Log, run: Replay, hypotheses: Iterable[int], level: str) -> None:
-    """Log tracks and trails of these hypotheses, and forecasts if the ``level`` shows them.
+def log_answers(
+    log: Log, replay: Replay, hypotheses: Iterable[int], level: str
+) -> None:
+    """Log tracks and trails of hypotheses, and forecasts.
 
-    False forecasts have an entity of their own, so that they can be hidden.
+    The ``level`` may leave out forecasts. False forecasts have an entity of their own,
+    so that they can be hidden.
     """
-    rollout, answers = run.rollout, run.answers
-    log_plan(log, run)
-    for h in hypotheses:
-        rows = np.flatnonzero(answers.hypotheses.member[:, h])
-        start, ids = np.searchsorted(rows, rollout.track_start), rollout.track_id[rows]
-        box, colors = rollout.track_box[rows], track_colors(ids)
-        log.boxes(f"world/hyp/{h:02d}/box", start, box, colors, fill=TRACK_FILL)
-        log.names(
-            f"world/hyp/{h:02d}/name",
-            start,
-            box[:, :3],
-            colors,
-            ids.astype(str).tolist(),
-            1.0,
-        )
-        past = answers.past(rows, h, trail_frames(run.card.task.rate))[
-            :, :: _stride(run.card.task.rate)
-        ]
-        log.strips(
-            f"world/hyp/{h:02d}/trail",
-            start,
-            rollout.track_box[past, :3],
-            colors,
-            TRAIL,
-        )
+    rollout = replay.rollout
+    rate_hz = replay.card.task.rate
+    log_plan(log, replay)
+    for hypothesis in hypotheses:
+        entity_path = f"world/hyp/{hypothesis:02d}"
+        rows = np.flatnonzero(replay.answers.hypotheses.member[:, hypothesis])
+        row_start = np.searchsorted(rows, rollout.track_start)
+        track_ids = rollout.track_id[rows]
+        names = track_ids.astype(str).tolist()
+        box = rollout.track_box[rows]
+        row_colors = track_colors(track_ids)
+        log.boxes(f"{entity_path}/box", row_start, box, row_colors, fill=TRACK_FILL)
+        log.names(f"{entity_path}/name", row_start, box[:, :3], row_colors, names, 1.0)
+        past = replay.answers.past(rows, hypothesis, trail_frames(rate_hz))
+        trails = rollout.track_box[past[:, :: _stride(rate_hz)], :3]
+        log.strips(f"{entity_path}/trail", row_start, trails, row_colors, TRAIL_M)
     if level != "tracks":
-        _log_forecasts(log, "world/forecast", run, level, ~run.forecast_false)
-        if run.forecast_false.any():
-            _log_forecasts(log, "world/false_forecast", run, level, run.forecast_false)
+        is_false = replay.forecast_false
+        _log_forecasts(log, "world/forecast", replay, level, ~is_false)
+        if is_false.any():
+            _log_forecasts(log, "world/false_forecast", replay, level, is_false)
 
 
-def _log_forecasts(log: Log, path: str, run: Replay, level: str, chosen: Bools) -> None:
-    """Log forecast samples of the ``chosen`` objects [O], in the colour of the object's track: all, or the heaviest."""
-    rollout = run.rollout
+def _log_forecasts(
+    log: Log, entity_path: str, replay: Replay, level: str, chosen: Bools
+) -> None:
+    """Log all or the heaviest samples of ``chosen`` objects [O].
+
+    They have the colour of the object's track.
+    """
+    rollout = replay.rollout
     weight = rollout.forecast_log_weight
-    stated = np.isfinite(weight) & chosen[:, None]
+    is_stated = np.isfinite(weight) & chosen[:, None]
     if level != "all":
-        rank = np.argsort(
-            np.argsort(-weight, axis=1, kind="stable"), axis=1, kind="stable"
-        )
-        stated &= rank < TOP_SAMPLES
-    row, sample = np.nonzero(stated)
-    point = np.repeat(
-        rollout.object_box[row, None, :3].astype(np.float64),
-        rollout.forecast.shape[2] + 1,
-        axis=1,
-    )
-    point[:, 1:, :2] += to_metres(rollout.forecast[row, sample])
+        order = np.argsort(-weight, axis=1, kind="stable")
+        is_stated &= np.argsort(order, axis=1, kind="stable") < TOP_SAMPLES
+    row, sample = np.nonzero(is_stated)
+    steps = to_metres(rollout.forecast[row, sample])
+    # the first point is the object itself, and the height does not change
+    offset = np.pad(steps, ((0, 0), (1, 0), (0, 1)))
+    strip_points = rollout.object_box[row, None, :3].astype(np.float64) + offset
     labels = [f"confidence {value:.2f}" for value in rollout.object_confidence[row]]
-    start = np.searchsorted(row, rollout.object_start)
-    log.strips(
-        path,
-        start,
-        point,
-        track_colors(run.answers.object_track_id[row]),
-        FORECAST,
-        labels,
-    )
+    row_start = np.searchsorted(row, rollout.object_start)
+    row_colors = track_colors(replay.answers.object_track_id[row])
+    log.strips(entity_path, row_start, strip_points, row_colors, FORECAST_M, labels)
 
 
-def trail_frames(rate: float) -> int:
-    """Number of frames that a trail reaches back."""
-    return (TRAIL_POINTS - 1) * _stride(rate)
+def trail_frames(rate_hz: float) -> int:
+    """Return the number of frames that a trail reaches back."""
+    return (TRAIL_POINTS - 1) * _stride(rate_hz)
 
 
-def _stride(rate: float) -> int:
-    return max(1, round(rate / TRAIL_RATE))
+def _stride(rate_hz: float) -> int:
+    return max(1, round(rate_hz / MAX_TRAIL_HZ))
 
 
 def _either(mask: Bools, yes: Color, no: Color) -> Colors:
     return np.where(mask[:, None], yes, no).astype(np.uint8)
 
 
-def _all(color: Color, count: int) -> Colors:
-    return np.full((count, 3), color, dtype=np.uint8)
+def _all(row_colors: Color, count: int) -> Colors:
+    return np.full((count, 3), row_colors, dtype=np.uint8)

@@ -1,25 +1,25 @@
-"""Judgement of a run in a recording: events on the time line, identity lanes, curves of the error and its parts."""
+"""Judgement of a run in a recording: events, identity lanes, curves of the error."""
 
-import itertools
 from collections.abc import Sequence
+from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
 
-from ...core import Floats, Ints, starts_of
+from ...core import Floats, Ints, starts_of, unit_vectors
 from ...scoring import LEAST_SHOWN, PARTS
+from ..causes import cause_text, causes_of, happened, sentence
+from ..drawing.report import report
 from ..evidence import gate
 from ..focus import Focus
-from ..framing import frames_around
-from ..incident import INCIDENT_KINDS, MOMENT, Incident
-from ..palette import BLUE, ORANGE, PURPLE, TRUTH, VERMILLION, Color
+from ..framing import frames_around, length_of
+from ..incident import INCIDENT_KINDS, Incident
+from ..palette import BLUE, FROM_EVENT, ORANGE, PURPLE, VERMILLION, Color
 from ..run_replay import Replay
-from ..sentences import sentence
-from .entities import Log
+from .entities import EDGE_M, Log
 from .sdk import rr
 from .shown import (
     EVENTS,
-    ROLES,
     SKY,
     SWITCH,
     UNKNOWN,
@@ -32,10 +32,8 @@ from .shown import (
 )
 
 EVENT_FRAMES = 10  # frames that an event stays in the picture
-EVENT_SECONDS = (
-    1.0  # that its mark on the time line lasts at least: so its name has room
-)
-MOST = 4  # parts or tracks in a plot: the legend has no more room
+MARK_SECONDS = 1.0  # that a mark on the time line lasts at least: room for its name
+MAX_CURVES = 4  # parts or tracks in a plot: the legend has no more room
 LIMIT = (130, 130, 130)
 PART_COLORS: tuple[Color, ...] = (  # of `PARTS`, in their order
     BLUE,
@@ -50,118 +48,142 @@ PART_COLORS: tuple[Color, ...] = (  # of `PARTS`, in their order
     (120, 94, 240),
     (215, 60, 60),
 )
-MARKER = (0.0, 3.4, 3.0)  # m, from an event to its mark: beside the label of the box
+MARKER_M = (0.0, 3.4, 3.0)  # from an event to its mark: beside the label of the box
 
 
 def log_judgement(log: Log, agent: ShownAgent) -> None:
     """Log events and identity lanes of the best hypothesis, and curves."""
-    run = agent.replay
-    _log_markers(log, run)
-    _log_curves(log, run, agent.focus)
-    groups = {
-        f"marks/{kind}": [i for i in run.incidents if i.kind == kind]
-        for kind in INCIDENT_KINDS
-    }
-    if agent.focus is not None and agent.focus.at.object_id in agent.lanes:
-        at = agent.focus.at
-        own = [i for i in run.events if i.object_id == at.object_id]
-        groups[f"{agent.lanes[at.object_id]}-events"] = own + [at] * (at.kind == MOMENT)
-    for path, incidents in groups.items():
-        marks = marks_of(run, incidents)
-        names = sorted({*marks} - {""})
-        kinds = {drawable(i.name): EVENTS.get(i.kind, UNKNOWN) for i in incidents}
-        colors = np.array(
-            [kinds[name.partition(", ")[0]] for name in names], dtype=np.uint8
-        )
-        if incidents:
-            _log_lane(log, path, marks, names, colors)
-        happened = [
-            i for i in incidents if i.frame in log.frames and path.startswith("marks")
-        ]
-        if happened:
-            texts = [drawable(sentence(Focus(run, i))) for i in happened]
-            color = packed(np.array([EVENTS[i.kind] for i in happened], dtype=np.uint8))
-            columns = rr.TextLog.columns(
-                text=texts, level=["INFO"] * len(texts), color=color
-            )
-            log.columns(path, None, columns, [i.frame for i in happened])
-    for object_id, lane in lanes(run).items():
-        tracks = np.unique([track for track in lane if track is not None])
-        names = [
-            "untracked" if track < 0 else f"track {track}" for track in tracks.tolist()
-        ]
-        states = [
-            "" if track is None else names[np.searchsorted(tracks, track)]
-            for track in lane
-        ]
-        colors = np.where(tracks[:, None] < 0, UNTRACKED, track_colors(tracks)).astype(
-            np.uint8
-        )
-        _log_lane(log, agent.lanes[object_id], states, names, colors)
+    replay = agent.replay
+    _log_markers(log, replay)
+    _log_curves(log, replay, agent.focus)
+    for kind in INCIDENT_KINDS:
+        incidents = [event for event in replay.incidents if event.kind == kind]
+        _log_marks(log, f"marks/{kind}", replay, incidents)
+        _log_sentences(log, f"marks/{kind}", replay, incidents)
+    for object_id, tracks in lanes(replay).items():
+        track_ids = np.array([-1 if track is None else track for track in tracks])
+        colors = track_colors(track_ids)
+        colors[track_ids < 0] = UNTRACKED
+        states = [_track_state(track) for track in tracks]
+        _log_lane(log, agent.lanes[object_id], states, colors)
 
 
-def _log_markers(log: Log, run: Replay) -> None:
+def _track_state(track: int | None) -> str:
+    if track is None:
+        return ""
+    return "untracked" if track < 0 else f"track {track}"
+
+
+def _log_sentences(
+    log: Log, entity_path: str, replay: Replay, incidents: Sequence[Incident]
+) -> None:
+    """Log events of one kind in the event log."""
+    shown = [event for event in incidents if event.frame in log.frames]
+    if shown:
+        texts = [drawable(sentence(Focus(replay, event))) for event in shown]
+        color = packed(np.full((len(shown), 3), EVENTS[shown[0].kind], dtype=np.uint8))
+        levels = ["INFO"] * len(shown)
+        columns = rr.TextLog.columns(text=texts, level=levels, color=color)
+        log.columns(entity_path, None, columns, [event.frame for event in shown])
+
+
+def log_focus(log: Log, focuses: Sequence[Focus], focus: Focus) -> None:
+    """Log picture, causes and ring of an event."""
+    png = BytesIO()
+    report(focus, focuses).save(png, format="PNG")
+    picture = rr.EncodedImage(contents=png.getvalue(), media_type="image/png")
+    log.recording.log(f"{log.root}focus/picture", picture, static=True)
+    text = rr.TextDocument(drawable(event_text(focus)), media_type="text/markdown")
+    log.recording.log(f"{log.root}focus/text", text, static=True)
+    if focus is focuses[0]:
+        radius_m = 0.4 + 0.65 * length_of(focus)
+        circle = radius_m * unit_vectors(np.linspace(0.0, 2 * np.pi, 49))
+        position = focus.at.position
+        ring = np.insert(circle + position[:2], 2, position[2], axis=1)
+        shape = rr.LineStrips3D([ring], radii=EDGE_M, colors=SWITCH)
+        log.recording.log("world/at", shape, static=True)
+
+
+def event_text(focus: Focus) -> str:
+    """Return an event and the table of its causes as Markdown."""
+    lines = [
+        f"##### {happened(focus)}",
+        "",
+        "| cause | m | evidence |",
+        "|---|--:|---|",
+    ]
+    for cause in causes_of(focus):
+        cost = "" if cause.cost_m is None else f"{cause.cost_m:.1f}"
+        lines.append(f"| {cause.title} | {cost} | {cause_text(cause)} |")
+    return "\n".join(lines)
+
+
+def _log_markers(log: Log, replay: Replay) -> None:
     """Log the places of events, for some frames after."""
-    now = [run.recent(t, EVENT_FRAMES) for t in range(run.frames)]
-    incidents = list(itertools.chain.from_iterable(now))
+    frame_events = [replay.recent(t, EVENT_FRAMES) for t in range(replay.frames)]
+    events = [event for recent in frame_events for event in recent]
+    if events:
+        places = np.array([event.position for event in events]) + MARKER_M
+        labels = [f"{event.name}: {event.label}" for event in events]
+        colors = np.array([EVENTS[event.kind] for event in events], dtype=np.uint8)
+        row_start = starts_of([len(recent) for recent in frame_events])
+        log.names("world/events", row_start, places, colors, labels, 6.0)
+
+
+def _log_marks(
+    log: Log, entity_path: str, replay: Replay, incidents: Sequence[Incident]
+) -> None:
+    """Log names of events on the time line."""
+    names: list[list[str]] = [[] for _ in range(replay.frames)]
+    time = replay.scene.time
+    for event in incidents:
+        end = int(np.searchsorted(time, time[event.frame] + MARK_SECONDS))
+        for t in range(event.frame, max(event.until + 1, end)):
+            names[t].append(event.name)
     if incidents:
-        place, labels = (
-            np.array([i.position for i in incidents]) + MARKER,
-            [f"{i.name}: {i.label}" for i in incidents],
-        )
-        colors = np.array([EVENTS[i.kind] for i in incidents], dtype=np.uint8)
-        log.names(
-            "world/events",
-            starts_of([len(each) for each in now]),
-            place,
-            colors,
-            labels,
-            6.0,
-        )
+        states = [", ".join(frame_names) for frame_names in names]
+        color = EVENTS[incidents[0].kind]
+        colors = np.full((len(states), 3), color, dtype=np.uint8)
+        _log_lane(log, entity_path, states, colors)
 
 
-def marks_of(run: Replay, incidents: Sequence[Incident]) -> list[str]:
-    """Names of the events that are marked on the time line in each frame [F], "" without one."""
-    names: list[list[str]] = [[] for _ in range(run.frames)]
-    for incident in incidents:
-        first = incident.frame if incident.first < 0 else incident.first
-        end = int(
-            np.searchsorted(
-                run.scene.time, run.scene.time[incident.frame] + EVENT_SECONDS
-            )
-        )
-        for t in range(first, max(incident.until + 1, end)):
-            names[t].append(drawable(incident.name))
-    return [", ".join(each) for each in names]
+def lanes(replay: Replay) -> dict[int, list[int | None]]:
+    """Return the identity lane [F] of each object by number.
 
-
-def lanes(run: Replay) -> dict[int, list[int | None]]:
-    """Identity lane of each evaluated object, by its number: the track [F] of the best hypothesis that follows it.
-
-    It is -1 while the object is untracked, None while it is absent.
+    It has the track of the best hypothesis that follows the object: -1 while it is
+    untracked, None while it is absent.
     """
-    truth = run.scene.truth
-    frame, evaluated = truth.frame_of_rows, ~truth.neutral
-    track = np.append(run.rollout.track_id, -1)[run.truth_track]
-    lanes: dict[int, list[int | None]] = {}
-    for object_id in np.unique(truth.object_id[evaluated]).tolist():
-        rows = np.flatnonzero(evaluated & (truth.object_id == object_id))
-        tracks = dict(zip(frame[rows].tolist(), track[rows].tolist(), strict=True))
-        lanes[object_id] = [tracks.get(t) for t in range(run.frames)]
-    return lanes
+    truth = replay.scene.truth
+    frames = truth.frame_of_rows.tolist()
+    tracks = np.append(replay.rollout.track_id, -1)[replay.truth_track].tolist()
+    object_lanes: dict[int, list[int | None]] = {}
+    for row in np.lexsort((truth.object_id,)).tolist():
+        if not truth.neutral[row]:
+            object_id = int(truth.object_id[row])
+            lane = object_lanes.setdefault(object_id, [None] * replay.frames)
+            lane[frames[row]] = tracks[row]
+    return object_lanes
 
 
 def _log_lane(
-    log: Log, path: str, states: Sequence[str], values: Sequence[str], colors: Colors
+    log: Log, entity_path: str, states: Sequence[str], colors: Colors
 ) -> None:
-    """Log a lane with a state in each frame [F], "" for none; ``values`` have these ``colors``."""
-    style = rr.StateConfiguration(values=values, labels=values, colors=packed(colors))
-    changes = [
-        t for t in log.frames if t == log.frames.start or states[t] != states[t - 1]
-    ]
-    log.columns(
-        path, style, rr.StateChange.columns(state=[states[t] for t in changes]), changes
+    """Log a lane with states [F], "" for none, and colours."""
+    color_of_state = dict(zip(states, packed(colors), strict=True))
+    color_of_state.pop("", None)
+    names = list(color_of_state)
+    style = rr.StateConfiguration(
+        values=names,
+        labels=names,
+        colors=np.array(list(color_of_state.values()), dtype=np.uint32),
     )
+    first = log.frames.start
+    changes = [t for t in log.frames if t == first or states[t] != states[t - 1]]
+    columns = rr.StateChange.columns(state=[states[t] for t in changes])
+    log.columns(entity_path, style, columns, changes)
+
+
+# ---- curves
 
 
 class Curve(NamedTuple):
@@ -173,105 +195,89 @@ class Curve(NamedTuple):
     width: float = 2.0
 
 
-def curves_of(run: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
-    """Curves by the title of their plot: those of an event, or without one the mean error of the targets."""
+def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
+    """Return curves of an event or scene by plot title."""
     if focus is None:
-        targets = np.flatnonzero(np.isfinite(run.part[:, 0]))
-        total, frame = (
-            np.full((run.frames, len(PARTS)), np.nan),
-            run.scene.truth.frame_of_rows[targets],
-        )
-        for t in np.unique(frame):
-            total[t] = run.part[targets[frame == t]].mean(axis=0)
-        return {"mean error of the targets, m": _errors(total, range(run.frames))}
+        part = np.full((replay.frames, len(PARTS)), np.nan)
+        is_target = np.isfinite(replay.part[:, 0])
+        frame = replay.scene.truth.frame_of_rows
+        for t in np.unique(frame[is_target]):
+            part[t] = replay.part[is_target & (frame == t)].mean(axis=0)
+        errors = _error_curves(part, range(replay.frames))
+        return {"mean error of the targets, m": errors}
     at = focus.at
-    places = {
-        f"track {i}": _places(run.rollout.track_box, focus.track_rows(i))
-        for i in focus.named_tracks[:MOST]
+    if at.object_id < 0:
+        confidence = np.full(replay.frames, np.nan)
+        of_track = (replay.answers.object_track_id == at.new_id) & (at.new_id >= 0)
+        frame = replay.rollout.objects.frame_of_rows[of_track]
+        confidence[frame] = replay.rollout.object_confidence[of_track]
+        curve = Curve(f"track {at.new_id}", confidence, FROM_EVENT)
+        return {"confidence of the false forecast": [curve]}
+    part = np.where(focus.rows[:, None] >= 0, replay.part[focus.rows], np.nan)
+    max_error = replay.card.per_class(replay.card.task.miss_error)[at.class_id]
+    rule = gate(focus)
+    gate_m = np.nan if rule.by_iou else rule.threshold
+    frames = frames_around(replay.scene, at.frame)
+    true_place = _places(replay.scene.truth.box, focus.rows)
+    distances = []
+    for track_id in focus.tracks_at(at.frame)[:MAX_CURVES]:
+        rows = focus.track_rows(track_id)
+        offset_m = _places(replay.rollout.track_box, rows) - true_place
+        color = ROLE_COLORS[track_id == at.old_id, track_id == at.new_id]
+        distances.append(Curve(f"track {track_id}", np.hypot(*offset_m.T), color))
+    return {
+        f"error of {focus.named}, m": [
+            _limit("largest error, c", max_error, replay.frames),
+            *_error_curves(part, frames),
+        ],
+        f"distance of tracks to {focus.named}, m": [
+            _limit("event gate", gate_m, replay.frames),
+            *distances,
+        ],
     }
-    colors = {f"track {i}": ROLES["named"] for i in focus.named_tracks}
-    colors |= {
-        f"track {at.old_id}": ROLES["before"],
-        f"track {at.new_id}": ROLES["now"],
-        focus.named: TRUTH,
-    }
-    plots: dict[str, list[Curve]] = {}
-    if at.object_id >= 0:
-        part = np.where(focus.rows[:, None] >= 0, run.part[focus.rows], np.nan)
-        largest, rule = (
-            run.card.per_class(run.card.task.miss_error)[at.class_id],
-            gate(focus),
-        )
-        limit = Curve("largest error, c", np.full(run.frames, largest), LIMIT, 1.0)
-        plots[f"error of {focus.named}, m"] = [
-            limit,
-            *_errors(part, frames_around(run.scene, at.frame)),
-        ]
-        truth = _places(run.scene.truth.box, focus.rows)
-        gaps = [
-            Curve(name, np.hypot(*(place - truth).T), colors[name])
-            for name, place in places.items()
-        ]
-        limit = Curve(
-            "event gate",
-            np.full(run.frames, np.nan if rule.iou else rule.threshold),
-            LIMIT,
-            1.0,
-        )
-        plots[f"distance of tracks to {focus.named}, m"] = [limit, *gaps]
-        places[focus.named] = truth
-    elif at.new_id >= 0:
-        own, confidence = (
-            run.answers.object_track_id == at.new_id,
-            np.full(run.frames, np.nan),
-        )
-        confidence[run.rollout.objects.frame_of_rows[own]] = (
-            run.rollout.object_confidence[own]
-        )
-        plots["confidence of the false forecast"] = [
-            Curve(f"track {at.new_id}", confidence, ROLES["now"])
-        ]
-    step = np.diff(run.scene.time, prepend=np.nan)
-    speeds = {
-        name: np.hypot(*np.diff(place, axis=0, prepend=np.nan).T) / step
-        for name, place in places.items()
-    }
-    plots["speed, m/s"] = [
-        Curve(name, speed, colors[name]) for name, speed in speeds.items()
-    ]
-    return plots
+
+
+# (is the track before the event, is the one from it on) -> colour
+ROLE_COLORS = {
+    (True, False): SKY,
+    (False, True): FROM_EVENT,
+    (True, True): FROM_EVENT,
+    (False, False): PURPLE,
+}
+
+
+def _limit(name: str, value: float, frames: int) -> Curve:
+    return Curve(name, np.full(frames, value), LIMIT, 1.0)
 
 
 def _places(box: Floats, rows: Ints) -> Floats:
-    """Places [F, 2] of the boxes in ``rows`` [F], NaN for row -1."""
-    return np.append(box[:, :2].astype(np.float64), np.full((1, 2), np.nan), axis=0)[
-        rows
-    ]
+    """Return places [F, 2] of ``rows`` [F], NaN for -1."""
+    places = np.append(box[:, :2].astype(np.float64), [[np.nan, np.nan]], axis=0)
+    return places[rows]
 
 
-def _errors(part: Floats, frames: range) -> list[Curve]:
-    """The error and the largest parts in ``frames``, from all parts [F, len(PARTS)]."""
-    most = np.nan_to_num(np.abs(part))[frames].max(axis=0)
-    shown = [
-        i
-        for i in np.argsort(-most, kind="stable")[:MOST].tolist()
-        if most[i] >= LEAST_SHOWN
-    ]
-    parts = [Curve([*PARTS.values()][i], part[:, i], PART_COLORS[i]) for i in shown]
-    return [Curve("error", part.sum(axis=1), SWITCH, 5.0), *parts]
+def _error_curves(part: Floats, frames: range) -> list[Curve]:
+    """Return the error and its largest parts in ``frames``."""
+    largest = np.nan_to_num(np.abs(part))[frames].max(axis=0)
+    names = list(PARTS.values())
+    curves = [Curve("error", part.sum(axis=1), SWITCH, 5.0)]
+    for column in np.argsort(-largest, kind="stable")[:MAX_CURVES].tolist():
+        if largest[column] >= LEAST_SHOWN:
+            color = PART_COLORS[column]
+            curves.append(Curve(names[column], part[:, column], color))
+    return curves
 
 
-def _log_curves(log: Log, run: Replay, focus: Focus | None) -> None:
-    for number, curves in enumerate(curves_of(run, focus).values()):
+def _log_curves(log: Log, replay: Replay, focus: Focus | None) -> None:
+    for number, curves in enumerate(curves_of(replay, focus).values()):
         for i, curve in enumerate(curves):
             values = curve.values[log.frames]
-            known = np.isfinite(values)  # a frame without a value is a gap
+            is_known = np.isfinite(values)  # a frame without a value is a gap
             style = rr.SeriesLines(
                 colors=packed(curve.color),
                 names=drawable(curve.name),
                 widths=curve.width,
             )
-            columns = rr.Scalars.columns(scalars=values[known]).partition(
-                known.astype(int)
-            )
+            columns = rr.Scalars.columns(scalars=values[is_known])
+            columns = columns.partition(is_known.astype(int))
             log.columns(f"curves/{number}/{i:02d}", style, columns)

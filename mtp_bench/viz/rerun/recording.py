@@ -1,7 +1,8 @@
-"""Runs of a scene as a rerun recording, and an episode while it is played, every frame as soon as it is answered.
+"""Runs of a scene as a rerun recording, and an episode while it is played.
 
-Positions are logged in the scene's frame of reference, as 32 bit floats: numbers read back are those of the rollout.
-A recording is the same for the same runs: no clock, no random name is in it.
+Positions are logged in the scene's frame of reference, as 32 bit floats: numbers read
+back are those of the rollout. A recording is the same for the same runs: no clock, no
+random name is in it.
 """
 
 import hashlib
@@ -15,22 +16,21 @@ from gymnasium import logger
 
 from ...core import MtpBenchError, whole_file
 from ...env import LiveEpisode, digest
+from ..evidence import gate
 from ..framing import frames_around
 from ..incident import Incident
 from ..pages import text_of
 from ..run_replay import Replay
 from .entities import EVENT, Log, log_answers, log_map, log_scene, trail_frames
-from .events import log_judgement
-from .focus import event_key, log_focus
+from .events import log_focus, log_judgement
 from .layout import layout, live_layout
 from .sdk import rr
 from .shown import TOP_HYPOTHESES, ShownAgent, drawable, shown_agents
 
 APPLICATION = "mtp_bench"
-_HERE = Path(__file__).parent
-_EPISODES = itertools.count(
-    1
-)  # of this process: every episode has a place of its own in a recording
+_FOLDER = Path(__file__).parent
+# of this process: every episode has a place of its own in a recording
+_EPISODES = itertools.count(1)
 
 
 def save_recording(
@@ -39,13 +39,16 @@ def save_recording(
     level: str = "top",
     at: Incident | None = None,
 ) -> None:
-    """Write the recording of runs of one scene (.rrd); ``at``: the views look at this event of the first run.
+    """Write the recording of runs of one scene (.rrd).
 
-    ``level``: "tracks" truth, detections, events, and boxes and trails of the heaviest hypotheses; "top" also the 3
-    heaviest forecast samples of each object; "all" every hypothesis and every sample.
+    ``at``: the views look at this event of the first run. ``level``: "tracks" has
+    truth, detections, events, and boxes and trails of the heaviest hypotheses; "top"
+    also the 3 heaviest forecast samples of each object; "all" every hypothesis and
+    sample.
 
-    Raises MtpBenchError for runs of several scenes and if the file cannot be written, UnknownNameError for a wrong
-    level. An earlier file stays as it was until the new one is complete.
+    Raises MtpBenchError for runs of several scenes and if the file cannot be written,
+    UnknownNameError for a wrong level. An earlier file stays as it was until the new
+    one is complete.
     """
     agents = shown_agents(replays, level, at)
     try:
@@ -56,10 +59,8 @@ def save_recording(
             _log_runs(recording, agents, level, at)
             recording.flush()
             recording.disconnect()
-    except (
-        OSError,
-        RuntimeError,
-    ) as error:  # RuntimeError: from rerun, whose texts name the cause
+    # RuntimeError: from rerun, whose texts name the cause
+    except (OSError, RuntimeError) as error:
         cause = getattr(error, "strerror", None) or error
         raise MtpBenchError(
             f"{path}: the recording cannot be written: {cause}"
@@ -69,16 +70,16 @@ def save_recording(
 def _new_recording(
     agents: Sequence[ShownAgent], level: str, at: Incident | None
 ) -> rr.RecordingStream:
-    """An empty recording named after its content.
+    """Return an empty recording named after its content.
 
-    A viewer keeps one layout per application: that of another scene, agent or event would not fit.
+    A viewer keeps one layout per application: that of another scene, agent or event
+    would not fit.
     """
-    sha = hashlib.sha256(
-        f"{level}|{agents[0].replay.scene.name}|{at.name if at else ''}".encode()
-    )
+    event_name = at.name if at else ""
+    text = f"{level}|{agents[0].replay.scene.name}|{event_name}"
     for agent in agents:
-        sha.update(f"|{agent.root}|{digest(agent.replay.rollout)}".encode())
-    name = sha.hexdigest()[:32]
+        text += f"|{agent.root}|{digest(agent.replay.rollout)}"
+    name = hashlib.sha256(text.encode()).hexdigest()[:32]
     recording = rr.RecordingStream(
         f"{APPLICATION}_{name[:12]}", recording_id=name, send_properties=False
     )
@@ -93,30 +94,31 @@ def _log_runs(
     level: str,
     at: Incident | None,
 ) -> None:
-    """Log the content that all runs share once, then each run under its root."""
-    scene, runs = agents[0].replay.scene, [agent.replay for agent in agents]
+    """Log shared content once, then each run under its root."""
+    scene = agents[0].replay.scene
     focuses = [agent.focus for agent in agents if agent.focus is not None]
-    log_map(recording, runs[0])
+    log_map(recording, agents[0].replay)
     logs = [Log(recording, scene, range(scene.frames))]
-    if (
-        at is not None
-    ):  # a viewer begins at the first time of a timeline: a layout has no field for another one
-        logs.append(
-            Log(recording, scene, frames_around(scene, at.frame), seconds=(EVENT,))
-        )
+    # a viewer begins at the first time of a timeline: a layout has no field for it
+    if at is not None:
+        frames = frames_around(scene, at.frame)
+        logs.append(Log(recording, scene, frames, timeline=EVENT))
     for log in logs:
-        log_scene(log, runs[0])
+        log_scene(log, agents[0].replay)
         for agent in agents:
-            own = replace(log, root=agent.root)
-            log_answers(own, agent.replay, agent.hypotheses, level)
-            log_judgement(own, agent)
-    for number in range(len(focuses)):
-        log_focus(recording, focuses, number, agents[number].root, logs[1].frames)
-    key = text_of(_HERE, "scene_key.md").format(
-        agents=", ".join(run.agent for run in runs), scene=scene.name
+            agent_log = replace(log, root=agent.root)
+            log_answers(agent_log, agent.replay, agent.hypotheses, level)
+            log_judgement(agent_log, agent)
+    for agent in agents:
+        if agent.focus is not None:
+            log_focus(replace(logs[0], root=agent.root), focuses, agent.focus)
+    key = text_of(_FOLDER, "key.md").format(
+        agents=", ".join(agent.replay.agent for agent in agents),
+        scene=scene.name,
+        gate=f" ({gate(focuses[0]).text})" if focuses else "",
     )
-    key = drawable(event_key(focuses[0]) if focuses else key)
-    recording.log("key", rr.TextDocument(key, media_type="text/markdown"), static=True)
+    text = rr.TextDocument(drawable(key), media_type="text/markdown")
+    recording.log("key", text, static=True)
 
 
 class LiveRecording:
@@ -129,34 +131,39 @@ class LiveRecording:
         self._recording = rr.get_data_recording()
         self._episode: LiveEpisode | None = None
         self._root = ""
-        if (
-            self._recording is None
-        ):  # not an error: Gymnasium's checker renders in every mode
+        # not an error: Gymnasium's checker renders in every mode
+        if self._recording is None:
             logger.warn(
-                "nothing is shown: call rerun.init('mtp_bench', spawn=True) before, which opens a viewer"
+                "nothing is shown: call rerun.init('mtp_bench', spawn=True) before, "
+                "which opens a viewer"
             )
 
     def render(self, episode: LiveEpisode) -> None:
-        """Log ``episode.frame``; in evaluation mode nothing that derives from the truth."""
+        """Log ``episode.frame``.
+
+        In evaluation mode nothing derives from the truth.
+        """
         if self._recording is None:
             return
-        scene, t = episode.scene, episode.frame
-        run = Replay.of_episode(episode, trail_frames(episode.card.task.rate))
-        hypotheses = range(min(TOP_HYPOTHESES, run.answers.hypotheses.member.shape[1]))
+        t = episode.frame
+        replay = Replay.of_episode(episode, trail_frames(episode.card.task.rate))
         if self._episode is None or self._episode.actions is not episode.actions:
-            self._episode, self._root = episode, f"episode-{next(_EPISODES)}/"
+            self._episode = episode
+            self._root = f"episode-{next(_EPISODES)}/"
             # the default: a layout that the user has sent or made stays
-            shown = dict.fromkeys(range(TOP_HYPOTHESES), np.nan)  # their weights change
-            layout = live_layout(
-                ShownAgent(run, shown, root=self._root, shared=self._root)
+            weights = dict.fromkeys(range(TOP_HYPOTHESES), np.nan)  # they change
+            agent = ShownAgent(replay, weights, root=self._root, shared=self._root)
+            self._recording.send_blueprint(
+                live_layout(agent), make_active=False, make_default=True
             )
-            self._recording.send_blueprint(layout, make_active=False, make_default=True)
-            log_map(self._recording, run, self._root)
-        log = Log(self._recording, scene, range(t, t + 1), self._root)
-        log_scene(log, run)
-        log_answers(replace(log, first=run.first), run, hypotheses, "top")
+            log_map(self._recording, replay, self._root)
+        log = Log(self._recording, episode.scene, range(t, t + 1), self._root)
+        log_scene(log, replay)
+        count = replay.answers.hypotheses.member.shape[1]
+        hypotheses = range(min(TOP_HYPOTHESES, count))
+        log_answers(replace(log, first=replay.first), replay, hypotheses, "top")
 
     def close(self) -> None:
-        """Wait until everything has been sent; the viewer stays."""
+        """Wait until everything has been sent."""
         if self._recording is not None:
             self._recording.flush()

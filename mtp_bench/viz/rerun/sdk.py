@@ -1,6 +1,7 @@
 """rerun in the version that the drawings are made for; the only file that imports it.
 
-Importing this module takes about a second: only commands that draw import it, inside their functions.
+Importing this module takes about a second: only commands that draw import it, inside
+their functions.
 """
 
 from ...core import MtpBenchError
@@ -17,8 +18,7 @@ except ImportError as error:
     ) from None
 
 if not str(getattr(rr, "__version__", "")).startswith(f"{VERSION}."):
-    raise MtpBenchError(
-        f"rerun is {getattr(rr, '__version__', 'of unknown version')}, expected {VERSION}: {INSTALL}"
-    )
+    version = getattr(rr, "__version__", "of unknown version")
+    raise MtpBenchError(f"rerun is {version}, expected {VERSION}: {INSTALL}")
 
 __all__ = ["rr", "rrb"]

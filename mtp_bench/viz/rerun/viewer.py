@@ -1,4 +1,4 @@
-"""The viewer that comes with rerun, opened on a recording: a window, or pages for browsers on this machine."""
+"""The viewer that comes with rerun: a window, or pages for browsers on this machine."""
 
 import importlib.util
 import os
@@ -21,16 +21,21 @@ from .sdk import INSTALL
 
 LOCAL = "127.0.0.1"  # the viewer's own default is every network interface
 START_SECONDS = 30.0
-OTHERWISE = "write a file with --save FILE.rrd, serve it with --web, or draw an event with --at and --png"
+OTHER_WAYS = (
+    "write a file with --save FILE.rrd, serve it with --web, or draw an event with "
+    "--at and --png"
+)
 
 
 def viewer_program() -> str:
-    """Path of the viewer's program; raises MtpBenchError if the package is incomplete."""
+    """Return the path of the viewer's program.
+
+    Raises MtpBenchError if the package is incomplete.
+    """
     spec = importlib.util.find_spec("rerun_cli")
     if spec is not None and spec.origin is not None:
-        program = Path(spec.origin).with_name(
-            "rerun.exe" if os.name == "nt" else "rerun"
-        )
+        name = "rerun.exe" if os.name == "nt" else "rerun"
+        program = Path(spec.origin).with_name(name)
         if program.is_file():
             return str(program)
     raise MtpBenchError(f"the viewer of rerun is missing: {INSTALL}")
@@ -38,24 +43,23 @@ def viewer_program() -> str:
 
 def require_display() -> None:
     """Raise MtpBenchError if no window can open."""
-    if sys.platform.startswith("linux") and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
-        raise MtpBenchError(f"no display for the viewer: {OTHERWISE}")
+    has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if sys.platform.startswith("linux") and not has_display:
+        raise MtpBenchError(f"no display for the viewer: {OTHER_WAYS}")
 
 
 def show_recording(replays: Sequence[Replay], level: str, at: Incident | None) -> None:
-    """Open a viewer on runs of one scene, at the frame of ``at``; it stays when this process ends.
+    """Open a viewer on runs of one scene.
 
-    Raises MtpBenchError without a display, and if the viewer does not start.
+    It shows the frame of ``at`` and stays when this process ends. Raises MtpBenchError
+    without a display, and if the viewer does not start.
     """
     require_display()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.rrd"
         save_recording(path, replays, level, at)
-        with path.open(
-            "rb"
-        ) as content:  # which the viewer reads although the file is gone then
+        # which the viewer reads although the file is gone then
+        with path.open("rb") as content:
             start_viewer(free_port(), ["--hide-welcome-screen", "-"], content)
 
 
@@ -65,21 +69,23 @@ def serve_recording(
     at: Incident | None,
     ready: Callable[[str], object],
 ) -> None:
-    """Serve runs of one scene to browsers on this machine until interrupted; ``ready`` gets the address.
+    """Serve runs to browsers on this machine until interrupted.
 
-    Raises MtpBenchError if the server does not start.
+    ``ready`` gets the address. Raises MtpBenchError if the server does not start.
     """
     # a server that is ended does not leave one behind
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    port, page = free_port(), free_port()
+    port = free_port()
+    page_port = free_port()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.rrd"
         save_recording(path, replays, level, at)
-        server = start_viewer(
-            port, ["--serve-web", "--web-viewer-port", str(page), str(path)]
-        )
+        options = ["--serve-web", "--web-viewer-port", str(page_port), str(path)]
+        server = start_viewer(port, options)
         try:
-            ready(f"http://{LOCAL}:{page}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy")
+            ready(
+                f"http://{LOCAL}:{page_port}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy"
+            )
             server.wait()
         except KeyboardInterrupt:
             pass  # the usual end
@@ -89,18 +95,19 @@ def serve_recording(
 
 
 def free_port() -> int:
-    """A port that is not in use."""
-    with socket.socket() as free:
-        free.bind((LOCAL, 0))
-        return int(free.getsockname()[1])
+    """Return a port that is not in use."""
+    with socket.socket() as probe:
+        probe.bind((LOCAL, 0))
+        return int(probe.getsockname()[1])
 
 
 def start_viewer(
     port: int, options: Sequence[str], content: IO[bytes] | None = None
 ) -> subprocess.Popen[bytes]:
-    """A viewer that listens and has a session of its own; ``content``: a recording for its standard input.
+    """Start a viewer with a session of its own.
 
-    Raises MtpBenchError if none starts.
+    ``content``: a recording for its standard input. Raises MtpBenchError if it does not
+    start.
     """
     quiet = subprocess.DEVNULL
     command = [viewer_program(), "--bind", LOCAL, "--port", str(port), *options]

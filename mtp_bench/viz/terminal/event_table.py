@@ -9,9 +9,9 @@ import numpy as np
 
 from ...core import BLANK, Column, Drive, Rollout, Scene, Table
 from ...scoring import parts_text
+from ..causes import cause_text, causes_of
 from ..focus import Focus
 from ..incident import INCIDENT_KINDS, Incident
-from ..plan import collision_cause
 from ..run_replay import Replay
 from .output import command_line, counted, show_command, show_lines
 
@@ -58,7 +58,8 @@ class Listed:
         view = command_line("view", folder, **options, data=data, env=env)
         drive = replay.rollout.drive
         if incident.kind == "collision" and drive is not None:
-            fields["cause"] = collision_cause(Focus(replay, incident))
+            (cause,) = causes_of(Focus(replay, incident))
+            fields["cause"] = f"{cause.stage}: {cause_text(cause)}"
             fields["at_fault"] = drive.at_fault
         class_name = replay.card.task.classes[incident.class_id]
         return cls(replay.scene, class_name, incident, view, **fields)

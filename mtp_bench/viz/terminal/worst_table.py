@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...core import Column, Table
-from ...scoring import by_fault, fault_of, parts_text
+from ...scoring import by_fault, parts_text
 from ..moment_list import Moment
 from .event_table import Listed
 from .output import counted
@@ -34,9 +34,7 @@ class WorstRow(Listed):
     @property
     def fault(self) -> str:
         """The part of the stack at fault."""
-        if self.moment.borrowed:
-            return "detector"
-        return fault_of(self.moment.parts).partition(":")[0]
+        return self.moment.fault
 
     @property
     def error(self) -> float:
