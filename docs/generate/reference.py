@@ -37,7 +37,10 @@ GROUPS = (
         "environment",
         ("env", "cards", "_bundle"),
         intro="Names that make environments, read their cards and fill actions.",
-        beside=("mtp_bench.env.arguments.EnvKeywords",),
+        beside=(
+            "mtp_bench.env.arguments.EnvKeywords",
+            "mtp_bench.cards.changes.ChangeKeywords",
+        ),
     ),
     Group(
         "Agents",

@@ -14,7 +14,7 @@ from pydantic import (
 
 from ..core import CardError, MtpBenchError, Section, nearest, rule
 from ..detector import Profile, Variant, load_profile, with_variant
-from .source import SourceSection
+from .source import DetectionsSection, SourceSection
 
 PerClass = dict[
     str, Annotated[float, Field(gt=0, le=1e4)]
@@ -272,8 +272,7 @@ class Card(Section):
             mode="json"
         )  # null values too: a detector that was taken away stays away
         paths = {
-            name: getattr(self.source, name, None)
-            for name in ("folder", "detections_file")
+            name: getattr(self.source, name, None) for name in ("folder", "detections")
         }
         content["source"] |= {
             name: path for name, path in paths.items() if path is not None
@@ -313,14 +312,14 @@ def check_consistency(card: Card, where: str) -> None:
             f"{where}: scenes of {seconds:g} s at {card.task.rate:g} Hz have {seconds * card.task.rate:g} frames, "
             f"expected at least {needed}: task.past and task.future"
         )
-    path, content = (
-        getattr(card.source, f"detections_{name}", None) for name in ("file", "sha256")
-    )
     if (
-        path is not None and content is None
-    ):  # the card's digest covers the content, not the path
+        isinstance(card.source, DetectionsSection)
+        and card.source.detections is not None
+        # the card's digest covers the content, not the path
+        and card.source.detections_sha256 is None
+    ):
         raise CardError(
-            f"{where}: source.detections_file needs source.detections_sha256, the digest of the file; or leave it out "
+            f"{where}: source.detections needs source.detections_sha256, the digest of the file; or leave it out "
             "and name the file with --detections"
         )
 

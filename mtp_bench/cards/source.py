@@ -142,7 +142,7 @@ class DetectionsSection(SourceSection):
     """Keys of a source with detections that a user's own can replace; see `cards.with_detections`."""
 
     detections_sha256: str | None = None
-    detections_file: LocalPath = None
+    detections: LocalPath = None
 
 
 def source_class(name: str) -> type[SourceSection]:

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from typer import Option
 
-from ..core import reported
+from ..core import long_work
 from ..running import open_run
 from ..viz import (
     EVENT_CAPTION,
@@ -53,7 +53,7 @@ def events(
 ) -> None:
     """List identity switches, losses, re-acquisitions, false forecasts and collisions, and how to look at each."""
     tally, rows = Tally(), list[Listed]()
-    with reported("finding events") as progress:
+    with long_work("finding events") as progress:
         opened = open_run(folder, root, env)
         for played in replays(opened, scene, progress):
             tally.add(played)

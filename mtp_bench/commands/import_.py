@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option, Typer
 
-from ..core import reported
+from ..core import long_work
 from ..running import RunOptions
 from ..sources import import_logs, import_tracks, open_source, with_tracks
 from ..viz import command_line, counted, show, show_command
@@ -41,7 +41,7 @@ def tracks(
     card = options.card(env)
     source = with_tracks(open_source(card, root), card, root, file)
     names = options.chosen(source.names)
-    with reported("importing tracks") as progress:
+    with long_work("importing tracks") as progress:
         progress.started(len(names))
         number, boxes = import_tracks(source, names, card, output, progress.done)
     show(
@@ -74,7 +74,7 @@ def logs(
     ] = 60.0,
 ) -> None:
     """Write driving logs of 123D as own scenes, which --files plays: true boxes, the ego and lanes."""
-    with reported("importing logs") as progress:
+    with long_work("importing logs") as progress:
         found = import_logs(folder, output, rate, reach, progress.done)
     content = (
         f"{counted(found['truth'], 'box', 'es')} in {counted(found['ego'], 'frame')}"

@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 from typer import BadParameter, Option
 
-from ..core import reported
+from ..core import long_work
 from ..running import open_run
 from ..scoring import BELOW, FAULTS, PARTS, named_parts
 from ..viz import (
@@ -74,7 +74,7 @@ def worst(
         list[WorstRow](),
         "",
     )
-    with reported("finding the worst moments") as progress:
+    with long_work("finding the worst moments") as progress:
         opened = open_run(folder, root, env)
         if class_name is not None:
             one_of(class_name, opened.card.task.classes, "--class")

@@ -2,119 +2,141 @@
 
 import os
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
+from ..cards import ChangeKeywords
 from ..core import MtpBenchError, Scene, UnknownNameError, require_known
 from .episode import RENDERERS
 
-MOST_BYTES = (
-    64 << 20
-)  # of one action, and of one observation: they are sent between an agent and the env
+# Of one action, and of one observation: they are sent between an agent and the env.
+MAX_BYTES = 64 << 20
 OBSERVE = ("detections", "truth", "associated", "tracks")
+_FLAGS = ("evaluation", "rigid_motion", "target_frames", "fresh_noise")
+# Sizes of the spaces whose keyword has another name: files have theirs.
+_SIZE_KEYWORDS = {
+    "detections": "max_detections",
+    "tracks": "max_tracks",
+    "objects": "max_objects",
+}
 
 
-class EnvKeywords(TypedDict, total=False):
-    """Keywords of `MTPEnv`; None or a missing one means the card's own value, if the card has one."""
+class EnvKeywords(ChangeKeywords, total=False):
+    """Keywords of `MTPEnv`, with those of `ChangeKeywords`.
 
-    # "detections", "truth" for true boxes with true ids, "associated" for detections with the ids of true objects, or
-    # "tracks" for those of ``track_file``
+    None or a missing one means the card's own value, if the card has one.
+    """
+
+    # "detections", "truth" for true boxes with true ids, "associated" for detections
+    # with the ids of true objects, or "tracks" for stored ones
     observe: str
+    # file or folder of stored tracks (`sources.stored_tracks`), for observe="tracks"
+    tracks: str | os.PathLike[str] | None
     samples: int | None  # K; more than the card's belong to unranked runs
-    tracks: int | None  # N
-    objects: int | None  # O
     hypotheses: int | None  # H
-    detections: int | None  # D
-    scenes: (
-        Sequence[str] | Sequence[Scene] | None
-    )  # names to choose from, or scenes of one's own (`cards.with_scenes`)
+    max_tracks: int | None  # N
+    max_objects: int | None  # O
+    max_detections: int | None  # D
+    # names to choose from, or scenes of one's own (`cards.with_scenes`)
+    scenes: Sequence[str] | Sequence[Scene] | None
     evaluation: bool  # the reward is 0 and no returned value derives from the truth
-    strict: (
-        bool | None
-    )  # an action outside the action space is an ActionError; None: unless ``evaluation``
-    rigid_motion: bool  # the local frame of every episode is turned and shifted at random, with the lanes that it shows
-    split: str | None  # another split of the card's source
-    detector: (
-        str | None
-    )  # another detector, simulated on the true boxes or stored (`cards.with_detector`)
-    detection_file: (
-        str | None
-    )  # stored detections of one's own (`cards.with_detections`)
-    track_file: (
-        str | None
-    )  # file or folder of stored tracks (`sources.stored_tracks`), for ``observe="tracks"``
-    files: str | None  # a folder of scenes of one's own (`cards.with_files`)
-    presence: (
-        str | None
-    )  # the presence model of baselines: its file, or "scores" (`cards.with_presence`)
-    target_frames: bool  # episodes are the frames from the first to the last that can hold a target, for training
-    fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
+    # an action outside the action space is an ActionError; None: unless ``evaluation``
+    strict: bool | None
+    # the local frame of every episode is turned and shifted at random, with its lanes
+    rigid_motion: bool
+    # for training: an episode has the frames from the first to the last that can hold
+    # a target
+    target_frames: bool
+    # for training: the noise of a simulated detector is drawn anew in every episode
+    fresh_noise: bool
     render_mode: str | None  # one of RENDERERS
 
 
 def checked(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
-    """All keywords with their defaults; raises UnknownNameError or MtpBenchError for a wrong one, or wrong ``data``."""
+    """Return all keywords with their defaults, paths as text.
+
+    Raises UnknownNameError or MtpBenchError for a wrong one, or wrong ``data``.
+    """
     if not isinstance(data, (str, os.PathLike, type(None))):
         raise MtpBenchError(f"data is {data!r}, expected the path of the data root")
     names = EnvKeywords.__annotations__
     for name in keywords:
         require_known("keyword of the env", name, names)
-    flags = dict.fromkeys(
-        ("evaluation", "rigid_motion", "target_frames", "fresh_noise"), False
-    )
-    values = {**dict.fromkeys(names), "observe": "detections", **flags, **keywords}
+    values = dict[str, Any](dict.fromkeys(names))
+    values |= {"observe": "detections", **dict.fromkeys(_FLAGS, False), **keywords}
     if values["strict"] is None:
         values["strict"] = not values["evaluation"]
-    for name in (*flags, "strict"):
+    for name in (*_FLAGS, "strict"):
         if not isinstance(values[name], bool):
             raise MtpBenchError(f"{name} is {values[name]!r}, expected true or false")
-    for name in (
-        "split",
-        "detector",
-        "detection_file",
-        "track_file",
-        "files",
-        "presence",
-    ):
-        if not isinstance(values[name], str | None):
-            raise MtpBenchError(f"{name} is {values[name]!r}, expected a text")
-    require_known("value of observe", values["observe"], OBSERVE)
-    if (values["observe"] == "tracks") != (values["track_file"] is not None):
-        raise MtpBenchError(
-            f"observe is {values['observe']!r} and track_file is {values['track_file']!r}, expected observe='tracks' "
-            "and a file or folder of stored tracks, or neither"
-        )
+    for name in ("tracks", *ChangeKeywords.__annotations__):
+        values[name] = _text(name, values[name])
+    _check_observe(values["observe"], values["tracks"])
     if values["render_mode"] not in (None, *RENDERERS):
-        raise UnknownNameError(
-            "render mode", str(values["render_mode"]), tuple(RENDERERS)
-        )
+        mode = str(values["render_mode"])
+        raise UnknownNameError("render mode", mode, tuple(RENDERERS))
     return values
 
 
-def size(name: str, value: int | None, default: int) -> int:
-    """A size of the spaces: the given one, else the card's; raises MtpBenchError unless it is a positive integer."""
-    if value is None:
-        return default
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+def _text(name: str, value: object) -> str | None:
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
+    if not isinstance(value, str | None):
+        raise MtpBenchError(f"{name} is {value!r}, expected a text")
+    return value
+
+
+def _check_observe(observe: str, tracks: str | None) -> None:
+    """Raise MtpBenchError unless stored tracks are named where they are observed."""
+    require_known("value of observe", observe, OBSERVE)
+    if (observe == "tracks") != (tracks is not None):
         raise MtpBenchError(
-            f"{name} is {value!r}, expected a whole number of at least 1 (the card has {default})"
+            f"observe is {observe!r} and tracks is {tracks!r}, expected "
+            "observe='tracks' and a file or folder of stored tracks, or neither"
         )
-    return int(value)
+
+
+def chosen_sizes(
+    values: Mapping[str, Any], card_sizes: Mapping[str, int]
+) -> dict[str, int]:
+    """Return the sizes of the spaces: those of the keywords, else of the card.
+
+    Raises MtpBenchError unless each is a positive whole number.
+    """
+    sizes: dict[str, int] = {}
+    for name, default in card_sizes.items():
+        keyword = _SIZE_KEYWORDS.get(name, name)
+        value = values[keyword]
+        if value is None:
+            value = default
+        if isinstance(value, bool) or not isinstance(value, int | np.integer):
+            value = 0
+        if value < 1:
+            raise MtpBenchError(
+                f"{keyword} is {values[keyword]!r}, expected a whole number of at "
+                f"least 1 (the card has {default})"
+            )
+        sizes[name] = int(value)
+    return sizes
 
 
 def require_room(env_id: str, sizes: Mapping[str, int], kind: str, count: int) -> None:
-    """Raise MtpBenchError if an action or an observation (``kind``) of ``count`` numbers would be too large."""
-    if 8 * count > MOST_BYTES:
-        given = ", ".join(f"{name} {value}" for name, value in sizes.items())
+    """Raise MtpBenchError if an action or observation would be too large.
+
+    ``kind``: which of both. ``count``: of its numbers, 8 bytes each.
+    """
+    if 8 * count > MAX_BYTES:
+        stated_sizes = ", ".join(f"{name} {value}" for name, value in sizes.items())
         raise MtpBenchError(
-            f"{env_id} with {given}: one {kind} would have {8 * count / 2**20:.0f} MiB, expected at most "
-            f"{MOST_BYTES >> 20} MiB: choose smaller sizes"
+            f"{env_id} with {stated_sizes}: one {kind} would have "
+            f"{8 * count / 2**20:.0f} MiB, expected at most {MAX_BYTES >> 20} MiB: "
+            "choose smaller sizes"
         )
 
 
 def own_scenes(values: Mapping[str, Any]) -> Sequence[Scene] | None:
-    """`Scene` objects among the keywords; None if ``scenes`` holds names."""
+    """Return `Scene` objects among the keywords; None if ``scenes`` holds names."""
     scenes = values["scenes"]
     if isinstance(scenes, Scene):
         raise MtpBenchError(
@@ -130,28 +152,34 @@ def own_scenes(values: Mapping[str, Any]) -> Sequence[Scene] | None:
         return None
     if values["files"] is not None:
         raise MtpBenchError(
-            "scenes holds Scene objects and files names a folder, expected only one of them"
+            "scenes holds Scene objects and files names a folder, "
+            "expected only one of them"
         )
     return list(scenes)
 
 
-def choose(known: Sequence[str], wanted: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of the scenes that episodes are drawn from: all ``known`` ones, or the ``wanted`` ones."""
-    chosen = tuple(known if wanted is None else dict.fromkeys(wanted))
-    for name in chosen:
-        require_known("scene", name, known)
-    if not chosen:
+def choose(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the scenes that episodes are drawn from: all ``names``, or chosen ones."""
+    if chosen is None:
+        chosen = names
+    scene_names = tuple(dict.fromkeys(chosen))
+    for name in scene_names:
+        require_known("scene", name, names)
+    if not scene_names:
         raise MtpBenchError(
             "no scene to choose from: expected at least one name in scenes"
         )
-    return chosen
+    return scene_names
 
 
-def wanted(options: dict[str, Any], known: Sequence[str], drawn: str) -> str:
-    """The scene that the options of reset name, else the one ``drawn``; raises UnknownNameError."""
+def wanted(options: dict[str, Any], names: Sequence[str], drawn_name: str) -> str:
+    """Return the scene that the options of reset name, else the one that was drawn.
+
+    Raises UnknownNameError for another option, or a name that is not in ``names``.
+    """
     for key in options:
         if key != "scene":
             raise UnknownNameError("reset option", str(key), ["scene"])
-    name = options.get("scene", drawn)
-    require_known("scene", name, known)
+    name = options.get("scene", drawn_name)
+    require_known("scene", name, names)
     return str(name)

@@ -15,7 +15,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from ..agent import examine
-from ..cards import CHANGES, Card, changed_card, load_card, with_scenes
+from ..cards import Card, CardChanges, ChangeKeywords, load_card, with_scenes
 from ..core import (
     Action,
     DataError,
@@ -32,9 +32,9 @@ from .arguments import (
     EnvKeywords,
     checked,
     choose,
+    chosen_sizes,
     own_scenes,
     require_room,
-    size,
     wanted,
 )
 from .episode import (
@@ -75,11 +75,10 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         card = card if isinstance(card, Card) else load_card(card)
         own = own_scenes(given)
         card = card if own is None else with_scenes(card, own)
-        self.card = changed_card(card, **{name: given[name] for name in CHANGES})
+        changes = {name: given[name] for name in ChangeKeywords.__annotations__}
+        self.card = CardChanges(**changes).apply(card)
         sizes = {"samples": self.card.task.samples, **self.card.size.model_dump()}
-        sizes = {
-            name: size(name, given[name], default) for name, default in sizes.items()
-        }
+        sizes = chosen_sizes(given, sizes)
         self.task = _task(self.card, given["observe"], sizes)
         require_room(self.card.id, sizes, "observation", observation_numbers(self.task))
         require_room(self.card.id, sizes, "action", action_numbers(self.task))
@@ -97,15 +96,13 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             raise MtpBenchError(
                 "target_frames is for training, not for evaluation: a score needs every frame"
             )
-        for name in ("fresh_noise", "target_frames", "track_file"):
+        for name in ("fresh_noise", "target_frames", "tracks"):
             if given[name]:
                 self.card.require_same_scenes(f"which takes no {name}", "leave it out")
         self._feedback = Feedback(self.task) if given["strict"] else None
         self._source = open_source(self.card, data)
-        if given["track_file"] is not None:
-            self._source = with_tracks(
-                self._source, self.card, data, given["track_file"]
-            )
+        if given["tracks"] is not None:
+            self._source = with_tracks(self._source, self.card, data, given["tracks"])
         self.scene_names = choose(
             tuple(self._source.names), given["scenes"] if own is None else None
         )

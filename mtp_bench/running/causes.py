@@ -14,7 +14,7 @@ from ..core import (
     UnknownNameError,
     __version__,
     cache_root,
-    reported,
+    long_work,
 )
 from ..scoring import (
     DEFINITIONS,
@@ -29,7 +29,7 @@ from ..scoring import (
     thresholds_of,
 )
 from ..sources import Arrays, read_arrays, write_arrays
-from .comparison import scores_of
+from .evaluation import scores_of
 from .options import DEFAULTS, RunOptions
 from .playing import jobs_of, run_jobs
 from .reference import card_budget
@@ -115,7 +115,7 @@ def _made(
 ) -> tuple[Arrays, str]:
     """Parts [n, len(PARTS)] and distances [n] of all targets, m, their numbers by scene; why a reference failed."""
     split, failed = None, ""
-    with reported(
+    with long_work(
         "finding causes: scoring the run, and the two references that split its errors"
     ):
         scores = run_scores(opened, options)

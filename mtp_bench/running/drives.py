@@ -23,7 +23,7 @@ from ..env import digest
 from ..scoring import AgentDrives, DrivingRow, SceneScore, driving_rows, score_scene
 from ..sources import save_scene
 from ..traffic import RATE, unpack, whole_scene
-from .comparison import EnvEvaluation
+from .evaluation import EnvEvaluation
 from .playing import AgentFailedError, run_jobs
 from .reference import frozen_reference
 from .settings import Setting, setting_of
@@ -70,7 +70,7 @@ def compare_driving(
     scene is named in ``failures``; MtpBenchError if a control fails.
     """
     role, card = controls(), evaluation.card
-    if evaluation.options.track_file is not None:
+    if evaluation.options.tracks is not None:
         card.require_same_scenes("which takes no stored tracks", "leave --tracks out")
     names = dict.fromkeys(
         [*(role[each] for each in CONTROLS + IN_FULL * full), *agents]

@@ -23,7 +23,7 @@ from ..core import (
     Workers,
     __version__,
     clean_text,
-    reported,
+    long_work,
     unordered_map,
 )
 from ..env import MTPEnv
@@ -136,7 +136,7 @@ def run_jobs(
     label = "running " + (
         f"{len(agents)} agents" if len(agents) > 1 else "".join(agents)
     )
-    with reported(label, own=options.progress) as told:
+    with long_work(label, progress=options.progress) as told:
         told.started(len(jobs))
         for place, result in _outcomes(
             _one_scene, [(job, finish, caught) for job in jobs], options.workers, caught

@@ -22,9 +22,9 @@ from ..core import (
     UnknownNameError,
     bundled,
     card_ids,
+    long_work,
     parallel_map,
     read_json,
-    reported,
     require_file,
     require_known,
     starts_of,
@@ -208,8 +208,8 @@ def make_reference(
     ]
     plain: list[_PlainRun]
     counts: list[NDArray[np.uint8]]
-    with reported(
-        f"event weights from runs of {submission.name}", own=options.progress
+    with long_work(
+        f"event weights from runs of {submission.name}", progress=options.progress
     ) as progress:
         progress.started(len(scenes) * (1 + len(parts)))
         known = [(card, options.data, name, submission) for name in scenes]
@@ -323,7 +323,9 @@ def _perturbed_runs(
     runs: Sequence[int],
 ) -> NDArray[np.uint8]:
     """Counts [n, 4] of the events of the perturbed ``runs`` on the targets of a scene."""
-    env = MTPEnv(card, data=data, samples=1, hypotheses=1, objects=1, evaluation=True)
+    env = MTPEnv(
+        card, data=data, samples=1, hypotheses=1, max_objects=1, evaluation=True
+    )
     env.reset(options={"scene": name})
     scene, row = env.scene, find_targets(env.scene, card).row
     agents = {

@@ -42,7 +42,7 @@ def open_source(card: Card, data: DataRoot = None) -> SceneSource:
     ``data`` is the data root; None stands for the environment variable MTP_BENCH_DATA, else the user data folder.
     Raises DataError when the root, a folder or the card's detector is missing.
     """
-    with long_work(f"opening {card.id}", around=True):
+    with long_work(f"opening {card.id}"):
         found = package_of(card).open(card, data)
     if card.drive is not None:
         return _Drives(card.id, found.names)

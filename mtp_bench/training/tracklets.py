@@ -22,8 +22,8 @@ from ..core import (
     Scene,
     Task,
     Tracks,
+    long_work,
     parallel_map,
-    reported,
     require_known,
     starts_of,
 )
@@ -151,7 +151,9 @@ def windows(
     observe = "truth" if isinstance(played, TruthTracker) else "detections"
     task = MTPEnv(opened.card, data=options.data, observe=observe).task
     calls = [(opened.card, options.data, task, played, name) for name in names]
-    with reported(f"reading windows of {env_id}", own=options.progress) as progress:
+    with long_work(
+        f"reading windows of {env_id}", progress=options.progress
+    ) as progress:
         progress.started(len(names))
         parts = parallel_map(
             _load_windows,

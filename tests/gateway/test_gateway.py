@@ -10,7 +10,8 @@ import pytest
 from mtp_bench import MTPEnv
 from mtp_bench.agent import load_submission
 from mtp_bench.core.errors import MtpBenchError, SubmissionError, UnknownNameError
-from mtp_bench.core.parallel import Progress, Workers
+from mtp_bench.core.notice import Progress
+from mtp_bench.core.parallel import Workers
 from mtp_bench.env.rollouts import digest
 from mtp_bench.judge import SceneRun, run_isolated, run_isolated_scenes
 from mtp_bench.judge.gateway.exchange import lengthened

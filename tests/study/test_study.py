@@ -236,7 +236,7 @@ def test_in_a_browser_no_request_is_made_and_nothing_is_cut_off(made: Study, tmp
 def test_stored_tracks_are_studied_and_changed_ones_anew(tmp_path: Path, card: str, kitti: str) -> None:
     run("stp", card, tmp_path / "stp", RunOptions(kitti))
     export_tracks(open_run(tmp_path / "stp", kitti, card), tmp_path / "tracks")
-    options = RunOptions(kitti, track_file=str(tmp_path / "tracks"))
+    options = RunOptions(kitti, tracks=str(tmp_path / "tracks"))
     tables = make_tables(find(["given_tracks"], card, tmp_path / "out", options, quick=True))
     (row,) = [row for row in tables["errors"].rows if (row.agent, row.targets_of) == ("given_tracks", "all")]
     assert row.coverage is not None

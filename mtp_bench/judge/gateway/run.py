@@ -68,10 +68,8 @@ def run_isolated(
         raise SubmissionError(
             f"{loaded.path}: its files changed while it ran, expected one submission in all scenes; run it again"
         )
-    places = [
-        getattr(env.card.source, name, None) for name in ("folder", "detections_file")
-    ]
-    places += [keywords.get("track_file")]
+    places = [getattr(env.card.source, name, None) for name in ("folder", "detections")]
+    places += [keywords.get("tracks")]
     own = [Path(place).expanduser() for place in places if place is not None]
     layout = layout_for(image, keywords.get("data"), own)
     spec = SandboxSpec(layout, image, backend or sandbox_backend())

@@ -1,19 +1,18 @@
 """A whole study, from the runs to the files that it writes."""
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
 from ...cards import Card
 from ...core import (
-    Done,
     MtpBenchError,
     Progress,
     Table,
+    long_work,
     make_folder,
-    reported,
     require_folder,
     to_csv,
     to_json,
@@ -80,7 +79,7 @@ def study(
     require_study_folder(folder)
     env_id, options = asked(env_id, options, keywords)
     place = Path(options.files).name if options.files else getattr(env_id, "id", env_id)
-    with reported(f"studying {place}", own=options.progress) as progress:
+    with long_work(f"studying {place}", progress=options.progress) as progress:
         options = replace(options, progress=progress)
         findings = find(
             names, env_id, folder, quick_options(options) if quick else options, quick
@@ -154,7 +153,11 @@ def require_study_folder(folder: Path) -> None:
 
 
 def write_study(
-    folder: Path, findings: Findings, tables: dict[str, Table], command: str, done: Done
+    folder: Path,
+    findings: Findings,
+    tables: dict[str, Table],
+    command: str,
+    done: Callable[[str], object],
 ) -> int:
     """Write all files of a study; returns the number of figures. ``done`` is called after each kind of file."""
     (folder / _MARK).touch()

@@ -231,7 +231,7 @@ def _folder_name(bench: Bench, setting: Setting, seed: int) -> str:
         setting.submission.networks, bench.card.id, bench.card.weights_of
     )
     if setting.observe == "tracks":
-        given = Path(bench.options.track_file or "")
+        given = Path(bench.options.tracks or "")
         files = [
             *files,
             *(
