@@ -5,7 +5,7 @@ from typing import Any
 
 from ..core import SERIAL, Workers, long_work, parallel_map
 
-# Packages whose import registers all kernels.
+# Rooms whose modules register all kernels.
 PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")
 
 
@@ -14,8 +14,10 @@ def all_kernels() -> list[Any]:
 
     The judge itself does not import trackers and predictors.
     """
-    for package in PLAYERS:
-        importlib.import_module(package)
+    for room in PLAYERS:
+        facade = importlib.import_module(room)
+        for name in facade.__all__:  # each is imported when it is first used
+            getattr(facade, name)
     module = importlib.import_module("mtp_bench.tracking.kernels.compile")
     kernels: list[Any] = module.KERNELS
     return kernels
