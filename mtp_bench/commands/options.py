@@ -61,30 +61,29 @@ def _completions(names: Iterable[str], incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
 
 
-def choice(known: Sequence[str], *names: str, text: str) -> Any:
-    """Return an option that takes ``known`` words, with completion.
+def choice(words: Sequence[str], *names: str, text: str) -> Any:
+    """Return an option that takes these words, with completion.
 
     ``text``: its help.
     """
 
     def check(value: Any) -> Any:
-        words = [value] if isinstance(value, str) else value or ()
-        for word in words:
-            one_of(word, known)
+        for word in [value] if isinstance(value, str) else value or ():
+            one_of(word, words)
         return value
 
     def complete(incomplete: str) -> list[str]:
-        return _completions(known, incomplete)
+        return _completions(words, incomplete)
 
     return Option(*names, help=text, callback=check, autocompletion=complete)
 
 
-def one_of(value: str, known: Sequence[str], option: str | None = None) -> None:
-    """Raise BadParameter unless ``value`` is one of ``known``."""
-    if value not in known:
-        message = f"{value!r}, expected one of: {', '.join(known)}"
-        if close := closest(value, known):
-            message += f"; did you mean {close!r}?"
+def one_of(value: str, words: Sequence[str], option: str | None = None) -> None:
+    """Raise BadParameter unless ``value`` is one of ``words``."""
+    if value not in words:
+        message = f"{value!r}, expected one of: {', '.join(words)}"
+        if nearest := closest(value, words):
+            message += f"; did you mean {nearest!r}?"
         raise BadParameter(message, param_hint=option)
 
 
@@ -327,9 +326,12 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
             values[name] = group(**{option: values.pop(option) for option in names})
         command(**values)
 
-    keyword_only = [each.replace(kind=each.KEYWORD_ONLY) for each in expanded]
+    call.__annotations__ = {}
+    keyword_only = []
+    for option in expanded:
+        call.__annotations__[option.name] = option.annotation
+        keyword_only.append(option.replace(kind=option.KEYWORD_ONLY))
     call.__signature__ = inspect.Signature(keyword_only)  # type: ignore[attr-defined]
-    call.__annotations__ = {each.name: each.annotation for each in expanded}
     return call
 
 

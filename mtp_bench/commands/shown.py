@@ -28,8 +28,8 @@ from .options import TableOption, one_of
 from .output import write_table
 
 
-def words(*names: str, known: Callable[[], Sequence[str]], text: str) -> Any:
-    """Return an option that takes words of ``known`` with commas between them.
+def words(*names: str, choices: Callable[[], Sequence[str]], text: str) -> Any:
+    """Return an option that takes words of ``choices`` with commas between them.
 
     ``text``: its help.
     """
@@ -37,7 +37,7 @@ def words(*names: str, known: Callable[[], Sequence[str]], text: str) -> Any:
     def check(value: str | None) -> str | None:
         if value is not None:
             for word in value.split(","):
-                one_of(word, known())
+                one_of(word, choices())
         return value
 
     return Option(*names, help=text, callback=check)
@@ -60,7 +60,7 @@ class Shown:
         str | None,
         words(
             "--columns",
-            known=column_keys,
+            choices=column_keys,
             text="Columns of the table, keys of --json with commas between them.",
         ),
     ] = None
@@ -68,7 +68,7 @@ class Shown:
         str | None,
         words(
             "--subsets",
-            known=lambda: KNOWN_SUBSETS,
+            choices=lambda: KNOWN_SUBSETS,
             text="Subsets of the table, such as all,ids; with --columns.",
         ),
     ] = None
@@ -109,8 +109,8 @@ def show_report(
     a report of one agent has none.
     """
     main = shown.main(report)
-    further = list(full_tables(report)) if shown.full else []
-    write_table(shown.table_file, [main, *further], shown.data(report))
+    other_tables = list(full_tables(report)) if shown.full else []
+    write_table(shown.table_file, [main, *other_tables], shown.data(report))
     show(to_text(main).rstrip())
     condition = report.condition
     lines: list[str | None] = [short_verdict(report, names), *warnings(report)]
@@ -124,7 +124,7 @@ def show_report(
     show_lines(notes(report))
     data = f"split {condition['split']}, {condition['detections']}"
     show_lines([f"{title}; {data}; truth: {condition['truth']}", condition["weights"]])
-    for table in further:
+    for table in other_tables:
         show("\n" + to_text(table).rstrip())
 
 

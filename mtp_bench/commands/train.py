@@ -184,8 +184,9 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     from ..training import TrainingRequest
 
     card = options.card(env)
-    submissions = [load_submission(agent) for agent in agents]
-    names = dict.fromkeys(name for each in submissions for name in each.networks)
+    names: dict[str, None] = {}
+    for agent in agents:
+        names |= dict.fromkeys(load_submission(agent).networks)
     states = states_of(names, card.id, card.weights_of)
     missing = [state for state in states if state.missing]
     if not missing:

@@ -128,7 +128,7 @@ def verify(
     record: Annotated[
         list[Path], Argument(help="Records, or folders: all records in them.")
     ],
-    asked: VerifyOptions,
+    checks: VerifyOptions,
     root: DataOption = None,
     jobs: JobsOption = 0,
     json_file: JsonOption = None,
@@ -137,18 +137,23 @@ def verify(
 
     Status 1 if one does not hold.
     """
-    asked.require_together()
-    trust = trusted(asked.base)
-    seals = {} if asked.hidden is None else open_seals(asked.hidden, trust.listed)
+    checks.require_together()
+    trust = trusted(checks.base)
+    seals = {} if checks.hidden is None else open_seals(checks.hidden, trust.listed)
     options = RunOptions(root, workers=WorkerChoice(jobs).workers())
     paths = _record_files(record)
-    if asked.sign is not None:
-        trust.require_signer(asked.sign, asked.signer or "")
+    if checks.sign is not None:
+        trust.require_signer(checks.sign, checks.signer or "")
         trust.require_listed(seals.values())
     with ExitStack() as ends:  # hidden scenes are made once for all records
-        every = Round(asked.rerun, seals, asked.submission, asked.made_here)
+        verification = Round(checks.rerun, seals, checks.submission, checks.made_here)
         check = partial(
-            _checked, asked=asked, every=every, trust=trust, options=options, ends=ends
+            _checked,
+            checks=checks,
+            verification=verification,
+            trust=trust,
+            options=options,
+            ends=ends,
         )
         is_single = len(paths) == 1 and record == paths
         results = [_check_one(path, check, is_single) for path in paths]
@@ -191,27 +196,27 @@ def _check_one(
 
 def _checked(
     path: Path,
-    asked: VerifyOptions,
-    every: Round,
+    checks: VerifyOptions,
+    verification: Round,
     trust: Trust,
     options: RunOptions,
     ends: ExitStack,
 ) -> _Result:
     record = checked_record(path)
-    if asked.sign is not None and not asked.looked_at:
-        result = _signed_before(path, record, every, trust)
+    if checks.sign is not None and not checks.looked_at:
+        result = _signed_before(path, record, verification, trust)
         if result is not None:
             return result
     title = f"verifying {record.submission.name} on {record.env.id}"
     with long_work(title) as progress:
         options = replace(options, progress=progress)
-        checked = every.verify(path, record, options, asked.env, ends)
+        checked = verification.verify(path, record, options, checks.env, ends)
     if checked.differences:
         _show_differences(checked)
     show(_verdict(checked))
-    if asked.sign is not None and checked.holds:
-        attest(checked, asked.sign, asked.signer or "", trust, asked.looked_at)
-        show(f"{path}: {checked.level}, signed by {asked.signer}")
+    if checks.sign is not None and checked.holds:
+        attest(checked, checks.sign, checks.signer or "", trust, checks.looked_at)
+        show(f"{path}: {checked.level}, signed by {checks.signer}")
     failure = ""
     if not checked.holds:
         differences = counted(len(checked.differences), "difference")
@@ -220,10 +225,10 @@ def _checked(
 
 
 def _signed_before(
-    path: Path, record: Record, every: Round, trust: Trust
+    path: Path, record: Record, verification: Round, trust: Trust
 ) -> _Result | None:
     """Return the level that was signed for a record before; None without one."""
-    attestation = every.reached(path, record, trust)
+    attestation = verification.reached(path, record, trust)
     if attestation is None:
         return None
     statement = attestation.statement
@@ -248,9 +253,9 @@ def _show_differences(checked: Verification) -> None:
         rows.append({k: clean_text(str(v), _MAX_LETTERS) for k, v in values.items()})
     columns = [Column(key=key) for key in Difference._fields]
     show_table(Table("differences", f"{checked.path}: differences", "", rows, columns))
-    more = len(checked.differences) - len(rows)
-    if more:
-        show_lines([f"and {more} more"])
+    hidden_rows = len(checked.differences) - len(rows)
+    if hidden_rows:
+        show_lines([f"and {hidden_rows} more"])
 
 
 def _summary(results: Sequence[_Result]) -> Table:

@@ -123,15 +123,15 @@ class _Work:
 
     def done(self, name: str = "", count: int = 1) -> None:
         """Count more finished items; ``name`` is shown."""
-        now = time.monotonic()
+        now_s = time.monotonic()
         with _lock:
             self.count += count
             self.item_name = name
-            if now - self._timed_since < _CACHED_ITEM_SECONDS:
+            if now_s - self._timed_since < _CACHED_ITEM_SECONDS:
                 self._cached = self.count
-                self._timed_since = now
+                self._timed_since = now_s
             elif self.count == self._cached + count:  # the first estimate is due soon
-                self.due = min(self.due, now + SILENT_SECONDS)
+                self.due = min(self.due, now_s + SILENT_SECONDS)
 
     def state(self) -> str:
         """Finished items, and the time that is left or has passed."""
@@ -142,12 +142,12 @@ class _Work:
 
     def _time(self) -> str:
         """The time that is left by the rate of items or the estimate, else passed."""
-        now = time.monotonic()
-        passed = now - self.begin
+        now_s = time.monotonic()
+        passed = now_s - self.begin
         timed_items = self.count - self._cached
         seconds_left = self.seconds - passed
         if timed_items > 0:
-            seconds_per_item = (now - self._timed_since) / timed_items
+            seconds_per_item = (now_s - self._timed_since) / timed_items
             seconds_left = seconds_per_item * (self.total - self.count)
         if seconds_left > 0:
             about = f"about {_duration(seconds_left)}"
@@ -224,25 +224,25 @@ def _watch() -> None:
 
 def _show() -> None:
     """Show the innermost work that is due or was shown before."""
-    now = time.monotonic()
+    now_s = time.monotonic()
     for work in reversed(_stack):
         if not work.text:
             return
-        if not work.shown and now < work.due:
+        if not work.shown and now_s < work.due:
             continue
-        if now >= work.due:
-            _show_state(work, now)
+        if now_s >= work.due:
+            _show_state(work, now_s)
         return
 
 
-def _show_state(work: _Work, now: float) -> None:
+def _show_state(work: _Work, now_s: float) -> None:
     if _has_bar():
         with suppress(OSError, ValueError):  # closed or full: work goes on
             _bar.show(work)
-        work.due = now + BAR_SECONDS
+        work.due = now_s + BAR_SECONDS
     else:
         _write_line(", ".join(filter(None, [work.text, work.state()])))
-        work.due = now + LINE_SECONDS
+        work.due = now_s + LINE_SECONDS
     work.shown = True
 
 

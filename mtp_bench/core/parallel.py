@@ -140,14 +140,14 @@ def _indexed(
 @contextmanager
 def _safe_path() -> Iterator[None]:
     """Keep new processes from importing modules of the current folder."""
-    before = os.environ.get(_SAFE_PATH)
+    previous = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"
     try:
         yield
     finally:
         os.environ.pop(_SAFE_PATH, None)
-        if before is not None:
-            os.environ[_SAFE_PATH] = before
+        if previous is not None:
+            os.environ[_SAFE_PATH] = previous
 
 
 @contextmanager
@@ -156,11 +156,11 @@ def _ignoring_interrupts() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+        signal.signal(signal.SIGINT, previous or signal.SIG_DFL)
 
 
 def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[Any]:

@@ -172,7 +172,9 @@ def choose(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[str, ...
     return scene_names
 
 
-def wanted(options: dict[str, Any], names: Sequence[str], drawn_name: str) -> str:
+def scene_of_reset(
+    options: dict[str, Any], names: Sequence[str], drawn_name: str
+) -> str:
     """Return the scene that the options of reset name, else the one that was drawn.
 
     Raises UnknownNameError for another option, or a name that is not in ``names``.

@@ -35,7 +35,7 @@ from .arguments import (
     chosen_sizes,
     own_scenes,
     require_room,
-    wanted,
+    scene_of_reset,
 )
 from .episode import (
     DRIVEN_EPISODE,
@@ -143,7 +143,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         """First observation of a scene: the one that ``options={"scene": name}`` names, else one drawn at random."""
         super().reset(seed=seed)
         drawn = self.scene_names[int(self.np_random.integers(len(self.scene_names)))]
-        name = wanted(options or {}, self.scene_names, drawn)
+        name = scene_of_reset(options or {}, self.scene_names, drawn)
         number, rng = (
             self.scene_names.index(name),
             self.np_random if self._rigid_motion else None,

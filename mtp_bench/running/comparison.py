@@ -3,7 +3,7 @@
 The controls separate hypotheses from sampling.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
@@ -93,7 +93,7 @@ def _compare(
     control_asked_for = any(agent in control_names() for agent in agents)
     scores, failures = _scores(evaluation, runs, control_asked_for)
 
-    finished = [each for each in settings if each.submission.name not in failures]
+    finished = _without(failures, settings)
     report, reference = evaluation.report(
         [scores[setting.key] for setting in finished],
         finished,
@@ -101,14 +101,19 @@ def _compare(
     )
     if all(row.subset != "turning" for row in report.rows):
         hidden |= _hidden_controls(("bends",), agents)
-    names = dict.fromkeys(setting.submission.name for setting in finished)
-    shown = [name for name in names if name not in hidden]
-    report = replace(report, shown=shown, failures=failures)
+    visible = _without(hidden, finished)
+    shown = dict.fromkeys(setting.submission.name for setting in visible)
+    report = replace(report, shown=list(shown), failures=failures)
     skipped: dict[str, int] = {}
     # every setting reads the same scenes, but only some read stored tracks
     for agent_scores in scores.values():
         skipped |= total_skipped(scene.skipped for scene in agent_scores.seeds[0])
     return Comparison(report, reference, tuple(finished), skipped)
+
+
+def _without(names: Container[str], settings: Iterable[Setting]) -> list[Setting]:
+    """Return the settings of other submissions."""
+    return [setting for setting in settings if setting.submission.name not in names]
 
 
 def control_names() -> list[str]:
@@ -128,7 +133,7 @@ def _main_settings(settings: Sequence[Setting], hidden: set[str]) -> list[Settin
 
     It has k samples, the submission's own parameters and the most hypotheses.
     """
-    shown = [each for each in settings if each.submission.name not in hidden]
+    shown = _without(hidden, settings)
 
     def rank(setting: Setting) -> tuple[Any, ...]:
         is_default = setting.label == setting.submission.name
@@ -194,6 +199,23 @@ def _scores(
     Each is built and reset before any is run. Raises SubmissionError, with the reasons,
     if a control failed, or all others, unless a control was asked for.
     """
+    failures = _copy_failures(evaluation, runs)
+    scores: dict[Key, AgentScores] = {}
+    for step in (evaluation.first_errors, evaluation.scores):
+        remaining = _without(failures, runs.values())
+        for run, result in zip(remaining, step(remaining), strict=True):
+            if isinstance(result, AgentFailedError):
+                failures.setdefault(run.submission.name, result.reason)
+            elif result is not None:
+                scores[run.key] = result
+        _require_success(failures, runs, control_asked_for)
+    return scores, failures
+
+
+def _copy_failures(
+    evaluation: EnvEvaluation, runs: Mapping[Key, Setting]
+) -> dict[str, str]:
+    """Return why submissions cannot be sent to workers, by name."""
     failures: dict[str, str] = {}
     if evaluation.options.workers != SERIAL:
         for run in runs.values():
@@ -201,26 +223,18 @@ def _scores(
                 run.submission.require_copy()
             except MtpBenchError as error:
                 failures[run.submission.name] = str(error)
-    competitors = {run.submission.name for run in runs.values()}
-    competitors.difference_update(control_names())
-    scores: dict[Key, AgentScores] = {}
-    for step in (evaluation.first_errors, evaluation.scores):
-        remaining = [r for r in runs.values() if r.submission.name not in failures]
-        for run, result in zip(remaining, step(remaining), strict=True):
-            if isinstance(result, AgentFailedError):
-                failures.setdefault(run.submission.name, result.reason)
-            elif result is not None:
-                scores[run.key] = result
-        if competitors and not control_asked_for and competitors <= failures.keys():
-            _raise_failures(failures)
-        _raise_failures(
-            {name: failures[name] for name in failures if name not in competitors}
-        )
-    return scores, failures
+    return failures
 
 
-def _raise_failures(failures: Mapping[str, str]) -> None:
-    """Raise SubmissionError for agents that failed, if there are any."""
-    if failures:
-        sentences = [f"agent {name!r} {why}" for name, why in failures.items()]
+def _require_success(
+    failures: Mapping[str, str], runs: Mapping[Key, Setting], control_asked_for: bool
+) -> None:
+    """Raise SubmissionError if a control failed, or all others."""
+    competitors = {run.submission.name for run in runs.values()} - {*control_names()}
+    all_failed = bool(competitors) and competitors <= failures.keys()
+    fatal = [name for name in failures if name not in competitors]
+    if all_failed and not control_asked_for:
+        fatal = list(failures)
+    if fatal:
+        sentences = [f"agent {name!r} {failures[name]}" for name in fatal]
         raise SubmissionError("; ".join(sentences))

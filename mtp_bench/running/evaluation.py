@@ -131,7 +131,9 @@ class EnvEvaluation:
             errors: list[AgentFailedError] = []
             for _ in self.options.seeds:
                 run = tuple(itertools.islice(results, len(self.scenes)))
-                errors += [each for each in run if isinstance(each, AgentFailedError)]
+                for result in run:
+                    if isinstance(result, AgentFailedError):
+                        errors.append(result)
                 seeds.append(run)
             setting_scores.append(errors[0] if errors else scores_of(setting, seeds))
         return setting_scores
@@ -150,10 +152,10 @@ class EnvEvaluation:
         report = summarise(scores, self.card, reference, references=references)
         report.condition["weights"] += self.left_out
         agents: dict[str, list[str]] = {}  # by note
-        submissions = {each.submission.name: each.submission for each in settings}
-        for name, submission in submissions.items():
-            if note := training_note(submission, self.card):
-                agents.setdefault(note, []).append(name)
+        for setting in settings:
+            note = training_note(setting.submission, self.card)
+            if note and setting.submission.name not in agents.setdefault(note, []):
+                agents[note].append(setting.submission.name)
         if agents:
             notes = [f"{note}: {', '.join(names)}" for note, names in agents.items()]
             report.condition["trained"] = "; ".join(notes)

@@ -159,8 +159,9 @@ class RunOptions(CardChanges):
         """Raise MtpBenchError if no submission observes the stored tracks named."""
         if self.tracks is None:
             return
-        if not any(each.compare.observe == "tracks" for each in submissions):
-            names = ", ".join(dict.fromkeys(each.name for each in submissions))
+        observed = [submission.compare.observe for submission in submissions]
+        if "tracks" not in observed:
+            names = ", ".join(dict.fromkeys(agent.name for agent in submissions))
             raise MtpBenchError(
                 f"stored tracks are named, which are not shown to {names}; run "
                 'given_tracks, or a submission with observe = "tracks" under [compare]'
@@ -197,11 +198,10 @@ def asked(
     if "jobs" in changes:
         jobs = _whole_number("jobs", changes.pop("jobs"))
         changes["workers"] = Workers(jobs or cores())
-    seeds = changes.get("seeds", ())
-    if isinstance(seeds, str) or not isinstance(seeds, Sequence):
-        changes["seeds"] = range(_whole_number("seeds", seeds))
-    if isinstance(fold := changes.get("fold"), str):
-        changes["fold"] = fold_of(fold)
+    if "seeds" in changes:
+        changes["seeds"] = _seeds(changes["seeds"])
+    if isinstance(changes.get("fold"), str):
+        changes["fold"] = fold_of(changes["fold"])
     scenes = changes.get("scenes")
     if isinstance(scenes, SupportsIndex):
         changes["scenes"] = _whole_number("scenes", scenes)
@@ -215,6 +215,13 @@ def asked(
 
 def _loaded(env: str | Card) -> Card:
     return env if isinstance(env, Card) else load_card(env)
+
+
+def _seeds(value: object) -> Sequence[int]:
+    """Return seeds: those of a list, or as many as a number says."""
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return value
+    return range(_whole_number("seeds", value))
 
 
 def _whole_number(name: str, value: object) -> int:
@@ -232,5 +239,7 @@ def _scene_names(scenes: object) -> tuple[str, ...]:
         )
     if not scenes:
         raise MtpBenchError("scenes is an empty list, expected at least one scene")
-    names = [each.name if isinstance(each, Scene) else each for each in scenes]
-    return tuple(dict.fromkeys(names))
+    names: dict[str, None] = {}
+    for scene in scenes:
+        names[scene.name if isinstance(scene, Scene) else scene] = None
+    return tuple(names)

@@ -84,16 +84,16 @@ class Perturbation:
         rng = np.random.default_rng(derived_seed(run, scene.name, "perturbation"))
         detections = scene.detections
         class_id = detections.class_id
-        kept = rng.random(len(class_id)) >= DROPPED
+        row_mask = rng.random(len(class_id)) >= DROPPED
         cut = (run // len(ASSIGNMENTS)) % (len(self.cuts) + 1)
         if cut > 0:
-            kept &= detections.score >= np.asarray(self.cuts[cut - 1])[class_id]
+            row_mask &= detections.score >= np.asarray(self.cuts[cut - 1])[class_id]
         noise = rng.standard_normal((len(class_id), 6))
         box = np.array(detections.box, dtype=np.float64)
         box[:, :2] += noise[:, :2] * np.asarray(self.sigma_xy)[class_id, None]
         box[:, 3] += noise[:, 2] * np.asarray(self.sigma_yaw)[class_id]
         box[:, 4:7] *= np.exp(SIGMA_LOG_SIZE * noise[:, 3:])
-        return replace(scene, detections=replace(detections, box=box).select(kept))
+        return replace(scene, detections=replace(detections, box=box).select(row_mask))
 
 
 def matched_detections(scene: Scene, card: Card) -> MatchedDetections:

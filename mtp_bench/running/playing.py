@@ -61,17 +61,17 @@ def run_scene(
     env_seed = derived_seed(seed, scene_name, "env")
     observation, _ = env.reset(seed=env_seed, options={"scene": scene_name})
     seconds: list[float] = []
-    over = False
+    is_over = False
     step = "reset"
     try:
         agent.reset(agent_task(env, seed, scene_name))
-        while not over:
+        while not is_over:
             step = f"frame {len(seconds)}"
             begin = time.perf_counter()
             action = agent.act(observation)
             seconds.append(time.perf_counter() - begin)
             step = ""  # errors below are the env's
-            observation, _, over, *_ = env.step(action)
+            observation, _, is_over, *_ = env.step(action)
     except BaseException as error:
         if not step or isinstance(error, KeyboardInterrupt):  # of the user
             raise
@@ -167,22 +167,34 @@ def _outcomes(
     except WorkerDiedError:
         if not caught:
             raise
-    for agent in dict.fromkeys(calls[index][0].agent for index in remaining):
-        indices = [index for index in remaining if calls[index][0].agent == agent]
+    by_agent: dict[str, list[int]] = {}
+    for index in remaining:
+        by_agent.setdefault(calls[index][0].agent, []).append(index)
+    for agent, indices in by_agent.items():
         agent_calls = [calls[index] for index in indices]
-        results = unordered_map(function, agent_calls, workers, own_process=True)
-        try:
-            for position, result in results:
-                del remaining[indices[position]]
-                yield indices[position], result
-        except WorkerDiedError:
-            reason = (
-                "ended its process: it exited, crashed, or memory ran out "
-                "(then take fewer processes, --jobs)"
-            )
-            for index in indices:
-                if index in remaining:
-                    yield index, AgentFailedError(agent, reason)
+        for position, result in _agent_outcomes(function, agent, agent_calls, workers):
+            yield indices[position], result
+
+
+def _agent_outcomes(
+    function: Callable[..., Any],
+    agent: str,
+    calls: Sequence[tuple[Any, ...]],
+    workers: Workers,
+) -> Iterator[tuple[int, Any]]:
+    """Yield index and result of each call of one agent, which may end its process."""
+    remaining = dict.fromkeys(range(len(calls)))
+    try:
+        for index, result in unordered_map(function, calls, workers, own_process=True):
+            del remaining[index]
+            yield index, result
+    except WorkerDiedError:
+        reason = (
+            "ended its process: it exited, crashed, or memory ran out "
+            "(then take fewer processes, --jobs)"
+        )
+        for index in remaining:
+            yield index, AgentFailedError(agent, reason)
 
 
 def first_errors(

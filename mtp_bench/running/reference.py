@@ -71,7 +71,7 @@ class _PlainRun(NamedTuple):
 
     detections: MatchedDetections
     stp: Bools  # [n, 3], as the following fields one of `SceneWeights`
-    stp_events: tuple[int, int, int]
+    stp_events: tuple[int, int, int]  # switches, lost, reacquired
     false_forecasts: int
     forecasts: int
     live: int
@@ -203,20 +203,20 @@ def make_reference(
     submission = load_submission(card.reference or controls()["single"])
     starts = range(0, len(seeds), _RUNS_PER_CALL)
     parts = [seeds[start : start + _RUNS_PER_CALL] for start in starts]
-    plain: list[_PlainRun]
+    plain_runs: list[_PlainRun]
     counts: list[NDArray[np.uint8]]
     text = f"event weights from runs of {submission.name}"
     with long_work(text, progress=options.progress) as progress:
         progress.started(len(scenes) * (1 + len(parts)))
         scene_calls = [(card, options.data, name, submission) for name in scenes]
-        plain = parallel_map(
+        plain_runs = parallel_map(
             _plain_run,
             scene_calls,
             options.workers,
             lambda index: progress.done(scenes[index]),
         )
         perturbation = Perturbation.fit(
-            [run.detections for run in plain], len(card.task.classes)
+            [run.detections for run in plain_runs], len(card.task.classes)
         )
         calls = [(*call, perturbation, part) for call in scene_calls for part in parts]
         counts = parallel_map(
@@ -227,7 +227,7 @@ def make_reference(
         )
     weights = {}
     for i, name in enumerate(scenes):
-        run = plain[i]
+        run = plain_runs[i]
         part_counts = np.stack(counts[i * len(parts) : (i + 1) * len(parts)])
         weights[scene_key(card.id, name)] = SceneWeights(
             part_counts.sum(axis=0, dtype=np.uint8),
@@ -244,7 +244,7 @@ def make_reference(
         len(seeds),
         perturbation.parameters(card.task.classes, seeds),
         weights,
-        constants=_budget_of(card.id, plain),
+        constants=_budget_of(card.id, plain_runs),
     )
 
 
@@ -296,13 +296,13 @@ def _plain_run(
     rollout = run_scene(submission.build(env.task), env, name, 0, submission.name)
     scene = env.scene
     events = events_of(scene, rollout, card)
-    of_objects = events[~evaluated(scene).truth.neutral]
-    ids, lost, reacquired = of_objects.sum(axis=0).tolist()
+    object_events = events[~evaluated(scene).truth.neutral]
+    event_counts = tuple(object_events.sum(axis=0).tolist())
     score = score_scene(scene, rollout, card)
     return _PlainRun(
         matched_detections(scene, card),
         events[find_targets(scene, card).row],
-        (ids, lost, reacquired),
+        event_counts,
         score.false_forecasts,
         score.forecasts,
         score.live,

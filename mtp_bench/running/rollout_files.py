@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -98,7 +99,7 @@ def save_run(folder: str | Path, info: RunInfo, rollouts: Iterable[Rollout]) -> 
                 )
         # zlib, which takes most of the time, releases the interpreter lock
         with ThreadPoolExecutor(cores()) as pool:
-            entries = pool.map(lambda each: _write_scene(part, each), by_scene.values())
+            entries = pool.map(partial(_write_scene, part), by_scene.values())
             scenes = list(entries)
         content = _RunFile(format=FORMAT, info=info, scenes=scenes).model_dump()
         try:
@@ -150,12 +151,10 @@ def require_run_folder(folder: Path) -> None:
             f"{folder} is a file, expected a new folder or that of an earlier run"
         )
     names = {path.name for path in folder.iterdir()}
-    foreign = sorted(
-        name for name in names if name != RUN_FILE and not name.endswith(".npz")
-    )
+    foreign = {name for name in names if not name.endswith(".npz")} - {RUN_FILE}
     problem = ""
     if foreign:
-        problem = f"holds {foreign[0]!r}"
+        problem = f"holds {min(foreign)!r}"
     elif names and RUN_FILE not in names:
         problem = f"has no {RUN_FILE}"
     if problem:
@@ -262,9 +261,13 @@ def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]], frames: int) -> N
             raise RolloutError(
                 f"{path}: {name} has shape {array.shape}, expected {expected}"
             )
-    for kind, rows in (("track", sizes["R"]), ("object", sizes["S"])):
-        start = arrays[f"{kind}_start"]
-        if start[0] != 0 or start[-1] != rows or (np.diff(start) < 0).any():
-            raise RolloutError(
-                f"{path}: {kind}_start does not divide the {rows} rows into frames"
-            )
+    _check_starts(path, "track_start", arrays["track_start"], sizes["R"])
+    _check_starts(path, "object_start", arrays["object_start"], sizes["S"])
+
+
+def _check_starts(path: Path, name: str, start: NDArray[Any], rows: int) -> None:
+    """Raise RolloutError unless ``start`` divides the rows into frames."""
+    if start[0] != 0 or start[-1] != rows or (np.diff(start) < 0).any():
+        raise RolloutError(
+            f"{path}: {name} does not divide the {rows} rows into frames"
+        )

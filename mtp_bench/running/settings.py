@@ -70,15 +70,15 @@ class Setting:
         Both have its own predictor. Empty: the controls are the pair. None: the
         manifest does not state it.
         """
-        stated = self.submission.compare.gap_references
-        if stated == "controls":
+        pair_parameters = self.submission.compare.gap_references
+        if pair_parameters == "controls":
             return ()
-        if stated is None or self.observe == "truth":
+        if pair_parameters is None or self.observe == "truth":
             return None
         single = replace(
             self,
             label=f"{self.submission.name} (reference of its gap)",
-            parameters={**self.parameters, **stated},
+            parameters={**self.parameters, **pair_parameters},
             hypotheses=1,
             observe=self.observe.replace("associated", "detections"),
         )
@@ -217,10 +217,10 @@ def all_settings(agents: Iterable[object], card: Card) -> list[Setting]:
         submission = submission_of(agent)
         if isinstance(submission, ObjectSubmission):
             submission = _numbered(agent, submission, submissions)
-        other = submissions.setdefault(submission.name, submission)
-        if other.path != submission.path:
+        first = submissions.setdefault(submission.name, submission)
+        if first.path != submission.path:
             raise MtpBenchError(
-                f"two submissions are called {submission.name!r}: {other.path} and "
+                f"two submissions are called {submission.name!r}: {first.path} and "
                 f"{submission.path}; give them different names in submission.toml"
             )
     settings = [expand(submission, card) for submission in submissions.values()]

@@ -185,14 +185,16 @@ def run_info(
     """
     submission = setting.submission
     # samples and observe have fields of their own
-    further = {k: v for k, v in keywords.items() if k not in ("samples", "observe")}
+    env_keywords = dict(keywords)
+    for name in ("samples", "observe"):
+        env_keywords.pop(name, None)
     return RunInfo(
         env_id=env.card.id,
         card_digest=env.card.digest,
         observe=env.task.observe,
         samples=env.task.samples,
         split=env.card.source.split,
-        keywords=further,
+        keywords=env_keywords,
         agent=submission.name,
         folder=str(submission.path) if submission.digest else "",
         parameters=setting.parameters,
@@ -231,7 +233,7 @@ def score(
     info = opened.run.info
     if info.note:
         report.condition["trained"] = f"{info.note}: {info.agent}"
-    return StoredScore(report, total_skipped(each.skipped for each in agent.seeds[0]))
+    return StoredScore(report, total_skipped(scene.skipped for scene in agent.seeds[0]))
 
 
 def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores:

@@ -211,15 +211,15 @@ def _samples(
     start = starts_of_sorted(rows.frame, scene.frames)
     for t, token in enumerate(tokens):
         boxes: list[dict[str, object]] = []
-        now = float(scene.time[t])
+        time_s = float(scene.time[t])
         for row in range(start[t], start[t + 1]):
             track_id = int(rows.track_id[row])
             box = rows.box[row]
-            time, position = previous.get(track_id, (now, box[:2]))
+            last_time_s, position = previous.get(track_id, (time_s, box[:2]))
             velocity = np.zeros(2)
-            if now > time:
-                velocity = (box[:2] - position) / (now - time)
-            previous[track_id] = now, box[:2]
+            if time_s > last_time_s:
+                velocity = (box[:2] - position) / (time_s - last_time_s)
+            previous[track_id] = time_s, box[:2]
             name = card.task.classes[rows.class_id[row]]
             score = float(rows.score[row])
             boxes.append(
@@ -250,7 +250,7 @@ def _write_feather(
         tables.append(table(columns))
     with whole_file(path) as part:
         feather.write_feather(concat_tables(tables), part)
-    return sum(len(each) for each in tables)
+    return sum(map(len, tables))
 
 
 _SUBMISSIONS = (

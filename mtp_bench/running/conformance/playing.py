@@ -126,10 +126,12 @@ class Played:
             count.rows += problem.rows
             count.frames += 1
 
-    def note_written(self, before: Observation, after: Observation, place: str) -> None:
+    def note_written(
+        self, copies: Observation, observation: Observation, place: str
+    ) -> None:
         """Keep the name of the first entry that an agent changed or took out."""
-        for name, array in before.items():
-            if not self.written and not _same(array, after.get(name)):
+        for name, array in copies.items():
+            if not self.written and not _is_same(array, observation.get(name)):
                 self.written = f"{place}, {name}"
 
 
@@ -169,9 +171,9 @@ def first_difference(a: Played, b: Played) -> str:
     """Return scene, frame and field where two passes differ first; empty if equal."""
     frames = min(len(a.actions), len(b.actions))
     for t in range(frames):
-        other = b.actions[t]
+        second_action = b.actions[t]
         for name, value in vars(a.actions[t]).items():
-            if not np.array_equal(value, getattr(other, name), equal_nan=True):
+            if not np.array_equal(value, getattr(second_action, name), equal_nan=True):
                 return f"{a.where}, frame {t}, {name}"
     if len(a.actions) != len(b.actions):
         return f"{a.where}, frame {frames}"
@@ -180,10 +182,10 @@ def first_difference(a: Played, b: Played) -> str:
 
 def _episode(env: MTPEnv, observation: Observation) -> Steps:
     frame = 0
-    over = False
-    while not over:
+    is_over = False
+    while not is_over:
         action = yield f"frame {frame}", observation
-        observation, _, over, *_ = env.step(action)
+        observation, _, is_over, *_ = env.step(action)
         frame += 1
     yield None
 
@@ -199,7 +201,7 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
         description, observation = step
         place = f"{where}, {description}"
         entries = dict(observation)  # the agent may take some out
-        before = {name: array.copy() for name, array in entries.items()}
+        copies = {name: array.copy() for name, array in entries.items()}
         try:
             begin = time.perf_counter()
             action = agent.act(observation)
@@ -207,7 +209,7 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
         except (Exception, SystemExit) as error:
             raise failure(error, place, "an action") from error
         played.note_action(action, task, place)
-        played.note_written(before, observation, place)
+        played.note_written(copies, observation, place)
         if scribble:
             action = _copied(action)
             for array in entries.values():
@@ -228,10 +230,10 @@ def _copied(action: Any) -> Any:
     return copies
 
 
-def _same(array: np.ndarray, other: object) -> bool:
+def _is_same(array: np.ndarray, value: object) -> bool:
     is_float = array.dtype.kind == "f"
-    return isinstance(other, np.ndarray) and np.array_equal(
-        array, other, equal_nan=is_float
+    return isinstance(value, np.ndarray) and np.array_equal(
+        array, value, equal_nan=is_float
     )
 
 
