@@ -51,10 +51,12 @@ class Commands(TyperGroup):
         """Import a command; None for an unknown name."""
         if cmd_name not in SUMMARIES:
             return None
-        name = cmd_name.replace("-", "_")
-        if keyword.iskeyword(name):
-            name += "_"
-        content = getattr(importlib.import_module(f"mtp_bench.commands.{name}"), name)
+        module_name = cmd_name.replace("-", "_")
+        if keyword.iskeyword(module_name):
+            module_name += "_"
+        content = getattr(
+            importlib.import_module(f"mtp_bench.commands.{module_name}"), module_name
+        )
         if isinstance(content, Typer):
             return get_command(content)
         from .options import opened

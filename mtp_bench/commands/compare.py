@@ -62,12 +62,12 @@ def compare(
     result = run_comparison(agents, env, options, full)
     content = result.report.to_json("condition", "paired", "details", "failures")
     write_json(json_file, content | {"skipped": result.skipped})
-    names = dict.fromkeys(setting.submission.name for setting in result.settings)
+    agent_names = dict.fromkeys(setting.submission.name for setting in result.settings)
     for control in control_names():
         if control not in agents:
-            names.pop(control, None)
+            agent_names.pop(control, None)
     title = counted(seeds, "seed")
-    show_report(result.report, title, result.skipped, shown, list(names))
+    show_report(result.report, title, result.skipped, shown, list(agent_names))
     if result.report.failures:
         raise Exit(1)
 
@@ -94,7 +94,7 @@ def _compare_driving(
         show_table(table)
         show_lines([table.sentence])
     write_table(shown.table_file, [table], table)
-    for name, reason in result.failures.items():
-        say(f"{name}: {reason}")
+    for agent_name, reason in result.failures.items():
+        say(f"{agent_name}: {reason}")
     if result.failures:
         raise Exit(1)

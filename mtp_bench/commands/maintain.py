@@ -1,4 +1,4 @@
-"""``mtp-bench maintain``: commands of the maintainers of leaderboard and environments."""
+"""``mtp-bench maintain``: commands of the maintainers."""
 
 import shlex
 from pathlib import Path
@@ -134,7 +134,9 @@ def _summary(reference: Reference) -> str:
         drives = counted(len(ways), "way")
         return f"{drives} with ground-truth tracks, {mean_m:.1f} m on average"
     weights = reference.totals["sum_of_weights"]
-    totals = ", ".join(f"{name} {total}" for name, total in weights.items())
+    totals = ", ".join(
+        f"{subset_name} {total}" for subset_name, total in weights.items()
+    )
     targets = counted(reference.totals["targets"], "target")
     return f"{targets}, sum of weights {totals}"
 

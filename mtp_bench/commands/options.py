@@ -57,8 +57,8 @@ def _files(incomplete: str, pattern: str) -> list[str]:
     return [f"{folder}{path.relative_to(folder)}" for path in paths]
 
 
-def _completions(names: Iterable[str], incomplete: str) -> list[str]:
-    return [name for name in names if name.startswith(incomplete)]
+def _completions(words: Iterable[str], incomplete: str) -> list[str]:
+    return [word for word in words if word.startswith(incomplete)]
 
 
 def choice(words: Sequence[str], *names: str, text: str) -> Any:
@@ -322,8 +322,10 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def call(**values: Any) -> None:
-        for name, (group, names) in groups.items():
-            values[name] = group(**{option: values.pop(option) for option in names})
+        for group_name, (group, option_names) in groups.items():
+            values[group_name] = group(
+                **{option: values.pop(option) for option in option_names}
+            )
         command(**values)
 
     call.__annotations__ = {}

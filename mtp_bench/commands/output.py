@@ -107,7 +107,7 @@ def print_or_write(path: Path | None, text: str) -> None:
 
 
 class _Muted(io.StringIO):
-    """A stream that discards what is printed, so that ``output`` gets the JSON alone."""
+    """A stream that discards its text, so that ``output`` gets the JSON alone."""
 
     def __init__(self, output: TextIO) -> None:
         super().__init__()

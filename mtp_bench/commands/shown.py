@@ -45,7 +45,7 @@ def words(*names: str, choices: Callable[[], Sequence[str]], text: str) -> Any:
 
 @dataclass(frozen=True)
 class Shown:
-    """Options of the shown tables of a report, and the file that they are written to."""
+    """Options of the tables of a report, and the file that they are written to."""
 
     full: Annotated[
         bool,

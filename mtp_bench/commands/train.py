@@ -184,10 +184,10 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     from ..training import TrainingRequest
 
     card = options.card(env)
-    names: dict[str, None] = {}
+    network_names: dict[str, None] = {}
     for agent in agents:
-        names |= dict.fromkeys(load_submission(agent).networks)
-    states = states_of(names, card.id, card.weights_of)
+        network_names |= dict.fromkeys(load_submission(agent).networks)
+    states = states_of(network_names, card.id, card.weights_of)
     missing = [state for state in states if state.missing]
     if not missing:
         return
@@ -198,10 +198,10 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     training = RunOptions(options.data, split="train", workers=options.workers)
     training = _with_default_scenes(training, card)
     for state in missing:
-        network, pasts = state.network.rsplit("-", 1)
+        network_name, pasts = state.network.rsplit("-", 1)
         source = env if state.env_id == card.id else state.env_id
         prepare(source, training)
-        request = TrainingRequest(network, source, pasts)
+        request = TrainingRequest(network_name, source, pasts)
         path, _ = _train(request, training, minutes=state.minutes or 0)
         say(f"{state.network}: {path}")
 
@@ -244,7 +244,9 @@ def presence(on: EnvScenes, output: TextOption = None) -> None:
         text, quality = fit_split(open_split(on.env, options, left_out))
     print_or_write(output, text)
     if output is not None:
-        scores = [f"{row['brier']:.3f} of {name}" for name, row in quality.items()]
+        scores = [
+            f"{row['brier']:.3f} of {model_name}" for model_name, row in quality.items()
+        ]
         print(
             f"{output}: {quality['presence']['rows']} boxes of tracks; "
             f"Brier score on those held out: {', '.join(scores)}"

@@ -100,10 +100,10 @@ class VerifyOptions:
             "signer": "sign",
             "looked_at": "sign",
         }
-        for name, needed in needs.items():
-            if getattr(self, name) and not getattr(self, needed):
-                option = f"--{name.replace('_', '-')}"
-                raise BadParameter(f"needs --{needed}", param_hint=option)
+        for option_name, needed_option in needs.items():
+            if getattr(self, option_name) and not getattr(self, needed_option):
+                option = f"--{option_name.replace('_', '-')}"
+                raise BadParameter(f"needs --{needed_option}", param_hint=option)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A parallel map over processes of this machine or over the workers of a Dask cluster."""
+"""A parallel map over processes of this machine or over workers of a Dask cluster."""
 
 import gc
 import os
@@ -36,7 +36,8 @@ class Workers:
     """Workers of a parallel map.
 
     They are ``count`` processes of this machine, or all workers of a Dask
-    ``scheduler``. Raises MtpBenchError for a count below 1, and for a scheduler without Dask.
+    ``scheduler``. Raises MtpBenchError for a count below 1, and for a scheduler
+    without Dask.
     """
 
     count: int = 1

@@ -75,8 +75,8 @@ def run_parts(
     parts = np.split(part, ends)
     distances = np.split(arrays["distance"], ends)
     scene_parts: dict[str, SceneParts] = {}
-    for i, name in enumerate(scene_names):
-        scene_parts[name] = SceneParts(
+    for i, scene_name in enumerate(scene_names):
+        scene_parts[scene_name] = SceneParts(
             parts[i], mean_blame, distances[i], unsplit, arrays["thresholds"]
         )
     return scene_parts
@@ -140,7 +140,9 @@ def _make_parts(
     count = np.array([len(score) for score in scene_scores])
     missing = np.zeros(count.sum())
     arrays = {
-        "part": np.stack([parts.get(name, missing) for name in PARTS], axis=1),
+        "part": np.stack(
+            [parts.get(part_name, missing) for part_name in PARTS], axis=1
+        ),
         "count": count,
         "distance": np.concatenate([score.distance for score in scene_scores]),
         "thresholds": thresholds_of(table),

@@ -232,9 +232,11 @@ def _require_success(
     """Raise SubmissionError if a control failed, or all others."""
     competitors = {run.submission.name for run in runs.values()} - {*control_names()}
     all_failed = bool(competitors) and competitors <= failures.keys()
-    fatal = [name for name in failures if name not in competitors]
+    fatal = [agent_name for agent_name in failures if agent_name not in competitors]
     if all_failed and not control_asked_for:
         fatal = list(failures)
     if fatal:
-        sentences = [f"agent {name!r} {failures[name]}" for name in fatal]
+        sentences = [
+            f"agent {agent_name!r} {failures[agent_name]}" for agent_name in fatal
+        ]
         raise SubmissionError("; ".join(sentences))

@@ -68,18 +68,18 @@ def compare_driving(
     card = evaluation.card
     if evaluation.options.tracks is not None:
         card.require_same_scenes("which takes no stored tracks", "leave --tracks out")
-    names = controls()
+    role_names = controls()
     roles = CONTROLS + LOWER_REFERENCES if full else CONTROLS
-    every_agent = dict.fromkeys([*(names[role] for role in roles), *agents])
+    every_agent = dict.fromkeys([*(role_names[role] for role in roles), *agents])
     settings = [setting_of(submission_of(agent), card) for agent in every_agent]
     drives, failures = drives_of(settings, evaluation)
     for role in CONTROLS:
-        if names[role] in failures:
+        if role_names[role] in failures:
             raise SubmissionError(
-                f"control {names[role]!r} failed: {failures[names[role]]}"
+                f"control {role_names[role]!r} failed: {failures[role_names[role]]}"
             )
-    ways_m = _reference_ways(card, drives[names["ground_truth"]])
-    stp = drives[names["single"]]
+    ways_m = _reference_ways(card, drives[role_names["ground_truth"]])
+    stp = drives[role_names["single"]]
     rows = driving_rows(list(drives.values()), ways_m, stp)
     return DrivingComparison(card.id, rows, drives, failures)
 
@@ -90,8 +90,8 @@ def _reference_ways(card: Card, truth: AgentDrives) -> dict[str, float]:
     The frozen ones, if there are any, else means over the drives of ``truth``.
     """
     ways_m: dict[str, float] = {}
-    for name, drives in truth.drives.items():
-        ways_m[name] = sum(drive.way for drive in drives) / len(drives)
+    for scene_name, drives in truth.drives.items():
+        ways_m[scene_name] = sum(drive.way for drive in drives) / len(drives)
     frozen = frozen_reference(card)
     if frozen is not None and frozen.holds(truth.drives):
         ways_m |= frozen.ways(truth.drives)
@@ -108,21 +108,21 @@ def drives_of(
     for setting in settings:
         for seed in options.seeds:
             jobs += evaluation.jobs(setting, seed, scene_names)
-    results = iter(run_jobs(jobs, options, _drive_and_score, caught=True))
+    drive_results = iter(run_jobs(jobs, options, _drive_and_score, caught=True))
     agent_drives: dict[str, AgentDrives] = {}
     failures: dict[str, str] = {}
     for setting in settings:
         label = setting.label
-        drives: dict[str, list[Drive]] = {name: [] for name in scene_names}
+        drives: dict[str, list[Drive]] = {scene_name: [] for scene_name in scene_names}
         seed_scores: list[list[SceneScore]] = []
         for _ in options.seeds:
             seed_scores.append([])
-            for name in scene_names:
-                result = next(results)
+            for scene_name in scene_names:
+                result = next(drive_results)
                 if isinstance(result, AgentFailedError):
                     failures.setdefault(label, result.reason)
                 else:
-                    drives[name].append(result[0])
+                    drives[scene_name].append(result[0])
                     seed_scores[-1].append(result[1])
         if label not in failures:
             agent_drives[label] = AgentDrives(label, drives, seed_scores)
@@ -146,17 +146,17 @@ def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
     folder = cache_root() / "drives" / content.hexdigest()[:32] / card.id
     if not folder.is_dir():
         with whole_folder(folder) as part:
-            for name, rollout in drives.items():
-                _save_scene(name, rollout, card, part)
+            for recorded_name, rollout in drives.items():
+                _save_scene(recorded_name, rollout, card, part)
     return with_files(card, folder).model_copy(update={"detector": None})
 
 
 def _require_drive(rollout: Rollout, card: Card) -> None:
     """Raise RolloutError unless the drive has a value for each frame."""
     drive = rollout.drive
-    steps = round(RATE / card.task.rate)  # of the simulation, per frame
+    frame_steps = round(RATE / card.task.rate)  # of the simulation, per frame
     if drive is not None:
-        columns = (drive.risk, drive.cause, drive.acceleration[::steps])
+        columns = (drive.risk, drive.cause, drive.acceleration[::frame_steps])
         if all(len(column) == rollout.frames for column in columns):
             return
     raise RolloutError(
@@ -166,25 +166,25 @@ def _require_drive(rollout: Rollout, card: Card) -> None:
     )
 
 
-def _free_name(scene_name: str, names: dict[str, Rollout]) -> str:
+def _free_name(scene_name: str, taken_names: dict[str, Rollout]) -> str:
     """Return the name of a scene, with a number if it is taken."""
-    name = scene_name
+    free_name = scene_name
     numbers = count(2)
-    while name in names:
-        name = f"{scene_name}-{next(numbers)}"
-    return name
+    while free_name in taken_names:
+        free_name = f"{scene_name}-{next(numbers)}"
+    return free_name
 
 
-def _save_scene(name: str, rollout: Rollout, card: Card, folder: Path) -> None:
+def _save_scene(recorded_name: str, rollout: Rollout, card: Card, folder: Path) -> None:
     """Write the scene that a drive recorded; raises RolloutError."""
     assert rollout.drive is not None
     try:
         world = unpack(dict(rollout.drive.world))
-        scene = replace(whole_scene(world, card, rollout.scene), name=name)
+        scene = replace(whole_scene(world, card, rollout.scene), name=recorded_name)
     except (KeyError, IndexError, TypeError, ValueError) as error:  # an edited file
         raise RolloutError(
-            f"scene {name!r} of {card.id}: the world of its drive cannot be read "
-            f"({error}); expected recorded traffic: run the agent again"
+            f"scene {recorded_name!r} of {card.id}: the world of its drive cannot be "
+            f"read ({error}); expected recorded traffic: run the agent again"
         ) from None
     save_scene(scene, folder, card.task.classes, "parquet")
 

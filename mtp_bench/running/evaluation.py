@@ -81,8 +81,8 @@ class EnvEvaluation:
         `RunKeywords`.
         """
         env_id, options = asked(env_id, options, keywords)
-        name = env_id.id if isinstance(env_id, Card) else env_id
-        work = long_work(f"{verb} on {name}", progress=options.progress)
+        env_name = env_id.id if isinstance(env_id, Card) else env_id
+        work = long_work(f"{verb} on {env_name}", progress=options.progress)
         with work as progress:
             options = replace(options, progress=progress)
             env = MTPEnv(env_id, **options.env_keywords)
@@ -124,18 +124,20 @@ class EnvEvaluation:
                 job = jobs[index]
                 self.options.on_scene(SceneResult.of(job.agent, job.seed, result))
 
-        results = iter(run_jobs(jobs, self.options, score_scene, end_scene, caught))
+        job_results = iter(run_jobs(jobs, self.options, score_scene, end_scene, caught))
         setting_scores: list[Scores] = []
         for setting in settings:
-            seeds: list[tuple[SceneScore, ...]] = []
+            seed_scores: list[tuple[SceneScore, ...]] = []
             errors: list[AgentFailedError] = []
             for _ in self.options.seeds:
-                run = tuple(itertools.islice(results, len(self.scenes)))
+                run = tuple(itertools.islice(job_results, len(self.scenes)))
                 for result in run:
                     if isinstance(result, AgentFailedError):
                         errors.append(result)
-                seeds.append(run)
-            setting_scores.append(errors[0] if errors else scores_of(setting, seeds))
+                seed_scores.append(run)
+            setting_scores.append(
+                errors[0] if errors else scores_of(setting, seed_scores)
+            )
         return setting_scores
 
     def report(

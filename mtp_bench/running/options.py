@@ -41,7 +41,7 @@ def fold_of(text: str) -> Fold:
     return int(number), int(folds)
 
 
-def held_out(names: Sequence[str], fold: Fold) -> tuple[str, ...]:
+def held_out(scene_names: Sequence[str], fold: Fold) -> tuple[str, ...]:
     """Return the scenes of a fold, in their order.
 
     They are drawn at random, the same for the same set of names. Raises MtpBenchError
@@ -53,11 +53,13 @@ def held_out(names: Sequence[str], fold: Fold) -> tuple[str, ...]:
             f"fold is {fold}, expected the number of a fold and the number of folds, "
             "such as (1, 4)"
         )
-    if len(names) < folds:
-        raise MtpBenchError(f"{len(names)} scenes cannot be cut into {folds} folds")
-    fold_indices = np.random.default_rng(0).permutation(len(names)) % folds
-    fold_of_name = dict(zip(sorted(names), fold_indices, strict=True))
-    return tuple(name for name in names if fold_of_name[name] == number - 1)
+    if len(scene_names) < folds:
+        raise MtpBenchError(
+            f"{len(scene_names)} scenes cannot be cut into {folds} folds"
+        )
+    fold_indices = np.random.default_rng(0).permutation(len(scene_names)) % folds
+    fold_of_name = dict(zip(sorted(scene_names), fold_indices, strict=True))
+    return tuple(name for name in scene_names if fold_of_name[name] == number - 1)
 
 
 def require_seed(seed: int) -> None:
@@ -112,18 +114,18 @@ class RunOptions(CardChanges):
         for seed in self.seeds:
             require_seed(seed)
 
-    def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Return the scenes to run, of the ``names`` of a split.
+    def chosen(self, scene_names: Sequence[str]) -> tuple[str, ...]:
+        """Return the scenes to run, of the ``scene_names`` of a split.
 
         Raises MtpBenchError if the fold or a named scene does not exist.
         """
         if self.names is not None:
-            for name in self.names:
-                require_known("scene", name, names)
+            for scene_name in self.names:
+                require_known("scene", scene_name, scene_names)
             return self.names
         if self.fold is not None:
-            names = held_out(names, self.fold)
-        return tuple(names)[: self.scenes]
+            scene_names = held_out(scene_names, self.fold)
+        return tuple(scene_names)[: self.scenes]
 
     @property
     def env_keywords(self) -> dict[str, Any]:
@@ -161,9 +163,9 @@ class RunOptions(CardChanges):
             return
         observed = [submission.compare.observe for submission in submissions]
         if "tracks" not in observed:
-            names = ", ".join(dict.fromkeys(agent.name for agent in submissions))
+            agent_names = ", ".join(dict.fromkeys(agent.name for agent in submissions))
             raise MtpBenchError(
-                f"stored tracks are named, which are not shown to {names}; run "
+                f"stored tracks are named, which are not shown to {agent_names}; run "
                 'given_tracks, or a submission with observe = "tracks" under [compare]'
             )
 

@@ -67,7 +67,7 @@ class Perturbation:
         self, classes: Sequence[str], seeds: Sequence[int]
     ) -> dict[str, Any]:
         """Return all parameters of the runs, as the file of weights stores them."""
-        cuts = [dict(zip(classes, cut, strict=True)) for cut in self.cuts]
+        class_cuts = [dict(zip(classes, cut, strict=True)) for cut in self.cuts]
         return {
             "seeds": f"{min(seeds)} to {max(seeds)}",
             "assignment": list(ASSIGNMENTS),
@@ -76,7 +76,7 @@ class Perturbation:
             "sigma_xy": dict(zip(classes, self.sigma_xy, strict=True)),
             "sigma_yaw": dict(zip(classes, self.sigma_yaw, strict=True)),
             "quantiles": [None, *QUANTILES],
-            "cuts": [None, *cuts],
+            "cuts": [None, *class_cuts],
         }
 
     def perturbed(self, scene: Scene, run: int) -> Scene:
@@ -103,17 +103,17 @@ def matched_detections(scene: Scene, card: Card) -> MatchedDetections:
     """
     truth = evaluated(scene).truth
     detections = scene.detections
-    matched = match_objects(
+    object_row = match_objects(
         truth, detections.frame_of_rows, detections.box, detections.class_id, card
     ).object_of_truth
-    true_row = np.flatnonzero((matched >= 0) & ~truth.neutral)
-    row = matched[true_row]
-    error = detections.box[row] - truth.box[true_row]
+    true_row = np.flatnonzero((object_row >= 0) & ~truth.neutral)
+    detection_row = object_row[true_row]
+    box_error = detections.box[detection_row] - truth.box[true_row]
     return MatchedDetections(
-        class_id=detections.class_id[row],
-        score=detections.score[row],
-        distance=np.hypot(error[:, 0], error[:, 1]),
-        turn=np.abs(np.arctan2(np.sin(error[:, 3]), np.cos(error[:, 3]))),
+        class_id=detections.class_id[detection_row],
+        score=detections.score[detection_row],
+        distance=np.hypot(box_error[:, 0], box_error[:, 1]),
+        turn=np.abs(np.arctan2(np.sin(box_error[:, 3]), np.cos(box_error[:, 3]))),
     )
 
 

@@ -49,12 +49,12 @@ class AgentFailedError(SubmissionError):
 
 
 def run_scene(
-    agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None
+    agent: Agent, env: MTPEnv, scene_name: str, seed: int, agent_name: str | None = None
 ) -> Rollout:
     """Return the rollout of ``agent`` on one scene of ``env``.
 
     It has the seconds that ``act`` took per frame. ``scene_name``: one of
-    ``env.scene_names``. Raises AgentFailedError, naming the agent (``name``, else its
+    ``env.scene_names``. Raises AgentFailedError, naming the agent (``agent_name``, or its
     class), scene and frame, if the agent raises; the rollout counts invalid rows of
     actions (ActionError of a strict env).
     """
@@ -76,7 +76,7 @@ def run_scene(
         if not step or isinstance(error, KeyboardInterrupt):  # of the user
             raise
         reason = f"failed on scene {scene_name!r} at {step}: {_error_text(error)}"
-        raise AgentFailedError(name or type(agent).__name__, reason) from error
+        raise AgentFailedError(agent_name or type(agent).__name__, reason) from error
     return replace(env.rollout(), seconds=np.array(seconds))
 
 
@@ -111,8 +111,8 @@ def jobs_of(
         parameters = submission.parameters
     make = submission.factory(parameters)
     keywords = {"observe": submission.compare.observe, **keywords, "evaluation": True}
-    name = label or submission.name
-    return [Job(make, env, keywords, scene, seed, name) for scene in scenes]
+    agent_name = label or submission.name
+    return [Job(make, env, keywords, scene, seed, agent_name) for scene in scenes]
 
 
 def run_jobs(
@@ -140,12 +140,12 @@ def run_jobs(
     results: dict[int, Any] = {}
     with long_work(f"running {what}", progress=options.progress) as progress:
         progress.started(len(jobs))
-        for index, result in _outcomes(_run_job, calls, workers, caught):
-            results[index] = result
-            progress.done(jobs[index].scene)
+        for job_index, result in _outcomes(_run_job, calls, workers, caught):
+            results[job_index] = result
+            progress.done(jobs[job_index].scene)
             if finished is not None:
-                finished(index, result)
-    return [results[index] for index in range(len(jobs))]
+                finished(job_index, result)
+    return [results[job_index] for job_index in range(len(jobs))]
 
 
 def _outcomes(
@@ -161,17 +161,17 @@ def _outcomes(
     """
     remaining = dict.fromkeys(range(len(calls)))
     try:
-        for index, result in unordered_map(function, calls, workers):
-            del remaining[index]
-            yield index, result
+        for call_index, result in unordered_map(function, calls, workers):
+            del remaining[call_index]
+            yield call_index, result
     except WorkerDiedError:
         if not caught:
             raise
     by_agent: dict[str, list[int]] = {}
-    for index in remaining:
-        by_agent.setdefault(calls[index][0].agent, []).append(index)
+    for call_index in remaining:
+        by_agent.setdefault(calls[call_index][0].agent, []).append(call_index)
     for agent, indices in by_agent.items():
-        agent_calls = [calls[index] for index in indices]
+        agent_calls = [calls[call_index] for call_index in indices]
         for position, result in _agent_outcomes(function, agent, agent_calls, workers):
             yield indices[position], result
 
@@ -231,9 +231,9 @@ def agent_task(env: MTPEnv, seed: int, scene_name: str = "") -> Task:
 def library_versions() -> dict[str, str]:
     """Return the versions of Python, of this library and of those it depends on."""
     versions = {"python": platform.python_version(), "mtp-bench": __version__}
-    for name in _LIBRARIES:
+    for library_name in _LIBRARIES:
         try:
-            versions[name] = importlib.metadata.version(name)
+            versions[library_name] = importlib.metadata.version(library_name)
         except importlib.metadata.PackageNotFoundError:
             continue
     return versions
@@ -282,8 +282,8 @@ def _build(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
 
 def _error_text(error: BaseException) -> str:
     """Return the text of an agent's error, which may be long, or raise when read."""
-    kind = "" if isinstance(error, MtpBenchError) else f"{type(error).__name__}: "
+    kind_text = "" if isinstance(error, MtpBenchError) else f"{type(error).__name__}: "
     try:
-        return clean_text(f"{kind}{error}", _MAX_ERROR_LETTERS)
+        return clean_text(f"{kind_text}{error}", _MAX_ERROR_LETTERS)
     except Exception:
-        return f"{kind}its text cannot be read"
+        return f"{kind_text}its text cannot be read"

@@ -72,8 +72,8 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
     status = describe(card, data)
     if not status.usable or status.about.generated or status.root is None:
         return status
-    name = f"{card.digest}-{_files_digest(status.root)}.json"
-    path = cache_root() / "counts" / name
+    file_name = f"{card.digest}-{_files_digest(status.root)}.json"
+    path = cache_root() / "counts" / file_name
     with suppress(MtpBenchError):  # missing, or not what was written
         content = read_json(path, MtpBenchError)
         cached = validate(_Counts, content, str(path), MtpBenchError)
@@ -93,9 +93,9 @@ def _read_scenes(status: DataStatus, card: Card, data: str | Path | None) -> lis
     """Count what the scenes hold in ``status``, and return notes on skipped rows."""
     source = open_source(card, data)
     skipped = []
-    for name in source.names:
+    for scene_name in source.names:
         with status.noted():
-            scene = source.load(name)
+            scene = source.load(scene_name)
             skipped.append(scene.skipped | left_out(scene, card))
             counts = {
                 "scenes": 1,
@@ -111,9 +111,9 @@ def _read_scenes(status: DataStatus, card: Card, data: str | Path | None) -> lis
 def _files_digest(root: Path) -> str:
     """Return a digest of the version, and of names, sizes and times of files."""
     states = []
-    for folder, _, names in os.walk(root, followlinks=True):
-        for name in names:
-            path = Path(folder, name)
+    for folder, _, file_names in os.walk(root, followlinks=True):
+        for file_name in file_names:
+            path = Path(folder, file_name)
             if path.suffix not in _NOT_READ and path.exists():
                 stat = path.stat()
                 times = (stat.st_mtime_ns, stat.st_ctime_ns)

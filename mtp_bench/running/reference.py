@@ -131,8 +131,8 @@ def _live_frames() -> dict[str, int]:
     return read_json(path, DataError) if path.is_file() else {}
 
 
-def ranked_scenes(card: Card, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the scenes ``names`` that have frozen weights, or all if none has.
+def ranked_scenes(card: Card, scene_names: Sequence[str]) -> tuple[str, ...]:
+    """Return the scenes that have frozen weights, or all if none has.
 
     A user with more scenes than the weights were frozen for, such as all 138 of
     nuScenes' split ``val``, runs only those that all agents are ranked on.
@@ -140,8 +140,10 @@ def ranked_scenes(card: Card, names: Sequence[str]) -> tuple[str, ...]:
     frozen = frozen_reference(card)
     ranked: tuple[str, ...] = ()
     if frozen is not None:
-        ranked = tuple(name for name in names if frozen.holds([name]))
-    return ranked or tuple(names)
+        ranked = tuple(
+            scene_name for scene_name in scene_names if frozen.holds([scene_name])
+        )
+    return ranked or tuple(scene_names)
 
 
 def reference_for(
@@ -202,13 +204,15 @@ def make_reference(
         return _driven_reference(card, scenes, options)
     submission = load_submission(card.reference or controls()["single"])
     starts = range(0, len(seeds), _RUNS_PER_CALL)
-    parts = [seeds[start : start + _RUNS_PER_CALL] for start in starts]
+    seed_parts = [seeds[start : start + _RUNS_PER_CALL] for start in starts]
     plain_runs: list[_PlainRun]
-    counts: list[NDArray[np.uint8]]
+    event_counts: list[NDArray[np.uint8]]
     text = f"event weights from runs of {submission.name}"
     with long_work(text, progress=options.progress) as progress:
-        progress.started(len(scenes) * (1 + len(parts)))
-        scene_calls = [(card, options.data, name, submission) for name in scenes]
+        progress.started(len(scenes) * (1 + len(seed_parts)))
+        scene_calls = [
+            (card, options.data, scene_name, submission) for scene_name in scenes
+        ]
         plain_runs = parallel_map(
             _plain_run,
             scene_calls,
@@ -216,25 +220,29 @@ def make_reference(
             lambda index: progress.done(scenes[index]),
         )
         perturbation = Perturbation.fit(
-            [run.detections for run in plain_runs], len(card.task.classes)
+            [plain_run.detections for plain_run in plain_runs], len(card.task.classes)
         )
-        calls = [(*call, perturbation, part) for call in scene_calls for part in parts]
-        counts = parallel_map(
+        calls = [
+            (*call, perturbation, part) for call in scene_calls for part in seed_parts
+        ]
+        event_counts = parallel_map(
             _perturbed_runs,
             calls,
             options.workers,
-            lambda index: progress.done(scenes[index // len(parts)]),
+            lambda index: progress.done(scenes[index // len(seed_parts)]),
         )
     weights = {}
-    for i, name in enumerate(scenes):
-        run = plain_runs[i]
-        part_counts = np.stack(counts[i * len(parts) : (i + 1) * len(parts)])
-        weights[scene_key(card.id, name)] = SceneWeights(
+    for i, scene_name in enumerate(scenes):
+        plain_run = plain_runs[i]
+        part_counts = np.stack(
+            event_counts[i * len(seed_parts) : (i + 1) * len(seed_parts)]
+        )
+        weights[scene_key(card.id, scene_name)] = SceneWeights(
             part_counts.sum(axis=0, dtype=np.uint8),
-            run.stp,
-            run.stp_events,
-            run.false_forecasts,
-            run.forecasts,
+            plain_run.stp,
+            plain_run.stp_events,
+            plain_run.false_forecasts,
+            plain_run.forecasts,
         )
     return Reference(
         card.id,
@@ -273,8 +281,8 @@ def _driven_reference(
     no_counts = np.zeros((1, len(COUNTED)), dtype=np.uint8)
     no_events = np.zeros((1, len(EVENTS)), dtype=bool)
     weights = {}
-    for name, way_m in zip(scenes, ways_m, strict=True):
-        weights[scene_key(card.id, name)] = SceneWeights(
+    for scene_name, way_m in zip(scenes, ways_m, strict=True):
+        weights[scene_key(card.id, scene_name)] = SceneWeights(
             no_counts, no_events, (0, 0, 0), 0, 0, way_m
         )
     return Reference(
@@ -289,11 +297,11 @@ def _way(scene: Scene, rollout: Rollout, card: Card) -> float:
 
 
 def _plain_run(
-    card: Card, data: str | None, name: str, submission: Submission
+    card: Card, data: str | None, scene_name: str, submission: Submission
 ) -> _PlainRun:
     """Run the reference baseline on a scene as it is."""
     env = MTPEnv(card, data=data, evaluation=True)
-    rollout = run_scene(submission.build(env.task), env, name, 0, submission.name)
+    rollout = run_scene(submission.build(env.task), env, scene_name, 0, submission.name)
     scene = env.scene
     events = events_of(scene, rollout, card)
     object_events = events[~evaluated(scene).truth.neutral]
@@ -313,7 +321,7 @@ def _plain_run(
 def _perturbed_runs(
     card: Card,
     data: str | None,
-    name: str,
+    scene_name: str,
     submission: Submission,
     perturbation: Perturbation,
     runs: Sequence[int],
@@ -322,7 +330,7 @@ def _perturbed_runs(
     env = MTPEnv(
         card, data=data, samples=1, hypotheses=1, max_objects=1, evaluation=True
     )
-    env.reset(options={"scene": name})
+    env.reset(options={"scene": scene_name})
     scene = env.scene
     row = find_targets(scene, card).row
     agents: dict[str, Agent] = {}
@@ -357,14 +365,16 @@ def track(agent: Agent, scene: Scene, task: Task, card: Card) -> Rollout:
     frame = LocalFrame.of(scene)
     feed = make_feed(scene, frame, task, card)
     agent.reset(task)
-    columns = []
+    frame_columns = []
     for t in range(scene.frames):
         action = agent.act(feed.observe(t))
-        row = np.flatnonzero(action["track_valid"])
-        box = frame.to_scene(action["track_box"][row]).astype(np.float32)
-        columns.append((action["track_id"][row], box, action["track_class"][row]))
+        track_row = np.flatnonzero(action["track_valid"])
+        box = frame.to_scene(action["track_box"][track_row]).astype(np.float32)
+        frame_columns.append(
+            (action["track_id"][track_row], box, action["track_class"][track_row])
+        )
     track_id, box, class_id = (
-        np.concatenate(column) for column in zip(*columns, strict=True)
+        np.concatenate(column) for column in zip(*frame_columns, strict=True)
     )
     empty = empty_rollout(
         scene.name,
@@ -376,7 +386,7 @@ def track(agent: Agent, scene: Scene, task: Task, card: Card) -> Rollout:
     )
     return replace(
         empty,
-        track_start=starts_of([len(ids) for ids, *_ in columns]),
+        track_start=starts_of([len(ids) for ids, *_ in frame_columns]),
         track_id=track_id.astype(np.int64),
         track_box=box,
         track_class=class_id.astype(np.int64),

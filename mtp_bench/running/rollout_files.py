@@ -131,7 +131,7 @@ def load_run(folder: str | Path) -> Run:
     size = 0
     for entry in run.scenes:
         rollout = _read_scene(folder, entry)
-        size += sum(getattr(rollout, name).nbytes for name in ARRAYS)
+        size += sum(getattr(rollout, array_name).nbytes for array_name in ARRAYS)
         if size > MAX_RUN_BYTES:
             raise RolloutError(
                 f"{folder}: its scenes hold more than {MAX_RUN_BYTES >> 30} GiB, "
@@ -150,12 +150,14 @@ def require_run_folder(folder: Path) -> None:
         raise RolloutError(
             f"{folder} is a file, expected a new folder or that of an earlier run"
         )
-    names = {path.name for path in folder.iterdir()}
-    foreign = {name for name in names if not name.endswith(".npz")} - {RUN_FILE}
+    file_names = {path.name for path in folder.iterdir()}
+    foreign = {
+        file_name for file_name in file_names if not file_name.endswith(".npz")
+    } - {RUN_FILE}
     problem = ""
     if foreign:
         problem = f"holds {min(foreign)!r}"
-    elif names and RUN_FILE not in names:
+    elif file_names and RUN_FILE not in file_names:
         problem = f"has no {RUN_FILE}"
     if problem:
         raise RolloutError(
@@ -193,8 +195,8 @@ def _write_scene(folder: Path, rollout: Rollout) -> _SceneEntry:
     time.
     """
     arrays: dict[str, NDArray[Any]] = {}
-    for name, (dtype, _) in ARRAYS.items():
-        arrays[name] = np.asarray(getattr(rollout, name), dtype=dtype)
+    for array_name, (dtype, _) in ARRAYS.items():
+        arrays[array_name] = np.asarray(getattr(rollout, array_name), dtype=dtype)
     arrays["forecast"] = differences(arrays["forecast"])
     arrays |= drive_arrays(rollout.drive)
     write_npz(folder / _scene_file(rollout.scene), arrays, _COMPRESSION_LEVEL)
@@ -208,7 +210,7 @@ def _read_scene(folder: Path, entry: _SceneEntry) -> Rollout:
     path = folder / _scene_file(entry.scene)
     try:
         stored = _read_arrays(path)
-        arrays = {name: stored.pop(name) for name in ARRAYS}
+        arrays = {array_name: stored.pop(array_name) for array_name in ARRAYS}
         arrays["forecast"] = undone(arrays["forecast"])
         drive = drive_of(stored)
     except FileNotFoundError:
@@ -240,34 +242,40 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
                 f"{path}: unpacks to more than {MAX_SCENE_BYTES >> 20} MiB, the limit"
             )
         # np.load gives bytes for odd members
-        return {name: np.asarray(stored[name]) for name in stored.files}
+        return {
+            array_name: np.asarray(stored[array_name]) for array_name in stored.files
+        }
 
 
 def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]], frames: int) -> None:
     """Raise RolloutError unless all arrays have the dtypes and shapes of a rollout."""
     # the first array with a letter sets its size
-    sizes: dict[str | int, int] = {"F": frames, "F1": frames + 1}
-    for name, (dtype, letters) in ARRAYS.items():
-        array = arrays[name]
-        if array.dtype != np.dtype(dtype):
+    letter_sizes: dict[str | int, int] = {"F": frames, "F1": frames + 1}
+    for array_name, (dtype, letters) in ARRAYS.items():
+        scene_array = arrays[array_name]
+        if scene_array.dtype != np.dtype(dtype):
             raise RolloutError(
-                f"{path}: {name} has dtype {array.dtype}, expected {np.dtype(dtype)}"
+                f"{path}: {array_name} has dtype {scene_array.dtype}, "
+                f"expected {np.dtype(dtype)}"
             )
-        if array.ndim == len(letters):
-            for letter, size in zip(letters, array.shape, strict=True):
-                sizes.setdefault(letter, letter if isinstance(letter, int) else size)
-        expected = tuple(sizes.get(letter, letter) for letter in letters)
-        if array.shape != expected:
+        if scene_array.ndim == len(letters):
+            for letter, size in zip(letters, scene_array.shape, strict=True):
+                letter_sizes.setdefault(
+                    letter, letter if isinstance(letter, int) else size
+                )
+        expected_shape = tuple(letter_sizes.get(letter, letter) for letter in letters)
+        if scene_array.shape != expected_shape:
             raise RolloutError(
-                f"{path}: {name} has shape {array.shape}, expected {expected}"
+                f"{path}: {array_name} has shape {scene_array.shape}, "
+                f"expected {expected_shape}"
             )
-    _check_starts(path, "track_start", arrays["track_start"], sizes["R"])
-    _check_starts(path, "object_start", arrays["object_start"], sizes["S"])
+    _check_starts(path, "track_start", arrays["track_start"], letter_sizes["R"])
+    _check_starts(path, "object_start", arrays["object_start"], letter_sizes["S"])
 
 
-def _check_starts(path: Path, name: str, start: NDArray[Any], rows: int) -> None:
+def _check_starts(path: Path, array_name: str, start: NDArray[Any], rows: int) -> None:
     """Raise RolloutError unless ``start`` divides the rows into frames."""
     if start[0] != 0 or start[-1] != rows or (np.diff(start) < 0).any():
         raise RolloutError(
-            f"{path}: {name} does not divide the {rows} rows into frames"
+            f"{path}: {array_name} does not divide the {rows} rows into frames"
         )

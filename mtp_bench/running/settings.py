@@ -99,10 +99,10 @@ class Setting:
 
     def with_draws(self, draws: int) -> "Setting":
         """Return this setting with as many draws, if it has fewer and can have them."""
-        name = self.submission.compare.draws
-        if name is None or draws <= self.total_draws:
+        draws_name = self.submission.compare.draws
+        if draws_name is None or draws <= self.total_draws:
             return self
-        return replace(self, parameters={**self.parameters, name: draws})
+        return replace(self, parameters={**self.parameters, draws_name: draws})
 
 
 def setting_of(
@@ -120,9 +120,11 @@ def setting_of(
     compare = submission.compare
     parameters = {**submission.parameters, **chosen}
     label = submission.name
-    for name, value in chosen.items():
-        if name != compare.hypotheses and value != submission.parameters.get(name):
-            label += f" {name}={value}"
+    for parameter_name, value in chosen.items():
+        if parameter_name != compare.hypotheses and value != submission.parameters.get(
+            parameter_name
+        ):
+            label += f" {parameter_name}={value}"
     setting = Setting(
         label,
         submission,
@@ -172,10 +174,10 @@ def kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
 
     They have one draw, or as many as their same samples.
     """
-    names = controls()
+    role_names = controls()
     references: dict[str, Setting] = {}
     for role in _REFERENCE_ROLES:
-        references[role] = setting_of(load_submission(names[role]), card)
+        references[role] = setting_of(load_submission(role_names[role]), card)
     truth = references["ground_truth"]
     references["tracks"] = truth
     if setting.total_draws > 1:
@@ -223,18 +225,18 @@ def all_settings(agents: Iterable[object], card: Card) -> list[Setting]:
                 f"two submissions are called {submission.name!r}: {first.path} and "
                 f"{submission.path}; give them different names in submission.toml"
             )
-    settings = [expand(submission, card) for submission in submissions.values()]
-    return list(itertools.chain(*settings))
+    setting_lists = [expand(submission, card) for submission in submissions.values()]
+    return list(itertools.chain(*setting_lists))
 
 
 def _numbered(
-    agent: object, submission: ObjectSubmission, names: Iterable[str]
+    agent: object, submission: ObjectSubmission, taken_names: Iterable[str]
 ) -> ObjectSubmission:
     """Return an object's submission under the first name that is free."""
     numbers = itertools.count(2)
-    name = submission.name.split("#")[0]
-    while submission.name in names:
-        submission = ObjectSubmission.of(agent, f"{name}#{next(numbers)}")
+    base_name = submission.name.split("#")[0]
+    while submission.name in taken_names:
+        submission = ObjectSubmission.of(agent, f"{base_name}#{next(numbers)}")
     return submission
 
 
@@ -262,18 +264,18 @@ def training_note(submission: Submission, card: Card) -> str | None:
 
 
 def _count(
-    submission: Submission, parameters: dict[str, Any], name: str | None
+    submission: Submission, parameters: dict[str, Any], parameter_name: str | None
 ) -> int | None:
     """Return the value of the parameter that the manifest names as a count.
 
     None if it names none, or one without a value.
     """
-    if name is None or name not in parameters:
+    if parameter_name is None or parameter_name not in parameters:
         return None
-    value = parameters[name]
+    value = parameters[parameter_name]
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise SubmissionError(
-            f"{submission.name}: parameter {name!r} is {value!r}, "
+            f"{submission.name}: parameter {parameter_name!r} is {value!r}, "
             "expected a whole number of at least 1"
         )
     return value

@@ -141,10 +141,14 @@ def run(
     submission = submission_of(agent)
     seed = options.seeds[0]
     options.require_usable([submission])
-    shown = options.shown_to(submission)
-    env = MTPEnv(env_id, evaluation=True, **shown, **options.env_keywords)
+    shown_keywords = options.shown_to(submission)
+    env = MTPEnv(env_id, evaluation=True, **shown_keywords, **options.env_keywords)
     setting = setting_of(submission, env.card)
-    env_settings = {**setting.env_keywords(env.card), **shown, **options.changes}
+    env_settings = {
+        **setting.env_keywords(env.card),
+        **shown_keywords,
+        **options.changes,
+    }
     jobs = jobs_of(
         submission,
         env_id,
@@ -154,12 +158,12 @@ def run(
     )
     info = run_info(env, setting, seed, env_settings)
     info = info.model_copy(update={"card": env.card.stored()})
-    results: list[tuple[Rollout, dict[str, int]]]
-    results = run_jobs(jobs, options, _with_skipped)
-    save_run(folder, info, [rollout for rollout, _ in results])
-    rejected = sum(int(rollout.invalid.sum()) for rollout, _ in results)
-    skipped = total_skipped(skipped for _, skipped in results)
-    return StoredRun(len(results), skipped, rejected)
+    scene_results: list[tuple[Rollout, dict[str, int]]]
+    scene_results = run_jobs(jobs, options, _with_skipped)
+    save_run(folder, info, [rollout for rollout, _ in scene_results])
+    rejected = sum(int(rollout.invalid.sum()) for rollout, _ in scene_results)
+    skipped = total_skipped(skipped for _, skipped in scene_results)
+    return StoredRun(len(scene_results), skipped, rejected)
 
 
 def require_free(folder: Path, replace: bool) -> None:
@@ -186,8 +190,8 @@ def run_info(
     submission = setting.submission
     # samples and observe have fields of their own
     env_keywords = dict(keywords)
-    for name in ("samples", "observe"):
-        env_keywords.pop(name, None)
+    for field_name in ("samples", "observe"):
+        env_keywords.pop(field_name, None)
     return RunInfo(
         env_id=env.card.id,
         card_digest=env.card.digest,
@@ -308,8 +312,10 @@ def _changed_card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
     card = env if isinstance(env, Card) else load_card(env or info.env_id)
     if card.digest == info.card_digest:
         return card
-    names = ChangeKeywords.__annotations__
-    changes = {name: _text(folder, info, name) for name in names}
+    change_names = ChangeKeywords.__annotations__
+    changes = {
+        change_name: _text(folder, info, change_name) for change_name in change_names
+    }
     return CardChanges(**changes).apply(card)
 
 

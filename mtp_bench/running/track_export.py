@@ -60,29 +60,29 @@ def track_rows(rollout: Rollout, scene: Scene, card: Card) -> TrackRows:
     frame = rollout.tracks.frame_of_rows
     heaviest = rollout.hypothesis_log_weight.argmax(axis=1)
     is_member = rollout.member[np.arange(len(frame)), heaviest[frame]]
-    row = np.flatnonzero(is_member & (rollout.track_class >= 0))
-    rows = TrackRows(
-        frame[row],
-        rollout.track_id[row],
-        rollout.track_class[row],
-        rollout.track_box[row].astype(np.float64),
-        np.zeros(len(row)),
+    track_row = np.flatnonzero(is_member & (rollout.track_class >= 0))
+    scene_rows = TrackRows(
+        frame[track_row],
+        rollout.track_id[track_row],
+        rollout.track_class[track_row],
+        rollout.track_box[track_row].astype(np.float64),
+        np.zeros(len(track_row)),
     )
     gate_m = np.array(card.per_class(card.task.forecast_gate))
-    return replace(rows, score=_scores(rows, scene, gate_m))
+    return replace(scene_rows, score=_scores(scene_rows, scene, gate_m))
 
 
 def _scores(rows: TrackRows, scene: Scene, gate_m: Floats) -> Floats:
     """Return scores [R] of tracks; ``gate_m`` [C]."""
-    score = np.zeros(len(rows.frame))
+    track_scores = np.zeros(len(rows.frame))
     last_score: dict[int, float] = {}  # by track
     detections = scene.detections
     start = starts_of_sorted(rows.frame, scene.frames)
     for t in range(scene.frames):
         detected = detections.rows(t)
         tracks = slice(start[t], start[t + 1])
-        offset = rows.box[tracks, None, :2] - detections.box[None, detected, :2]
-        distance_m = np.linalg.norm(offset, axis=-1)
+        offset_m = rows.box[tracks, None, :2] - detections.box[None, detected, :2]
+        distance_m = np.linalg.norm(offset_m, axis=-1)
         class_id = rows.class_id[tracks]
         distance_m[class_id[:, None] != detections.class_id[None, detected]] = np.inf
         is_near = distance_m.min(axis=1, initial=np.inf) <= gate_m[class_id]
@@ -90,8 +90,8 @@ def _scores(rows: TrackRows, scene: Scene, gate_m: Floats) -> Floats:
             if is_near[i]:
                 nearest = distance_m[i].argmin()
                 last_score[track_id] = float(detections.score[detected][nearest])
-            score[start[t] + i] = last_score.get(track_id, 0.0)
-    return score
+            track_scores[start[t] + i] = last_score.get(track_id, 0.0)
+    return track_scores
 
 
 def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False) -> int:
@@ -125,11 +125,11 @@ def write_tracks(
     table: bool = False,
 ) -> int:
     """Write the tracks of scenes of ``card``; see `export_tracks`."""
-    for source, name, suffix, write_file in _SUBMISSIONS:
+    for source, dataset_name, suffix, write_file in _SUBMISSIONS:
         if isinstance(card.source, source) and not table:
             if path.suffix != suffix:
                 raise CardError(
-                    f"{path}: the task of {name} takes a {suffix} file; "
+                    f"{path}: the task of {dataset_name} takes a {suffix} file; "
                     "for a folder of tables pass --table"
                 )
             return write_file(rows, card, data, path)
@@ -212,18 +212,20 @@ def _samples(
     for t, token in enumerate(tokens):
         boxes: list[dict[str, object]] = []
         time_s = float(scene.time[t])
-        for row in range(start[t], start[t + 1]):
-            track_id = int(rows.track_id[row])
-            box = rows.box[row]
-            last_time_s, position = previous.get(track_id, (time_s, box[:2]))
+        for track_row in range(start[t], start[t + 1]):
+            track_id = int(rows.track_id[track_row])
+            track_box = rows.box[track_row]
+            last_time_s, position = previous.get(track_id, (time_s, track_box[:2]))
             velocity = np.zeros(2)
             if time_s > last_time_s:
-                velocity = (box[:2] - position) / (time_s - last_time_s)
-            previous[track_id] = time_s, box[:2]
-            name = card.task.classes[rows.class_id[row]]
-            score = float(rows.score[row])
+                velocity = (track_box[:2] - position) / (time_s - last_time_s)
+            previous[track_id] = time_s, track_box[:2]
+            class_name = card.task.classes[rows.class_id[track_row]]
+            score = float(rows.score[track_row])
             boxes.append(
-                submission_box(token, box, velocity, name, str(track_id), score)
+                submission_box(
+                    token, track_box, velocity, class_name, str(track_id), score
+                )
             )
         yield token, boxes
 

@@ -44,14 +44,14 @@ def check_agent(
     """
     keywords = {"evaluation": True, **(env_keywords or {}), "strict": False}
     env = MTPEnv(env_id, **keywords)
-    names = tuple(env.scene_names[:SCENES] if scenes is None else scenes)
-    for name in names:
-        require_known("scene", name, env.scene_names)
-    if not names:
+    scene_names = tuple(env.scene_names[:SCENES] if scenes is None else scenes)
+    for scene_name in scene_names:
+        require_known("scene", scene_name, env.scene_names)
+    if not scene_names:
         raise MtpBenchError(
             "no scene to check on: expected at least one name in scenes"
         )
-    suite = Suite(make_agent, env_id, keywords, seed, env, names)
+    suite = Suite(make_agent, env_id, keywords, seed, env, scene_names)
     findings: list[Finding] = []
     for check_name, check, passed_text in _CHECKS:
         results: list[Finding] = []
@@ -97,8 +97,8 @@ def _contract(suite: Suite) -> Findings:
     if any(finding.level == "error" for finding in results):
         return
     actions = [action for played in suite.passes for action in played.actions]
-    for kind, name in (("track", "track_id"), ("forecast", "object_class")):
-        if not any(len(getattr(action, name)) for action in actions):
+    for kind, field_name in (("track", "track_id"), ("forecast", "object_class")):
+        if not any(len(getattr(action, field_name)) for action in actions):
             got = f"no sound {kind} in any frame"
             expected = f"{kind}s of the detected objects"
             yield Finding("warning", "", got, expected, suite.where)
@@ -163,10 +163,10 @@ def _leaves_observations(suite: Suite) -> Findings:
 def _extremes(suite: Suite) -> Findings:
     """Play frames without detections and full of them."""
     task = agent_task(suite.env, suite.seed)
-    known_fields = {name for name, _ in suite.problems}
+    known_fields = {field_name for field_name, _ in suite.problems}
     played = play_made_up(suite.agent(), task, extreme_frames(task))
-    for (name, _), count in played.problems.items():
-        if name not in known_fields:
+    for (field_name, _), count in played.problems.items():
+        if field_name not in known_fields:
             yield count.finding()
 
 
@@ -201,12 +201,12 @@ def _latency(suite: Suite) -> Findings:
     seconds = np.concatenate([played.seconds[1:] for played in suite.passes])
     if len(seconds):
         p50, p95 = 1000.0 * np.percentile(seconds, [50, 95])
-        first = 1000.0 * max(played.seconds[0] for played in suite.passes)
-        text = (
+        first_ms = 1000.0 * max(played.seconds[0] for played in suite.passes)
+        latency_text = (
             f"{p50:.1f} ms per frame (p50), {p95:.1f} ms (p95); "
-            f"slowest first frame {first:.0f} ms"
+            f"slowest first frame {first_ms:.0f} ms"
         )
-        yield Finding("ok", "", text)
+        yield Finding("ok", "", latency_text)
 
 
 def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
@@ -215,18 +215,18 @@ def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
     In 3 frames there are no detections, in 4 as many as fit.
     """
     frames = len(_FULL_FRAMES)
-    size = task.detections
+    row_count = task.detections
     full_frames = np.flatnonzero(_FULL_FRAMES)
-    frame = np.repeat(full_frames, size)
-    column = np.tile(np.arange(size), len(full_frames))
-    side = int(np.ceil(np.sqrt(size)))
+    frame = np.repeat(full_frames, row_count)
+    column = np.tile(np.arange(row_count), len(full_frames))
+    grid_side = int(np.ceil(np.sqrt(row_count)))
     box = np.tile([0.0, 0, 0, 0, 4.0, 1.8, 1.5], (len(column), 1))
-    box[:, 0] = _SPACING_M * (column % side) + _SPEED_MPS * frame * task.dt
-    box[:, 1] = _SPACING_M * (column // side)
+    box[:, 0] = _SPACING_M * (column % grid_side) + _SPEED_MPS * frame * task.dt
+    box[:, 1] = _SPACING_M * (column // grid_side)
     speed = _SPEED_MPS if task.velocity else 0.0
     feed = Feed(
-        start=starts_of(size * _FULL_FRAMES),
-        size=size,
+        start=starts_of(row_count * _FULL_FRAMES),
+        size=row_count,
         box=box,
         velocity=np.tile([speed, 0.0], (len(column), 1)),
         score=np.ones(len(column)),
@@ -237,11 +237,11 @@ def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
         dt=np.full(frames, task.dt),  # in the first frame too, as in the env
         dropped=np.zeros(frames, dtype=np.int64),
     )
-    pairs = []
+    described_frames = []
     for t, is_full in enumerate(_FULL_FRAMES):
         content = "as many detections as fit" if is_full else "no detections"
-        pairs.append((f"frame {t} ({content})", feed.observe(t)))
-    return pairs
+        described_frames.append((f"frame {t} ({content})", feed.observe(t)))
+    return described_frames
 
 
 # Name, check, and the text that is shown if it finds nothing.

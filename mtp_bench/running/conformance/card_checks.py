@@ -1,4 +1,4 @@
-"""`check_card`: checks that a card makes an env that Gymnasium accepts, with targets."""
+"""`check_card`: checks of the env that a card makes, by Gymnasium and of its targets."""
 
 import warnings
 from pathlib import Path
@@ -28,8 +28,8 @@ def check_card(path: str | Path, data: str | None = None) -> list[Finding]:
         return [Finding("error", "card", str(error), "a card", where)]
     findings = [Finding("ok", "card", f"{card.id}: {card.summary}")]
     try:
-        names = MTPEnv(where, data).scene_names
-        env = MTPEnv(where, data, scenes=names[:1])
+        scene_names = MTPEnv(where, data).scene_names
+        env = MTPEnv(where, data, scenes=scene_names[:1])
         env.reset(seed=0)
     except DataError as error:
         status = describe(card, data)

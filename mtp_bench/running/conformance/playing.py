@@ -58,23 +58,25 @@ def failure(error: BaseException, where: str, expected: str) -> AgentError:
     Errors of this library state themselves what was expected; ``expected`` is for all
     others.
     """
-    text = f"{type(error).__name__}: {error}"
+    error_text = f"{type(error).__name__}: {error}"
     if isinstance(error, MtpBenchError):
-        text = str(error)
+        error_text = str(error)
         expected = ""
     cause = error
     while isinstance(cause, MtpBenchError) and cause.__cause__ is not None:
         cause = cause.__cause__
-    lines = []
+    code_lines = []
     for frame in traceback.extract_tb(cause.__traceback__):
         path = Path(frame.filename).resolve()
         is_frozen = frame.filename.startswith("<frozen")
         if not (is_frozen or path in _LOADERS or path.parent == _FOLDER):
             line = f"{path.name}, line {frame.lineno}, in {frame.name}: {frame.line}"
-            lines.append(line)
-    advice = "see the lines of its code" if lines else ""
-    calls = tuple(lines[-_TRACEBACK_LINES:])
-    return AgentError(Finding("error", "", text, expected, where, advice, calls))
+            code_lines.append(line)
+    advice = "see the lines of its code" if code_lines else ""
+    last_calls = tuple(code_lines[-_TRACEBACK_LINES:])
+    return AgentError(
+        Finding("error", "", error_text, expected, where, advice, last_calls)
+    )
 
 
 @dataclass
@@ -130,9 +132,9 @@ class Played:
         self, copies: Observation, observation: Observation, place: str
     ) -> None:
         """Keep the name of the first entry that an agent changed or took out."""
-        for name, array in copies.items():
-            if not self.written and not _is_same(array, observation.get(name)):
-                self.written = f"{place}, {name}"
+        for entry_name, array in copies.items():
+            if not self.written and not _is_same(array, observation.get(entry_name)):
+                self.written = f"{place}, {entry_name}"
 
 
 def play(
@@ -149,8 +151,8 @@ def play(
     overwrite every observation after the action, as an env with buffers would do.
     ``turn``: number of the rigid motion, in an env with rigid motions.
     """
-    name = f"{scene}|{turn}" if turn else scene
-    env_seed = derived_seed(seed, name, "env")
+    seed_name = f"{scene}|{turn}" if turn else scene
+    env_seed = derived_seed(seed, seed_name, "env")
     first, _ = env.reset(seed=env_seed, options={"scene": scene})
     task = agent_task(env, seed, scene)
     return _play(agent, task, _episode(env, first), f"scene {scene}", scribble)
@@ -172,9 +174,11 @@ def first_difference(a: Played, b: Played) -> str:
     frames = min(len(a.actions), len(b.actions))
     for t in range(frames):
         second_action = b.actions[t]
-        for name, value in vars(a.actions[t]).items():
-            if not np.array_equal(value, getattr(second_action, name), equal_nan=True):
-                return f"{a.where}, frame {t}, {name}"
+        for field_name, value in vars(a.actions[t]).items():
+            if not np.array_equal(
+                value, getattr(second_action, field_name), equal_nan=True
+            ):
+                return f"{a.where}, frame {t}, {field_name}"
     if len(a.actions) != len(b.actions):
         return f"{a.where}, frame {frames}"
     return ""
@@ -224,9 +228,9 @@ def _copied(action: Any) -> Any:
     if not isinstance(action, Mapping):
         return action
     copies = dict(action)
-    for name, value in copies.items():
+    for entry_name, value in copies.items():
         if isinstance(value, np.ndarray):
-            copies[name] = value.copy()
+            copies[entry_name] = value.copy()
     return copies
 
 
