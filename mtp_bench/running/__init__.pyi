@@ -24,10 +24,10 @@ from .options import (
     Fold as Fold,
     RunKeywords as RunKeywords,
     RunOptions as RunOptions,
-    asked as asked,
     fold_of as fold_of,
     held_out as held_out,
     require_seed as require_seed,
+    resolve_options as resolve_options,
 )
 from .playing import (
     agent_task as agent_task,

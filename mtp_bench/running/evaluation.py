@@ -21,7 +21,7 @@ from ..scoring import (
     stated_hypotheses,
     summarise,
 )
-from .options import DEFAULTS, RunKeywords, RunOptions, asked
+from .options import DEFAULTS, RunKeywords, RunOptions, resolve_options
 from .playing import AgentFailedError, Job, first_errors, jobs_of, run_jobs
 from .reference import ranked_scenes, reference_for
 from .settings import Setting, setting_of, training_note
@@ -80,7 +80,7 @@ class EnvEvaluation:
         ``verb``: of what is done on the env, to show its progress. ``keywords``:
         `RunKeywords`.
         """
-        env_id, options = asked(env_id, options, keywords)
+        env_id, options = resolve_options(env_id, options, keywords)
         env_name = env_id.id if isinstance(env_id, Card) else env_id
         work = long_work(f"{verb} on {env_name}", progress=options.progress)
         with work as progress:

@@ -184,7 +184,7 @@ class RunOptions(CardChanges):
 DEFAULTS = RunOptions()
 
 
-def asked(
+def resolve_options(
     env: str | Card, options: RunOptions, keywords: Mapping[str, Any]
 ) -> tuple[str | Card, RunOptions]:
     """Return the env and the options under `RunKeywords`.

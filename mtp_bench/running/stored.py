@@ -33,7 +33,7 @@ from ..scoring import (
 )
 from ..sources import SceneSource, open_source, with_map, with_tracks
 from .drives import recorded_card
-from .options import DEFAULTS, RunKeywords, RunOptions, asked
+from .options import DEFAULTS, RunKeywords, RunOptions, resolve_options
 from .playing import jobs_of, library_versions, run_jobs
 from .reading import total_skipped
 from .reference import reference_for
@@ -137,7 +137,7 @@ def run(
     """
     folder = Path(folder)
     require_free(folder, replace)
-    env_id, options = asked(env_id, options, keywords)
+    env_id, options = resolve_options(env_id, options, keywords)
     submission = submission_of(agent)
     seed = options.seeds[0]
     options.require_usable([submission])

@@ -29,7 +29,7 @@ from ..core import (
 )
 from ..env import LocalFrame, MTPEnv, make_feed
 from ..prediction import LANES, Surroundings, TrackWindows, lanes_of, windows_of
-from ..running import DEFAULTS, Fold, RunOptions, asked, held_out
+from ..running import DEFAULTS, Fold, RunOptions, held_out, resolve_options
 from ..scoring import pieces
 from ..sources import open_source
 from ..tracking import HypothesisTracker, TruthTracker
@@ -123,7 +123,7 @@ def windows(
     ``tracker`` and if there is no track to learn from.
     """
     played, given = _tracker_of(tracker), {"data": data, "jobs": jobs}
-    _, options = asked(
+    _, options = resolve_options(
         env_id,
         options,
         {name: value for name, value in given.items() if value is not None},

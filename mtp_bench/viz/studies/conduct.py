@@ -23,9 +23,9 @@ from ...running import (
     DEFAULTS,
     RunKeywords,
     RunOptions,
-    asked,
     frozen_reference,
     reference_for,
+    resolve_options,
 )
 from ...sources import open_source
 from .figures import make_figures
@@ -77,7 +77,7 @@ def study(
     """
     folder = Path(folder).absolute()
     require_study_folder(folder)
-    env_id, options = asked(env_id, options, keywords)
+    env_id, options = resolve_options(env_id, options, keywords)
     place = Path(options.files).name if options.files else getattr(env_id, "id", env_id)
     with long_work(f"studying {place}", progress=options.progress) as progress:
         options = replace(options, progress=progress)
