@@ -41,7 +41,7 @@ def test_the_rollout_is_that_of_one_process() -> None:
 KEYWORDS: dict[str, dict[str, Any]] = {
     "as it is": {},
     "turned": {"rigid_motion": True},
-    "other sizes": {"samples": 6, "tracks": 3},
+    "other sizes": {"samples": 6, "max_tracks": 3},
 }
 
 
