@@ -14,7 +14,7 @@ import argparse
 
 from benchmarks.event_weight_thresholds import scores_of
 from mtp_bench import MTPEnv
-from mtp_bench.cards import changed_card, load_card
+from mtp_bench.cards import load_card, with_split
 from mtp_bench.core.parallel import Workers, cores
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.reference import make_reference
@@ -67,7 +67,7 @@ def main() -> None:
         if name not in used
     ]
     scenes = tuple(names[:: arguments.every])
-    card = changed_card(load_card(ENV), split="train")
+    card = with_split(load_card(ENV), "train")
     seeds = range(arguments.seeds)
     options = RunOptions(
         arguments.data,

@@ -17,7 +17,7 @@ from typing import Any
 from mtp_bench.agent.loader import load_submission
 from mtp_bench.core.files import write_text
 from mtp_bench.core.parallel import Workers
-from mtp_bench.running.comparison import EnvEvaluation
+from mtp_bench.running.evaluation import EnvEvaluation
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.settings import references_of, setting_of
 from mtp_bench.scoring import References

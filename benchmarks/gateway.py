@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from mtp_bench import load_card, load_submission
-from mtp_bench.env.environment import MTPEnv, _task
+from mtp_bench.env.environment import MTPEnv
 from mtp_bench.env.spaces import ActionSpace, observation_space
 from mtp_bench.judge import Limits, run_isolated
 from mtp_bench.judge.gateway.exchange import Exchange, answer_bytes
@@ -51,8 +51,7 @@ MANIFEST = 'name = "same"\nauthors = ["mtp_bench"]\nagent = "agent:build"\n'
 
 def measured(env_id: str, frames: int) -> dict[str, float]:
     card = load_card(env_id)
-    sizes = {"samples": card.task.samples, **sizes_of(card)}
-    task = _task(card, "detections", sizes)
+    task = MTPEnv(card).task
     space, observation = ActionSpace(task), observation_space(task).sample()
     shapes = {
         name: (part.shape, str(part.dtype)) for name, part in space.spaces.items()

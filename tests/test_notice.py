@@ -1,6 +1,7 @@
 """Notices about long work: in this process, in workers, where the error stream is broken, and of commands on a pipe."""
 
 import io
+import re
 import sys
 import time
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mtp_bench.core import notice
-from mtp_bench.core.parallel import Workers, parallel_map, reported
+from mtp_bench.core.parallel import Workers, parallel_map
 from tests.support.command_line import CommandLine
 
 
@@ -27,7 +28,7 @@ def work_long(text: str, seconds: float = 0) -> None:
 
 @pytest.mark.usefixtures("fast")
 def test_long_work_says_what_it_does_and_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> None:
-    with notice.long_work("everything", around=True), reported("reading\x1b[2J") as progress:
+    with notice.long_work("everything"), notice.long_work("reading\x1b[2J") as progress:
         progress.started(4)
         for name in ("a", "b"):
             time.sleep(0.15)
@@ -41,11 +42,35 @@ def test_long_work_says_what_it_does_and_how_far_it_is(capsys: pytest.CaptureFix
     assert lines[-1].startswith("mtp_bench: reading?[2J, 2 of 4, b, about ")
 
 
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.usefixtures("fast")
+def test_a_terminal_has_a_bar_that_goes_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    for name, value in {"TERM": "xterm-256color", "COLUMNS": "120", "NO_COLOR": "1"}.items():
+        monkeypatch.setenv(name, value)
+    with notice.long_work("reading [b]tables[/b]") as progress:
+        progress.started(4)
+        time.sleep(0.15)
+        progress.done("first.json")
+        time.sleep(0.15)
+    text = terminal.getvalue()
+    assert re.search(r"reading \[b\]tables\[/b\] ━+ +1 of 4, first\.json, about \d+ s left", text), text
+    assert text.endswith("\x1b[1A\x1b[2K"), "erased"
+    assert "mtp_bench:" not in text
+
+
 @pytest.mark.usefixtures("fast")
 def test_short_work_and_workers_are_silent(capfd: pytest.CaptureFixture[str]) -> None:
     with notice.long_work("short"):
         pass
-    with notice.long_work("around"), notice.long_work(""):
+    with notice.long_work("waiting"), notice.long_work(""):
+        time.sleep(0.05)
+    with notice.long_work("of a caller", 300, notice.Progress()):
         time.sleep(0.05)
     parallel_map(work_long, [("in a worker", 300), ("in a worker", 300)], Workers(2))
     assert not capfd.readouterr().err

@@ -109,7 +109,7 @@ def test_the_table_of_card_keys_is_complete(repository: Path) -> None:
     documented = (repository / "envs/README.md").read_text()
     keys = ["id", "summary", "reference", "detector", *(f"task.{key}" for key in TaskSection.model_fields)]
     sections: list[type[BaseModel]] = [*map(source_class, SOURCES), DetectorSection]
-    unwritten = ("seeds", "detections_sha256", "detections_file", "scenes")  # of --detections, and of `with_scenes`
+    unwritten = ("seeds", "detections_sha256", "detections", "scenes")  # of --detections, and of `with_scenes`
     keys += [key for section in sections for key in section.model_fields if key not in unwritten]
     keys += ["drive", *(f"drive.planner.{key}" for key in PlannerSection.model_fields)]
     keys += [f"seeds.{split}" for split in ("train", "val", "test")]

@@ -19,7 +19,7 @@ from docs.generate import notebooks, recordings, reference
 from docs.generate.drawings import DRAWINGS, FOLDER
 from docs.make_pictures import REAL
 from mtp_bench import card_ids, load_card
-from mtp_bench.agent.action import FIELDS
+from mtp_bench.agent.action import ACTION_FIELDS
 from tests.support.browser import Browser, chromium
 from tests.support.programs import require_program
 
@@ -107,7 +107,7 @@ def test_nothing_is_loaded_from_elsewhere(site: Path, pages: dict[Path, Page]) -
 @pytest.mark.parametrize("env_id", card_ids())
 def test_every_environment_has_its_page(site: Path, env_id: str) -> None:
     text = (site / "environment" / f"{env_id}.html").read_text()
-    for name in [*(part.name for part in FIELDS), "detection_box", "ego_pose", "dt"]:
+    for name in [*(part.name for part in ACTION_FIELDS), "detection_box", "ego_pose", "dt"]:
         assert f"<code>{name}</code>" in text
     for heading in ("observation", "action", "reward", "data-and-licence", "history"):
         assert f'id="{heading}"' in text

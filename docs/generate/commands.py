@@ -11,8 +11,8 @@ HEAD = """\
 # Commands
 
 Every command has `--help`. Exit status: 0, 1 for a failure that the message explains, 2 for wrong usage.
-What takes over two seconds says so on the error stream: what it does, about how long, and every ten seconds how far it
-is. The library does so too, such as `compare` in a notebook; `MTP_BENCH_QUIET=1` switches it off.
+What takes over two seconds shows its progress on the error stream: a bar in a terminal, else a line every ten seconds.
+The library does so too, such as `compare` in a notebook. `MTP_BENCH_QUIET=1` switches it off.
 
 ## Example
 

@@ -1,4 +1,4 @@
-"""For mkdocstrings: the comment behind a field is what the reference says of it.
+"""For mkdocstrings: the comment behind a field, or above it, is what the reference says of it.
 
 In this library shapes and units stand there: `box: Floats  # [R, 7]`. The fields of a class become one table.
 """
@@ -46,14 +46,24 @@ def _is_field(attribute: griffe.Attribute) -> bool:
 
 
 def _comment(attribute: griffe.Attribute) -> str:
-    """The comment at the end of an attribute's statement, without marks for tools."""
+    """Return the comment behind an attribute, or above it, without marks for tools."""
     try:
         tokens = list(tokenize.generate_tokens(io.StringIO(attribute.source).readline))
     except (tokenize.TokenError, IndentationError):
         return ""
-    found = [
-        token.string.lstrip("# ") for token in tokens if token.type == tokenize.COMMENT
-    ]
+    behind = [token.string for token in tokens if token.type == tokenize.COMMENT]
+    texts = [text.lstrip("# ") for text in behind or _lines_above(attribute)]
     return " ".join(
-        text for text in found if not text.startswith(("noqa", "type:", "pyright:"))
+        text for text in texts if not text.startswith(("noqa", "type:", "pyright:"))
     )
+
+
+def _lines_above(attribute: griffe.Attribute) -> list[str]:
+    """Return the lines of the comment that ends above an attribute."""
+    path = attribute.filepath
+    lines = attribute.lines_collection[path[0] if isinstance(path, list) else path]
+    end = (attribute.lineno or 1) - 1
+    begin = end
+    while begin and lines[begin - 1].lstrip().startswith("#"):
+        begin -= 1
+    return [line.strip() for line in lines[begin:end]]

@@ -53,7 +53,10 @@ GROUPS = (
         "environment",
         ("env", "cards", "core.bundle", "agent.building"),
         intro="Names that make environments, read their cards and fill actions.",
-        beside=("mtp_bench.env.arguments.EnvKeywords",),
+        beside=(
+            "mtp_bench.env.arguments.EnvKeywords",
+            "mtp_bench.cards.changes.ChangeKeywords",
+        ),
     ),
     Group(
         "Agents",

@@ -29,7 +29,7 @@ from mtp_bench.commands.board import read_board
 from mtp_bench.core import Column, Table, Value, to_markdown
 from mtp_bench.core.errors import MtpBenchError, RecordError, UnknownNameError
 from mtp_bench.core.files import write_text
-from mtp_bench.core.parallel import NO_PROGRESS
+from mtp_bench.core.notice import NO_PROGRESS
 from mtp_bench.judge import trusted
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.parts import FAULT_NAMES, PARTS, by_fault

@@ -7,8 +7,8 @@ from .card import (
     TaskSection as TaskSection,
 )
 from .changes import (
-    CHANGES as CHANGES,
-    changed_card as changed_card,
+    CardChanges as CardChanges,
+    ChangeKeywords as ChangeKeywords,
     instead_of_stored as instead_of_stored,
     load_card as load_card,
     parse_card as parse_card,

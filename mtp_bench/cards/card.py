@@ -17,7 +17,7 @@ from pydantic import (
 
 from ..core import CardError, MtpBenchError, Section, nearest, rule
 from ..detector import Profile, Variant, load_profile, with_variant
-from .source import SourceSection
+from .source import DetectionsSection, SourceSection
 
 # a single number in the TOML stands for every class
 PerClass = dict[str, Annotated[float, Field(gt=0, le=1e4)]]
@@ -287,7 +287,7 @@ class Card(Section):
         """
         # null values too: a detector that was taken away stays away
         content = self.model_dump(mode="json")
-        for name in ("folder", "detections_file"):
+        for name in ("folder", "detections"):
             path = getattr(self.source, name, None)
             if path is not None:
                 content["source"][name] = path
@@ -314,10 +314,11 @@ def check_consistency(card: Card, where: str) -> None:
             f"{sensor}, expected 'highway' with sensor = \"ego\""
         )
     # the card's digest covers the content, not the path
-    path = getattr(source, "detections_file", None)
-    if path is not None and getattr(source, "detections_sha256", None) is None:
+    if not isinstance(source, DetectionsSection):
+        return
+    if source.detections is not None and source.detections_sha256 is None:
         raise CardError(
-            f"{where}: source.detections_file needs source.detections_sha256, the digest "
+            f"{where}: source.detections needs source.detections_sha256, the digest "
             "of the file; or leave it out and name the file with --detections"
         )
 

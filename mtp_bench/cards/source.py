@@ -139,7 +139,7 @@ class DetectionsSection(SourceSection):
     """
 
     detections_sha256: str | None = None
-    detections_file: LocalPath = None
+    detections: LocalPath = None
 
 
 def source_class(name: str) -> type[SourceSection]:

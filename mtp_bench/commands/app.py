@@ -1,4 +1,7 @@
-"""The command line: ``mtp-bench``. Exit status 0, 1 for a failure that the message explains, 2 for wrong usage."""
+"""The command line: ``mtp-bench``.
+
+Exit status 0, 1 for a failure that the message explains, 2 for wrong usage.
+"""
 
 import importlib
 import io
@@ -20,13 +23,10 @@ from .output import fail, said_of, say
 
 NUMBA_SETTINGS = Path(".numba_config.yaml")  # read by Numba from the current folder
 INTERRUPTED = 130  # exit status, as shells have it
-_TEXTS = tomllib.loads(
-    Path(__file__).with_name("commands.toml").read_text(encoding="utf-8")
-)
-SUMMARIES, AFTER = (
-    _TEXTS["summaries"],
-    _TEXTS["interrupted"],
-)  # by command; notes after Ctrl-C
+_TEXT_FILE = Path(__file__).with_name("commands.toml")
+_TEXTS = tomllib.loads(_TEXT_FILE.read_text(encoding="utf-8"))
+SUMMARIES = _TEXTS["summaries"]  # by command
+INTERRUPTED_NOTES = _TEXTS["interrupted"]  # by command
 
 
 class InterruptedCommandError(Exception):
@@ -36,30 +36,36 @@ class InterruptedCommandError(Exception):
 class Commands(TyperGroup):
     """All commands, imported when they are used, so that ``--help`` starts at once.
 
-    The command ``x-y`` is the function, or the group, ``x_y`` of the module ``mtp_bench.commands.x_y``. An interruption
-    is reported in one line, and wrong usage with the value that was got.
+    The command ``x-y`` is the function, or the group, ``x_y`` of the module
+    ``mtp_bench.commands.x_y``. An interruption is reported in one line, and wrong usage
+    with the value that was got.
     """
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
+        # typer takes its list and its suggestions for a misspelt name from here
         names: Any = dict.fromkeys(SUMMARIES)
-        self.commands = names  # typer takes its list and its suggestions for a misspelt name from here
+        self.commands = names
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command, imported now; None for an unknown name."""
+        """Import a command; None for an unknown name."""
         if cmd_name not in SUMMARIES:
             return None
-        name = cmd_name.replace("-", "_") + "_" * keyword.iskeyword(cmd_name)
-        content = getattr(importlib.import_module(f"mtp_bench.commands.{name}"), name)
+        module_name = cmd_name.replace("-", "_")
+        if keyword.iskeyword(module_name):
+            module_name += "_"
+        content = getattr(
+            importlib.import_module(f"mtp_bench.commands.{module_name}"), module_name
+        )
         if isinstance(content, Typer):
             return get_command(content)
         from .options import opened
 
-        alone = Typer(
+        single = Typer(
             add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
         )
-        alone.command(cmd_name)(opened(content))
-        return get_command(alone)
+        single.command(cmd_name)(opened(content))
+        return get_command(single)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the names and summaries without importing a command."""
@@ -67,35 +73,32 @@ class Commands(TyperGroup):
             formatter.write_dl(list(SUMMARIES.items()))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse an empty word, which would mean the current folder where a path is expected."""
-        if not ctx.resilient_parsing and any(
-            word == "" or re.fullmatch("--[a-z-]+=", word) for word in args
-        ):
-            raise BadParameter(
-                "got an empty word, expected a value: is a variable of the shell unset?",
-                ctx,
-            )
+        """Refuse an empty word, which would mean the current folder as a path."""
+        if not ctx.resilient_parsing:
+            for word in args:
+                if re.fullmatch("(--[a-z-]+=)?", word):
+                    raise BadParameter(
+                        "got an empty word, expected a value: "
+                        "is a variable of the shell unset?",
+                        ctx,
+                    )
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the chosen command."""
         try:
-            with long_work(
-                " ".join(["mtp-bench", *sys.argv[1:2], "is working"]), around=True
-            ):
+            with long_work(" ".join(["mtp-bench", *sys.argv[1:2], "is working"])):
                 return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise InterruptedCommandError(
-                AFTER.get(ctx.invoked_subcommand, "no file was written")
-            ) from None
+            note = INTERRUPTED_NOTES.get(ctx.invoked_subcommand, "no file was written")
+            raise InterruptedCommandError(note) from None
         except BadParameter as error:
             from pydantic import ValidationError
 
-            if isinstance(
-                error.__cause__, ValidationError
-            ):  # it names what was expected alone
-                got = clean_text(repr(error.__cause__.errors()[0]["input"]), 100)
-                error.message = f"got {got}: {error.message}"
+            # its message has what was expected, but not the value
+            if isinstance(error.__cause__, ValidationError):
+                value = clean_text(repr(error.__cause__.errors()[0]["input"]), 100)
+                error.message = f"got {value}: {error.message}"
             raise
 
 
@@ -107,8 +110,8 @@ app = Typer(
 )
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _print_version(is_asked_for: bool) -> None:
+    if is_asked_for:
         print(f"mtp-bench {__version__}")
         raise Exit
 
@@ -117,32 +120,29 @@ def _version(asked: bool) -> None:
 def about(
     version: Annotated[
         bool,
-        Option("--version", callback=_version, is_eager=True, help="Show the version."),
+        Option(
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            help="Show the version.",
+        ),
     ] = False,
 ) -> None:
     """Tracking and prediction together: your agent sees detections, not the truth."""
 
 
 def main() -> None:
-    """Entry point: errors of the library become one line and exit status 1, Ctrl-C one line and 130."""
-    os.environ.setdefault(
-        "OPENBLAS_NUM_THREADS", "1"
-    )  # before NumPy loads, and for workers: matrices are small
-    for name, mode in (
-        ("stdin", "r"),
-        ("stdout", "w"),
-        ("stderr", "w"),
-    ):  # in the order of their descriptors
-        if getattr(sys, name) is None:  # it was closed
-            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(
-                errors="backslashreplace"
-            )  # names of files need not be text
+    """Run the command of ``sys.argv``.
+
+    Errors of the library become one line and exit status 1, Ctrl-C one line and 130.
+    """
+    # before NumPy loads, and for workers: matrices are small
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    _open_streams()
     if NUMBA_SETTINGS.exists():  # those of a submission would change how the judge runs
         fail(
-            f"{NUMBA_SETTINGS.absolute()} would change how Numba compiles: run from another folder, or remove it"
+            f"{NUMBA_SETTINGS.absolute()} would change how Numba compiles: "
+            "run from another folder, or remove it"
         )
     # joblib renews workers that hold much memory, and says so; nothing is lost by it.
     warnings.filterwarnings(
@@ -162,8 +162,22 @@ def main() -> None:
         raise SystemExit(INTERRUPTED) from None
 
 
+def _open_streams() -> None:
+    """Open standard streams that are closed, and let them take names of any bytes."""
+    modes = {"stdin": "r", "stdout": "w", "stderr": "w"}  # in order of descriptors
+    for name, mode in modes.items():
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
 def _flush() -> None:
-    """Write what is left now: an error at the end of the interpreter has no clear message."""
+    """Write buffered output now.
+
+    An error at the end of the interpreter would have no clear message.
+    """
     try:
         sys.stdout.flush()
     except OSError:

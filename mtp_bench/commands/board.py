@@ -8,7 +8,7 @@ from typing import Annotated
 from typer import Option
 
 from ..cards import load_card
-from ..core import MtpBenchError, Progress, RecordError, bundled, reported
+from ..core import MtpBenchError, Progress, RecordError, bundled, long_work
 from ..judge import (
     RECORDS,
     Record,
@@ -69,7 +69,7 @@ def board(
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
     if output is not None:
         require_parts(output)
-    with reported("reading records") as progress:
+    with long_work("reading records") as progress:
         subsets: Sequence[Subset] = (
             ("all",) if output is None else SUBSETS
         )  # tables show no other

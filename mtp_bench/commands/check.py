@@ -1,19 +1,19 @@
 """``mtp-bench check``."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Annotated
 
 from typer import Option
 
 from ..agent import load_submission
-from ..core import Column, SubmissionError, Table, Workers, cores
+from ..core import Column, SubmissionError, Table, Workers, cores, long_work
 from ..judge import SCENES, check_submission
 from ..running import Finding, RunOptions
 from ..viz import command_line, counted, show, show_table
 from .options import DataOption, JsonOption, SubmissionArgument, TracksOption, absolute
-from .output import prepare, working, write_json
+from .output import prepare, write_json
 
-_STYLE = {"error": "bold red", "warning": "yellow", "ok": ""}  # of a row
+_ROW_STYLES = {"error": "bold red", "warning": "yellow", "ok": ""}
 
 
 def check(
@@ -28,43 +28,40 @@ def check(
     ] = SCENES,
     json_file: JsonOption = None,
 ) -> None:
-    """Check that a submission keeps the contract, on up to three scenes. Status 1 for errors."""
-    options = RunOptions(
-        root, scenes, track_file=absolute(tracks), workers=Workers(cores())
-    )
+    """Check that a submission keeps the contract, on up to three scenes.
+
+    Status 1 for errors.
+    """
+    workers = Workers(cores())
+    options = RunOptions(root, scenes, tracks=absolute(tracks), workers=workers)
     submission = load_submission(path)
     options.require_usable([submission])
     prepare(env, options)
-    with working(f"checking {path}", options) as watched:
-        findings = check_submission(submission, env, watched)
-    write_json(
-        json_file,
-        {
-            "submission": submission.name,
-            "env": env,
-            "findings": [asdict(each) for each in findings],
-        },
-    )
-    columns = Column(key="level"), Column(key="check"), Column(key="found", read=_found)
+    with long_work(f"checking {path}") as progress:
+        options = replace(options, progress=progress)
+        findings = check_submission(submission, env, options)
+    rows = [asdict(finding) for finding in findings]
+    write_json(json_file, {"submission": submission.name, "env": env, "findings": rows})
+    columns = Column(key="level"), Column(key="check"), Column(key="found", read=_text)
     table = Table("findings", f"{submission.name} on {env}", "", findings, columns)
-    show_table(table, style=lambda row: _STYLE[row.level])
+    show_table(table, style=lambda row: _ROW_STYLES[row.level])
     errors = sum(finding.level == "error" for finding in findings)
     if errors:
         raise SubmissionError(
-            f"{submission.name} does not pass: {counted(errors, 'error')}, see the table"
+            f"{submission.name} does not pass: {counted(errors, 'error')}, "
+            "see the table"
         )
     compare = command_line("compare", path, env=env, data=root, tracks=tracks)
     show(f"{submission.name} passes; next: `{compare}`")
 
 
-def _found(finding: Finding) -> str:
-    """The finding, then its expected value, place and advice on lines of their own."""
-    labels = (
-        ("expected", finding.expected),
-        ("where", finding.where),
-        ("to do", finding.advice),
-    )
-    further = [f"{label}: {text}" for label, text in labels if text]
-    return "\n".join(
-        [finding.got, *(f"  {line}" for line in finding.traceback), *further]
-    )
+def _text(finding: Finding) -> str:
+    """Return a finding, then its expected value, place and advice on further lines."""
+    lines = [finding.got, *(f"  {line}" for line in finding.traceback)]
+    if finding.expected:
+        lines.append(f"expected: {finding.expected}")
+    if finding.where:
+        lines.append(f"where: {finding.where}")
+    if finding.advice:
+        lines.append(f"to do: {finding.advice}")
+    return "\n".join(lines)

@@ -22,8 +22,8 @@ from .options import (
     WorkerChoice,
     submissions,
 )
-from .output import STANDARD_OUTPUT, prepare, say, show_report, write_json, write_table
-from .shown import Shown
+from .output import STANDARD_OUTPUT, prepare, say, write_json, write_table
+from .shown import Shown, show_report
 
 
 def compare(
@@ -44,8 +44,12 @@ def compare(
         Option("--train", help="First train the networks that have no weights here."),
     ] = False,
 ) -> None:
-    """Run agents, ground-truth tracks and the controls on the same scenes; print one table and the verdict."""
-    options, env = on.options(workers, range(seeds)), on.card
+    """Run agents, ground-truth tracks and the controls on the same scenes.
+
+    Prints one table and the verdict.
+    """
+    options = on.options(workers, range(seeds))
+    env = on.card
     prepare(env, options, agents)
     if train:
         from .train import train_missing
@@ -54,14 +58,16 @@ def compare(
     if options.card(env).drive is not None:
         _compare_driving(agents, env, options, shown, json_file)
         return
-    result = run_comparison(
-        agents, env, options, full=shown.is_full or json_file is not None
-    )
+    full = shown.is_full or json_file is not None
+    result = run_comparison(agents, env, options, full)
     content = result.report.to_json("condition", "paired", "details", "failures")
     write_json(json_file, content | {"skipped": result.skipped})
-    ran = dict.fromkeys(setting.submission.name for setting in result.settings)
-    names = [name for name in ran if name in agents or name not in control_names()]
-    show_report(result.report, counted(seeds, "seed"), result.skipped, shown, names)
+    agent_names = dict.fromkeys(setting.submission.name for setting in result.settings)
+    for control in control_names():
+        if control not in agents:
+            agent_names.pop(control, None)
+    title = counted(seeds, "seed")
+    show_report(result.report, title, result.skipped, shown, list(agent_names))
     if result.report.failures:
         raise Exit(1)
 
@@ -71,7 +77,7 @@ def _compare_driving(
     env: str | Card,
     options: RunOptions,
     shown: Shown,
-    file: Path | None,
+    json_file: Path | None,
 ) -> None:
     if shown.columns or shown.subsets:
         options.card(env).require_same_scenes(
@@ -79,15 +85,16 @@ def _compare_driving(
         )
     with EnvEvaluation.opened("driving", env, options, {}) as evaluation:
         result = compare_driving(agents, evaluation, shown.full)
+    table = result.table
     write_json(
-        file,
-        {"env": result.env, "rows": result.table.records, "failures": result.failures},
+        json_file,
+        {"env": result.env, "rows": table.records, "failures": result.failures},
     )
-    if file != STANDARD_OUTPUT:
-        show_table(result.table)
-        show_lines([result.table.sentence])
-    write_table(shown.table_file, [result.table], result.table)
-    for name, reason in result.failures.items():
-        say(f"{name}: {reason}")
+    if json_file != STANDARD_OUTPUT:
+        show_table(table)
+        show_lines([table.sentence])
+    write_table(shown.table_file, [table], table)
+    for agent_name, reason in result.failures.items():
+        say(f"{agent_name}: {reason}")
     if result.failures:
         raise Exit(1)

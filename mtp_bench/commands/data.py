@@ -4,8 +4,8 @@ from typing import Annotated
 
 from typer import BadParameter, Option
 
-from ..cards import changed_card, load_card
-from ..core import MtpBenchError, card_ids, reported
+from ..cards import load_card, with_split
+from ..core import MtpBenchError, card_ids, long_work
 from ..running import read_status
 from ..viz import data_lines, show, show_table, status_json, status_table
 from .options import DataOption, JsonOption, SplitOption, env_ids
@@ -30,9 +30,11 @@ def data(
             param_hint="--split",
         )
     env_names = [env] if env else card_ids()
-    cards = [changed_card(load_card(env_id), split) for env_id in env_names]
+    cards = [load_card(env_id) for env_id in env_names]
+    if split is not None:
+        cards = [with_split(card, split) for card in cards]
     statuses = {}
-    with reported("checking data") as progress:
+    with long_work("checking data") as progress:
         progress.started(len(cards))
         for card in cards:
             statuses[card.id] = read_status(card, root)

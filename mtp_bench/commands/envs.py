@@ -10,11 +10,8 @@ from .output import write_json
 def envs(json_file: JsonOption = None) -> None:
     """List the environments."""
     cards = [load_card(env_id) for env_id in card_ids()]
-    write_json(
-        json_file,
-        {
-            card.id: {**card.model_dump(mode="json"), "digest": card.digest}
-            for card in cards
-        },
-    )
+    content = {}
+    for card in cards:
+        content[card.id] = {**card.model_dump(mode="json"), "digest": card.digest}
+    write_json(json_file, content)
     show_table(env_table(cards))

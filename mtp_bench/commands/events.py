@@ -4,7 +4,7 @@ from typing import Annotated
 
 from typer import Option
 
-from ..core import reported
+from ..core import long_work
 from ..running import open_run
 from ..viz import (
     EVENT_CAPTION,
@@ -54,7 +54,7 @@ def events(
     """
     tally = Tally()
     all_rows = list[Listed]()
-    with reported("finding events") as progress:
+    with long_work("finding events") as progress:
         opened = open_run(folder, root, env)
         for played in replays(opened, scene, progress):
             tally.add(played)

@@ -5,7 +5,6 @@ from typing import Annotated
 
 from typer import Option
 
-from ..core import reported
 from ..running import export_tracks, open_run
 from ..viz import counted, show
 from .options import DataOption, FolderArgument, RunCardOption
@@ -18,7 +17,8 @@ def export(
         Option(
             "-o",
             "--output",
-            help="nuScenes: a file (.json); Argoverse 2: a .feather file; else a folder.",
+            help="nuScenes: a file (.json); Argoverse 2: a .feather file; "
+            "else a folder.",
         ),
     ],
     table: Annotated[
@@ -27,8 +27,9 @@ def export(
     root: DataOption = None,
     env: RunCardOption = None,
 ) -> None:
-    """Write the tracks of a stored run as result files of KITTI, nuScenes or Argoverse 2, or as tables."""
-    opened = open_run(folder, root, env)
-    with reported("exporting tracks") as progress:
-        boxes = export_tracks(opened, output, table, progress)
+    """Write the tracks of a stored run in the formats of other benchmarks.
+
+    These are result files of KITTI, nuScenes or Argoverse 2, or tables.
+    """
+    boxes = export_tracks(open_run(folder, root, env), output, table)
     show(f"{output}: {counted(boxes, 'tracked position')}")

@@ -1,12 +1,14 @@
 """``mtp-bench fit-noise``."""
 
+from dataclasses import replace
 from typing import Annotated
 
 from typer import Option
 
+from ..core import long_work
 from ..training import fit_noise as fit
 from .options import EnvScenes, TextOption
-from .output import prepare, print_or_write, working
+from .output import prepare, print_or_write
 
 
 def fit_noise(
@@ -21,7 +23,8 @@ def fit_noise(
     name: Annotated[
         str | None,
         Option(
-            help="Name of the profile; agents use the settings of its part before the first hyphen."
+            help="Name of the profile; agents use the settings of its part before "
+            "the first hyphen."
         ),
     ] = None,
     reach: Annotated[
@@ -32,11 +35,15 @@ def fit_noise(
     ] = None,
     output: TextOption = None,
 ) -> None:
-    """Fit the noise of a simulated detector to the detections of an environment; the output is a section of a card."""
+    """Fit the noise of a simulated detector to the detections of an environment.
+
+    The output is a section of a card.
+    """
     options = on.options()
     prepare(on.env, options)
-    with working("reading scenes, then fitting the noise", options) as watched:
+    with long_work("reading scenes, then fitting the noise") as progress:
+        options = replace(options, progress=progress)
         text = fit(
-            on.env, watched, min_score or (), alike or (), name, reach, field_of_view
+            on.env, options, min_score or (), alike or (), name, reach, field_of_view
         )
     print_or_write(output, text)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option, Typer
 
-from ..core import reported
+from ..core import long_work
 from ..running import RunOptions
 from ..sources import import_logs, import_tracks, open_source, with_tracks
 from ..viz import command_line, counted, show, show_command
@@ -43,7 +43,7 @@ def tracks(
     card = options.card(env)
     source = with_tracks(open_source(card, root), card, root, file)
     scene_names = options.chosen(source.names)
-    with reported("importing tracks") as progress:
+    with long_work("importing tracks") as progress:
         progress.started(len(scene_names))
         scene_count, box_count = import_tracks(
             source, scene_names, card, output, progress.done
@@ -80,7 +80,7 @@ def logs(
 
     They have true boxes, the ego and lanes.
     """
-    with reported("importing logs") as progress:
+    with long_work("importing logs") as progress:
         counts = import_logs(folder, output, rate, reach, progress.done)
     boxes = (
         f"{counted(counts['truth'], 'box', 'es')} in {counted(counts['ego'], 'frame')}"

@@ -1,4 +1,4 @@
-"""``mtp-bench maintain``: commands of the maintainers of the leaderboard and of the environments."""
+"""``mtp-bench maintain``: commands of the maintainers."""
 
 import shlex
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated
 
 from typer import Argument, BadParameter, Option, Typer
 
-from ..core import RecordError
+from ..core import RecordError, long_work
 from ..judge import (
     COMMITMENT,
     LEAST_HIDDEN,
@@ -18,18 +18,18 @@ from ..judge import (
     trusted,
 )
 from ..running import RunOptions, freeze as write
+from ..scoring import Reference
 from ..viz import counted, show
 from .options import (
     BaseOption,
     DataOption,
     EnvOption,
-    EnvScenes,
     JobsOption,
     JsonOption,
     TextOption,
     WorkerChoice,
 )
-from .output import prepare, print_or_write, some_of, working, write_json
+from .output import prepare, print_or_write, some_of, write_json
 
 maintain = Typer(
     no_args_is_help=True,
@@ -61,11 +61,15 @@ def seal(
     retire: Annotated[
         Path | None,
         Option(
-            help="Publish this secret in the folder of seals: it ranks no further submission."
+            help="Publish this secret in the folder of seals: it ranks no further "
+            "submission."
         ),
     ] = None,
 ) -> None:
-    """Draw secret scenes of a simulated environment and commit to them, or publish a secret."""
+    """Draw secret scenes of a simulated environment, or publish a secret.
+
+    Drawing them also commits to them.
+    """
     if retire is not None:
         if env is not None or scenes is not None:
             raise BadParameter(
@@ -73,22 +77,27 @@ def seal(
             )
         path = retire_seal(retire, output or SEALS)
         show(
-            f"{path}: the secret is public from now on; draw another seal for the next round"
+            f"{path}: the secret is public from now on; "
+            "draw another seal for the next round"
         )
         return
     if env is None or scenes is None or output is None:
         raise BadParameter("--env, --count and --output are needed, or --retire")
-    promise, public = make_seal(env, scenes, output), beside(output, COMMITMENT)
-    to = f"{counted(scenes, 'hidden scene')} of {promise.env}"
+    promise = make_seal(env, scenes, output)
     show(
-        f"{public}: publish this commitment to {to} in leaderboard/seals, sha256 {promise.commitment}"
+        f"{beside(output, COMMITMENT)}: publish this commitment to "
+        f"{counted(scenes, 'hidden scene')} of {promise.env} in leaderboard/seals, "
+        f"sha256 {promise.commitment}"
     )
     if scenes < LEAST_HIDDEN:
         show(
-            f"for trials alone: {counted(scenes, 'scene')} are too few to rank, ranks need {LEAST_HIDDEN}"
+            f"for trials alone: {counted(scenes, 'scene')} are too few to rank, "
+            f"ranks need {LEAST_HIDDEN}"
         )
+    word = shlex.quote(str(output))
     show(
-        f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {shlex.quote(str(output))}` runs them"
+        f"{output}: keep this secret; "
+        f"`mtp-bench verify RECORD --rerun --hidden {word}` runs them"
     )
 
 
@@ -103,26 +112,33 @@ def presence(
     """Fit the presence model of a detector that ships, on its training scenes."""
     from ..training import fit_detector
 
-    with working("reading scenes, then fitting to them", RunOptions(root)) as watched:
-        text = fit_detector(detector, watched)
+    with long_work("reading scenes, then fitting to them") as progress:
+        text = fit_detector(detector, RunOptions(root, progress=progress))
     print_or_write(output, text)
 
 
 @maintain.command()
 def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> None:
     """Write the frozen event weights of a shipped environment."""
-    options = EnvScenes(env, root).options(WorkerChoice(jobs))
+    options = RunOptions(root, workers=WorkerChoice(jobs).workers())
     prepare(env, options)
     path, reference = write(env, options)
+    show(f"{path}: {_summary(reference)}; hash {reference.digest}")
+
+
+def _summary(reference: Reference) -> str:
+    """Return the totals of weights, or of a closed loop's drives."""
+    ways = [scene.way for scene in reference.scenes.values() if scene.way is not None]
+    if ways:
+        mean_m = sum(ways) / len(ways)
+        drives = counted(len(ways), "way")
+        return f"{drives} with ground-truth tracks, {mean_m:.1f} m on average"
+    weights = reference.totals["sum_of_weights"]
     totals = ", ".join(
-        f"{name} {total}" for name, total in reference.totals["sum_of_weights"].items()
+        f"{subset_name} {total}" for subset_name, total in weights.items()
     )
-    what = f"{counted(reference.totals['targets'], 'target')}, sum of weights {totals}"
-    if ways := [
-        scene.way for scene in reference.scenes.values() if scene.way is not None
-    ]:
-        what = f"{counted(len(ways), 'way')} with ground-truth tracks, {sum(ways) / len(ways):.1f} m on average"
-    show(f"{path}: {what}; hash {reference.digest}")
+    targets = counted(reference.totals["targets"], "target")
+    return f"{targets}, sum of weights {totals}"
 
 
 @maintain.command(short_help="Check the records of a pull request.")
@@ -137,19 +153,14 @@ def intake(
     """Check the records and names of a pull request; no code of a submission is run."""
     trust = trusted(base)
     outcome = take_in(leaderboard, trust, owner)
-    write_json(
-        json_file,
-        {
-            "accepted": list(map(str, outcome.accepted)),
-            "refused": list(outcome.refused),
-        },
-    )
-    for text in (
-        *(f"{path}: can be taken in" for path in outcome.accepted),
-        *outcome.notes,
-    ):
-        show(text)
-    if outcome.refused:
-        raise RecordError(some_of(outcome.refused))
-    if not outcome.accepted:
+    accepted = list(map(str, outcome.accepted))
+    refused = list(outcome.refused)
+    write_json(json_file, {"accepted": accepted, "refused": refused})
+    for path in accepted:
+        show(f"{path}: can be taken in")
+    for note in outcome.notes:
+        show(note)
+    if refused:
+        raise RecordError(some_of(refused))
+    if not accepted:
         show(f"no record to take in: all are as in {trust.folder}")

@@ -15,13 +15,13 @@ def new(
     folder: Annotated[Path, Option(help="Where its folder is made.")] = Path(),
 ) -> None:
     """Begin a submission: a folder with an agent that works."""
-    made = new_submission(name, folder)
-    shown = shlex.quote(str(made))
+    path = new_submission(name, folder)
+    word = shlex.quote(str(path))
     lines = (
-        f"{made}: submission.toml, agent.py (an agent that works), README.md",
+        f"{path}: submission.toml, agent.py (an agent that works), README.md",
         "1. put your name into submission.toml, and your idea into agent.py",
-        f"2. mtp-bench check {shown}",
-        f"3. mtp-bench compare {shown} --env MTP-Intersection-v0 --scenes 5",
-        f"4. mtp-bench submit {shown} --env MTP-Intersection-v0",
+        f"2. mtp-bench check {word}",
+        f"3. mtp-bench compare {word} --env MTP-Intersection-v0 --scenes 5",
+        f"4. mtp-bench submit {word} --env MTP-Intersection-v0",
     )
     show("\n".join(lines))

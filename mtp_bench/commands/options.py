@@ -1,4 +1,7 @@
-"""Options shared by several commands, and dataclasses of options that expand to the options of a command."""
+"""Options that several commands share.
+
+A parameter of a command that is a dataclass of options expands to these options.
+"""
 
 import inspect
 from collections.abc import Callable, Iterable, Sequence
@@ -25,88 +28,87 @@ from ..running import RunOptions, fold_of
 from .output import json_alone
 
 SEEDS = 3  # default of commands that compare or submit
-SeedsOption = Annotated[
-    int, Option("--seeds", min=1, max=1000, help="Runs with different random draws.")
-]
 
 
 def env_ids(incomplete: str) -> list[str]:
-    """Completions: ids of the shipped environments, and files of cards."""
-    return _offered([*card_ids(), *_beside(incomplete, "*.toml")], incomplete)
+    """Return completions: ids of the shipped environments, and files of cards."""
+    return _completions([*card_ids(), *_files(incomplete, "*.toml")], incomplete)
 
 
 def submissions(incomplete: str) -> list[str]:
-    """Completions: names of the baselines, and folders of submissions."""
-    own = [
-        path.removesuffix("/submission.toml")
-        for path in _beside(incomplete, "*/submission.toml")
-    ]
-    return _offered([*baseline_names(), *own], incomplete)
+    """Return completions: names of the baselines, and folders of submissions."""
+    manifests = _files(incomplete, "*/submission.toml")
+    folders = [path.removesuffix("/submission.toml") for path in manifests]
+    return _completions([*baseline_names(), *folders], incomplete)
 
 
 def detectors(incomplete: str) -> list[str]:
-    """Completions: names of the shipped profiles and variants, and files of profiles."""
+    """Return completions: shipped profiles and variants, and files of profiles."""
     from ..detector import profile_names
 
-    return _offered(
-        ["iid", "hard", *profile_names(), *_beside(incomplete, "*.toml")], incomplete
-    )
+    names = ["iid", "hard", *profile_names(), *_files(incomplete, "*.toml")]
+    return _completions(names, incomplete)
 
 
-def _beside(incomplete: str, pattern: str) -> list[str]:
-    """Files of ``pattern`` in the folder that is being named."""
+def _files(incomplete: str, pattern: str) -> list[str]:
+    """Return the files of ``pattern`` in the folder that is being typed."""
     folder = incomplete[: incomplete.rfind("/") + 1]
-    return [
-        f"{folder}{path.relative_to(folder)}"
-        for path in sorted(Path(folder).glob(pattern))
-    ]
+    paths = sorted(Path(folder).glob(pattern))
+    return [f"{folder}{path.relative_to(folder)}" for path in paths]
 
 
-def _offered(names: Iterable[str], incomplete: str) -> list[str]:
-    return [name for name in names if name.startswith(incomplete)]
+def _completions(words: Iterable[str], incomplete: str) -> list[str]:
+    return [word for word in words if word.startswith(incomplete)]
 
 
-def choice(known: Sequence[str], *names: str, text: str) -> Any:
-    """An option whose values are ``known`` words, with completion; ``text``: its help."""
+def choice(words: Sequence[str], *names: str, text: str) -> Any:
+    """Return an option that takes these words, with completion.
+
+    ``text``: its help.
+    """
 
     def check(value: Any) -> Any:
         for word in [value] if isinstance(value, str) else value or ():
-            one_of(word, known)
+            one_of(word, words)
         return value
 
-    return Option(
-        *names,
-        help=text,
-        callback=check,
-        autocompletion=lambda incomplete: _offered(known, incomplete),
-    )
+    def complete(incomplete: str) -> list[str]:
+        return _completions(words, incomplete)
+
+    return Option(*names, help=text, callback=check, autocompletion=complete)
 
 
-def one_of(value: str, known: Sequence[str], option: str | None = None) -> None:
-    """Raise BadParameter unless ``value`` is one of ``known``."""
-    if value not in known:
-        close = closest(value, known)
-        meant = f"; did you mean {close!r}?" if close else ""
-        raise BadParameter(
-            f"{value!r}, expected one of: {', '.join(known)}{meant}", param_hint=option
-        )
+def one_of(value: str, words: Sequence[str], option: str | None = None) -> None:
+    """Raise BadParameter unless ``value`` is one of ``words``."""
+    if value not in words:
+        message = f"{value!r}, expected one of: {', '.join(words)}"
+        if nearest := closest(value, words):
+            message += f"; did you mean {nearest!r}?"
+        raise BadParameter(message, param_hint=option)
 
 
 def file_option(*names: str, text: str, suffixes: Sequence[str] = ()) -> Any:
-    """An option that names a file to write: its suffix and its folder are checked before the work."""
+    """Return an option that names a file to write.
+
+    Its suffix and its folder are checked before the work.
+    """
 
     def check(path: Path | None) -> Path | None:
-        if path is not None:
-            if suffixes and path.suffix.lower() not in suffixes:
-                raise BadParameter(
-                    f"{path}: expected a name that ends in {' or '.join(suffixes)}"
-                )
-            require_file(path)
+        if path is None:
+            return None
+        if suffixes and path.suffix.lower() not in suffixes:
+            raise BadParameter(
+                f"{path}: expected a name that ends in {' or '.join(suffixes)}"
+            )
+        require_file(path)
         return path
 
     return Option(*names, help=text, callback=check)
 
 
+SeedsOption = Annotated[
+    int, Option("--seeds", min=1, max=1000, help="Runs with different random draws.")
+]
 DataOption = Annotated[
     str | None,
     Option("--data", help="Data root; else MTP_BENCH_DATA, or the user's folder."),
@@ -124,8 +126,8 @@ TableOption = Annotated[
     file_option(
         "--table",
         suffixes=SUFFIXES,
-        text="Write the table to this file: .csv or .json with all numbers, .md or .tex as it is shown. With --columns "
-        "or --subsets all four hold these.",
+        text="Write the table to this file: .csv or .json with all numbers, .md or "
+        ".tex as it is shown. With --columns or --subsets all four hold these.",
     ),
 ]
 EnvOption = Annotated[
@@ -152,8 +154,9 @@ TracksOption = Annotated[
     Path | None,
     Option(
         "--tracks",
-        help="Stored tracks, for agents that observe them: a tracking submission of nuScenes (.json) or Argoverse 2 "
-        "(.feather), or a folder of KITTI results (.txt) or tables (.csv, .parquet), one per scene.",
+        help="Stored tracks, for agents that observe them: a tracking submission of "
+        "nuScenes (.json) or Argoverse 2 (.feather), or a folder of KITTI results "
+        "(.txt) or tables (.csv, .parquet), one per scene.",
     ),
 ]
 RunCardOption = Annotated[
@@ -174,37 +177,42 @@ BaseOption = Annotated[
     Path | None,
     Option(
         "--base",
-        help="Leaderboard whose keys and seals are trusted. Default: the one that ships.",
+        help="Leaderboard whose keys and seals are trusted. "
+        "Default: the one that ships.",
     ),
 ]
 
 
 @dataclass(frozen=True)
 class WorkerChoice:
-    """The workers of a command."""
+    """Workers of a command."""
 
     jobs: JobsOption = 0
     scheduler: Annotated[
         str | None,
         Option(
-            help="Run on the workers of the Dask scheduler at this address, such as tcp://10.0.0.1:8786."
+            help="Run on the workers of the Dask scheduler at this address, "
+            "such as tcp://10.0.0.1:8786."
         ),
     ] = None
 
     def workers(self) -> Workers:
-        """The workers; raises BadParameter for a scheduler without Dask, or none that answers."""
+        """Return the workers.
+
+        Raises BadParameter for a scheduler without Dask, or none that answers.
+        """
         try:
             workers = Workers(self.jobs or cores(), self.scheduler)
             if self.scheduler is not None:
                 require_cluster(self.scheduler)  # before any other work
-            return workers
         except MtpBenchError as error:
             raise BadParameter(str(error), param_hint="--scheduler") from None
+        return workers
 
 
 @dataclass(frozen=True)
 class EnvScenes:
-    """Scenes of an environment, and changes to its card."""
+    """Scenes of an environment, and changes of its card."""
 
     env: EnvOption
     data: DataOption = None
@@ -213,21 +221,23 @@ class EnvScenes:
     fold: Annotated[
         str | None,
         Option(
-            help="A fold of the split, such as 1/4: only its scenes; `train` leaves them out."
+            help="A fold of the split, such as 1/4: only its scenes; "
+            "`train` leaves them out."
         ),
     ] = None
     detector: Annotated[
         str | None,
         Option(
-            help="Another detector. Simulated: a profile, iid, hard or a .toml file of a profile. "
-            "Stored (nuScenes): the first part of its files' names.",
+            help="Another detector. Simulated: a profile, iid, hard or a .toml file of "
+            "a profile. Stored (nuScenes): the first part of its files' names.",
             autocompletion=detectors,
         ),
     ] = None
     detections: Annotated[
         Path | None,
         Option(
-            help="Stored detections: a file as submitted to nuScenes or Argoverse 2; for KITTI a folder of text files."
+            help="Stored detections: a file as submitted to nuScenes or Argoverse 2; "
+            "for KITTI a folder of text files."
         ),
     ] = None
     files: Annotated[
@@ -237,9 +247,7 @@ class EnvScenes:
     def options(
         self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)
     ) -> RunOptions:
-        """These scenes under ``seeds`` as options of a run."""
-        file, files = absolute(self.detections), absolute(self.files)
-        chosen = (workers or WorkerChoice()).workers()
+        """Return these scenes under ``seeds`` as options of a run."""
         try:
             fold = None if self.fold is None else fold_of(self.fold)
         except MtpBenchError as error:
@@ -248,18 +256,18 @@ class EnvScenes:
             self.data,
             self.scenes,
             seeds,
-            self.split,
-            self.detector,
             fold,
-            file,
-            workers=chosen,
-            files=files,
+            split=self.split,
+            detector=self.detector,
+            detections=absolute(self.detections),
+            files=absolute(self.files),
+            workers=(workers or WorkerChoice()).workers(),
         )
 
 
 @dataclass(frozen=True)
 class AgentScenes(EnvScenes):
-    """Scenes that agents run on, which may get stored tracks, and may be those of a stored run."""
+    """Scenes that agents run on, which may be those of a stored run."""
 
     env: Annotated[
         str,
@@ -273,58 +281,66 @@ class AgentScenes(EnvScenes):
     presence: Annotated[
         str | None,
         Option(
-            help="How baselines state confidences: a file of `mtp-bench train presence`, or scores, which takes those "
-            "of detections as they are."
+            help="How baselines state confidences: a file of `mtp-bench train presence`"
+            ", or scores, which takes those of detections as they are."
         ),
     ] = None
 
     @cached_property
     def card(self) -> str | Card:
-        """The env; for the folder of a run the card of its scenes, those of a closed loop as they were driven."""
+        """The env; for the folder of a run the card of its scenes.
+
+        Those of a closed loop are the scenes as they were driven.
+        """
         from ..running import open_run
 
         folder = Path(self.env)
-        is_run = folder.is_dir() or (
-            folder.name != self.env and folder.suffix != ".toml"
-        )
-        return open_run(folder, self.data).card if is_run else self.env
+        is_path = folder.name != self.env and folder.suffix != ".toml"
+        if folder.is_dir() or is_path:
+            return open_run(folder, self.data).card
+        return self.env
 
     def options(
         self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)
     ) -> RunOptions:
-        """These scenes under ``seeds`` as options of a run, with the stored tracks and the presence model."""
+        """Return these scenes, with stored tracks and presence model, as options."""
         options = super().options(workers, seeds)
-        return replace(
-            options, track_file=absolute(self.tracks), presence=self.presence
-        )
+        return replace(options, tracks=absolute(self.tracks), presence=self.presence)
 
 
 def opened(command: Callable[..., None]) -> Callable[..., None]:
-    """``command`` for typer, with each parameter that is a dataclass of options replaced by its options."""
-    parameters: list[inspect.Parameter] = []
+    """Return ``command`` for typer, with its dataclasses of options expanded."""
+    expanded: list[inspect.Parameter] = []
     groups: dict[str, tuple[Callable[..., Any], list[str]]] = {}
-    for parameter in inspect.signature(command, eval_str=True).parameters.values():
-        own, kind = [parameter], parameter.annotation
-        if is_dataclass(kind) and isinstance(kind, type):
-            own = list(inspect.signature(kind, eval_str=True).parameters.values())
-            groups[parameter.name] = kind, [option.name for option in own]
-        parameters += [
-            option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in own
-        ]
+    for parameter in _parameters(command):
+        options = [parameter]
+        group = parameter.annotation
+        if is_dataclass(group) and isinstance(group, type):
+            options = _parameters(group)
+            groups[parameter.name] = group, [option.name for option in options]
+        expanded += options
 
     @wraps(command)
     def call(**values: Any) -> None:
-        for name, (group, names) in groups.items():
-            values[name] = group(**{option: values.pop(option) for option in names})
+        for group_name, (group, option_names) in groups.items():
+            values[group_name] = group(
+                **{option: values.pop(option) for option in option_names}
+            )
         command(**values)
 
-    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    call.__annotations__ = {
-        parameter.name: parameter.annotation for parameter in parameters
-    }
+    call.__annotations__ = {}
+    keyword_only = []
+    for option in expanded:
+        call.__annotations__[option.name] = option.annotation
+        keyword_only.append(option.replace(kind=option.KEYWORD_ONLY))
+    call.__signature__ = inspect.Signature(keyword_only)  # type: ignore[attr-defined]
     return call
 
 
+def _parameters(function: Callable[..., Any]) -> list[inspect.Parameter]:
+    return list(inspect.signature(function, eval_str=True).parameters.values())
+
+
 def absolute(path: Path | None) -> str | None:
-    """An absolute path, valid from any working folder."""
+    """Return an absolute path, valid from any working folder."""
     return None if path is None else str(path.expanduser().absolute())

@@ -32,7 +32,6 @@ def run(
         show(line)
     if stored.rejected:
         show(rejected_line(agent, stored.rejected))
+    scenes = counted(stored.scenes, "scene")
     score = command_line("score", str(output), data=on.data)
-    show(
-        f"{counted(stored.scenes, 'scene')} of {on.env} by {agent} in {output}; score with `{score}`"
-    )
+    show(f"{scenes} of {on.env} by {agent} in {output}; score with `{score}`")

@@ -5,10 +5,10 @@ from typing import Annotated
 
 from ..core import Column, Table, columns_of
 from ..running import RunOptions, score as score_run
-from ..scoring import Row
+from ..scoring import Report, Row
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, file_option
-from .output import show_report, working, write_json, write_table
-from .shown import Shown
+from .output import write_json, write_table
+from .shown import Shown, show_report
 
 
 def score(
@@ -27,21 +27,18 @@ def score(
     ] = None,
 ) -> None:
     """Score stored rollouts."""
-    with working(f"scoring {folder}", RunOptions(root)) as options:
-        scored = score_run(folder, options, env)
+    scored = score_run(folder, RunOptions(root), env)
     report = scored.report
-    write_json(
-        json_file, {**report.to_json("condition", "details"), "skipped": scored.skipped}
-    )
-    scenes, known = (
-        report.per_scene(),
-        {column.key: column for column in columns_of(Row)},
-    )
-    columns = [
-        known.get(key, Column(key=key))
-        for key in dict.fromkeys(key for row in scenes for key in row)
-    ]
-    write_table(
-        per_scene, [], Table("scenes", f"Scenes of {folder.name}", "", scenes, columns)
-    )
+    content = report.to_json("condition", "details")
+    write_json(json_file, {**content, "skipped": scored.skipped})
+    write_table(per_scene, [], _scene_table(report, f"Scenes of {folder.name}"))
     show_report(report, folder.name, scored.skipped, shown)
+
+
+def _scene_table(report: Report, title: str) -> Table:
+    """Return a row per scene, with the columns of a report's row where they fit."""
+    rows = report.per_scene()
+    row_columns = {column.key: column for column in columns_of(Row)}
+    keys = dict.fromkeys(key for row in rows for key in row)
+    columns = [row_columns.get(key, Column(key=key)) for key in keys]
+    return Table("scenes", title, "", rows, columns)

@@ -1,23 +1,43 @@
-"""Options of what is shown of a report."""
+"""What is shown of a report, and its options."""
 
-from collections.abc import Callable, Sequence
+import shutil
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 from typer import Option
 
-from ..core import Table
+from ..core import Table, to_text
+from ..running import skipped_line
 from ..scoring import KNOWN_SUBSETS, Report, main_table
-from ..viz import chosen_table, column_keys, data_table
+from ..viz import (
+    chosen_table,
+    column_keys,
+    data_table,
+    full_tables,
+    notes,
+    short_verdict,
+    show,
+    show_lines,
+    verdict,
+    warnings,
+)
 from .options import TableOption, one_of
+from .output import write_table
 
 
-def words(*names: str, known: Callable[[], Sequence[str]], text: str) -> Any:
-    """An option that takes words of ``known`` with commas between them; ``text``: its help."""
+def words(*names: str, choices: Callable[[], Sequence[str]], text: str) -> Any:
+    """Return an option that takes words of ``choices`` with commas between them.
+
+    ``text``: its help.
+    """
 
     def check(value: str | None) -> str | None:
-        for word in value.split(",") if value is not None else ():
-            one_of(word, known())
+        if value is not None:
+            for word in value.split(","):
+                one_of(word, choices())
         return value
 
     return Option(*names, help=text, callback=check)
@@ -25,13 +45,14 @@ def words(*names: str, known: Callable[[], Sequence[str]], text: str) -> Any:
 
 @dataclass(frozen=True)
 class Shown:
-    """Options of the shown tables of a report, and the file that they are written to."""
+    """Options of the tables of a report, and the file that they are written to."""
 
     full: Annotated[
         bool,
         Option(
             "--full",
-            help="All settings and controls, parts of bADE, conditions and further tables.",
+            help="All settings and controls, parts of bADE, conditions and "
+            "further tables.",
         ),
     ] = False
     table_file: TableOption = None
@@ -39,7 +60,7 @@ class Shown:
         str | None,
         words(
             "--columns",
-            known=column_keys,
+            choices=column_keys,
             text="Columns of the table, keys of --json with commas between them.",
         ),
     ] = None
@@ -47,7 +68,7 @@ class Shown:
         str | None,
         words(
             "--subsets",
-            known=lambda: KNOWN_SUBSETS,
+            choices=lambda: KNOWN_SUBSETS,
             text="Subsets of the table, such as all,ids; with --columns.",
         ),
     ] = None
@@ -55,27 +76,68 @@ class Shown:
     @property
     def is_full(self) -> bool:
         """True if more is asked for than the main table on the screen."""
-        return self.full or any(
-            part is not None for part in (self.table_file, self.columns, self.subsets)
-        )
+        return self.full or self.table_file is not None or self._are_chosen
+
+    @property
+    def _are_chosen(self) -> bool:
+        return self.columns is not None or self.subsets is not None
 
     def main(self, report: Report) -> Table:
-        """The first table: of the chosen columns and subsets, if there are any."""
-        if self.columns is None and self.subsets is None:
+        """Return the first table: of the chosen columns and subsets, if any."""
+        if not self._are_chosen:
             return main_table(report)
         columns = (self.columns or "error,interval,minADE,minFDE").split(",")
         chosen = (self.subsets or "all,ids").split(",")
-        return chosen_table(
-            report,
-            columns,
-            [subset for subset in KNOWN_SUBSETS if subset in chosen],
-            self.full,
-        )
+        subsets = [subset for subset in KNOWN_SUBSETS if subset in chosen]
+        return chosen_table(report, columns, subsets, self.full)
 
     def data(self, report: Report) -> Table:
-        """The table of files for programs: every number, or those that are chosen."""
-        return (
-            data_table(report)
-            if self.columns is None and self.subsets is None
-            else self.main(report)
-        )
+        """Return the table of files for programs: every number, or the chosen ones."""
+        return self.main(report) if self._are_chosen else data_table(report)
+
+
+def show_report(
+    report: Report,
+    title: str,
+    skipped: Mapping[str, int],
+    shown: Shown,
+    names: Sequence[str] = (),
+) -> None:
+    """Print the main table of a report, its verdict and warnings; with ``full`` all.
+
+    ``title``: what the report is of. ``names``: submissions that the verdict is about;
+    a report of one agent has none.
+    """
+    main = shown.main(report)
+    other_tables = list(full_tables(report)) if shown.full else []
+    write_table(shown.table_file, [main, *other_tables], shown.data(report))
+    show(to_text(main).rstrip())
+    condition = report.condition
+    lines: list[str | None] = [short_verdict(report, names), *warnings(report)]
+    lines += [condition.get("trained"), skipped_line(skipped)]
+    show_lines(filter(None, lines))
+    if not shown.full:
+        show_lines([_next_step()])
+        return
+    show("")
+    show_lines(verdict(report, names), "- ")
+    show_lines(notes(report))
+    data = f"split {condition['split']}, {condition['detections']}"
+    show_lines([f"{title}; {data}; truth: {condition['truth']}", condition["weights"]])
+    for table in other_tables:
+        show("\n" + to_text(table).rstrip())
+
+
+def _next_step() -> str:
+    """Return one line that says where to go next.
+
+    It has the way to the command where a shell would not find it.
+    """
+    activate = Path(sys.executable).with_name("activate")
+    is_here = activate.is_file() and activate.is_relative_to(Path.cwd())
+    if shutil.which("mtp-bench") or not is_here:
+        return "Parts, other settings and conditions: --full"
+    return (
+        f"Next: source {activate.relative_to(Path.cwd())}; mtp-bench --help. "
+        "Parts and conditions: --full"
+    )

@@ -3,7 +3,7 @@
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -11,7 +11,15 @@ from typer import Argument, BadParameter, Option
 
 from ..agent import Submission, load_submission
 from ..cards import load_card
-from ..core import Column, DataError, MtpBenchError, RecordError, Table, columns_of
+from ..core import (
+    Column,
+    DataError,
+    MtpBenchError,
+    RecordError,
+    Table,
+    columns_of,
+    long_work,
+)
 from ..judge import (
     Piece,
     Record,
@@ -25,9 +33,9 @@ from ..judge import (
 from ..running import RunOptions
 from ..viz import counted, show, show_table
 from .options import SEEDS, DataOption, SeedsOption, WorkerChoice, env_ids, submissions
-from .output import prepare, said_of, say, some_of, working
+from .output import prepare, said_of, say, some_of
 
-SHOWN = (
+_SHOWN_COLUMNS = (
     "subset",
     "error",
     "interval",
@@ -40,12 +48,12 @@ SHOWN = (
     "scenes",
 )
 Outcome = Literal["made", "kept", "not here", "failed"]
-MIB = 2**20
+_MIB = 2**20
 
 
 @dataclass(frozen=True)
 class EntryOptions:
-    """Options of the entry on the leaderboard, and of an earlier submit of it."""
+    """Options of an entry on the leaderboard, and of an earlier submit of it."""
 
     seeds: SeedsOption = SEEDS
     scenes: Annotated[
@@ -64,7 +72,10 @@ class EntryOptions:
     ] = False
 
     def arguments(self) -> dict[str, Any]:
-        """Arguments of `records.submit`; BadParameter for what is not a commit."""
+        """Return arguments of `judge.submit`.
+
+        Raises BadParameter for a text that is not a commit.
+        """
         if not re.fullmatch("([0-9a-f]{7,64})?", self.commit):
             raise BadParameter(
                 f"got {self.commit!r}, expected 7 to 64 hex digits",
@@ -91,7 +102,8 @@ def submit(
         bool,
         Option(
             "--all",
-            help="Every baseline on every environment, or those of --env; keeps finished ones.",
+            help="Every baseline on every environment, or those of --env; "
+            "keeps finished ones.",
         ),
     ] = False,
     root: DataOption = None,
@@ -100,11 +112,13 @@ def submit(
         Option("-o", "--output", help="Folder; leaderboard/records/<name> by default."),
     ] = None,
 ) -> None:
-    """Run a submission behind the gateway and write its records for the leaderboard; with --all every baseline."""
+    """Run a submission behind the gateway and write its records.
+
+    With ``--all`` every baseline.
+    """
     arguments = entry.arguments()
-    options = RunOptions(
-        root, entry.scenes, range(entry.seeds), workers=workers.workers()
-    )
+    seeds = range(entry.seeds)
+    options = RunOptions(root, entry.scenes, seeds, workers=workers.workers())
     if everything:
         if entry.commit:
             raise BadParameter("not with --all", param_hint="--commit")
@@ -122,9 +136,8 @@ def _submit_all(
     pieces: Sequence[Piece], options: RunOptions, arguments: Mapping[str, Any]
 ) -> None:
     def make(piece: Piece) -> Record:
-        return _one(
-            piece.submission, piece.env, options, piece.target.parent, arguments
-        )
+        folder = piece.target.parent
+        return _make_record(piece.submission, piece.env, options, folder, arguments)
 
     lines = make_all(pieces, options, make)
     show_table(summary_table(lines))
@@ -148,69 +161,74 @@ def _submit_one(
 ) -> None:
     """Make the records of one submission on the named environments, and show them."""
     submission = load_submission(path)
-    targets = {
-        env_id: record_path(submission, load_card(env_id), output) for env_id in env_ids
-    }
+    targets: dict[str, Path] = {}
+    for env_id in env_ids:
+        targets[env_id] = record_path(submission, load_card(env_id), output)
     for target in targets.values():
         require_target(
             target, submission, options, arguments["resume"], arguments["replace"]
         )
-    failed = []
+    failures = []
     for env_id, target in targets.items():
         try:
-            record = _one(submission, env_id, options, output, arguments)
+            record = _make_record(submission, env_id, options, output, arguments)
         except (MtpBenchError, OSError) as error:  # the others are worth their time
             if len(targets) == 1:
                 raise
-            failed.append(f"{env_id}: {said_of(error)}")
-            say(failed[-1])
+            failures.append(f"{env_id}: {said_of(error)}")
+            say(failures[-1])
             continue
-        what = "bADE (m, less is better)"
-        columns = [each for each in columns_of(type(record.row)) if each.key in SHOWN]
-        rows: list[Any] = list(record.rows)
-        if record.driving is not None:
-            what, rows, columns = "drive score, more is better", [record.driving], []
-        show_table(
-            Table(
-                "record",
-                f"{submission.name} on {record.env.id}: {what}",
-                "",
-                rows,
-                columns,
-            )
-        )
-        then = "" if record.unfinished else f"; next: `mtp-bench board --with {target}`"
-        show(f"{target}: {_sentence(record)}{then}")
+        _show_record(record, target)
         if record.status in ("crashed", "rejected"):
-            failed.append(f"{record.env.id}: {record.status}: {record.status_reason}")
-    if failed:
-        raise RecordError(some_of(failed))
+            failures.append(f"{record.env.id}: {record.status}: {record.status_reason}")
+    if failures:
+        raise RecordError(some_of(failures))
 
 
-def _one(
+def _show_record(record: Record, target: Path) -> None:
+    """Print the table of a record, and its status in one line."""
+    title = f"{record.submission.name} on {record.env.id}"
+    if record.driving is not None:
+        title += ": drive score, more is better"
+        table = Table("record", title, "", [record.driving], [])
+    else:
+        title += ": bADE (m, less is better)"
+        columns = columns_of(type(record.row))
+        shown = [column for column in columns if column.key in _SHOWN_COLUMNS]
+        table = Table("record", title, "", list(record.rows), shown)
+    show_table(table)
+    next_step = ""
+    if not record.unfinished:
+        next_step = f"; next: `mtp-bench board --with {target}`"
+    show(f"{target}: {_status_line(record)}{next_step}")
+
+
+def _make_record(
     submission: Submission,
     env_id: str,
     options: RunOptions,
     output: Path | None,
     arguments: Mapping[str, Any],
 ) -> Record:
-    """Make the record of one env with a progress bar."""
     card = load_card(env_id)
     if card.lanes is not None and not card.simulated:
         say(
-            f"{card.id} shows lanes, which tell the place of a recorded scene: no random motion of the scene hides it."
+            f"{card.id} shows lanes, which tell the place of a recorded scene: "
+            "no random motion of the scene hides it."
         )
     prepare(env_id, options)
-    with working(f"running {submission.name} on {env_id}", options) as watched:
-        return make_record(submission.path, env_id, watched, output, **arguments)
+    with long_work(f"running {submission.name} on {env_id}") as progress:
+        options = replace(options, progress=progress)
+        return make_record(submission.path, env_id, options, output, **arguments)
 
 
-def _sentence(record: Record) -> str:
-    """Status, times and failures in one line."""
-    latency, missed = record.measured.latency, record.missed
-    parts = [
-        f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"
-    ]
+def _status_line(record: Record) -> str:
+    """Return status, times and failures in one line."""
+    latency = record.measured.latency
+    missed = record.missed
+    parts: list[str] = [record.status]
+    if record.status_reason:
+        parts[0] += f" ({record.status_reason})"
     if latency.p50_ms is not None and latency.p95_ms is not None:
         parts.append(
             f"{latency.p50_ms:.1f} ms per frame, 95 % within {latency.p95_ms:.1f} ms"
@@ -220,9 +238,8 @@ def _sentence(record: Record) -> str:
         parts.append(f"{missed.malformed} malformed answers")
     if missed.crashed_scenes:
         reason = next(iter(missed.reasons.values()), "")
-        parts.append(
-            f"{counted(missed.crashed_scenes, 'scene')} not finished ({reason})"
-        )
+        crashed = counted(missed.crashed_scenes, "scene")
+        parts.append(f"{crashed} not finished ({reason})")
     return "; ".join(parts)
 
 
@@ -266,49 +283,47 @@ def _make_one(
         reason = why_impossible(piece, options.data)
         if reason is not None:
             return Line(piece, "not here", note=reason)
-        begun = time.monotonic()
+        begin = time.monotonic()
         record = make(piece)
     except DataError as error:
         return Line(piece, "not here", note=f"no data: {error}")
     except (MtpBenchError, OSError) as error:
         return Line(piece, "failed", note=said_of(error))
-    return _line(record, piece, "made", time.monotonic() - begun)
+    return _line(record, piece, "made", time.monotonic() - begin)
 
 
 def _line(record: Record, piece: Piece, outcome: Outcome, seconds: float = 0.0) -> Line:
-    """The outcome by the record, made now or before: a failure unless its agent finished every scene that was run."""
-    asked_for = (
-        record.status == "partial" and not record.missed.crashed_scenes
-    )  # by --scenes
-    if asked_for or not record.unfinished:
+    """Return the outcome by a record, made now or before.
+
+    It is a failure unless its agent finished every scene that was run.
+    """
+    # "partial" by --scenes, not by a failure
+    is_part = record.status == "partial" and not record.missed.crashed_scenes
+    if is_part or not record.unfinished:
         return Line(piece, outcome, seconds)
-    reasons = (
-        {} if record.status in ("crashed", "rejected") else record.missed.reasons
-    )  # these statuses state one
-    return Line(
-        piece,
-        "failed",
-        note=": ".join([record.unfinished, *list(reasons.values())[:1]]),
-    )
+    reasons = [record.unfinished]
+    if record.status not in ("crashed", "rejected"):  # these state their reason
+        reasons += list(record.missed.reasons.values())[:1]
+    return Line(piece, "failed", note=": ".join(reasons))
 
 
 def summary_table(lines: Sequence[Line]) -> Table:
-    """One line per environment and one of all: numbers of records by outcome, and the time they took."""
-    envs = dict.fromkeys(line.piece.env for line in lines)
-    rows = [
-        _summary(env_id, [line for line in lines if line.piece.env == env_id])
-        for env_id in envs
+    """Return a row per environment and one of all.
+
+    It has the numbers of records by outcome, and the time that they took.
+    """
+    rows = []
+    for env_id in dict.fromkeys(line.piece.env for line in lines):
+        of_env = [line for line in lines if line.piece.env == env_id]
+        rows.append(_summary(env_id, of_env))
+    rows.append(_summary("all", lines))
+    columns = [
+        Column("environment", key="env"),
+        *(Column(key=outcome) for outcome in get_args(Outcome)),
+        Column(key="minutes", format=".1f"),
+        Column("MiB", key="size", format=".1f"),
     ]
-    outcomes = (Column(key=name) for name in get_args(Outcome))
-    sizes = Column(key="minutes", format=".1f"), Column("MiB", key="size", format=".1f")
-    columns = [Column("environment", key="env"), *outcomes, *sizes]
-    return Table(
-        "records",
-        "Records with their rollouts",
-        "",
-        [*rows, _summary("all", lines)],
-        columns,
-    )
+    return Table("records", "Records with their rollouts", "", rows, columns)
 
 
 def _summary(name: str, lines: Sequence[Line]) -> dict[str, str | float]:
@@ -317,5 +332,5 @@ def _summary(name: str, lines: Sequence[Line]) -> dict[str, str | float]:
         "env": name,
         **{outcome: outcomes.count(outcome) for outcome in get_args(Outcome)},
         "minutes": sum(line.seconds for line in lines) / 60,
-        "size": sum(line.piece.size for line in lines) / MIB,
+        "size": sum(line.piece.size for line in lines) / _MIB,
     }

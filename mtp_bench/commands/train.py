@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option, Typer
 
-from ..core import MtpBenchError, long_work, reported
+from ..core import MtpBenchError, long_work
 from ..running import Fold, RunOptions
 from .options import (
     EnvScenes,
@@ -19,13 +19,15 @@ from .options import (
     one_of,
     opened,
 )
-from .output import prepare, print_or_write, say, working
+from .output import prepare, print_or_write, say
 
 if TYPE_CHECKING:
     from ..cards import Card
     from ..training import TrainingRequest
 
-_FRAMES = 2400  # of simulated traffic that is learnt from by default, as the weights that ship did at most
+# Frames of simulated traffic that are learnt from by default, as the weights that ship
+# did at most.
+_SIMULATED_FRAMES = 2400
 OBSERVE = ("detections", "truth")
 ON = ("truth", "tracklets")
 DEVICES = ("auto", "cpu", "cuda")
@@ -39,21 +41,26 @@ def motion_noise(
     jobs: JobsOption = 0,
     output: TextOption = None,
 ) -> None:
-    """Fit the motion noise of the kinematic predictors on the training split of an environment (or another).
+    """Fit the motion noise of the kinematic predictors on the training split.
 
-    The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones.
+    ``--split`` names another one. The scenes of ``--fold`` are left out before
+    ``--scenes`` takes the first ones.
     """
     from ..training import fit_env
 
-    options, without = _learnt_from(on, jobs)
+    options, left_out = _training_options(on, jobs)
     prepare(on.env, options)
-    with working("reading scenes, then fitting to them", options) as watched:
-        text = fit_env(on.env, watched, observe, without)
+    with long_work("reading scenes, then fitting to them") as progress:
+        options = replace(options, progress=progress)
+        text = fit_env(on.env, options, observe, left_out)
     print_or_write(output, text)
 
 
-def _learnt_from(on: EnvScenes, jobs: int) -> tuple[RunOptions, Fold | None]:
-    """The options of a training, and the fold that it leaves out: another command scores its scenes."""
+def _training_options(on: EnvScenes, jobs: int) -> tuple[RunOptions, Fold | None]:
+    """Return the options of a training, and the fold that it leaves out.
+
+    Another command scores the scenes of the fold.
+    """
     options = on.options(WorkerChoice(jobs)).on_split("train")
     return replace(options, fold=None), options.fold
 
@@ -66,7 +73,8 @@ def predictor(
         choice(
             ON,
             "--on",
-            text="truth: ground-truth tracks. tracklets: tracks of a tracker. Default: as the network states.",
+            text="truth: ground-truth tracks. tracklets: tracks of a tracker. "
+            "Default: as the network states.",
         ),
     ] = None,
     also: Annotated[
@@ -93,10 +101,11 @@ def predictor(
         ),
     ] = None,
 ) -> None:
-    """Train a predictor on the training split of an environment (or another).
+    """Train a predictor on the training split of an environment.
 
-    The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones; by default 2400 frames of simulated
-    traffic, and all scenes of recorded data.
+    ``--split`` names another one. The scenes of ``--fold`` are left out before
+    ``--scenes`` takes the first ones; by default 2400 frames of simulated traffic, and
+    all scenes of recorded data.
     """
     with long_work("loading PyTorch"):
         from ..prediction import network_of, networks
@@ -105,134 +114,142 @@ def predictor(
     one_of(network, tuple(networks()), "NAME")
     recipe = network_of(network).recipe
     plan = TrainingPlan(epochs or recipe.epochs, seed=seed)
-    options, without = _learnt_from(on, jobs)
-    _require_place(output, options)
+    options, left_out = _training_options(on, jobs)
+    if output is None:
+        _require_default_data(options)
     request = TrainingRequest(
         network,
         on.env,
         pasts or recipe.on,
         hypotheses,
-        without,
+        left_out,
         tuple(also or ()),
         plan,
         device,
     )
-    device_of(device)  # before the scenes are read
-    cards = [options.card(env) for env in (on.env, *request.also)]
-    options = _enough(options, cards[0])
-    for env in (on.env, *request.also):
-        prepare(env, options)
-    path, card = _trained(request, options, output)
-    away = (
-        "" if card["fold"] is None else f", without the scenes of fold {card['fold']}"
-    )
+    device_of(device)  # raises before the scenes are read
+    env_ids = (on.env, *request.also)
+    cards = [options.card(env_id) for env_id in env_ids]
+    options = _with_default_scenes(options, cards[0])
+    for env_id in env_ids:
+        prepare(env_id, options)
+    path, card = _train(request, options, output)
+    note = ""
+    if card["fold"] is not None:
+        note = f", without the scenes of fold {card['fold']}"
     print(
-        f"{path}: validation minADE {card['validation_minADE']} m, epoch {card['best_epoch']} of {plan.epochs}{away}"
+        f"{path}: validation minADE {card['validation_minADE']} m, "
+        f"epoch {card['best_epoch']} of {plan.epochs}{note}"
     )
 
 
-def _enough(options: RunOptions, card: "Card") -> RunOptions:
-    """The options, with as many scenes of simulated traffic as give `_FRAMES` frames unless they state a number."""
+def _with_default_scenes(options: RunOptions, card: "Card") -> RunOptions:
+    """Return the options with the default number of scenes of simulated traffic."""
     seconds = card.source.traits.scene_seconds
-    scenes = round(_FRAMES / (seconds * card.task.rate)) if seconds else None
-    return replace(options, scenes=options.scenes or scenes)
+    if options.scenes is not None or not seconds:
+        return options
+    scenes = round(_SIMULATED_FRAMES / (seconds * card.task.rate))
+    return replace(options, scenes=scenes)
 
 
-def _trained(
+def _train(
     request: "TrainingRequest",
     options: RunOptions,
     output: Path | None = None,
-    minutes: int | None = None,
+    minutes: int = 0,
 ) -> tuple[Path, dict[str, Any]]:
-    """The file of weights of a training, and its card, with progress; ``minutes``: about how long it takes."""
+    """Train, and return the file of weights and its card.
+
+    ``minutes``: about how long it takes; 0: not known.
+    """
     from ..training import train_predictor, training_windows
 
-    found = training_windows(request, options)
-    with reported(f"training {request.network}", 60 * (minutes or 0)) as progress:
+    windows = training_windows(request, options)
+    with long_work(f"training {request.network}", 60 * minutes) as progress:
         progress.started(request.chosen_plan.epochs)
-        return train_predictor(
-            found,
-            request,
-            output,
-            lambda epoch, error: progress.done(f"minADE {error:.3f} m"),
-        )
+
+        def end_epoch(_: int, min_ade: float) -> None:
+            progress.done(f"minADE {min_ade:.3f} m")
+
+        return train_predictor(windows, request, output, end_epoch)
 
 
 def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
-    """Train the networks of ``agents`` that have no weights for an env, on its training split, the quickest first."""
+    """Train the networks of ``agents`` that have no weights for an env.
+
+    They learn from its training split, the quickest first.
+    """
     from ..agent import load_submission
     from ..core import states_of
     from ..training import TrainingRequest
 
     card = options.card(env)
-    networks = dict.fromkeys(
-        name for agent in agents for name in load_submission(agent).networks
-    )
-    missing = [
-        state
-        for state in states_of(networks, card.id, card.weights_of)
-        if state.missing
-    ]
+    network_names: dict[str, None] = {}
+    for agent in agents:
+        network_names |= dict.fromkeys(load_submission(agent).networks)
+    states = states_of(network_names, card.id, card.weights_of)
+    missing = [state for state in states if state.missing]
     if not missing:
         return
     missing.sort(key=lambda state: state.minutes or 0)
-    total = sum(state.minutes or 0 for state in missing)
-    say(
-        f"training {', '.join(state.network for state in missing)} first: about {total} min on two cores"
-    )
-    learnt_from = _enough(
-        RunOptions(options.data, split="train", workers=options.workers), card
-    )
+    networks = ", ".join(state.network for state in missing)
+    minutes = sum(state.minutes or 0 for state in missing)
+    say(f"training {networks} first: about {minutes} min on two cores")
+    training = RunOptions(options.data, split="train", workers=options.workers)
+    training = _with_default_scenes(training, card)
     for state in missing:
-        network, on = state.network.rsplit("-", 1)
+        network_name, pasts = state.network.rsplit("-", 1)
         source = env if state.env_id == card.id else state.env_id
-        prepare(source, learnt_from)
-        path, _ = _trained(
-            TrainingRequest(network, source, on), learnt_from, minutes=state.minutes
-        )
+        prepare(source, training)
+        request = TrainingRequest(network_name, source, pasts)
+        path, _ = _train(request, training, minutes=state.minutes or 0)
         say(f"{state.network}: {path}")
 
 
-def _require_place(output: Path | None, options: RunOptions) -> None:
-    """Refuse to put weights of other data than the training split where every run of the env finds them."""
+def _require_default_data(options: RunOptions) -> None:
+    """Raise MtpBenchError for other data than the training split of the env.
+
+    Weights without a file of their own are found by every run of the env.
+    """
     changes = {
-        "--detections": options.detection_file,
+        "--detections": options.detections,
         "--detector": options.detector,
         "--files": options.files,
+        f"--split {options.split}": None if options.split == "train" else options.split,
     }
-    other = next(
-        (name for name, given in changes.items() if given is not None),
-        f"--split {options.split}",
-    )
-    if output is None and other != "--split train":
-        raise MtpBenchError(
-            f"{other}: without -o the weights would be those of every run of this env, expected a file of their own; "
-            'an agent takes it as its parameter "weights"'
-        )
+    for option, value in changes.items():
+        if value is not None:
+            raise MtpBenchError(
+                f"{option}: without -o the weights would be those of every run of this "
+                "env, expected a file of their own; an agent takes it as its parameter "
+                '"weights"'
+            )
 
 
 def presence(on: EnvScenes, output: TextOption = None) -> None:
-    """Fit the probability that a track's object is there to detections of your own: scenes of --files, or a split.
+    """Fit the probability that a track's object is there to your own detections.
 
-    Without ``--files`` and ``--split`` these are the training scenes; those of ``--fold`` are left out. Agents take the
-    file as ``--presence``.
+    The scenes are those of ``--files`` or ``--split``, else the training scenes; those
+    of ``--fold`` are left out. Agents take the file as ``--presence``.
     """
     from ..training import fit_split, open_split
 
     options = on.options()
-    options = options if on.files is not None else options.on_split("train")
+    if on.files is None:
+        options = options.on_split("train")
     prepare(on.env, options)
-    with working("reading scenes, then fitting to them", options) as watched:
-        text, quality = fit_split(
-            open_split(on.env, replace(watched, fold=None), watched.fold)
-        )
+    with long_work("reading scenes, then fitting to them") as progress:
+        left_out = options.fold
+        options = replace(options, fold=None, progress=progress)
+        text, quality = fit_split(open_split(on.env, options, left_out))
     print_or_write(output, text)
     if output is not None:
-        brier = ", ".join(
-            f"{row['brier']:.3f} of {name}" for name, row in quality.items()
-        )
+        scores = [
+            f"{row['brier']:.3f} of {model_name}" for model_name, row in quality.items()
+        ]
         print(
-            f"{output}: {quality['presence']['rows']} boxes of tracks; Brier score on those held out: {brier}"
+            f"{output}: {quality['presence']['rows']} boxes of tracks; "
+            f"Brier score on those held out: {', '.join(scores)}"
         )
 
 

@@ -10,11 +10,20 @@ from typing import Annotated, Any
 
 from typer import Argument, BadParameter, Option
 
-from ..core import Column, MtpBenchError, RecordError, Table, clean_text, short
+from ..core import (
+    Column,
+    MtpBenchError,
+    RecordError,
+    Table,
+    clean_text,
+    long_work,
+    short,
+)
 from ..judge import (
     LEAST_HIDDEN,
     Difference,
     HiddenPart,
+    Record,
     Round,
     Trust,
     Verification,
@@ -27,10 +36,10 @@ from ..judge import (
 from ..running import RunOptions
 from ..viz import counted, show, show_lines, show_table
 from .options import BaseOption, DataOption, JobsOption, JsonOption, WorkerChoice
-from .output import said_of, some_of, working, write_json
+from .output import said_of, some_of, write_json
 
-MOST_DIFFERENCES = 20  # shown per record
-MOST_LETTERS = 60  # of a value in the table
+_MAX_DIFFERENCES = 20  # shown per record
+_MAX_LETTERS = 60  # of a value in the table
 
 
 @dataclass(frozen=True)
@@ -44,20 +53,23 @@ class VerifyOptions:
     submission: Annotated[
         Path | None,
         Option(
-            help="Submission to run again, or a folder of them by name; else the baseline of that name."
+            help="Submission to run again, or a folder of them by name; "
+            "else the baseline of that name."
         ),
     ] = None
     made_here: Annotated[
         bool,
         Option(
             "--made-here",
-            help="You made these records of baselines: do not repeat their public runs.",
+            help="You made these records of baselines: do not repeat their public "
+            "runs.",
         ),
     ] = False
     hidden: Annotated[
         Path | None,
         Option(
-            help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes."
+            help="Secret of `maintain seal`, or a folder of them: with --rerun, run "
+            "its scenes."
         ),
     ] = None
     sign: Annotated[
@@ -80,20 +92,25 @@ class VerifyOptions:
 
     def require_together(self) -> None:
         """Raise BadParameter for an option without the one that it needs."""
-        needs = dict.fromkeys(("submission", "hidden", "made_here"), "rerun")
-        needs |= {"sign": "signer", "signer": "sign", "looked_at": "sign"}
-        for name, needed in needs.items():
-            if getattr(self, name) and not getattr(self, needed):
-                raise BadParameter(
-                    f"needs --{needed}", param_hint=f"--{name.replace('_', '-')}"
-                )
+        needs = {
+            "submission": "rerun",
+            "hidden": "rerun",
+            "made_here": "rerun",
+            "sign": "signer",
+            "signer": "sign",
+            "looked_at": "sign",
+        }
+        for option_name, needed_option in needs.items():
+            if getattr(self, option_name) and not getattr(self, needed_option):
+                option = f"--{option_name.replace('_', '-')}"
+                raise BadParameter(f"needs --{needed_option}", param_hint=option)
 
 
 @dataclass(frozen=True)
 class _Result:
     path: Path
     verdict: dict[str, Any]
-    failed: str = ""
+    failure: str = ""
     seconds: float = 0.0
 
     @property
@@ -102,117 +119,143 @@ class _Result:
 
     @property
     def note(self) -> str:
-        return (
-            "error"
-            if "error" in self.verdict
-            else "does not hold"
-            if self.failed
-            else ""
-        )
+        if "error" in self.verdict:
+            return "error"
+        return "does not hold" if self.failure else ""
 
 
 def verify(
     record: Annotated[
         list[Path], Argument(help="Records, or folders: all records in them.")
     ],
-    asked: VerifyOptions,
+    checks: VerifyOptions,
     root: DataOption = None,
     jobs: JobsOption = 0,
     json_file: JsonOption = None,
 ) -> None:
-    """Check records: digest, card, data, and stored rollouts scored again. Status 1 if one does not hold."""
-    asked.require_together()
-    trust = trusted(asked.base)
-    seals = {} if asked.hidden is None else open_seals(asked.hidden, trust.listed)
+    """Check records: digest, card, data, and stored rollouts scored again.
+
+    Status 1 if one does not hold.
+    """
+    checks.require_together()
+    trust = trusted(checks.base)
+    seals = {} if checks.hidden is None else open_seals(checks.hidden, trust.listed)
     options = RunOptions(root, workers=WorkerChoice(jobs).workers())
-    folders = [record_paths(path) if path.is_dir() else [path] for path in record]
-    paths = list(dict.fromkeys(path for folder in folders for path in folder))
-    if not paths:
-        raise RecordError(
-            f"{record[0]}: no record there, expected files <submission>/<env id>.json"
-        )
-    if asked.sign is not None:
-        trust.require_signer(asked.sign, asked.signer or "")
+    paths = _record_files(record)
+    if checks.sign is not None:
+        trust.require_signer(checks.sign, checks.signer or "")
         trust.require_listed(seals.values())
     with ExitStack() as ends:  # hidden scenes are made once for all records
-        every = Round(asked.rerun, seals, asked.submission, asked.made_here)
+        verification = Round(checks.rerun, seals, checks.submission, checks.made_here)
         check = partial(
-            _checked, asked=asked, every=every, trust=trust, options=options, ends=ends
+            _checked,
+            checks=checks,
+            verification=verification,
+            trust=trust,
+            options=options,
+            ends=ends,
         )
-        results = [_check_one(path, check, alone=record == [path]) for path in paths]
+        is_single = len(paths) == 1 and record == paths
+        results = [_check_one(path, check, is_single) for path in paths]
     if len(results) > 1:
         show_table(_summary(results))
     write_json(json_file, {"records": [result.verdict for result in results]})
-    failed = [result.failed for result in results if result.failed]
-    if failed:
-        raise RecordError(some_of(failed))
+    failures = [result.failure for result in results if result.failure]
+    if failures:
+        raise RecordError(some_of(failures))
 
 
-def _check_one(path: Path, check: Callable[[Path], _Result], alone: bool) -> _Result:
+def _record_files(arguments: Sequence[Path]) -> list[Path]:
+    """Return the records and those of folders, each once; raises RecordError."""
+    paths: dict[Path, None] = {}
+    for argument in arguments:
+        files = record_paths(argument) if argument.is_dir() else [argument]
+        paths |= dict.fromkeys(files)
+    if not paths:
+        raise RecordError(
+            f"{arguments[0]}: no record there, "
+            "expected files <submission>/<env id>.json"
+        )
+    return list(paths)
+
+
+def _check_one(
+    path: Path, check: Callable[[Path], _Result], is_single: bool
+) -> _Result:
     """Check one record; an error of one among several does not stop the others."""
-    start = time.monotonic()
+    begin = time.monotonic()
     try:
         result = check(path)
     except (MtpBenchError, OSError) as error:
-        if alone:
+        if is_single:
             raise
-        result = _Result(
-            path, {"record": str(path), "error": said_of(error)}, said_of(error)
-        )
-    return replace(result, seconds=time.monotonic() - start)
+        text = said_of(error)
+        result = _Result(path, {"record": str(path), "error": text}, text)
+    return replace(result, seconds=time.monotonic() - begin)
 
 
 def _checked(
     path: Path,
-    asked: VerifyOptions,
-    every: Round,
+    checks: VerifyOptions,
+    verification: Round,
     trust: Trust,
     options: RunOptions,
     ends: ExitStack,
 ) -> _Result:
     record = checked_record(path)
-    done = (
-        every.reached(path, record, trust)
-        if asked.sign is not None and not asked.looked_at
-        else None
-    )
-    if done is not None:
-        said = done.statement
-        show(f"{path}: {said.level} since {said.date}, signed by {done.signer}")
-        known = {
-            "record": str(path),
-            "digest": record.digest,
-            "holds": True,
-            "level": said.level,
-        }
-        return _Result(path, {**known, **_on_hidden_scenes(said.hidden)})
-    with working(
-        f"verifying {record.submission.name} on {record.env.id}", options
-    ) as watched:
-        checked = every.verify(path, record, watched, asked.env, ends)
+    if checks.sign is not None and not checks.looked_at:
+        result = _signed_before(path, record, verification, trust)
+        if result is not None:
+            return result
+    title = f"verifying {record.submission.name} on {record.env.id}"
+    with long_work(title) as progress:
+        options = replace(options, progress=progress)
+        checked = verification.verify(path, record, options, checks.env, ends)
     if checked.differences:
         _show_differences(checked)
     show(_verdict(checked))
-    if asked.sign is not None and checked.holds:
-        attest(checked, asked.sign, asked.signer or "", trust, asked.looked_at)
-        show(f"{path}: {checked.level}, signed by {asked.signer}")
-    differ = f"{path}: {counted(len(checked.differences), 'difference')} to what was found here"
-    return _Result(path, _as_json(checked), "" if checked.holds else differ)
+    if checks.sign is not None and checked.holds:
+        attest(checked, checks.sign, checks.signer or "", trust, checks.looked_at)
+        show(f"{path}: {checked.level}, signed by {checks.signer}")
+    failure = ""
+    if not checked.holds:
+        differences = counted(len(checked.differences), "difference")
+        failure = f"{path}: {differences} to what was found here"
+    return _Result(path, _as_json(checked), failure)
+
+
+def _signed_before(
+    path: Path, record: Record, verification: Round, trust: Trust
+) -> _Result | None:
+    """Return the level that was signed for a record before; None without one."""
+    attestation = verification.reached(path, record, trust)
+    if attestation is None:
+        return None
+    statement = attestation.statement
+    show(
+        f"{path}: {statement.level} since {statement.date}, "
+        f"signed by {attestation.signer}"
+    )
+    verdict = {
+        "record": str(path),
+        "digest": record.digest,
+        "holds": True,
+        "level": statement.level,
+        **_on_hidden_scenes(statement.hidden),
+    }
+    return _Result(path, verdict)
 
 
 def _show_differences(checked: Verification) -> None:
-    shown = checked.differences[:MOST_DIFFERENCES]
-    cut = [
-        {
-            key: clean_text(str(value), MOST_LETTERS)
-            for key, value in each._asdict().items()
-        }
-        for each in shown
-    ]
+    rows = []
+    for difference in checked.differences[:_MAX_DIFFERENCES]:
+        values = difference._asdict()
+        rows.append({k: clean_text(str(v), _MAX_LETTERS) for k, v in values.items()})
     columns = [Column(key=key) for key in Difference._fields]
-    show_table(Table("differences", f"{checked.path}: differences", "", cut, columns))
-    more = len(checked.differences) - len(shown)
-    show_lines([f"and {more} more"] if more else [])
+    show_table(Table("differences", f"{checked.path}: differences", "", rows, columns))
+    hidden_rows = len(checked.differences) - len(rows)
+    if hidden_rows:
+        show_lines([f"and {hidden_rows} more"])
 
 
 def _summary(results: Sequence[_Result]) -> Table:
@@ -230,17 +273,16 @@ def _summary(results: Sequence[_Result]) -> Table:
 
 
 def _on_hidden_scenes(hidden: HiddenPart | None) -> dict[str, Any]:
+    """Return the error on hidden scenes, and the number that ranks as text.
+
+    In a closed loop the error is 1 minus the drive score.
+    """
     if hidden is None:
         return {"hidden_error": None, "hidden_number": None}
-    error, driving = (
-        hidden.row.error,
-        hidden.driving,
-    )  # in a closed loop the error is 1 minus the drive score
-    number = (
-        f"error {short(error)} m"
-        if driving is None
-        else f"drive score {driving.drive_score:.3f}"
-    )
+    error = hidden.row.error
+    number = f"error {short(error)} m"
+    if hidden.driving is not None:
+        number = f"drive score {hidden.driving.drive_score:.3f}"
     return {"hidden_error": error, "hidden_number": number}
 
 
@@ -257,19 +299,16 @@ def _as_json(checked: Verification) -> dict[str, Any]:
 
 
 def _verdict(checked: Verification) -> str:
-    record, hidden = checked.record, checked.hidden
-    subject = f"{checked.path}: {record.submission.name} on {record.env.id}"
-    sentences = [
-        f"{subject}: holds, {checked.level}"
-        if checked.holds
-        else f"{subject}: does not hold"
-    ]
+    subject = f"{checked.path}: {checked.record.submission.name} on "
+    subject += checked.record.env.id
+    sentences = [f"{subject}: does not hold"]
+    if checked.holds:
+        sentences = [f"{subject}: holds, {checked.level}"]
+    hidden = checked.hidden
     if hidden is not None:
-        few = (
-            ""
-            if hidden.scenes >= LEAST_HIDDEN
-            else f", too few to rank: ranks need {LEAST_HIDDEN}"
-        )
         number = _on_hidden_scenes(hidden)["hidden_number"]
-        sentences.append(f"{number} on {counted(hidden.scenes, 'hidden scene')}{few}")
+        sentence = f"{number} on {counted(hidden.scenes, 'hidden scene')}"
+        if hidden.scenes < LEAST_HIDDEN:
+            sentence += f", too few to rank: ranks need {LEAST_HIDDEN}"
+        sentences.append(sentence)
     return ". ".join([*sentences, *checked.notes])

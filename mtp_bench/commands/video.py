@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Option
 
-from ..core import reported
+from ..core import long_work
 from ..running import open_run
 from ..viz import (
     AT,
@@ -43,7 +43,7 @@ def video(
 ) -> None:
     """Write a scene of a stored rollout as a video, seen from above."""
     require_encoder(output.suffix.lower())
-    with reported("drawing the video") as progress:
+    with long_work("drawing the video") as progress:
         opened = open_run(folder, root, env)
         rollout = opened.first(scene)
         content = opened.drawn(rollout.scene, say)

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from typer import BadParameter, Option
 
-from ..core import reported
+from ..core import long_work
 from ..running import OpenedRun, open_run
 from ..scoring import BELOW, FAULTS, PARTS, named_parts
 from ..viz import (
@@ -68,7 +68,7 @@ def worst(
     part_sum = np.zeros(len(PARTS))
     targets = 0
     unsplit = ""
-    with reported("finding the worst moments") as progress:
+    with long_work("finding the worst moments") as progress:
         opened = open_run(folder, root, env)
         _check_filters(opened, class_name, within)
         for played in replays(opened, scene, progress):

@@ -81,17 +81,19 @@ from .networks import (
     states_of as states_of,
     weights_folder as weights_folder,
 )
-from .notice import QUIET as QUIET, long_work as long_work, say_once as say_once
-from .parallel import (
+from .notice import (
     NO_PROGRESS as NO_PROGRESS,
-    SERIAL as SERIAL,
-    Done as Done,
+    QUIET as QUIET,
     Progress as Progress,
+    long_work as long_work,
+    say_once as say_once,
+)
+from .parallel import (
+    SERIAL as SERIAL,
     WorkerDiedError as WorkerDiedError,
     Workers as Workers,
     cores as cores,
     parallel_map as parallel_map,
-    reported as reported,
     require_cluster as require_cluster,
     unordered_map as unordered_map,
 )

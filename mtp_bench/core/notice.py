@@ -1,210 +1,276 @@
-"""Lines on the error stream about long work: what it does, about how long it takes, and how far it is.
+"""Progress of long work on the error stream.
 
-The first line comes after two seconds, or at once if the work is known to take longer, the next ones every ten seconds.
-On a terminal a line with a bar is updated instead. Worker processes print nothing, nor does ``MTP_BENCH_QUIET=1``.
+Work that takes more than two seconds says what it does, how far it is and about how
+long it takes: with a bar in terminals and notebooks, else with a line every ten
+seconds. Worker processes print nothing, nor does ``MTP_BENCH_QUIET=1``.
 """
 
 import os
-import shutil
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
 
 QUIET = "MTP_BENCH_QUIET"  # environment variable
 SILENT_SECONDS = 2.0  # of work that may be short
 LINE_SECONDS = 10.0  # between lines
 BAR_SECONDS = 0.25  # between two states of the bar
-_KEPT_SECONDS = 0.005  # an item that takes less was kept from before: its time is not that of the others
+# An item that takes less is from a cache: its time is not that of the others.
+_CACHED_ITEM_SECONDS = 0.005
 
-_jobs: list["Notice"] = []  # unfinished ones of this process, the innermost last
-_watchers: list[threading.Thread] = []  # at most one, as long as there are jobs
-_told: set[str] = set()
-_lock = threading.RLock()  # of the jobs and of the error stream
+_stack: list["_Work"] = []  # unfinished work of this process, the innermost last
+_watchers: list[threading.Thread] = []  # at most one, as long as there is work
+_printed_once: set[str] = set()
+_lock = threading.RLock()  # of the stack and of the error stream
 
 
-def _forked() -> None:
-    """Take a new lock in a forked process: another thread may have held the old one."""
+def _reset_after_fork() -> None:
+    """Take a new lock: another thread may have held the old one."""
     global _lock  # noqa: PLW0603
     _lock = threading.RLock()
-    _jobs.clear()
+    _stack.clear()
     _watchers.clear()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forked)
+    os.register_at_fork(after_in_child=_reset_after_fork)
 
 
-class Notice:
-    """Work that takes a while; see `long_work`."""
+def _ignore(*_: object) -> None:
+    """Do nothing."""
 
-    def __init__(self, text: str, seconds: float, around: bool) -> None:
-        self.text, self.around, self.has_spoken = text, around, False
-        self._begun = time.monotonic()
-        self.next = self._begun + (
-            0 if seconds > SILENT_SECONDS else SILENT_SECONDS
-        )  # time of the next line
-        self._seconds = seconds
+
+@dataclass(frozen=True)
+class Progress:
+    """Callbacks that count the finished items of long work."""
+
+    started: Callable[[int], object] = _ignore  # takes the number of items
+    # takes the name of a finished item, and how many it stands for if not 1
+    done: Callable[..., object] = _ignore
+
+
+NO_PROGRESS = Progress()
+
+
+@contextmanager
+def long_work(
+    text: str, seconds: float = 0, progress: Progress = NO_PROGRESS
+) -> Iterator[Progress]:
+    """Show work while it lasts, and yield the callbacks that count its items.
+
+    ``seconds``: about how long it takes; 0: not known. An empty ``text`` hides the
+    work around it, as while waiting for the user. ``progress``: of a caller that
+    counts the items of this work itself; nothing else is shown then.
+    """
+    if progress is not NO_PROGRESS:
+        yield progress
+        return
+    if _is_silent():
+        yield NO_PROGRESS
+        return
+    work = _Work(text, seconds)
+    with _lock:
+        if _stack and not _stack[-1].shown:  # the user has been waiting since then
+            work.due = min(work.due, _stack[-1].due)
+        _stack.append(work)
+        if not _watchers:
+            _watchers.append(threading.Thread(target=_watch, daemon=True))
+            _watchers[0].start()
+        _show()
+    try:
+        yield Progress(work.started, work.done)
+    finally:
+        with _lock:
+            _stack.remove(work)
+            if work.shown:
+                _bar.clear()
+                for outer in _stack:
+                    outer.due = max(outer.due, time.monotonic() + SILENT_SECONDS)
+
+
+def say_once(text: str) -> None:
+    """Print a line once per process, unless progress is silent."""
+    if text not in _printed_once and not _is_silent():
+        _printed_once.add(text)
+        _write_line(text)
+
+
+class _Work:
+    """Work that is not finished, and when it is shown next."""
+
+    def __init__(self, text: str, seconds: float) -> None:
+        self.text = text
+        self.begin = time.monotonic()
+        self.seconds = seconds
+        self.shown = False
+        self.due = self.begin
+        if seconds <= SILENT_SECONDS:
+            self.due += SILENT_SECONDS
         self.started(0)
 
     def started(self, total: int) -> None:
         """Count ``total`` items from now on, of which none is finished."""
         with _lock:
-            self._total, self._count, self._kept, self._name, self._since = (
-                total,
-                0,
-                0,
-                "",
-                time.monotonic(),
-            )
+            self.total = total
+            self.count = 0
+            self.item_name = ""
+            self._cached = 0
+            self._timed_since = time.monotonic()
 
     def done(self, name: str = "", count: int = 1) -> None:
         """Count more finished items; ``name`` is shown."""
-        now = time.monotonic()
+        now_s = time.monotonic()
         with _lock:
-            self._count, self._name = self._count + count, name
-            if now - self._since < _KEPT_SECONDS:
-                self._kept, self._since = self._count, now
-            elif (
-                self._count == self._kept + count
-            ):  # the first item with a time: print the estimate soon
-                self.next = min(self.next, now + SILENT_SECONDS)
+            self.count += count
+            self.item_name = name
+            if now_s - self._timed_since < _CACHED_ITEM_SECONDS:
+                self._cached = self.count
+                self._timed_since = now_s
+            elif self.count == self._cached + count:  # the first estimate is due soon
+                self.due = min(self.due, now_s + SILENT_SECONDS)
 
-    def speak(self, now: float) -> None:
-        """Print a line if one is due at the time ``now``, in seconds of `time.monotonic`."""
-        if now >= self.next:
-            parts = ", ".join(filter(None, self._parts(now)))
-            line = "".join(letter if letter.isprintable() else "?" for letter in parts)
-            bar = self.has_bar()
-            _write(_over(line) if bar else f"mtp_bench: {line}\n")
-            self.next, self.has_spoken = (
-                now + (BAR_SECONDS if bar else LINE_SECONDS),
-                True,
-            )
+    def state(self) -> str:
+        """Finished items, and the time that is left or has passed."""
+        items = ""
+        if self.total:
+            items = f"{self.count} of {self.total}"
+        return ", ".join(filter(None, [items, self.item_name, self._time()]))
 
-    def _parts(self, now: float) -> tuple[str, ...]:
-        """The text, the items, and the time that is left, by their rate or the estimate, or else has passed."""
-        passed, left = now - self._begun, self._seconds - (now - self._begun)
-        if self._count > self._kept:
-            left = (
-                (now - self._since)
-                / (self._count - self._kept)
-                * (self._total - self._count)
-            )
-        still = self.has_spoken or self._count
-        told = f"about {_duration(left)}{' left' if still else ''}" if left > 0 else ""
-        told = told or (f"{_duration(passed)} so far" if self.has_spoken else "")
-        if not self._total:
-            return self.text, told
-        counted, tenths = (
-            f"{self._count} of {self._total}",
-            min(10, 10 * self._count // self._total),
+    def _time(self) -> str:
+        """The time that is left by the rate of items or the estimate, else passed."""
+        now_s = time.monotonic()
+        passed = now_s - self.begin
+        timed_items = self.count - self._cached
+        seconds_left = self.seconds - passed
+        if timed_items > 0:
+            seconds_per_item = (now_s - self._timed_since) / timed_items
+            seconds_left = seconds_per_item * (self.total - self.count)
+        if seconds_left > 0:
+            about = f"about {_duration(seconds_left)}"
+            return f"{about} left" if self.shown or self.count else about
+        return f"{_duration(passed)} so far" if self.shown else ""
+
+
+class _Bar:
+    """One bar at the bottom of a terminal or in a notebook."""
+
+    def __init__(self) -> None:
+        self._display: Any = None
+
+    def show(self, work: _Work) -> None:
+        """Draw the state of ``work`` in place of the last one."""
+        if self._display is None:
+            self._display = self._begin()
+        self._display.update(
+            self._display.task_ids[0],
+            description=_printable(work.text),
+            state=_printable(work.state()),
+            total=work.total or None,
+            completed=work.count,
+            refresh=True,
         )
-        if self.has_bar():  # the end is cut off where the terminal is narrow
-            return (
-                f"[{'##' * tenths}{'--' * (10 - tenths)}] {counted}",
-                told,
-                self.text,
-                self._name,
-            )
-        return self.text, counted, self._name, told
 
-    def has_bar(self) -> bool:
-        """True on a terminal, where other output does not follow at once."""
-        with suppress(ValueError, AttributeError):  # closed or missing
-            return (
-                not self.around
-                and sys.stderr.isatty()
-                and os.environ.get("TERM") != "dumb"
-            )
-        return False
+    def clear(self) -> None:
+        """Remove the bar."""
+        if self._display is not None:
+            with suppress(OSError, ValueError):  # the stream was closed meanwhile
+                self._display.stop()
+            self._display = None
+
+    @staticmethod
+    def _begin() -> Any:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress as RichProgress, TextColumn
+
+        display = RichProgress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=20),
+            TextColumn("{task.fields[state]}", markup=False),
+            console=Console(stderr=True),
+            auto_refresh=False,
+            transient=True,
+            # Lines that are printed meanwhile go above the bar, but never from
+            # standard output into the error stream where the two differ.
+            redirect_stdout=_is_terminal(sys.stdout),
+        )
+        display.add_task("", state="")
+        display.start()
+        return display
 
 
-def say_once(text: str) -> None:
-    """Print a line, once per process; nothing where lines of work are not printed either."""
-    if text not in _told and not _silent():
-        _told.add(text)
-        _write(f"mtp_bench: {text}\n")
+_bar = _Bar()
 
 
-def _silent() -> bool:
+def _is_silent() -> bool:
     from multiprocessing import parent_process
 
     return os.environ.get(QUIET, "0") not in ("", "0") or parent_process() is not None
 
 
-@contextmanager
-def long_work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Notice]:
-    """Print lines about work while it lasts; without ``text`` none, as while waiting for the user.
-
-    ``seconds``: about how long it takes; 0: not known yet. ``around``: lines of work inside it stand for its own.
-    """
-    job = Notice(text, seconds, around)
-    if _silent():
-        yield job
-        return
-    with _lock:
-        job.next = min(
-            [
-                job.next,
-                *(
-                    outer.next
-                    for outer in _jobs[-1:]
-                    if outer.around and not outer.has_spoken
-                ),
-            ]
-        )
-        _jobs.append(job)
-        if not _watchers:
-            _watchers.append(threading.Thread(target=_watch, daemon=True))
-            _watchers[0].start()
-        _speak()
-    try:
-        yield job
-    finally:
-        with _lock:
-            _jobs.remove(job)
-            if job.has_spoken:
-                _write(f"{_over('')}\r" if job.has_bar() else "")
-                for outer in _jobs:
-                    outer.next = max(outer.next, time.monotonic() + SILENT_SECONDS)
-
-
 def _watch() -> None:
-    """Print lines until all jobs of this process are finished, those of other threads too."""
+    """Show work until all of this process is finished, in other threads too."""
     while True:
         with _lock:
-            if not _jobs:
+            if not _stack:
                 _watchers.clear()
                 return
-            _speak()
+            _show()
         time.sleep(BAR_SECONDS)
 
 
-def _speak() -> None:
-    """Print the line of the innermost job that is due or has printed before; a job without text silences outer ones."""
-    now = time.monotonic()
-    due = [job for job in _jobs if not job.text or job.has_spoken or now >= job.next]
-    if due and due[-1].text:
-        due[-1].speak(now)
+def _show() -> None:
+    """Show the innermost work that is due or was shown before."""
+    now_s = time.monotonic()
+    for work in reversed(_stack):
+        if not work.text:
+            return
+        if not work.shown and now_s < work.due:
+            continue
+        if now_s >= work.due:
+            _show_state(work, now_s)
+        return
 
 
-def _write(text: str) -> None:
-    with suppress(
-        OSError, ValueError, AttributeError
-    ):  # closed, full or missing: work goes on
-        sys.stderr.write(text)
+def _show_state(work: _Work, now_s: float) -> None:
+    if _has_bar():
+        with suppress(OSError, ValueError):  # closed or full: work goes on
+            _bar.show(work)
+        work.due = now_s + BAR_SECONDS
+    else:
+        _write_line(", ".join(filter(None, [work.text, work.state()])))
+        work.due = now_s + LINE_SECONDS
+    work.shown = True
+
+
+def _has_bar() -> bool:
+    if _is_terminal(sys.stderr):
+        return os.environ.get("TERM") != "dumb"
+    return "ipykernel" in sys.modules and find_spec("ipywidgets") is not None
+
+
+def _is_terminal(stream: Any) -> bool:
+    with suppress(ValueError, AttributeError):  # closed or missing
+        return bool(stream.isatty())
+    return False
+
+
+def _write_line(text: str) -> None:
+    with suppress(OSError, ValueError, AttributeError):  # closed, full or missing
+        sys.stderr.write(f"mtp_bench: {_printable(text)}\n")
         sys.stderr.flush()
 
 
-def _over(line: str) -> str:
-    """The line with what replaces the previous one on the terminal."""
-    width = shutil.get_terminal_size().columns - 1
-    return f"\r{line[:width].ljust(width)}"
+def _printable(text: str) -> str:
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def _duration(seconds: float) -> str:
     if seconds < 90:
         return f"{max(1, round(seconds))} s"
-    return f"{round(seconds / 60)} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+    if seconds < 5400:
+        return f"{round(seconds / 60)} min"
+    return f"{seconds / 3600:.1f} h"

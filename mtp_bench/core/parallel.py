@@ -1,4 +1,4 @@
-"""A parallel map over processes of this machine or over the workers of a Dask cluster."""
+"""A parallel map over processes of this machine or over workers of a Dask cluster."""
 
 import gc
 import os
@@ -12,19 +12,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from .errors import MtpBenchError
-from .notice import long_work
 from .version import __version__
 
 Calls = Sequence[tuple[Any, ...]]  # the arguments of each
-Done = Callable[[str], object]  # called with the name of every finished item
 _CONNECT_SECONDS = 10  # wait for the scheduler
-_WORKER_SECONDS = 30  # wait for its first worker: workers that died may be restarting
-_SAFE_PATH = (
-    "PYTHONSAFEPATH"  # where set, Python does not import from the current folder
-)
-_one_at_a_time = (
-    threading.Lock()
-)  # calls in one process: agents need not be thread-safe
+_WORKER_SECONDS = 30  # wait for its first worker: those that died may be restarting
+# Where it is set, Python does not import from the current folder.
+_SAFE_PATH = "PYTHONSAFEPATH"
+# Calls in one process follow each other: agents need not be thread-safe.
+_one_at_a_time = threading.Lock()
 
 
 def _ignore(_: object) -> None:
@@ -36,18 +32,12 @@ class WorkerDiedError(MtpBenchError):
 
 
 @dataclass(frozen=True)
-class Progress:
-    """Progress callbacks; ``started`` takes the number of work items."""
-
-    started: Callable[[int], object] = _ignore
-    done: Done = _ignore
-
-
-@dataclass(frozen=True)
 class Workers:
-    """The workers of a parallel map: ``count`` processes of this machine, or all workers of a Dask ``scheduler``.
+    """Workers of a parallel map.
 
-    Raises MtpBenchError for a count below 1, and for a scheduler without Dask.
+    They are ``count`` processes of this machine, or all workers of a Dask
+    ``scheduler``. Raises MtpBenchError for a count below 1, and for a scheduler
+    without Dask.
     """
 
     count: int = 1
@@ -64,29 +54,14 @@ class Workers:
                 raise MtpBenchError(f"a scheduler needs Dask: {advice}") from None
 
 
-NO_PROGRESS = Progress()
 SERIAL = Workers()  # in this process, one call after the other
 
 
-@contextmanager
-def reported(
-    text: str, seconds: float = 0, own: Progress = NO_PROGRESS
-) -> Iterator[Progress]:
-    """Callbacks that tell the user how far work is, see `long_work`; ``own`` callbacks of a caller stand instead."""
-    if own is not NO_PROGRESS:
-        yield own
-        return
-    with long_work(text, seconds) as job:
-        yield Progress(job.started, job.done)
-
-
 def cores() -> int:
-    """Number of cores that this process may use."""
-    return (
-        len(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else os.cpu_count() or 1
-    )
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def parallel_map(
@@ -95,10 +70,12 @@ def parallel_map(
     workers: Workers = SERIAL,
     done: Callable[[int], object] = _ignore,
 ) -> list[Any]:
-    """Results of ``function(*call)`` for every call, in the order of ``calls``, the same for all kinds of workers.
+    """Return the results of ``function(*call)``, in the order of ``calls``.
 
-    ``done`` is called with the index of every finished call, in the order of completion. For more than one worker
-    function, arguments and results must pickle. Raises what a call raises, and as `unordered_map`.
+    They are the same for all kinds of workers. ``done`` is called with the index of
+    every finished call, in the order of completion. For more than one worker function,
+    arguments and results must pickle. Raises what a call raises, and as
+    `unordered_map`.
     """
     results: dict[int, Any] = {}
     for index, result in unordered_map(function, calls, workers):
@@ -113,11 +90,13 @@ def unordered_map(
     workers: Workers,
     own_process: bool = False,
 ) -> Iterator[tuple[int, Any]]:
-    """Index and result of every call of `parallel_map`, in the order of completion.
+    """Yield index and result of every call, in the order of completion.
 
-    ``own_process``: with several workers, a single call gets a process of its own too. Raises WorkerDiedError if a
-    process of this machine died, MtpBenchError if a result or exception cannot be pickled, for a scheduler that does
-    not answer, has no workers or one of another version, and for a call that ended several workers.
+    See `parallel_map`. ``own_process``: with several workers, a single call gets a
+    process of its own too. Raises WorkerDiedError if a process of this machine died,
+    MtpBenchError if a result or exception cannot be pickled, for a scheduler that does
+    not answer, has no workers or one of another version, and for a call that ended
+    several workers.
     """
     indexed = [(index, function, call) for index, call in enumerate(calls)]
     if workers.scheduler is not None:
@@ -130,26 +109,26 @@ def unordered_map(
         from joblib import Parallel, delayed
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-        count = min(
-            workers.count, max(2, len(calls))
-        )  # with n_jobs=1 joblib would use this process
+        # with n_jobs=1 joblib would use this process
+        count = min(workers.count, max(2, len(calls)))
         parallel: Any = Parallel(
             n_jobs=count, backend="loky", return_as="generator_unordered"
         )
         try:
-            with (
-                _safe_path()
-            ):  # until the last result: joblib may replace a worker at any time
+            # until the last result: joblib may replace a worker at any time
+            with _safe_path():
                 with _ignoring_interrupts():
                     results = parallel(delayed(_indexed)(*call) for call in indexed)
                 yield from results
         except TerminatedWorkerError:
-            died = f"one of {count} processes died, most likely because memory ran out"
-            raise WorkerDiedError(f"{died}: take fewer (--jobs)") from None
+            raise WorkerDiedError(
+                f"one of {count} processes died, most likely because memory ran out: "
+                "take fewer (--jobs)"
+            ) from None
         except BrokenProcessPool:
             raise MtpBenchError(
-                f"one of {count} processes returned a result or an exception that cannot be pickled or unpickled: "
-                "use one process to see it (--jobs 1)"
+                f"one of {count} processes returned a result or an exception that "
+                "cannot be pickled or unpickled: use one process to see it (--jobs 1)"
             ) from None
 
 
@@ -161,33 +140,35 @@ def _indexed(
 
 @contextmanager
 def _safe_path() -> Iterator[None]:
-    """Let processes that start inside the block import no modules of the current folder."""
-    before = os.environ.get(_SAFE_PATH)
+    """Keep new processes from importing modules of the current folder."""
+    previous = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"
     try:
         yield
     finally:
         os.environ.pop(_SAFE_PATH, None)
-        os.environ |= {} if before is None else {_SAFE_PATH: before}
+        if previous is not None:
+            os.environ[_SAFE_PATH] = previous
 
 
 @contextmanager
 def _ignoring_interrupts() -> Iterator[None]:
-    """Let processes that start inside the block ignore Ctrl-C: this one ends them."""
+    """Let new processes ignore Ctrl-C, since this one ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+        signal.signal(signal.SIGINT, previous or signal.SIG_DFL)
 
 
 def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[Any]:
-    """Index and result of every call, in the order of completion, from the workers of the scheduler at this address.
+    """Yield index and result of every call, in the order of completion.
 
-    Paths in the arguments must be the same on every worker. The calls of a worker that dies are made again by another.
+    Paths in the arguments must be the same on every worker of the scheduler at this
+    address. The calls of a worker that dies are made again by another.
     """
     import distributed
 
@@ -200,30 +181,32 @@ def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[An
             ):
                 yield result
         except distributed.KilledWorker as error:
-            died = (
-                f"several workers of {scheduler} died in the same call ({error.task})"
-            )
-            raise MtpBenchError(f"{died}: is their memory enough?") from None
+            raise MtpBenchError(
+                f"several workers of {scheduler} died in the same call "
+                f"({error.task}): is their memory enough?"
+            ) from None
         finally:
             client.cancel(futures)  # after an error the others are not waited for
 
 
 def require_cluster(scheduler: str) -> None:
-    """Raise MtpBenchError unless a Dask scheduler with workers of this version answers at the address."""
+    """Raise MtpBenchError unless a Dask scheduler with sound workers answers.
+
+    Its workers must have this version of the library.
+    """
     with _connected(scheduler):
         pass
 
 
 @contextmanager
 def _connected(scheduler: str) -> Iterator[Any]:
-    """A client of the scheduler, whose workers are those that are expected."""
+    """Yield a client of the scheduler, whose workers are the expected ones."""
     with closing(_connect(scheduler)) as client:
         _require_workers(client, scheduler)
         yield client
 
 
 def _connect(scheduler: str) -> Any:
-    """A client of the scheduler."""
     import distributed
 
     untyped: Any = distributed
@@ -231,11 +214,12 @@ def _connect(scheduler: str) -> Any:
         return untyped.Client(scheduler, timeout=_CONNECT_SECONDS, set_as_default=False)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
-    # The client that was begun is closed here and now. Closed by the collector while another one or a cluster starts,
-    # it would wait for a lock that its own thread holds.
+    # The half-made client is closed here and now. Closed by the collector while
+    # another one or a cluster starts, it would wait for a lock of its own thread.
     gc.collect()
     raise MtpBenchError(
-        f"no Dask scheduler answers at {scheduler!r} ({reason}): does `dask scheduler` run there?"
+        f"no Dask scheduler answers at {scheduler!r} ({reason}): "
+        "does `dask scheduler` run there?"
     )
 
 
@@ -243,31 +227,34 @@ def _require_workers(client: Any, scheduler: str) -> None:
     try:
         client.wait_for_workers(1, timeout=_WORKER_SECONDS)
     except TimeoutError:
-        advice = (
-            f"start some with `{_SAFE_PATH}=1 dask worker {scheduler} --nthreads 1`"
-        )
         raise MtpBenchError(
-            f"the Dask scheduler at {scheduler} has no workers: {advice}"
+            f"the Dask scheduler at {scheduler} has no workers: start some with "
+            f"`{_SAFE_PATH}=1 dask worker {scheduler} --nthreads 1`"
         ) from None
-    for worker, problem in client.run(
-        _worker_problem, __version__, on_error="ignore"
-    ).items():  # one may end just now
+    # "ignore": a worker may end just now
+    problems = client.run(_worker_problem, __version__, on_error="ignore")
+    for worker, problem in problems.items():
         if problem:
             raise MtpBenchError(f"worker {worker} {problem}")
 
 
 def _worker_problem(version: str) -> str:
-    """Reason why this process cannot be a worker of a ``version`` of the library; empty if it can."""
+    """Return why this process cannot be a worker for ``version``; empty if it can."""
     if __version__ != version:
         return f"has mtp-bench {__version__}, expected {version} as here: install it"
     if not sys.flags.safe_path:
-        advice = f"start it again with {_SAFE_PATH}=1 in its environment"
-        return f"imports modules of the folder in which it was started: {advice}"
+        return (
+            "imports modules of the folder in which it was started: "
+            f"start it again with {_SAFE_PATH}=1 in its environment"
+        )
     return ""
 
 
 def _indexed_on_worker(call: tuple[Any, ...], version: str) -> Any:
-    """Index and result of a call; raises MtpBenchError on a worker that joined later and has a problem."""
+    """Return index and result of a call.
+
+    Raises MtpBenchError on a worker that joined later and has a problem.
+    """
     if problem := _worker_problem(version):
         raise MtpBenchError(f"a worker on {socket.gethostname()} {problem}")
     with _one_at_a_time:

@@ -2,56 +2,51 @@
 
 import os
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
-from ..cards import Card
+from ..cards import Card, ChangeKeywords
 from ..core import MtpBenchError, Scene, UnknownNameError, require_known
 from .episode import RENDERERS
 
-# of one action, and of one observation: they are sent between an agent and the env
-_MAX_BYTES = 64 << 20
-_NUMBER_BYTES = 8
+# Of one action, and of one observation: they are sent between an agent and the env.
+MAX_BYTES = 64 << 20
 OBSERVE = ("detections", "truth", "associated", "tracks")
 _FLAGS = ("evaluation", "rigid_motion", "target_frames", "fresh_noise")
-_TEXTS = ("split", "detector", "detection_file", "track_file", "files", "presence")
+# Sizes of the spaces whose keyword has another name: files have theirs.
+_SIZE_KEYWORDS = {
+    "detections": "max_detections",
+    "tracks": "max_tracks",
+    "objects": "max_objects",
+}
 
 
-class EnvKeywords(TypedDict, total=False):
-    """Keywords of `MTPEnv`.
+class EnvKeywords(ChangeKeywords, total=False):
+    """Keywords of `MTPEnv`, with those of `ChangeKeywords`.
 
     None or a missing one means the card's own value, if the card has one.
     """
 
     # "detections", "truth" for true boxes with true ids, "associated" for detections
-    # with the ids of true objects, or "tracks" for those of ``track_file``
+    # with the ids of true objects, or "tracks" for stored ones
     observe: str
+    # file or folder of stored tracks (`sources.stored_tracks`), for observe="tracks"
+    tracks: str | os.PathLike[str] | None
     samples: int | None  # K; more than the card's belong to unranked runs
-    tracks: int | None  # N
-    objects: int | None  # O
     hypotheses: int | None  # H
-    detections: int | None  # D
+    max_tracks: int | None  # N
+    max_objects: int | None  # O
+    max_detections: int | None  # D
     # names to choose from, or scenes of one's own (`cards.with_scenes`)
     scenes: Sequence[str] | Sequence[Scene] | None
     evaluation: bool  # the reward is 0 and no returned value derives from the truth
     # an action outside the action space is an ActionError; None: unless ``evaluation``
     strict: bool | None
-    # the local frame of every episode is turned and shifted at random, with the lanes
+    # the local frame of every episode is turned and shifted at random, with its lanes
     rigid_motion: bool
-    split: str | None  # another split of the card's source
-    # another detector, simulated on the true boxes or stored (`cards.with_detector`)
-    detector: str | None
-    # stored detections of one's own (`cards.with_detections`)
-    detection_file: str | None
-    # file or folder of stored tracks (`sources.stored_tracks`), for
-    # ``observe="tracks"``
-    track_file: str | None
-    files: str | None  # a folder of scenes of one's own (`cards.with_files`)
-    # the presence model of baselines: its file, or "scores" (`cards.with_presence`)
-    presence: str | None
-    # for training: episodes are the frames from the first to the last that can hold a
-    # target
+    # for training: an episode has the frames from the first to the last that can hold
+    # a target
     target_frames: bool
     # for training: the noise of a simulated detector is drawn anew in every episode
     fresh_noise: bool
@@ -59,37 +54,47 @@ class EnvKeywords(TypedDict, total=False):
 
 
 def check_keywords(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all keywords with their defaults.
+    """Return all keywords with their defaults, paths as text.
 
-    Raises UnknownNameError or MtpBenchError for a wrong keyword, or wrong ``data``.
+    Raises UnknownNameError or MtpBenchError for a wrong one, or wrong ``data``.
     """
     if not isinstance(data, (str, os.PathLike, type(None))):
         raise MtpBenchError(f"data is {data!r}, expected the path of the data root")
     names = EnvKeywords.__annotations__
     for name in keywords:
         require_known("keyword of the env", name, names)
-    values = dict.fromkeys(names) | dict.fromkeys(_FLAGS, False)
-    values |= {"observe": "detections", **keywords}
+    values = dict[str, Any](dict.fromkeys(names))
+    values |= {"observe": "detections", **dict.fromkeys(_FLAGS, False), **keywords}
     if values["strict"] is None:
         values["strict"] = not values["evaluation"]
     for name in (*_FLAGS, "strict"):
         if not isinstance(values[name], bool):
             raise MtpBenchError(f"{name} is {values[name]!r}, expected true or false")
-    for name in _TEXTS:
-        if not isinstance(values[name], str | None):
-            raise MtpBenchError(f"{name} is {values[name]!r}, expected a text")
-    require_known("value of observe", values["observe"], OBSERVE)
-    observes_tracks = values["observe"] == "tracks"
-    if observes_tracks != (values["track_file"] is not None):
-        raise MtpBenchError(
-            f"observe is {values['observe']!r} and track_file is "
-            f"{values['track_file']!r}, expected observe='tracks' and a file or folder "
-            "of stored tracks, or neither"
-        )
-    mode = values["render_mode"]
-    if mode is not None and mode not in RENDERERS:
-        raise UnknownNameError("render mode", str(mode), tuple(RENDERERS))
+    for name in ("tracks", *ChangeKeywords.__annotations__):
+        values[name] = _text(name, values[name])
+    _check_observe(values["observe"], values["tracks"])
+    if values["render_mode"] not in (None, *RENDERERS):
+        mode = str(values["render_mode"])
+        raise UnknownNameError("render mode", mode, tuple(RENDERERS))
     return values
+
+
+def _text(name: str, value: object) -> str | None:
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
+    if not isinstance(value, str | None):
+        raise MtpBenchError(f"{name} is {value!r}, expected a text")
+    return value
+
+
+def _check_observe(observe: str, tracks: str | None) -> None:
+    """Raise MtpBenchError unless stored tracks are named where they are observed."""
+    require_known("value of observe", observe, OBSERVE)
+    if (observe == "tracks") != (tracks is not None):
+        raise MtpBenchError(
+            f"observe is {observe!r} and tracks is {tracks!r}, expected "
+            "observe='tracks' and a file or folder of stored tracks, or neither"
+        )
 
 
 def require_training(card: Card, values: Mapping[str, Any]) -> None:
@@ -104,45 +109,51 @@ def require_training(card: Card, values: Mapping[str, Any]) -> None:
             "target_frames is for training, not for evaluation: "
             "a score needs every frame"
         )
-    for name in ("fresh_noise", "target_frames", "track_file"):
+    for name in ("fresh_noise", "target_frames", "tracks"):
         if values[name]:
             card.require_same_scenes(f"which takes no {name}", "leave it out")
 
 
-def check_size(name: str, value: int | None, default: int) -> int:
-    """Return a size of the spaces: the given one, else the card's.
+def chosen_sizes(
+    values: Mapping[str, Any], card_sizes: Mapping[str, int]
+) -> dict[str, int]:
+    """Return the sizes of the spaces: those of the keywords, else of the card.
 
-    Raises MtpBenchError unless it is a positive integer.
+    Raises MtpBenchError unless each is a positive whole number.
     """
-    if value is None:
-        return default
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise MtpBenchError(
-            f"{name} is {value!r}, expected a whole number of at least 1 "
-            f"(the card has {default})"
-        )
-    return int(value)
+    sizes: dict[str, int] = {}
+    for name, default in card_sizes.items():
+        keyword = _SIZE_KEYWORDS.get(name, name)
+        value = values[keyword]
+        if value is None:
+            value = default
+        if isinstance(value, bool) or not isinstance(value, int | np.integer):
+            value = 0
+        if value < 1:
+            raise MtpBenchError(
+                f"{keyword} is {values[keyword]!r}, expected a whole number of at "
+                f"least 1 (the card has {default})"
+            )
+        sizes[name] = int(value)
+    return sizes
 
 
 def require_room(env_id: str, sizes: Mapping[str, int], kind: str, count: int) -> None:
-    """Raise MtpBenchError if an action or observation (``kind``) would be too large.
+    """Raise MtpBenchError if an action or observation would be too large.
 
-    ``count``: its numbers.
+    ``kind``: which of both. ``count``: of its numbers, 8 bytes each.
     """
-    size = _NUMBER_BYTES * count
-    if size > _MAX_BYTES:
-        texts = ", ".join(f"{name} {value}" for name, value in sizes.items())
+    if 8 * count > MAX_BYTES:
+        stated_sizes = ", ".join(f"{name} {value}" for name, value in sizes.items())
         raise MtpBenchError(
-            f"{env_id} with {texts}: one {kind} would have {size / 2**20:.0f} MiB, "
-            f"expected at most {_MAX_BYTES >> 20} MiB: choose smaller sizes"
+            f"{env_id} with {stated_sizes}: one {kind} would have "
+            f"{8 * count / 2**20:.0f} MiB, expected at most {MAX_BYTES >> 20} MiB: "
+            "choose smaller sizes"
         )
 
 
 def own_scenes(values: Mapping[str, Any]) -> Sequence[Scene] | None:
-    """Return the `Scene` objects among the keywords.
-
-    None if ``scenes`` holds names.
-    """
+    """Return `Scene` objects among the keywords; None if ``scenes`` holds names."""
     scenes = values["scenes"]
     if scenes is None:
         return None
@@ -165,20 +176,19 @@ def own_scenes(values: Mapping[str, Any]) -> Sequence[Scene] | None:
 
 
 def choose_scenes(
-    all_names: Sequence[str], chosen: Sequence[str] | None
+    names: Sequence[str], chosen: Sequence[str] | None
 ) -> tuple[str, ...]:
-    """Return the names of the scenes that episodes are drawn from.
-
-    None: all.
-    """
-    names = tuple(dict.fromkeys(all_names if chosen is None else chosen))
-    for name in names:
-        require_known("scene", name, all_names)
-    if not names:
+    """Return the scenes that episodes are drawn from: all ``names``, or chosen ones."""
+    if chosen is None:
+        chosen = names
+    scene_names = tuple(dict.fromkeys(chosen))
+    for name in scene_names:
+        require_known("scene", name, names)
+    if not scene_names:
         raise MtpBenchError(
             "no scene to choose from: expected at least one name in scenes"
         )
-    return names
+    return scene_names
 
 
 def scene_option(options: Mapping[str, Any], names: Sequence[str]) -> str | None:

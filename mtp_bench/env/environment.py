@@ -16,7 +16,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from ..agent import check_action
-from ..cards import CHANGES, Card, changed_card, load_card, with_scenes
+from ..cards import Card, CardChanges, ChangeKeywords, load_card, with_scenes
 from ..core import (
     Action,
     DataError,
@@ -31,8 +31,8 @@ from ..sources import detected, open_source, with_tracks
 from .arguments import (
     EnvKeywords,
     check_keywords,
-    check_size,
     choose_scenes,
+    chosen_sizes,
     own_scenes,
     require_room,
     require_training,
@@ -83,7 +83,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         scenes = own_scenes(values)
         if scenes is not None:
             card = with_scenes(card, scenes)
-        self.card = changed_card(card, **{name: values[name] for name in CHANGES})
+        changes = {name: values[name] for name in ChangeKeywords.__annotations__}
+        self.card = CardChanges(**changes).apply(card)
         self.task = _make_task(self.card, values)
         require_training(self.card, values)
         self._evaluation: bool = values["evaluation"]
@@ -92,10 +93,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self._target_frames: bool = values["target_frames"]
         self._feedback = Feedback(self.task) if values["strict"] else None
         self._source = open_source(self.card, data)
-        if values["track_file"] is not None:
-            self._source = with_tracks(
-                self._source, self.card, data, values["track_file"]
-            )
+        tracks = values["tracks"]
+        if tracks is not None:
+            self._source = with_tracks(self._source, self.card, data, tracks)
         chosen = values["scenes"] if scenes is None else None
         self.scene_names = choose_scenes(tuple(self._source.names), chosen)
         self.observation_space = cast(
@@ -293,10 +293,7 @@ def _make_task(card: Card, values: dict[str, Any]) -> Task:
     Raises MtpBenchError for a wrong or too large size.
     """
     defaults = {"samples": card.task.samples, **card.size.model_dump()}
-    sizes = {
-        name: check_size(name, values[name], default)
-        for name, default in defaults.items()
-    }
+    sizes = chosen_sizes(values, defaults)
     task = Task(
         env_id=card.id,
         classes=card.task.classes,

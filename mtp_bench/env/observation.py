@@ -164,7 +164,7 @@ def shown_boxes(scene: Scene, observe: str) -> tuple[Detections, Ints | None]:
     if scene.tracks is None:
         raise DataError(
             f"scene {scene.name!r} has no stored tracks: "
-            "name them with --tracks or track_file="
+            "name them with --tracks or tracks="
         )
     return scene.tracks, scene.tracks.object_id
 

@@ -1,16 +1,18 @@
 from .causes import run_parts as run_parts
 from .comparison import (
     HYPOTHESIS_CONTROLS as HYPOTHESIS_CONTROLS,
-    EnvEvaluation as EnvEvaluation,
     compare as compare,
     control_names as control_names,
-    evaluate as evaluate,
-    scores_of as scores_of,
 )
 from .conformance.agent_checks import check_agent as check_agent
 from .conformance.card_checks import check_card as check_card
 from .conformance.playing import Finding as Finding
 from .drives import compare_driving as compare_driving
+from .evaluation import (
+    EnvEvaluation as EnvEvaluation,
+    evaluate as evaluate,
+    scores_of as scores_of,
+)
 from .kernels import (
     PLAYERS as PLAYERS,
     all_kernels as all_kernels,
@@ -22,10 +24,10 @@ from .options import (
     Fold as Fold,
     RunKeywords as RunKeywords,
     RunOptions as RunOptions,
-    asked as asked,
     fold_of as fold_of,
     held_out as held_out,
     require_seed as require_seed,
+    resolve_options as resolve_options,
 )
 from .playing import (
     agent_task as agent_task,

@@ -1,4 +1,7 @@
-"""Causes of the errors of a stored run: parts of bADE per target (docs/definitions, "Parts of the error")."""
+"""Causes of the errors of a stored run: parts of bADE per target.
+
+See docs/definitions, "Parts of the error".
+"""
 
 import hashlib
 from collections.abc import Sequence
@@ -14,7 +17,7 @@ from ..core import (
     UnknownNameError,
     __version__,
     cache_root,
-    reported,
+    long_work,
 )
 from ..scoring import (
     DEFINITIONS,
@@ -29,7 +32,7 @@ from ..scoring import (
     thresholds_of,
 )
 from ..sources import Arrays, read_arrays, write_arrays
-from .comparison import scores_of
+from .evaluation import scores_of
 from .options import DEFAULTS, RunOptions
 from .playing import jobs_of, run_jobs
 from .reference import card_budget
@@ -37,119 +40,127 @@ from .rollout_files import RUN_FILE
 from .settings import Setting, references_of, setting_of
 from .stored import OpenedRun, run_scores
 
-_SPLIT = (
-    "associated",
-    "tracks",
-)  # references that split the error of a forecast, fields of `References`
+# References that split the error of a forecast, fields of `References`.
+_SPLIT_ROLES = ("associated", "tracks")
 
 
 def run_parts(
     opened: OpenedRun, options: RunOptions = DEFAULTS, again: bool = False
 ) -> dict[str, SceneParts]:
-    """Parts of the errors of a stored run by scene: they add up to the bADE of each target of the run.
+    """Return the parts of the errors of a stored run by scene.
 
-    Made once, which runs two references on all scenes of the run, and kept in the cache. Without references, the error
-    of a forecast is its rest, and `SceneParts.unsplit` says why. ``options``: workers. ``again``: not from the cache.
-    Raises DataError if the scenes cannot be read.
+    They add up to the bADE of each target of the run. Made once, which runs two
+    references on all scenes of the run, and kept in the cache. Without references, the
+    error of a forecast is its rest, and `SceneParts.unsplit` says why. ``options``:
+    workers. ``again``: not from the cache. Raises DataError if the scenes cannot be
+    read.
     """
-    runs, why = _references(opened)
-    content = f"{__version__}|{DEFINITIONS}|{why}|{(opened.folder / RUN_FILE).read_text(encoding='utf-8')}"
-    path = (
-        cache_root()
-        / "causes"
-        / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.npz"
-    )
-    names = [rollout.scene for rollout in opened.run.rollouts]
-    stored = None if again else read_arrays(path)
-    if stored is None:
-        stored, failed = _made(opened, names, runs, options)
-        why = why or failed
-        if not failed:  # tried again the next time
-            with suppress(
-                OSError, MtpBenchError
-            ):  # without a cache it is made each time
+    references, unsplit = _references(opened)
+    run_text = (opened.folder / RUN_FILE).read_text(encoding="utf-8")
+    content = f"{__version__}|{DEFINITIONS}|{unsplit}|{run_text}"
+    digest = hashlib.sha256(content.encode()).hexdigest()[:32]
+    path = cache_root() / "causes" / f"{digest}.npz"
+    scene_names = [rollout.scene for rollout in opened.run.rollouts]
+    arrays = None if again else read_arrays(path)
+    if arrays is None:
+        arrays, failure = _make_parts(opened, scene_names, references, options)
+        unsplit = unsplit or failure
+        if not failure:  # else it is tried again the next time
+            with suppress(OSError, MtpBenchError):  # a cache is not needed
                 path.parent.mkdir(parents=True, exist_ok=True)
-                write_arrays(path, stored)
-    part, ends = stored["part"], np.cumsum(stored["count"])[:-1]
-    usual = float(blame(part).mean()) if len(part) else 0.0
-    rows = zip(
-        names, np.split(part, ends), np.split(stored["distance"], ends), strict=True
-    )
-    return {
-        name: SceneParts(own, usual, distance, why, stored["thresholds"])
-        for name, own, distance in rows
-    }
+                write_arrays(path, arrays)
+    part = arrays["part"]
+    mean_blame = float(blame(part).mean()) if len(part) else 0.0
+    ends = np.cumsum(arrays["count"])[:-1]
+    parts = np.split(part, ends)
+    distances = np.split(arrays["distance"], ends)
+    scene_parts: dict[str, SceneParts] = {}
+    for i, scene_name in enumerate(scene_names):
+        scene_parts[scene_name] = SceneParts(
+            parts[i], mean_blame, distances[i], unsplit, arrays["thresholds"]
+        )
+    return scene_parts
 
 
 def _references(opened: OpenedRun) -> tuple[dict[str, Setting], str]:
-    """The references that split the errors of a run, or none and the reason."""
-    info, card = opened.run.info, opened.card
+    """Return the references that split the errors of a run, or none and the reason."""
+    info = opened.run.info
     if info.observe != "detections":
         return {}, f"its agent observes {info.observe}"
+    folder = info.folder or info.agent
     try:
-        submission = load_submission(info.folder or info.agent)
+        submission = load_submission(folder)
     except (SubmissionError, UnknownNameError):
-        return {}, f"no submission {info.folder or info.agent!r} there any more"
+        return {}, f"no submission {folder!r} there any more"
     if submission.digest != info.submission_digest:
         return {}, "its submission has changed since the run"
-    own = setting_of(submission, card)
     setting = replace(
-        own,
+        setting_of(submission, opened.card),
         parameters=info.parameters,
         hypotheses=info.hypotheses,
         samples=info.samples,
     )
-    found = references_of(setting, card)
-    return (
-        (found, "")
-        if {*_SPLIT} <= found.keys()
-        else ({}, "its manifest states no gap_references")
-    )
+    references = references_of(setting, opened.card)
+    if not references.keys() >= set(_SPLIT_ROLES):
+        return {}, "its manifest states no gap_references"
+    return references, ""
 
 
-def _made(
+def _make_parts(
     opened: OpenedRun,
-    names: Sequence[str],
-    runs: dict[str, Setting],
+    scene_names: Sequence[str],
+    references: dict[str, Setting],
     options: RunOptions,
 ) -> tuple[Arrays, str]:
-    """Parts [n, len(PARTS)] and distances [n] of all targets, m, their numbers by scene; why a reference failed."""
-    split, failed = None, ""
-    with reported(
-        "finding causes: scoring the run, and the two references that split its errors"
-    ):
+    """Return the parts of all targets, and why a reference failed.
+
+    The arrays are parts [n, len(PARTS)] and distances [n], m, with the numbers of
+    targets by scene.
+    """
+    split = None
+    failure = ""
+    with long_work("finding causes: scoring the run and two references"):
         scores = run_scores(opened, options)
         try:
-            associated, tracks = (
-                _scores(runs[name], opened, names, options) if runs else None
-                for name in _SPLIT
-            )
+            split_scores: list[AgentScores | None] = []
+            for role in _SPLIT_ROLES:
+                role_scores = None
+                if references:
+                    role_scores = _reference_scores(
+                        references[role], opened, scene_names, options
+                    )
+                split_scores.append(role_scores)
+            associated, tracks = split_scores
             split = reference_errors(associated, tracks, opened.run.info.samples)
         except SubmissionError as error:  # such as weights that are not there
-            failed = f"a reference failed: {error}"
+            failure = f"a reference failed: {error}"
         table = agent_table(scores, None, card_budget(opened.card.id))
-        found = error_parts(table, "all", split)
-    count = [len(score) for score in scores.seeds[0]]
-    part = np.stack([found.get(name, np.zeros(sum(count))) for name in PARTS], axis=1)
-    distance = np.concatenate([score.distance for score in scores.seeds[0]])
+        parts = error_parts(table, "all", split)
+    scene_scores = scores.seeds[0]
+    count = np.array([len(score) for score in scene_scores])
+    missing = np.zeros(count.sum())
     arrays = {
-        "part": part,
-        "count": np.array(count),
-        "distance": distance,
+        "part": np.stack(
+            [parts.get(part_name, missing) for part_name in PARTS], axis=1
+        ),
+        "count": count,
+        "distance": np.concatenate([score.distance for score in scene_scores]),
         "thresholds": thresholds_of(table),
     }
-    return arrays, failed
+    return arrays, failure
 
 
-def _scores(
-    setting: Setting, opened: OpenedRun, names: Sequence[str], options: RunOptions
+def _reference_scores(
+    setting: Setting,
+    opened: OpenedRun,
+    scene_names: Sequence[str],
+    options: RunOptions,
 ) -> AgentScores:
-    keywords = {"data": opened.data, **setting.env_keywords(opened.card)}
     jobs = jobs_of(
         setting.submission,
         opened.card,
-        keywords,
-        names,
+        {"data": opened.data, **setting.env_keywords(opened.card)},
+        scene_names,
         opened.run.info.seed,
         setting.parameters,
     )

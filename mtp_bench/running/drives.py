@@ -1,10 +1,10 @@
-"""Closed loop: agents side by side by how their forecasts drive, and their recorded scenes."""
+"""Closed loop: agents compared by how their forecasts drive, and recorded scenes."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, count, product
-from typing import Any
+from itertools import count
+from pathlib import Path
 
 from ..agent import Role, controls, submission_of
 from ..cards import Card, with_files
@@ -23,26 +23,25 @@ from ..env import digest
 from ..scoring import AgentDrives, DrivingRow, SceneScore, driving_rows, score_scene
 from ..sources import save_scene
 from ..traffic import RATE, unpack, whole_scene
-from .comparison import EnvEvaluation
+from .evaluation import EnvEvaluation
 from .playing import AgentFailedError, run_jobs
 from .reference import frozen_reference
 from .settings import Setting, setting_of
 
 SENTENCE = (
-    "Drive score: mean over scenes of 0 after a collision at fault, else of progress (5 of 12), no near miss (5) and "
-    "comfort (2). Below a number: 95 % interval. To stp: minus stp in the same scenes. Phantom brakes: hard braking "
-    "on a free way. bADE (m, less is better): of the targets in each agent's own drives."
+    "Drive score: mean over scenes of 0 after a collision at fault, else of progress "
+    "(5 of 12), no near miss (5) and comfort (2). Below a number: 95 % interval. To "
+    "stp: minus stp in the same scenes. Phantom brakes: hard braking on a free way. "
+    "bADE (m, less is better): of the targets in each agent's own drives."
 )
-CONTROLS: tuple[Role, ...] = (
-    "ground_truth",
-    "single",
-)  # roles of baselines that every comparison runs
-IN_FULL: tuple[Role, ...] = ("standing", "blind")  # lower references
+# Roles of baselines that every comparison runs, and of lower references.
+CONTROLS: tuple[Role, ...] = ("ground_truth", "single")
+LOWER_REFERENCES: tuple[Role, ...] = ("standing", "blind")
 
 
 @dataclass(frozen=True)
 class DrivingComparison:
-    """Rows of driving, the best first, and the agents that failed with their reasons."""
+    """Rows of driving, the best first, and the agents that failed with reasons."""
 
     env: str
     rows: list[DrivingRow]
@@ -53,127 +52,146 @@ class DrivingComparison:
     def table(self) -> Table:
         """The rows as a table."""
         scenes = counted(max(row.scenes for row in self.rows), "scene")
-        return Table(
-            "driving",
-            f"{self.env}, {scenes}: drive score, more is better",
-            SENTENCE,
-            self.rows,
-        )
+        title = f"{self.env}, {scenes}: drive score, more is better"
+        return Table("driving", title, SENTENCE, self.rows)
 
 
 def compare_driving(
     agents: Sequence[object], evaluation: EnvEvaluation, full: bool = False
 ) -> DrivingComparison:
-    """Let each agent drive in the scenes of a closed loop, beside stp and ground-truth tracks.
+    """Let each agent drive in the scenes of a closed loop, beside the controls.
 
-    ``full``: also beside the lower references, every detection as standing and no objects. An agent that fails in any
-    scene is named in ``failures``; MtpBenchError if a control fails.
+    These are stp and ground-truth tracks; with ``full`` also the lower references,
+    every detection as standing and no objects. An agent that fails in any scene is
+    named in ``failures``; MtpBenchError if a control fails.
     """
-    role, card = controls(), evaluation.card
-    if evaluation.options.track_file is not None:
+    card = evaluation.card
+    if evaluation.options.tracks is not None:
         card.require_same_scenes("which takes no stored tracks", "leave --tracks out")
-    names = dict.fromkeys(
-        [*(role[each] for each in CONTROLS + IN_FULL * full), *agents]
-    )
-    settings = [setting_of(submission_of(agent), card) for agent in names]
+    role_names = controls()
+    roles = CONTROLS + LOWER_REFERENCES if full else CONTROLS
+    every_agent = dict.fromkeys([*(role_names[role] for role in roles), *agents])
+    settings = [setting_of(submission_of(agent), card) for agent in every_agent]
     drives, failures = drives_of(settings, evaluation)
-    for each in CONTROLS:
-        if role[each] in failures:
+    for role in CONTROLS:
+        if role_names[role] in failures:
             raise SubmissionError(
-                f"control {role[each]!r} failed: {failures[role[each]]}"
+                f"control {role_names[role]!r} failed: {failures[role_names[role]]}"
             )
-    truth = drives[role["ground_truth"]].drives
-    frozen = frozen_reference(card)
-    known = frozen.ways(truth) if frozen is not None and frozen.holds(truth) else {}
-    reference = {
-        name: known.get(name, sum(drive.way for drive in own) / len(own))
-        for name, own in truth.items()
-    }
-    rows = driving_rows(list(drives.values()), reference, drives[role["single"]])
+    ways_m = _reference_ways(card, drives[role_names["ground_truth"]])
+    stp = drives[role_names["single"]]
+    rows = driving_rows(list(drives.values()), ways_m, stp)
     return DrivingComparison(card.id, rows, drives, failures)
+
+
+def _reference_ways(card: Card, truth: AgentDrives) -> dict[str, float]:
+    """Return the way of the ego with ground-truth tracks by scene, m.
+
+    The frozen ones, if there are any, else means over the drives of ``truth``.
+    """
+    ways_m: dict[str, float] = {}
+    for scene_name, drives in truth.drives.items():
+        ways_m[scene_name] = sum(drive.way for drive in drives) / len(drives)
+    frozen = frozen_reference(card)
+    if frozen is not None and frozen.holds(truth.drives):
+        ways_m |= frozen.ways(truth.drives)
+    return ways_m
 
 
 def drives_of(
     settings: Sequence[Setting], evaluation: EnvEvaluation
 ) -> tuple[dict[str, AgentDrives], dict[str, str]]:
-    """Drives of each setting by its label, and the reasons of those that failed."""
-    options, scenes = evaluation.options, evaluation.scenes
-    jobs = [
-        evaluation.jobs(setting, seed, scenes)
-        for setting, seed in product(settings, options.seeds)
-    ]
-    results = iter(run_jobs(list(chain(*jobs)), options, _driven, caught=True))
-    found, failures = dict[str, AgentDrives](), dict[str, str]()
+    """Return the drives of settings by label, and why others failed."""
+    options = evaluation.options
+    scene_names = evaluation.scenes
+    jobs = []
     for setting in settings:
-        own = [[next(results) for _ in scenes] for _ in options.seeds]
-        failed = [
-            each for run in own for each in run if isinstance(each, AgentFailedError)
-        ]
-        if failed:
-            failures[setting.label] = failed[0].reason
-        else:
-            drives = {name: [run[i][0] for run in own] for i, name in enumerate(scenes)}
-            found[setting.label] = AgentDrives(
-                setting.label, drives, [[score for _, score in run] for run in own]
-            )
-    return found, failures
+        for seed in options.seeds:
+            jobs += evaluation.jobs(setting, seed, scene_names)
+    drive_results = iter(run_jobs(jobs, options, _drive_and_score, caught=True))
+    agent_drives: dict[str, AgentDrives] = {}
+    failures: dict[str, str] = {}
+    for setting in settings:
+        label = setting.label
+        drives: dict[str, list[Drive]] = {scene_name: [] for scene_name in scene_names}
+        seed_scores: list[list[SceneScore]] = []
+        for _ in options.seeds:
+            seed_scores.append([])
+            for scene_name in scene_names:
+                result = next(drive_results)
+                if isinstance(result, AgentFailedError):
+                    failures.setdefault(label, result.reason)
+                else:
+                    drives[scene_name].append(result[0])
+                    seed_scores[-1].append(result[1])
+        if label not in failures:
+            agent_drives[label] = AgentDrives(label, drives, seed_scores)
+    return agent_drives, failures
 
 
 def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
-    """The card of the recorded scenes of drives, on which any agent can then be run, with no loop.
+    """Return the card of the recorded scenes of drives, which have no loop.
 
-    The scenes are those that the agents of ``rollouts`` drove in, with the detections that they were shown; they are
-    kept as own scenes in the cache; of two drives in one scene, as of two seeds, the second is NAME-2. Raises
+    Any agent can then be run on the scenes that the agents of ``rollouts`` drove in,
+    with the detections that they were shown. They are kept as own scenes in the cache;
+    of two drives in one scene, as of two seeds, the second is NAME-2. Raises
     RolloutError for a rollout without a whole drive.
     """
-    sha, worlds = (
-        hashlib.sha256(card.digest.encode()),
-        dict[str, tuple[str, Mapping[str, Any]]](),
-    )
+    content = hashlib.sha256(card.digest.encode())
+    drives: dict[str, Rollout] = {}  # by the name of the recorded scene
     for rollout in rollouts:
-        drive, n, steps = rollout.drive, rollout.frames, round(RATE / card.task.rate)
-        if (
-            drive is None
-            or not len(drive.risk)
-            == len(drive.cause)
-            == len(drive.acceleration[::steps])
-            == n
-        ):
-            got = f"scene {rollout.scene!r} of {card.id} has no drive, or one that does not fit its {n} frames"
-            raise RolloutError(
-                f"{got}; expected risk, cause and acceleration of each frame: run the agent again"
-            )
-        sha.update(digest(rollout).encode())
-        names = chain(
-            [rollout.scene], (f"{rollout.scene}-{number}" for number in count(2))
-        )
-        worlds[next(name for name in names if name not in worlds)] = (
-            rollout.scene,
-            drive.world,
-        )
-    folder = cache_root() / "drives" / sha.hexdigest()[:32] / card.id
+        _require_drive(rollout, card)
+        content.update(digest(rollout).encode())
+        drives[_free_name(rollout.scene, drives)] = rollout
+    folder = cache_root() / "drives" / content.hexdigest()[:32] / card.id
     if not folder.is_dir():
         with whole_folder(folder) as part:
-            for name, (driven, world) in worlds.items():
-                try:
-                    scene = replace(
-                        whole_scene(unpack(dict(world)), card, driven), name=name
-                    )
-                except (
-                    KeyError,
-                    IndexError,
-                    TypeError,
-                    ValueError,
-                ) as error:  # its file may have been edited
-                    got = f"scene {name!r} of {card.id}: the world of its drive cannot be read ({error})"
-                    raise RolloutError(
-                        f"{got}; expected recorded traffic: run the agent again"
-                    ) from None
-                save_scene(scene, part, card.task.classes, "parquet")
+            for recorded_name, rollout in drives.items():
+                _save_scene(recorded_name, rollout, card, part)
     return with_files(card, folder).model_copy(update={"detector": None})
 
 
-def _driven(scene: Scene, rollout: Rollout, card: Card) -> tuple[Drive, SceneScore]:
-    """The drive without its recording, and the score of its forecasts."""
+def _require_drive(rollout: Rollout, card: Card) -> None:
+    """Raise RolloutError unless the drive has a value for each frame."""
+    drive = rollout.drive
+    frame_steps = round(RATE / card.task.rate)  # of the simulation, per frame
+    if drive is not None:
+        columns = (drive.risk, drive.cause, drive.acceleration[::frame_steps])
+        if all(len(column) == rollout.frames for column in columns):
+            return
+    raise RolloutError(
+        f"scene {rollout.scene!r} of {card.id} has no drive, or one that does not fit "
+        f"its {rollout.frames} frames; expected risk, cause and acceleration of each "
+        "frame: run the agent again"
+    )
+
+
+def _free_name(scene_name: str, taken_names: dict[str, Rollout]) -> str:
+    """Return the name of a scene, with a number if it is taken."""
+    free_name = scene_name
+    numbers = count(2)
+    while free_name in taken_names:
+        free_name = f"{scene_name}-{next(numbers)}"
+    return free_name
+
+
+def _save_scene(recorded_name: str, rollout: Rollout, card: Card, folder: Path) -> None:
+    """Write the scene that a drive recorded; raises RolloutError."""
+    assert rollout.drive is not None
+    try:
+        world = unpack(dict(rollout.drive.world))
+        scene = replace(whole_scene(world, card, rollout.scene), name=recorded_name)
+    except (KeyError, IndexError, TypeError, ValueError) as error:  # an edited file
+        raise RolloutError(
+            f"scene {recorded_name!r} of {card.id}: the world of its drive cannot be "
+            f"read ({error}); expected recorded traffic: run the agent again"
+        ) from None
+    save_scene(scene, folder, card.task.classes, "parquet")
+
+
+def _drive_and_score(
+    scene: Scene, rollout: Rollout, card: Card
+) -> tuple[Drive, SceneScore]:
+    """Return the drive without its recording, and the score of its forecasts."""
     assert rollout.drive is not None
     return replace(rollout.drive, world={}), score_scene(scene, rollout, card)

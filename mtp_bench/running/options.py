@@ -1,15 +1,15 @@
-"""`RunOptions`: scenes, seeds, changes of the card, workers and progress of a run; folds of a split."""
+"""Options of a run: scenes, seeds, changes of the card, workers; folds of a split."""
 
 import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, SupportsIndex, TypedDict
+from typing import Any, SupportsIndex
 
 import numpy as np
 
 from ..agent import Submission
-from ..cards import CHANGES, Card, changed_card, load_card, with_scenes
+from ..cards import Card, CardChanges, ChangeKeywords, load_card, with_scenes
 from ..core import (
     NO_PROGRESS,
     SERIAL,
@@ -27,39 +27,39 @@ Fold = tuple[int, int]  # the number of a fold, from 1 on, and the number of fol
 
 
 def fold_of(text: str) -> Fold:
-    """The fold that a text such as "2/4" names: the second of four. Raises MtpBenchError for anything else."""
-    first, _, second = text.partition("/")
-    if not (
-        text.isascii()
-        and first.isdecimal()
-        and second.isdecimal()
-        and 1 <= int(first) <= int(second) > 1
-    ):
+    """Return the fold that a text such as "2/4" names: the second of four.
+
+    Raises MtpBenchError for any other text.
+    """
+    number, _, folds = text.partition("/")
+    is_pair = text.isascii() and number.isdecimal() and folds.isdecimal()
+    if not (is_pair and 1 <= int(number) <= int(folds) > 1):
         raise MtpBenchError(
-            f"fold is {text!r}, expected the number of a fold and the number of folds, such as 1/4"
+            f"fold is {text!r}, expected the number of a fold and the number of folds, "
+            "such as 1/4"
         )
-    return int(first), int(second)
+    return int(number), int(folds)
 
 
-def held_out(names: Sequence[str], fold: Fold) -> tuple[str, ...]:
-    """Scenes of a fold, in their order. They are drawn at random, the same for the same set of names.
+def held_out(scene_names: Sequence[str], fold: Fold) -> tuple[str, ...]:
+    """Return the scenes of a fold, in their order.
 
-    Raises MtpBenchError for a fold that does not exist, and for fewer scenes than folds.
+    They are drawn at random, the same for the same set of names. Raises MtpBenchError
+    for a fold that does not exist, and for fewer scenes than folds.
     """
     number, folds = fold
     if not 1 <= number <= folds:
         raise MtpBenchError(
-            f"fold is {fold}, expected the number of a fold and the number of folds, such as (1, 4)"
+            f"fold is {fold}, expected the number of a fold and the number of folds, "
+            "such as (1, 4)"
         )
-    if len(names) < folds:
-        raise MtpBenchError(f"{len(names)} scenes cannot be cut into {folds} folds")
-    lot = np.random.default_rng(0).permutation(len(names)) % folds
-    chosen = {
-        name
-        for name, drawn in zip(sorted(names), lot, strict=True)
-        if drawn == number - 1
-    }
-    return tuple(name for name in names if name in chosen)
+    if len(scene_names) < folds:
+        raise MtpBenchError(
+            f"{len(scene_names)} scenes cannot be cut into {folds} folds"
+        )
+    fold_indices = np.random.default_rng(0).permutation(len(scene_names)) % folds
+    fold_of_name = dict(zip(sorted(scene_names), fold_indices, strict=True))
+    return tuple(name for name in scene_names if fold_of_name[name] == number - 1)
 
 
 def require_seed(seed: int) -> None:
@@ -70,72 +70,42 @@ def require_seed(seed: int) -> None:
         )
 
 
-class RunKeywords(TypedDict, total=False):
-    """Keywords of all functions that run agents, such as `evaluate` and `compare`."""
+class RunKeywords(ChangeKeywords, total=False):
+    """Keywords of all functions that run agents, with those of `ChangeKeywords`."""
 
-    data: (
-        str | os.PathLike[str] | None
-    )  # root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's folder
-    scenes: (
-        int | Sequence[str] | Sequence[Scene] | None
-    )  # how many, their names, or scenes of one's own; None: all
-    seeds: int | Sequence[int]  # how many random draws of every agent, or their numbers
+    # root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's folder
+    data: str | os.PathLike[str] | None
+    # how many, their names, or scenes of one's own; None: all
+    scenes: int | Sequence[str] | Sequence[Scene] | None
+    seeds: int | Sequence[int]  # number of random draws of every agent, or their seeds
     jobs: int  # processes; 0: one per core; 1, the default: this process
-    on_scene: (
-        Callable[[SceneResult], object] | None
-    )  # called here after every finished scene
-    split: str | None  # another split than the card's, such as "train"
-    detector: (
-        str | None
-    )  # another detector: a profile, or the first part of the names of stored files
-    detection_file: (
-        str | os.PathLike[str] | None
-    )  # stored detections in place of the card's
-    track_file: (
-        str | os.PathLike[str] | None
-    )  # stored tracks, for submissions that observe them
-    files: str | os.PathLike[str] | None  # folder of scenes in place of the card's
-    presence: (
-        str | os.PathLike[str] | None
-    )  # presence model of baselines: its file, or "scores"
     fold: Fold | None  # only the scenes of a fold of the split, such as (1, 4)
+    # file or folder of stored tracks, for submissions that observe them
+    tracks: str | os.PathLike[str] | None
+    # called in this process after every finished scene
+    on_scene: Callable[[SceneResult], object] | None
 
 
 @dataclass(frozen=True)
-class RunOptions:
+class RunOptions(CardChanges):
     """Options of every run, comparison, fit and check, beside the agent and the env.
 
-    Raises MtpBenchError for 0 scenes, for an empty list of seeds and for a seed below 0 or above `MOST_SEED`.
+    The fields that are not here are those of `ChangeKeywords`. Raises MtpBenchError for
+    0 scenes, for an empty list of seeds and for a seed below 0 or above `MOST_SEED`.
     """
 
-    data: str | None = (
-        None  # root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's data folder
-    )
-    scenes: int | None = (
-        None  # only the first ``scenes`` scenes of the split; None: all
-    )
+    # root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's data folder
+    data: str | None = None
+    scenes: int | None = None  # only the first scenes of the split; None: all
     seeds: Sequence[int] = (0,)  # of the random draws, one run each
-    split: str | None = None  # another split than the card's, such as "train"
-    detector: str | None = (
-        None  # another detector: a profile, or the first part of the names of stored files
-    )
     fold: Fold | None = None  # only the scenes of a fold of the split, such as (1, 4)
-    detection_file: str | None = None  # stored detections in place of the card's
-    track_file: str | None = (
-        None  # file or folder of stored tracks, for submissions that observe them
-    )
+    names: tuple[str, ...] | None = None  # of scenes; None: the first ``scenes``
+    # file or folder of stored tracks, for submissions that observe them
+    tracks: str | None = None
     workers: Workers = SERIAL  # processes of this machine, or a Dask cluster
-    progress: Progress = (
-        NO_PROGRESS  # callbacks for the number of tasks, and for each that is done
-    )
-    files: str | None = None  # folder of scenes in place of the card's
-    presence: str | None = None  # presence model of baselines: its file, or "scores"
-    names: tuple[str, ...] | None = (
-        None  # of the scenes to run; None: the first ``scenes``
-    )
-    on_scene: Callable[[SceneResult], object] | None = (
-        None  # called in this process after every finished scene
-    )
+    progress: Progress = NO_PROGRESS  # of a caller that counts the work itself
+    # called in this process after every finished scene
+    on_scene: Callable[[SceneResult], object] | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("scenes", self.scenes), ("seeds", len(self.seeds))):
@@ -144,24 +114,18 @@ class RunOptions:
         for seed in self.seeds:
             require_seed(seed)
 
-    def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Scenes to run, of those of a split; raises MtpBenchError if the fold or a named scene does not exist."""
-        for name in self.names or ():
-            require_known("scene", name, names)
-        if self.names is not None:
-            return self.names
-        return tuple(names if self.fold is None else held_out(names, self.fold))[
-            : self.scenes
-        ]
+    def chosen(self, scene_names: Sequence[str]) -> tuple[str, ...]:
+        """Return the scenes to run, of the ``scene_names`` of a split.
 
-    @property
-    def changes(self) -> dict[str, Any]:
-        """Keywords of `MTPEnv` and `changed_card` that differ from the card; a stored run keeps them."""
-        return {
-            name: value
-            for name in CHANGES
-            if (value := getattr(self, name)) is not None
-        }
+        Raises MtpBenchError if the fold or a named scene does not exist.
+        """
+        if self.names is not None:
+            for scene_name in self.names:
+                require_known("scene", scene_name, scene_names)
+            return self.names
+        if self.fold is not None:
+            scene_names = held_out(scene_names, self.fold)
+        return tuple(scene_names)[: self.scenes]
 
     @property
     def env_keywords(self) -> dict[str, Any]:
@@ -169,89 +133,115 @@ class RunOptions:
         return {"data": self.data, **self.changes}
 
     def shown_to(self, submission: Submission) -> dict[str, Any]:
-        """Keywords of `MTPEnv` for what a submission observes, by its manifest, with the file of stored tracks.
+        """Return the keywords of `MTPEnv` for what a submission observes.
 
         Raises MtpBenchError if it observes stored tracks and no file is named.
         """
         observe = submission.compare.observe
         if observe != "tracks":
             return {"observe": observe}
-        if self.track_file is None:
-            advice = "name their file or folder (--tracks, track_file=)"
-            raise MtpBenchError(f"{submission.name} observes stored tracks: {advice}")
-        return {"observe": observe, "track_file": self.track_file}
+        if self.tracks is None:
+            raise MtpBenchError(
+                f"{submission.name} observes stored tracks: "
+                "name their file or folder (--tracks, tracks=)"
+            )
+        return {"observe": observe, "tracks": self.tracks}
 
     def require_usable(self, submissions: Sequence[Submission]) -> None:
-        """Raise MtpBenchError for objects that the workers cannot get, and for stored tracks that none observes."""
-        for each in submissions if self.workers != SERIAL else ():
-            each.require_copy()
+        """Raise MtpBenchError for submissions that cannot run under these options.
+
+        These are objects that the workers cannot get; see also `require_tracks_used`.
+        """
+        if self.workers != SERIAL:
+            for submission in submissions:
+                submission.require_copy()
         self.require_tracks_used(submissions)
 
     def require_tracks_used(self, submissions: Sequence[Submission]) -> None:
-        """Raise MtpBenchError if stored tracks are named and none of the submissions observes them."""
-        if self.track_file is not None and not any(
-            each.compare.observe == "tracks" for each in submissions
-        ):
-            names = ", ".join(dict.fromkeys(each.name for each in submissions))
-            advice = 'run given_tracks, or a submission with observe = "tracks" under [compare]'
+        """Raise MtpBenchError if no submission observes the stored tracks named."""
+        if self.tracks is None:
+            return
+        observed = [submission.compare.observe for submission in submissions]
+        if "tracks" not in observed:
+            agent_names = ", ".join(dict.fromkeys(agent.name for agent in submissions))
             raise MtpBenchError(
-                f"stored tracks are named, which are not shown to {names}; {advice}"
+                f"stored tracks are named, which are not shown to {agent_names}; run "
+                'given_tracks, or a submission with observe = "tracks" under [compare]'
             )
 
     def card(self, env: str | Card) -> Card:
-        """The card of an env with the changes; raises CardError, UnknownNameError."""
-        return changed_card(
-            env if isinstance(env, Card) else load_card(env), **self.changes
-        )
+        """Return the card of an env with the changes.
+
+        Raises CardError, UnknownNameError.
+        """
+        return self.apply(_loaded(env))
 
     def on_split(self, name: str) -> "RunOptions":
-        """The same options on the split ``name``, unless they name a split."""
+        """Return these options on the split ``name``, unless they name a split."""
         return self if self.split is not None else replace(self, split=name)
 
 
 DEFAULTS = RunOptions()
 
 
-def asked(
+def resolve_options(
     env: str | Card, options: RunOptions, keywords: Mapping[str, Any]
 ) -> tuple[str | Card, RunOptions]:
-    """The env, with the scenes of one's own that are among the `RunKeywords`, and the options with the others.
+    """Return the env and the options under `RunKeywords`.
 
-    Raises UnknownNameError for other keywords, MtpBenchError for values that `RunOptions` refuses.
+    Scenes of one's own among the keywords are then those of the env. Raises
+    UnknownNameError for other keywords, MtpBenchError for values that `RunOptions`
+    refuses.
     """
-    changes = {
-        name: os.fspath(value) if isinstance(value, os.PathLike) else value
-        for name, value in keywords.items()
-    }
-    for name in changes:
+    changes: dict[str, Any] = {}
+    for name, value in keywords.items():
         require_known("keyword", name, RunKeywords.__annotations__)
-    for name in {"jobs", "scenes", "seeds"} & changes.keys():
-        if isinstance(changes[name], bool | float) or (
-            isinstance(changes[name], str) and name != "scenes"
-        ):
-            raise MtpBenchError(f"{name} is {changes[name]!r}, expected a whole number")
-        if isinstance(changes[name], SupportsIndex):
-            changes[name] = operator.index(changes[name])
-    if isinstance(fold := changes.get("fold"), str):
-        changes["fold"] = fold_of(fold)
+        changes[name] = os.fspath(value) if isinstance(value, os.PathLike) else value
     if "jobs" in changes:
-        changes["workers"] = Workers(changes.pop("jobs") or cores())
-    if isinstance(seeds := changes.get("seeds"), int):
-        changes["seeds"] = range(seeds)
+        jobs = _whole_number("jobs", changes.pop("jobs"))
+        changes["workers"] = Workers(jobs or cores())
+    if "seeds" in changes:
+        changes["seeds"] = _seeds(changes["seeds"])
+    if isinstance(changes.get("fold"), str):
+        changes["fold"] = fold_of(changes["fold"])
     scenes = changes.get("scenes")
-    if isinstance(scenes, str | Scene) or not isinstance(scenes, int | Sequence | None):
-        raise MtpBenchError(
-            f"scenes is {scenes!r}, expected a number of scenes, or a list of names or scenes"
-        )
-    if isinstance(scenes, Sequence):
-        changes |= {
-            "scenes": None,
-            "names": tuple(
-                dict.fromkeys(getattr(each, "name", each) for each in scenes)
-            ),
-        }
-        if not scenes:
-            raise MtpBenchError("scenes is an empty list, expected at least one scene")
+    if isinstance(scenes, SupportsIndex):
+        changes["scenes"] = _whole_number("scenes", scenes)
+    elif scenes is not None:
+        changes["scenes"] = None
+        changes["names"] = _scene_names(scenes)
         if isinstance(scenes[0], Scene):
-            env = with_scenes(env if isinstance(env, Card) else load_card(env), scenes)
+            env = with_scenes(_loaded(env), scenes)
     return env, replace(options, **changes)
+
+
+def _loaded(env: str | Card) -> Card:
+    return env if isinstance(env, Card) else load_card(env)
+
+
+def _seeds(value: object) -> Sequence[int]:
+    """Return seeds: those of a list, or as many as a number says."""
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return value
+    return range(_whole_number("seeds", value))
+
+
+def _whole_number(name: str, value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, SupportsIndex):
+        raise MtpBenchError(f"{name} is {value!r}, expected a whole number")
+    return operator.index(value)
+
+
+def _scene_names(scenes: object) -> tuple[str, ...]:
+    """Return the names of scenes: names themselves, or `Scene` objects."""
+    if isinstance(scenes, str | Scene) or not isinstance(scenes, Sequence):
+        raise MtpBenchError(
+            f"scenes is {scenes!r}, expected a number of scenes, "
+            "or a list of names or scenes"
+        )
+    if not scenes:
+        raise MtpBenchError("scenes is an empty list, expected at least one scene")
+    names: dict[str, None] = {}
+    for scene in scenes:
+        names[scene.name if isinstance(scene, Scene) else scene] = None
+    return tuple(names)

@@ -1,6 +1,7 @@
-"""Random changes of detections in the runs whose events weigh targets (envs/reference/README.md).
+"""Random changes of detections in the runs whose events weigh targets.
 
-Run r removes and moves detections at random, by errors as large as the detector's; most runs remove low scores too.
+See envs/reference/README.md. Run r removes and moves detections at random, by errors as
+large as the detector's; most runs remove low scores too.
 """
 
 from collections.abc import Sequence
@@ -8,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..cards import Card
 from ..core import Bools, Floats, Ints, Scene, joined
@@ -16,16 +16,14 @@ from ..scoring import evaluated, match_objects
 from .playing import derived_seed
 
 RUNS = 48
-QUANTILES = (
-    0.1,
-    0.25,
-)  # of the scores of matched detections: the score thresholds of two thirds of the runs
+# Of the scores of matched detections: the score thresholds of two thirds of the runs.
+QUANTILES = (0.1, 0.25)
 DROPPED = 0.05  # share of the detections
-LOG_SIZE = 0.05
-MOST_YAW = 0.1  # rad
+SIGMA_LOG_SIZE = 0.05
+MAX_SIGMA_YAW_RAD = 0.1
 ASSIGNMENTS = ("hungarian", "greedy")
-_MEDIAN_OF_RAYLEIGH = 1.177  # of the length of a planar error, per sigma
-_MEDIAN_OF_NORMAL = 0.674  # of the size of an error, per sigma
+_RAYLEIGH_MEDIAN = 1.177  # of the length of a planar error, per sigma
+_NORMAL_MEDIAN = 0.674  # of the size of an error, per sigma
 _DIGITS = 6  # of stored numbers; the runs use the rounded ones
 
 
@@ -49,94 +47,93 @@ class Perturbation:
 
     @classmethod
     def fit(cls, parts: Sequence[MatchedDetections], classes: int) -> "Perturbation":
-        """Noise and score thresholds of ``classes`` classes from the matched detections of all scenes.
+        """Fit noise and thresholds of ``classes`` classes to matched detections.
 
-        A class without matched detections has the values of all classes together.
+        ``parts``: one per scene. A class without matched detections has the values of
+        all classes together.
         """
-        found = joined(parts)
-        own = [found.class_id == c for c in range(classes)]
+        matched = joined(parts)
+        of_class = [matched.class_id == class_id for class_id in range(classes)]
+        distance = _quantiles(matched.distance, of_class, 0.5)
+        turn = _quantiles(matched.turn, of_class, 0.5)
+        cuts = [_quantiles(matched.score, of_class, share) for share in QUANTILES]
         return cls(
-            sigma_xy=_rounded(
-                _quantiles(found.distance, own, 0.5) / _MEDIAN_OF_RAYLEIGH
-            ),
-            sigma_yaw=_rounded(
-                np.minimum(
-                    MOST_YAW, _quantiles(found.turn, own, 0.5) / _MEDIAN_OF_NORMAL
-                )
-            ),
-            cuts=tuple(
-                _rounded(_quantiles(found.score, own, share)) for share in QUANTILES
-            ),
+            sigma_xy=_rounded(distance / _RAYLEIGH_MEDIAN),
+            sigma_yaw=_rounded(np.minimum(MAX_SIGMA_YAW_RAD, turn / _NORMAL_MEDIAN)),
+            cuts=tuple(_rounded(cut) for cut in cuts),
         )
 
     def parameters(
         self, classes: Sequence[str], seeds: Sequence[int]
     ) -> dict[str, Any]:
-        """All parameters of the runs, as the file of weights stores them."""
+        """Return all parameters of the runs, as the file of weights stores them."""
+        class_cuts = [dict(zip(classes, cut, strict=True)) for cut in self.cuts]
         return {
             "seeds": f"{min(seeds)} to {max(seeds)}",
             "assignment": list(ASSIGNMENTS),
             "dropped": DROPPED,
-            "sigma_log_size": LOG_SIZE,
+            "sigma_log_size": SIGMA_LOG_SIZE,
             "sigma_xy": dict(zip(classes, self.sigma_xy, strict=True)),
             "sigma_yaw": dict(zip(classes, self.sigma_yaw, strict=True)),
             "quantiles": [None, *QUANTILES],
-            "cuts": [
-                None,
-                *(dict(zip(classes, cut, strict=True)) for cut in self.cuts),
-            ],
+            "cuts": [None, *class_cuts],
         }
 
     def perturbed(self, scene: Scene, run: int) -> Scene:
-        """``scene`` with the detections of run ``run``."""
+        """Return ``scene`` with the detections of run ``run``."""
         rng = np.random.default_rng(derived_seed(run, scene.name, "perturbation"))
-        seen = scene.detections
-        kind = (run // len(ASSIGNMENTS)) % (len(self.cuts) + 1)
-        kept = rng.random(len(seen.box)) >= DROPPED
-        if kind > 0:
-            kept &= seen.score >= np.asarray(self.cuts[kind - 1])[seen.class_id]
-        noise = rng.standard_normal((len(seen.box), 6))
-        box = np.array(seen.box, dtype=np.float64)
-        box[:, :2] += noise[:, :2] * np.asarray(self.sigma_xy)[seen.class_id, None]
-        box[:, 3] += noise[:, 2] * np.asarray(self.sigma_yaw)[seen.class_id]
-        box[:, 4:7] *= np.exp(LOG_SIZE * noise[:, 3:])
-        return replace(scene, detections=replace(seen, box=box).select(kept))
+        detections = scene.detections
+        class_id = detections.class_id
+        row_mask = rng.random(len(class_id)) >= DROPPED
+        cut = (run // len(ASSIGNMENTS)) % (len(self.cuts) + 1)
+        if cut > 0:
+            row_mask &= detections.score >= np.asarray(self.cuts[cut - 1])[class_id]
+        noise = rng.standard_normal((len(class_id), 6))
+        box = np.array(detections.box, dtype=np.float64)
+        box[:, :2] += noise[:, :2] * np.asarray(self.sigma_xy)[class_id, None]
+        box[:, 3] += noise[:, 2] * np.asarray(self.sigma_yaw)[class_id]
+        box[:, 4:7] *= np.exp(SIGMA_LOG_SIZE * noise[:, 3:])
+        return replace(scene, detections=replace(detections, box=box).select(row_mask))
 
 
 def matched_detections(scene: Scene, card: Card) -> MatchedDetections:
-    """The detections of ``scene`` inside the forecast gate of an evaluated object, matched one to one."""
-    truth, seen = evaluated(scene).truth, scene.detections
-    matched = match_objects(
-        truth, seen.frame_of_rows, seen.box, seen.class_id, card
+    """Return the detections matched one to one to evaluated objects.
+
+    They are inside the forecast gate of their object.
+    """
+    truth = evaluated(scene).truth
+    detections = scene.detections
+    object_row = match_objects(
+        truth, detections.frame_of_rows, detections.box, detections.class_id, card
     ).object_of_truth
-    row = np.flatnonzero((matched >= 0) & ~truth.neutral)
-    box, true_box = seen.box[matched[row]], truth.box[row]
-    turn = box[:, 3] - true_box[:, 3]
+    true_row = np.flatnonzero((object_row >= 0) & ~truth.neutral)
+    detection_row = object_row[true_row]
+    box_error = detections.box[detection_row] - truth.box[true_row]
     return MatchedDetections(
-        class_id=seen.class_id[matched[row]],
-        score=seen.score[matched[row]],
-        distance=np.hypot(*(box[:, :2] - true_box[:, :2]).T),
-        turn=np.abs(np.arctan2(np.sin(turn), np.cos(turn))),
+        class_id=detections.class_id[detection_row],
+        score=detections.score[detection_row],
+        distance=np.hypot(box_error[:, 0], box_error[:, 1]),
+        turn=np.abs(np.arctan2(np.sin(box_error[:, 3]), np.cos(box_error[:, 3]))),
     )
 
 
 def assignment_of(run: int) -> str:
-    """The assignment of detections to tracks in run ``run``."""
+    """Return the assignment of detections to tracks in run ``run``."""
     return ASSIGNMENTS[run % len(ASSIGNMENTS)]
 
 
-def _quantiles(
-    values: Floats, of_class: Sequence[Bools], share: float
-) -> NDArray[np.float64]:
-    """Quantile of ``values`` [n] per class [C]; of all values for a class without any, 0 without values."""
+def _quantiles(values: Floats, of_class: Sequence[Bools], share: float) -> Floats:
+    """Return the quantile of ``values`` [n] per class [C].
+
+    It is that of all values for a class without any, and 0 without values.
+    """
     overall = float(np.quantile(values, share)) if len(values) else 0.0
-    return np.array(
-        [
-            float(np.quantile(values[own], share)) if own.any() else overall
-            for own in of_class
-        ]
-    )
+    quantiles = np.full(len(of_class), overall)
+    for class_id, rows in enumerate(of_class):
+        if rows.any():
+            quantiles[class_id] = np.quantile(values[rows], share)
+    return quantiles
 
 
-def _rounded(values: NDArray[np.float64]) -> tuple[float, ...]:
+def _rounded(values: Floats) -> tuple[float, ...]:
     return tuple(round(float(value), _DIGITS) for value in values)

@@ -1,4 +1,4 @@
-"""Run agents through scenes, one after the other or in parallel."""
+"""Runs of agents through scenes, one after the other or in parallel."""
 
 import hashlib
 import importlib.metadata
@@ -23,7 +23,7 @@ from ..core import (
     Workers,
     __version__,
     clean_text,
-    reported,
+    long_work,
     unordered_map,
 )
 from ..env import MTPEnv
@@ -33,7 +33,8 @@ from .options import DEFAULTS, RunOptions
 MakeAgent = Callable[[Task], Agent]
 Finish = Callable[[Scene, Rollout, Card], Any]
 Finished = Callable[[int, Any], object]  # index of a job, and its result
-_MOST_TEXT = 500  # characters of an error of an agent
+_MAX_ERROR_LETTERS = 500  # of an error of an agent
+_LIBRARIES = ("numpy", "scipy", "gymnasium", "numba", "torch", "scikit-learn")
 
 
 class AgentFailedError(SubmissionError):
@@ -48,34 +49,34 @@ class AgentFailedError(SubmissionError):
 
 
 def run_scene(
-    agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None
+    agent: Agent, env: MTPEnv, scene_name: str, seed: int, agent_name: str | None = None
 ) -> Rollout:
-    """Rollout of ``agent`` on one scene of ``env``, with the seconds that ``act`` took per frame.
+    """Return the rollout of ``agent`` on one scene of ``env``.
 
-    ``scene_name``: one of ``env.scene_names``. Raises AgentFailedError, naming the agent (``name``, else its class),
-    scene and frame, if the agent raises; the rollout counts invalid rows of actions (ActionError of a strict env).
+    It has the seconds that ``act`` took per frame. ``scene_name``: one of
+    ``env.scene_names``. Raises AgentFailedError, naming the agent (``agent_name``, or its
+    class), scene and frame, if the agent raises; the rollout counts invalid rows of
+    actions (ActionError of a strict env).
     """
-    name = name or type(agent).__name__
-    observation, _ = env.reset(
-        seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name}
-    )
+    env_seed = derived_seed(seed, scene_name, "env")
+    observation, _ = env.reset(seed=env_seed, options={"scene": scene_name})
     seconds: list[float] = []
-    over, place = False, "reset"
+    is_over = False
+    step = "reset"
     try:
         agent.reset(agent_task(env, seed, scene_name))
-        while not over:
-            place = f"frame {len(seconds)}"
-            start = time.perf_counter()
+        while not is_over:
+            step = f"frame {len(seconds)}"
+            begin = time.perf_counter()
             action = agent.act(observation)
-            seconds.append(time.perf_counter() - start)
-            place = ""  # errors below are the env's
-            observation, _, over, *_ = env.step(action)
+            seconds.append(time.perf_counter() - begin)
+            step = ""  # errors below are the env's
+            observation, _, is_over, *_ = env.step(action)
     except BaseException as error:
-        if not place or isinstance(error, KeyboardInterrupt):  # of the user
+        if not step or isinstance(error, KeyboardInterrupt):  # of the user
             raise
-        raise AgentFailedError(
-            name, f"failed on scene {scene_name!r} at {place}: {_text(error)}"
-        ) from error
+        reason = f"failed on scene {scene_name!r} at {step}: {_error_text(error)}"
+        raise AgentFailedError(agent_name or type(agent).__name__, reason) from error
     return replace(env.rollout(), seconds=np.array(seconds))
 
 
@@ -100,19 +101,18 @@ def jobs_of(
     parameters: dict[str, Any] | None = None,
     label: str | None = None,
 ) -> list[Job]:
-    """Jobs of a submission on the ``scenes`` of an env (id, path of a card, or card) in evaluation mode.
+    """Return the jobs of a submission on ``scenes`` of an env, in evaluation mode.
 
-    ``keywords``: of `MTPEnv`; without ``observe`` the env observes what the manifest states. ``parameters``: of the
-    agent, else those of the manifest. ``label``: name of the agent in errors, else that of the submission.
+    ``env``: id, path of a card, or card. ``keywords``: of `MTPEnv`; without ``observe``
+    the env observes what the manifest states. ``parameters``: of the agent, else those
+    of the manifest. ``label``: name of the agent in errors, else the submission's.
     """
-    make = submission.factory(
-        submission.parameters if parameters is None else parameters
-    )
+    if parameters is None:
+        parameters = submission.parameters
+    make = submission.factory(parameters)
     keywords = {"observe": submission.compare.observe, **keywords, "evaluation": True}
-    return [
-        Job(make, env, keywords, scene, seed, label or submission.name)
-        for scene in scenes
-    ]
+    agent_name = label or submission.name
+    return [Job(make, env, keywords, scene, seed, agent_name) for scene in scenes]
 
 
 def run_jobs(
@@ -122,30 +122,30 @@ def run_jobs(
     finished: Finished | None = None,
     caught: bool = False,
 ) -> list[Any]:
-    """Results of ``finish`` for each job (its Rollout if None), in the order of ``jobs``.
+    """Return the results of ``finish`` for each job, in the order of ``jobs``.
 
-    Only workers and progress of ``options`` are used. The data root and the submission of a job must be at the same
-    path on every worker. ``finished`` is called in this process with every result. Raises AgentFailedError; with
-    ``caught`` the error is the result of its job, and the others go on.
+    Without ``finish`` they are rollouts. Only workers and progress of ``options`` are
+    used. The data root and the submission of a job must be at the same path on every
+    worker. ``finished`` is called in this process with every result. Raises
+    AgentFailedError; with ``caught`` the error is the result of its job, and the others
+    go on.
     """
-    if options.workers.count > 1 and any(
-        isinstance(job.make_agent, SubmissionFactory) for job in jobs
-    ):
-        compile_kernels(options.workers)
-    agents, results = {job.agent for job in jobs}, dict[int, Any]()
-    label = "running " + (
-        f"{len(agents)} agents" if len(agents) > 1 else "".join(agents)
-    )
-    with reported(label, own=options.progress) as told:
-        told.started(len(jobs))
-        for place, result in _outcomes(
-            _one_scene, [(job, finish, caught) for job in jobs], options.workers, caught
-        ):
-            results[place] = result
-            told.done(jobs[place].scene)
+    workers = options.workers
+    are_submissions = [isinstance(job.make_agent, SubmissionFactory) for job in jobs]
+    if workers.count > 1 and any(are_submissions):
+        compile_kernels(workers)
+    agents = list(dict.fromkeys(job.agent for job in jobs))
+    what = agents[0] if len(agents) == 1 else f"{len(agents)} agents"
+    calls = [(job, finish, caught) for job in jobs]
+    results: dict[int, Any] = {}
+    with long_work(f"running {what}", progress=options.progress) as progress:
+        progress.started(len(jobs))
+        for job_index, result in _outcomes(_run_job, calls, workers, caught):
+            results[job_index] = result
+            progress.done(jobs[job_index].scene)
             if finished is not None:
-                finished(place, result)
-    return [results[place] for place in range(len(jobs))]
+                finished(job_index, result)
+    return [results[job_index] for job_index in range(len(jobs))]
 
 
 def _outcomes(
@@ -154,79 +154,98 @@ def _outcomes(
     workers: Workers,
     caught: bool,
 ) -> Iterator[tuple[int, Any]]:
-    """Index and result of each call of ``function``, whose first argument is a job.
+    """Yield index and result of each call of ``function``.
 
-    If a process ends, with ``caught``, the calls that are left are made agent by agent.
+    The first argument is a job. If a process ends, with ``caught``, the calls that
+    remain are made agent by agent.
     """
-    left = dict.fromkeys(range(len(calls)))
+    remaining = dict.fromkeys(range(len(calls)))
     try:
-        for place, result in unordered_map(function, calls, workers):
-            del left[place]
-            yield place, result
+        for call_index, result in unordered_map(function, calls, workers):
+            del remaining[call_index]
+            yield call_index, result
     except WorkerDiedError:
         if not caught:
             raise
-    for agent in dict.fromkeys(calls[place][0].agent for place in left):
-        places = [place for place in left if calls[place][0].agent == agent]
-        try:
-            for index, result in unordered_map(
-                function, [calls[place] for place in places], workers, own_process=True
-            ):
-                del left[places[index]]
-                yield places[index], result
-        except WorkerDiedError:
-            reason = "ended its process: it exited, crashed, or memory ran out (then take fewer processes, --jobs)"
-            yield from (
-                (place, AgentFailedError(agent, reason))
-                for place in places
-                if place in left
-            )
+    by_agent: dict[str, list[int]] = {}
+    for call_index in remaining:
+        by_agent.setdefault(calls[call_index][0].agent, []).append(call_index)
+    for agent, indices in by_agent.items():
+        agent_calls = [calls[call_index] for call_index in indices]
+        for position, result in _agent_outcomes(function, agent, agent_calls, workers):
+            yield indices[position], result
+
+
+def _agent_outcomes(
+    function: Callable[..., Any],
+    agent: str,
+    calls: Sequence[tuple[Any, ...]],
+    workers: Workers,
+) -> Iterator[tuple[int, Any]]:
+    """Yield index and result of each call of one agent, which may end its process."""
+    remaining = dict.fromkeys(range(len(calls)))
+    try:
+        for index, result in unordered_map(function, calls, workers, own_process=True):
+            del remaining[index]
+            yield index, result
+    except WorkerDiedError:
+        reason = (
+            "ended its process: it exited, crashed, or memory ran out "
+            "(then take fewer processes, --jobs)"
+        )
+        for index in remaining:
+            yield index, AgentFailedError(agent, reason)
 
 
 def first_errors(
     jobs: Sequence[Job], options: RunOptions = DEFAULTS
 ) -> list[AgentFailedError | None]:
-    """Errors of building the agent of each job and resetting it once for its scene; None for an agent that is ready."""
-    results = dict(
-        _outcomes(_first_error, [(job,) for job in jobs], options.workers, caught=True)
-    )
-    return [results[place] for place in range(len(jobs))]
+    """Return the errors of building the agent of each job and resetting it once.
+
+    None for an agent that is ready.
+    """
+    calls = [(job,) for job in jobs]
+    results = dict(_outcomes(_first_error, calls, options.workers, caught=True))
+    return [results[index] for index in range(len(jobs))]
 
 
 def derived_seed(seed: int, scene_name: str, purpose: str) -> int:
-    """A seed in [0, 2^31) for one purpose on one scene: the same in every process and on every machine."""
+    """Return a seed in [0, 2^31) for one purpose on one scene.
+
+    It is the same in every process and on every machine.
+    """
     content = hashlib.sha256(f"{seed}|{purpose}|{scene_name}".encode()).digest()
     return int.from_bytes(content[:4], "big") >> 1
 
 
 def agent_task(env: MTPEnv, seed: int, scene_name: str = "") -> Task:
-    """The task of ``env`` with the agent's own seed on one scene; without a name, for an agent that waits for a scene.
+    """Return the task of ``env`` with the agent's own seed on one scene.
 
-    The seed is a hash of both, so it shows neither the number nor the order of the runs. Where ``seed`` and names are
-    public, a table of such hashes tells the scene.
+    Without a name, it is for an agent that waits for a scene. The seed is a hash of
+    both, so it shows neither the number nor the order of the runs. Where ``seed`` and
+    names are public, a table of such hashes tells the scene.
     """
     return replace(env.task, seed=derived_seed(seed, scene_name, "agent"))
 
 
 def library_versions() -> dict[str, str]:
-    """Versions of Python, of this library and of those that its numbers depend on."""
+    """Return the versions of Python, of this library and of those it depends on."""
     versions = {"python": platform.python_version(), "mtp-bench": __version__}
-    for name in ("numpy", "scipy", "gymnasium", "numba", "torch", "scikit-learn"):
+    for library_name in _LIBRARIES:
         try:
-            versions[name] = importlib.metadata.version(name)
+            versions[library_name] = importlib.metadata.version(library_name)
         except importlib.metadata.PackageNotFoundError:
             continue
     return versions
 
 
-def _one_scene(job: Job, finish: Finish | None, caught: bool) -> Any:
+def _run_job(job: Job, finish: Finish | None, caught: bool) -> Any:
     env = MTPEnv(job.env, **job.env_keywords)
     try:
-        with (
-            np.errstate(),
-            warnings.catch_warnings(),
-        ):  # an agent that changes them changes them for itself
-            rollout = run_scene(_built(job, env), env, job.scene, job.seed, job.agent)
+        # an agent that changes how errors and warnings show does so for itself
+        with np.errstate(), warnings.catch_warnings():
+            agent = _build(job, env)
+            rollout = run_scene(agent, env, job.scene, job.seed, job.agent)
     except AgentFailedError as error:
         if not caught:
             raise
@@ -236,7 +255,7 @@ def _one_scene(job: Job, finish: Finish | None, caught: bool) -> Any:
 
 def _first_error(job: Job) -> AgentFailedError | None:
     try:
-        _built(job, MTPEnv(job.env, **job.env_keywords), reset=True)
+        _build(job, MTPEnv(job.env, **job.env_keywords), reset=True)
     except AgentFailedError as error:
         return error.with_traceback(None)
     except MtpBenchError as error:  # of its sizes, or of what it observes
@@ -244,8 +263,8 @@ def _first_error(job: Job) -> AgentFailedError | None:
     return None
 
 
-def _built(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
-    """The agent of a job, and ``reset`` once; raises AgentFailedError."""
+def _build(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
+    """Build the agent of a job, and ``reset`` it once; raises AgentFailedError."""
     task = agent_task(env, job.seed, job.scene)
     step = "built"
     try:
@@ -256,16 +275,15 @@ def _built(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt):
             raise
-        raise AgentFailedError(
-            job.agent, f"cannot be {step}: {_text(error)}"
-        ) from error
+        reason = f"cannot be {step}: {_error_text(error)}"
+        raise AgentFailedError(job.agent, reason) from error
     return agent
 
 
-def _text(error: BaseException) -> str:
-    """Text of an error of an agent, which may be long, or raise when it is read."""
-    kind = "" if isinstance(error, MtpBenchError) else f"{type(error).__name__}: "
+def _error_text(error: BaseException) -> str:
+    """Return the text of an agent's error, which may be long, or raise when read."""
+    kind_text = "" if isinstance(error, MtpBenchError) else f"{type(error).__name__}: "
     try:
-        return clean_text(f"{kind}{error}", _MOST_TEXT)
+        return clean_text(f"{kind_text}{error}", _MAX_ERROR_LETTERS)
     except Exception:
-        return f"{kind}its text cannot be read"
+        return f"{kind_text}its text cannot be read"

@@ -1,4 +1,4 @@
-"""Status of the data of an env after reading all its scenes: broken files, skipped rows."""
+"""Status of the data of an env after reading all its scenes."""
 
 import hashlib
 import json
@@ -23,6 +23,8 @@ from ..core import (
 from ..scoring import HOLES, LOST_TARGETS, left_out
 from ..sources import DataStatus, describe, open_source
 
+_NOT_READ = (".jpg", ".png", ".bin")  # images and points
+
 
 class _Counts(Section):
     counts: dict[str, int]
@@ -30,7 +32,7 @@ class _Counts(Section):
 
 
 def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
-    """Sum of the ``skipped`` counts of scenes, by reason."""
+    """Return the sum of the ``skipped`` counts of scenes, by reason."""
     total: Counter[str] = Counter()
     for count in counts:
         total.update(count)
@@ -38,68 +40,83 @@ def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
 
 
 def skipped_line(skipped: Mapping[str, int]) -> str | None:
-    """One or two sentences for the user; None if no row was skipped and no target lies across a hole in time."""
+    """Return one or two sentences on skipped rows and on targets across holes in time.
+
+    None if there are neither.
+    """
     sentences = []
-    if rows := {
-        reason: number
-        for reason, number in skipped.items()
-        if reason not in (HOLES, LOST_TARGETS)
-    }:
+    rows = Counter(skipped)
+    holes = rows.pop(HOLES, 0)
+    lost_targets = rows.pop(LOST_TARGETS, 0)
+    if rows:
         reasons = ", ".join(f"{reason} ({number})" for reason, number in rows.items())
         sentences.append(
-            f"{counted(sum(rows.values()), 'row')} of the data skipped or completed: {reasons}"
+            f"{counted(rows.total(), 'row')} of the data skipped or completed: "
+            f"{reasons}"
         )
-    if holes := skipped.get(HOLES, 0):
-        left = f"{counted(skipped[LOST_TARGETS], 'target')} across {'it' if holes == 1 else 'them'} left out"
+    if holes:
+        pronoun = "it" if holes == 1 else "them"
         sentences.append(
-            f"{counted(holes, 'hole')} in time, steps of more than 1.5 frame periods: {left}"
+            f"{counted(holes, 'hole')} in time, steps of more than 1.5 frame periods: "
+            f"{counted(lost_targets, 'target')} across {pronoun} left out"
         )
     return "; ".join(sentences) or None
 
 
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
-    """Status of the data of ``card`` after reading all its scenes: broken files, counts, and a note on skipped rows.
+    """Return the status of the data of ``card`` after reading all its scenes.
 
-    Where all are sound, the counts are kept in the cache until a file has another size or time.
+    It has broken files, counts, and a note on skipped rows. Where all are sound, the
+    counts are kept in the cache until a file has another size or time.
     """
     status = describe(card, data)
     if not status.usable or status.about.generated or status.root is None:
         return status
-    kept = cache_root() / "counts" / f"{card.digest}-{_state_of(status.root)}.json"
+    file_name = f"{card.digest}-{_files_digest(status.root)}.json"
+    path = cache_root() / "counts" / file_name
     with suppress(MtpBenchError):  # missing, or not what was written
-        known = validate(
-            _Counts, read_json(kept, MtpBenchError), str(kept), MtpBenchError
-        )
-        status.counts.update(known.counts)
-        status.notes += known.notes
+        content = read_json(path, MtpBenchError)
+        cached = validate(_Counts, content, str(path), MtpBenchError)
+        status.counts.update(cached.counts)
+        status.notes += cached.notes
         return status
-    source, skipped = open_source(card, data), []
-    for name in source.names:
-        with status.noted():
-            scene = source.load(name)
-            skipped.append(scene.skipped | left_out(scene, card))
-            rows = {
-                "true boxes": len(scene.truth.box),
-                "detections": len(scene.detections.box),
-            }
-            status.counts.update({"scenes": 1, "frames": scene.frames, **rows})
-    notes = [*filter(None, [skipped_line(total_skipped(skipped))])]
+    notes = _read_scenes(status, card, data)
     status.notes += notes
     if status.usable:
         with suppress(MtpBenchError, OSError):
-            make_folder(kept.parent)
-            write_text(kept, json.dumps({"counts": status.counts, "notes": notes}))
+            make_folder(path.parent)
+            write_text(path, json.dumps({"counts": status.counts, "notes": notes}))
     return status
 
 
-def _state_of(root: Path) -> str:
-    """Digest of names, sizes and times of files below a folder, without images and points, and of the version."""
-    state = []
-    for folder, _, names in os.walk(root, followlinks=True):
-        for path in (Path(folder, name) for name in names):
-            if path.suffix not in (".jpg", ".png", ".bin") and path.exists():
-                found = path.stat()
-                state.append(
-                    (str(path), found.st_size, found.st_mtime_ns, found.st_ctime_ns)
-                )
-    return hashlib.sha256(repr((__version__, sorted(state))).encode()).hexdigest()[:16]
+def _read_scenes(status: DataStatus, card: Card, data: str | Path | None) -> list[str]:
+    """Count what the scenes hold in ``status``, and return notes on skipped rows."""
+    source = open_source(card, data)
+    skipped = []
+    for scene_name in source.names:
+        with status.noted():
+            scene = source.load(scene_name)
+            skipped.append(scene.skipped | left_out(scene, card))
+            counts = {
+                "scenes": 1,
+                "frames": scene.frames,
+                "true boxes": len(scene.truth.box),
+                "detections": len(scene.detections.box),
+            }
+            status.counts.update(counts)
+    line = skipped_line(total_skipped(skipped))
+    return [] if line is None else [line]
+
+
+def _files_digest(root: Path) -> str:
+    """Return a digest of the version, and of names, sizes and times of files."""
+    states = []
+    for folder, _, file_names in os.walk(root, followlinks=True):
+        for file_name in file_names:
+            path = Path(folder, file_name)
+            if path.suffix not in _NOT_READ and path.exists():
+                stat = path.stat()
+                times = (stat.st_mtime_ns, stat.st_ctime_ns)
+                states.append((str(path), stat.st_size, *times))
+    content = repr((__version__, sorted(states)))
+    return hashlib.sha256(content.encode()).hexdigest()[:16]

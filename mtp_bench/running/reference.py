@@ -1,7 +1,10 @@
-"""Event weights of an env, or ways of a closed loop: the frozen file of a shipped card, or made from the scenes."""
+"""Event weights of an env, or ways of a closed loop.
+
+They are in the frozen file of a shipped card, or made from the scenes.
+"""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -22,9 +25,9 @@ from ..core import (
     UnknownNameError,
     bundled,
     card_ids,
+    long_work,
     parallel_map,
     read_json,
-    reported,
     require_file,
     require_known,
     starts_of,
@@ -60,15 +63,15 @@ from .perturbation import (
 from .playing import jobs_of, run_jobs, run_scene
 
 _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
-_MOST_SEEDS = 255  # as many as a count of `SceneWeights`, an unsigned byte, holds
+_MAX_SEEDS = 255  # as many as a count of `SceneWeights`, an unsigned byte, holds
 
 
 class _PlainRun(NamedTuple):
-    """The run of a scene without cut or noise; the fields behind the first are those of `SceneWeights`."""
+    """The run of a scene without cut or noise, n targets."""
 
     detections: MatchedDetections
-    stp: Bools  # [n, 3]
-    stp_events: tuple[int, int, int]
+    stp: Bools  # [n, 3], as the following fields one of `SceneWeights`
+    stp_events: tuple[int, int, int]  # switches, lost, reacquired
     false_forecasts: int
     forecasts: int
     live: int
@@ -76,52 +79,51 @@ class _PlainRun(NamedTuple):
 
 
 def frozen_path(env_id: str) -> Path:
-    """Path of the frozen event weights of an env; the file need not exist."""
+    """Return the path of the frozen event weights of an env, which need not exist."""
     return bundled("envs") / "reference" / f"{env_id}.json"
 
 
 def frozen_reference(card: Card) -> Reference | None:
-    """The frozen event weights of ``card``; None without a file, and for a card that is not the shipped one.
+    """Return the frozen event weights of ``card``.
 
-    Another presence model changes confidences, not events, so it keeps the weights. Raises DataError if the file is
-    broken or of other definitions.
+    None without a file, and for a card that is not the shipped one. Another presence
+    model changes confidences, not events, so it keeps the weights. Raises DataError if
+    the file is broken or of other definitions.
     """
-    reference = _frozen_file(card.id)
-    return (
-        reference
-        if reference is not None and reference.card == with_presence(card, None).digest
-        else None
-    )
+    reference = _read_frozen(card.id)
+    if reference is None or reference.card != with_presence(card, None).digest:
+        return None
+    return reference
 
 
 def card_budget(env_id: str) -> CardBudget:
-    """Return the constants that set the budgets of a card; without a frozen file, one false forecast per target.
+    """Return the constants that set the budgets of a card.
 
-    They are of the shipped card of this id, whatever is changed in it: scenes, split or detections.
+    Without a frozen file, one false forecast per target. They are of the shipped card
+    of this id, whatever is changed in it: scenes, split or detections.
     """
-    reference = _frozen_file(env_id)
+    reference = _read_frozen(env_id)
     return ONE_PER_TARGET if reference is None else reference.budget
 
 
-def _frozen_file(env_id: str) -> Reference | None:
-    """Read the frozen event weights of the shipped card of this id; None without a file."""
+def _read_frozen(env_id: str) -> Reference | None:
+    """Read the frozen event weights of the shipped card; None without a file."""
     path = frozen_path(env_id)
     if not path.is_file():
         return None
     reference = read_reference(path)
     if reference.env != env_id:
         raise DataError(f"{path}: env is {reference.env!r}, expected {env_id!r}")
-    live = _live_frames().get(env_id)
-    constants = (
-        None
-        if live is None
-        else CardBudget(env_id, reference.totals["forecasts"], live, false_known=False)
-    )
+    constants = None
+    live_frames = _live_frames().get(env_id)
+    if live_frames is not None:
+        forecasts = reference.totals["forecasts"]
+        constants = CardBudget(env_id, forecasts, live_frames, false_known=False)
     return replace(reference, frozen=True, constants=constants)
 
 
 def _live_frames() -> dict[str, int]:
-    """Return the live frames of the scored splits whose truth holds prediction targets alone, by env.
+    """Return the live frames of the scored splits whose truth is targets alone, by env.
 
     The files of event weights lack them, and their hash does not cover them.
     """
@@ -129,58 +131,56 @@ def _live_frames() -> dict[str, int]:
     return read_json(path, DataError) if path.is_file() else {}
 
 
-def ranked_scenes(card: Card, names: Sequence[str]) -> tuple[str, ...]:
-    """The scenes ``names`` of a split that have frozen event weights, or all of them if none has.
+def ranked_scenes(card: Card, scene_names: Sequence[str]) -> tuple[str, ...]:
+    """Return the scenes that have frozen weights, or all if none has.
 
-    A user with more scenes than the weights were frozen for, such as all 138 of nuScenes' split ``val``, runs only
-    those that all agents are ranked on.
+    A user with more scenes than the weights were frozen for, such as all 138 of
+    nuScenes' split ``val``, runs only those that all agents are ranked on.
     """
     frozen = frozen_reference(card)
-    return tuple(
-        name for name in names if frozen is not None and frozen.holds([name])
-    ) or tuple(names)
+    ranked: tuple[str, ...] = ()
+    if frozen is not None:
+        ranked = tuple(
+            scene_name for scene_name in scene_names if frozen.holds([scene_name])
+        )
+    return ranked or tuple(scene_names)
 
 
 def reference_for(
     card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS
 ) -> Reference:
-    """The frozen event weights of ``card`` if they cover the scenes, else weights made from these scenes.
+    """Return the frozen event weights of ``card``, or weights made from the scenes.
 
-    ``card``: with all changes. ``options``: data, workers and progress. Raises DataError if the frozen file is broken.
+    They are made if the frozen ones do not cover the scenes. ``card``: with all
+    changes. ``options``: data, workers and progress. Raises DataError if the frozen
+    file is broken.
     """
     frozen = frozen_reference(card)
     if frozen is not None and frozen.holds(scenes):
         return frozen
-    return replace(
-        make_reference(with_presence(card, None), scenes, options),
-        constants=card_budget(card.id),
-    )
+    reference = make_reference(with_presence(card, None), scenes, options)
+    return replace(reference, constants=card_budget(card.id))
 
 
 def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, Reference]:
-    """Make the event weights of a shipped env from all its scenes, write them, and return the path and the weights.
+    """Write the event weights of a shipped env, made from all its scenes.
 
-    Raises UnknownNameError for the path of a card: only weights of shipped ids are looked up.
+    Returns the path and the weights. Raises UnknownNameError for the path of a card:
+    only weights of shipped ids are looked up.
     """
-    require_known(
-        "environment",
-        env_id,
-        card_ids(),
-        "only those that ship have frozen event weights",
-    )
-    card, path = load_card(env_id), frozen_path(env_id)
+    advice = "only those that ship have frozen event weights"
+    require_known("environment", env_id, card_ids(), advice)
+    card = load_card(env_id)
+    path = frozen_path(env_id)
     path.parent.mkdir(exist_ok=True)
     require_file(path)
-    reference = make_reference(
-        card, MTPEnv(card, data=options.data).scene_names, options
-    )
+    scenes = MTPEnv(card, data=options.data).scene_names
+    reference = make_reference(card, scenes, options)
     write_reference(path, reference)
     if not reference.budget.false_known:
-        live = {**_live_frames(), env_id: reference.budget.divisor}
-        write_text(
-            frozen_path("live_frames"),
-            json.dumps(live, indent=1, sort_keys=True) + "\n",
-        )
+        live_frames = {**_live_frames(), env_id: reference.budget.divisor}
+        text = json.dumps(live_frames, indent=1, sort_keys=True) + "\n"
+        write_text(frozen_path("live_frames"), text)
     return path, replace(reference, frozen=True)
 
 
@@ -190,52 +190,59 @@ def make_reference(
     options: RunOptions = DEFAULTS,
     seeds: Sequence[int] = range(RUNS),
 ) -> Reference:
-    """Event weights from runs of the card's reference baseline on ``scenes``, one per seed; budgets are theirs, too.
+    """Make event weights from runs of the card's reference baseline on ``scenes``.
 
-    ``seeds``: at most 255, counts are bytes. Raises CardError unless that baseline takes the parameters ``assignment``
+    There is one run per seed; budgets are theirs, too. ``seeds``: at most 255, counts
+    are bytes. Raises CardError unless that baseline takes the parameters ``assignment``
     and ``forecasts``.
     """
-    if len(seeds) > _MOST_SEEDS:
+    if len(seeds) > _MAX_SEEDS:
         raise MtpBenchError(
-            f"got {len(seeds)} seeds of event weights, expected at most {_MOST_SEEDS}"
+            f"got {len(seeds)} seeds of event weights, expected at most {_MAX_SEEDS}"
         )
     if card.drive is not None:
         return _driven_reference(card, scenes, options)
     submission = load_submission(card.reference or controls()["single"])
-    parts = [
-        seeds[low : low + _RUNS_PER_CALL]
-        for low in range(0, len(seeds), _RUNS_PER_CALL)
-    ]
-    plain: list[_PlainRun]
-    counts: list[NDArray[np.uint8]]
-    with reported(
-        f"event weights from runs of {submission.name}", own=options.progress
-    ) as progress:
-        progress.started(len(scenes) * (1 + len(parts)))
-        known = [(card, options.data, name, submission) for name in scenes]
-        plain = parallel_map(
+    starts = range(0, len(seeds), _RUNS_PER_CALL)
+    seed_parts = [seeds[start : start + _RUNS_PER_CALL] for start in starts]
+    plain_runs: list[_PlainRun]
+    event_counts: list[NDArray[np.uint8]]
+    text = f"event weights from runs of {submission.name}"
+    with long_work(text, progress=options.progress) as progress:
+        progress.started(len(scenes) * (1 + len(seed_parts)))
+        scene_calls = [
+            (card, options.data, scene_name, submission) for scene_name in scenes
+        ]
+        plain_runs = parallel_map(
             _plain_run,
-            known,
+            scene_calls,
             options.workers,
-            lambda place: progress.done(scenes[place]),
+            lambda index: progress.done(scenes[index]),
         )
         perturbation = Perturbation.fit(
-            [run.detections for run in plain], len(card.task.classes)
+            [plain_run.detections for plain_run in plain_runs], len(card.task.classes)
         )
-        calls = [(*call, perturbation, part) for call in known for part in parts]
-        counts = parallel_map(
+        calls = [
+            (*call, perturbation, part) for call in scene_calls for part in seed_parts
+        ]
+        event_counts = parallel_map(
             _perturbed_runs,
             calls,
             options.workers,
-            lambda i: progress.done(scenes[i // len(parts)]),
+            lambda index: progress.done(scenes[index // len(seed_parts)]),
         )
     weights = {}
-    for i, (name, run) in enumerate(zip(scenes, plain, strict=True)):
-        total = np.stack(counts[i * len(parts) : (i + 1) * len(parts)]).sum(
-            axis=0, dtype=np.uint8
+    for i, scene_name in enumerate(scenes):
+        plain_run = plain_runs[i]
+        part_counts = np.stack(
+            event_counts[i * len(seed_parts) : (i + 1) * len(seed_parts)]
         )
-        weights[scene_key(card.id, name)] = SceneWeights(
-            total, run.stp, run.stp_events, run.false_forecasts, run.forecasts
+        weights[scene_key(card.id, scene_name)] = SceneWeights(
+            part_counts.sum(axis=0, dtype=np.uint8),
+            plain_run.stp,
+            plain_run.stp_events,
+            plain_run.false_forecasts,
+            plain_run.forecasts,
         )
     return Reference(
         card.id,
@@ -245,68 +252,65 @@ def make_reference(
         len(seeds),
         perturbation.parameters(card.task.classes, seeds),
         weights,
-        constants=_counted(card.id, plain),
+        constants=_budget_of(card.id, plain_runs),
     )
 
 
-def _counted(env_id: str, runs: Sequence[_PlainRun]) -> CardBudget | None:
-    """Return the constants that plain runs set; None: false forecasts against targets, as the weights hold them."""
+def _budget_of(env_id: str, runs: Sequence[_PlainRun]) -> CardBudget | None:
+    """Return the constants that plain runs set.
+
+    None: false forecasts against targets, as the weights hold them.
+    """
     if all(run.truth_complete for run in runs):
         return None
-    live = sum(run.live for run in runs)
-    return CardBudget(
-        env_id, sum(run.forecasts for run in runs), max(live, 1), false_known=False
-    )
+    live_frames = sum(run.live for run in runs)
+    forecasts = sum(run.forecasts for run in runs)
+    return CardBudget(env_id, forecasts, max(live_frames, 1), false_known=False)
 
 
 def _driven_reference(
     card: Card, scenes: Sequence[str], options: RunOptions
 ) -> Reference:
-    """Ways of the ego of a closed loop with ground-truth tracks, one run; each scene counts as one target."""
+    """Return ways of the ego of a closed loop with ground-truth tracks, one run.
+
+    Each scene counts as one target.
+    """
     submission = load_submission(controls()["ground_truth"])
-    drives = run_jobs(
-        jobs_of(submission, card, {"data": options.data}, scenes), options, _way
-    )
-    none = (
-        np.zeros((1, len(COUNTED)), dtype=np.uint8),
-        np.zeros((1, len(EVENTS)), dtype=bool),
-        (0, 0, 0),
-        0,
-        0,
-    )
-    weights = {
-        scene_key(card.id, name): SceneWeights(*none, way)
-        for name, way in zip(scenes, drives, strict=True)
-    }
+    jobs = jobs_of(submission, card, {"data": options.data}, scenes)
+    ways_m = run_jobs(jobs, options, _way)
+    no_counts = np.zeros((1, len(COUNTED)), dtype=np.uint8)
+    no_events = np.zeros((1, len(EVENTS)), dtype=bool)
+    weights = {}
+    for scene_name, way_m in zip(scenes, ways_m, strict=True):
+        weights[scene_key(card.id, scene_name)] = SceneWeights(
+            no_counts, no_events, (0, 0, 0), 0, 0, way_m
+        )
     return Reference(
         card.id, card.digest, WEIGHTS_DEFINITIONS, submission.name, 1, {}, weights
     )
 
 
 def _way(scene: Scene, rollout: Rollout, card: Card) -> float:
+    """Return the way of a drive, m, rounded down: machines differ in the last bits."""
     assert rollout.drive is not None
-    return (
-        float(np.floor(1e6 * rollout.drive.way)) / 1e6
-    )  # machines differ in the last bits
+    return float(np.floor(1e6 * rollout.drive.way)) / 1e6
 
 
 def _plain_run(
-    card: Card, data: str | None, name: str, submission: Submission
+    card: Card, data: str | None, scene_name: str, submission: Submission
 ) -> _PlainRun:
-    """Run the reference baseline on a scene as it is; its matched detections and event weights but the counts."""
+    """Run the reference baseline on a scene as it is."""
     env = MTPEnv(card, data=data, evaluation=True)
-    rollout = run_scene(submission.build(env.task), env, name, 0, submission.name)
+    rollout = run_scene(submission.build(env.task), env, scene_name, 0, submission.name)
     scene = env.scene
     events = events_of(scene, rollout, card)
-    ids, lost, reacquired = events[~evaluated(scene).truth.neutral].sum(axis=0).tolist()
-    score, flags = (
-        score_scene(scene, rollout, card),
-        events[find_targets(scene, card).row],
-    )
+    object_events = events[~evaluated(scene).truth.neutral]
+    event_counts = tuple(object_events.sum(axis=0).tolist())
+    score = score_scene(scene, rollout, card)
     return _PlainRun(
         matched_detections(scene, card),
-        flags,
-        (ids, lost, reacquired),
+        events[find_targets(scene, card).row],
+        event_counts,
         score.false_forecasts,
         score.forecasts,
         score.live,
@@ -317,35 +321,33 @@ def _plain_run(
 def _perturbed_runs(
     card: Card,
     data: str | None,
-    name: str,
+    scene_name: str,
     submission: Submission,
     perturbation: Perturbation,
     runs: Sequence[int],
 ) -> NDArray[np.uint8]:
-    """Counts [n, 4] of the events of the perturbed ``runs`` on the targets of a scene."""
-    env = MTPEnv(card, data=data, samples=1, hypotheses=1, objects=1, evaluation=True)
-    env.reset(options={"scene": name})
-    scene, row = env.scene, find_targets(env.scene, card).row
-    agents = {
-        assignment: _tracker(submission, env.task, assignment)
-        for assignment in ASSIGNMENTS
-    }
-    rollouts = (
-        track(
-            agents[assignment_of(run)],
-            perturbation.perturbed(scene, run),
-            env.task,
-            card,
-        )
-        for run in runs
+    """Return counts [n, 4] of the events of the perturbed ``runs`` on n targets."""
+    env = MTPEnv(
+        card, data=data, samples=1, hypotheses=1, max_objects=1, evaluation=True
     )
-    return count_runs(
-        (events_of(scene, rollout, card)[row] for rollout in rollouts), len(row)
-    )
+    env.reset(options={"scene": scene_name})
+    scene = env.scene
+    row = find_targets(scene, card).row
+    agents: dict[str, Agent] = {}
+    for assignment in ASSIGNMENTS:
+        agents[assignment] = _tracker(submission, env.task, assignment)
+
+    def events() -> Iterator[Bools]:
+        for run in runs:
+            perturbed = perturbation.perturbed(scene, run)
+            rollout = track(agents[assignment_of(run)], perturbed, env.task, card)
+            yield events_of(scene, rollout, card)[row]
+
+    return count_runs(events(), len(row))
 
 
 def _tracker(submission: Submission, task: Task, assignment: str) -> Agent:
-    """The reference baseline with this assignment, without forecasts."""
+    """Build the reference baseline with this assignment, without forecasts."""
     try:
         return submission.build(task, assignment=assignment, forecasts=False)
     except UnknownNameError as error:
@@ -355,21 +357,24 @@ def _tracker(submission: Submission, task: Task, assignment: str) -> Agent:
 
 
 def track(agent: Agent, scene: Scene, task: Task, card: Card) -> Rollout:
-    """Rollout of the tracks that ``agent`` makes of the detections of ``scene``, one hypothesis, without forecasts.
+    """Return the tracks that ``agent`` makes of the detections of ``scene``.
 
-    For trusted agents: their actions are not checked, which takes longer than the tracking.
+    The rollout has one hypothesis and no forecasts. For trusted agents: their actions
+    are not checked, which takes longer than the tracking.
     """
     frame = LocalFrame.of(scene)
     feed = make_feed(scene, frame, task, card)
     agent.reset(task)
-    columns = []
+    frame_columns = []
     for t in range(scene.frames):
         action = agent.act(feed.observe(t))
-        rows = np.flatnonzero(action["track_valid"])
-        box = frame.to_scene(action["track_box"][rows]).astype(np.float32)
-        columns.append((action["track_id"][rows], box, action["track_class"][rows]))
+        track_row = np.flatnonzero(action["track_valid"])
+        box = frame.to_scene(action["track_box"][track_row]).astype(np.float32)
+        frame_columns.append(
+            (action["track_id"][track_row], box, action["track_class"][track_row])
+        )
     track_id, box, class_id = (
-        np.concatenate(column) for column in zip(*columns, strict=True)
+        np.concatenate(column) for column in zip(*frame_columns, strict=True)
     )
     empty = empty_rollout(
         scene.name,
@@ -381,7 +386,7 @@ def track(agent: Agent, scene: Scene, task: Task, card: Card) -> Rollout:
     )
     return replace(
         empty,
-        track_start=starts_of([len(ids) for ids, *_ in columns]),
+        track_start=starts_of([len(ids) for ids, *_ in frame_columns]),
         track_id=track_id.astype(np.int64),
         track_box=box,
         track_class=class_id.astype(np.int64),

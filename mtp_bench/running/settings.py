@@ -1,4 +1,4 @@
-"""Settings: a submission with the parameters and the number of samples of one row of a comparison."""
+"""Settings: a submission with the parameters and samples of one row of a comparison."""
 
 import itertools
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from ..cards import Card
 from ..core import MtpBenchError, SubmissionError
 from ..scoring import Budget, unchanged
 
-_REFERENCES: tuple[Role, ...] = (
+_REFERENCE_ROLES: tuple[Role, ...] = (
     "single",
     "ground_truth",
     "same_samples",
@@ -65,38 +65,44 @@ class Setting:
 
     @property
     def gap_references(self) -> tuple["Setting", "Setting"] | tuple[()] | None:
-        """The reference pair of its gap: one hypothesis, and ground-truth tracks, with its own predictor.
+        """Reference pair of its gap: one hypothesis, and ground-truth tracks.
 
-        Empty: the controls are the pair. None: the manifest does not state it.
+        Both have its own predictor. Empty: the controls are the pair. None: the
+        manifest does not state it.
         """
-        stated = self.submission.compare.gap_references
-        if stated == "controls":
+        pair_parameters = self.submission.compare.gap_references
+        if pair_parameters == "controls":
             return ()
-        if stated is None or self.observe == "truth":
+        if pair_parameters is None or self.observe == "truth":
             return None
-        label = f"{self.submission.name} (reference of its gap)"
-        parameters, observe = (
-            {**self.parameters, **stated},
-            self.observe.replace("associated", "detections"),
-        )
         single = replace(
-            self, label=label, parameters=parameters, hypotheses=1, observe=observe
+            self,
+            label=f"{self.submission.name} (reference of its gap)",
+            parameters={**self.parameters, **pair_parameters},
+            hypotheses=1,
+            observe=self.observe.replace("associated", "detections"),
         )
         return single, replace(single, observe="truth")
 
     @property
-    def drawn(self) -> int:
+    def total_draws(self) -> int:
         """Number of times that k samples are drawn of an object."""
-        return (self.hypotheses or 1) * (
-            _count(self.submission, self.parameters, self.submission.compare.draws) or 1
-        )
+        draws = _count(self.submission, self.parameters, self.submission.compare.draws)
+        return (self.hypotheses or 1) * (draws or 1)
 
     def env_keywords(self, card: Card) -> dict[str, Any]:
-        """Keywords of `MTPEnv` that this setting needs beyond the card."""
+        """Return the keywords of `MTPEnv` that this setting needs beyond the card."""
         keywords: dict[str, Any] = {"samples": self.samples, "observe": self.observe}
         if self.hypotheses and self.hypotheses > card.size.hypotheses:
             keywords["hypotheses"] = self.hypotheses
         return keywords
+
+    def with_draws(self, draws: int) -> "Setting":
+        """Return this setting with as many draws, if it has fewer and can have them."""
+        draws_name = self.submission.compare.draws
+        if draws_name is None or draws <= self.total_draws:
+            return self
+        return replace(self, parameters={**self.parameters, draws_name: draws})
 
 
 def setting_of(
@@ -105,157 +111,171 @@ def setting_of(
     chosen: dict[str, Any] | None = None,
     budget: Budget = "equal",
 ) -> Setting:
-    """A submission with its own parameters and ``chosen`` ones; the label names those that are not the default, or H.
+    """Return the setting of a submission with its own and ``chosen`` parameters.
 
-    Raises SubmissionError unless the parameters that the manifest names as counts are whole numbers.
+    The label names those that are not the default, or H. Raises SubmissionError unless
+    the parameters that the manifest names as counts are whole numbers.
     """
     chosen = chosen or {}
+    compare = submission.compare
     parameters = {**submission.parameters, **chosen}
-    names = submission.compare
-    shown = [
-        f"{k}={v}"
-        for k, v in chosen.items()
-        if k != names.hypotheses and v != submission.parameters.get(k)
-    ]
-    label, hypotheses = (
-        " ".join([submission.name, *shown]),
-        _count(submission, parameters, names.hypotheses),
-    )
+    label = submission.name
+    for parameter_name, value in chosen.items():
+        if parameter_name != compare.hypotheses and value != submission.parameters.get(
+            parameter_name
+        ):
+            label += f" {parameter_name}={value}"
     setting = Setting(
         label,
         submission,
         parameters,
         budget,
-        hypotheses,
+        _count(submission, parameters, compare.hypotheses),
         card.task.samples,
-        names.observe,
+        compare.observe,
     )
-    drawn = setting.drawn  # raises for a wrong count
-    return (
-        replace(setting, samples=card.task.samples * drawn)
-        if budget == "free"
-        else setting
-    )
+    draws = setting.total_draws  # raises for a wrong count
+    if budget == "equal":
+        return setting
+    return replace(setting, samples=card.task.samples * draws)
 
 
 def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
-    """Settings beside which an agent is measured, by the fields of `References`; empty if its manifest states none."""
+    """Return the settings beside which an agent is measured.
+
+    Their keys are fields of `References`. Empty if its manifest states none.
+    """
     pair = setting.gap_references
+    if pair is None:
+        return {}
     if not pair:
-        return {} if pair is None else kinematic_references(setting, card)
+        return kinematic_references(setting, card)
     single, truth = pair
-    compare = setting.submission.compare
     tracked = single
-    if compare.association_references is not None:
-        tracked = replace(
-            single, parameters={**setting.parameters, **compare.association_references}
-        )
-
-    def same_samples(one: Setting) -> Setting:
-        if compare.draws is None or setting.drawn <= one.drawn:
-            return one
-        return replace(one, parameters={**one.parameters, compare.draws: setting.drawn})
-
+    association = setting.submission.compare.association_references
+    if association is not None:
+        tracked = replace(single, parameters={**setting.parameters, **association})
+    same_samples = tracked.with_draws(setting.total_draws)
     references = {
         "single": single,
         "ground_truth": truth,
-        "same_samples": same_samples(tracked),
+        "same_samples": same_samples,
     }
     if single.observe == "detections":
-        references["associated_same_samples"] = replace(
-            same_samples(tracked), observe="associated"
-        )
-        references |= {
-            "associated": references["associated_same_samples"],
-            "tracks": same_samples(truth),
-        }
+        associated = replace(same_samples, observe="associated")
+        references["associated_same_samples"] = associated
+        references["associated"] = associated
+        references["tracks"] = truth.with_draws(setting.total_draws)
     return references
 
 
 def kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
-    """References with the kinematic predictor: controls, with one draw or with as many as their same samples."""
-    references: dict[str, Setting] = {
-        role: setting_of(load_submission(controls()[role]), card)
-        for role in _REFERENCES
-    }
-    truth = references["tracks"] = references["ground_truth"]
-    if setting.drawn > 1:
+    """Return references with the kinematic predictor: controls.
+
+    They have one draw, or as many as their same samples.
+    """
+    role_names = controls()
+    references: dict[str, Setting] = {}
+    for role in _REFERENCE_ROLES:
+        references[role] = setting_of(load_submission(role_names[role]), card)
+    truth = references["ground_truth"]
+    references["tracks"] = truth
+    if setting.total_draws > 1:
         references["associated"] = references["associated_same_samples"]
-        draws = {str(truth.submission.compare.draws): references["same_samples"].drawn}
+        draws = {
+            str(truth.submission.compare.draws): references["same_samples"].total_draws
+        }
         references["tracks"] = setting_of(truth.submission, card, draws)
     return references
 
 
 def expand(submission: Submission, card: Card) -> list[Setting]:
-    """All settings of a submission: its sweep times its numbers of samples, in the order of the manifest."""
+    """Return all settings of a submission, in the order of the manifest.
+
+    They are its sweep times its numbers of samples.
+    """
     sweep = submission.compare.sweep
     settings: list[Setting] = []
-    for budget, values in itertools.product(
-        submission.compare.samples, itertools.product(*sweep.values())
-    ):
-        setting = setting_of(
-            submission, card, dict(zip(sweep, values, strict=True)), budget
-        )
-        if (
-            budget == "equal" or setting.samples > card.task.samples
-        ) and setting not in settings:
-            settings.append(setting)
+    for budget in submission.compare.samples:
+        for values in itertools.product(*sweep.values()):
+            chosen = dict(zip(sweep, values, strict=True))
+            setting = setting_of(submission, card, chosen, budget)
+            has_more_samples = setting.samples > card.task.samples
+            if (budget == "equal" or has_more_samples) and setting not in settings:
+                settings.append(setting)
     return settings
 
 
 def all_settings(agents: Iterable[object], card: Card) -> list[Setting]:
-    """Settings of agents, each once: submissions or baselines by name or folder, objects and functions.
+    """Return the settings of agents, each once.
 
-    Further objects of one name get numbers. Raises MtpBenchError unless ``agents`` is a list of distinct submissions.
+    ``agents``: submissions or baselines by name or folder, objects and functions.
+    Further objects of one name get numbers. Raises MtpBenchError unless ``agents`` is a
+    list of distinct submissions.
     """
     require_list(agents)
     submissions: dict[str, Submission] = {}
     for agent in agents:
         submission = submission_of(agent)
         if isinstance(submission, ObjectSubmission):
-            numbers = itertools.count(2)
-            while submission.name in submissions:
-                submission = ObjectSubmission.of(
-                    agent, f"{submission.name.split('#')[0]}#{next(numbers)}"
-                )
-        other = submissions.setdefault(submission.name, submission)
-        if other.path != submission.path:
-            both = f"two submissions are called {submission.name!r}: {other.path} and {submission.path}"
-            raise MtpBenchError(f"{both}; give them different names in submission.toml")
-    return [
-        setting
-        for submission in submissions.values()
-        for setting in expand(submission, card)
-    ]
+            submission = _numbered(agent, submission, submissions)
+        first = submissions.setdefault(submission.name, submission)
+        if first.path != submission.path:
+            raise MtpBenchError(
+                f"two submissions are called {submission.name!r}: {first.path} and "
+                f"{submission.path}; give them different names in submission.toml"
+            )
+    setting_lists = [expand(submission, card) for submission in submissions.values()]
+    return list(itertools.chain(*setting_lists))
+
+
+def _numbered(
+    agent: object, submission: ObjectSubmission, taken_names: Iterable[str]
+) -> ObjectSubmission:
+    """Return an object's submission under the first name that is free."""
+    numbers = itertools.count(2)
+    base_name = submission.name.split("#")[0]
+    while submission.name in taken_names:
+        submission = ObjectSubmission.of(agent, f"{base_name}#{next(numbers)}")
+    return submission
 
 
 def require_list(agents: object) -> None:
-    """Raise MtpBenchError for one agent in place of a list: the letters of a name would be taken as names."""
-    if isinstance(agents, str | PathLike) or not isinstance(agents, Iterable):
-        example = str(agents) if isinstance(agents, str | PathLike) else "name"
+    """Raise MtpBenchError for one agent in place of a list.
+
+    The letters of a name would be taken as names.
+    """
+    is_path = isinstance(agents, str | PathLike)
+    if is_path or not isinstance(agents, Iterable):
+        example = str(agents) if is_path else "name"
         raise MtpBenchError(
-            f"agents is of type {type(agents).__name__}, expected a list such as [{example!r}]"
+            f"agents is of type {type(agents).__name__}, "
+            f"expected a list such as [{example!r}]"
         )
 
 
 def training_note(submission: Submission, card: Card) -> str | None:
-    """Note on the parts of a submission that were trained on the scenes that ``card`` scores; None without any.
+    """Return the note on parts that were trained on the scenes that ``card`` scores.
 
-    Other splits, detections or scenes than those of the env that ships are not the ones that the manifest names.
+    None without any. Other splits, detections or scenes than those of the env that
+    ships are not the ones that the manifest names.
     """
     return submission.note_on(card.id) if unchanged(card.id, card.digest) else None
 
 
 def _count(
-    submission: Submission, parameters: dict[str, Any], name: str | None
+    submission: Submission, parameters: dict[str, Any], parameter_name: str | None
 ) -> int | None:
-    """Value of the parameter that the manifest names as a count; None if it names none, or one without a value."""
-    if name is None or name not in parameters:
+    """Return the value of the parameter that the manifest names as a count.
+
+    None if it names none, or one without a value.
+    """
+    if parameter_name is None or parameter_name not in parameters:
         return None
-    value = parameters[name]
+    value = parameters[parameter_name]
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        expected = "expected a whole number of at least 1"
         raise SubmissionError(
-            f"{submission.name}: parameter {name!r} is {value!r}, {expected}"
+            f"{submission.name}: parameter {parameter_name!r} is {value!r}, "
+            "expected a whole number of at least 1"
         )
     return value

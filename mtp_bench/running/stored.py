@@ -1,4 +1,4 @@
-"""Runs on disk: `run` stores one, `score` scores it, `open_run` opens it with its card and scenes."""
+"""Runs on disk: `run` stores one, `score` scores it, `open_run` opens it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from ..agent import submission_of
-from ..cards import CHANGES, Card, changed_card, load_card, parse_card
+from ..cards import Card, CardChanges, ChangeKeywords, load_card, parse_card
 from ..core import (
     SERIAL,
     Rollout,
@@ -14,6 +14,7 @@ from ..core import (
     Scene,
     UnknownNameError,
     card_ids,
+    long_work,
     parallel_map,
     require_folder,
     require_known,
@@ -32,7 +33,7 @@ from ..scoring import (
 )
 from ..sources import SceneSource, open_source, with_map, with_tracks
 from .drives import recorded_card
-from .options import DEFAULTS, RunKeywords, RunOptions, asked
+from .options import DEFAULTS, RunKeywords, RunOptions, resolve_options
 from .playing import jobs_of, library_versions, run_jobs
 from .reading import total_skipped
 from .reference import reference_for
@@ -70,37 +71,51 @@ class OpenedRun:
     data: str | None  # data root
 
     def rollouts(self, scene: str | None = None) -> Sequence[Rollout]:
-        """All rollouts, or that of one scene; raises UnknownNameError if the run does not have it."""
+        """Return all rollouts, or that of one scene.
+
+        Raises UnknownNameError if the run does not have it.
+        """
+        if scene is None:
+            return self.run.rollouts
         by_scene = {rollout.scene: rollout for rollout in self.run.rollouts}
-        if scene is not None and scene not in by_scene:
+        if scene not in by_scene:
             raise UnknownNameError(f"scene of {self.folder}", scene, by_scene)
-        return self.run.rollouts if scene is None else [by_scene[scene]]
+        return [by_scene[scene]]
 
     def first(self, scene: str | None = None) -> Rollout:
-        """The rollout of ``scene``, or the first one."""
+        """Return the rollout of ``scene``, or the first one."""
         return self.rollouts(scene)[0]
 
     def scene(self, name: str) -> Scene:
-        """The scene of this name with the boxes that the agent was shown as its detections: see `shown_boxes`.
+        """Return a scene with the boxes that the agent was shown as its detections.
 
-        Raises UnknownNameError if the source does not have it, and DataError if stored tracks are missing.
+        See `shown_boxes`. Raises UnknownNameError if the source does not have it, and
+        DataError if stored tracks are missing.
         """
-        scene, info = self.recorded(name), self.run.info
+        scene = self.recorded(name)
+        info = self.run.info
         if info.observe == "tracks":
-            file = _text(self.folder, info, "track_file")
+            file = _text(self.folder, info, "tracks")
             if file is None:
                 raise RolloutError(
-                    f"{self.folder}: does not name the stored tracks that its agent was given"
+                    f"{self.folder}: does not name the stored tracks that its agent "
+                    "was given"
                 )
             scene = with_tracks(self.source, self.card, self.data, file).load(name)
         return replace(scene, detections=shown_boxes(scene, info.observe)[0])
 
     def drawn(self, name: str, note: Note = lambda text: None) -> Scene:
-        """The `scene` of this name with its road, for pictures; ``note`` is called if its map is broken."""
+        """Return the `scene` of this name with its road, for pictures.
+
+        ``note`` is called if its map is broken.
+        """
         return with_map(self.scene(name), self.card, self.data, note)
 
     def recorded(self, name: str) -> Scene:
-        """The scene of this name as its source has it, for scoring; raises UnknownNameError if it is missing."""
+        """Return the scene of this name as its source has it, for scoring.
+
+        Raises UnknownNameError if it is missing.
+        """
         require_known(f"scene of {self.folder}", name, self.source.names)
         return self.source.load(name)
 
@@ -115,59 +130,75 @@ def run(
 ) -> StoredRun:
     """Run an agent on the scenes of an env and store its rollouts in ``folder``.
 
-    ``agent``, ``env_id`` and ``keywords`` as in `evaluate`; of the seeds, only the first counts. ``replace``: replace
-    an earlier run, once this one is complete. Raises MtpBenchError for errors that the user can mend; before anything
-    runs if ``folder`` cannot be written or holds a run that is not to be replaced.
+    ``agent``, ``env_id`` and ``keywords`` as in `evaluate`; of the seeds, only the
+    first counts. ``replace``: replace an earlier run, once this one is complete. Raises
+    MtpBenchError for errors that the user can mend; before anything runs if ``folder``
+    cannot be written or holds a run that is not to be replaced.
     """
     folder = Path(folder)
     require_free(folder, replace)
-    env_id, options = asked(env_id, options, keywords)
-    submission, seed = submission_of(agent), options.seeds[0]
+    env_id, options = resolve_options(env_id, options, keywords)
+    submission = submission_of(agent)
+    seed = options.seeds[0]
     options.require_usable([submission])
-    shown = options.shown_to(submission)
-    env = MTPEnv(env_id, evaluation=True, **shown, **options.env_keywords)
+    shown_keywords = options.shown_to(submission)
+    env = MTPEnv(env_id, evaluation=True, **shown_keywords, **options.env_keywords)
     setting = setting_of(submission, env.card)
-    settings = {**setting.env_keywords(env.card), **shown, **options.changes}
-    names = options.chosen(env.scene_names)
-    jobs = jobs_of(submission, env_id, {"data": options.data, **settings}, names, seed)
-    info = run_info(env, setting, seed, settings).model_copy(
-        update={"card": env.card.stored()}
+    env_settings = {
+        **setting.env_keywords(env.card),
+        **shown_keywords,
+        **options.changes,
+    }
+    jobs = jobs_of(
+        submission,
+        env_id,
+        {"data": options.data, **env_settings},
+        options.chosen(env.scene_names),
+        seed,
     )
-    results: list[tuple[Rollout, dict[str, int]]] = run_jobs(
-        jobs, options, _with_skipped
-    )
-    save_run(folder, info, [rollout for rollout, _ in results])
-    rejected = sum(int(rollout.invalid.sum()) for rollout, _ in results)
-    return StoredRun(
-        len(results), total_skipped(skipped for _, skipped in results), rejected
-    )
+    info = run_info(env, setting, seed, env_settings)
+    info = info.model_copy(update={"card": env.card.stored()})
+    scene_results: list[tuple[Rollout, dict[str, int]]]
+    scene_results = run_jobs(jobs, options, _with_skipped)
+    save_run(folder, info, [rollout for rollout, _ in scene_results])
+    rejected = sum(int(rollout.invalid.sum()) for rollout, _ in scene_results)
+    skipped = total_skipped(skipped for _, skipped in scene_results)
+    return StoredRun(len(scene_results), skipped, rejected)
 
 
 def require_free(folder: Path, replace: bool) -> None:
-    """Raise MtpBenchError unless a run can be stored in ``folder``: writable, and empty unless it is replaced."""
+    """Raise MtpBenchError unless a run can be stored in ``folder``.
+
+    It must be writable, and empty unless an earlier run is replaced.
+    """
     require_run_folder(folder.absolute())
     if not replace and folder.exists() and any(folder.iterdir()):
-        advice = "choose another folder, or replace it (--force, replace=True)"
-        raise RolloutError(f"{folder} holds an earlier run: {advice}")
+        raise RolloutError(
+            f"{folder} holds an earlier run: "
+            "choose another folder, or replace it (--force, replace=True)"
+        )
     require_folder(folder)
 
 
 def run_info(
     env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any]
 ) -> RunInfo:
-    """Description of a run on ``env``, without its card; ``keywords`` are further settings of the env."""
+    """Return the description of a run on ``env``, without its card.
+
+    ``keywords``: further settings of the env.
+    """
     submission = setting.submission
+    # samples and observe have fields of their own
+    env_keywords = dict(keywords)
+    for field_name in ("samples", "observe"):
+        env_keywords.pop(field_name, None)
     return RunInfo(
         env_id=env.card.id,
         card_digest=env.card.digest,
         observe=env.task.observe,
         samples=env.task.samples,
         split=env.card.source.split,
-        keywords={
-            name: value
-            for name, value in keywords.items()
-            if name not in ("samples", "observe")
-        },
+        keywords=env_keywords,
         agent=submission.name,
         folder=str(submission.path) if submission.digest else "",
         parameters=setting.parameters,
@@ -186,37 +217,40 @@ def score(
     env_id: str | Card | None = None,
     data: str | Path | None = None,
 ) -> StoredScore:
-    """Report of a run that `run` stored in ``folder``.
+    """Score a run that `run` stored in ``folder``.
 
-    ``data``: data root. ``options``: data and progress; everything else is stored with the run. ``env_id``: id, path or
-    card, if it is not the card stored with the run. Raises RolloutError if the run was made for another version of the
-    card, or contradicts its rollouts.
+    ``data``: data root. ``options``: data and workers; everything else is stored with
+    the run. ``env_id``: id, path or card, if it is not the card stored with the run.
+    Raises RolloutError if the run was made for another version of the card, or
+    contradicts its rollouts.
     """
-    options = options if data is None else replace(options, data=str(data))
-    opened = open_run(Path(folder), options.data, env_id)
-    info, card = opened.run.info, opened.card
-    options.progress.started(len(opened.run.rollouts))
-    agent = run_scores(opened, options)
-    reference = reference_for(
-        card, [rollout.scene for rollout in opened.run.rollouts], options
-    )
-    report = summarise([agent], card, reference)
+    if data is not None:
+        options = replace(options, data=str(data))
+    with long_work(f"scoring {folder}", progress=options.progress) as progress:
+        options = replace(options, progress=progress)
+        opened = open_run(Path(folder), options.data, env_id)
+        progress.started(len(opened.run.rollouts))
+        agent = run_scores(opened, options)
+        scenes = [rollout.scene for rollout in opened.run.rollouts]
+        reference = reference_for(opened.card, scenes, options)
+        report = summarise([agent], opened.card, reference)
+    info = opened.run.info
     if info.note:
         report.condition["trained"] = f"{info.note}: {info.agent}"
-    return StoredScore(report, total_skipped(each.skipped for each in agent.seeds[0]))
+    return StoredScore(report, total_skipped(scene.skipped for scene in agent.seeds[0]))
 
 
 def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores:
-    """Scores of a stored run; ``options``: workers and progress."""
-    info, rollouts = opened.run.info, opened.run.rollouts
+    """Return the scores of a stored run; ``options``: workers and progress."""
+    info = opened.run.info
+    rollouts = opened.run.rollouts
     source = opened.source if options.workers == SERIAL else None
     calls = [(opened.card, opened.data, rollout, source) for rollout in rollouts]
-    scores = parallel_map(
-        _scored,
-        calls,
-        options.workers,
-        lambda i: options.progress.done(rollouts[i].scene),
-    )
+
+    def end_scene(index: int) -> None:
+        options.progress.done(rollouts[index].scene)
+
+    scores = parallel_map(_score, calls, options.workers, end_scene)
     hypotheses = info.hypotheses or stated_hypotheses([scores])
     budget: Budget = "equal" if info.samples == opened.card.task.samples else "free"
     return AgentScores(
@@ -227,25 +261,25 @@ def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores
 def open_run(
     folder: Path, data: str | None = None, env: str | Card | None = None
 ) -> OpenedRun:
-    """The run stored in ``folder``, with the card that it keeps, or the one that ``env`` (id, path or card) names.
+    """Open the run stored in ``folder``, with the card that it keeps.
 
-    Raises RolloutError if the run was made for another version of the card, or contradicts its rollouts, and DataError
-    if its data is missing.
+    ``env``: id, path or card, in place of that card. Raises RolloutError if the run was
+    made for another version of the card, or contradicts its rollouts, and DataError if
+    its data is missing.
     """
     stored = load_run(folder)
     card = _card(folder, stored.info, env)
-    _check(folder, stored)
+    _check_rollouts(folder, stored)
     if card.drive is not None:
         card = recorded_card(card, stored.rollouts)
     return OpenedRun(folder, stored, card, open_source(card, data), data)
 
 
-def _scored(
+def _score(
     card: Card, data: str | None, rollout: Rollout, source: SceneSource | None
 ) -> SceneScore:
-    return score_scene(
-        (source or open_source(card, data)).load(rollout.scene), rollout, card
-    )
+    source = source or open_source(card, data)
+    return score_scene(source.load(rollout.scene), rollout, card)
 
 
 def _with_skipped(
@@ -255,42 +289,55 @@ def _with_skipped(
 
 
 def _card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
-    """The card that the run was made for, by its digest."""
-    if env is None and info.card is not None:
-        card = parse_card(info.card, f"{folder}, card")
+    """Return the card that the run was made for, by its digest."""
+    if env is not None or info.card is None:
+        card = _changed_card(folder, info, env)
     else:
-        if env is None and info.env_id not in card_ids():
-            advice = "which does not ship here; name its card with --env"
-            raise RolloutError(f"{folder}: made for {info.env_id!r}, {advice}")
-        card = env if isinstance(env, Card) else load_card(env or info.env_id)
-        if card.digest != info.card_digest:
-            card = changed_card(
-                card, **{key: _text(folder, info, key) for key in CHANGES}
-            )
+        card = parse_card(info.card, f"{folder}, card")
     if card.digest != info.card_digest:
-        made = f"made for {info.env_id} with card digest {info.card_digest}"
         raise RolloutError(
-            f"{folder}: {made}, {card.id} now has {card.digest}; run the agent again"
+            f"{folder}: made for {info.env_id} with card digest {info.card_digest}, "
+            f"{card.id} now has {card.digest}; run the agent again"
         )
     return card
 
 
-def _text(folder: Path, info: RunInfo, key: str) -> str | None:
-    value = info.keywords.get(key)
+def _changed_card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
+    """Return the card of ``env``, or of the run's id, with the changes of the run."""
+    if env is None and info.env_id not in card_ids():
+        raise RolloutError(
+            f"{folder}: made for {info.env_id!r}, which does not ship here; "
+            "name its card with --env"
+        )
+    card = env if isinstance(env, Card) else load_card(env or info.env_id)
+    if card.digest == info.card_digest:
+        return card
+    change_names = ChangeKeywords.__annotations__
+    changes = {
+        change_name: _text(folder, info, change_name) for change_name in change_names
+    }
+    return CardChanges(**changes).apply(card)
+
+
+def _text(folder: Path, info: RunInfo, keyword: str) -> str | None:
+    value = info.keywords.get(keyword)
     if value is not None and not isinstance(value, str):
-        raise RolloutError(f"{folder}: {key} is {value!r}, expected a name")
+        raise RolloutError(f"{folder}: {keyword} is {value!r}, expected a name")
     return value
 
 
-def _check(folder: Path, stored: Run) -> None:
+def _check_rollouts(folder: Path, stored: Run) -> None:
     """Raise RolloutError if the description of the run contradicts its rollouts."""
     scenes = [rollout.scene for rollout in stored.rollouts]
     if not scenes or len(set(scenes)) < len(scenes):
         raise RolloutError(
             f"{folder}: holds the scenes {scenes}, expected at least one, and each once"
         )
+    samples = stored.info.samples
     for rollout in stored.rollouts:
-        stated, samples = stored.info.samples, rollout.forecast.shape[1]
-        if samples != stated:
-            got = f"states {stated} samples per object, scene {rollout.scene!r} has {samples}"
-            raise RolloutError(f"{folder}: {got}; run the agent again")
+        if rollout.forecast.shape[1] != samples:
+            raise RolloutError(
+                f"{folder}: states {samples} samples per object, scene "
+                f"{rollout.scene!r} has {rollout.forecast.shape[1]}; "
+                "run the agent again"
+            )

@@ -9,13 +9,12 @@ import numpy as np
 
 from ..cards import Card
 from ..core import (
-    NO_PROGRESS,
     CardError,
     Floats,
     Ints,
-    Progress,
     Rollout,
     Scene,
+    long_work,
     new_folder,
     starts_of_sorted,
     whole_file,
@@ -36,12 +35,8 @@ from ..sources import (
 )
 from .stored import OpenedRun
 
-_FILES = (
-    ".json",
-    ".csv",
-    ".txt",
-    ".feather",
-)  # suffixes of files: a folder of such a name is a mistake
+# Suffixes of files: a folder of such a name is a mistake.
+_FILE_SUFFIXES = (".json", ".csv", ".txt", ".feather")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,82 +51,70 @@ class TrackRows:
 
 
 def track_rows(rollout: Rollout, scene: Scene, card: Card) -> TrackRows:
-    """The tracks of the heaviest hypothesis of each frame.
+    """Return the tracks of the heaviest hypothesis of each frame.
 
-    A rollout has no scores of tracks. As in the files of other trackers, the score of a track is that of its detection:
-    the nearest of its class within the forecast gate, or the last one; 0 before the first.
+    A rollout has no scores of tracks. As in the files of other trackers, the score of a
+    track is that of its detection: the nearest of its class within the forecast gate,
+    or the last one; 0 before the first.
     """
     frame = rollout.tracks.frame_of_rows
     heaviest = rollout.hypothesis_log_weight.argmax(axis=1)
-    kept = rollout.member[np.arange(len(frame)), heaviest[frame]] & (
-        rollout.track_class >= 0
+    is_member = rollout.member[np.arange(len(frame)), heaviest[frame]]
+    track_row = np.flatnonzero(is_member & (rollout.track_class >= 0))
+    scene_rows = TrackRows(
+        frame[track_row],
+        rollout.track_id[track_row],
+        rollout.track_class[track_row],
+        rollout.track_box[track_row].astype(np.float64),
+        np.zeros(len(track_row)),
     )
-    box, class_id, track_id = (
-        rollout.track_box.astype(np.float64),
-        rollout.track_class,
-        rollout.track_id,
-    )
-    rows = TrackRows(
-        frame[kept],
-        track_id[kept],
-        class_id[kept],
-        box[kept],
-        np.zeros(int(kept.sum())),
-    )
-    return replace(
-        rows,
-        score=_scores(rows, scene, np.array(card.per_class(card.task.forecast_gate))),
-    )
+    gate_m = np.array(card.per_class(card.task.forecast_gate))
+    return replace(scene_rows, score=_scores(scene_rows, scene, gate_m))
 
 
-def _scores(rows: TrackRows, scene: Scene, gate: Floats) -> Floats:
-    """Scores [R]; ``gate`` [C] m."""
-    score, last = np.zeros(len(rows.frame)), dict[int, float]()
+def _scores(rows: TrackRows, scene: Scene, gate_m: Floats) -> Floats:
+    """Return scores [R] of tracks; ``gate_m`` [C]."""
+    track_scores = np.zeros(len(rows.frame))
+    last_score: dict[int, float] = {}  # by track
+    detections = scene.detections
     start = starts_of_sorted(rows.frame, scene.frames)
     for t in range(scene.frames):
-        seen, own = scene.detections.rows(t), slice(start[t], start[t + 1])
-        distance = np.linalg.norm(
-            rows.box[own, None, :2] - scene.detections.box[None, seen, :2], axis=-1
-        )
-        distance[rows.class_id[own, None] != scene.detections.class_id[None, seen]] = (
-            np.inf
-        )
-        near = distance.min(axis=1, initial=np.inf) <= gate[rows.class_id[own]]
-        for i, row in enumerate(range(start[t], start[t + 1])):
-            identity = int(rows.track_id[row])
-            if near[i]:
-                last[identity] = float(
-                    scene.detections.score[seen][distance[i].argmin()]
-                )
-            score[row] = last.get(identity, 0.0)
-    return score
+        detected = detections.rows(t)
+        tracks = slice(start[t], start[t + 1])
+        offset_m = rows.box[tracks, None, :2] - detections.box[None, detected, :2]
+        distance_m = np.linalg.norm(offset_m, axis=-1)
+        class_id = rows.class_id[tracks]
+        distance_m[class_id[:, None] != detections.class_id[None, detected]] = np.inf
+        is_near = distance_m.min(axis=1, initial=np.inf) <= gate_m[class_id]
+        for i, track_id in enumerate(rows.track_id[tracks].tolist()):
+            if is_near[i]:
+                nearest = distance_m[i].argmin()
+                last_score[track_id] = float(detections.score[detected][nearest])
+            track_scores[start[t] + i] = last_score.get(track_id, 0.0)
+    return track_scores
 
 
-def export_tracks(
-    opened: OpenedRun,
-    path: str | Path,
-    table: bool = False,
-    progress: Progress = NO_PROGRESS,
-) -> int:
-    """Write the tracks of a stored run to ``path`` and return the number of boxes; ``progress`` counts scenes.
+def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False) -> int:
+    """Write the tracks of a stored run to ``path`` and return the number of boxes.
 
-    nuScenes: a .json file in the submission form of the tracking task; Argoverse 2: a .feather file in its form.
-    KITTI: a folder of the benchmark's results. With ``table``, and for every other source: a folder of tables
-    (`sources.stored_tracks`). Raises CardError for a path that does not fit the format, and MtpBenchError for a folder
-    that is not empty.
+    nuScenes: a .json file in the submission form of the tracking task; Argoverse 2: a
+    .feather file in its form. KITTI: a folder of the benchmark's results. With
+    ``table``, and for every other source: a folder of tables
+    (`sources.stored_tracks`). Raises CardError for a path that does not fit the format,
+    and MtpBenchError for a folder that is not empty.
     """
-    card, scenes = (
-        opened.card,
-        ((rollout, opened.recorded(rollout.scene)) for rollout in opened.run.rollouts),
-    )
+    rollouts = opened.run.rollouts
+    with long_work("exporting tracks") as progress:
+        progress.started(len(rollouts))
 
-    def rows() -> Iterator[tuple[Scene, TrackRows]]:
-        for rollout, scene in scenes:
-            yield scene, track_rows(rollout, scene, card)
-            progress.done(rollout.scene)
+        def rows() -> Iterator[tuple[Scene, TrackRows]]:
+            for rollout in rollouts:
+                scene = opened.recorded(rollout.scene)
+                yield scene, track_rows(rollout, scene, opened.card)
+                progress.done(rollout.scene)
 
-    progress.started(len(opened.run.rollouts))
-    return write_tracks(rows(), card, opened.data, Path(path).absolute(), table)
+        target = Path(path).absolute()
+        return write_tracks(rows(), opened.card, opened.data, target, table)
 
 
 def write_tracks(
@@ -142,45 +125,45 @@ def write_tracks(
     table: bool = False,
 ) -> int:
     """Write the tracks of scenes of ``card``; see `export_tracks`."""
-    for source, name, suffix, write_file in _SUBMISSIONS:
+    for source, dataset_name, suffix, write_file in _SUBMISSIONS:
         if isinstance(card.source, source) and not table:
             if path.suffix != suffix:
                 raise CardError(
-                    f"{path}: the task of {name} takes a {suffix} file; for a folder of tables pass --table"
+                    f"{path}: the task of {dataset_name} takes a {suffix} file; "
+                    "for a folder of tables pass --table"
                 )
             return write_file(rows, card, data, path)
-    of_kitti = isinstance(card.source, KittiSource) and not table
-    if path.suffix in _FILES:
-        form = "KITTI's results" if of_kitti else "tables"
+    write_scene, form = _write_table, "tables"
+    if isinstance(card.source, KittiSource) and not table:
+        write_scene, form = _write_result, "KITTI's results"
+    if path.suffix in _FILE_SUFFIXES:
         raise CardError(
-            f"{path}: {card.id} is written as {form}: name a folder, not a {path.suffix} file"
+            f"{path}: {card.id} is written as {form}: "
+            f"name a folder, not a {path.suffix} file"
         )
-    write = _write_result if of_kitti else _write_table
-    count = 0
-    with new_folder(path) as part:
+    boxes = 0
+    with new_folder(path) as folder:
         for scene, tracks in rows:
-            write(scene, tracks, card, data, part)
-            count += len(tracks.frame)
-    return count
+            write_scene(scene, tracks, card, data, folder)
+            boxes += len(tracks.frame)
+    return boxes
 
 
 def _write_result(
     scene: Scene, rows: TrackRows, card: Card, data: str | None, folder: Path
 ) -> None:
+    """Write one text file of KITTI's tracking results."""
     assert isinstance(card.source, KittiSource)
-    frame = rows.frame * card.source.stride
-    types = [TYPES[card.task.classes[c]][0] for c in rows.class_id]
     lines = result_lines(
-        frame,
+        rows.frame * card.source.stride,
         rows.track_id,
-        types,
+        [TYPES[card.task.classes[class_id]][0] for class_id in rows.class_id],
         rows.box,
         rows.score,
         poses_of(card, data, scene.name),
     )
-    (folder / f"{scene.name}.txt").write_text(
-        "".join(f"{line}\n" for line in lines), encoding="utf-8"
-    )
+    text = "".join(f"{line}\n" for line in lines)
+    (folder / f"{scene.name}.txt").write_text(text, encoding="utf-8")
 
 
 def _write_table(
@@ -199,72 +182,77 @@ def _write_table(
 def _write_submission(
     rows: Iterable[tuple[Scene, TrackRows]], card: Card, data: str | None, path: Path
 ) -> int:
-    tables, count = NuScenes(card, data).tables, 0
+    """Write a tracking submission of nuScenes; return the number of boxes."""
+    tables = NuScenes(card, data).tables
+    modalities = ("camera", "lidar", "radar", "map", "external")
+    meta = {f"use_{modality}": False for modality in modalities}
+    count = 0
+    separator = ""
     with whole_file(path) as part, part.open("w", encoding="utf-8") as file:
-        meta = dict.fromkeys(
-            ("use_camera", "use_lidar", "use_radar", "use_map", "use_external"), False
-        )
         file.write(f'{{"meta": {json.dumps(meta)}, "results": {{')
-        separator = ""
         for scene, tracks in rows:
-            for token, boxes in _samples(
-                scene, tracks, card, tables.sample_tokens(scene.name)
-            ):
+            tokens = tables.sample_tokens(scene.name)
+            for token, boxes in _samples(scene, tracks, card, tokens):
                 file.write(f"{separator}\n{json.dumps(token)}: {json.dumps(boxes)}")
-                separator, count = ",", count + len(boxes)
+                separator = ","
+                count += len(boxes)
         file.write("\n}}\n")
     return count
-
-
-def _write_feather(
-    rows: Iterable[tuple[Scene, TrackRows]], card: Card, data: str | None, path: Path
-) -> int:
-    from pyarrow import concat_tables, feather, table
-
-    classes = np.array(card.task.classes)
-    parts = [
-        table(
-            tracking_submission(
-                card,
-                data,
-                scene,
-                r.frame,
-                r.track_id,
-                classes[r.class_id],
-                r.box,
-                r.score,
-            )
-        )
-        for scene, r in rows
-    ]
-    with whole_file(path) as part:
-        feather.write_feather(concat_tables(parts), part)
-    return sum(len(part) for part in parts)
 
 
 def _samples(
     scene: Scene, rows: TrackRows, card: Card, tokens: list[str]
 ) -> Iterator[tuple[str, list[dict[str, object]]]]:
-    """Boxes of each sample, with the velocity since the previous box of the track."""
+    """Yield the boxes of each sample.
+
+    They have the velocity since the previous box of the track.
+    """
     previous: dict[int, tuple[float, Floats]] = {}  # by track: time and position
     start = starts_of_sorted(rows.frame, scene.frames)
     for t, token in enumerate(tokens):
         boxes: list[dict[str, object]] = []
-        now = float(scene.time[t])
-        for row in range(start[t], start[t + 1]):
-            identity, box = int(rows.track_id[row]), rows.box[row]
-            time, position = previous.get(identity, (now, box[:2]))
-            velocity = (
-                (box[:2] - position) / (now - time) if now > time else np.zeros(2)
-            )
-            previous[identity] = now, box[:2]
-            name = card.task.classes[rows.class_id[row]]
+        time_s = float(scene.time[t])
+        for track_row in range(start[t], start[t + 1]):
+            track_id = int(rows.track_id[track_row])
+            track_box = rows.box[track_row]
+            last_time_s, position = previous.get(track_id, (time_s, track_box[:2]))
+            velocity = np.zeros(2)
+            if time_s > last_time_s:
+                velocity = (track_box[:2] - position) / (time_s - last_time_s)
+            previous[track_id] = time_s, track_box[:2]
+            class_name = card.task.classes[rows.class_id[track_row]]
+            score = float(rows.score[track_row])
             boxes.append(
                 submission_box(
-                    token, box, velocity, name, str(identity), float(rows.score[row])
+                    token, track_box, velocity, class_name, str(track_id), score
                 )
             )
         yield token, boxes
+
+
+def _write_feather(
+    rows: Iterable[tuple[Scene, TrackRows]], card: Card, data: str | None, path: Path
+) -> int:
+    """Write a tracking submission of Argoverse 2; return the number of boxes."""
+    from pyarrow import concat_tables, feather, table
+
+    classes = np.array(card.task.classes)
+    tables = []
+    for scene, tracks in rows:
+        columns = tracking_submission(
+            card,
+            data,
+            scene,
+            tracks.frame,
+            tracks.track_id,
+            classes[tracks.class_id],
+            tracks.box,
+            tracks.score,
+        )
+        tables.append(table(columns))
+    with whole_file(path) as part:
+        feather.write_feather(concat_tables(tables), part)
+    return sum(map(len, tables))
 
 
 _SUBMISSIONS = (

@@ -156,14 +156,14 @@ def own_detections(card: Card) -> Path | None:
     if not isinstance(section, DetectionsSection):
         return None
     expected = section.detections_sha256
-    if section.detections_file is None:
+    if section.detections is None:
         if expected is None:
             return None
         raise DataError(
             f"{card.id} has the detections with sha256 {expected}: name their file or "
             "folder, --detections"
         )
-    path = Path(section.detections_file).expanduser()
+    path = Path(section.detections).expanduser()
     if not path.exists():
         form = section.traits.detection_file
         raise MissingDataError(f"no file or folder {path}, expected {form}")

@@ -44,7 +44,7 @@ def open_source(card: Card, data: DataRoot = None) -> SceneSource:
     else the user data folder. Raises DataError when the root, a folder or the card's
     detector is missing.
     """
-    with long_work(f"opening {card.id}", around=True):
+    with long_work(f"opening {card.id}"):
         source = package_of(card).open(card, data)
     if card.drive is not None:
         return _Drives(card.id, source.names)

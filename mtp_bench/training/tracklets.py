@@ -22,14 +22,14 @@ from ..core import (
     Scene,
     Task,
     Tracks,
+    long_work,
     parallel_map,
-    reported,
     require_known,
     starts_of,
 )
 from ..env import LocalFrame, MTPEnv, make_feed
 from ..prediction import LANES, Surroundings, TrackWindows, lanes_of, windows_of
-from ..running import DEFAULTS, Fold, RunOptions, asked, held_out
+from ..running import DEFAULTS, Fold, RunOptions, held_out, resolve_options
 from ..scoring import pieces
 from ..sources import open_source
 from ..tracking import HypothesisTracker, TruthTracker
@@ -124,7 +124,7 @@ def windows(
     """
     played = _tracker_of(tracker)
     given = {"data": data, "jobs": jobs}
-    _, options = asked(
+    _, options = resolve_options(
         env_id,
         options,
         {name: value for name, value in given.items() if value is not None},
@@ -152,7 +152,9 @@ def windows(
     observe = "truth" if isinstance(played, TruthTracker) else "detections"
     task = MTPEnv(opened.card, data=options.data, observe=observe).task
     calls = [(opened.card, options.data, task, played, name) for name in names]
-    with reported(f"reading windows of {env_id}", own=options.progress) as progress:
+    with long_work(
+        f"reading windows of {env_id}", progress=options.progress
+    ) as progress:
         progress.started(len(names))
         parts = parallel_map(
             _load_windows,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.cards import changed_card, load_card, parse_card, with_detections, with_detector, with_files, with_scenes
+from mtp_bench.cards import CardChanges, load_card, parse_card, with_detections, with_detector, with_files, with_scenes
 from mtp_bench.core.errors import CardError, DataError
 from mtp_bench.detector import load_profile
 from mtp_bench.detector.profile_file import profile_text
@@ -15,11 +15,11 @@ from tests.cards.test_cards import put, simulated_content
 
 def test_other_stored_detections_of_nuscenes_by_name() -> None:
     card = load_card("MTP-nuScenes-mini-v0")
-    other = changed_card(card, "val", "centerpoint")
+    other = CardChanges(split="val", detector="centerpoint").apply(card)
     assert isinstance(other.source, NuScenesSource)
     assert (other.source.detector, other.source.split, other.detector) == ("centerpoint", "val", None)
     assert other.detector_name == "centerpoint"
-    assert len({card.digest, changed_card(card, "val").digest, other.digest}) == 3
+    assert len({card.digest, CardChanges(split="val").apply(card).digest, other.digest}) == 3
 
 
 def test_a_file_of_detections_counts_by_its_content_not_by_its_place(tmp_path: Path) -> None:
@@ -28,7 +28,7 @@ def test_a_file_of_detections_counts_by_its_content_not_by_its_place(tmp_path: P
     for path, text in ((here, "{}"), (there, "{}"), (other, "{ }")):
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
-    mine = changed_card(card, detection_file=str(here))
+    mine = CardChanges(detections=str(here)).apply(card)
     assert mine.detector_name == "megvii-mine", "tracked with the settings of the detector that it stands in for"
     assert mine.digest == with_detections(card, there).digest != card.digest
     assert with_detections(card, other).digest != mine.digest
@@ -40,12 +40,12 @@ def test_a_file_of_detections_counts_by_its_content_not_by_its_place(tmp_path: P
 def test_another_presence_model_makes_another_card(tmp_path: Path) -> None:
     card, file = load_card("MTP-nuScenes-mini-v0"), tmp_path / "mine.json"
     file.write_text("{}")
-    changed = [changed_card(card, presence=each) for each in ("scores", str(file))]
+    changed = [CardChanges(presence=each).apply(card) for each in ("scores", str(file))]
     assert [each.presence for each in changed] == ["scores", str(file)]
     assert len({card.digest, *(each.digest for each in changed)}) == 3, "never compared with the shipped card"
     assert parse_card(changed[1].stored()).digest == changed[1].digest
     with pytest.raises(DataError, match=r"no file .*gone.json, expected one of `mtp-bench train presence`, or"):
-        changed_card(card, presence=str(tmp_path / "gone.json"))
+        CardChanges(presence=str(tmp_path / "gone.json")).apply(card)
 
 
 def test_another_detector_takes_the_place_of_wildtracks_stored_detections_too() -> None:

@@ -53,48 +53,37 @@ def test_weights_of_other_scenes_have_a_file_of_their_own(
     assert re.match(r"--(split val|files|detector|detections): without -o the weights", error)
 
 
-@pytest.mark.parametrize(
-    ("network", "on"), [("modes", "truth"), ("affinity", "tracklets"), ("tracking_free", "tracklets")]
-)
-def test_networks_learn_from_the_pasts_that_their_baselines_take(
-    network: str, on: str, cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked = []
+@pytest.fixture
+def learnt(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int | None]]:
+    """What each training would learn from: the pasts, and the number of scenes."""
+    requests: list[tuple[str, int | None]] = []
 
     def learnable(request: TrainingRequest, options: RunOptions) -> None:
-        asked.append(request.on)
-        raise MtpBenchError("enough")
-
-    monkeypatch.setattr("mtp_bench.training.predictors.training_windows", learnable)
-    known = ("train", "predictor", network, "--env", card, "--data", root)
-    assert (cli(*known).error, asked) == ("enough", [on])
-    assert "unknown environment" in cli(*known, "--also", "MTP-Merg-v0").error
-    assert len(asked) == 1
-
-
-@pytest.mark.parametrize(
-    ("env", "given", "scenes"),
-    [
-        ("MTP-Intersection-v0", (), 60),
-        ("MTP-Drive-Intersection-10Hz-v0", (), 8),
-        ("MTP-Drive-Intersection-10Hz-v0", ("--scenes", "3"), 3),
-        ("MTP-Small-v0", (), None),
-    ],
-)
-def test_simulated_traffic_is_learnt_from_2400_frames(
-    env: str, given: Sequence[str], scenes: int | None, cli: CommandLine, root: str, card: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    asked = []
-
-    def learnable(_: TrainingRequest, options: RunOptions) -> None:
-        asked.append(options.scenes)
+        requests.append((request.on, options.scenes))
         raise MtpBenchError("enough")
 
     monkeypatch.setattr("mtp_bench.training.predictors.training_windows", learnable)
     monkeypatch.setattr("mtp_bench.commands.train.prepare", lambda *_: None)  # it would simulate the scenes
-    known = ("train", "predictor", "modes", "--env", card if env == "MTP-Small-v0" else env, "--data", root)
-    assert (cli(*known, *given).error, asked) == ("enough", [scenes])
+    return requests
+
+
+LEARNT = [
+    ("modes", "", (), ("truth", None)), ("affinity", "", (), ("tracklets", None)),
+    ("tracking_free", "", (), ("tracklets", None)), ("modes", "MTP-Intersection-v0", (), ("truth", 60)),
+    ("modes", "MTP-Drive-Intersection-10Hz-v0", (), ("truth", 8)),
+    ("modes", "MTP-Drive-Intersection-10Hz-v0", ("--scenes", "3"), ("truth", 3)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("network", "env", "given", "expected"), LEARNT)
+def test_pasts_and_numbers_of_scenes_that_are_learnt_from(
+    network: str, env: str, given: Sequence[str], expected: Any, cli: CommandLine, root: str, card: str, learnt: Any
+) -> None:
+    """Of simulated traffic 2400 frames, of recorded data everything."""
+    known = ("train", "predictor", network, "--env", env or card, "--data", root, *given)
+    assert (cli(*known).error, learnt) == ("enough", [expected])
+    assert "unknown environment" in cli(*known, "--also", "MTP-Merg-v0").error
+    assert len(learnt) == 1
 
 
 def test_a_failing_and_a_weightless_agent_cost_the_good_one_nothing(

@@ -32,7 +32,7 @@ from tests.drive.test_traffic import elsewhere
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.small_scenes import empty_action, make_echo
 
-SMALL: dict[str, Any] = {"samples": 2, "tracks": 8, "objects": 8, "hypotheses": 2, "detections": 40}
+SMALL: dict[str, Any] = {"samples": 2, "max_tracks": 8, "max_objects": 8, "hypotheses": 2, "max_detections": 40}
 NAME = "intersection-010000"
 
 

@@ -78,7 +78,7 @@ def test_every_frame_and_the_one_after_the_last_lie_in_the_space(keywords: dict[
 
 
 def test_more_detections_than_rows_the_best_stay_in_order_and_the_rest_is_counted(make_env: MakeEnv) -> None:
-    env = make_env(make_scene(empty=(1,)), detections=2)
+    env = make_env(make_scene(empty=(1,)), max_detections=2)
     assert env.reset()[0]["detection_score"].tolist() == [3.0, 1.0]
     seen, _ = play(env, lambda observation: empty_action(env.task))
     assert [info["dropped_detections"] for _, info in seen] == [1, 0, 1, 1, 1, 1, 1, 1, 0]
@@ -227,7 +227,7 @@ def test_the_seed_chooses_the_scene_and_options_name_it(make_env: MakeEnv) -> No
 
 
 def test_sizes_come_from_the_keywords_else_from_the_card(make_env: MakeEnv) -> None:
-    env = make_env(samples=9, tracks=11)
+    env = make_env(samples=9, max_tracks=11)
     assert (env.task.samples, env.task.k, env.task.tracks, env.task.objects) == (9, 4, 11, 4)
     assert env.action_space["forecast"].shape == (4, 9, 3, 2)  # type: ignore[index]
     assert make_env(samples=2).task.k == 2
@@ -367,7 +367,7 @@ def test_what_is_returned_does_not_depend_on_the_truth(evaluation: bool, rigid_m
     scene = make_scene(empty=(2,))
     episodes = []
     for version in (scene, other_truth(scene)):
-        env = make_env(version, evaluation=evaluation, detections=2, rigid_motion=rigid_motion)
+        env = make_env(version, evaluation=evaluation, max_detections=2, rigid_motion=rigid_motion)
         episodes.append((env.task, *play(env, echo(env), seed=5)))
     (task, seen, rewards), (other_task, other_seen, other_rewards) = episodes
     assert task == other_task

@@ -21,7 +21,7 @@ from mtp_bench.sources import load_scenes
 from mtp_bench.sources.base import lane_around
 from tests.support.small_scenes import CARD_ID
 
-SMALL: dict[str, Any] = {"samples": 2, "tracks": 3, "objects": 2, "hypotheses": 2, "detections": 4}
+SMALL: dict[str, Any] = {"samples": 2, "max_tracks": 3, "max_objects": 2, "hypotheses": 2, "max_detections": 4}
 
 
 def check(env: gym.Env[Any, Any]) -> None:

@@ -99,7 +99,7 @@ def test_every_baseline_runs(name: str, env_id: str, short: dict[str, str]) -> N
     """Out of the box, or it says what it needs: lanes, or weights (the table in baselines/README.md)."""
     observe = load_submission(name).compare.observe
     if observe == "tracks":
-        with pytest.raises(MtpBenchError, match="observe is 'tracks' and track_file is None"):
+        with pytest.raises(MtpBenchError, match="observe is 'tracks' and tracks is None"):
             scores(short[env_id], 1, name, observe=observe)
         return
     if name in (*TRAINED_FIRST[env_id], "mtp_modes_lanes"):

@@ -169,7 +169,7 @@ def test_the_messages_in_the_documentation_are_these(make_env: MakeEnv, reposito
 # ---- no false alarm
 def test_nothing_is_said_of_an_action_from_the_action_space(make_env: MakeEnv) -> None:
     """Also where few rows are claimed, and those happen to lie near: the others are far."""
-    env = make_env(scene(), tracks=3, objects=2, samples=2)
+    env = make_env(scene(), max_tracks=3, max_objects=2, samples=2)
     env.reset()
     env.action_space.seed(0)
     for _ in range(30):

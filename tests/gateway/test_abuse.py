@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.core.parallel import Progress, Workers
+from mtp_bench.core.notice import Progress
+from mtp_bench.core.parallel import Workers
 from mtp_bench.env.rollouts import digest
 from mtp_bench.judge import SceneRun, run_isolated, run_isolated_scenes
 from mtp_bench.judge.gateway import fork_server

@@ -10,7 +10,8 @@ import pytest
 from mtp_bench import MTPEnv
 from mtp_bench.agent import load_submission
 from mtp_bench.core.errors import MtpBenchError, SubmissionError, UnknownNameError
-from mtp_bench.core.parallel import Progress, Workers
+from mtp_bench.core.notice import Progress
+from mtp_bench.core.parallel import Workers
 from mtp_bench.env.rollouts import digest
 from mtp_bench.judge import SceneRun, run_isolated, run_isolated_scenes
 from mtp_bench.judge.gateway.exchange import lengthened
@@ -40,7 +41,7 @@ def test_the_rollout_is_that_of_one_process() -> None:
 KEYWORDS: dict[str, dict[str, Any]] = {
     "as it is": {},
     "turned": {"rigid_motion": True},
-    "other sizes": {"samples": 6, "tracks": 3},
+    "other sizes": {"samples": 6, "max_tracks": 3},
 }
 
 

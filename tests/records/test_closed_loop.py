@@ -104,7 +104,7 @@ CALLS: dict[str, tuple[Callable[[Any], object], str]] = {
     "compare": (lambda card: compare(["stp"], card), "do not meet the same scenes"),
     "target_frames": (lambda card: MTPEnv(card, target_frames=True), "no target_frames"),
     "fresh_noise": (lambda card: MTPEnv(card, fresh_noise=True), "which takes no fresh_noise"),
-    "track_file": (lambda card: MTPEnv(card, observe="tracks", track_file="."), "no track_file"),
+    "tracks": (lambda card: MTPEnv(card, observe="tracks", tracks="."), "no tracks"),
     "load_scenes": (lambda card: next(load_scenes(card)), "before an agent drives in it: run one, and open its run"),
 }
 

@@ -15,7 +15,7 @@ from docs.generate import driving
 from docs.generate.results import PAGES, filled
 from mtp_bench.cards import load_card
 from mtp_bench.commands.board import read_board
-from mtp_bench.core.parallel import NO_PROGRESS
+from mtp_bench.core.notice import NO_PROGRESS
 from mtp_bench.judge import Record, record_paths, trusted
 from mtp_bench.judge.records.eligibility import why_not_comparable
 from mtp_bench.judge.records.shipped import baseline_digest

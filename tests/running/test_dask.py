@@ -4,7 +4,7 @@ import gc
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from mtp_bench.core import Task, parallel as _cluster
 from mtp_bench.core.errors import MtpBenchError
-from mtp_bench.core.parallel import SERIAL, Done, Progress, Workers, parallel_map
+from mtp_bench.core.notice import Progress
+from mtp_bench.core.parallel import SERIAL, Workers, parallel_map
 from mtp_bench.core.version import __version__
 from mtp_bench.env.rollouts import digest
 from mtp_bench.judge import run_isolated_scenes
@@ -24,6 +25,7 @@ from mtp_bench.running.options import RunOptions
 from mtp_bench.running.playing import Job, run_jobs
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
 
+Done = Callable[[str], object]
 NAMES = ["0006", "0001", "0008"]
 distributed_untyped: Any = distributed
 

@@ -41,7 +41,7 @@ def tracks(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> s
 
 
 def test_stored_boxes_come_as_detections_with_ids(card: str, kitti: str, tracks: str) -> None:
-    env = MTPEnv(card, kitti, observe="tracks", track_file=tracks)
+    env = MTPEnv(card, kitti, observe="tracks", tracks=tracks)
     observation, _ = env.reset(options={"scene": "0001"})
     assert env.observation_space.contains(observation)
     valid = observation["detection_valid"] == 1
@@ -54,7 +54,7 @@ def test_stored_boxes_come_as_detections_with_ids(card: str, kitti: str, tracks:
 def test_a_stored_run(cli: CommandLine, card: str, kitti: str, known: list[str], tracks: str, tmp_path: Path) -> None:
     cli.ok("run", "given_tracks", *known, "--tracks", tracks, "-o", tmp_path / "run", "--jobs", 1)
     info = json.loads((tmp_path / "run/run.json").read_text())["info"]
-    assert (info["observe"], info["keywords"]["track_file"]) == ("tracks", tracks)
+    assert (info["observe"], info["keywords"]["tracks"]) == ("tracks", tracks)
     report = stored.score(tmp_path / "run", RunOptions(kitti), card).report
     assert report.to_json()["rows"][0]["unranked_because"] == NOT_CAUSAL
     shown = open_run(tmp_path / "run", kitti, card).scene("0001").detections
@@ -78,14 +78,14 @@ def test_tracks_without_scores_are_counted_for_the_user(
     said = cli.ok("run", "given_tracks", *known, "--tracks", tmp_path, "-o", tmp_path / "run", "--jobs", 1)
     told = "36 rows of the data skipped or completed: track without a score, taken as 1"
     assert " ".join(said.split()).count(told) == 1
-    options = RunOptions(kitti, track_file=str(tmp_path))
+    options = RunOptions(kitti, tracks=str(tmp_path))
     assert compare(["stp", "given_tracks"], card, options).skipped == {"track without a score, taken as 1": 36}
 
 
 def test_the_run_tells_where_its_tracks_were(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
     moved = Path(tracks).rename(tmp_path / "tracks")
     try:
-        stored.run("given_tracks", card, tmp_path / "run", RunOptions(kitti, scenes=1, track_file=str(moved)))
+        stored.run("given_tracks", card, tmp_path / "run", RunOptions(kitti, scenes=1, tracks=str(moved)))
     finally:
         moved.rename(tracks)
     assert stored.score(tmp_path / "run", RunOptions(kitti), card)  # what was said is enough for that
@@ -93,7 +93,7 @@ def test_the_run_tells_where_its_tracks_were(card: str, kitti: str, tracks: str,
         open_run(tmp_path / "run", kitti, card).scene("0001")
     run = tmp_path / "run/run.json"
     content = json.loads(run.read_text())
-    del content["info"]["keywords"]["track_file"]
+    del content["info"]["keywords"]["tracks"]
     run.write_text(json.dumps(content))
     with pytest.raises(RolloutError, match="does not name the stored tracks"):
         open_run(tmp_path / "run", kitti, card).scene("0001")
@@ -122,7 +122,7 @@ def test_the_command_exports_readable_tracks(cli: CommandLine, known: list[str],
 
 
 def test_stored_tracks_have_no_record(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
-    options = RunOptions(kitti, seeds=(0,), track_file=tracks)
+    options = RunOptions(kitti, seeds=(0,), tracks=tracks)
     for name, message in (("given_tracks", "it has no record"), ("stp", "which are not shown to stp")):
         with pytest.raises(MtpBenchError, match=message):
             submit(name, card, options, tmp_path)
@@ -187,7 +187,7 @@ def test_stored_detections_of_tracks_score_alike(env_id: str, scene: str, data_r
     results = tmp_path / ("tracks.json" if "nuScenes" in env_id else "tracks")
     for path, table in ((results, False), (tmp_path / "tables", True)):
         write_tracks([(env.scene, rows)], env.card, str(data_root), path, table)
-        given = MTPEnv(env_id, str(data_root), observe="tracks", track_file=str(path), evaluation=True)
+        given = MTPEnv(env_id, str(data_root), observe="tracks", tracks=str(path), evaluation=True)
         found = scored(given, scene, load_submission("given_tracks").build(agent_task(given, 0)))
         assert events_of(found) == events_of(direct)
         np.testing.assert_array_equal(found.covered, direct.covered)

@@ -99,16 +99,20 @@ def test_tracks_are_recorded_as_the_env_records_them(assignment: str) -> None:
 
 
 def test_a_changed_card_or_a_scene_that_is_not_there_makes_its_own(shipped: str, tmp_path: Path, kitti: str) -> None:
+    """Budgets are constants of the card, whatever part of the split is run and whatever is changed in it."""
     path, frozen = freeze(shipped, RunOptions(kitti))
     other = load_card(write_card(tmp_path, CARD.replace("miss_error = 2.0", "miss_error = 3.0")))
     assert frozen_reference(other) is None
-    scenes = scenes_of(shipped, kitti)
-    made = reference_for(other, scenes, RunOptions(kitti))
+    scenes, card = scenes_of(shipped, kitti), load_card(shipped)
+    made = reference_for(other, scenes[:1], RunOptions(kitti))
     assert (made.frozen, made.card) == (False, other.digest)
     assert len(json.loads(path.read_text())["scenes"]) == len(scenes)
-    part = make_reference(load_card(shipped), scenes[:1], RunOptions(kitti))
+    part = make_reference(card, scenes[:1], RunOptions(kitti))
     assert part.of(scenes[0]).targets == frozen.of(scenes[0]).targets
     assert not part.holds(scenes)
+    assert part.budget != frozen.budget  # as of hidden scenes
+    for reference in (made, *(reference_for(card, some, RunOptions(kitti)) for some in (scenes, scenes[:1]))):
+        assert reference.budget == frozen.budget
 
 
 def test_another_presence_model_keeps_the_frozen_weights() -> None:
@@ -117,16 +121,6 @@ def test_another_presence_model_keeps_the_frozen_weights() -> None:
     assert frozen is not None
     assert other is not None, "confidences change no event"
     assert other.digest == frozen.digest
-
-
-def test_budgets_are_constants_of_the_card(shipped: str, tmp_path: Path, kitti: str) -> None:
-    """Whatever part of the split is run, and whatever is changed in the card."""
-    _, frozen = freeze(shipped, RunOptions(kitti))
-    scenes, card = scenes_of(shipped, kitti), load_card(shipped)
-    other = load_card(write_card(tmp_path, CARD.replace("miss_error = 2.0", "miss_error = 3.0")))
-    for changed, some in ((card, scenes), (card, scenes[:1]), (other, scenes[:1])):
-        assert reference_for(changed, some, RunOptions(kitti)).budget == frozen.budget
-    assert make_reference(card, scenes[:1], RunOptions(kitti)).budget != frozen.budget  # as of hidden scenes
 
 
 @pytest.mark.parametrize("env_id", [path.stem for path in FROZEN])

@@ -1,6 +1,5 @@
 """Events and CLEAR counts on streams that can be read off a line; input that is wrong."""
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -40,7 +39,9 @@ EVENTS = {
 
 def tracks_of(stream: str) -> list[list[tuple[str, float]]]:
     """Id and distance from the object, of the track of each frame."""
-    ids = [*itertools.accumulate(stream, lambda last, c: c if c.isalpha() else last)]
+    ids = list[str]()
+    for c in stream:
+        ids.append(c if c.isalpha() or not ids else ids[-1])
     away = {"!": 9.0, "-": None, ".": None}
     found = [(id, away.get(c, 0.1)) for id, c in zip(ids, stream, strict=True)]
     return [[] if x is None else [(id, x)] for id, x in found]
@@ -162,7 +163,7 @@ BAD: dict[str, tuple[dict[int, Any], str]] = {  # what stands in place of the co
 @pytest.mark.parametrize(("change", "message"), BAD.values(), ids=BAD.keys())
 def test_wrong_frames_are_an_error(change: dict[int, Any], message: str) -> None:
     with pytest.raises(ShapeError, match=message):
-        tracking_counts([tuple(change.get(i, value) for i, value in enumerate(GOOD))])  # type: ignore[list-item]
+        tracking_counts([tuple(change.get(i, value) for i, value in enumerate(GOOD))])
 
 
 OTHER_WRONG: dict[str, tuple[list[Any], dict[str, Any]]] = {

@@ -143,7 +143,8 @@ def test_min_ade_is_compared_over_targets_that_both_cover() -> None:
     tables = agent_table(seldom, ALIKE), agent_table(always, ALIKE)
     for table, control, gain in ((*tables, 0.4), (*tables[::-1], -0.4)):
         pair = paired_row(table, control, "all")
-        assert (pair.minADE, pair.shared, pair.targets) == (pytest.approx(gain), 6, 24)
+        assert pair.minADE == pytest.approx(gain)
+        assert (pair.shared, pair.targets) == (6, 24)
 
 
 @pytest.mark.parametrize("seen", [True, False], ids=["sees the car", "says nothing"])

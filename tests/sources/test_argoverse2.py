@@ -105,7 +105,7 @@ def test_submissions_are_read_as_they_were_written(root: Path, tmp_path: Path) -
     ids = kept.object_id + 10 * ((kept.object_id == 0) & (kept.frame_of_rows >= 11))
     rows = TrackRows(kept.frame_of_rows, ids, kept.class_id, kept.box, np.linspace(0, 1, len(ids)))
     assert write_tracks([(scene, rows)], CARD, str(root), path) == len(ids)
-    env = MTPEnv(CARD, str(root), evaluation=True, observe="tracks", track_file=str(path))
+    env = MTPEnv(CARD, str(root), evaluation=True, observe="tracks", tracks=str(path))
     rollout = run_scene(load_submission("given_tracks").build(env.task), env, LOG, 0, "given_tracks")
     tracks = env.scene.tracks
     assert tracks is not None

@@ -398,7 +398,7 @@ def test_a_mistake_in_a_scene_in_memory(change: Callable[[Scene], Scene], text: 
 
 def test_lists_of_scenes_in_memory(base: Card) -> None:
     scene = replace(make_scene(), detector="mine")
-    with pytest.raises(CardError, match="two scenes are called 'one', expected a name of its own for each"):
+    with pytest.raises(CardError, match="two scenes are called 'one', expected different names"):
         with_scenes(base, [scene, scene])
     with pytest.raises(CardError, match="scenes holds str, expected Scene objects only, or names only"):
         with_scenes(base, [scene, "one"])  # type: ignore[list-item]

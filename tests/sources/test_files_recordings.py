@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv, load_submission
-from mtp_bench.cards import Card, changed_card, load_card, with_files, with_scenes
+from mtp_bench.cards import Card, load_card, with_detector, with_files, with_scenes
 from mtp_bench.core import Rollout, Scene
 from mtp_bench.core.errors import DataError
 from mtp_bench.env.rollouts import digest
@@ -86,7 +86,7 @@ def test_an_offer_of_detections_works(env_id: str, lost: str, profile: str, tmp_
     assert offer in str(caught.value)
     status = read_status(load_card(env_id), root)
     assert any(offer in line for line in (*status.notes, *status.missing))
-    card = changed_card(load_card(env_id), detector=profile)
+    card = with_detector(load_card(env_id), profile)
     scene, _, score = played(card, MTPEnv(card, str(root)).scene_names[0], str(root))
     assert scene.simulated
     assert score.forecasts > 0

@@ -101,7 +101,7 @@ def test_status_names_missing_and_wrong_files(data: Path) -> None:
     missing: dict[str, dict[str, Any]] = {
         "has no folder 'v1.0-trainval'; found: v1.0-mini": {"version": "v1.0-trainval"},
         "has no file x*.json; found: megvii_all.json": {"detector": "x"},
-        "no file or folder none.json": {"detections_file": "none.json", "detections_sha256": "0" * 64},
+        "no file or folder none.json": {"detections": "none.json", "detections_sha256": "0" * 64},
     }
     for text, source in missing.items():
         assert text in describe(nuscenes_card(**source), data).missing[0]

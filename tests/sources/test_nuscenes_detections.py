@@ -70,16 +70,16 @@ def test_a_named_file_is_used_alone(data: Path, tmp_path: Path) -> None:
     with edited(path) as content:
         content["results"][T] = [detection(T, x=11.0)]
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    card = nuscenes_card(detections_file=str(path), detector="mine", detections_sha256=digest)
+    card = nuscenes_card(detections=str(path), detector="mine", detections_sha256=digest)
     np.testing.assert_array_equal(open_source(card, data).load("scene-0003").detections.rows(1), slice(2, 3))
     assert open_source(card, data).load("scene-0003").detector == "mine, stored detections"
-    other = nuscenes_card(detections_file=str(path), detector="mine", detections_sha256="0" * 64)
+    other = nuscenes_card(detections=str(path), detector="mine", detections_sha256="0" * 64)
     with pytest.raises(DataError, match=rf"mine\.json has the sha256 {digest}, expected 0000"):
         open_source(other, data)
     with pytest.raises(DataError, match=r"sha256 0000.*--detections"):
         open_source(nuscenes_card(detections_sha256="0" * 64), data)
     with pytest.raises(DataError, match=r"none\.json, expected a JSON file"):
-        open_source(nuscenes_card(detections_file="none.json", detections_sha256="0" * 64), data)
+        open_source(nuscenes_card(detections="none.json", detections_sha256="0" * 64), data)
 
 
 @pytest.mark.parametrize("number", ["Infinity", "-Infinity", "1e999"])

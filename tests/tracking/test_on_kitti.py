@@ -102,8 +102,7 @@ def count_events(runs: list[Run], card: Card, vans: bool = False) -> Counter[str
         pairs = box_pairs(
             frame, truth.box[keep], truth.class_id[keep], tracks.frame, tracks.box, tracks.class_id, "iou_3d", gate
         )
-        past = history(tracks.frame, tracks.track_id)
-        events = find_events(history(frame, object_id), match(pairs, len(frame)), past, tracks.track_id)
+        events = find_events(history(frame, object_id), match(pairs, len(frame)), tracks.track_id)
         alive = set(zip(object_id.tolist(), frame.tolist(), strict=True))
         future = np.array([all((o, t + i) in alive for i in range(11)) for o, t in zip(object_id, frame, strict=True)])
         total["ids"] += len(events.ids)

@@ -47,8 +47,10 @@ def check(focus: Focus) -> None:
     if parts is None:
         assert all(cause.cost_m is None for cause in causes)
         return
-    assert all(cause.cost_m in parts.values() and cause.cost_m >= LEAST_SHOWN for cause in causes[1:])
-    assert not causes or causes[0].cost_m == max(c.cost_m for c in causes if c.stage == causes[0].stage)
+    costs = [cause.cost_m or 0.0 for cause in causes]
+    assert all(cost in parts.values() and cost >= LEAST_SHOWN for cost in costs[1:])
+    same_stage = [cost for cost, cause in zip(costs, causes, strict=True) if cause.stage == causes[0].stage]
+    assert not causes or costs[0] == max(same_stage)
     assert all(cause.stage == "confidence" for cause in causes if cause.reason in (BELOW, "filled budgets"))
 
 

@@ -180,7 +180,8 @@ def false_forecasts(first: Replay, place: tuple[float, float], frames: range) ->
 def test_false_forecasts(first: Replay) -> None:
     at = false_forecasts(first, (90.0, 90.0), range(2, 8)).incident("spurious-0")
     same = counterpart(false_forecasts(first, (90.5, 90.0), range(1, 5)), at)
-    assert (same.kind, same.frame, same.until, same.position[0]) == ("spurious", 2, 4, pytest.approx(90.5))
+    assert (same.kind, same.frame, same.until) == ("spurious", 2, 4)
+    assert same.position[0] == pytest.approx(90.5)
     for other in (false_forecasts(first, (99.0, 90.0), range(1, 5)), false_forecasts(first, (90.0, 90.0), range(5, 9))):
         focus = Focus(other, counterpart(other, at))
         assert (focus.at.kind, focus.at.new_id) == (MOMENT, -1)

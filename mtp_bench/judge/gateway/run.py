@@ -72,8 +72,8 @@ def run_isolated(
         )
     paths = [
         getattr(env.card.source, "folder", None),
-        getattr(env.card.source, "detections_file", None),
-        keywords.get("track_file"),
+        getattr(env.card.source, "detections", None),
+        keywords.get("tracks"),
     ]
     own = [Path(path).expanduser() for path in paths if path is not None]
     layout = layout_for(image, keywords.get("data"), own)

@@ -52,7 +52,7 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
 
     Raises MtpBenchError for an unknown env, other scenes or detections, missing data or a wrong parameter.
     """
-    if {options.detector, options.detection_file, options.presence} != {None}:
+    if {options.detector, options.detections, options.presence} != {None}:
         raise MtpBenchError(
             "a record is of the detections that its env names: no other detector can be chosen, and no presence model"
         )

@@ -1,4 +1,5 @@
 """Conformance suite for agents and cards.
 
-Findings of an agent: ``mtp_bench.running.conformance.check_agent(mtp_bench.load_submission("mine").build)``.
+For the findings of an agent call `check_agent` of `mtp_bench.running` with
+``mtp_bench.load_submission("mine").build``.
 """

@@ -1,4 +1,4 @@
-"""`check_agent`: checks of the contract of an agent, under ordinary and extreme conditions."""
+"""`check_agent`: checks of the contract of an agent, under usual and extreme frames."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -15,12 +15,12 @@ from .playing import AgentError, Finding, Suite, first_difference, play, play_ma
 
 Findings = Iterator[Finding]
 SCENES = 2  # checked unless scenes are named
-MOTION_TOLERANCE = (
-    0.05  # of the score, for the rounding of forecasts and for draws along the axes
-)
-_SPACING = 6.0  # m between detections
-_SPEED = 2.0  # m/s along x
-_FULL = np.array([False, True, True, True, False, False, True])
+# Share of the score, for the rounding of forecasts and for draws along the axes.
+MOTION_TOLERANCE = 0.05
+_SPACING_M = 6.0  # between detections
+_SPEED_MPS = 2.0  # along x
+# Frames of the made-up scene with as many detections as fit.
+_FULL_FRAMES = np.array([False, True, True, True, False, False, True])
 
 
 def check_agent(
@@ -30,37 +30,43 @@ def check_agent(
     env_keywords: dict[str, Any] | None = None,
     seed: int = 0,
 ) -> list[Finding]:
-    """Findings of all checks of an agent, with an "ok" for each check that passes; an "error" means that it fails.
+    """Check that an agent keeps the contract.
 
-    ``make_agent`` takes a task and returns an agent, as ``load_submission(path).build`` does. It plays the first two
-    ``scenes`` of the env ``env_id``, or those named, several times: to the end, again, after another scene, with
-    overwritten observations, turned and shifted, and frames without detections and full of them. Its exceptions become
-    findings. ``env_keywords``: further keywords of the env, such as ``data``; ``seed``: of the run.
+    The findings have an "ok" for each check that passes; an "error" means that it
+    fails. ``make_agent`` takes a task and returns an agent, as
+    ``load_submission(path).build`` does. It plays the first two ``scenes`` of the env
+    ``env_id``, or those named, several times: to the end, again, after another scene,
+    with overwritten observations, turned and shifted, and frames without detections and
+    full of them. Its exceptions become findings. ``env_keywords``: further keywords of
+    the env, such as ``data``; ``seed``: of the run.
 
     Raises MtpBenchError for an unknown env, scene or keyword.
     """
     keywords = {"evaluation": True, **(env_keywords or {}), "strict": False}
     env = MTPEnv(env_id, **keywords)
-    chosen = tuple(env.scene_names[:SCENES] if scenes is None else scenes)
-    for scene in chosen:
-        require_known("scene", scene, env.scene_names)
-    if not chosen:
+    scene_names = tuple(env.scene_names[:SCENES] if scenes is None else scenes)
+    for scene_name in scene_names:
+        require_known("scene", scene_name, env.scene_names)
+    if not scene_names:
         raise MtpBenchError(
             "no scene to check on: expected at least one name in scenes"
         )
-    suite = Suite(make_agent, env_id, keywords, seed, env, chosen)
+    suite = Suite(make_agent, env_id, keywords, seed, env, scene_names)
     findings: list[Finding] = []
-    for name, check, passed in _CHECKS:
-        before = len(findings)
+    for check_name, check, passed_text in _CHECKS:
+        results: list[Finding] = []
+        raised = False
         try:
-            for finding in check(suite):
-                findings.append(replace(finding, check=name))
+            for finding in check(suite):  # those before an error stay
+                results.append(finding)
         except AgentError as error:
-            findings.append(replace(error.finding, check=name))
-            if name in ("build", "contract"):
-                break  # all other checks would fail likewise
-        if len(findings) == before:
-            findings.append(Finding("ok", name, passed))
+            results.append(error.finding)
+            raised = True
+        if not results:
+            results = [Finding("ok", "", passed_text)]
+        findings += [replace(finding, check=check_name) for finding in results]
+        if raised and check_name in ("build", "contract"):
+            break  # all other checks would fail likewise
     return findings
 
 
@@ -68,10 +74,14 @@ def _builds(suite: Suite) -> Findings:
     agent: object = suite.agent()
     missing = missing_methods(agent)
     if missing:
-        got = f"{type(agent).__name__} without {' and '.join(missing)}"
-        expected = "reset(task) and act(observation)"
-        raise AgentError(Finding("error", "", got, expected, "build", "write them"))
-    return iter(())
+        yield Finding(
+            "error",
+            "",
+            f"{type(agent).__name__} without {' and '.join(missing)}",
+            "reset(task) and act(observation)",
+            "build",
+            "write them",
+        )
 
 
 def _contract(suite: Suite) -> Findings:
@@ -82,98 +92,107 @@ def _contract(suite: Suite) -> Findings:
         suite.passes.append(play(agent, suite.env, scene, suite.seed))
         scores.append(score_scene(suite.env.scene, suite.env.rollout(), suite.env.card))
     suite.score = mean_plain_error(scores)
-    results = [seen.finding() for seen in suite.problems.values()]
+    results = [count.finding() for count in suite.problems.values()]
     yield from results
     if any(finding.level == "error" for finding in results):
         return
     actions = [action for played in suite.passes for action in played.actions]
-    for kind, field in (("track", "track_id"), ("forecast", "object_class")):
-        if not any(len(getattr(action, field)) for action in actions):
+    for kind, field_name in (("track", "track_id"), ("forecast", "object_class")):
+        if not any(len(getattr(action, field_name)) for action in actions):
+            got = f"no sound {kind} in any frame"
             expected = f"{kind}s of the detected objects"
-            yield Finding(
-                "warning", "", f"no sound {kind} in any frame", expected, suite.where
-            )
+            yield Finding("warning", "", got, expected, suite.where)
 
 
 def _deterministic(suite: Suite) -> Findings:
     where = first_difference(suite.passes[0], suite.play())
     if where:
         suite.deterministic = False
-        got = "a second agent with the same seed acts differently"
-        advice = "draw from np.random.default_rng(task.seed), made in reset"
-        yield Finding("error", "", got, "the same actions", where, advice)
-
-
-def _forgets(suite: Suite) -> Findings:
-    agent, first = suite.agent(), suite.scenes[0]
-    for scene in suite.scenes[1:] or suite.scenes:
-        play(agent, suite.env, scene, suite.seed)
-    where = first_difference(suite.passes[0], play(agent, suite.env, first, suite.seed))
-    if where and suite.deterministic:
-        got, expected = (
-            "after another scene the actions differ",
-            "the actions of a new agent",
-        )
         yield Finding(
             "error",
             "",
-            got,
-            expected,
+            "a second agent with the same seed acts differently",
+            "the same actions",
+            where,
+            "draw from np.random.default_rng(task.seed), made in reset",
+        )
+
+
+def _forgets(suite: Suite) -> Findings:
+    """Play another scene before the first one."""
+    agent = suite.agent()
+    for scene in suite.scenes[1:] or suite.scenes:
+        play(agent, suite.env, scene, suite.seed)
+    again = play(agent, suite.env, suite.scenes[0], suite.seed)
+    where = first_difference(suite.passes[0], again)
+    if where and suite.deterministic:
+        yield Finding(
+            "error",
+            "",
+            "after another scene the actions differ",
+            "the actions of a new agent",
             where,
             "make everything that changes anew in reset",
         )
 
 
 def _leaves_observations(suite: Suite) -> Findings:
-    written = next((played.written for played in suite.passes if played.written), "")
+    """Look for observations that were written into, and for references kept."""
+    written = [played.written for played in suite.passes if played.written]
     if written:
-        expected, advice = (
-            "an unchanged observation",
-            "copy arrays before you change them",
-        )
         yield Finding(
-            "warning", "", "writes into the observation", expected, written, advice
+            "warning",
+            "",
+            "writes into the observation",
+            "an unchanged observation",
+            written[0],
+            "copy arrays before you change them",
         )
     where = first_difference(suite.passes[0], suite.play(scribble=True))
     if where and suite.deterministic:
-        got = "actions change when an earlier observation is overwritten"
-        advice = "copy arrays that you keep: they may be used again for the next frame"
-        yield Finding("error", "", got, "no references kept", where, advice)
+        yield Finding(
+            "error",
+            "",
+            "actions change when an earlier observation is overwritten",
+            "no references kept",
+            where,
+            "copy arrays that you keep: they may be used again for the next frame",
+        )
 
 
 def _extremes(suite: Suite) -> Findings:
     """Play frames without detections and full of them."""
     task = agent_task(suite.env, suite.seed)
-    faulty = {
-        name for name, _ in suite.problems
-    }  # fields that were wrong in the first passes already
-    for (name, _), seen in play_made_up(
-        suite.agent(), task, extreme_frames(task)
-    ).problems.items():
-        if name not in faulty:
-            yield seen.finding()
+    known_fields = {field_name for field_name, _ in suite.problems}
+    played = play_made_up(suite.agent(), task, extreme_frames(task))
+    for (field_name, _), count in played.problems.items():
+        if field_name not in known_fields:
+            yield count.finding()
 
 
 def _unmoved(suite: Suite) -> Findings:
-    """Compare the score with that on turned and shifted coordinates: a lookup table fails."""
+    """Compare the score with that on turned and shifted coordinates.
+
+    A lookup table fails.
+    """
     env = MTPEnv(suite.env_id, **dict(suite.keywords, rigid_motion=True))
     scores = []
     for scene in suite.scenes:
         play(suite.agent(env), env, scene, suite.seed, turn=1)
         scores.append(score_scene(env.scene, env.rollout(), env.card))
-    moved = mean_plain_error(scores)
-    if moved is None or suite.score is None:  # no targets
+    moved_score = mean_plain_error(scores)
+    if moved_score is None or suite.score is None:  # no targets
         return
-    if abs(moved - suite.score) > MOTION_TOLERANCE * max(moved, suite.score):
-        got = f"the plain error is {moved:.3f} m with turned and shifted coordinates, {suite.score:.3f} m without"
-        advice = "do not depend on the position of the scene or on the axes"
+    tolerance = MOTION_TOLERANCE * max(moved_score, suite.score)
+    if abs(moved_score - suite.score) > tolerance:
         yield Finding(
             "error",
             "",
-            got,
+            f"the plain error is {moved_score:.3f} m with turned and shifted "
+            f"coordinates, {suite.score:.3f} m without",
             f"the same within {MOTION_TOLERANCE:.0%}",
             suite.where,
-            advice,
+            "do not depend on the position of the scene or on the axes",
         )
 
 
@@ -182,27 +201,34 @@ def _latency(suite: Suite) -> Findings:
     seconds = np.concatenate([played.seconds[1:] for played in suite.passes])
     if len(seconds):
         p50, p95 = 1000.0 * np.percentile(seconds, [50, 95])
-        first = 1000.0 * max(played.seconds[0] for played in suite.passes)
-        text = f"{p50:.1f} ms per frame (p50), {p95:.1f} ms (p95); slowest first frame {first:.0f} ms"
-        yield Finding("ok", "", text)
+        first_ms = 1000.0 * max(played.seconds[0] for played in suite.passes)
+        latency_text = (
+            f"{p50:.1f} ms per frame (p50), {p95:.1f} ms (p95); "
+            f"slowest first frame {first_ms:.0f} ms"
+        )
+        yield Finding("ok", "", latency_text)
 
 
 def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
-    """Pairs of description and observation: frames without detections (3 of 7), and with as many as fit."""
-    frames, size = len(_FULL), task.detections
-    frame, column = (
-        np.repeat(np.flatnonzero(_FULL), size),
-        np.tile(np.arange(size), int(_FULL.sum())),
-    )
-    side = int(np.ceil(np.sqrt(size)))
+    """Return 7 pairs of description and observation.
+
+    In 3 frames there are no detections, in 4 as many as fit.
+    """
+    frames = len(_FULL_FRAMES)
+    row_count = task.detections
+    full_frames = np.flatnonzero(_FULL_FRAMES)
+    frame = np.repeat(full_frames, row_count)
+    column = np.tile(np.arange(row_count), len(full_frames))
+    grid_side = int(np.ceil(np.sqrt(row_count)))
     box = np.tile([0.0, 0, 0, 0, 4.0, 1.8, 1.5], (len(column), 1))
-    box[:, 0] = _SPACING * (column % side) + _SPEED * frame * task.dt
-    box[:, 1] = _SPACING * (column // side)
+    box[:, 0] = _SPACING_M * (column % grid_side) + _SPEED_MPS * frame * task.dt
+    box[:, 1] = _SPACING_M * (column // grid_side)
+    speed = _SPEED_MPS if task.velocity else 0.0
     feed = Feed(
-        start=starts_of(size * _FULL),
-        size=size,
+        start=starts_of(row_count * _FULL_FRAMES),
+        size=row_count,
         box=box,
-        velocity=np.tile([_SPEED if task.velocity else 0.0, 0.0], (len(column), 1)),
+        velocity=np.tile([speed, 0.0], (len(column), 1)),
         score=np.ones(len(column)),
         class_id=column % len(task.classes),
         object_id=column if task.observe != "detections" else None,
@@ -211,15 +237,15 @@ def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
         dt=np.full(frames, task.dt),  # in the first frame too, as in the env
         dropped=np.zeros(frames, dtype=np.int64),
     )
-    words = {True: "as many detections as fit", False: "no detections"}
-    return [
-        (f"frame {t} ({words[bool(_FULL[t])]})", feed.observe(t)) for t in range(frames)
-    ]
+    described_frames = []
+    for t, is_full in enumerate(_FULL_FRAMES):
+        content = "as many detections as fit" if is_full else "no detections"
+        described_frames.append((f"frame {t} ({content})", feed.observe(t)))
+    return described_frames
 
 
-_CHECKS: tuple[
-    tuple[str, Callable[[Suite], Findings], str], ...
-] = (  # name, check, text shown if it finds nothing
+# Name, check, and the text that is shown if it finds nothing.
+_CHECKS: tuple[tuple[str, Callable[[Suite], Findings], str], ...] = (
     ("build", _builds, "builds an agent"),
     ("contract", _contract, "every row of every action is sound"),
     ("determinism", _deterministic, "same seed, same actions"),

@@ -1,4 +1,4 @@
-"""Passes of an agent over frames: its actions, their problems, and observations that it overwrites."""
+"""Passes of an agent over frames: its actions, their problems, what it overwrites."""
 
 import importlib
 import time
@@ -9,22 +9,21 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...agent import ActionProblem, Agent, check_action
 from ...core import MtpBenchError, Observation, Task, describe_problem
 from ...env import MTPEnv, RecordedAction, record_action
 from ..playing import MakeAgent, agent_task, derived_seed
 
-Steps = Generator[
-    tuple[str, Observation] | None, Any, None
-]  # yields (description, observation), receives the action
+# Yields description and observation of each step, then None; receives the action.
+Steps = Generator[tuple[str, Observation] | None, Any, None]
 Level = Literal["ok", "warning", "error"]
 
-_OWN = Path(__file__).resolve().parent  # frames of these files are not the agent's
-_LOADERS = {_OWN.parent / "submission" / name for name in ("loader.py", "contents.py")}
+_FOLDER = Path(__file__).resolve().parent  # frames of these files are not the agent's
+_AGENT_ROOM = _FOLDER.parents[1] / "agent"
+_LOADERS = {_AGENT_ROOM / name for name in ("loader.py", "submission_files.py")}
 _LOADERS |= {Path(importlib.__file__).resolve()}
-_LINES = 4  # of a traceback
+_TRACEBACK_LINES = 4
 
 
 @dataclass(frozen=True)
@@ -37,16 +36,16 @@ class Finding:
     expected: str = ""
     where: str = ""  # scene, frame, field
     advice: str = ""
-    traceback: tuple[
-        str, ...
-    ] = ()  # the last calls, innermost last: 'agent.py, line 12, in act: x = 1 / 0'
+    # the last calls, innermost last: 'agent.py, line 12, in act: x = 1 / 0'
+    traceback: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.check}: {describe_problem(self.got, self.expected, self.where, self.advice)}"
+        problem = describe_problem(self.got, self.expected, self.where, self.advice)
+        return f"{self.check}: {problem}"
 
 
 class AgentError(Exception):
-    """The agent could not be built or raised; the check of its ``finding`` is not named yet."""
+    """The agent could not be built or raised; its ``finding`` names no check yet."""
 
     def __init__(self, finding: Finding) -> None:
         self.finding = finding
@@ -54,29 +53,30 @@ class AgentError(Exception):
 
 
 def failure(error: BaseException, where: str, expected: str) -> AgentError:
-    """Error for an exception of the agent, with the lines of its code that led there.
+    """Return the error for an exception of the agent, with the lines of its code.
 
-    Errors of this library state themselves what was expected; ``expected`` is for all others.
+    Errors of this library state themselves what was expected; ``expected`` is for all
+    others.
     """
-    root = error
-    while isinstance(root, MtpBenchError) and root.__cause__ is not None:
-        root = root.__cause__
-    text = f"{type(error).__name__}: {error}"
+    error_text = f"{type(error).__name__}: {error}"
     if isinstance(error, MtpBenchError):
-        text, expected = str(error), ""
-    lines = []
-    for frame in traceback.extract_tb(root.__traceback__):
+        error_text = str(error)
+        expected = ""
+    cause = error
+    while isinstance(cause, MtpBenchError) and cause.__cause__ is not None:
+        cause = cause.__cause__
+    code_lines = []
+    for frame in traceback.extract_tb(cause.__traceback__):
         path = Path(frame.filename).resolve()
-        if not (
-            frame.filename.startswith("<frozen")
-            or path in _LOADERS
-            or path.parent == _OWN
-        ):
-            lines.append(
-                f"{path.name}, line {frame.lineno}, in {frame.name}: {frame.line}"
-            )
-    advice, last = "see the lines of its code" if lines else "", tuple(lines[-_LINES:])
-    return AgentError(Finding("error", "", text, expected, where, advice, last))
+        is_frozen = frame.filename.startswith("<frozen")
+        if not (is_frozen or path in _LOADERS or path.parent == _FOLDER):
+            line = f"{path.name}, line {frame.lineno}, in {frame.name}: {frame.line}"
+            code_lines.append(line)
+    advice = "see the lines of its code" if code_lines else ""
+    last_calls = tuple(code_lines[-_TRACEBACK_LINES:])
+    return AgentError(
+        Finding("error", "", error_text, expected, where, advice, last_calls)
+    )
 
 
 @dataclass
@@ -89,15 +89,15 @@ class ProblemCount:
     frames: int = 0
 
     def finding(self) -> Finding:
-        """The problem, with its first row and how often it occurred."""
+        """Return the problem, with its first row and how often it occurred."""
         problem = self.problem
-        rows = f", {self.rows} rows" if problem.kind and self.rows > 1 else ""
-        got = f"{problem.field}: {problem.reason} in {self.frames} frame{'s' * (self.frames > 1)}{rows}"
-        advice = (
-            f"the env takes such {problem.kind} out: they count as missing"
-            if problem.kind
-            else problem.advice
-        )
+        plural = "s" if self.frames > 1 else ""
+        got = f"{problem.field}: {problem.reason} in {self.frames} frame{plural}"
+        advice = problem.advice
+        if problem.kind:
+            advice = f"the env takes such {problem.kind} out: they count as missing"
+            if self.rows > 1:
+                got += f", {self.rows} rows"
         return Finding(problem.level, "", got, problem.expected, self.where, advice)
 
 
@@ -109,12 +109,32 @@ class Played:
     """Actions of an agent in one pass, their problems and times."""
 
     where: str
-    actions: list[RecordedAction] = field(
-        default_factory=list
-    )  # in the frame of the observations
+    # in the frame of the observations
+    actions: list[RecordedAction] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
     problems: ProblemCounts = field(default_factory=dict)
     written: str = ""  # first observation that it wrote into; empty: none
+
+    def note_action(self, action: object, task: Task, place: str) -> None:
+        """Keep the sound part of an action, and the problems of the rest."""
+        examined = check_action(action, task)
+        self.actions.append(record_action(examined, task))
+        for problem in examined.problems:
+            where = place
+            if problem.example:
+                where += f", {problem.example}"
+            count = ProblemCount(problem, where)
+            count = self.problems.setdefault((problem.field, problem.reason), count)
+            count.rows += problem.rows
+            count.frames += 1
+
+    def note_written(
+        self, copies: Observation, observation: Observation, place: str
+    ) -> None:
+        """Keep the name of the first entry that an agent changed or took out."""
+        for entry_name, array in copies.items():
+            if not self.written and not _is_same(array, observation.get(entry_name)):
+                self.written = f"{place}, {entry_name}"
 
 
 def play(
@@ -127,48 +147,50 @@ def play(
 ) -> Played:
     """Run the agent on a ``scene`` of ``env``; raises AgentError.
 
-    ``seed``: of the run, from which those of env and agent are derived. ``scribble``: overwrite every observation after
-    the action, as an env with buffers would do. ``turn``: number of the rigid motion, in an env with rigid motions.
+    ``seed``: of the run, from which those of env and agent are derived. ``scribble``:
+    overwrite every observation after the action, as an env with buffers would do.
+    ``turn``: number of the rigid motion, in an env with rigid motions.
     """
-    place = "" if turn == 0 else f"|{turn}"
-    first, _ = env.reset(
-        seed=derived_seed(seed, scene + place, "env"), options={"scene": scene}
-    )
-    return _play(
-        agent,
-        agent_task(env, seed, scene),
-        _episode(env, first),
-        f"scene {scene}",
-        scribble,
-    )
+    seed_name = f"{scene}|{turn}" if turn else scene
+    env_seed = derived_seed(seed, seed_name, "env")
+    first, _ = env.reset(seed=env_seed, options={"scene": scene})
+    task = agent_task(env, seed, scene)
+    return _play(agent, task, _episode(env, first), f"scene {scene}", scribble)
 
 
 def play_made_up(
     agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]
 ) -> Played:
-    """Run the agent on observations made up for a check, each with its description; raises AgentError."""
+    """Run the agent on observations made up for a check; raises AgentError.
+
+    Each has its description.
+    """
     steps = (step for step in [*frames, None])
     return _play(agent, task, steps, "made-up scene", scribble=False)
 
 
 def first_difference(a: Played, b: Played) -> str:
-    """Scene, frame and field of the first difference of two passes; empty if they are equal."""
-    for number, (x, y) in enumerate(zip(a.actions, b.actions, strict=False)):
-        for name, value in vars(x).items():
-            if not np.array_equal(value, getattr(y, name), equal_nan=True):
-                return f"{a.where}, frame {number}, {name}"
-    return (
-        ""
-        if len(a.actions) == len(b.actions)
-        else f"{a.where}, frame {min(len(a.actions), len(b.actions))}"
-    )
+    """Return scene, frame and field where two passes differ first; empty if equal."""
+    frames = min(len(a.actions), len(b.actions))
+    for t in range(frames):
+        second_action = b.actions[t]
+        for field_name, value in vars(a.actions[t]).items():
+            if not np.array_equal(
+                value, getattr(second_action, field_name), equal_nan=True
+            ):
+                return f"{a.where}, frame {t}, {field_name}"
+    if len(a.actions) != len(b.actions):
+        return f"{a.where}, frame {frames}"
+    return ""
 
 
 def _episode(env: MTPEnv, observation: Observation) -> Steps:
-    number, over = 0, False
-    while not over:
-        observation, _, over, *_ = env.step((yield f"frame {number}", observation))
-        number += 1
+    frame = 0
+    is_over = False
+    while not is_over:
+        action = yield f"frame {frame}", observation
+        observation, _, is_over, *_ = env.step(action)
+        frame += 1
     yield None
 
 
@@ -182,53 +204,40 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
     while step is not None:
         description, observation = step
         place = f"{where}, {description}"
-        shown = dict(observation)  # the agent may take entries out
-        before = {name: array.copy() for name, array in shown.items()}
+        entries = dict(observation)  # the agent may take some out
+        copies = {name: array.copy() for name, array in entries.items()}
         try:
-            start = time.perf_counter()
+            begin = time.perf_counter()
             action = agent.act(observation)
-            played.seconds.append(time.perf_counter() - start)
+            played.seconds.append(time.perf_counter() - begin)
         except (Exception, SystemExit) as error:
             raise failure(error, place, "an action") from error
-        _note_action(played, action, task, place)
-        changed = [
-            name
-            for name, array in before.items()
-            if not _same(array, observation.get(name))
-        ]
-        if changed and not played.written:
-            played.written = f"{place}, {changed[0]}"
+        played.note_action(action, task, place)
+        played.note_written(copies, observation, place)
         if scribble:
-            if isinstance(
-                action, Mapping
-            ):  # its arrays may be those of the observation
-                action = {
-                    k: value.copy() if isinstance(value, np.ndarray) else value
-                    for k, value in action.items()
-                }
-            for array in shown.values():
+            action = _copied(action)
+            for array in entries.values():
                 if array.flags.writeable:  # an agent may have made it read-only
                     array[...] = 1
         step = steps.send(action)
     return played
 
 
-def _note_action(played: Played, action: object, task: Task, place: str) -> None:
-    """Keep the sound part of the action and the problems of the rest."""
-    checked = check_action(action, task)
-    played.actions.append(record_action(checked, task))
-    for problem in checked.problems:
-        where = f"{place}, {problem.example}" if problem.example else place
-        seen = played.problems.setdefault(
-            (problem.field, problem.reason), ProblemCount(problem, where)
-        )
-        seen.rows += problem.rows
-        seen.frames += 1
+def _copied(action: Any) -> Any:
+    """Return an action without arrays of the observation."""
+    if not isinstance(action, Mapping):
+        return action
+    copies = dict(action)
+    for entry_name, value in copies.items():
+        if isinstance(value, np.ndarray):
+            copies[entry_name] = value.copy()
+    return copies
 
 
-def _same(array: NDArray[Any], other: object) -> bool:
-    return isinstance(other, np.ndarray) and np.array_equal(
-        array, other, equal_nan=array.dtype.kind == "f"
+def _is_same(array: np.ndarray, value: object) -> bool:
+    is_float = array.dtype.kind == "f"
+    return isinstance(value, np.ndarray) and np.array_equal(
+        array, value, equal_nan=is_float
     )
 
 
@@ -242,7 +251,7 @@ class Suite:
     seed: int
     env: MTPEnv
     scenes: tuple[str, ...]
-    passes: list[Played] = field(default_factory=list)  # the first pass over each scene
+    passes: list[Played] = field(default_factory=list)  # the first pass of each scene
     score: float | None = None  # m, of the first pass
     deterministic: bool = True
 
@@ -254,20 +263,25 @@ class Suite:
     @property
     def problems(self) -> ProblemCounts:
         """Problems of the first passes, each where it first occurred."""
-        first: ProblemCounts = {}
+        problems: ProblemCounts = {}
         for played in self.passes:
-            first |= {
-                key: seen for key, seen in played.problems.items() if key not in first
-            }
-        return first
+            for kind, count in played.problems.items():
+                problems.setdefault(kind, count)
+        return problems
 
     def agent(self, env: MTPEnv | None = None) -> Agent:
-        """A new agent for the task of ``env``, by default the env of the suite; raises AgentError."""
+        """Build an agent for the task of ``env``; raises AgentError.
+
+        None: the env of the suite.
+        """
         try:
             return self.make(agent_task(env or self.env, self.seed, self.scenes[0]))
         except (Exception, SystemExit) as error:
             raise failure(error, "build", "an agent") from error
 
     def play(self, **keywords: Any) -> Played:
-        """Run a new agent on the first scene, keywords as for `play`; raises AgentError."""
+        """Run a new agent on the first scene; raises AgentError.
+
+        ``keywords``: as of `play`.
+        """
         return play(self.agent(), self.env, self.scenes[0], self.seed, **keywords)

@@ -98,7 +98,7 @@ class DrivenEpisode:
 
     def class_counts(self, classes: int) -> Ints:
         """Count the detections of each class [C] in the present frame."""
-        return self.feed.of_class(0, classes)
+        return self.feed.class_counts(0, classes)
 
     def observe(self) -> Observation:
         """Return fresh arrays of the present frame.

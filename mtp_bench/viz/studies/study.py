@@ -21,9 +21,9 @@ from ...running import (
     DEFAULTS,
     RunKeywords,
     RunOptions,
-    asked,
     compare,
     control_names,
+    resolve_options,
     skipped_line,
 )
 from ...scoring import RANKED_UNITS, Report, place_of
@@ -78,7 +78,7 @@ def study(
     """
     folder = Path(folder).absolute()
     require_study_folder(folder)
-    env_id, options = asked(env_id, options, keywords)
+    env_id, options = resolve_options(env_id, options, keywords)
     options.card(env_id).require_same_scenes("of which there is no study")
     comparison = compare(agents, env_id, options)
     report = comparison.report
