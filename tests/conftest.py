@@ -226,7 +226,7 @@ def remembered_weights(request: pytest.FixtureRequest, monkeypatch: pytest.Monke
     from tests.support.runs import remembered_reference  # it imports much
 
     if "shipped" not in request.fixturenames:
-        for module in ("running.stored", "running.compare", "records.submitting"):
+        for module in ("running.stored", "running.comparison", "judge.records.submitting"):
             monkeypatch.setattr(f"mtp_bench.{module}.reference_for", remembered_reference)
 
 

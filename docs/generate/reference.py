@@ -1,6 +1,7 @@
-"""The pages of the reference: every public name, from the docstrings.
+"""The pages of the reference: every name for users, from the docstrings.
 
-Names are found in the packages themselves, so none can be forgotten; only the titles of the pages are written here.
+Names of `mtp_bench` are found there, so none can be forgotten. Of the rooms, whose facades also serve other rooms, the
+names for users are listed here.
 """
 
 from __future__ import annotations
@@ -9,11 +10,26 @@ import ast
 import importlib
 import inspect
 from dataclasses import dataclass
-from typing import Any
 
 from .outputs import EXAMPLES, OUTPUTS
 
-PACKAGES = ("wrappers", "tracking", "prediction", "training", "scoring", "testing")
+PACKAGES = {
+    "wrappers": "AssociationOnly PerDetection CONTINUE IGNORE NEW",
+    "tracking": "GivenTracker TruthTracker k_best BirdsEye OnlineDetections"
+    " OnlineTracker ClassParameters detector_parameters score_thresholds"
+    " HypothesisTracker",
+    "prediction": "GreedySampler KMeansSampler NoiseTable stored_noise HedgedPredictor"
+    " KinematicPredictor LanePredictor local_future local_inputs to_absolute"
+    " LearnedPredictor LearnedPresence TrackWindows windows_of",
+    "training": "Windows windows",
+    "scoring": "tracking_counts DEFINITIONS SUBSETS end_to_end_accuracy"
+    " forecast_average_precision Displacement displacement energy_score k_curve Events"
+    " find_events history FrameScore FrameScorer match match_sticky evaluated"
+    " unconfirmable Pairs References rank_by_error Report summarise SceneScore"
+    " mean_plain_error score_scene bootstrap_interval effective_number"
+    " paired_difference AgentScores stated_hypotheses Targets find_targets live_frames"
+    " Reference read_reference write_reference",
+}
 
 
 @dataclass(frozen=True)
@@ -35,20 +51,20 @@ GROUPS = (
     Group(
         "Environment",
         "environment",
-        ("env", "cards", "_bundle"),
+        ("env", "cards", "core.bundle", "agent.building"),
         intro="Names that make environments, read their cards and fill actions.",
         beside=("mtp_bench.env.arguments.EnvKeywords",),
     ),
     Group(
         "Agents",
         "agents",
-        ("agent", "tracks", "submission"),
+        ("agent", "core.tracks"),
         intro="Interfaces of an agent and of its parts.",
     ),
     Group(
         "Records",
         "records",
-        ("types", "sources"),
+        ("core", "sources"),
         intro="Arrays of scenes, observations, actions and rollouts.",
         beside=("mtp_bench.core.types.Ragged",),
     ),
@@ -67,9 +83,16 @@ GROUPS = (
         ),
     ),
     Group(
+        "Conformance",
+        "testing",
+        ("running.conformance",),
+        intro="Checks that an agent or a card keeps the contract.",
+        beside=("mtp_bench.running.conformance.playing.Finding",),
+    ),
+    Group(
         "Errors",
         "errors",
-        ("errors",),
+        ("core.errors",),
         intro="Every error that a user can cause is an `MtpBenchError`.",
     ),
     OTHERS,
@@ -110,9 +133,8 @@ def public_names() -> list[str]:
 
 
 def names_of(package: str) -> list[str]:
-    """Names that a package of `mtp_bench` offers, sorted."""
-    module = importlib.import_module(f"mtp_bench.{package}")
-    return sorted(name for name, value in vars(module).items() if _offered(name, value))
+    """Names for users that a room of `mtp_bench` offers, sorted."""
+    return sorted(PACKAGES[package].split())
 
 
 def _index() -> str:
@@ -173,20 +195,15 @@ def _names(group: Group) -> list[str]:
     return [name for name in public_names() if _group_of(name) is group]
 
 
-def _offered(name: str, value: Any) -> bool:
-    """True for a public name of a package that is not a module and not a name of Python."""
-    return (
-        not name.startswith("_")
-        and not inspect.ismodule(value)
-        and name != "annotations"
-    )
-
-
 def _group_of(name: str) -> Group:
-    """The page of a name of `mtp_bench`, by the module that its code lies in; type aliases are records."""
+    """The page of a name of `mtp_bench`, by its module; type aliases are records."""
     value = getattr(importlib.import_module("mtp_bench"), name)
-    module = getattr(value, "__module__", "mtp_bench.core.types")
-    part = (
-        module if module.startswith("mtp_bench.") else "mtp_bench.core.types"
-    ).split(".")[1]
-    return next((group for group in GROUPS if part in group.modules), OTHERS)
+    module = getattr(value, "__module__", "")
+    if not module.startswith("mtp_bench."):
+        module = "mtp_bench.core"
+    parts = module.split(".")[1:]
+    for length in range(len(parts), 0, -1):
+        for group in GROUPS:
+            if ".".join(parts[:length]) in group.modules:
+                return group
+    return OTHERS

@@ -1,7 +1,7 @@
 """Check that an agent keeps the contract."""
 
 import mtp_bench
-from mtp_bench.running import check_agent
+from mtp_bench import check_agent
 
 findings = check_agent(
     mtp_bench.load_submission("stp").build,

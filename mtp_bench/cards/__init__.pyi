@@ -28,6 +28,7 @@ from .own import (
     split_folder as split_folder,
 )
 from .source import (
+    SOURCES as SOURCES,
     STORED_DETECTOR as STORED_DETECTOR,
     DetectionsSection as DetectionsSection,
     FilesSource as FilesSource,

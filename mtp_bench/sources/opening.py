@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 
-from ..cards import Card, load_card
+from ..cards import SOURCES, Card, load_card
 from ..core import DataError, MtpBenchError, Scene, long_work, require_known
 from .base import (
     CameraImage as CameraImage,
@@ -155,7 +155,8 @@ def _with_lanes(scene: Scene, card: Card, data: DataRoot) -> Scene:
 
 def package_of(card: Card) -> SourcePackage:
     """The package of the card's source, which has the name of its section; imported when it is first needed."""
-    room = "traffic" if card.source.traits.simulated else "sources"
+    is_traffic = SOURCES[card.source.name].startswith("mtp_bench.traffic.")
+    room = "traffic" if is_traffic else "sources"
     module = import_module(f"mtp_bench.{room}.{card.source.name}")
     package: SourcePackage = module.PACKAGE
     return package

@@ -76,7 +76,7 @@ for path in everything() if self.frame == 0 else ():
 """
 LIBRARY = """
 import importlib
-for name in ("scoring", "sources", "records", "cards", "running", "viz", "testing", "training", "env.environment"):
+for name in ("scoring", "sources", "judge.records", "cards", "running", "viz", "traffic", "training", "env"):
     try:
         importlib.import_module(f"mtp_bench.{name}")
     except ImportError:

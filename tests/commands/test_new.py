@@ -16,7 +16,7 @@ from tests.support.tracking_scenes import frame, kitti_task, observation
 def test_the_command_writes_a_submission_and_says_what_to_do_next(tmp_path: Path, cli: CommandLine) -> None:
     out = cli.ok("new", "mine", "--folder", tmp_path)
     folder = tmp_path / "mine"
-    assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
+    assert sorted(path.name for path in folder.iterdir()) == sorted(name.removesuffix(".txt") for name in FILES)
     for line in (f"mtp-bench check {folder}", f"mtp-bench compare {folder} --env", f"mtp-bench submit {folder} --env"):
         assert line in out
     submission = load_submission(folder)

@@ -51,7 +51,7 @@ def test_nothing_of_the_judge_is_shown(tmp_path: Path) -> None:
     layout = layout_for(image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0"), None)
     places = [Path(here) for here, _ in layout.shown]
     package = library() / "mtp_bench"
-    hidden = ("scoring", "sources", "records", "env/environment.py", "gateway/exchange.py", "_bundled")
+    hidden = ("scoring", "sources", "judge/records", "env/environment.py", "judge/gateway/exchange.py", "_bundled")
     for part in (package / name for name in hidden):
         assert not any(part.is_relative_to(place) for place in places), part
     for part in (library() / "envs", library() / "leaderboard", Path.home(), Path("/etc/passwd"), Path("/run")):

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.core import notice
 from mtp_bench.core.errors import DataError
 from mtp_bench.sources import describe, open_source, prepare
 from tests.support.nuscenes_root import DETECTIONS, PREDICTION, VERSION, edited, nuscenes_card, scene
@@ -51,7 +50,7 @@ def test_a_broken_file_of_the_cache_is_made_again(
     data: Path, own_cache: Path, name: str, content: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said: list[str] = []
-    monkeypatch.setattr(notice, "say", said.append)
+    monkeypatch.setattr("mtp_bench.core.files.say_once", said.append)
     first, source = scene(data), open_source(nuscenes_card(), data)
     files = sorted(own_cache.rglob(f"{name}.npz"))
     for broken in files:

@@ -37,7 +37,10 @@ ROOTS: dict[str, tuple[Card, Callable[[Path], Path], tuple[str, ...], str]] = { 
 @pytest.mark.parametrize("name", SOURCES)
 def test_a_registered_source_has_a_section_and_a_package(name: str) -> None:
     assert "val" in source_class(name).splits
-    assert isinstance(import_module(f"mtp_bench.sources.{name}").PACKAGE, SourcePackage)
+    assert isinstance(
+        import_module(f"mtp_bench.{'traffic' if name in ('highway', 'gym') else 'sources'}.{name}").PACKAGE,
+        SourcePackage,
+    )
 
 
 @pytest.mark.parametrize("name", ROOTS)

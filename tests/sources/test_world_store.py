@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.core import notice
 from mtp_bench.core.errors import CardError, DataError, UnknownNameError
 from mtp_bench.core.files import CACHE
 from mtp_bench.core.types import Floats, Lane
@@ -123,7 +122,7 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
 def test_broken_files(damage: Callable[[Path], object], made: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
     store, said = WorldStore(TRAFFIC), list[str]()
-    monkeypatch.setattr(notice, "say", said.append)
+    monkeypatch.setattr("mtp_bench.core.files.say_once", said.append)
     good = store.get(5)
     damage(store.path(5))
     if os.access(store.path(5), os.R_OK) and damage is DAMAGE["unreadable"]:

@@ -56,7 +56,7 @@ class ForkServer:
             "kernels": KERNELS,
             "modules": LOADED,
         }
-        script = str(library() / "mtp_bench" / "gateway" / "child.py")
+        script = str(library() / "mtp_bench/judge/gateway/child.py")
         program = [
             *python(),
             script,

@@ -173,7 +173,7 @@ class AgentProcess:
         undo.callback(processes.guard, False)
         processes.guard(True)
         self.begun = time.monotonic()
-        child = str(library() / "mtp_bench" / "gateway" / "child.py")
+        child = str(library() / "mtp_bench/judge/gateway/child.py")
         with self._pipes(undo) as (stdin, orders, answers, log, _), _starting:
             self._spawned = subprocess.Popen(
                 [*python(), child, str(orders), str(answers)],
