@@ -8,13 +8,15 @@ from ..core import SERIAL, Workers, long_work, parallel_map
 PLAYERS = (
     "mtp_bench.tracking",
     "mtp_bench.prediction",
-)  # packages whose import registers all kernels
+)  # rooms whose modules register all kernels
 
 
 def all_kernels() -> list[Any]:
     """All kernels; imported here, since the judge itself does not import trackers and predictors."""
-    for package in PLAYERS:
-        importlib.import_module(package)
+    for room in PLAYERS:
+        facade = importlib.import_module(room)
+        for name in facade.__all__:  # each is imported when it is first used
+            getattr(facade, name)
     kernels: list[Any] = importlib.import_module(
         "mtp_bench.tracking.kernels.compile"
     ).KERNELS

@@ -66,7 +66,9 @@ def main(child: Any, setup: dict[str, Any], given: int) -> None:
     gc.disable()
     child.prepare(setup)
     for name in setup["modules"]:
-        importlib.import_module(name)
+        module = importlib.import_module(name)
+        for member in getattr(module, "__all__", ()):  # a facade imports when used
+            getattr(module, member)
     compiler = sys.modules.get("mtp_bench.tracking.kernels.compile")
     for kernel in compiler.KERNELS if compiler else ():
         kernel.compile()

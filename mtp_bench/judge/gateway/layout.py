@@ -79,7 +79,7 @@ _SYSTEM = (
     "/usr/lib64",
     "/usr/local/lib",
 )  # shared libraries
-LOADED = ("mtp_bench.agent.loader", *PLAYERS)  # modules that a fork server imports
+LOADED = ("mtp_bench.agent", *PLAYERS)  # modules that a fork server imports
 _THREADS = (
     "OMP_NUM_THREADS",
     "MKL_NUM_THREADS",
