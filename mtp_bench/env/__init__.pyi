@@ -1,5 +1,10 @@
 from .environment import MTPEnv as MTPEnv
-from .episode import Episode as Episode, LiveEpisode as LiveEpisode
+from .episode import (
+    Episode as Episode,
+    EpisodeLike as EpisodeLike,
+    LiveEpisode as LiveEpisode,
+    frame_info as frame_info,
+)
 from .observation import (
     Feed as Feed,
     LocalFrame as LocalFrame,

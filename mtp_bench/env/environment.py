@@ -38,12 +38,13 @@ from .arguments import (
     wanted,
 )
 from .episode import (
-    DRIVEN_EPISODE,
     RENDERERS,
     Episode,
+    EpisodeLike,
     LiveEpisode,
     Renderer,
     live_episode,
+    start_drive,
 )
 from .feedback import Feedback
 from .observation import LocalFrame, make_feed
@@ -113,7 +114,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             "gymnasium.Space[Observation]", observation_space(self.task)
         )
         self.action_space = cast("gymnasium.Space[Action]", ActionSpace(self.task))
-        self._episode: Episode | None = None
+        self._episode: EpisodeLike | None = None
+        self._past: tuple[Observation, ...] = ()
         self.metadata = {
             **type(self).metadata,
             "render_fps": max(1, round(self.card.task.rate)),
@@ -134,11 +136,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     @property
     def past(self) -> tuple[Observation, ...]:
         """Observations [P - 1] of the frames before the first one of the episode; none unless ``target_frames``."""
-        episode = self._started()
-        return tuple(
-            episode.feed.observe(t)
-            for t in range(max(0, episode.first + 1 - self.task.past), episode.first)
-        )
+        self._started()
+        return self._past
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -151,9 +150,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             self.scene_names.index(name),
             self.np_random if self._rigid_motion else None,
         )
-        if self.card.drive is not None:  # the scene is made while it is driven
-            start = resolve_name(DRIVEN_EPISODE).start
-            return self._begin(start(self.card, self.task, name, number, rng))
+        self._past = ()
+        if self.card.drive is not None:
+            return self._begin(start_drive(self.card, self.task, name, number, rng))
         scene = self._load(name)
         frame = LocalFrame.of(scene, rng)
         scorer = None if self._evaluation else FrameScorer(scene, self.card)
@@ -169,9 +168,10 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             episode.keep_target_frames(
                 record_action(examine(None, self.task), self.task)
             )
+            self._past = episode.past_observations(self.task.past - 1)
         return self._begin(episode)
 
-    def _begin(self, episode: Episode) -> tuple[Observation, dict[str, Any]]:
+    def _begin(self, episode: EpisodeLike) -> tuple[Observation, dict[str, Any]]:
         self._episode, self._live = episode, None
         self._render_each()
         return episode.observe(), episode.info()
@@ -202,6 +202,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self.card.require_same_scenes(
             "whose rewards are known after the step alone", "step() returns them"
         )
+        assert isinstance(episode, Episode)  # of a recorded scene
         return episode.score(self._recorded(episode, action)).reward
 
     def rollout(self) -> Rollout:
@@ -256,7 +257,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             self._renderer.close()
             self._renderer = None
 
-    def _started(self) -> Episode:
+    def _started(self) -> EpisodeLike:
         if self._episode is None:
             raise ResetNeeded("no scene yet: call reset() first")
         return self._episode
@@ -274,7 +275,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             )
         return scene
 
-    def _recorded(self, episode: Episode, action: Action) -> RecordedAction:
+    def _recorded(self, episode: EpisodeLike, action: Action) -> RecordedAction:
         """The sound part of an action for the frame that is shown."""
         if episode.over:
             raise ResetNeeded(
@@ -283,7 +284,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         examined = examine(action, self.task)
         if self._feedback is not None:
             self._feedback.give(examined, f"frame {episode.t}")
-        seen = episode.feed.of_class(episode.row, len(self.task.classes))
+        seen = episode.class_counts(len(self.task.classes))
         return record_action(examined, self.task, episode.frame, seen)
 
 

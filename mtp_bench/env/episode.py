@@ -1,14 +1,15 @@
 """One pass through a scene: its frames, the actions so far, what ``info`` says of them, and what renderers draw."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from pkgutil import resolve_name
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..core import DataError, Detections, Drive, Ints, Observation, Rollout, Scene
+from ..core import DataError, Detections, Drive, Ints, Observation, Rollout, Scene, Task
 from ..scoring import FrameScore, FrameScorer, RecordedForecasts
 from .observation import Feed, LocalFrame
 from .rollouts import RecordedAction, assemble, empty_rollout
@@ -17,7 +18,85 @@ RENDERERS = {  # render mode -> class, imported when an env first renders
     "rgb_array": "mtp_bench.viz.drawing.birds_eye:EpisodePictures",
     "rerun": "mtp_bench.viz.rerun.recording:LiveRecording",
 }
-DRIVEN_EPISODE = "mtp_bench.traffic:DrivenEpisode"  # of a closed loop
+# starts the episode of a closed loop; named, because the traffic is a room above this one
+_START_DRIVE = "mtp_bench.traffic:DrivenEpisode.start"
+
+
+class EpisodeLike(Protocol):
+    """What `MTPEnv` needs of an episode: `Episode`, or a closed loop of the traffic."""
+
+    @property
+    def scene(self) -> Scene:
+        """Scene that is played; of a closed loop, the frame of now until its end."""
+
+    @property
+    def frame(self) -> LocalFrame:
+        """Local frame of reference of the observations."""
+
+    @property
+    def actions(self) -> Sequence[RecordedAction]:
+        """Actions taken so far, in the scene's frame of reference."""
+
+    @property
+    def t(self) -> int:
+        """Index of the frame that is shown."""
+
+    @property
+    def dropped(self) -> Ints:
+        """Detections of each frame that did not fit into an observation [F]."""
+
+    @property
+    def over(self) -> bool:
+        """True after the action for the last frame."""
+
+    @property
+    def drive(self) -> Drive | None:
+        """Drive of a closed loop that is over."""
+
+    def record(self) -> Drive | None:
+        """Return the drive of a closed loop until now, for pictures."""
+
+    def recording(self) -> tuple[Scene, Feed]:
+        """Return the scene until now and its observations, for pictures."""
+
+    def observe(self) -> Observation:
+        """Return fresh arrays of the frame that is shown."""
+
+    def class_counts(self, classes: int) -> Ints:
+        """Count the detections of each class [C] in the frame that is shown."""
+
+    def take(self, action: RecordedAction) -> float:
+        """Take the action for the frame that is shown and return its reward."""
+
+    def info(self) -> dict[str, Any]:
+        """Return the ``info`` of the frame that is shown, see `frame_info`."""
+
+
+def start_drive(
+    card: Card, task: Task, scene: str, number: int, rng: np.random.Generator | None
+) -> EpisodeLike:
+    """Start a closed loop; its scene is made while it is driven.
+
+    ``number``: of the scene among `MTPEnv.scene_names`; ``rng`` moves the local frame at random.
+    """
+    start: Callable[..., EpisodeLike] = resolve_name(_START_DRIVE)
+    return start(card, task, scene, number, rng)
+
+
+def frame_info(
+    frame: int, dropped: int, last_action: RecordedAction | None
+) -> dict[str, Any]:
+    """Return the numbers of ``info`` that do not derive from the truth."""
+    invalid = (
+        np.zeros(3, dtype=np.int64) if last_action is None else last_action.invalid
+    )
+    return {
+        "frame": frame,
+        "dropped_detections": dropped,
+        "invalid_tracks": int(invalid[0]),
+        "invalid_hypotheses": int(invalid[1]),
+        "invalid_objects": int(invalid[2]),
+    }
 
 
 @dataclass
@@ -56,6 +135,15 @@ class Episode:
     def observe(self) -> Observation:
         """Fresh arrays of the frame that is shown."""
         return self.feed.observe(self.row)
+
+    def class_counts(self, classes: int) -> Ints:
+        """Count the detections of each class [C] in the frame that is shown."""
+        return self.feed.of_class(self.row, classes)
+
+    def past_observations(self, frames: int) -> tuple[Observation, ...]:
+        """Return the observations of up to ``frames`` frames before the first one."""
+        start = max(0, self.first - frames)
+        return tuple(self.feed.observe(t) for t in range(start, self.first))
 
     def recording(self) -> tuple[Scene, Feed]:
         """The scene, and what the agent is shown of it, for pictures."""
@@ -107,16 +195,9 @@ class Episode:
 
         In evaluation mode none of them derives from the truth.
         """
-        t = self.t
-        acted = t > self.first
-        invalid = self.actions[-1].invalid if acted else np.zeros(3, dtype=np.int64)
-        info: dict[str, Any] = {
-            "frame": t,
-            "dropped_detections": 0 if self.over else int(self.feed.dropped[self.row]),
-            "invalid_tracks": int(invalid[0]),
-            "invalid_hypotheses": int(invalid[1]),
-            "invalid_objects": int(invalid[2]),
-        }
+        acted = self.t > self.first
+        dropped = 0 if self.over else int(self.feed.dropped[self.row])
+        info = frame_info(self.t, dropped, self.actions[-1] if acted else None)
         if self.scorer is not None:
             info |= {
                 "scene": self.number,
