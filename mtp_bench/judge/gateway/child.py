@@ -77,8 +77,9 @@ def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
     stage = "the agent cannot be built"
     try:
         wire = module_beside("wire")
-        from ...agent import load_submission
-        from ...core import Task
+        # a script has no package: imports are absolute
+        from mtp_bench.agent import load_submission
+        from mtp_bench.core import Task
 
         agent: Any = None
         while True:

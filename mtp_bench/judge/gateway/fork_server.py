@@ -24,6 +24,7 @@ from .layout import (
     LOADED,
     TEMPORARY,
     Layout,
+    child_script,
     environment,
     library,
     packages,
@@ -56,10 +57,9 @@ class ForkServer:
             "kernels": KERNELS,
             "modules": LOADED,
         }
-        script = str(library() / "mtp_bench/judge/gateway/child.py")
         program = [
             *python(),
-            script,
+            child_script(),
             "fork-server",
             json.dumps(setup),
             str(theirs.fileno()),

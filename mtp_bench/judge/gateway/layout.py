@@ -278,6 +278,11 @@ def library() -> Path:
     return Path(str(spec and spec.origin)).resolve().parent.parent
 
 
+def child_script() -> str:
+    """Return the path of the script that an agent's process runs, `child`."""
+    return str(library() / "mtp_bench" / "judge" / "gateway" / "child.py")
+
+
 def packages() -> tuple[str, ...]:
     """Folders of installed packages, in search order."""
     return tuple(

@@ -24,6 +24,7 @@ from .layout import (
     TEMPORARY,
     Image,
     Layout,
+    child_script,
     environment,
     library,
     packages,
@@ -173,10 +174,9 @@ class AgentProcess:
         undo.callback(processes.guard, False)
         processes.guard(True)
         self.begun = time.monotonic()
-        child = str(library() / "mtp_bench/judge/gateway/child.py")
         with self._pipes(undo) as (stdin, orders, answers, log, _), _starting:
             self._spawned = subprocess.Popen(
-                [*python(), child, str(orders), str(answers)],
+                [*python(), child_script(), str(orders), str(answers)],
                 cwd=folder,
                 env=environment(False, folder, str(self._spec.image.networks)),
                 stdin=stdin,
