@@ -132,7 +132,7 @@ def test_a_random_order_changes_no_answer(made: Path, card: str, kitti: str) -> 
     record = load_record(made / "records" / "echo" / f"{CARD_ID}.json")
     for _ in range(3):
         runs = run_again(plan, record.seeds)
-        assert [run.rollout.scene for run in runs[0]] == [scene.scene for scene in record.per_scene]
+        assert [run.rollout.scene for run in runs[0]] == record.scenes
         assert rollouts_hash(rollouts_of(runs)) == record.hashes.rollouts
 
 

@@ -196,6 +196,10 @@ def _acceptable(
             f"{name}: levels are written and removed by those who check records: leave `level` out, or bring the "
             "proposal up to date with the branch that it is for"
         )
+    if record.converted_from is not None:
+        raise RecordError(
+            f"{name}: only maintainers convert records: make it with `mtp-bench submit`"
+        )
     stated, env = record.submission.name, record.env
     ships = shipped(env.id)
     if name.parts[1:] != (stated, f"{env.id}.json"):

@@ -10,7 +10,7 @@ are published, since the name of a scene contains its seed.
 """
 
 import secrets
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -19,19 +19,18 @@ import numpy as np
 from ...cards import Card
 from ...core import Progress, RecordError, Rollout
 from ...env import MTPEnv, actions_of
-from ...scoring import SUBSETS, Reference, Row, Subset, check_rollout, why_not_on
+from ...scoring import SUBSETS, Reference, Subset, check_rollout, why_not_on
 from ...sources import open_source, package_of
 from ..gateway.limits import Isolation, SceneRun
-from .attestation import Checked
 from .canonical import Difference
-from .record import HiddenPart, Record
+from .record import HiddenPart, Record, Results
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
 from .seal import Sealed
 
 # Share of the error by which other draws may be worse, on all targets and on event subsets that rank. Seeds of a
 # baseline differ by 0.06 at most, by 0.015 on event subsets that rank.
 ALIKE = 0.1
-_NEGLIGIBLE = 1e-3  # m
+_NEGLIGIBLE_M = 1e-3
 _SEEDS = 1 << 60  # as many as those of hidden runs
 _random = secrets.SystemRandom()
 
@@ -71,38 +70,46 @@ def run_again(plan: Plan, seeds: Sequence[int]) -> Runs:
     return {seed: runs[seed] for seed in seeds}
 
 
-def rows_under_random_pose(plan: Plan, reference: Reference) -> Sequence[Row]:
-    """Rows of the submission of ``plan`` under one secret seed, which turns and shifts the scenes.
+def errors_under_random_pose(
+    plan: Plan, reference: Reference
+) -> dict[Subset, float | None]:
+    """Return bADE of the submission under one secret seed, which moves the scenes.
 
-    Raises RecordError if a scene was not finished: an agent could refuse to play under any but the public seeds.
+    Raises RecordError if a scene was not finished: an agent could refuse to play under
+    any but the public seeds.
     """
-    runs = {seed: _run_shuffled(plan, seed) for seed in [secrets.randbelow(_SEEDS)]}
+    seed = secrets.randbelow(_SEEDS)
+    runs = {seed: _run_shuffled(plan, seed)}
     require_answered(runs, plan.submission.name, "under a secret motion")
-    return evaluate_plan(plan, runs, reference).rows
+    evaluation = evaluate_plan(plan, runs, reference)
+    results = Results(**evaluation.results)
+    return {subset: results.row_of(subset).error for subset in results.subsets}
 
 
-def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
-    """The first error that is larger under another motion than in the record; None if all are alike.
+def worse_when_moved(
+    record: Record, moved: Mapping[Subset, float | None]
+) -> Difference | None:
+    """Return the first error that is larger when ``moved``; None if all are alike.
 
-    It is compared with the mean over seeds, not with the worst: an agent with a table for all seeds but one would pass.
+    It is compared with the mean over seeds, not with the worst: an agent with a table
+    for all seeds but one would pass.
     """
-    for row in rows[: len(SUBSETS)]:  # further ones are shown only
-        ranked = record.row_of(row.subset)
-        if row.error is None or ranked.error is None:
+    # further subsets are shown only
+    for subset in SUBSETS:
+        row = record.row_of(subset)
+        error = moved.get(subset)
+        if row.error is None or error is None:
             continue
-        if row.subset != "all" and why_not_on(
-            row.subset, Checked(record).sums_on(row.subset)
-        ):
+        sums = record.sums_on(subset, record.samples)
+        if subset != "all" and why_not_on(subset, sums):
             continue
-        most = ranked.error * (1 + ALIKE) + _NEGLIGIBLE
-        if (
-            record.driving is not None and ranked.interval is not None
-        ):  # one collision costs a whole scene
-            most = max(most, ranked.interval[1])
-        if row.error > most:
-            return Difference(
-                f"error of {row.subset} under another motion", ranked.error, row.error
-            )
+        largest = row.error * (1 + ALIKE) + _NEGLIGIBLE_M
+        # one collision costs a whole scene
+        if record.drives is not None and row.interval is not None:
+            largest = max(largest, row.interval[1])
+        if error > largest:
+            what = f"error of {subset} under another motion"
+            return Difference(what, row.error, error)
     return None
 
 
@@ -160,22 +167,12 @@ def run_hidden(
     require_answered(runs, plan.submission.name, "of hidden scenes")
     reference = sealed.reference(hidden, names, options)
     evaluation = evaluate_plan(hidden_plan, runs, reference)
-    subsets: list[Subset] = [row.subset for row in evaluation.rows]
+    targets = evaluation.targets.model_copy(update={"scenes": [], "scene_units": []})
     return HiddenPart(
         commitment=sealed.commitment,
         weights=reference.digest,
         scenes=len(names),
-        rows=evaluation.rows,
-        nothing_predicted=evaluation.nothing_predicted,
-        driving=evaluation.driving,
-        weight={
-            subset: [w for scene in evaluation.per_scene for w in scene.weight[subset]]
-            for subset in subsets
-        },
-        error={
-            subset: [e for scene in evaluation.per_scene for e in scene.error[subset]]
-            for subset in subsets
-        },
+        **evaluation.results | {"targets": targets},
     )
 
 

@@ -206,11 +206,7 @@ def unanswered(runs: Runs) -> MissedPart:
         for run in results
         if run.status != "finished"
     }
-    return MissedPart(
-        malformed=sum(run.malformed for run in every),
-        crashed_scenes=len(reasons),
-        reasons=reasons,
-    )
+    return MissedPart(malformed=sum(run.malformed for run in every), reasons=reasons)
 
 
 def isolation(runs: Runs) -> Isolation:

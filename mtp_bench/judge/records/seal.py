@@ -29,7 +29,8 @@ from ...core import (
 from ...running import RunOptions, make_reference
 from ...scoring import Reference, read_reference, write_reference
 from ...traffic import SECRET_SEEDS, HighwaySource
-from .canonical import Date, Sha256, canonical, digest_of, today
+from .canonical import canonical, digest_of, today
+from .fields import Date, Sha256
 from .storage import read_as
 
 # Secret seeds are drawn from FIRST to LAST: far above those of the cards, and too many for an agent to find the name of

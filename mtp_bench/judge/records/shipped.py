@@ -21,7 +21,8 @@ class Shipped:
     card: str  # digest
     simulated: bool  # hidden scenes rank
     samples: int  # k, per object
-    most: float  # m, the largest error of a target: that of a missed one; 1 of a drive
+    # the largest error of a target, that of a missed one; 1 of a drive
+    max_error_m: float
     weights: str  # hash of the frozen event weights
     sums: Mapping[
         str, Mapping[Subset, float]
@@ -37,12 +38,14 @@ def shipped(env_id: str) -> Shipped | None:
     frozen = frozen_reference(card)
     if frozen is None:
         return None
-    most = max(card.per_class(card.task.miss_error)) if card.drive is None else 1.0
+    max_error_m = 1.0
+    if card.drive is None:
+        max_error_m = max(card.per_class(card.task.miss_error))
     return Shipped(
         card.digest,
         card.simulated,
         card.task.samples,
-        most,
+        max_error_m,
         frozen.digest,
         _sums(frozen),
     )

@@ -120,12 +120,9 @@ def finished_record(
 
 def is_of_plan(record: Record, content: dict[str, Any]) -> bool:
     """Return True if a record was made by the plan ``content``, under today's definitions or earlier equal ones."""
-    earlier = (
-        {}
-        if why_scored_otherwise(record)
-        else {"definitions": record.scorer.definitions}
-    )
-    return record.plan == digest_of(content | earlier)
+    if not why_scored_otherwise(record):
+        content = content | {"definitions": record.scorer.definitions}
+    return record.plan == digest_of(content)
 
 
 def declared_data(submission: Submission, env_id: str) -> list[str]:
@@ -207,7 +204,7 @@ def _require_kept(target: Path, options: RunOptions) -> None:
 def _save(target: Path, plan: Plan, runs: Runs, record: Record) -> Record:
     """Replace an earlier record and its rollouts; all that can fail comes before the first is replaced."""
     record, text = record_text(record, target)
-    checked_text(text, str(target))
+    checked_text(text, target)
     try:
         with whole_file(target) as file:
             file.write_text(text, encoding="utf-8")
@@ -246,7 +243,7 @@ def _require_recordable(plan: Plan, planned: dict[str, Any]) -> None:
         "training_data": planned["training_data"],
         "env": {"id": card.id, "split": card.source.split, "keywords": plan.keywords},
         "seeds": list(plan.options.seeds),
-        "per_scene": [{"scene": name} for name in plan.scenes],
+        "targets": {"scenes": list(plan.scenes)},
     }
     require_part(
         Record, content, f"a record of {plan.submission.name} on {card.id}", RecordError
@@ -256,10 +253,15 @@ def _require_recordable(plan: Plan, planned: dict[str, Any]) -> None:
 def _record(
     plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, Any]
 ) -> Record:
-    missed, card = running.unanswered(runs), plan.card
-    every = [
-        rollout for results in running.rollouts_of(runs).values() for rollout in results
+    card = plan.card
+    rollouts = [
+        rollout
+        for seed_rollouts in running.rollouts_of(runs).values()
+        for rollout in seed_rollouts
     ]
+    peak_memory = max(run.peak_memory for results in runs.values() for run in results)
+    # with a scheduler: of a worker
+    (hardware,) = parallel_map(running.hardware, [()], plan.options.workers)
     return Record(
         submission=submission_part(plan, content["commit"]),
         training_data=content["training_data"],
@@ -268,7 +270,6 @@ def _record(
             card_digest=card.digest,
             split=card.source.split,
             data_manifest=evaluation.data_manifest,
-            scenes=len(plan.scenes),
             scenes_of_split=plan.scenes_of_split,
             observe=cast("Observed", plan.submission.compare.observe),
             truth_complete=evaluation.truth_complete,
@@ -277,22 +278,16 @@ def _record(
         seeds=list(runs),
         versions=content["versions"],
         limits=LimitsPart(**content["limits"]),
-        missed=missed,
+        missed=running.unanswered(runs),
         isolation=running.isolation(runs),
-        samples=every[0].forecast.shape[1],
         hashes=running.hashes(runs),
         measured=MeasuredPart(
-            hardware=parallel_map(running.hardware, [()], plan.options.workers)[
-                0
-            ],  # with a scheduler: of a worker
-            latency=running.latency(every),
+            hardware=hardware,
+            latency=running.latency(rollouts),
             ms_per_frame=evaluation.ms_per_frame,
-            peak_memory_mib=max(
-                run.peak_memory for results in runs.values() for run in results
-            )
-            / 2**20,
+            peak_memory_mib=peak_memory / 2**20,
             made=today(),
         ),
         plan=digest_of(content),
-        **evaluation.record_parts(missed, len(every), plan.scenes_of_split),
+        **evaluation.record_fields,
     )

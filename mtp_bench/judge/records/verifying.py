@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from ...agent import MANIFEST, load_submission
 from ...cards import Card
@@ -13,15 +14,16 @@ from ...scoring import Reference
 from ...sources import open_source
 from ..gateway.limits import Isolation, Limits
 from ..gateway.sandbox import sandbox_backend
-from .attestation import LEVELS, Level, SignedLevel, Statement, read_level, write_level
+from .attestation import SignedLevel, Statement, read_level, write_level
 from .canonical import Difference, differences, today
 from .consistency import checked_record
 from .eligibility import SEEDS, may_observe, why_scored_otherwise
 from .evaluation import evaluate
+from .fields import LEVELS, Level
 from .record import HiddenPart, LimitsPart, Record
 from .rerun import (
     drive_again,
-    rows_under_random_pose,
+    errors_under_random_pose,
     run_again,
     run_hidden,
     why_unsandboxed,
@@ -44,19 +46,20 @@ from .storage import ROLLOUTS, load_record, stored_rollouts
 from .submitting import declared_data, is_of_plan, plan_content, submission_part
 from .trust import Trust, trusted
 
-_RESCORED = {  # fields of a record that follow from rollouts, card and data
+# fields of a record that follow from rollouts, card and data
+_RESCORED = {
     "env",
-    "status",
-    "status_reason",
     "hypotheses",
     "samples",
     "measured",
     "reference",
-    "rows",
-    "nothing_predicted",
-    "details",
-    "per_scene",
-    "driving",
+    "error",
+    "numbers",
+    "drives",
+    "targets",
+    "brier",
+    "overconfidence",
+    "curve",
 }
 
 
@@ -112,7 +115,9 @@ class Round:
         aim: Level = (
             "re-scored" if not self.rerun else "re-run" if sealed is None else "hidden"
         )
-        if signed is None or LEVELS.index(signed.statement.level) < LEVELS.index(aim):
+        if signed is None or signed.statement.converted:
+            return None
+        if LEVELS.index(signed.statement.level) < LEVELS.index(aim):
             return None
         if (
             sealed is not None
@@ -171,7 +176,6 @@ def verify(
     now = {"id": card.id, "card_digest": card.digest, "split": card.source.split}
     if stale := tuple(differences("env", record.env.model_dump(include={*now}), now)):
         return Verification(path, record, "scored", stale)
-    scenes = [scene.scene for scene in record.per_scene]
     if not again:
         return _score_stored(path, record, card, options)
     name, digest = record.submission.name, record.submission.digest
@@ -189,12 +193,12 @@ def verify(
         raise RecordError(
             f"{path}: not what `mtp-bench submit` makes here of a baseline: leave --made-here out"
         )
-    reference = reference_for(card, scenes, options)
-    secret = len(scenes) + (0 if sealed is None else sealed.seeds.count)
+    reference = reference_for(card, record.scenes, options)
+    secret = len(record.scenes) + (0 if sealed is None else sealed.seeds.count)
     if made_here:
         public = _made_here(path, record, card, options, reference, secret)
     else:
-        options.progress.started(secret + len(scenes) * (1 + len(record.seeds)))
+        options.progress.started(secret + len(record.scenes) * (1 + len(record.seeds)))
         public = _run_again(path, record, plan, reference)
     if not public.holds:
         return public
@@ -271,12 +275,11 @@ def _score_again(
         reference,
         hypotheses,
         observe,
-        [row.subset for row in record.rows],
+        record.subsets,
     )
     every = [rollout for rollouts in runs.values() for rollout in rollouts]
     scenes_of_split = len(open_source(card, options.data).names)
     env = {
-        "scenes": len(evaluation.per_scene),
         "scenes_of_split": scenes_of_split,
         "data_manifest": evaluation.data_manifest,
         "truth_complete": evaluation.truth_complete,
@@ -287,8 +290,7 @@ def _score_again(
         else {"latency": latency(every), "ms_per_frame": evaluation.ms_per_frame}
     )
     scored = {
-        **evaluation.record_parts(record.missed, len(every), scenes_of_split),
-        "samples": every[0].forecast.shape[1],
+        **evaluation.record_fields,
         "env": record.env.model_copy(update=env),
         "measured": record.measured.model_copy(update=times),
     }
@@ -296,12 +298,8 @@ def _score_again(
         reference.digest == record.reference.hash
     ):  # these weights may have been frozen since
         scored["reference"] = record.reference
-    both = (record, record.model_copy(update=scored))
-    unequal = tuple(
-        differences(
-            "", *(each.model_dump(mode="json", include=_RESCORED) for each in both)
-        )
-    )
+    now = record.model_copy(update=scored)
+    unequal = tuple(differences("", _rescored(record), _rescored(now)))
     return Verification(
         path,
         record,
@@ -311,15 +309,21 @@ def _score_again(
     )
 
 
+def _rescored(record: Record) -> dict[str, Any]:
+    """Return the fields that scoring gives again, as JSON, on subsets with results."""
+    content = record.model_dump(mode="json", include=_RESCORED)
+    subsets = content["targets"]["subsets"]
+    content["targets"]["subsets"] = {name: subsets.get(name) for name in record.subsets}
+    return content
+
+
 def _score_stored(
     path: Path, record: Record, card: Card, options: RunOptions, further: int = 0
 ) -> Verification:
     """Check a record by its stored rollouts, scored again; ``further`` secret runs of what was made here follow."""
     runs = stored_rollouts(path, record)
-    reference = reference_for(
-        card, [scene.scene for scene in record.per_scene], options
-    )
-    options.progress.started(len(record.per_scene) + further)
+    reference = reference_for(card, record.scenes, options)
+    options.progress.started(len(record.scenes) + further)
     if (
         card.drive is not None and not further
     ):  # those of a maintainer are as they were driven
@@ -397,7 +401,7 @@ def _run_in_secret(
         return replace(
             public, notes=(*public.notes, f"limited to level 're-scored': {why}")
         )
-    moved = worse_when_moved(record, rows_under_random_pose(plan, reference))
+    moved = worse_when_moved(record, errors_under_random_pose(plan, reference))
     if moved is not None:
         return replace(public, level="scored", differences=(moved,))
     if sealed is None:
@@ -432,13 +436,12 @@ def _differences_on_rerun(
         record.training_data,
         declared_data(plan.submission, record.env.id),
     )
-    counts = {"malformed", "crashed_scenes"}
+    missed = unanswered(runs)
+    counts = ("malformed", "crashed_scenes")
     yield from differences(
         "missed",
-        *(
-            part.model_dump(include=counts)
-            for part in (record.missed, unanswered(runs))
-        ),
+        {name: getattr(record.missed, name) for name in counts},
+        {name: getattr(missed, name) for name in counts},
     )
 
 
@@ -455,7 +458,7 @@ def _plan(
     plan = plan_run(
         submission,
         env_id,
-        replace(options, scenes=len(record.per_scene), seeds=record.seeds),
+        replace(options, scenes=len(record.scenes), seeds=record.seeds),
     )
     if plan.image.digest != record.submission.digest:
         networks = ", ".join(record.submission.networks)
@@ -466,9 +469,9 @@ def _plan(
             f"{path}: made by {record.submission.name!r} with digest {record.submission.digest[:12]}, the submission "
             f"{submission.name!r} has {plan.image.digest[:12]}; name the right folder with --submission{weights}"
         )
-    if list(plan.scenes) != [scene.scene for scene in record.per_scene]:
+    if list(plan.scenes) != record.scenes:
         raise RecordError(
-            f"{path}: its scenes are not the first {len(record.per_scene)} of {env_id}"
+            f"{path}: its scenes are not the first {len(record.scenes)} of {env_id}"
         )
     return plan
 

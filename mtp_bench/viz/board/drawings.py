@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
+import numpy as np
+
 from ...scoring import PairedDifference, Point
 from .entries import Entry
 
@@ -115,36 +117,50 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
 
     Of many scenes the MOST_SCENES with the largest sums of errors; of equal ones the first.
     """
-    scenes = entry.record.per_scene
-    heaviest = sorted(
-        range(len(scenes)), key=lambda place: -sum(scenes[place].error["all"])
-    )[:MOST_SCENES]
-    beside = {} if reference is None or reference is entry else _errors(reference)
-    errors = _errors(entry)
-    most = max(
-        [*errors.values(), *(beside[name] for name in errors if name in beside)],
-        default=0.0,
-    )
-    unit = BAR / most if most > 0 else 0.0
-    return [
-        {
-            "scene": part.scene,
-            "targets": part.targets,
-            "error": part.mean_error,  # m
-            "width": round(unit * errors.get(part.scene, 0.0), 1),  # user units
-            "reference": round(unit * beside[part.scene], 1)
-            if part.scene in beside
-            else None,
-        }
-        for part in (scenes[place] for place in sorted(heaviest))
-    ]
+    record = entry.record
+    if not record.scenes:
+        return []
+    errors = _scene_errors(entry)
+    reference_errors: dict[str, float] = {}
+    if reference is not None and reference is not entry:
+        reference_errors = _scene_errors(reference)
+    sums = record.targets.scene_sums(record.unit_error("all"))
+    targets = record.targets.scene_sums(record.unit_weight("all"))
+    heaviest = np.argsort(-sums, kind="stable")[:MOST_SCENES]
+    shown = [reference_errors[name] for name in errors if name in reference_errors]
+    largest = max([*errors.values(), *shown], default=0.0)
+    unit = BAR / largest if largest > 0 else 0.0
+    bars = []
+    for index in sorted(heaviest):
+        scene = record.scenes[index]
+        reference_error = reference_errors.get(scene)
+        bars.append(
+            {
+                "scene": scene,
+                "targets": round(targets[index]),
+                "error": errors.get(scene),  # m
+                "width": round(unit * errors.get(scene, 0.0), 1),  # user units
+                "reference": (
+                    None
+                    if reference_error is None
+                    else round(unit * reference_error, 1)
+                ),
+            }
+        )
+    return bars
 
 
-def _errors(entry: Entry) -> dict[str, float]:
+def _scene_errors(entry: Entry) -> dict[str, float]:
+    """Return the mean error of each scene with targets, metres."""
+    record = entry.record
+    if not record.scenes:
+        return {}
+    sums = record.targets.scene_sums(record.unit_error("all")).tolist()
+    targets = record.targets.scene_sums(record.unit_weight("all")).tolist()
     return {
-        part.scene: error
-        for part in entry.record.per_scene
-        if (error := part.mean_error) is not None
+        scene: error / weight
+        for scene, error, weight in zip(record.scenes, sums, targets, strict=True)
+        if weight > 0
     }
 
 
@@ -191,7 +207,7 @@ class CurveChart:
 
 def curve_of(entry: Entry) -> list[Point]:
     """Numbers of false forecasts and errors in the record; empty where it has no such curve."""
-    return sorted(entry.diagnostics.curve)[:_MOST_POINTS]
+    return sorted(entry.record.curve)[:_MOST_POINTS]
 
 
 def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:

@@ -4,18 +4,15 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from itertools import groupby
-from typing import Annotated
-
-from pydantic import BaseModel, Field, ValidationError
+from typing import Any
 
 from ...agent import ON_SCORED
 from ...cards import load_card
 from ...core import NetworkState, baseline_names, card_ids
 from ...judge import (
     Checked,
-    DrivingPart,
     Level,
     Record,
     Standing,
@@ -25,18 +22,15 @@ from ...judge import (
 from ...scoring import (
     SIGNIFICANT,
     SUBSETS,
+    DrivingRow,
     PairedDifference,
-    Probability,
-    Reliability,
     Row,
     Subset,
-    ratio,
 )
 
 _NETWORK = re.compile(
     r"(\w+-(?:truth|tracklets))-(MTP-[\w-]+)\.safetensors"
 )  # as `networks.file_name` writes it
-_NotNegative = Annotated[float, Field(ge=0, le=1e9)]
 _LAST = 1000  # behind all envs whose card states a place
 LEVEL_TEXT: dict[Level, str] = {
     "scored": "checked by its authors alone",
@@ -44,23 +38,6 @@ LEVEL_TEXT: dict[Level, str] = {
     "re-run": "run again from the submission",
     "hidden": "run again, and on scenes that were not public",
 }
-
-
-class Diagnostics(BaseModel):
-    """Diagnostics that the page shows, of the details of a record, in which anything may stand."""
-
-    brier: Probability | None = None
-    reliability: list[Reliability] = []
-    curve: list[tuple[_NotNegative, _NotNegative]] = []
-
-    @property
-    def overconfidence(self) -> float | None:
-        """Mean stated confidence less the share of true forecasts; None without forecasts."""
-        excess = sum(
-            each.forecasts * (each.confidence - each.matched)
-            for each in self.reliability
-        )
-        return ratio(excess, sum(each.forecasts for each in self.reliability))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +85,11 @@ class Entry(Found):
     @property
     def part(self) -> str:
         """The scenes of a partial record, "1/10 scenes"; empty for a whole one."""
-        env = self.record.env
-        whole = env.scenes == env.scenes_of_split or not env.scenes_of_split
-        return "" if whole else f"{env.scenes}/{env.scenes_of_split} scenes"
+        scenes = len(self.record.scenes)
+        scenes_of_split = self.record.env.scenes_of_split
+        if scenes == scenes_of_split or not scenes_of_split:
+            return ""
+        return f"{scenes}/{scenes_of_split} scenes"
 
     @property
     def why(self) -> str:
@@ -170,11 +149,13 @@ class Entry(Found):
         if self.signed is None:
             return ""
         by = f"{self.signed.statement.date} by {self.signed.signer}"
+        before = self.record.converted_from
+        if self.converted and before is not None:
+            converted = f"converted {by}, not run again"
+            if before.date is None:
+                return converted
+            by = f"{before.date} by {before.signer}; {converted}"
         return f"{by}; seal {self.seal}" if self.seal else by
-
-    def row_of(self, subset: Subset) -> Row:
-        """The ranking numbers of a subset."""
-        return self.sums.row_of(subset)
 
     @property
     def row(self) -> Row:
@@ -182,18 +163,22 @@ class Entry(Found):
         return self.row_of("all")
 
     @property
-    def driving(self) -> DrivingPart | None:
-        """The ranking numbers of a closed loop, with the difference to STP beside it; None elsewhere."""
-        part, less = self.sums.driving, self.standing.differences.get("all")
-        if part is None or less is None:
-            return part
-        ends = less.interval and (
-            -less.interval[1],
-            -less.interval[0],
-        )  # of scores, not of errors
-        return part.model_copy(
-            update={"difference": -less.mean, "difference_interval": ends, "p": less.p}
-        )
+    def driving(self) -> DrivingRow | None:
+        """Ranking numbers of a closed loop with the difference to STP; None elsewhere."""
+        row = self.sums.driving
+        if row is None:
+            return None
+        changes: dict[str, Any] = {"agent": self.name}
+        difference = self.standing.differences.get("all")
+        if difference is not None:
+            # of scores, not of errors
+            interval = difference.interval
+            changes |= {
+                "difference": -difference.mean,
+                "difference_interval": interval and (-interval[1], -interval[0]),
+                "p": difference.p,
+            }
+        return row.model_copy(update=changes)
 
     @property
     def error(self) -> float | None:
@@ -206,14 +191,6 @@ class Entry(Found):
         return (
             self.record.row.error if self.on_hidden and self.driving is None else None
         )
-
-    @cached_property
-    def diagnostics(self) -> Diagnostics:
-        """Diagnostics of its record, on the public scenes; without any where the record's are malformed."""
-        try:
-            return Diagnostics.model_validate(self.record.details)
-        except ValidationError:
-            return Diagnostics()
 
     def difference(self, subset: Subset = "all") -> PairedDifference | None:
         """Its error minus that of STP beside it, metres; None for STP, without a record of STP and in closed loops."""
@@ -231,9 +208,7 @@ class Entry(Found):
 
     def same_predictor_gap(self, subset: Subset) -> float | None:
         """Share that it closes of the gap between references with its own predictor, where that is known."""
-        return self.standing.own_gaps.get(
-            subset, self.row_of(subset).gap_closed_same_predictor
-        )
+        return self.standing.own_gaps.get(subset)
 
     def association_blank(self, subset: Subset) -> str | None:
         """Reason why its association gap is missing on a subset; None where it is not."""
@@ -271,7 +246,8 @@ def is_baseline(record: Record) -> bool:
 def empty_error(entries: Sequence[Entry]) -> float | None:
     """Error in one environment if nothing is predicted, metres; None where it is not known."""
     return next(
-        (entry.sums.nothing_predicted for entry in entries if entry.compared), None
+        (entry.sums.targets.nothing_predicted for entry in entries if entry.compared),
+        None,
     )
 
 

@@ -147,7 +147,13 @@ def subset_table(entry: Entry) -> Table:
             if not column.key.startswith("cost_")
         ),
     ]
-    return Table("subsets", "Errors in metres", "", entry.sums.rows, columns)
+    return Table(
+        "subsets",
+        "Errors in metres",
+        "",
+        [entry.row_of(subset) for subset in entry.sums.subsets],
+        columns,
+    )
 
 
 def _sizes(row: Row) -> str:

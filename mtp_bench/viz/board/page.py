@@ -44,7 +44,11 @@ _FURTHER = {
         "agent",
         "Its name opens its details. Below: authors, licence, code and paper.",
     ),
-    "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
+    "level": (
+        "verified",
+        " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)
+        + " Converted: the level of an earlier form of the record, not run again.",
+    ),
 }  # columns of a table beside those of numbers
 
 
@@ -182,15 +186,12 @@ def _page(entries: Sequence[Entry], known: dict[str, Any], pages: Pages) -> str:
 
 
 def _pieces(board: dict[str, Any], known: dict[str, Any]) -> str:
-    """The details of a table's entries as calls that hand HTML to the page; ASCII without "<" ends no script early."""
+    """The details of a table's entries as calls that hand HTML to the page, in ASCII; "</" ends no script early."""
     pieces = []
     for line in board["lines"]:
         html = _render("entry.html", **known, board=board, line=details_of(line, board))
-        pieces.append(
-            f"mtpBoard({json.dumps(line['id'])}, {json.dumps(html)});\n".replace(
-                "<", "\\u003c"
-            )
-        )
+        call = f"mtpBoard({json.dumps(line['id'])}, {json.dumps(html)});\n"
+        pieces.append(call.replace("</", r"<\/").replace("<!", r"<\u0021"))
     return "".join(pieces)
 
 

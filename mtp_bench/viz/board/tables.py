@@ -101,6 +101,8 @@ def _notes(entries: Sequence[Entry]) -> list[str]:
         listed = [_printable(entry.name) for entry in entries if entry.level == level]
         named = "" if len(listed) == len(entries) else f": {', '.join(listed)}"
         notes += [f"level {level} ({LEVEL_TEXT[level]}){named}"] if listed else []
+    if any(entry.converted for entry in entries):
+        notes.append("converted from an earlier form of the records, not run again")
     return [*notes, *(f"hidden scenes of seal {seal}" for seal in seals)]
 
 
