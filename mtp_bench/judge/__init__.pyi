@@ -32,6 +32,7 @@ from .records.inventory import (
 )
 from .records.ranking import STP as STP, Standing as Standing, standings as standings
 from .records.record import HiddenPart as HiddenPart, Record as Record
+from .records.rounds import Round as Round, attest as attest
 from .records.seal import (
     COMMITMENT as COMMITMENT,
     SEALS as SEALS,
@@ -49,9 +50,4 @@ from .records.submitting import (
     submit as submit,
 )
 from .records.trust import Trust as Trust, trusted as trusted
-from .records.verifying import (
-    Round as Round,
-    Verification as Verification,
-    attest as attest,
-    verify as verify,
-)
+from .records.verifying import Verification as Verification, verify as verify

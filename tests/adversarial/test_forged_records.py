@@ -36,7 +36,8 @@ from mtp_bench.judge.records.seal import Commitment, SecretSeeds, commitment_of
 from mtp_bench.judge.records.shipped import baseline_digest, shipped
 from mtp_bench.judge.records.storage import content_digest, measured_digest, sealed
 from mtp_bench.judge.records.trust import read_owners
-from mtp_bench.judge.records.verifying import Verification, attest
+from mtp_bench.judge.records.rounds import attest
+from mtp_bench.judge.records.verifying import Verification
 from mtp_bench.running.options import RunOptions
 from tests.support.board_records import MAIN, made_up
 from tests.support.command_line import CommandLine, write_submission
