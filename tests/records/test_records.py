@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from mtp_bench.core.errors import RecordError
-from mtp_bench.judge import SceneRun, checked_record, load_record, record_paths, standings, why_unranked
+from mtp_bench.judge import SceneRun, checked_record, digest_of, load_record, record_paths, standings, why_unranked
 from mtp_bench.judge.records import targets as target_files
 from mtp_bench.judge.records.record import Record
 from mtp_bench.judge.records.rerun import require_answered, worse_when_moved
@@ -94,7 +94,8 @@ REFUSED: dict[str, tuple[Callable[[Content], Any], str]] = {
     "a control character": (lambda c: c["versions"].update(numpy="\x1b"), r"versions\.numpy: .*U\+001B"),
     "a subset without sums": (lambda c: c["error"].pop("ids"), "error has no sums of ids"),
     "another number of units": (lambda c: c["error"]["ids"].append(1.0), "error.ids has 3 units, its targets 2"),
-    "other targets": (lambda c: c["targets"]["scenes"].reverse(), "these targets have the sha256"),
+    "other targets": (lambda c: c.update(targets_sha256="00" * 32), "these targets have the sha256"),
+    "no scenes": (lambda c: c["targets"].update(scenes=[], scene_units=[]), "name no scene"),
     "other weights": (lambda c: c["targets"]["subsets"]["all"]["weight"].pop(), "expected one weight per unit"),
     "no sums": (lambda c: c.update(error={}), "error has no sums of all, ids"),
     "too many units": (lambda c: c["error"].update(all=[1.0] * 20_001), "at most 2000 items"),
@@ -112,6 +113,8 @@ def test_a_changed_record_is_refused(what: str, tmp_path: Path) -> None:
     save_record(write_record(1.0, 2.0), tmp_path / "a.json")
     content = json.loads((tmp_path / "a.json").read_text())
     change(content)
+    if "these targets" not in message:
+        content["targets_sha256"] = digest_of(content["targets"])
     if "digest" not in message:
         content |= {"digest": content_digest(content)}
     (tmp_path / "a.json").write_text(json.dumps(content))

@@ -78,8 +78,8 @@ def _problems(record: Record) -> Iterator[str]:
 def _counts(record: Record) -> Iterator[str]:
     scenes = record.scenes
     seeds = record.seeds
-    if len(set(scenes)) != len(scenes) or not scenes:
-        yield f"targets are of {len(scenes)} scenes, expected one or more, each once"
+    if len(set(scenes)) != len(scenes):
+        yield f"targets are of {len(scenes)} scenes, expected each once"
     if len(scenes) > record.env.scenes_of_split:
         yield f"scenes is {len(scenes)}, the split has {record.env.scenes_of_split}"
     if not seeds or len(set(seeds)) != len(seeds):

@@ -49,6 +49,8 @@ def with_targets(record: Record, path: Path) -> Record:
         record = record.model_copy(update={"targets": targets})
     else:
         require_digest(record.targets, sha256, str(path))
+    if not record.scenes:
+        raise RecordError(f"{path}: its targets name no scene, expected one or more")
     require_units(record, str(path))
     return record
 
