@@ -14,9 +14,10 @@ from mtp_bench.judge import Limits, SceneRun, load_record, submit, verify
 from mtp_bench.judge.records import rerun
 from mtp_bench.judge.records.record import LimitsPart
 from mtp_bench.judge.records.rerun import run_again
+from mtp_bench.judge.records.rounds import Round
 from mtp_bench.judge.records.running import Plan, plan_run, rollouts_hash, rollouts_of, run_seed
 from mtp_bench.judge.records.storage import ROLLOUTS
-from mtp_bench.judge.records.verifying import Round, Verification
+from mtp_bench.judge.records.verifying import Verification
 from mtp_bench.running.options import RunOptions
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.leaderboards import SIGNER

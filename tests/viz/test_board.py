@@ -20,7 +20,7 @@ from mtp_bench.judge.records.targets import Targets
 from mtp_bench.scoring import paired_difference
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS
 from mtp_bench.viz.board.columns import board_json
-from mtp_bench.viz.board.drawings import MOST_TICKS, PAD, WIDTH, bar_of, scale_of
+from mtp_bench.viz.board.drawings import MAX_TICKS, PAD, WIDTH, bar_of, scale_of
 from mtp_bench.viz.board.entries import Entry, Found, entries_of
 from mtp_bench.viz.board.page import BoardFiles, board_files, overview_of, parts_folder, write_board
 from mtp_bench.viz.board.tables import board_tables
@@ -375,7 +375,7 @@ def test_the_scale_of_differences_holds_the_ranked_and_zero() -> None:
     assert scale is not None
     assert scale.low <= -0.4
     assert scale.high >= 0.0
-    assert len(scale.ticks) <= MOST_TICKS + 1
+    assert len(scale.ticks) <= MAX_TICKS + 1
     assert (scale.x(scale.low), scale.x(scale.high)) == (PAD, WIDTH - PAD)
     off = bar_of(scale, paired_difference([2.5, 3.5] * 4, [0.0] * 8, [1.0] * 8))
     assert off is not None

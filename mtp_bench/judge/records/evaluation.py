@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...cards import Card
-from ...core import Rollout, Workers, parallel_map
+from ...core import Drive, Rollout, Workers, parallel_map
 from ...running import RunOptions
 from ...scoring import (
     DEFINITIONS,
@@ -150,20 +150,19 @@ def _evaluate_drives(
     """
     rollouts = [rollout for seed_runs in runs.values() for rollout in seed_runs]
     ways = reference.ways(rollout.scene for rollout in rollouts)
-    drives = {
-        scene: [r.drive for r in rollouts if r.scene == scene and r.drive is not None]
-        for scene in ways
-    }
+    drives: dict[str, list[Drive]] = {scene: [] for scene in ways}
+    stated_count = 0
+    for rollout in rollouts:
+        if rollout.drive is not None:
+            drives[rollout.scene].append(rollout.drive)
+        counts = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
+        stated_count = max(stated_count, int(counts.max(initial=0)))
     (driving,) = driving_rows([AgentDrives(agent, drives)], ways)
     scores = [
         [scene_score(drive, ways[scene]) for drive in scene_drives]
         for scene, scene_drives in drives.items()
     ]
     facts = driving.model_dump(include=set(DrivesPart.model_fields))
-    stated = max(
-        int(np.isfinite(rollout.hypothesis_log_weight).sum(axis=1).max(initial=0))
-        for rollout in rollouts
-    )
     seconds = np.concatenate([rollout.seconds for rollout in rollouts])
     return Evaluation(
         targets=drive_targets(list(ways)),
@@ -171,7 +170,7 @@ def _evaluate_drives(
             "error": {},
             "numbers": {},
             "drives": DrivesPart(**rounded(facts), scores=rounded(scores)),
-            "hypotheses": hypotheses or stated,
+            "hypotheses": hypotheses or stated_count,
             "samples": rollouts[0].forecast.shape[1],
         },
         reference=reference,

@@ -4,7 +4,7 @@ Recorded envs are ranked by the sums of the records; simulated ones by those of 
 scenes, from signed levels.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -141,19 +141,15 @@ def _standings_of_env(
 ) -> dict[str, Standing]:
     entrants = _entrants(records, levels, ships)
     peers = _main_group(entrants)
-    finished = [entrant for entrant in peers if entrant.record.status == "finished"]
-    best = {entrant.baseline: entrant for entrant in sorted(finished, key=_precedence)}
+    finished = [peer for peer in peers if peer.record.status == "finished"]
+    best = {peer.baseline: peer for peer in sorted(finished, key=_precedence)}
     candidates = [peer for peer in peers if peer.unranked_because is None]
     truths = _truths(best)
     held_because = [held_back(candidate, truths) for candidate in candidates]
     guards = [_guarded(candidate, best) for candidate in candidates]
     ranks = places_on(subsets, candidates, held_because, guards)
     places = dict(zip(candidates, ranks, strict=True))
-    compared = [
-        candidate
-        for candidate, why in zip(candidates, held_because, strict=True)
-        if why is None
-    ] or [peer for peer in peers if peer.unranked_because == NOT_ON_HIDDEN]
+    compared = _compared(peers, dict(zip(candidates, held_because, strict=True)))
     standing = {}
     for entrant in entrants:
         unranked = Place(why=entrant.unranked_because or OTHERS)
@@ -165,6 +161,14 @@ def _standings_of_env(
             subsets if entrant in finished else (),
         )
     return standing
+
+
+def _compared(
+    peers: Sequence[_Entrant], held_because: Mapping[_Entrant, str | None]
+) -> list[_Entrant]:
+    """Return the entrants of the main ranking; before a round those that wait for it."""
+    ranked = [peer for peer in peers if held_because.get(peer, "unranked") is None]
+    return ranked or [peer for peer in peers if peer.unranked_because == NOT_ON_HIDDEN]
 
 
 def _entrants(
@@ -186,13 +190,18 @@ def _main_group(entrants: Sequence[_Entrant]) -> list[_Entrant]:
     comparable = [e for e in entrants if e.not_comparable_because is None]
     # before a round: on public scenes
     leading = [e for e in entrants if e.unranked_because is None] or comparable
-    with_stp = {e.conditions for e in leading if e.baseline == STP}
-    # a seal without STP yet leads only if there is no other
-    leading = [e for e in leading if e.conditions in with_stp] or leading
     if not leading:
         return []
-    main = max(leading, key=_precedence).conditions
+    main = max(leading, key=_precedence_of_group(leading)).conditions
     return [e for e in comparable if e.conditions == main]
+
+
+def _precedence_of_group(
+    leading: Sequence[_Entrant],
+) -> Callable[[_Entrant], tuple[object, ...]]:
+    """Return a sort key: a seal without a record of STP leads only alone."""
+    with_stp = {e.conditions for e in leading if e.baseline == STP}
+    return lambda entrant: (entrant.conditions in with_stp, *_precedence(entrant))
 
 
 def _precedence(entrant: _Entrant) -> tuple[object, ...]:
