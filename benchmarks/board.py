@@ -18,7 +18,6 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -84,7 +83,8 @@ def leaderboard(folder: Path, times: int, env: str | None) -> int:
     ships, key = bundled("leaderboard"), folder / "key"
     made = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", SIGNER, "-f", str(key)]
     subprocess.run(made, check=True, capture_output=True)
-    shutil.copytree(ships / "seals", folder / "seals")
+    for name in ("seals", "targets"):
+        shutil.copytree(ships / name, folder / name)
     (folder / "keys").mkdir()
     kind, public, *_ = key.with_name("key.pub").read_text().split()
     (folder / "keys" / "allowed_signers").write_text(f"{SIGNER} {kind} {public}\n")
@@ -120,19 +120,13 @@ def copy(record: Record, number: int) -> Record:
     rng = np.random.default_rng([number, *record.submission.name.encode()])
     name = f"{record.submission.name}-{number}"
 
-    def shifted(errors: dict[Any, list[float]]) -> dict[Any, list[float]]:
-        factor = np.exp(NOISE * rng.normal(size=len(errors["all"])))
-        return {
-            subset: [float(e * f) for e, f in zip(sums, factor, strict=True)]
-            for subset, sums in errors.items()
-        }
-
-    scenes = [
-        scene.model_copy(update={"error": shifted(scene.error)})
-        for scene in record.per_scene
-    ]
+    factors = np.exp(NOISE * rng.normal(size=record.targets.units))
+    errors = {
+        subset: (np.array(sums) * factors).tolist()
+        for subset, sums in record.error.items()
+    }
     submission = record.submission.model_copy(update={"name": name})
-    return record.model_copy(update={"submission": submission, "per_scene": scenes})
+    return record.model_copy(update={"submission": submission, "error": errors})
 
 
 def spent(folder: Path, env: str | None) -> tuple[float, float]:

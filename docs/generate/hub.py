@@ -118,7 +118,7 @@ def scenes_table(records: Sequence[Record]) -> Table:
     subsets = [
         subset
         for subset in NAMES
-        if any(subset in record.per_scene[0].weight for record in records)
+        if any(subset in record.targets.subsets for record in records)
     ]
     columns = [
         Column(key=key) for key in ("env", "definitions", "submission", "digest")
@@ -139,42 +139,40 @@ def scenes_table(records: Sequence[Record]) -> Table:
                 help=f"{NAMES[subset]}: bADE, mean over seeds.",
             )
         )
-    if any(record.driving for record in records):
+    if any(record.drives for record in records):
         columns.append(
             Column(
                 key="drive_score",
                 help="Drive score of a closed loop, mean over seeds, 0 to 1.",
             )
         )
-    rows: list[dict[str, Any]] = []
-    for record in records:
-        same = (
-            record.env.id,
-            record.scorer.definitions,
-            record.submission.name,
-            record.digest,
-        )
-        for i, scene in enumerate(record.per_scene):
-            row: dict[str, Any] = dict(
-                zip(("env", "definitions", "submission", "digest"), same, strict=True)
-            )
-            row |= {"scene": scene.scene, "units": len(scene.weight["all"])}
-            for subset, weights in scene.weight.items():
-                error = (
-                    None
-                    if record.driving
-                    else ratio(sum(scene.error[subset]), sum(weights))
-                )
-                row |= {
-                    f"weight_{subset}": _short(sum(weights)),
-                    f"bADE_{subset}": _short(error),
-                }
-            if record.driving:
-                row["drive_score"] = _short(
-                    sum(record.driving.scores[i]) / len(record.seeds)
-                )
-            rows.append(row)
+    rows = [row for record in records for row in _scene_rows(record)]
     return Table("scenes", "Scenes", "", rows, columns)
+
+
+def _scene_rows(record: Record) -> list[dict[str, Any]]:
+    """The rows of the scenes of one record."""
+    about = {
+        "env": record.env.id,
+        "definitions": record.scorer.definitions,
+        "submission": record.submission.name,
+        "digest": record.digest,
+    }
+    rows: list[dict[str, Any]] = [
+        {**about, "scene": scene, "units": units}
+        for scene, units in zip(record.scenes, record.targets.scene_units, strict=True)
+    ]
+    for subset in record.subsets:
+        weights = record.targets.scene_sums(record.unit_weight(subset)).tolist()
+        errors = record.targets.scene_sums(record.unit_error(subset)).tolist()
+        for row, weight, error in zip(rows, weights, errors, strict=True):
+            row[f"weight_{subset}"] = _short(weight)
+            if record.drives is None:
+                row[f"bADE_{subset}"] = _short(ratio(error, weight))
+    if record.drives is not None:
+        for row, score in zip(rows, record.drives.scene_scores, strict=True):
+            row["drive_score"] = _short(score)
+    return rows
 
 
 def _short(value: float | None) -> float | None:

@@ -143,7 +143,7 @@ def story_table(env_id: str, complete_env: str, entries: Sequence[Entry]) -> Tab
             better="lower",
             format=".3f",
             key="brier",
-            read=lambda entry: complete[entry.name].diagnostics.brier,
+            read=lambda entry: complete[entry.name].record.brier,
         ),
         Column(
             "association; predictor", key="parts", read=lambda entry: STORY[entry.name]

@@ -8,12 +8,7 @@ from .gateway.run import (
     run_isolated as run_isolated,
     run_isolated_scenes as run_isolated_scenes,
 )
-from .records.attestation import (
-    LEVELS as LEVELS,
-    Checked as Checked,
-    Level as Level,
-    read_level as read_level,
-)
+from .records.attestation import Checked as Checked, read_level as read_level
 from .records.canonical import (
     Difference as Difference,
     digest_of as digest_of,
@@ -27,6 +22,7 @@ from .records.eligibility import (
     why_scored_otherwise as why_scored_otherwise,
     why_unranked as why_unranked,
 )
+from .records.fields import LEVELS as LEVELS, Level as Level
 from .records.intake import take_in as take_in
 from .records.inventory import (
     Piece as Piece,
@@ -35,11 +31,8 @@ from .records.inventory import (
     why_impossible as why_impossible,
 )
 from .records.ranking import STP as STP, Standing as Standing, standings as standings
-from .records.record import (
-    DrivingPart as DrivingPart,
-    HiddenPart as HiddenPart,
-    Record as Record,
-)
+from .records.record import HiddenPart as HiddenPart, Record as Record
+from .records.rounds import Round as Round, attest as attest
 from .records.seal import (
     COMMITMENT as COMMITMENT,
     SEALS as SEALS,
@@ -57,9 +50,4 @@ from .records.submitting import (
     submit as submit,
 )
 from .records.trust import Trust as Trust, trusted as trusted
-from .records.verifying import (
-    Round as Round,
-    Verification as Verification,
-    attest as attest,
-    verify as verify,
-)
+from .records.verifying import Verification as Verification, verify as verify

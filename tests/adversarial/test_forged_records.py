@@ -18,6 +18,7 @@ from mtp_bench.judge import (
     Isolation,
     Limits,
     checked_record,
+    digest_of,
     load_record,
     open_seal,
     standings,
@@ -26,17 +27,18 @@ from mtp_bench.judge import (
     verify,
 )
 from mtp_bench.judge.records import intake
-from mtp_bench.judge.records.attestation import Level, SignedLevel, Statement, read_level, write_level
+from mtp_bench.judge.records.attestation import SignedLevel, Statement, read_level, write_level
 from mtp_bench.judge.records.eligibility import why_unranked
+from mtp_bench.judge.records.fields import Level
 from mtp_bench.judge.records.record import HiddenPart, Record
 from mtp_bench.judge.records.rerun import why_unsandboxed
+from mtp_bench.judge.records.rounds import attest
 from mtp_bench.judge.records.seal import Commitment, SecretSeeds, commitment_of
 from mtp_bench.judge.records.shipped import baseline_digest, shipped
 from mtp_bench.judge.records.storage import content_digest, measured_digest, sealed
 from mtp_bench.judge.records.trust import read_owners
-from mtp_bench.judge.records.verifying import Verification, attest
+from mtp_bench.judge.records.verifying import Verification
 from mtp_bench.running.options import RunOptions
-from mtp_bench.scoring import SUBSETS
 from tests.support.board_records import MAIN, made_up
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.leaderboards import SIGNER, listed, make_key
@@ -45,7 +47,7 @@ from tests.support.small_scenes import CARD_ID
 from tests.support.stored_records import hex_of, hidden_part, save_record, ships_of, signed_level, write_record
 
 Content = dict[str, Any]
-CLOSED = "\n}\n"  # the end of a file
+CLOSED = "}\n"  # the end of a file
 Change = Callable[[Content], Any]
 
 
@@ -55,6 +57,7 @@ def forged(path: Path, record: Record, change: Change) -> Path:
     content = json.loads(path.read_text())
     change(content)
     with contextlib.suppress(UnicodeEncodeError):  # half a character has no digest
+        content["targets_sha256"] = digest_of(content["targets"])
         content["measured"]["digest"] = measured_digest(content)
         content["digest"] = content_digest(content)
     path.write_text(json.dumps(content))
@@ -104,9 +107,6 @@ def test_relabelled_answers_are_found(echo: tuple[Path, Path], card: str, kitti:
         content["env"]["observe"] = "detections"
         content["hashes"]["seals"] = "00" * 32
         content["hypotheses"] = own.hypotheses
-        for row in content["rows"]:
-            row.update(agent="echo", hypotheses=own.hypotheses)
-        content["details"].update(agent="echo", hypotheses=own.hypotheses)
 
     forged(path, load_record(path), relabel)
     with pytest.raises(RecordError, match="made with submission"):
@@ -133,15 +133,16 @@ def test_seals_are_verified_by_another_run(echo: tuple[Path, Path], card: str, k
 
 # --- H5: one record that un-ranks its environment
 def broken_counts(content: Content) -> None:
-    for row in content["rows"]:
-        row.update(objects=0, effective_objects=0.0)
+    for part in content["targets"]["subsets"].values():
+        part.update(objects=0, effective_objects=0.0)
 
 
 def other_units(content: Content) -> None:
     """The same targets and errors in twice as many units."""
-    for scene in content["per_scene"]:
-        for part in ("weight", "error"):
-            scene[part] = {subset: [value / 2 for value in scene[part][subset] for _ in (0, 1)] for subset in SUBSETS}
+    content["targets"]["scene_units"] = [2 * count for count in content["targets"]["scene_units"]]
+    for part in content["targets"]["subsets"].values():
+        part["weight"] = [value / 2 for value in part["weight"] for _ in (0, 1)]
+    content["error"] = {name: [value / 2 for value in sums for _ in (0, 1)] for name, sums in content["error"].items()}
 
 
 def other_data(content: Content) -> None:
@@ -172,7 +173,7 @@ def test_one_broken_record_stops_no_board(honest: tuple[Path, Record], cli: Comm
     path, _ = honest
     save_record(made_up("stp", 1.0), path.parents[1] / "stp" / path.name)
     (path.parents[1] / "odd").mkdir()
-    (path.parents[1] / "odd" / path.name).write_text('{"format": 2, "rows": [[]]}')
+    (path.parents[1] / "odd" / path.name).write_text('{"format": 3, "error": [[]]}')
     content = path.parents[1] / "found.txt"
     said = " ".join(cli.ok("board", "--records", path.parents[1], "--json", content).split())
     assert "refused: " in said
@@ -283,37 +284,59 @@ def test_three_scenes_are_not_the_whole_split(tmp_path: Path) -> None:
 
 def test_other_targets_than_the_frozen_ones_do_not_rank() -> None:
     content = made_up("odd", 0.1).model_dump()
-    for part in ("weight", "error"):  # the hard scene made small
-        content["per_scene"][0][part]["all"] = [value / 100 for value in content["per_scene"][0][part]["all"]]
+    for sums in (content["targets"]["subsets"]["all"]["weight"], content["error"]["all"]):
+        sums[:4] = [value / 100 for value in sums[:4]]  # the hard scene made small
     said = "scene 'wildtrack-1200' has other targets than its frozen event weights"
     assert why(Record.model_validate(content)) == said
 
 
+def of_all(content: Content) -> Content:
+    """The targets of the subset "all" in a record."""
+    part: Content = content["targets"]["subsets"]["all"]
+    return part
+
+
+def stated(name: str, value: float, subset: str = "all") -> Change:
+    return lambda content: content["numbers"][subset].update({name: value})
+
+
+NO_FACT = "is not a fact that records store"
 IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "negative errors": (
-        lambda c: c["per_scene"][0]["error"]["all"].__setitem__(0, -50.0), "got -50.0: Input should be greater than"),
+        lambda c: c["error"]["all"].__setitem__(0, -50.0), "got -50.0: Input should be greater than"),
     "more than a miss costs": (
-        lambda c: c["per_scene"][0]["error"]["lost"].__setitem__(0, 1e4), "has error 10000, expected 0 to 4 x weight"),
-    "a better row": (lambda c: c["rows"][0].update(error=0.01), "error is 0.01, the sums of its units give"),
-    "a narrow interval": (lambda c: c["rows"][0].update(interval=[0.9, 0.9]), "interval from is 0.9"),
-    "parts that do not add up": (lambda c: c["rows"][0].update(localisation=0.0), r"localisation \+ missed"),
-    "costs that do not": (lambda c: c["rows"][0].update(cost_rest=9.9), r"the sum of cost_\* is"),
-    "more than all covered": (lambda c: c["rows"][1].update(coverage=1.5), "coverage is 1.5, expected 0 to 1"),
-    "a place": (lambda c: c["rows"][0].update(place=1), "place is 1, expected null"),
-    "a gap": (lambda c: c["rows"][0].update(gap_closed=0.9), "gap_closed is 0.9, expected null"),
-    "more targets": (lambda c: c["rows"][0].update(targets=99_999), "targets is 99999"),
-    "more objects than targets": (lambda c: c["rows"][0].update(objects=99_999), "objects is 99999"),
-    "another agent in a row": (lambda c: c["rows"][3].update(agent="stp"), "agent is 'stp', the record has 'odd'"),
-    "nothing costs much": (lambda c: c.update(nothing_predicted=1e3), "nothing_predicted is 1000.0, expected 0 to 4 m"),
-    "no scene lost, one reason": (lambda c: c["missed"].update(reasons={"x|0": "y"}), "crashed_scenes is 0"),
-    "finished all the same": (lambda c: c["env"].update(scenes_of_split=9), "status is 'finished' .*, its runs give"),
+        lambda c: c["error"]["lost"].__setitem__(0, 1e4), "has error 10000, expected 0 to 4 x weight"),
+    "errors without targets": (
+        lambda c: (c["targets"]["subsets"].pop("lost"), c["error"]["lost"].__setitem__(0, 0.1)), "expected 0 to 4 x we"),
+    "a better row": (stated("error", 0.01), NO_FACT),
+    "a narrow interval": (lambda c: c["numbers"]["all"].update(interval=[0.9, 0.9]), "interval"),
+    "a localisation": (stated("localisation", 0.0), NO_FACT),
+    "parts that do not add up": (stated("missed", 3.0), "missed is 3.0, the sums of units give an error of 0.9"),
+    "costs that do not": (stated("cost_no_forecast", 9.9), r"the sum of cost_\* is 9.9"),
+    "more than all covered": (stated("coverage", 1.5, "ids"), "coverage is 1.5, expected 0 to 1"),
+    "a place": (stated("place", 1.0), NO_FACT),
+    "a gap": (stated("gap_closed", 0.9), NO_FACT),
+    "more than a miss costs by score": (stated("error_by_score", 5.0), "error_by_score is 5.0, expected 0 to 4"),
+    "more targets": (lambda c: of_all(c).update(targets=99_999), "targets is 99999, the weights give others"),
+    "more objects than targets": (lambda c: of_all(c).update(objects=99_999), "objects is 99999"),
+    "more of equal weight": (lambda c: of_all(c).update(effective_objects=1e6), "effective_objects is 1000000"),
+    "another agent in a row": (lambda c: c["numbers"]["all"].update(agent="stp"), "agent"),
+    "nothing costs much": (
+        lambda c: c["targets"].update(nothing_predicted=1e3), "nothing_predicted is 1000.0, expected 0 to 4 m"),
+    "a reason of no run": (lambda c: c["missed"].update(reasons={"x|0": "y"}), "'x|0', which is no run of the record"),
+    "finished all the same": (lambda c: c.update(status="finished"), "unknown key 'status'"),
     "more scenes than there are": (lambda c: c["env"].update(scenes_of_split=2), "scenes is 4, the split has 2"),
-    "giant details": (lambda c: c.update(details={str(i): "x" * 1999 for i in range(600)}), "details take 12"),
-    "a long reason": (lambda c: c["details"].update(why="x" * 3000), "at most 2000 characters"),
-    "a key that steers the terminal": (lambda c: c["details"].update({"\x1b[2J": 1}), r"contains U\+001B"),
+    "a scene twice": (
+        lambda c: c["targets"]["scenes"].__setitem__(1, c["targets"]["scenes"][0]), "of 4 scenes, expected each once"),
+    "a level of one's own": (
+        lambda c: c.update(converted_from={"digest": "00" * 32, "level": "best"}), r"converted_from\.level: got 'best'"),
+    "giant details": (lambda c: c.update(details={}), "unknown key 'details'"),
+    "a long reason": (lambda c: c["missed"]["reasons"].update(why="x" * 3000), "at most 2000 characters"),
+    "a key that steers the terminal": (
+        lambda c: c["submission"]["parameters"].update({"\x1b[2J": 1}), r"contains U\+001B"),
     "half a character": (lambda c: c["submission"]["parameters"].update(a=["\ud800"]), r"surrogate"),
-    "nested a thousand times": (lambda c: c["details"].update(a=nested(900)), "nested deeper"),
-    "a number of a thousand digits": (lambda c: c["details"].update(a=10**1000), "digits"),
+    "nested a thousand times": (lambda c: c["submission"]["parameters"].update(a=nested(900)), "nested deeper"),
+    "a number of a thousand digits": (lambda c: c["submission"]["parameters"].update(a=10**1000), "digits"),
 }  # fmt: skip
 
 
@@ -368,7 +391,7 @@ def test_what_is_not_a_day_is_not_a_date(date: str, honest: tuple[Path, Record])
 
 
 def test_a_file_of_many_megabytes_is_not_read(tmp_path: Path) -> None:
-    (tmp_path / "a.json").write_text('{"format": 2, "x": "' + "x" * (9 << 20) + '"}')
+    (tmp_path / "a.json").write_text('{"format": 3, "x": "' + "x" * (9 << 20) + '"}')
     with pytest.raises(RecordError, match=r"more than 8 MiB|larger than 8192 KiB"):
         load_record(tmp_path / "a.json")
 
@@ -423,7 +446,7 @@ def test_a_genuine_level_is_shown(honest: tuple[Path, Record], leaderboard: Path
     path, record = honest
     before = path.read_text()
     sign(path, record, key)
-    assert path.read_text().startswith(f'{before.removesuffix(CLOSED)},{CLOSED[0]} "level": {{')
+    assert path.read_text().startswith(f'{before.removesuffix(CLOSED)},"level":{{')
     assert checked_record(path) == record
     assert save_record(load_record(path), path.with_name("again.json")) == record
     assert path.with_name("again.json").read_text() == before, "a record is never written with a level"
@@ -435,6 +458,35 @@ def test_a_genuine_level_is_shown(honest: tuple[Path, Record], leaderboard: Path
     assert said == ""
     assert signed is not None
     assert (signed.statement.level, signed.signer) == ("re-run", SIGNER)
+
+
+EARLIER = {"digest": "00" * 32, "level": "re-run", "date": "2026-01-01", "signer": "somebody"}
+
+
+@pytest.mark.parametrize(("level", "converted_from", "message"), [
+    ("re-run", EARLIER, ""),
+    ("re-run", {**EARLIER, "level": "scored"}, "level 're-run' is converted, the earlier record had 'scored'"),
+    ("re-run", None, "level 're-run' is converted, the earlier record had none"),
+    ("scored", {**EARLIER, "level": "scored"}, ""),
+])  # fmt: skip
+def test_a_converted_level_is_that_of_the_earlier_record(
+    level: Level, converted_from: Content | None, message: str, leaderboard: Path, key: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "records" / "honest" / f"{MAIN}.json"
+    record = save_record(made_up("honest", 0.9, converted_from=converted_from), path)
+    sign(path, record, key, level, converted=True)
+    signed, said = read_level(path, record, trusted(leaderboard))
+    assert message in said
+    assert (signed is None) == bool(message)
+    sign(path, record, key, "scored")
+    assert "level 'scored' is signed, expected a higher one" in note(path, leaderboard)
+
+
+def test_a_converted_record_that_was_not_checked_keeps_no_name() -> None:
+    mine, theirs = made_up("agent", 0.5), made_up("agent", 0.9, submission={"digest": hex_of("theirs")})
+    reason = "2 submissions have the name 'agent'"
+    levels = {theirs.digest: signed_level(theirs, "scored")}
+    assert (why(mine, theirs, levels), why(theirs, mine, levels)) == (reason, reason)
 
 
 def test_a_check_that_reached_less_keeps_a_level(honest: tuple[Path, Record], leaderboard: Path, key: Path) -> None:
@@ -469,8 +521,8 @@ def test_a_level_of_another_record(honest: tuple[Path, Record], leaderboard: Pat
     assert changed.digest == record.digest, "measurements are not part of it"
     with_level(path, level, changed)
     assert "of another record" in note(path, leaderboard)
-    row = record.rows[0].model_copy(update={"error": 0.01})  # with the digests as they were
-    with_level(path, level, record.model_copy(update={"rows": [row, *record.rows[1:]]}))
+    better = {subset: [0.5 * value for value in sums] for subset, sums in record.error.items()}
+    with_level(path, level, record.model_copy(update={"error": better}))  # with the digests as they were
     assert "of another record" in note(path, leaderboard)
     with_level(path, level, record)
     assert read_level(path, record, trusted(leaderboard))[1] == ""
@@ -587,7 +639,7 @@ def on_seal(leaderboard: Path, tmp_path: Path) -> tuple[Path, Record, Commitment
 
 
 def sealed_part(promise: Commitment, **changed: Any) -> HiddenPart:
-    return hidden_part(1.0, 2.0, name="agent", **({"commitment": promise.commitment} | changed))
+    return hidden_part(1.0, 2.0, **({"commitment": promise.commitment} | changed))
 
 
 def test_a_hidden_part_of_its_seal(on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path) -> None:
@@ -605,9 +657,13 @@ def test_a_hidden_part_without_its_seal(on_seal: tuple[Path, Record, Commitment]
     sign(path, record, key, "hidden", hidden=hidden_part(1.0, 2.0, 3.0, commitment=promise.commitment))
     assert "3 hidden scenes" in note(path, leaderboard)
     part = sealed_part(promise)
-    others = part.model_copy(update={"error": {**part.error, "all": [1.0, 1.0]}})
-    sign(path, record, key, "hidden", hidden=others)
-    assert "hidden scenes: row 'all': error is 1.5, the sums of its units give 0.1" in note(path, leaderboard)
+    numbers = {**part.numbers, "all": {**part.numbers["all"], "missed": 2.0}}
+    sign(path, record, key, "hidden", hidden=part.model_copy(update={"numbers": numbers}))
+    assert "hidden scenes: numbers.all: missed is 2.0, the sums of units give an error of 1.5" in note(
+        path, leaderboard
+    )
+    sign(path, record, key, "hidden", hidden=part.model_copy(update={"error": {**part.error, "all": [1.0]}}))
+    assert "hidden scenes: error.all has 1 units, its targets 2" in note(path, leaderboard)
     sign(path, record, key, "re-run", hidden=sealed_part(promise))
     assert "level 're-run' with hidden scenes" in note(path, leaderboard)
     sign(path, record, key, "hidden")
@@ -759,12 +815,12 @@ def with_a_submodule(proposal: Path, _: Path) -> None:
 
 def with_a_key_twice(proposal: Path, _: Path) -> None:
     text = (proposal / NEWCOMER).read_text()
-    (proposal / NEWCOMER).write_text(text.replace("{", '{\n "division": "closed",', 1))
+    (proposal / NEWCOMER).write_text(text.replace("{", '{"format":3,', 1))
 
 
 def with_nan(proposal: Path, _: Path) -> None:
     content = json.loads((proposal / NEWCOMER).read_text())
-    content["details"]["a"] = float("nan")
+    content["submission"]["parameters"]["a"] = float("nan")
     (proposal / NEWCOMER).write_text(json.dumps(content))
 
 
@@ -774,7 +830,7 @@ LEVEL_KEPT = f"{NEWCOMER}: levels are written and removed by those who check rec
 OLD: Content = {"scorer": {"definitions": "2.0"}}
 PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a level": (lambda head, _: with_level(head / NEWCOMER, {}), LEVEL_KEPT),
-    "a file of a level": (writes(f"records/newcomer/{MAIN}.level.json", "{}"), "key 'submission' is missing"),
+    "a file of a level": (writes(f"records/newcomer/{MAIN}.level.json", "{}"), "level.json: key 'error' is missing"),
     "a link": (as_link, f"{NEWCOMER}: link, expected a file of mode 100644"),
     "a pipe": (lambda head, _: os.mkfifo(head / "records" / "newcomer" / "x.json"), "newcomer/x.json: FIFO, expected"),
     "an executable file": (lambda head, _: (head / NEWCOMER).chmod(0o755), f"{NEWCOMER}: executable file, expected"),
@@ -813,9 +869,10 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a removed level": (levels("newcomer", None, {"a": 1}), LEVEL_KEPT),
     "a rival's level": (levels("theirs", None, {"a": 1}), f"theirs/{MAIN}.json: levels are written and removed by"),
     "an older level": (levels("newcomer", {"a": 0}, {"a": 1}), LEVEL_KEPT),
+    "a conversion": (adds("newcomer", converted_from=EARLIER), "only maintainers convert records"),
     "another card": (adds("newcomer", env={"card_digest": "00" * 8}), "with card 0000000000000000 does not ship"),
     "a record of definitions 2.0": (adds("newcomer", **OLD), "scored by definitions 2.0, today's are 3.1: make it"),
-    "a key twice": (with_a_key_twice, "key 'division' comes twice"),
+    "a key twice": (with_a_key_twice, "key 'format' comes twice"),
     "NaN": (with_nan, "NaN is not allowed in JSON"),
 }  # fmt: skip
 

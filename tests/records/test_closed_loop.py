@@ -16,9 +16,11 @@ from mtp_bench.commands.verify import _as_json, _verdict
 from mtp_bench.core import Rollout
 from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.env.rollouts import actions_of, assemble, digest
-from mtp_bench.judge import Record, open_seal, run_isolated, seal, submit, verify
+from mtp_bench.judge import Record, digest_of, open_seal, run_isolated, seal, submit, verify
 from mtp_bench.judge.records.consistency import checked_record
 from mtp_bench.judge.records.rerun import drive_again
+from mtp_bench.judge.records.storage import content_digest
+from mtp_bench.judge.records.targets import drive_targets
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.rollout_files import load_run, save_run
@@ -32,7 +34,7 @@ from mtp_bench.viz.board.tables import board_tables
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.runs import PATIENT
 from tests.support.small_scenes import write_short_card
-from tests.support.stored_records import save_record, scene_part, write_record
+from tests.support.stored_records import write_record
 
 DRIVE = "MTP-Drive-Intersection-v0"
 SCENE = "intersection-010000"
@@ -131,7 +133,8 @@ def test_a_reward_is_known_after_the_step_alone(short: Any) -> None:
 def test_a_record_holds_by_its_answers_alone(made: Path, path: str, tmp_path: Path) -> None:
     record = checked_record(made)
     assert record.driving is not None
-    assert [1 - sum(own) / 2 for own in record.driving.scores] == pytest.approx(record.unit_error("all"))
+    assert record.drives is not None
+    assert [1 - sum(scores) / 2 for scores in record.drives.scores] == pytest.approx(record.unit_error("all"))
     assert record.driving.drive_score == pytest.approx(1 - (record.row.error or 0.0))
     copied = Path(shutil.copytree(made.parent, tmp_path / "standing")) / made.name
     run = load_run(folder := copied.with_suffix(".rollouts") / "seed-0")
@@ -165,41 +168,55 @@ def test_a_drive_has_as_many_answers_as_frames(short: Any, driven: Rollout) -> N
             drive_again(short, assemble(SCENE, others, np.zeros(len(others), dtype=int)))
 
 
-FORGED: dict[str, tuple[Callable[[Any], Any], str]] = {  # a change of a record, and what is wrong then
-    "drive score": (lambda c: c["driving"].update(drive_score=0.99), r"driving\.drive_score is 0\.99, .* give 0\."),
-    "score of a scene": (lambda c: c["driving"]["scores"][0].reverse() or c["driving"]["scores"].reverse(), "add up"),
-    "seed too few": (lambda c: c["driving"]["scores"][0].pop(), "expected 2 of each scene"),
-    "scene too few": (lambda c: c["per_scene"].pop(), "per_scene has 1 scenes, expected 2"),
-    "no driving": (lambda c: c.update(driving=None), "driving is missing, MTP-Drive-Intersection-v0 is a closed loop"),
-    "other env": (lambda c: c["env"].update(id="MTP-Merge-v0"), "driving is given, MTP-Merge-v0 is not a closed loop"),
-    "faults": (lambda c: c["driving"].update(collisions=50.0), r"driving\.collisions is 50\.0, .* give 0"),
-    "interval": (lambda c: c["driving"].update(collisions_interval=[0.0, 0.1]), r"driving\.collisions_interval"),
-    "way": (lambda c: c["driving"].update(comfort=0.5, progress=0.0), r"driving\.progress is 0\.0, .* give 0\."),
-    "bADE": (lambda c: c["driving"].update(bade=0.0), r"driving\.bade is 0\.0, the other numbers give None"),
-    "other scene": (lambda c: c["per_scene"][0].update(scene="intersection-010007"), "scenes are not those of the rec"),
-    "ways": (lambda c: c["reference"].update(hash="00" * 32), "reference.hash"),
-    "collisions": (lambda c: c["driving"].update(near_misses=1e3, progress=0.999), "driving.near_misses"),
-    "data": (lambda c: c["env"].update(data_manifest="00" * 32), "env.data_manifest"),
+def without_a_scene(content: Any) -> None:
+    content["targets"]["scenes"].pop()
+    content["targets"]["scene_units"].pop()
+    for part in content["targets"]["subsets"].values():
+        part["weight"].pop()
+
+
+REFUSED: dict[str, tuple[Callable[[Any], Any], str]] = {  # a change of a record, and what is wrong then
+    "drive score": (lambda c: c["drives"].update(drive_score=0.99), "unknown key 'drives.drive_score'"),
+    "seed too few": (lambda c: c["drives"]["scores"][0].pop(), r"drives\.scores are not 2 scores of each scene"),
+    "scene too few": (without_a_scene, r"drives\.scores has 2 units, its targets 1"),
+    "no drives": (lambda c: c.update(drives=None), "error has no sums of all"),
+    "other env": (lambda c: c["env"].update(id="MTP-Merge-v0"), "drives are given, MTP-Merge-v0 is not a closed loop"),
+    "faults": (lambda c: c["drives"].update(collisions=50.0), r"drives\.collisions is 50\.0, and 0 % of the scores"),
+    "way": (lambda c: c["drives"].update(comfort=0.5, progress=0.0), r"drives\.progress is 0\.0, the scores need 0\."),
+    "too far": (lambda c: c["drives"].update(progress=1.5), r"drives\.progress: got .*less than or equal to 1"),
+    "other scene": (
+        lambda c: c["targets"]["scenes"].__setitem__(0, "intersection-010007"), "scenes are not those of the record"),
+}  # fmt: skip
+FORGED: dict[str, Callable[[Any], Any]] = {  # what differs when its drives are scored again
+    "drives.scores[0][0]": lambda c: c["drives"]["scores"][0].__setitem__(0, c["drives"]["scores"][0][0] * 0.999),
+    "reference.hash": lambda c: c["reference"].update(hash="00" * 32),
+    "drives.near_misses": lambda c: c["drives"].update(near_misses=1e3),
+    "env.data_manifest": lambda c: c["env"].update(data_manifest="00" * 32),
 }
 
 
-def test_a_changed_record_does_not_hold(made: Path, path: str, tmp_path: Path) -> None:
-    copied = Path(shutil.copytree(made.parent, tmp_path / "standing")) / made.name
-    text, rest = copied.read_text(), json.loads(copied.read_text())
-    for change, reason in list(FORGED.values())[:11]:
-        content = json.loads(text)
+def changed(path: Path, *changes: Callable[[Any], Any]) -> None:
+    content = json.loads(path.read_text())
+    for change in changes:
         change(content)
-        save_record(Record.model_validate(content), copied)
-        with pytest.raises(MtpBenchError, match=reason):
-            verify(copied, RunOptions(), path)
-    copied.write_text(text.replace('"progress": ', '"progress": 1'))
-    with pytest.raises(MtpBenchError, match=r"driving\.progress: got .*less than or equal to 1"):
+    content["targets_sha256"] = digest_of(content["targets"])
+    content["digest"] = content_digest(content)
+    path.write_text(json.dumps(content))
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_a_changed_record_is_refused(what: str, made: Path, path: str, tmp_path: Path) -> None:
+    copied = Path(shutil.copytree(made.parent, tmp_path / "standing")) / made.name
+    change, reason = REFUSED[what]
+    changed(copied, change)
+    with pytest.raises(MtpBenchError, match=reason):
         verify(copied, RunOptions(), path)
-    for change, _ in list(FORGED.values())[11:]:
-        change(rest)
-    save_record(Record.model_validate(rest), copied)
-    found = {each.what for each in verify(copied, RunOptions(), path).differences}
-    assert {reason for _, reason in list(FORGED.values())[11:]} <= found
+
+
+def test_a_forged_record_does_not_hold(made: Path, path: str, tmp_path: Path) -> None:
+    copied = Path(shutil.copytree(made.parent, tmp_path / "standing")) / made.name
+    changed(copied, *FORGED.values())
+    assert FORGED.keys() <= {each.what for each in verify(copied, RunOptions(), path).differences}
 
 
 @pytest.mark.needs("sandbox")
@@ -228,10 +245,12 @@ def test_hidden_drives(made: Path, path: str, tmp_path: Path) -> None:
 
 def test_a_board_of_drives(made: Path) -> None:
     def record(name: str, *scores: float) -> Record:
-        part = {"agent": name, "drive_score": sum(scores) / len(scores), "scores": [[score] * 3 for score in scores]}
-        scenes = [scene_part(f"s{i}", 1, 1 - score).model_dump() for i, score in enumerate(scores)]
-        driving = {**json.loads(made.read_text())["driving"], **part}
-        return write_record(name=name, per_scene=scenes, env={"id": DRIVE}, driving=driving)
+        drives = {**json.loads(made.read_text())["drives"], "scores": [[score] * 3 for score in scores]}
+        targets = drive_targets([f"s{i}" for i in range(len(scores))])
+        of_targets: dict[str, Any] = {"targets": targets.model_dump(), "targets_sha256": targets.digest}
+        results = {"error": {}, "numbers": {}, "drives": drives}
+        record = write_record(1.0, name=name, env={"id": DRIVE, "scenes_of_split": len(scores)}, **of_targets)
+        return Record.model_validate(record.model_dump() | results)
 
     records = [record("stp", *[0.5] * 30), record("best", *[0.7] * 25, *[0.4] * 5)]
     entries = entries_of([Found(each) for each in records])

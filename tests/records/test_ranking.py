@@ -9,12 +9,13 @@ import pytest
 
 from mtp_bench.judge import Record, standings
 from mtp_bench.judge.records.attestation import SignedLevel
-from mtp_bench.judge.records.evaluation import per_scene_of
+from mtp_bench.judge.records.evaluation import numbers_of, unit_errors
+from mtp_bench.judge.records.targets import targets_of
 from mtp_bench.scoring import SUBSETS, AgentScores, Reference, SceneScore, score_scene, summarise
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.weights import SceneWeights, scene_key
 from tests.support.scoring_scenes import make_card, random_case, take_objects
-from tests.support.stored_records import make_record, make_row, scene_part, ships_of, signed_level, write_record
+from tests.support.stored_records import make_record, scene_part, ships_of, signed_level, write_record
 
 CARD = make_card(samples=4)
 NAMES = [f"s{i}" for i in range(9)]
@@ -68,10 +69,10 @@ def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
 
 def two_subsets(name: str, error: float, on_events: float, **changed: Any) -> Record:
     """A record with one error over all targets and another one on identity switches."""
-    scenes = [scene_part(str(i), 10, error + 0.1 * (i % 3)).model_dump() for i in range(8)]
+    scenes = [scene_part(str(i), 10, error + 0.1 * (i % 3)) for i in range(8)]
     for scene in scenes:
         scene["weight"]["ids"], scene["error"]["ids"] = [10.0], [10 * on_events]
-    return make_record(name, [make_row(name, subset, scenes, objects=40) for subset in SUBSETS], scenes, **changed)
+    return make_record(name, scenes, objects=40, **changed)
 
 
 def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
@@ -117,10 +118,24 @@ def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
     report = summarise(agents, CARD, reference)
     records = []
     for i, agent in enumerate(agents):
-        rows = [row.model_dump(mode="json") for row in report.rows[i * len(SUBSETS) : (i + 1) * len(SUBSETS)]]
-        scenes = [part.model_dump() for part in per_scene_of(agent_table(agent, reference))]
-        said: dict[str, Any] = {"submission": {"gap_references": "controls"}, "env": {"observe": agent.observe}}
-        records.append(make_record(agent.agent, rows, scenes, **said))
+        table = agent_table(agent, reference)
+        targets = targets_of(table, SUBSETS, None)
+        rows = report.rows[i * len(SUBSETS) : (i + 1) * len(SUBSETS)]
+        said: dict[str, Any] = {
+            "submission": {"gap_references": "controls"},
+            "env": {"observe": agent.observe, "scenes_of_split": len(NAMES)},
+            "targets": targets.model_dump(), "targets_sha256": targets.digest,
+            "error": {subset: unit_errors(table, subset) for subset in SUBSETS},
+            "numbers": {row.subset: numbers_of(row) for row in rows},
+        }  # fmt: skip
+        record = make_record(agent.agent, [scene_part("a", 1, 1.0)], **said)
+        records.append(record)
+        for row in rows:  # what follows from the sums is that of the comparison
+            stored = record.row_of(row.subset)
+            for name in ("error", "localisation", "missed", "minADE", "energy_score", "effective_units", "cost_rest"):
+                if row.subset == "all" or not name.startswith("cost"):
+                    assert getattr(stored, name) == pytest.approx(getattr(row, name), abs=1e-9), (row.subset, name)
+            assert stored.interval == pytest.approx(row.interval, abs=1e-6)
     found = standings(records, ships=ships_of(*records))
     places = [
         (found[record.digest].places[s].place, found[record.digest].places[s].why)

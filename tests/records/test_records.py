@@ -1,28 +1,25 @@
-"""Records: no changed one is taken, and ranks follow from errors per scene alone."""
+"""Records: no changed one is taken, and ranks follow from errors per unit alone."""
 
 import json
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 
 from mtp_bench.core.errors import RecordError
-from mtp_bench.judge import SceneRun, checked_record, load_record, record_paths, standings, why_unranked
-from mtp_bench.judge.records.consistency import inconsistent_sums
-from mtp_bench.judge.records.evaluation import status_of
-from mtp_bench.judge.records.record import HiddenPart, MissedPart, Record
+from mtp_bench.judge import SceneRun, checked_record, digest_of, load_record, record_paths, standings, why_unranked
+from mtp_bench.judge.records import targets as target_files
+from mtp_bench.judge.records.record import Record
 from mtp_bench.judge.records.rerun import require_answered, worse_when_moved
 from mtp_bench.judge.records.storage import content_digest
+from mtp_bench.judge.records.targets import targets_path, targets_text
 from mtp_bench.scoring.definitions import Subset
-from mtp_bench.scoring.rows import Row
 from mtp_bench.sources.cache import scene_digest
 from tests.support.small_scenes import make_scene
-from tests.support.stored_records import hidden_part, make_row, save_record, scene_part, ships_of, write_record
+from tests.support.stored_records import save_record, scene_part, ships_of, write_record
 
 Content = dict[str, Any]
 
@@ -51,46 +48,61 @@ def test_the_digest_is_over_the_content_alone(tmp_path: Path) -> None:
     assert checked_record(tmp_path / "a.json") == record
 
 
-OPTIONAL = {name for name, field in Row.model_fields.items() if not field.is_required()}
+def test_a_record_without_a_newer_number_loads(tmp_path: Path) -> None:
+    """Such as one that was made before the metric was added."""
+    record = write_record(*[1.0] * 3)
+    numbers: dict[str, dict[str, float]] = {subset: {} for subset in record.numbers}
+    save_record(record.model_copy(update={"numbers": numbers}), tmp_path / "a.json")
+    row = checked_record(tmp_path / "a.json").row
+    assert (row.minADE, row.energy_score, row.localisation, row.error) == (None, None, None, 1.0)
 
 
-def test_a_record_without_an_optional_column_loads(tmp_path: Path) -> None:
-    """Such as one that was made before the column was added; its digest is over what it holds."""
-    save_record(write_record(*[1.0] * 3), tmp_path / "a.json")
-    content = json.loads((tmp_path / "a.json").read_text())
-    content["rows"] = [{name: row[name] for name in row if name not in OPTIONAL} for row in content["rows"]]
-    content["digest"] = content_digest(content)
-    (tmp_path / "a.json").write_text(json.dumps(content))
-    record = checked_record(tmp_path / "a.json")
-    assert all(getattr(row, name) is None for row in record.rows for name in OPTIONAL)
-
-
-def units(part: Content, count: int) -> None:
-    """Replace the sums of a scene by those of ``count`` units."""
-    for name in ("weight", "error"):
-        part[name] = dict.fromkeys(part[name], [1.0] * count)
+def test_targets_are_those_of_the_leaderboard_or_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file of the leaderboard is named by its sha256: another one in its place is refused."""
+    monkeypatch.setattr(target_files, "_by_digest", {})
+    record = write_record(1.0, 2.0)
+    path = tmp_path / "records" / "echo" / "a.json"
+    save_record(record, path)
+    assert load_record(path).targets == record.targets, "no leaderboard has them, so they are in the file"
+    content = json.loads(path.read_text())
+    del content["targets"]
+    path.write_text(json.dumps(content))
+    target_files._by_digest.clear()
+    with pytest.raises(RecordError, match=r"there is no file .*targets/MTP-Small-v0"):
+        load_record(path)
+    file = targets_path(tmp_path, "MTP-Small-v0", record.targets_sha256)
+    file.parent.mkdir()
+    file.write_text(targets_text(record.targets))
+    assert checked_record(path).targets == record.targets
+    target_files._by_digest.clear()
+    file.write_text(targets_text(write_record(1.0, 2.0, 3.0).targets))
+    with pytest.raises(RecordError, match=r"MTP-Small-v0\..*: these targets have the sha256 .* they were changed"):
+        load_record(path)
+    file.write_text("{}")
+    with pytest.raises(RecordError, match="key 'scenes' is missing"):
+        load_record(path)
 
 
 CHANGED = "its content has the digest .* changed after it was made"
-SUMS = "expected one sum or more of every subset, equally many of each"
 REFUSED: dict[str, tuple[Callable[[Content], Any], str]] = {
-    "another error": (lambda c: c["rows"][0].update(error=0.9), CHANGED),
+    "another error": (lambda c: c["error"]["all"].__setitem__(0, 0.1), CHANGED),
     "another name": (lambda c: c["submission"].update(name="other"), CHANGED),
     "no digest": (lambda c: c.update(digest=""), CHANGED),
     "other times": (lambda c: c["measured"].update(ms_per_frame=0.1), "its section 'measured' has the digest"),
     "a sign that turns text around": (lambda c: c["training_data"].append("\u202e"), r"training_data\.0: .*U\+202E"),
     "a sign without width": (lambda c: c["training_data"].append("\u200b"), r"U\+200B"),
     "a control character": (lambda c: c["versions"].update(numpy="\x1b"), r"versions\.numpy: .*U\+001B"),
-    "a subset without sums": (lambda c: c["per_scene"][0]["error"].pop("ids"), SUMS),
-    "another number of units": (lambda c: c["per_scene"][0]["weight"]["ids"].append(1.0), SUMS),
-    "no sums": (lambda c: c["per_scene"][0].update(weight={}, error={}), SUMS),
-    "too many units": (lambda c: units(c["per_scene"][0], 20_000), "there are sums of 20001 units, expected at most"),
+    "a subset without sums": (lambda c: c["error"].pop("ids"), "error has no sums of ids"),
+    "another number of units": (lambda c: c["error"]["ids"].append(1.0), "error.ids has 3 units, its targets 2"),
+    "other targets": (lambda c: c.update(targets_sha256="00" * 32), "these targets have the sha256"),
+    "no scenes": (lambda c: c["targets"].update(scenes=[], scene_units=[]), "name no scene"),
+    "other weights": (lambda c: c["targets"]["subsets"]["all"]["weight"].pop(), "expected one weight per unit"),
+    "no sums": (lambda c: c.update(error={}), "error has no sums of all, ids"),
+    "too many units": (lambda c: c["error"].update(all=[1.0] * 20_001), "at most 2000 items"),
     "no seed": (lambda c: c.update(seeds=[]), "expected whole numbers from 0 on, each once"),
     "a seed twice": (lambda c: c.update(seeds=[0, 0]), "expected whole numbers from 0 on, each once"),
     "a negative seed": (lambda c: c["seeds"].append(-1), r"seeds\.3: got -1"),
-    "a row too few": (lambda c: c["rows"].pop(0), "holds rows of ids, lost, .*, expected all, ids"),
-    "a scene twice": (lambda c: c["per_scene"][1].update(scene="a"), "per_scene has 2 scenes, expected 2, each once"),
-    "another format": (lambda c: c.update(format=1), "format: got 1"),
+    "another format": (lambda c: c.update(format=2), "format: got 2"),
     "another H than declared": (lambda c: c["submission"].update(hypotheses=2), "hypotheses is 1, .* declares 2"),
 }
 
@@ -101,6 +113,8 @@ def test_a_changed_record_is_refused(what: str, tmp_path: Path) -> None:
     save_record(write_record(1.0, 2.0), tmp_path / "a.json")
     content = json.loads((tmp_path / "a.json").read_text())
     change(content)
+    if "these targets" not in message:
+        content["targets_sha256"] = digest_of(content["targets"])
     if "digest" not in message:
         content |= {"digest": content_digest(content)}
     (tmp_path / "a.json").write_text(json.dumps(content))
@@ -109,8 +123,8 @@ def test_a_changed_record_is_refused(what: str, tmp_path: Path) -> None:
 
 
 TEXTS = {
-    "a misspelt key": ('{"format": 2, "seedz": []}', r"unknown key 'seedz': did you mean 'seeds'\?"),
-    "no keys": ('{"format": 2}', "key 'submission' is missing"),
+    "a misspelt key": ('{"format": 3, "seedz": []}', r"unknown key 'seedz': did you mean 'seeds'\?"),
+    "no keys": ('{"format": 3}', "key '.*' is missing"),
 }
 
 
@@ -162,19 +176,19 @@ def test_places_follow_the_error() -> None:
 
 
 def test_units_rank_not_scenes() -> None:
-    assert ranks(write_record(1.0, per_scene=[scene_part("a", 10, *EIGHT).model_dump()])) == [1]
+    assert ranks(write_record(scenes=[scene_part("a", 10, *EIGHT)])) == [1]
 
 
 def on_events(record: Record) -> Record:
     """The record with as much weight on ids and reacquired as on all targets."""
-
-    def also(sums: dict[Any, Any]) -> dict[Any, Any]:
-        return {**sums, **dict.fromkeys(("ids", "reacquired"), sums["all"])}
-
-    scenes = [part.model_copy(update={n: also(getattr(part, n)) for n in ("weight", "error")})
-              for part in record.per_scene]  # fmt: skip
-    rows = [row.model_copy(update={"effective_objects": 40.0}) for row in record.rows]
-    return record.model_copy(update={"per_scene": scenes, "rows": rows})
+    subsets = ("ids", "reacquired")
+    targets = record.targets.model_dump()
+    targets["subsets"] |= dict.fromkeys(subsets, targets["subsets"]["all"])
+    content = record.model_dump() | {
+        "targets": targets,
+        "error": record.error | dict.fromkeys(subsets, record.error["all"]),
+    }
+    return Record.model_validate(content)
 
 
 def test_envs_are_ranked_apart() -> None:
@@ -192,37 +206,36 @@ def test_other_data_weights_or_samples_are_not_compared(other: dict[str, Any]) -
 
 
 @pytest.mark.parametrize(("changes", "reason"), [
-    ({"status": "partial", "status_reason": "1 of 2 scenes"}, "partial: 1 of 2 scenes"),
-    ({"status": "crashed"}, "crashed: "), ({"status": "rejected"}, "rejected: "),
-    ({"env": {"observe": "truth"}}, "saw the truth"), ({"budget": "free"}, "4 samples per object, not the env's own k"),
+    ({"env": {"scenes_of_split": 9}}, "partial: 8 of 9 scenes"),
+    ({"missed": {"reasons": {"a|0": "rejected: no"}}}, "rejected: a|0: no"),
+    ({"env": {"observe": "truth"}}, "saw the truth"), ({"samples": 5}, "5 samples per object, not the env's own k"),
 ])  # fmt: skip
 def test_some_are_shown_never_ranked(changes: dict[str, Any], reason: str) -> None:
     odd, sound = write_record(*times(0.1), name="odd", **changes), write_record(*EIGHT)
-    assert (why_unranked(odd), ranks(odd, sound), reasons(odd, sound)) == (reason, [None, 1], [reason, ""])
+    found = standings([odd, sound], ships=ships_of(sound))
+    places = [found[record.digest].places["all"] for record in (odd, sound)]
+    assert [(place.place, place.why) for place in places] == [(None, reason), (1, "")]
 
 
 def test_who_dies_in_a_scene_is_not_ranked() -> None:
-    lost = {"late": 0, "malformed": 0, "crashed_scenes": 1, "reasons": {"0001|0": "crashed: it fell"}}
+    lost = {"malformed": 0, "reasons": {"a|0": "crashed: it fell"}}
     sound, cut = write_record(*times(9.0), name="sound"), write_record(*EIGHT, name="cut", missed=lost)
     assert (why_unranked(cut), ranks(sound, cut)) == (f"1 of {cut.runs} scenes and seeds were not finished", [1, None])
 
 
 @pytest.mark.parametrize(("error", "worse"), [(1.0, False), (1.15, False), (1.17, True), (2.0, True), (None, False)])
 def test_a_submission_scores_alike_under_another_motion(error: float | None, worse: bool) -> None:
-    record = write_record(1.05)
-    moved = [row.model_copy(update={"error": error}) for row in record.rows if row.subset == "all"]
-    assert (worse_when_moved(record, moved) is not None) is worse
+    assert (worse_when_moved(write_record(1.05), {"all": error}) is not None) is worse
 
 
 @pytest.mark.parametrize(
     ("subset", "factor", "worse"),
     [("ids", 1.09, False), ("ids", 1.2, True), ("reacquired", 1.2, True), ("frag", 9.0, False)],
 )
-def test_so_it_does_on_event_subsets_that_rank(subset: str, factor: float, worse: bool) -> None:
+def test_so_it_does_on_event_subsets_that_rank(subset: Subset, factor: float, worse: bool) -> None:
     record = on_events(write_record(*EIGHT))
-    rows = [row.model_copy(update={"error": 2.5}) for row in record.rows]
-    record = record.model_copy(update={"rows": rows})
-    moved = [row.model_copy(update={"error": 2.5 * (factor if row.subset == subset else 1.0)}) for row in rows]
+    moved = {each: (record.row_of(each).error or 0.0) for each in record.subsets}
+    moved[subset] *= factor
     found = worse_when_moved(record, moved)
     assert (None if found is None else found.what) == (f"error of {subset} under another motion" if worse else None)
 
@@ -246,13 +259,14 @@ FELL, BROKE = "crashed: it fell", "rejected: it answered before it was asked"
     (3, [], ("finished", "")),
     (3, [FELL] * 8, ("finished", "")),  # what is cut short is missing, and that costs
     (2, [], ("partial", "2 of 3 scenes")),
-    (2, [FELL] * 9, ("crashed", f"no scene was finished: {FELL}")),
-    (3, [FELL, BROKE], ("rejected", "1|0: it answered before it was asked")),
+    (2, [FELL] * 6, ("crashed", f"no scene was finished: {FELL}")),
+    (3, [FELL, BROKE], ("rejected", "a|1: it answered before it was asked")),
 ])  # fmt: skip
 def test_status_of_a_record(scenes: int, reasons: list[str], status: tuple[str, str]) -> None:
-    by_run = {f"{i}|0": reason for i, reason in enumerate(reasons)}
-    missed = MissedPart(malformed=0, crashed_scenes=len(reasons), reasons=by_run)
-    assert status_of(scenes, 3, missed, 9) == status
+    runs = [f"{scene}|{seed}" for scene in "abc" for seed in range(3)]
+    missed = {"malformed": 0, "reasons": dict(zip(runs, reasons, strict=False))}
+    record = write_record(*[1.0] * scenes, env={"scenes_of_split": 3}, missed=missed)
+    assert (record.status, record.status_reason) == status
 
 
 def test_a_manifest_tells_of_every_number_but_not_of_rounding() -> None:
@@ -267,20 +281,3 @@ def test_a_manifest_tells_of_every_number_but_not_of_rounding() -> None:
         replace(scene, detections=replace(scene.detections, score=scene.detections.score + 1)),
     ):
         assert scene_digest(other) != scene_digest(scene)
-
-
-def test_ends_of_an_interval_hold_where_they_come_from_rounding() -> None:
-    """Nearly all targets are missed: sums as they are stored, with 12 digits, give other ends than those of the run."""
-    weight = np.random.default_rng(0).uniform(0.3, 5.0, 50)
-    error = 2.0 * weight
-    error[7] *= 0.999
-    content = hidden_part(*[1.0] * 50).model_dump()
-    (at,) = (i for i, row in enumerate(content["rows"]) if row["subset"] == "lost")
-    row = make_row("echo", "lost", [{"weight": {"lost": weight.tolist()}, "error": {"lost": error.tolist()}}])
-    content["rows"][at] = row
-    for part, values in (("weight", weight), ("error", error)):
-        content[part]["lost"] = [float(f"{value:.12g}") for value in values]
-    assert list(inconsistent_sums(HiddenPart.model_validate(content), math.inf)) == []
-    row["interval"] = [row["interval"][0], row["interval"][1] + 0.01]
-    (said,) = inconsistent_sums(HiddenPart.model_validate(content), math.inf)
-    assert said.startswith("row 'lost': interval to is 2.01")

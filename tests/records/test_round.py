@@ -14,9 +14,10 @@ from mtp_bench.judge import Limits, SceneRun, load_record, submit, verify
 from mtp_bench.judge.records import rerun
 from mtp_bench.judge.records.record import LimitsPart
 from mtp_bench.judge.records.rerun import run_again
+from mtp_bench.judge.records.rounds import Round
 from mtp_bench.judge.records.running import Plan, plan_run, rollouts_hash, rollouts_of, run_seed
 from mtp_bench.judge.records.storage import ROLLOUTS
-from mtp_bench.judge.records.verifying import Round, Verification
+from mtp_bench.judge.records.verifying import Verification
 from mtp_bench.running.options import RunOptions
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.leaderboards import SIGNER
@@ -132,10 +133,10 @@ def test_a_random_order_changes_no_answer(made: Path, card: str, kitti: str) -> 
     record = load_record(made / "records" / "echo" / f"{CARD_ID}.json")
     for _ in range(3):
         runs = run_again(plan, record.seeds)
-        assert [run.rollout.scene for run in runs[0]] == [scene.scene for scene in record.per_scene]
+        assert [run.rollout.scene for run in runs[0]] == record.scenes
         assert rollouts_hash(rollouts_of(runs)) == record.hashes.rollouts
 
 
 def test_limits_of_a_record_are_those_of_the_gateway() -> None:
-    assert list(LimitsPart.model_fields) == [*(field.name for field in fields(Limits)), "cuda"]
+    assert list(LimitsPart.model_fields) == [field.name for field in fields(Limits)]
     assert LimitsPart(**asdict(Limits())).frame == 5.0

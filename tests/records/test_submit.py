@@ -13,7 +13,7 @@ import pytest
 
 from mtp_bench.agent import load_submission
 from mtp_bench.core.errors import MtpBenchError, RecordError, RolloutError, SubmissionError, UnknownNameError
-from mtp_bench.judge import Record, SceneRun, load_record, submit, verify
+from mtp_bench.judge import Record, SceneRun, digest_of, load_record, submit, verify
 from mtp_bench.judge.records import rerun
 from mtp_bench.judge.records.attestation import Checked
 from mtp_bench.judge.records.running import Plan
@@ -59,17 +59,18 @@ def resign(path: Path, change: Callable[[Content], Any]) -> None:
     """Change a record and give it the digest of its new content, as a forger would."""
     content = json.loads(path.read_text())
     change(content)
+    content["targets_sha256"] = digest_of(content["targets"])
     save_record(Record.model_validate(content), path)
 
 
 def test_what_a_record_says(made: Path, submission: Path, card: str) -> None:
     record = load_record(made)
     assert (record.submission.name, record.submission.parameters, record.status) == ("echo", {"noise": 0.1}, "finished")
-    assert (record.seeds, record.samples, record.env.scenes, record.training_data) == ([0, 1], 4, 3, ["drives"])
+    assert (record.seeds, record.samples, len(record.scenes), record.training_data) == ([0, 1], 4, 3, ["drives"])
     assert ([row.subset for row in record.rows], record.runs) == (list(SUBSETS), 6)
     assert record.measured.latency.p50_ms is not None
     assert record.measured.peak_memory_mib > 1
-    assert record.missed.model_dump() == {"late": 0, "malformed": 0, "crashed_scenes": 0, "reasons": {}}
+    assert record.missed.model_dump() == {"malformed": 0, "reasons": {}}
     assert (record.reference.name, record.reference.frozen) == ("stp", False)
     assert record.reference.origin.startswith("event weights of 48 runs of 'stp' on these scenes")
     assert not any(each in made.read_text() for each in (str(submission.parent), str(Path(card).parent)))
@@ -94,7 +95,7 @@ RERUN: dict[str, tuple[Callable[[Content], Any], str]] = {  # a change of the re
 
 
 def with_hypotheses(content: Content, count: int) -> None:
-    for part in (content, content["submission"], content["details"], *content["rows"]):
+    for part in (content, content["submission"]):
         part["hypotheses"] = count
 
 
@@ -122,7 +123,7 @@ def test_hypotheses_are_those_that_the_manifest_declares(card: str, kitti: str, 
     folder = write_submission(tmp_path / "counted", "counted", tables=tables)
     path = tmp_path / "out" / f"{CARD_ID}.json"
     assert submit(folder, card, RunOptions(kitti, 1, (0,)), path.parent).submission.hypotheses == 1
-    resign(path, lambda content: [part.update(hypotheses=20) for part in (content, *content["rows"])])
+    resign(path, lambda content: content.update(hypotheses=20))
     with pytest.raises(RecordError, match="hypotheses is 20, the submission declares 1"):
         verify(path, RunOptions(kitti), card)
 
@@ -148,18 +149,20 @@ def test_another_submission_is_not_run_in_its_place(path: Path, card: str, kitti
 
 
 def lower(content: Content) -> None:
-    content["rows"][0]["minADE"] -= 1e-6
+    content["numbers"]["all"]["minADE"] -= 1e-6
 
 
 FORGED: dict[str, Callable[[Content], Any]] = {  # what differs -> how it was changed
-    "rows[0].minADE": lower,
-    "nothing_predicted": lambda content: content.update(nothing_predicted=9.0),
+    "numbers.all.minADE": lower,
+    "error.all[0]": lambda content: content["error"]["all"].__setitem__(0, content["error"]["all"][0] + 1e-6),
+    "brier": lambda content: content.update(brier=0.5),
+    "targets.nothing_predicted": lambda content: content["targets"].update(nothing_predicted=9.0),
+    "targets.subsets.ids.events": lambda content: content["targets"]["subsets"]["ids"].update(events=99.0),
     "env.data_manifest": lambda content: content["env"].update(data_manifest="00" * 32),
     "env.split": lambda content: content["env"].update(split="train"),
     "measured.latency.p95_ms": lambda content: content["measured"]["latency"].update(p95_ms=1e-3),
     "measured.ms_per_frame": lambda content: content["measured"].update(ms_per_frame=1e-3),
     "hashes.rollouts": lambda content: content["hashes"].update(rollouts="00" * 32),
-    "details.forecasts_per_frame": lambda content: content["details"].update(forecasts_per_frame=99.0),
 }
 
 
@@ -176,10 +179,10 @@ def test_the_command_says_what_differs(cli: CommandLine, path: Path, card: str, 
     found = path.parent / "found.txt"
     output = cli("verify", path, "--env", card, "--data", kitti, "--jobs", 1, "--json", found)
     assert output.error == f"{path}: 1 difference to what was found here"
-    assert all(text in output.out for text in ("rows[0].minADE", "does not hold"))
+    assert all(text in output.out for text in ("numbers.all.minADE", "does not hold"))
     verdict = read_json(found)["records"][0]
     assert (verdict["holds"], verdict["level"]) == (False, "scored")
-    assert verdict["differences"][0]["what"] == "rows[0].minADE"
+    assert verdict["differences"][0]["what"] == "numbers.all.minADE"
 
 
 def test_a_changed_rollout_does_not_hold(path: Path, card: str, kitti: str) -> None:

@@ -76,7 +76,7 @@ def test_scenes_that_were_cut_short_are_a_failure(tmp_path: Path) -> None:
         (line,) = make_all([piece], RunOptions(), lambda _: record)
         return line
 
-    cut = {"late": 0, "malformed": 0, "crashed_scenes": 1, "reasons": {"0/a": "crashed: no"}}
+    cut = {"malformed": 0, "reasons": {"a|0": "crashed: no"}}
     line = line_of(write_record(1.0, 2.0, missed=cut))
     assert (line.outcome, line.note) == ("failed", "1 of 6 scenes and seeds were not finished: crashed: no")
     assert line_of(write_record(1.0, 2.0)).outcome == "made"

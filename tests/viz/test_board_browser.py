@@ -162,7 +162,10 @@ def test_hostile_texts_do_not_run(browser: Browser, tmp_path: Path) -> None:
     texts = [HOSTILE, "<script>window.hacked=1</script>", "<!-- <script>", '" autofocus onfocus="window.hacked=1']
     records = [
         made_up(
-            f"hostile_{i}", 1.0 + i, submission={"authors": [x], "description": x}, status="partial", status_reason=x
+            f"hostile_{i}",
+            1.0 + i,
+            submission={"authors": [x], "description": x},
+            missed={"reasons": {x: f"rejected: {x}"}},
         )
         for i, x in enumerate(texts)
     ]

@@ -56,7 +56,7 @@ def test_a_name_that_cannot_be_filled_in_is_refused(name: str, entries: list[Ent
 def test_the_story_has_its_agents_in_order_with_ranks_energy_and_brier_scores() -> None:
     """The Brier score is that of another environment, whose truth is complete."""
     records = [made_up(name) for name in STORY]
-    records += [made_up(name, env_id=FEW, details={"brier": 0.05}) for name in STORY]
+    records += [made_up(name, env_id=FEW, brier=0.05) for name in STORY]
     rows = rows_of(filled(marked(f"story {MAIN} with {FEW}"), board_of(*records), "page.md"))
     assert [row[0] for row in rows[2:]] == [f"`{name}`" for name in STORY]
     assert rows[0][1:6] == [

@@ -1,15 +1,19 @@
-"""Signed levels: how far a record was checked, the member ``level`` of its file, which no digest of it covers.
+"""Signed levels: how far a record was checked.
 
-Whoever checks a record signs the level that was reached, the results on hidden scenes, and digests of all that was run.
-A statement on another record, or on an earlier version of it, does not fit.
+A level is the member ``level`` of the file of a record, which no digest of it covers.
+Whoever checks a record signs the level that was reached, the results on hidden scenes,
+and digests of all that was run. A statement on another record, or on an earlier version
+of it, does not fit.
+
+A converted level is one that an earlier form of the record had: the project checked it,
+wrote the same facts in today's form, and did not run the submission again.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated
 
-import numpy as np
 from pydantic import Field
 
 from ...core import (
@@ -20,30 +24,31 @@ from ...core import (
     read_json,
     write_text,
 )
-from ...scoring import SUBSETS, PairedDifference, Subset, UnitSums
+from ...scoring import PairedDifference, Row, Subset, UnitSums
 from ..gateway.limits import SandboxBackend
-from .canonical import Date, Sha256, canonical
-from .consistency import inconsistent_sums
-from .record import HiddenPart, Record
+from .canonical import canonical
+from .consistency import result_problems
+from .fields import Date, Level, Sha256
+from .record import HiddenPart, Record, require_units
 from .seal import ListedSeal
-from .storage import MOST_BYTES, content_digest, measured_digest, parse_as, text_of
+from .storage import MAX_BYTES, content_digest, measured_digest, parse_as, text_of
 from .trust import MOST_SIGNATURE, SIGNER_PATTERN, Trust, sign
-
-Level = Literal["scored", "re-scored", "re-run", "hidden"]
-LEVELS: tuple[Level, ...] = get_args(Level)  # each includes those before it
 
 
 class Statement(Section):
     """Signed content: verification level and digests that bind it to one record."""
 
-    format: Literal[1] = 1
-    level: Literal["re-scored", "re-run", "hidden"]
+    level: Level  # "scored" of converted records alone
     record: Sha256  # its digest
     measured: Sha256  # digest of its times, memory and machine
-    isolation: SandboxBackend  # sandbox of the agent when it was run again; of stored rollouts that of the record
+    # sandbox of the agent when it was run again; of stored rollouts that of the record
+    isolation: SandboxBackend
     date: Date
     hidden: HiddenPart | None = None
-    looked_at: bool = False  # by a maintainer, who found that it may be better than prediction from ground truth
+    # a maintainer found that it may be better than prediction from ground truth
+    looked_at: bool = False
+    # the level of `Record.converted_from`: not run again
+    converted: bool = False
 
 
 class Attestation(Section):
@@ -54,9 +59,9 @@ class Attestation(Section):
     signature: Annotated[str, Field(max_length=MOST_SIGNATURE)]
 
 
-class _Attested(
-    Section, extra="ignore"
-):  # the file of a record, of which the level alone is read
+class _RecordFile(Section, extra="ignore"):
+    """The file of a record, of which the level alone is read."""
+
     level: Attestation | None = None
 
 
@@ -82,129 +87,145 @@ class Checked:
         return "scored" if self.signed is None else self.signed.statement.level
 
     @property
+    def hidden(self) -> HiddenPart | None:
+        """Results on hidden scenes, if it was run on them."""
+        return None if self.signed is None else self.signed.statement.hidden
+
+    @property
     def on_hidden(self) -> bool:
         """True if its numbers are those of hidden scenes."""
-        return self.signed is not None and self.signed.statement.hidden is not None
+        return self.hidden is not None
+
+    @property
+    def converted(self) -> bool:
+        """True if its level is that of an earlier form of the record."""
+        return self.signed is not None and self.signed.statement.converted
 
     @property
     def sums(self) -> Record | HiddenPart:
-        """Ranking sums: of the hidden scenes if it was run on them, else of the public ones."""
-        return (self.signed and self.signed.statement.hidden) or self.record
+        """Results that rank: on the hidden scenes if there are any, else public."""
+        return self.hidden or self.record
 
     @cached_property
-    def conditions(self) -> tuple[object, ...]:
+    def conditions(self) -> tuple[str, ...]:
         """Data, scenes and units: equal for results that can be compared."""
-        sums = self.sums
-        env, scenes = self.record.env, (scene.scene for scene in self.record.per_scene)
-        public = (env.split, env.data_manifest, *scenes)
-        of = (sums.commitment, sums.weights) if isinstance(sums, HiddenPart) else public
-        rows = tuple(
-            (row.targets, row.objects, round(row.effective_objects, 6))
-            for row in sums.rows[: len(SUBSETS)]
-        )
-        return (
-            *of,
-            rows,
-            tuple(
-                tuple(round(w, 6) for w in sums.unit_weight(subset))
-                for subset in SUBSETS
-            ),
-        )
+        if self.hidden is not None:
+            scenes = (self.hidden.commitment, self.hidden.weights)
+        else:
+            scenes = (self.record.env.split, self.record.env.data_manifest)
+        return (*scenes, self.sums.targets.conditions)
+
+    def row_of(self, subset: Subset) -> Row:
+        """Return the row of the results that rank."""
+        return self.sums.row_of(subset)
 
     def sums_on(self, subset: Subset) -> UnitSums:
         """Return the ranking sums over the units of the targets of a subset."""
-        return UnitSums(
-            samples=self.record.samples,
-            weight=np.array(self.sums.unit_weight(subset)),
-            error=np.array(self.sums.unit_error(subset)),
-            effective_objects=self.sums.row_of(subset).effective_objects,
-        )
+        return self.sums.sums_on(subset, self.record.samples)
 
     def minus(self, other: "Checked", subset: Subset) -> PairedDifference | None:
-        """BADE minus that of ``other``, metres, paired by unit; both have the same targets and units."""
+        """Return bADE minus that of ``other``, metres, paired by unit.
+
+        Both have the same targets and units.
+        """
         return self.sums_on(subset).minus(other.sums_on(subset))
 
 
 def write_level(path: Path, statement: Statement, key: Path, signer: str) -> None:
-    """Sign a statement on the record at ``path`` and write it into that file, in place of an earlier level.
+    """Sign a statement on the record at ``path`` and write it into that file.
 
-    Raises MtpBenchError if ssh-keygen is missing or refuses the key, or the file cannot be read or written.
+    It takes the place of an earlier level. Raises MtpBenchError if ssh-keygen is
+    missing or refuses the key, or the file cannot be read or written.
     """
-    said = statement.model_dump(mode="json")
+    content = statement.model_dump(mode="json")
     level = {
-        "statement": said,
+        "statement": content,
         "signer": signer,
-        "signature": sign(canonical(said), key),
+        "signature": sign(canonical(content), key),
     }
-    content = read_json(path, RecordError, most=MOST_BYTES) | {
-        "level": level
-    }  # now: to sign may have taken minutes
-    write_text(path.resolve(), text_of(content, path))
+    # read after signing, which may have taken minutes
+    file = read_json(path, RecordError, most=MAX_BYTES)
+    write_text(path.resolve(), text_of(file | {"level": level}, path))
 
 
 def read_level(
     path: Path, record: Record, trust: Trust
 ) -> tuple[SignedLevel | None, str]:
-    """The level in the file ``path`` of a record, or None and the reason; the reason is empty without a level.
+    """Return the level in the file ``path`` of a record, or None and the reason.
 
-    Never raises for what the file holds: a level that cannot be trusted is not a level.
+    The reason is empty without a level. Never raises for what the file holds: a level
+    that cannot be trusted is not a level.
     """
     try:
-        text, name = read_bounded(path, MOST_BYTES, RecordError), path.name
-        if (signed := parse_as(_Attested, text, name).level) is None:
+        text = read_bounded(path, MAX_BYTES, RecordError)
+        level = parse_as(_RecordFile, text, path.name).level
+        if level is None:
             return None, ""
-        trust.check_once(lambda: _require_signed(signed, text, name, trust), text)
-        return SignedLevel(
-            signed.statement,
-            signed.signer,
-            _seal_of(name, signed.statement, record, trust),
-        ), ""
+        trust.check_once(lambda: _require_signed(level, text, path.name, trust), text)
+        _require_converted(level.statement, record, path.name)
+        seal = _seal_of(path.name, level.statement, record, trust)
+        return SignedLevel(level.statement, level.signer, seal), ""
     except RecordError as error:
         return None, str(error)
 
 
-def _require_signed(signed: Attestation, text: str, name: str, trust: Trust) -> None:
-    """Raise RecordError unless the level in the ``text`` of a record is signed, and of that record."""
+def _require_signed(level: Attestation, text: str, name: str, trust: Trust) -> None:
+    """Raise RecordError unless the level in a file is signed, and of its record."""
     content = parse_json(text, name, RecordError)
-    why = trust.why_not_signed(
-        canonical(content["level"]["statement"]), signed.signature, signed.signer
-    )
+    signed = canonical(content["level"]["statement"])
+    why = trust.why_not_signed(signed, level.signature, level.signer)
     if why:
         raise RecordError(f"{name}: level: not signed by a trusted key: {why}")
-    if (signed.statement.record, signed.statement.measured) != (
-        content_digest(content),
-        measured_digest(content),
-    ):
+    digests = content_digest(content), measured_digest(content)
+    if (level.statement.record, level.statement.measured) != digests:
         raise RecordError(
             f"{name}: level: of another record, or of an earlier version of it"
+        )
+
+
+def _require_converted(statement: Statement, record: Record, name: str) -> None:
+    """Raise RecordError if a converted level is above that of the earlier record."""
+    before = record.converted_from
+    if not statement.converted:
+        if statement.level == "scored":
+            raise RecordError(
+                f"{name}: level 'scored' is signed, expected a higher one"
+            )
+    elif before is None or before.level != statement.level:
+        raise RecordError(
+            f"{name}: level {statement.level!r} is converted, the earlier record had "
+            f"{'none' if before is None else repr(before.level)}"
         )
 
 
 def _seal_of(
     name: str, statement: Statement, record: Record, trust: Trust
 ) -> ListedSeal | None:
-    """The seal of hidden scenes; RecordError if the results do not fit it, or each other."""
+    """Return the seal of hidden scenes.
+
+    Raises RecordError if the results do not fit it, or each other.
+    """
     hidden = statement.hidden
     if (hidden is None) != (statement.level != "hidden"):
         raise RecordError(
-            f"{name}: level {statement.level!r} {'with' if hidden else 'without'} hidden scenes"
+            f"{name}: level {statement.level!r} {'with' if hidden else 'without'} "
+            "hidden scenes"
         )
     if hidden is None:
         return None
-    listed = trust.listed.get(hidden.commitment)
-    if listed is None:
+    seal = trust.listed.get(hidden.commitment)
+    if seal is None:
         raise RecordError(
             f"{name}: level: its hidden scenes are of no seal in {trust.seals}"
         )
-    if (listed.env, listed.card_digest, listed.count) != (
-        record.env.id,
-        record.env.card_digest,
-        hidden.scenes,
-    ):
+    conditions = (record.env.id, record.env.card_digest, hidden.scenes)
+    if (seal.env, seal.card_digest, seal.count) != conditions:
         raise RecordError(
-            f"{name}: level: {hidden.scenes} hidden scenes of {record.env.id} with card {record.env.card_digest}, the "
-            f"seal {listed.name!r} is of {listed.count} of {listed.env} with card {listed.card_digest}"
+            f"{name}: level: {hidden.scenes} hidden scenes of {record.env.id} with card "
+            f"{record.env.card_digest}, the seal {seal.name!r} is of {seal.count} of "
+            f"{seal.env} with card {seal.card_digest}"
         )
-    for problem in inconsistent_sums(hidden, float("inf")):
+    require_units(hidden, f"{name}: level: hidden scenes")
+    for problem in result_problems(hidden):
         raise RecordError(f"{name}: level: hidden scenes: {problem}")
-    return listed
+    return seal

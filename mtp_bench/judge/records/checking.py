@@ -11,14 +11,20 @@ from ..gateway.limits import SceneRun
 from ..gateway.run import run_isolated_scenes
 
 SCENES = 3  # at most
+_ALONE = "it runs alone there: its own folder, no data, no network, bounded memory"
+_UNANSWERED = "these frames count as unanswered"
+_DIFFERENT = (
+    "look for hash(), the order of sets, the number of threads, the environment"
+)
 
 
 def check_submission(
     submission: Submission, env_id: str, options: RunOptions
 ) -> list[Finding]:
-    """Check a submission on the first scenes of an env; actions of its agent never raise.
+    """Check a submission on the first scenes of an env.
 
-    ``options``: data, scenes and progress. Raises MtpBenchError for a missing env or data.
+    Actions of its agent never raise. ``options``: data, scenes and progress. Raises
+    MtpBenchError for a missing env or data.
     """
     progress = options.progress
     keywords: dict[str, Any] = {
@@ -31,69 +37,58 @@ def check_submission(
     runs = run_isolated_scenes(
         submission.path, env_id, keywords, scenes=names, progress=progress
     )
-    # an agent that hung, broke the rules or ended its process would take this process with it
-    if any(
-        run.status in ("hung", "rejected") or run.reason.startswith("the process ")
-        for run in runs
-    ):
+    if any(map(_is_dangerous, runs)):
         return gateway_findings(runs, None)
     make = SubmissionFactory(str(submission.path), submission.parameters)
     findings = check_agent(make, env_id, names[:2], keywords)
     progress.done("conformance")
-    if not any(finding.level == "error" for finding in findings):
-        findings += gateway_findings(
-            runs, run_jobs(jobs_of(submission, env_id, keywords, names))
-        )
-    return findings
+    if any(finding.level == "error" for finding in findings):
+        return findings
+    rollouts = run_jobs(jobs_of(submission, env_id, keywords, names))
+    return findings + gateway_findings(runs, rollouts)
+
+
+def _is_dangerous(run: SceneRun) -> bool:
+    """Return True for an agent that would take this process with it.
+
+    It hung, broke the rules or ended its process.
+    """
+    ended = run.reason.startswith("the process ")
+    return ended or run.status in ("hung", "rejected")
 
 
 def gateway_findings(
-    runs: Sequence[SceneRun], here: Sequence[Rollout] | None
+    runs: Sequence[SceneRun], rollouts_here: Sequence[Rollout] | None
 ) -> list[Finding]:
-    """Findings on an agent behind the gateway; ``here``: its rollouts in this process, if any."""
+    """Return findings on an agent behind the gateway.
+
+    ``rollouts_here``: its rollouts in this process, if any.
+    """
     findings: list[Finding] = []
     for run in runs:
         where = f"scene {run.rollout.scene}"
         if run.status != "finished":
-            advice = "it runs alone there: its own folder, no data, no network, bounded memory"
-            findings.append(
-                Finding(
-                    "error",
-                    "gateway",
-                    f"{run.status}: {run.reason}",
-                    "finished",
-                    where,
-                    advice,
-                )
-            )
+            got = f"{run.status}: {run.reason}"
+            findings.append(Finding("error", "gateway", got, "finished", where, _ALONE))
         if run.malformed:
-            got, advice = (
-                f"{run.malformed} answers malformed",
-                "these frames count as unanswered",
-            )
+            got = f"{run.malformed} answers malformed"
             findings.append(
-                Finding("error", "gateway", got, "whole answers", where, advice)
+                Finding("error", "gateway", got, "whole answers", where, _UNANSWERED)
             )
-    pairs = zip(runs, here or [run.rollout for run in runs], strict=True)
-    others = [
-        run.rollout.scene
-        for run, rollout in pairs
-        if digest(run.rollout) != digest(rollout)
-    ]
-    if others and not findings:
-        advice = (
-            "look for hash(), the order of sets, the number of threads, the environment"
-        )
-        got, where = "answers differ in a process of its own", f"scene {others[0]}"
-        findings.append(
-            Finding(
-                "warning",
-                "gateway",
-                got,
-                "the answers given in this process",
-                where,
-                advice,
-            )
-        )
-    text = f"{len(runs)} scenes in a process of its own: {max(run.peak_memory for run in runs) >> 20} MiB at most"
-    return findings or [Finding("ok", "gateway", text)]
+    if findings:
+        return findings
+    for run, rollout in zip(runs, rollouts_here or (), strict=bool(rollouts_here)):
+        if digest(run.rollout) != digest(rollout):
+            return [
+                Finding(
+                    "warning",
+                    "gateway",
+                    "answers differ in a process of its own",
+                    "the answers given in this process",
+                    f"scene {run.rollout.scene}",
+                    _DIFFERENT,
+                )
+            ]
+    memory = max(run.peak_memory for run in runs) >> 20
+    text = f"{len(runs)} scenes in a process of its own: {memory} MiB at most"
+    return [Finding("ok", "gateway", text)]

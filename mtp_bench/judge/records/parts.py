@@ -1,7 +1,8 @@
-"""Finished scenes of ``mtp-bench submit``, stored one by one so that an interrupted command can be resumed.
+"""Finished scenes of ``mtp-bench submit``, stored one by one.
 
-Their folder lies beside the record and is removed once the record is written. It also holds the plan of the runs: only
-a command with the same plan can resume them.
+An interrupted command can be resumed. Their folder lies beside the record and is
+removed once the record is written. It also holds the plan of the runs: only a command
+with the same plan can resume them.
 """
 
 import json
@@ -32,7 +33,8 @@ from ...sources import read_arrays, write_arrays
 from ..gateway.limits import Isolation, SceneRun
 from .storage import PARTS, ROLLOUTS, seed_folder
 
-_PLAN, _LOCK = "plan.json", "lock"
+_PLAN = "plan.json"
+_LOCK = "lock"
 _OTHER_FIELDS = "run"  # array with the fields of a run beside its rollout
 
 
@@ -43,17 +45,19 @@ class Parts:
     folder: Path
 
     def read(self, seed: int, scene: str) -> SceneRun | None:
-        """A finished scene; None if it is missing, broken, or written by another version."""
+        """Read a finished scene.
+
+        None if it is missing, broken, or written by another version.
+        """
         arrays: dict[str, Any] | None = read_arrays(self._path(seed, scene))
         if arrays is None or not {*ARRAYS, _OTHER_FIELDS} <= arrays.keys():
             return None
         fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
-        further = {name: arrays.pop(name) for name in arrays.keys() - ARRAYS.keys()}
+        drive = {name: arrays.pop(name) for name in arrays.keys() - ARRAYS.keys()}
         try:
-            rollout = Rollout(scene, **arrays, drive=drive_of(further))
-            return SceneRun(
-                rollout, **{**fields, "isolation": Isolation(**fields["isolation"])}
-            )
+            rollout = Rollout(scene, **arrays, drive=drive_of(drive))
+            fields["isolation"] = Isolation(**fields["isolation"])
+            return SceneRun(rollout, **fields)
         except (KeyError, TypeError, ValueError):  # other fields
             return None
 
@@ -66,12 +70,10 @@ class Parts:
             name: np.asarray(getattr(run.rollout, name), dtype)
             for name, (dtype, _) in ARRAYS.items()
         }
+        arrays |= drive_arrays(run.rollout.drive)
+        arrays[_OTHER_FIELDS] = np.array(json.dumps(fields))
         try:
             path.parent.mkdir(exist_ok=True)
-            arrays |= {
-                **drive_arrays(run.rollout.drive),
-                _OTHER_FIELDS: np.array(json.dumps(fields)),
-            }
             write_arrays(path, arrays, level=0)  # kept for minutes
         except OSError as error:
             raise MtpBenchError(
@@ -84,10 +86,12 @@ class Parts:
 
 @contextmanager
 def open_parts(target: Path, plan: dict[str, Any], resume: bool) -> Iterator[Parts]:
-    """The finished scenes of the record at ``target``; removed if the block ends without an error.
+    """Open the finished scenes of the record at ``target``.
 
-    ``plan``: all that is decided before the runs, as JSON. Raises MtpBenchError if another process writes this record,
-    RecordError if finished scenes are left of an earlier command and not to ``resume``, or have another plan.
+    They are removed if the block ends without an error. ``plan``: all that is decided
+    before the runs, as JSON. Raises MtpBenchError if another process writes this
+    record, RecordError if finished scenes are left of an earlier command and not to
+    ``resume``, or have another plan.
     """
     folder = target.with_suffix(PARTS)
     make_folder(folder)
@@ -110,26 +114,24 @@ def open_parts(target: Path, plan: dict[str, Any], resume: bool) -> Iterator[Par
 
 
 def require_new(target: Path) -> None:
-    """Raise RecordError if an interrupted command left finished scenes beside the record at ``target``."""
+    """Raise RecordError if an interrupted command left finished scenes."""
     count = count_parts(target)
     if count:
         folder = target.with_suffix(PARTS)
         raise RecordError(
-            f"{folder} holds {count} finished scenes of an interrupted submit: continue it with --resume, or delete "
-            "that folder"
+            f"{folder} holds {count} finished scenes of an interrupted submit: continue "
+            "it with --resume, or delete that folder"
         )
 
 
 def count_parts(target: Path) -> int:
-    """Number of finished scenes, over all seeds, that an interrupted command left beside the record at ``target``."""
-    return sum(
-        not path.name.startswith(".")
-        for path in target.with_suffix(PARTS).glob("seed-*/*.npz")
-    )
+    """Count the finished scenes that an interrupted command left, over all seeds."""
+    paths = target.with_suffix(PARTS).glob("seed-*/*.npz")
+    return sum(not path.name.startswith(".") for path in paths)
 
 
 def _remove(folder: Path) -> None:
-    """Remove the folder with what a submit writes there; it stays if it holds other files."""
+    """Remove what a submit writes into the folder, which stays if it holds more."""
     for path in folder.glob("seed-*"):
         shutil.rmtree(path, ignore_errors=True)
     for name in (_PLAN, _LOCK):
@@ -140,17 +142,17 @@ def _remove(folder: Path) -> None:
 
 def _require_plan(folder: Path, plan: dict[str, Any]) -> None:
     """Store the plan; raises RecordError if a different one is stored."""
-    path, wanted = folder / _PLAN, json.loads(json.dumps(plan))
+    path = folder / _PLAN
+    plan_json = json.loads(json.dumps(plan))
     if not path.exists():
-        write_text(path, json.dumps(wanted, indent=1) + "\n")
+        write_text(path, json.dumps(plan_json, indent=1) + "\n")
         return
     stored = read_json(path, RecordError)
-    for name in {**stored, **wanted}:
-        if stored.get(name) != wanted.get(name):
-            got, expected = (
-                clean_text(json.dumps(side.get(name)), 100) for side in (wanted, stored)
-            )
+    for name in {**stored, **plan_json}:
+        values = plan_json.get(name), stored.get(name)
+        if values[0] != values[1]:
+            got, expected = (clean_text(json.dumps(value), 100) for value in values)
             raise RecordError(
-                f"{folder} was begun with another plan: {name} is {got}, there it is {expected}; submit as then, or "
-                "delete that folder"
+                f"{folder} was begun with another plan: {name} is {got}, there it is "
+                f"{expected}; submit as then, or delete that folder"
             )

@@ -1,13 +1,12 @@
 """Ranks of records from their sums per unit: the rules of the scorer, applied to records.
 
-Recorded envs are ranked by the sums of the records; simulated ones by those of hidden scenes, from signed levels.
+Recorded envs are ranked by the sums of the records; simulated ones by those of hidden
+scenes, from signed levels.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from operator import itemgetter
-from typing import Any, TypeVar
 
 from ...agent import controls
 from ...core import baseline_names, long_work
@@ -25,7 +24,7 @@ from ...scoring import (
     guard,
     places_on,
 )
-from .attestation import LEVELS, Checked, SignedLevel
+from .attestation import Checked, SignedLevel
 from .eligibility import (
     NOT_ON_HIDDEN,
     Ships,
@@ -35,53 +34,48 @@ from .eligibility import (
     why_not_genuine,
     why_unranked,
 )
+from .fields import LEVELS
 from .record import Record, SubmissionPart
 from .shipped import baselines, learned_truths, network_references, shipped
 
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 ASSOCIATION = controls()["same_samples"], controls()["associated_same_samples"]
-Value = TypeVar("Value")
 OTHERS = "other data, scenes or hidden scenes than the ranked ones"
 
 
 @dataclass(frozen=True)
 class Standing:
-    """Ranks of a record among those of its environment, and its gaps and differences to reference agents."""
+    """Ranks of a record among those of its environment, its gaps and differences."""
 
     places: Mapping[Subset, Place]
-    compared: bool = False  # part of the main ranking of its environment, even if that has too few recordings or waits
-    gaps: Mapping[Subset, float] = field(
-        default_factory=dict
-    )  # gap_closed between STP and ground-truth tracks
-    own_gaps: Mapping[Subset, float] = field(
-        default_factory=dict
-    )  # gap_closed between references of its predictor
+    # part of the main ranking, even if that has too few recordings or waits for a round
+    compared: bool = False
+    # shares closed of the gap between STP and ground-truth tracks
+    gaps: Mapping[Subset, float] = field(default_factory=dict)
+    # the same between references with the predictor of the record
+    own_gaps: Mapping[Subset, float] = field(default_factory=dict)
     association_gaps: Mapping[Subset, float] = field(default_factory=dict)
     gap_blank: str = UNSTATED  # why one of the ``gaps`` is missing
     association_gap_blank: str = UNSTATED
-    differences: Mapping[Subset, PairedDifference] = field(
-        default_factory=dict
-    )  # of bADE, to STP's
+    # of bADE, to STP's
+    differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class _Entrant(Checked):
     """A record among others of its env."""
 
-    unranked: str | None = None  # why it is not ranked
-    not_comparable: str | None = (
-        None  # why its numbers cannot be compared with those of others
-    )
+    unranked_because: str | None = None
+    not_comparable_because: str | None = None
 
     @cached_property  # it reads the submission of that name
     def baseline(self) -> str:
-        """Name of the submission; empty for another submission under the name of a baseline."""
+        """Name of the submission; empty for another one under a baseline's name."""
         return "" if why_not_genuine(self.record) else self.record.submission.name
 
 
-_Best = Mapping[
-    str, _Entrant
-]  # by the name of a genuine submission: its finished record with the highest level
+# by the name of a genuine submission: its finished record with the highest level
+_Best = Mapping[str, _Entrant]
 
 
 def standings(
@@ -90,16 +84,17 @@ def standings(
     ships: Ships = shipped,
     subsets: Sequence[Subset] = SUBSETS,
 ) -> dict[str, Standing]:
-    """Standing of each record of any envs, by its digest, as are ``levels``; ``ships``: the shipped env of an id.
+    """Rank records of any envs; returns the standing of each by its digest.
 
-    ``subsets``: those that have places, gaps and differences.
+    ``levels`` are by digest, too; ``ships``: the shipped env of an id; ``subsets``:
+    those that have places, gaps and differences.
 
-    Only records of what ships, of one data and the same units are ranked against each other; on simulated envs those
-    of one seal. The main ranking of an env is that of the newest seal with a record of STP, then that of the
-    record with the highest level, STP's before others: never the largest group as such. A better record moves others
-    down; apart from that, a record changes no group, guard or gap but its own.
+    Only records of what ships, of one data and the same units are ranked against each
+    other; on simulated envs those of one seal. The main ranking of an env is that of
+    the newest seal with a record of STP, then that of the record with the highest
+    level, STP's before others: never the largest group as such. A better record moves
+    others down; apart from that, a record changes no group, guard or gap but its own.
     """
-    levels = levels or {}
     groups: dict[str, list[Record]] = {}
     for record in records:
         groups.setdefault(record.env.id, []).append(record)
@@ -107,7 +102,7 @@ def standings(
     with long_work("comparing pairs of records") as work:
         work.started(sum(len(group) ** 2 for group in groups.values()))
         for env_id, group in groups.items():
-            standing |= _standings_of_env(group, levels, ships, subsets)
+            standing |= _standings_of_env(group, levels or {}, ships, subsets)
             work.done(env_id, len(group) ** 2)
     return standing
 
@@ -115,25 +110,27 @@ def standings(
 def own_ends(
     submission: SubmissionPart, observe: str = "truth"
 ) -> tuple[str, str] | None:
-    """Names of the records that bound a gap for the submission's predictor; None if unknown.
+    """Return the records that bound a gap for the submission's predictor.
 
-    ``observe``: "truth" for gap_closed, "associated" for the association gap.
+    None if they are unknown. ``observe``: "truth" for gap_closed, "associated" for the
+    association gap.
     """
+    if submission.gap_references is None:
+        return None
     if submission.gap_references == "controls":
         return (STP, TRUTH) if observe == "truth" else ASSOCIATION
     # weights that ship, as for simulated traffic, are in no list of a record
     baseline = baselines().get(submission.name)
-    shipped = () if baseline is None else baseline.networks
-    names = () if submission.gap_references is None else submission.networks or shipped
-    # predictors that were trained on tracklets have the references of ground-truth tracks in gap_closed
-    known = {
-        name.split("-")[0] + "-truth"
-        if observe == "truth"
-        else "-".join(name.split("-")[:2])
-        for name in names
-    }
-    pairs = (network_references(network, observe) for network in sorted(known))
-    return next((pair for pair in pairs if pair is not None), None)
+    shipped_networks = () if baseline is None else baseline.networks
+    predictors = set()
+    for network in submission.networks or shipped_networks:
+        name, tracks, *_ = [*network.split("-"), ""]
+        # trained on tracklets: in gap_closed the references are of ground-truth tracks
+        predictors.add(f"{name}-truth" if observe == "truth" else f"{name}-{tracks}")
+    for predictor in sorted(predictors):
+        if (pair := network_references(predictor, observe)) is not None:
+            return pair
+    return None
 
 
 def _standings_of_env(
@@ -142,56 +139,77 @@ def _standings_of_env(
     ships: Ships,
     subsets: Sequence[Subset],
 ) -> dict[str, Standing]:
-    taken = taken_names(records, levels)
-    entrants = []
-    for record in records:
-        level, other = levels.get(record.digest), taken.get(record.digest)
-        reasons = why_unranked(record, level, ships), why_not_comparable(record, ships)
-        entrants.append(
-            _Entrant(record, level, *(reason or other for reason in reasons))
-        )
-    ranked = [each for each in entrants if each.unranked is None]
-    comparable = [each for each in entrants if each.not_comparable is None]
-    main = _main_conditions(ranked or comparable)  # before a round: on public scenes
-    peers = [each for each in comparable if each.conditions == main]
-    finished = [each for each in peers if each.record.status == "finished"]
-    best = {each.baseline: each for each in sorted(finished, key=_precedence)}
+    entrants = _entrants(records, levels, ships)
+    peers = _main_group(entrants)
+    finished = [peer for peer in peers if peer.record.status == "finished"]
+    best = {peer.baseline: peer for peer in sorted(finished, key=_precedence)}
+    candidates = [peer for peer in peers if peer.unranked_because is None]
     truths = _truths(best)
-    candidates = [each for each in ranked if each.conditions == main]
-    held = [held_back(each, truths) for each in candidates]
-    guards = [_guarded(each, best) for each in candidates]
-    places = dict(
-        zip(candidates, places_on(subsets, candidates, held, guards), strict=True)
-    )
-    group = [each for each, why in zip(candidates, held, strict=True) if why is None]
-    compared = group or [each for each in peers if each.unranked == NOT_ON_HIDDEN]
+    held_because = [held_back(candidate, truths) for candidate in candidates]
+    guards = [_guarded(candidate, best) for candidate in candidates]
+    ranks = places_on(subsets, candidates, held_because, guards)
+    places = dict(zip(candidates, ranks, strict=True))
+    compared = _compared(peers, dict(zip(candidates, held_because, strict=True)))
     standing = {}
-    for each in entrants:
-        unplaced = dict.fromkeys(subsets, Place(why=each.unranked or OTHERS))
-        beside: dict[str, Any] = {}
-        if each in peers:
-            beside = _beside(each, best, subsets if each in finished else ())
-        standing[each.record.digest] = Standing(
-            places.get(each, unplaced), each in compared, **beside
+    for entrant in entrants:
+        unranked = Place(why=entrant.unranked_because or OTHERS)
+        standing[entrant.record.digest] = _standing(
+            entrant,
+            places.get(entrant, dict.fromkeys(subsets, unranked)),
+            entrant in compared,
+            best if entrant in peers else None,
+            subsets if entrant in finished else (),
         )
     return standing
 
 
-def _main_conditions(ranked: Sequence[_Entrant]) -> tuple[object, ...] | None:
-    """Conditions of the main ranking, from the ranked entrants or others that compare; None without any."""
-    with_stp = {each.conditions for each in ranked if each.baseline == STP}
-    leading = [
-        each for each in ranked if each.conditions in with_stp
-    ] or ranked  # a seal without STP yet
-    return max(leading, key=_precedence).conditions if leading else None
+def _compared(
+    peers: Sequence[_Entrant], held_because: Mapping[_Entrant, str | None]
+) -> list[_Entrant]:
+    """Return the entrants of the main ranking; before a round those that wait for it."""
+    ranked = [peer for peer in peers if held_because.get(peer, "unranked") is None]
+    return ranked or [peer for peer in peers if peer.unranked_because == NOT_ON_HIDDEN]
+
+
+def _entrants(
+    records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships
+) -> list[_Entrant]:
+    taken = taken_names(records, levels)
+    entrants = []
+    for record in records:
+        level = levels.get(record.digest)
+        name_taken = taken.get(record.digest)
+        unranked = why_unranked(record, level, ships) or name_taken
+        not_comparable = why_not_comparable(record, ships) or name_taken
+        entrants.append(_Entrant(record, level, unranked, not_comparable))
+    return entrants
+
+
+def _main_group(entrants: Sequence[_Entrant]) -> list[_Entrant]:
+    """Return the comparable entrants under the conditions of the main ranking."""
+    comparable = [e for e in entrants if e.not_comparable_because is None]
+    # before a round: on public scenes
+    leading = [e for e in entrants if e.unranked_because is None] or comparable
+    if not leading:
+        return []
+    main = max(leading, key=_precedence_of_group(leading)).conditions
+    return [e for e in comparable if e.conditions == main]
+
+
+def _precedence_of_group(
+    leading: Sequence[_Entrant],
+) -> Callable[[_Entrant], tuple[object, ...]]:
+    """Return a sort key: a seal without a record of STP leads only alone."""
+    with_stp = {e.conditions for e in leading if e.baseline == STP}
+    return lambda entrant: (entrant.conditions in with_stp, *_precedence(entrant))
 
 
 def _precedence(entrant: _Entrant) -> tuple[object, ...]:
-    """Sort key: the largest decides on the main ranking, and among records of one name."""
-    signed, name = entrant.signed, entrant.baseline
-    made = signed.seal.made if signed is not None and signed.seal is not None else ""
+    """Return a sort key: the largest decides on the main ranking and within a name."""
+    seal = None if entrant.signed is None else entrant.signed.seal
+    name = entrant.baseline
     return (
-        made,
+        "" if seal is None else seal.made,
         LEVELS.index(entrant.level),
         name == STP,
         name in baseline_names(),
@@ -200,81 +218,84 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
 
 
 def _guarded(entrant: _Entrant, best: _Best) -> str | None:
-    """Return why a record is not ranked on event subsets, from those of STP and of STP with its own predictor."""
+    """Return why a record is not ranked on event subsets, from records of STP."""
     stp = best.get(STP)
-    return (
-        "no record of stp beside it"
-        if stp is None
-        else guard(entrant, stp, _pairs(entrant, best).own.stp)
-    )
+    if stp is None:
+        return "no record of stp beside it"
+    return guard(entrant, stp, _pairs(entrant, best).own.stp)
 
 
 def _pairs(entrant: _Entrant, best: _Best) -> GapPairs:
-    """Return the records between which the gaps of a record are closed; ``best`` holds the reference agents."""
+    """Return the records between which the gaps of a record are closed."""
     submission = entrant.record.submission
-    other = submission.gap_references == "own"
-    unstated = Pair(
-        missing="no reference with its predictor ships" if other else UNSTATED
-    )
+    has_other_predictor = submission.gap_references == "own"
+    unstated = Pair(missing=UNSTATED)
+    if has_other_predictor:
+        unstated = Pair(missing="no reference with its predictor ships")
 
     def pair_of(names: tuple[str, str] | None) -> Pair:
         if names is None:
             return unstated
         stp, truth = map(best.get, names)
-        return Pair(
-            stp,
-            truth,
-            f"no record of {names[0] if stp is None else names[1]} beside it",
-        )
+        absent = names[0] if stp is None else names[1]
+        return Pair(stp, truth, f"no record of {absent} beside it")
 
     own = pair_of(own_ends(submission))
-    kinematic = Pair(missing=NOT_KINEMATIC) if other else own
+    kinematic = Pair(missing=NOT_KINEMATIC) if has_other_predictor else own
     if entrant.record.env.observe == "truth":
         return GapPairs(kinematic, own, Pair(missing=SAW_TRUTH))
     return GapPairs(kinematic, own, pair_of(own_ends(submission, "associated")))
 
 
-def _beside(
-    entrant: _Entrant, best: _Best, subsets: Sequence[Subset]
-) -> dict[str, Any]:
-    """Return fields of a `Standing`: gaps with reasons of missing ones, and differences to STP."""
+def _standing(
+    entrant: _Entrant,
+    places: Mapping[Subset, Place],
+    compared: bool,
+    best: _Best | None,
+    subsets: Sequence[Subset],
+) -> Standing:
+    """Return the standing of a record; ``best``: reference records to compare with."""
+    if best is None:
+        return Standing(places, compared)
     pairs = _pairs(entrant, best)
-    gaps, own_gaps, association_gaps = (
-        _defined({subset: pair.closed_by(entrant, subset).closed for subset in subsets})
-        for pair in pairs
-    )
-    stp = best.get(STP)
     differences: dict[Subset, PairedDifference] = {}
-    if (
-        stp is not None
-        and stp is not entrant
-        and stp.record.samples == entrant.record.samples
-    ):
-        differences = _defined(
-            {subset: entrant.minus(stp, subset) for subset in subsets}
-        )
-    return {
-        "gaps": gaps,
-        "gap_blank": pairs.kinematic.closed_by(entrant, "all").why or NO_GAP,
-        "own_gaps": own_gaps,
-        "association_gaps": association_gaps,
-        "association_gap_blank": pairs.association.closed_by(entrant, "all").why
-        or NO_GAP,
-        "differences": differences,
-    }
+    stp = best.get(STP)
+    if stp not in (None, entrant) and stp.record.samples == entrant.record.samples:
+        for subset in subsets:
+            if (difference := entrant.minus(stp, subset)) is not None:
+                differences[subset] = difference
+    return Standing(
+        places,
+        compared,
+        gaps=_closed(entrant, pairs.kinematic, subsets),
+        own_gaps=_closed(entrant, pairs.own, subsets),
+        association_gaps=_closed(entrant, pairs.association, subsets),
+        gap_blank=pairs.kinematic.closed_by(entrant, "all").why or NO_GAP,
+        association_gap_blank=pairs.association.closed_by(entrant, "all").why or NO_GAP,
+        differences=differences,
+    )
 
 
-def _defined(values: Mapping[Subset, Value | None]) -> dict[Subset, Value]:
-    return {subset: value for subset, value in values.items() if value is not None}
+def _closed(
+    entrant: _Entrant, pair: Pair, subsets: Sequence[Subset]
+) -> dict[Subset, float]:
+    """Return the shares of a gap that are closed, on the subsets that define it."""
+    gaps = {subset: pair.closed_by(entrant, subset).closed for subset in subsets}
+    return {subset: share for subset, share in gaps.items() if share is not None}
 
 
 def _truths(best: _Best) -> list[_Entrant]:
-    """Records of ground-truth tracks and of the best learned predictor on them; empty unless there are both."""
-    truth, *learned = map(best.get, (TRUTH, *learned_truths()))
-    errors = [
-        (each.sums.row.error, each)
-        for each in learned
-        if each is not None and each.sums.row.error is not None
-    ]
-    least = min(errors, key=itemgetter(0), default=None)
-    return [] if truth is None or least is None else [truth, least[1]]
+    """Return the records of ground-truth tracks and of the best network on them.
+
+    Empty unless there are both.
+    """
+    truth = best.get(TRUTH)
+    learned = []
+    for name in learned_truths():
+        entrant = best.get(name)
+        error = None if entrant is None else entrant.row_of("all").error
+        if entrant is not None and error is not None:
+            learned.append((error, entrant))
+    if truth is None or not learned:
+        return []
+    return [truth, min(learned, key=lambda pair: pair[0])[1]]

@@ -1,144 +1,112 @@
-"""The schema of a record, and of the results on hidden scenes that its signed level may add."""
+"""The schema of a record, and of the results on hidden scenes of its signed level.
 
-from functools import reduce
-from operator import or_
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+Both store facts alone: error sums per unit, and numbers that no sums give. All that
+follows from these facts is a property.
+"""
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
-from typing_extensions import TypeAliasType  # pydantic brings it
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from ...agent import SubmissionName
-from ...core import Section, unseen
+from ...core import RecordError, Section
 from ...running import MOST_SEED
-from ...scoring import KNOWN_SUBSETS, SUBSETS, Count, DrivingRow, Row, Subset, ratio
+from ...scoring import (
+    SUBSETS,
+    DrivingRow,
+    Row,
+    Subset,
+    UnitSums,
+    bootstrap_interval,
+    effective_number,
+    fault_interval,
+    ratio,
+    score_interval,
+)
 from ..gateway.limits import Isolation
-from .canonical import Date, Sha256
+from .fields import (
+    MAX_LIST,
+    Count,
+    Date,
+    FileName,
+    Json,
+    Level,
+    Name,
+    NotNegative,
+    OptionalSha256,
+    Sha256,
+    Share,
+    Text,
+    Url,
+)
+from .targets import MAX_SCENES, MAX_UNITS, NO_TARGETS, Targets
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
 Observed = Literal["detections", "truth", "associated"]
-MOST_NAME, MOST_TEXT = (
-    100,
-    2000,
-)  # characters of a name, and of a description or a reason
-MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
-_LARGEST = 1 << 53  # larger whole numbers are not the same in every reader of JSON
+REJECTED = "rejected: "  # before the reason of a run that broke the rules
+
+_DERIVED = {
+    "error", "interval", "localisation", "cost_rest", "effective_units", "seeds",
+    "targets", "effective_targets", "events", "objects", "effective_objects", "scenes",
+    "difference_to_stp", "difference_interval", "p", "gap_closed", "gap_interval",
+    "gap_closed_same_predictor", "gap_same_predictor_interval", "ms_per_frame",
+    "association_gap_closed", "association_gap_interval", "gap_blank_because",
+    "association_gap_blank_because", "place", "rank_range", "unranked_because",
+    "agent", "hypotheses", "samples", "budget", "subset",
+}  # fmt: skip
+# fields of a `Row` that records store; a further metric is one of them
+FACTS = {*Row.model_fields} - _DERIVED
 
 
-def _visible(text: str) -> str:
-    if not (
-        text.isascii() and text.isprintable()
-    ):  # letters are looked at one by one only where needed
-        letter = next(
-            (letter for letter in text if unseen(letter) and letter not in "\n\t"), None
-        )
-        if letter is not None:
-            raise ValueError(
-                f"contains U+{ord(letter):04X}, expected no invisible and no control characters"
-            )
-    return text
+def _require_facts(numbers: dict[str, float]) -> dict[str, float]:
+    for name in numbers:
+        if name not in FACTS:
+            raise ValueError(f"{name!r} is not a fact that records store")
+    return numbers
 
 
-Text = Annotated[str, Field(max_length=MOST_TEXT), AfterValidator(_visible)]
-Name = Annotated[str, Field(max_length=MOST_NAME), AfterValidator(_visible)]
-if TYPE_CHECKING:
-    Json = Any
-else:  # finite numbers, bounded whole numbers and texts, however deep; chosen by type, so that errors name one type
-    _Whole = Annotated[int, Field(ge=-_LARGEST, le=_LARGEST)]
-    _KINDS = {
-        "NoneType": None,
-        "bool": bool,
-        "int": _Whole,
-        "float": float,
-        "str": Text,
-        "list": list["Json"],
-        "dict": dict[Text, "Json"],
-    }
-    _any_kind = reduce(
-        or_, (Annotated[kind, Tag(name)] for name, kind in _KINDS.items())
-    )
-    Json = TypeAliasType(
-        "Json", Annotated[_any_kind, Discriminator(lambda value: type(value).__name__)]
-    )
-_FileName = Annotated[
-    str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)
-]  # part of a path
-_Url = Annotated[
-    str,
-    Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT),
-    AfterValidator(_visible),
-]
-_CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
-_Digest = Annotated[
-    str, Field(pattern=r"^([0-9a-f]{64})?$")
-]  # empty until the record is stored
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
 _Bytes = Annotated[int, Field(gt=0, le=1 << 40)]
-_NotNegative = Annotated[float, Field(ge=0)]
-UnitSums = dict[
-    Subset,
-    Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)],
-]
-
-
-def _each_subset(rows: list[Row]) -> list[Row]:
-    subsets = tuple(row.subset for row in rows)
-    if subsets not in (SUBSETS, KNOWN_SUBSETS):
-        raise ValueError(
-            f"holds rows of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}"
-        )
-    return rows
-
-
-def _equally_long(sums: UnitSums) -> UnitSums:
-    lengths = {*map(len, sums.values())}
-    if len(lengths) != 1 or 0 in lengths or not sums.keys() >= {*SUBSETS}:
-        raise ValueError(
-            "expected one sum or more of every subset, equally many of each"
-        )
-    return sums
-
-
-Rows = Annotated[list[Row], Field(max_length=MOST_NAMES), AfterValidator(_each_subset)]
-_Scores = Annotated[
-    list[Annotated[float, Field(ge=0, le=1)]], Field(max_length=MOST_NAMES)
-]  # one per seed
-_SceneSums = Annotated[UnitSums, AfterValidator(_equally_long)]
+_UnitErrors = Annotated[list[NotNegative], Field(max_length=MAX_UNITS)]
+_Numbers = Annotated[dict[Name, NotNegative], AfterValidator(_require_facts)]
+_CurvePoint = Annotated[tuple[NotNegative, NotNegative], Field(strict=False)]
+_Scores = Annotated[list[Share], Field(min_length=1, max_length=MAX_LIST)]
 
 
 class SubmissionPart(Section):
     """The submission: name, digest, parameters."""
 
     name: SubmissionName
-    authors: Annotated[list[Name], Field(max_length=MOST_NAMES)]
+    authors: Annotated[list[Name], Field(max_length=MAX_LIST)]
     description: Text
-    source: _Url  # of its code
+    source: Url  # of its code
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")]
-    paper: _Url
+    paper: Url
     license: Name
-    digest: Sha256  # over all files that ran: those of the folder, and these weights
-    networks: dict[
-        Name, Sha256
-    ]  # weights outside the folder, trained on the machine where it ran: file, its sha256
+    # over all files that ran: those of the folder, and these weights
+    digest: Sha256
+    # weights outside the folder, trained where it ran: file -> its sha256
+    networks: dict[Name, Sha256]
     parameters: dict[Text, Json]
-    hypotheses: Count | None = (
-        None  # as declared by a parameter; None: the answers state them
-    )
-    gap_references: (
-        Literal["controls", "own"] | None
-    )  # reference pair: STP and ground-truth tracks, or others
+    # as declared by a parameter; None: the answers state them
+    hypotheses: Count | None = None
+    # reference pair: STP and ground-truth tracks, or others
+    gap_references: Literal["controls", "own"] | None
 
 
 class EnvPart(Section):
-    """The environment, its split and its scenes."""
+    """The environment, its split and its data."""
 
-    id: _FileName
-    card_digest: _CardDigest
+    id: FileName
+    card_digest: Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
     split: Name
     data_manifest: Sha256  # over all data that the scorer read
-    scenes: Annotated[int, Field(ge=1, le=MOST_SCENES)]
-    scenes_of_split: Annotated[Count, Field(le=_LARGEST)]
+    scenes_of_split: Count
     observe: Observed
-    truth_complete: bool  # False: false forecasts are not known, all forecasts count against the budgets
+    # False: false forecasts are not known, all forecasts count against the budgets
+    truth_complete: bool
     keywords: dict[Text, Json]  # settings of the env beyond the card
 
 
@@ -146,7 +114,8 @@ class ScorerPart(Section):
     """The scorer: version of the definitions, digest."""
 
     definitions: Name
-    source_digest: Sha256  # of the version of the definitions and the golden results, see `scorer_digest`
+    # of the version of the definitions and the golden results, see `scorer_digest`
+    source_digest: Sha256
 
 
 class ReferencePart(Section):
@@ -163,27 +132,29 @@ class HardwarePart(Section):
 
     cpu: Text
     cores: Count
-    memory_gib: _NotNegative
-    gpu: Text | None = None  # of version 0.2
+    memory_gib: NotNegative
 
 
 class LatencyPart(Section):
-    """Time per answer, without the first of each scene, in which code is loaded and compiled."""
+    """Time per answer.
 
-    p50_ms: _NotNegative | None
-    p95_ms: _NotNegative | None
-    max_ms: _NotNegative | None
+    The first answer of each scene is left out: in it code is loaded and compiled.
+    """
+
+    p50_ms: NotNegative | None
+    p95_ms: NotNegative | None
+    max_ms: NotNegative | None
 
 
 class MeasuredPart(Section):
-    """Measurements that an equal run does not repeat: they have a digest of their own."""
+    """Measurements that an equal run does not repeat, with a digest of their own."""
 
     hardware: HardwarePart
     latency: LatencyPart
-    ms_per_frame: _NotNegative | None  # mean
-    peak_memory_mib: _NotNegative
+    ms_per_frame: NotNegative | None  # mean
+    peak_memory_mib: NotNegative
     made: Date  # UTC
-    digest: _Digest = ""
+    digest: OptionalSha256 = ""  # empty until the record is stored
 
 
 class LimitsPart(Section):
@@ -192,21 +163,23 @@ class LimitsPart(Section):
     start: _Seconds
     reset: _Seconds
     first_frame: _Seconds
-    frame: _Seconds  # later answers are missed
+    frame: _Seconds  # a later answer ends its scene
     scene: _Seconds
     memory: _Bytes
     disk: _Bytes
     answer: _Bytes
-    cuda: Literal[False] = False
 
 
 class MissedPart(Section):
-    """Frames without an accepted answer, over all scenes and seeds, and scenes that were not finished."""
+    """Malformed answers and unfinished scenes, over all scenes and seeds."""
 
-    late: Literal[0] = 0  # a late answer ends its scene
     malformed: Count
-    crashed_scenes: Count  # of scenes x seeds
     reasons: dict[Text, Text]  # "scene|seed" -> why the scene was not finished
+
+    @property
+    def crashed_scenes(self) -> int:
+        """Number of unfinished runs of a scene."""
+        return len(self.reasons)
 
 
 class HashesPart(Section):
@@ -216,95 +189,191 @@ class HashesPart(Section):
     rollouts: Sha256  # of the digests of the rollouts
 
 
-class ScenePart(Section):
-    """Sums of one scene over the targets of each unit: enough to rank records without their rollouts."""
+class DrivesPart(Section):
+    """Drives in a closed loop; the score and its interval follow from ``scores``."""
 
-    scene: Name
-    weight: _SceneSums  # [units of the scene] of the targets
-    error: _SceneSums  # [units] m, weighted, at the budgets of the whole record, mean over seeds
+    # [S][seeds] of each scene and seed, in the order of the scenes
+    scores: Annotated[list[_Scores], Field(min_length=1, max_length=MAX_SCENES)]
+    # per 100 scenes
+    collisions: NotNegative  # at fault
+    any_collision: NotNegative
+    near_misses: NotNegative
+    phantom_brakes: NotNegative
+    progress: Share
+    goal_seconds: NotNegative | None
+    comfort: Share
 
     @property
-    def targets(self) -> int:
-        """Number of targets."""
-        return round(sum(self.weight["all"]))
-
-    @property
-    def mean_error(self) -> float | None:
-        """Mean bADE over all targets, m; None without any."""
-        return ratio(sum(self.error["all"]), sum(self.weight["all"]))
+    def scene_scores(self) -> list[float]:
+        """Score of each scene [S], mean over seeds."""
+        return [math.fsum(scores) / len(scores) for scores in self.scores]
 
 
-class DrivingPart(DrivingRow):
-    """Row of an agent in a closed loop, with the score of each scene; differences need other records, and are null."""
+class ConversionPart(Section):
+    """An earlier form of a record, from which this one was converted without a run."""
 
-    scores: Annotated[
-        list[_Scores], Field(max_length=MOST_SCENES)
-    ]  # of each scene, in the order of the sums
+    digest: Sha256  # of the record in that form
+    level: Level
+    date: Date | None = None  # of the level; None of "scored"
+    signer: Name = ""
 
 
 class Results(Section):
-    """Rows of results, one per subset.
+    """Errors of one agent by subset and unit, and numbers that they do not give.
 
-    In a closed loop the only target of a scene is its drive. Its error is 1 - drive score; no event has a target.
+    In a closed loop the only target of a scene is its drive. Its error is 1 - drive
+    score; no event has a target.
     """
 
-    driving: DrivingPart | None = None  # of a closed loop alone
+    # [U] m, weighted, at the budgets of all scenes, mean over seeds
+    error: dict[Subset, _UnitErrors]
+    # fields of a `Row` that do not follow from the sums of units
+    numbers: dict[Subset, _Numbers]
+    drives: DrivesPart | None = None  # of a closed loop alone
+    targets: Targets = NO_TARGETS
 
-    if TYPE_CHECKING:
-        rows: Rows
+    @property
+    def agent(self) -> str:
+        """Name of the submission; empty where it is not stated."""
+        return ""
+
+    @property
+    def subsets(self) -> tuple[Subset, ...]:
+        """Subsets with results: older records do not have "turning"."""
+        return ("all",) if self.drives is not None else tuple(self.error)
+
+    def unit_weight(self, subset: Subset) -> list[float]:
+        """Return the weight of the targets of each unit [U]."""
+        return self.targets.on(subset).weight
+
+    def unit_error(self, subset: Subset) -> list[float]:
+        """Return the weighted bADE per unit [U], metres."""
+        if self.drives is not None and subset == "all":
+            return [1.0 - score for score in self.drives.scene_scores]
+        return self.error.get(subset) or [0.0] * self.targets.units
+
+    def sums_on(self, subset: Subset, samples: int) -> UnitSums:
+        """Return the sums over the units; ``samples``: per object."""
+        return UnitSums(
+            samples=samples,
+            weight=np.array(self.unit_weight(subset)),
+            error=np.array(self.unit_error(subset)),
+            effective_objects=self.targets.on(subset).effective_objects,
+        )
+
+    def row_of(self, subset: Subset) -> Row:
+        """Return the row of one subset; fields that nothing here gives are None."""
+        targets = self.targets.on(subset)
+        errors = self.unit_error(subset)
+        error = ratio(math.fsum(errors), math.fsum(targets.weight))
+        numbers = self.numbers.get(subset, {})
+        missed = numbers.get("missed")
+        content = dict.fromkeys(Row.model_fields) | {
+            **numbers,
+            **targets.model_dump(exclude={"weight"}),
+            "agent": self.agent,
+            "subset": subset,
+            "error": error,
+            "interval": bootstrap_interval(errors, targets.weight),
+            "effective_units": effective_number(targets.weight),
+        }
+        if error is not None and missed is not None:
+            content["localisation"] = max(error - missed, 0.0)
+            if "cost_no_forecast" in numbers:
+                content["cost_rest"] = content["localisation"]
+        return Row.model_construct(**content)
+
+    @property
+    def rows(self) -> list[Row]:
+        """Rows of all subsets with results."""
+        return [self.row_of(subset) for subset in self.subsets]
 
     @property
     def row(self) -> Row:
         """Row of the subset "all"."""
         return self.row_of("all")
 
-    def row_of(self, subset: Subset) -> Row:
-        """Row of one subset."""
-        return next(row for row in self.rows if row.subset == subset)
+    @property
+    def driving(self) -> DrivingRow | None:
+        """Row of a closed loop, without differences to other records."""
+        if self.drives is None:
+            return None
+        scores = self.drives.scene_scores
+        return DrivingRow.model_construct(
+            **dict.fromkeys(DrivingRow.model_fields)
+            | self.drives.model_dump(exclude={"scores"})
+            | {
+                "agent": self.agent,
+                "drive_score": math.fsum(scores) / len(scores),
+                "interval": score_interval(scores),
+                "collisions_interval": fault_interval(
+                    self.drives.collisions, len(scores)
+                ),
+                "scenes": len(scores),
+            }
+        )
 
 
 class Record(Results):
-    """Results of one submission on one env: an equal run gives an equal record, but for `measured`.
+    """Results of one submission on one env.
 
-    The rows have no ranks, which depend on other records. ``gap_closed`` is null in them for the same reason, and so is
-    ``gap_closed_same_predictor`` unless its reference agents were run with the submission; ``ms_per_frame`` is
-    measured. A record does not know its level: `attestation` reads it from the same file, and checks its signature.
+    An equal run gives an equal record, but for `measured`. A record does not know its
+    level: `attestation` reads it from the same file, and checks its signature.
     """
 
-    format: Literal[2] = 2
+    format: Literal[3] = 3
     submission: SubmissionPart
-    division: Literal["closed"] = "closed"  # of version 0.2, as `LimitsPart.cuda`
-    training_data: Annotated[list[Text], Field(max_length=MOST_NAMES)]  # as declared
+    training_data: Annotated[list[Text], Field(max_length=MAX_LIST)]  # as declared
     env: EnvPart
     scorer: ScorerPart
     reference: ReferencePart
     seeds: Annotated[
-        list[Annotated[int, Field(ge=0, le=MOST_SEED)]], Field(max_length=MOST_NAMES)
+        list[Annotated[int, Field(ge=0, le=MOST_SEED)]], Field(max_length=MAX_LIST)
     ]
-    status: Status
-    status_reason: Text
-    versions: Annotated[dict[Name, Name], Field(max_length=MOST_NAMES)]
+    versions: Annotated[dict[Name, Name], Field(max_length=MAX_LIST)]
     limits: LimitsPart
     missed: MissedPart
     isolation: Isolation
     hypotheses: Count
     samples: Count
-    rows: Rows
-    nothing_predicted: float | None  # m, error if nothing is predicted
-    details: dict[Text, Json]  # `Details` of the scorer
-    per_scene: Annotated[list[ScenePart], Field(max_length=MOST_SCENES)]
+    # the targets are in the file only where the leaderboard does not have them
+    targets_sha256: Sha256
+    brier: Share | None = None
+    # mean stated confidence less the share of true forecasts
+    overconfidence: Annotated[float, Field(ge=-1, le=1)] | None = None
+    # false forecasts per target (forecasts per frame where those are not known), m
+    curve: Annotated[list[_CurvePoint], Field(max_length=MAX_LIST)] = Field([])
     hashes: HashesPart
     measured: MeasuredPart
-    plan: _Digest = ""  # of all that was decided before the runs, see `parts`
-    digest: _Digest = ""
-    level: Annotated[None, BeforeValidator(lambda _: None)] = Field(
-        None, exclude=True
-    )  # left out
+    plan: OptionalSha256 = ""  # of all that was decided before the runs, see `parts`
+    converted_from: ConversionPart | None = None
+    digest: OptionalSha256 = ""  # empty until the record is stored
+    level: Annotated[None, BeforeValidator(lambda _: None)] = Field(None, exclude=True)
+
+    @property
+    def agent(self) -> str:
+        """Name of the submission."""
+        return self.submission.name
+
+    @property
+    def scenes(self) -> list[str]:
+        """Names of the scenes, in their order."""
+        return self.targets.scenes
 
     @property
     def runs(self) -> int:
         """Number of scenes x seeds."""
-        return len(self.per_scene) * len(self.seeds)
+        return len(self.scenes) * len(self.seeds)
+
+    @property
+    def status(self) -> Status:
+        """Status, which follows from the scenes that were run and finished."""
+        return self._status_and_reason[0]
+
+    @property
+    def status_reason(self) -> str:
+        """Reason of the status; empty if the record is finished."""
+        return self._status_and_reason[1]
 
     @property
     def unfinished(self) -> str:
@@ -312,45 +381,45 @@ class Record(Results):
         if self.status != "finished":
             return f"{self.status}: {self.status_reason}"
         crashed = self.missed.crashed_scenes
-        return (
-            f"{crashed} of {self.runs} scenes and seeds were not finished"
-            if crashed
-            else ""
-        )
+        if not crashed:
+            return ""
+        return f"{crashed} of {self.runs} scenes and seeds were not finished"
 
-    def unit_weight(self, subset: Subset) -> list[float]:
-        """Weight of the targets of each unit, over all scenes."""
-        return [
-            value for scene in self.per_scene for value in scene.weight.get(subset, ())
-        ]
-
-    def unit_error(self, subset: Subset) -> list[float]:
-        """Weighted bADE per unit [U], metres."""
-        return [
-            value for scene in self.per_scene for value in scene.error.get(subset, ())
-        ]
+    @property
+    def _status_and_reason(self) -> tuple[Status, str]:
+        reasons = self.missed.reasons
+        for key, reason in reasons.items():
+            if reason.startswith(REJECTED):
+                return "rejected", f"{key}: {reason.removeprefix(REJECTED)}"
+        if self.runs and len(reasons) == self.runs:
+            return "crashed", f"no scene was finished: {next(iter(reasons.values()))}"
+        if len(self.scenes) < self.env.scenes_of_split:
+            return "partial", f"{len(self.scenes)} of {self.env.scenes_of_split} scenes"
+        return "finished", ""
 
 
 class HiddenPart(Results):
-    """Results on scenes of secret seeds, without their names, from which the seeds would follow."""
+    """Results on scenes of secret seeds, without the names of the scenes."""
 
     commitment: Sha256  # of the secret
     weights: Sha256  # hash of their event weights, made once per seal
     scenes: Count
-    rows: Rows
-    nothing_predicted: float | None  # m, error if nothing is predicted there
-    weight: UnitSums  # [units] of the targets, over all scenes, in an order that the salt of the seal draws
-    error: UnitSums  # [units] m, weighted, at the budgets of all hidden scenes, mean over seeds
-
-    def unit_weight(self, subset: Subset) -> list[float]:
-        """Weight of the targets of each unit."""
-        return self.weight.get(subset, [])
-
-    def unit_error(self, subset: Subset) -> list[float]:
-        """Weighted bADE per unit [U], metres."""
-        return self.error.get(subset, [])
+    targets: Targets  # in an order of units that the salt of the seal draws
 
 
 def key_of(scene: str, seed: int) -> str:
-    """Key of one run, as in ``missed.reasons``."""
+    """Return the key of one run, as in ``missed.reasons``."""
     return f"{scene}|{seed}"
+
+
+def require_units(results: Results, where: str) -> None:
+    """Raise RecordError unless there is one sum of errors per unit of the targets."""
+    units = results.targets.units
+    counts = {f"error.{name}": len(errors) for name, errors in results.error.items()}
+    if results.drives is not None:
+        counts = {"drives.scores": len(results.drives.scores)}
+    elif missing := [subset for subset in SUBSETS if subset not in results.error]:
+        raise RecordError(f"{where}: error has no sums of {', '.join(missing)}")
+    for name, count in counts.items():
+        if count != units:
+            raise RecordError(f"{where}: {name} has {count} units, its targets {units}")

@@ -1,16 +1,18 @@
 """Runs that check a record: again in random order, under a secret motion, and on hidden scenes.
 
-The public seeds of a record fix how its scenes were turned and shifted, so that an agent could look its answers up in a
-table of coordinates. Such a table fails under another motion. One relative to the first pose of the ego does not, nor
-one of the roads that a card with lanes shows: authors declare that they use none. The order is random, so that a run
-cannot use what another left in the page cache.
+The public seeds of a record fix how its scenes were turned and shifted, so that an
+agent could look its answers up in a table of coordinates. Such a table fails under
+another motion. One relative to the first pose of the ego does not, nor one of the roads
+that a card with lanes shows: authors declare that they use none. The order is random,
+so that a run cannot use what another left in the page cache.
 
-Hidden scenes, which rank on simulated envs, are made for one or more checks and then deleted. Only their sums per unit
-are published, since the name of a scene contains its seed.
+Hidden scenes, which rank on simulated envs, are made for one or more checks and then
+deleted. Only their sums per unit are published, since the name of a scene contains its
+seed.
 """
 
 import secrets
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -19,36 +21,36 @@ import numpy as np
 from ...cards import Card
 from ...core import Progress, RecordError, Rollout
 from ...env import MTPEnv, actions_of
-from ...scoring import SUBSETS, Reference, Row, Subset, check_rollout, why_not_on
+from ...scoring import SUBSETS, Reference, Subset, check_rollout, why_not_on
 from ...sources import open_source, package_of
 from ..gateway.limits import Isolation, SceneRun
-from .attestation import Checked
 from .canonical import Difference
-from .record import HiddenPart, Record
+from .record import HiddenPart, Record, Results
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
 from .seal import Sealed
+from .targets import Targets
 
-# Share of the error by which other draws may be worse, on all targets and on event subsets that rank. Seeds of a
-# baseline differ by 0.06 at most, by 0.015 on event subsets that rank.
+# Share of the error by which other draws may be worse, on all targets and on event
+# subsets that rank. Seeds of a baseline differ by 0.06 at most, by 0.015 on those.
 ALIKE = 0.1
-_NEGLIGIBLE = 1e-3  # m
+_NEGLIGIBLE_M = 1e-3
 _SEEDS = 1 << 60  # as many as those of hidden runs
 _random = secrets.SystemRandom()
 
 
 def drive_again(card: Card, rollout: Rollout) -> Rollout:
-    """The rollout with the drive that its answers give, without the agent; MtpBenchError for answers of no env."""
+    """Return the rollout with the drive that its answers give, without the agent.
+
+    Raises MtpBenchError for answers that no env gives.
+    """
     from ...traffic import DrivenEpisode
 
-    episode = DrivenEpisode.start(
-        card, MTPEnv(card, evaluation=True).task, rollout.scene, 0, None
-    )
-    check_rollout(
-        replace(episode.scene, time=rollout.seconds), rollout, card
-    )  # of as many frames
-    if not (
-        np.exp(np.minimum(rollout.forecast_log_weight, 1.0)).sum(axis=1) < 1.001
-    ).all():  # NaN is not
+    task = MTPEnv(card, evaluation=True).task
+    episode = DrivenEpisode.start(card, task, rollout.scene, 0, None)
+    # a scene of as many frames
+    check_rollout(replace(episode.scene, time=rollout.seconds), rollout, card)
+    weights = np.exp(np.minimum(rollout.forecast_log_weight, 1.0)).sum(axis=1)
+    if not (weights < 1.001).all():  # NaN is not
         raise RecordError(
             f"{rollout.scene}: weights of the samples of a forecast add up to more than 1"
         )
@@ -57,125 +59,126 @@ def drive_again(card: Card, rollout: Rollout) -> Rollout:
             episode.take(action)
     if not episode.over or episode.t < rollout.frames:
         raise RecordError(
-            f"{rollout.scene}: its {rollout.frames} stored answers do not end with the drive"
+            f"{rollout.scene}: its {rollout.frames} stored answers do not end with the "
+            "drive"
         )
     return replace(rollout, drive=episode.drive)
 
 
 def run_again(plan: Plan, seeds: Sequence[int]) -> Runs:
-    """Run seeds and scenes in a random order; the result has the order of ``seeds`` and of the plan."""
-    runs = {
-        seed: _run_shuffled(plan, seed)
-        for seed in _random.sample(list(seeds), len(seeds))
-    }
+    """Run seeds and scenes in a random order; returns them in the given one."""
+    shuffled_seeds = _random.sample(list(seeds), len(seeds))
+    runs = {seed: _run_shuffled(plan, seed) for seed in shuffled_seeds}
     return {seed: runs[seed] for seed in seeds}
 
 
-def rows_under_random_pose(plan: Plan, reference: Reference) -> Sequence[Row]:
-    """Rows of the submission of ``plan`` under one secret seed, which turns and shifts the scenes.
+def errors_under_random_pose(
+    plan: Plan, reference: Reference
+) -> dict[Subset, float | None]:
+    """Return bADE of the submission under one secret seed, which moves the scenes.
 
-    Raises RecordError if a scene was not finished: an agent could refuse to play under any but the public seeds.
+    Raises RecordError if a scene was not finished: an agent could refuse to play under
+    any but the public seeds.
     """
-    runs = {seed: _run_shuffled(plan, seed) for seed in [secrets.randbelow(_SEEDS)]}
+    seed = secrets.randbelow(_SEEDS)
+    runs = {seed: _run_shuffled(plan, seed)}
     require_answered(runs, plan.submission.name, "under a secret motion")
-    return evaluate_plan(plan, runs, reference).rows
+    evaluation = evaluate_plan(plan, runs, reference)
+    results = Results(**evaluation.results)
+    return {subset: results.row_of(subset).error for subset in results.subsets}
 
 
-def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
-    """The first error that is larger under another motion than in the record; None if all are alike.
+def worse_when_moved(
+    record: Record, moved: Mapping[Subset, float | None]
+) -> Difference | None:
+    """Return the first error that is larger when ``moved``; None if all are alike.
 
-    It is compared with the mean over seeds, not with the worst: an agent with a table for all seeds but one would pass.
+    It is compared with the mean over seeds, not with the worst: an agent with a table
+    for all seeds but one would pass.
     """
-    for row in rows[: len(SUBSETS)]:  # further ones are shown only
-        ranked = record.row_of(row.subset)
-        if row.error is None or ranked.error is None:
+    # further subsets are shown only
+    for subset in SUBSETS:
+        row = record.row_of(subset)
+        error = moved.get(subset)
+        if row.error is None or error is None:
             continue
-        if row.subset != "all" and why_not_on(
-            row.subset, Checked(record).sums_on(row.subset)
-        ):
+        sums = record.sums_on(subset, record.samples)
+        if subset != "all" and why_not_on(subset, sums):
             continue
-        most = ranked.error * (1 + ALIKE) + _NEGLIGIBLE
-        if (
-            record.driving is not None and ranked.interval is not None
-        ):  # one collision costs a whole scene
-            most = max(most, ranked.interval[1])
-        if row.error > most:
-            return Difference(
-                f"error of {row.subset} under another motion", ranked.error, row.error
-            )
+        largest = row.error * (1 + ALIKE) + _NEGLIGIBLE_M
+        # one collision costs a whole scene
+        if record.drives is not None and row.interval is not None:
+            largest = max(largest, row.interval[1])
+        if error > largest:
+            what = f"error of {subset} under another motion"
+            return Difference(what, row.error, error)
     return None
 
 
-def why_unsandboxed(record: Record, now: Isolation) -> str:
-    """Reason why another run does not confirm a record; empty if the agent was sandboxed then and ``now``."""
-    parts = ("when the record was made", record.isolation), ("in this run", now)
-    return next(
-        (
-            f"the agent was unsandboxed {when}"
-            for when, part in parts
-            if part.mechanism == "none"
-        ),
-        "",
-    )
+def why_unsandboxed(record: Record, isolation_now: Isolation) -> str:
+    """Return the reason why another run does not confirm a record.
+
+    Empty if the agent was sandboxed then and now.
+    """
+    if record.isolation.mechanism == "none":
+        return "the agent was unsandboxed when the record was made"
+    if isolation_now.mechanism == "none":
+        return "the agent was unsandboxed in this run"
+    return ""
 
 
 def run_hidden(
     plan: Plan, record: Record, sealed: Sealed, ends: ExitStack
 ) -> HiddenPart:
-    """Results of the submission of ``plan`` on the hidden scenes, under a secret seed in place of those of ``record``.
+    """Run the submission on the hidden scenes, under a secret seed.
 
-    The scenes are made if they are missing, and deleted when ``ends`` is closed. Raises RecordError if the seal is of
-    another card, or the agent was unsandboxed.
+    The scenes are made if they are missing, and deleted when ``ends`` is closed. Raises
+    RecordError if the seal is of another card, or the agent was unsandboxed.
     """
     card = plan.card
     if (sealed.seeds.env, sealed.seeds.card_digest) != (card.id, card.digest):
         raise RecordError(
-            f"the seal is of {sealed.seeds.env} with card digest {sealed.seeds.card_digest}, the record of {card.id} "
-            f"with {card.digest}"
+            f"the seal is of {sealed.seeds.env} with card digest "
+            f"{sealed.seeds.card_digest}, the record of {card.id} with {card.digest}"
         )
-    hidden = sealed.card(card)
-    ends.callback(package_of(hidden).discard, hidden)
-    package_of(hidden).keep_private(hidden)
+    hidden_card = sealed.card(card)
+    package = package_of(hidden_card)
+    ends.callback(package.discard, hidden_card)
+    package.keep_private(hidden_card)
     shown = plan.options.progress
-    progress = Progress(
-        shown.started, lambda _: shown.done("a hidden scene")
-    )  # a name would tell its seed
-    names, options = (
-        sealed.shuffled(open_source(hidden).names),
-        replace(plan.options, data=None, progress=progress),
-    )
+    # the name of a scene would tell its seed
+    progress = Progress(shown.started, lambda _: shown.done("a hidden scene"))
+    options = replace(plan.options, data=None, progress=progress)
+    scenes = sealed.shuffled(open_source(hidden_card).names)
     hidden_plan = replace(
         plan,
-        env=hidden,
-        card=hidden,
-        scenes=names,
-        scenes_of_split=len(names),
+        env=hidden_card,
+        card=hidden_card,
+        scenes=scenes,
+        scenes_of_split=len(scenes),
         options=options,
     )
     runs = run_again(hidden_plan, [sealed.run_seed(record.seeds[0])])
     if why := why_unsandboxed(record, isolation(runs)):
         raise RecordError(
-            f"hidden scenes would not stay hidden: {why}; run it on Linux with bubblewrap"
+            f"hidden scenes would not stay hidden: {why}; run it on Linux with "
+            "bubblewrap"
         )
     require_answered(runs, plan.submission.name, "of hidden scenes")
-    reference = sealed.reference(hidden, names, options)
+    reference = sealed.reference(hidden_card, scenes, options)
     evaluation = evaluate_plan(hidden_plan, runs, reference)
-    subsets: list[Subset] = [row.subset for row in evaluation.rows]
+    # without names of scenes
+    targets = Targets(
+        scenes=[],
+        scene_units=[],
+        nothing_predicted=evaluation.targets.nothing_predicted,
+        subsets=evaluation.targets.subsets,
+    )
     return HiddenPart(
         commitment=sealed.commitment,
         weights=reference.digest,
-        scenes=len(names),
-        rows=evaluation.rows,
-        nothing_predicted=evaluation.nothing_predicted,
-        driving=evaluation.driving,
-        weight={
-            subset: [w for scene in evaluation.per_scene for w in scene.weight[subset]]
-            for subset in subsets
-        },
-        error={
-            subset: [e for scene in evaluation.per_scene for e in scene.error[subset]]
-            for subset in subsets
-        },
+        scenes=len(scenes),
+        **evaluation.results | {"targets": targets},
     )
 
 
@@ -183,18 +186,16 @@ def require_answered(runs: Runs, agent: str, where: str) -> None:
     """Raise RecordError unless the agent finished every scene; it names no scenes."""
     missed = unanswered(runs)
     if missed.crashed_scenes:
-        kinds = ", ".join(
-            sorted({reason.partition(":")[0] for reason in missed.reasons.values()})
-        )
+        kinds = sorted({reason.split(":")[0] for reason in missed.reasons.values()})
         raise RecordError(
-            f"{agent}: {missed.crashed_scenes} runs {where} were not finished ({kinds}), expected 0"
+            f"{agent}: {missed.crashed_scenes} runs {where} were not finished "
+            f"({', '.join(kinds)}), expected 0"
         )
 
 
 def _run_shuffled(plan: Plan, seed: int) -> list[SceneRun]:
-    order = _random.sample(plan.scenes, len(plan.scenes))
+    scenes = tuple(_random.sample(plan.scenes, len(plan.scenes)))
     runs = {
-        run.rollout.scene: run
-        for run in run_seed(replace(plan, scenes=tuple(order)), seed)
+        run.rollout.scene: run for run in run_seed(replace(plan, scenes=scenes), seed)
     }
     return [runs[scene] for scene in plan.scenes]

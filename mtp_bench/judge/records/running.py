@@ -24,7 +24,7 @@ from .parts import Parts
 from .record import HardwarePart, HashesPart, LatencyPart, MissedPart, key_of
 from .shipped import FOR_BASELINES, baseline_digest
 
-MOST_REASON = 1000  # characters of why a scene was not finished
+_MAX_REASON = 1000  # characters of why a scene was not finished
 Runs = Mapping[int, Sequence[SceneRun]]  # seed -> scenes
 
 
@@ -48,34 +48,22 @@ class Plan:
 
 
 def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
-    """The scenes of an env for a submission, with its own parameters and k samples.
+    """Return the plan of a submission with its own parameters and k samples.
 
-    Raises MtpBenchError for an unknown env, other scenes or detections, missing data or a wrong parameter.
+    Raises MtpBenchError for an unknown env, other scenes or detections, missing data or
+    a wrong parameter.
     """
-    if {options.detector, options.detections, options.presence} != {None}:
-        raise MtpBenchError(
-            "a record is of the detections that its env names: no other detector can be chosen, and no presence model"
-        )
-    if options.files is not None or options.split is not None:
-        raise MtpBenchError(
-            "a record is of the scenes that its env names: no files and no split can take their place"
-        )
-    if submission.compare.observe == "tracks":
-        raise MtpBenchError(
-            f"{submission.name} observes stored tracks, which may have seen the future: it has no record; use "
-            "`mtp-bench compare --tracks`"
-        )
+    _require_own_scenes(submission, options)
     options.require_usable([submission])
     env = MTPEnv(
         env_id, evaluation=True, data=options.data, **options.shown_to(submission)
     )
     keywords = setting_of(submission, env.card).env_keywords(env.card)
     del keywords["observe"]  # the record has it in a field of its own
-    names = ranked_scenes(env.card, env.scene_names)
+    scenes = ranked_scenes(env.card, env.scene_names)
     image = image_of(submission, env.card.id, env.card.weights_of)
-    if submission.compare.observe == "associated" and image.digest != baseline_digest(
-        submission.name, image.weights
-    ):
+    is_baseline = image.digest == baseline_digest(submission.name, image.weights)
+    if submission.compare.observe == "associated" and not is_baseline:
         raise MtpBenchError(
             f"{submission.name}: {FOR_BASELINES}; compare it with `mtp-bench compare`"
         )
@@ -83,12 +71,31 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
         submission,
         env_id,
         env.card,
-        options.chosen(names),
-        len(names),
+        options.chosen(scenes),
+        len(scenes),
         keywords,
         options,
         image,
     )
+
+
+def _require_own_scenes(submission: Submission, options: RunOptions) -> None:
+    """Raise MtpBenchError for options that a record of an env cannot have."""
+    if {options.detector, options.detections, options.presence} != {None}:
+        raise MtpBenchError(
+            "a record is of the detections that its env names: no other detector can "
+            "be chosen, and no presence model"
+        )
+    if options.files is not None or options.split is not None:
+        raise MtpBenchError(
+            "a record is of the scenes that its env names: no files and no split can "
+            "take their place"
+        )
+    if submission.compare.observe == "tracks":
+        raise MtpBenchError(
+            f"{submission.name} observes stored tracks, which may have seen the future: "
+            "it has no record; use `mtp-bench compare --tracks`"
+        )
 
 
 def run_seed(
@@ -97,32 +104,35 @@ def run_seed(
     parts: Parts | None = None,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
 ) -> list[SceneRun]:
-    """Run every scene of the plan under one seed, in the order of the plan; never raises for the agent's actions.
+    """Run every scene of the plan under one seed; returns runs in the plan's order.
 
-    Scenes that are among the ``parts`` are not run again; the others are stored there as soon as they are finished.
+    Scenes that are among the ``parts`` are not run again; the others are stored there
+    as soon as they are finished. Never raises for the agent's actions.
     """
     runs: dict[str, SceneRun] = {}
-    for scene in plan.scenes:
-        if parts is not None and (run := parts.read(seed, scene)) is not None:
-            runs[scene] = run
-            plan.options.progress.done(scene)
 
     def keep(run: SceneRun) -> None:
         runs[run.rollout.scene] = run
         if parts is not None:
             parts.write(seed, run)
 
+    for scene in plan.scenes:
+        run = None if parts is None else parts.read(seed, scene)
+        if run is not None:
+            runs[scene] = run
+            plan.options.progress.done(scene)
     remaining = [scene for scene in plan.scenes if scene not in runs]
+    env_keywords = {
+        **plan.keywords,
+        "observe": plan.setting.observe,
+        "data": plan.options.data,
+        "rigid_motion": True,
+    }
     if remaining:
         run_isolated_scenes(
             plan.submission.path,
             plan.env,
-            {
-                **plan.keywords,
-                "observe": plan.setting.observe,
-                "data": plan.options.data,
-                "rigid_motion": True,
-            },
+            env_keywords,
             seed=seed,
             limits=limits,
             scenes=remaining,
@@ -135,24 +145,25 @@ def run_seed(
 
 
 def rollouts_of(runs: Runs) -> dict[int, list[Rollout]]:
-    """The rollouts of each seed."""
-    return {seed: [run.rollout for run in results] for seed, results in runs.items()}
+    """Return the rollouts of each seed."""
+    return {
+        seed: [run.rollout for run in seed_runs] for seed, seed_runs in runs.items()
+    }
 
 
 def evaluate_plan(
     plan: Plan, runs: Runs, reference: Reference, *, with_progress: bool = False
 ) -> Evaluation:
-    """Score the runs of a plan; ``with_progress``: report each scene to the progress of the plan's options."""
+    """Score the runs of a plan; ``with_progress``: report each scene."""
     setting = plan.setting
-    options = (
-        plan.options if with_progress else replace(plan.options, progress=NO_PROGRESS)
-    )
-    name, rollouts = plan.submission.name, rollouts_of(runs)
+    options = plan.options
+    if not with_progress:
+        options = replace(options, progress=NO_PROGRESS)
     return evaluate(
-        name,
+        plan.submission.name,
         plan.card,
         options,
-        rollouts,
+        rollouts_of(runs),
         reference,
         setting.hypotheses,
         setting.observe,
@@ -160,7 +171,7 @@ def evaluate_plan(
 
 
 def info_of(plan: Plan, seed: int) -> RunInfo:
-    """Description of a stored run of the plan, without the data root."""
+    """Return the description of a stored run of the plan, without the data root."""
     setting = plan.setting
     env = MTPEnv(
         plan.env,
@@ -174,55 +185,53 @@ def info_of(plan: Plan, seed: int) -> RunInfo:
 
 
 def hashes(runs: Runs) -> HashesPart:
-    """Digests of the hash chains and rollouts, which a second run must reproduce."""
-    chains = {
-        key_of(r.rollout.scene, seed): r.seal
-        for seed, results in runs.items()
-        for r in results
+    """Return digests of hash chains and rollouts, which a second run must repeat."""
+    seals = {
+        key_of(run.rollout.scene, seed): run.seal
+        for seed, seed_runs in runs.items()
+        for run in seed_runs
     }
-    return HashesPart(
-        seals=digest_of(chains), rollouts=rollouts_hash(rollouts_of(runs))
-    )
+    rollouts = rollouts_hash(rollouts_of(runs))
+    return HashesPart(seals=digest_of(seals), rollouts=rollouts)
 
 
 def rollouts_hash(runs: Mapping[int, Sequence[Rollout]]) -> str:
-    """Hash over the answers of each seed; the drives that they give are made again where a record is verified."""
-    answers = {
-        key_of(r.scene, seed): replace(r, drive=None)
+    """Return the hash over the answers of each seed.
+
+    Their drives are left out: they are made again where a record is verified.
+    """
+    digests = {
+        key_of(rollout.scene, seed): digest(replace(rollout, drive=None))
         for seed, rollouts in runs.items()
-        for r in rollouts
+        for rollout in rollouts
     }
-    return digest_of({key: digest(rollout) for key, rollout in answers.items()})
+    return digest_of(digests)
 
 
 def unanswered(runs: Runs) -> MissedPart:
-    """Frames without an accepted answer, and scenes that were not finished."""
-    every = [run for results in runs.values() for run in results]
-    reasons = {
-        key_of(
-            run.rollout.scene, seed
-        ): f"{run.status}: {clean_text(run.reason, MOST_REASON)}"
-        for seed, results in runs.items()
-        for run in results
-        if run.status != "finished"
-    }
-    return MissedPart(
-        malformed=sum(run.malformed for run in every),
-        crashed_scenes=len(reasons),
-        reasons=reasons,
-    )
+    """Count malformed answers and unfinished scenes."""
+    reasons = {}
+    malformed = 0
+    for seed, seed_runs in runs.items():
+        for run in seed_runs:
+            malformed += run.malformed
+            if run.status != "finished":
+                reason = clean_text(run.reason, _MAX_REASON)
+                reasons[key_of(run.rollout.scene, seed)] = f"{run.status}: {reason}"
+    return MissedPart(malformed=malformed, reasons=reasons)
 
 
 def isolation(runs: Runs) -> Isolation:
-    """The weakest isolation of all runs."""
-    every = [run.isolation for results in runs.values() for run in results]
-    return min(every, key=lambda each: (each.sandboxed, each.memory == "cgroup"))
+    """Return the weakest isolation of all runs."""
+    isolations = [run.isolation for seed_runs in runs.values() for run in seed_runs]
+    return min(isolations, key=lambda part: (part.sandboxed, part.memory == "cgroup"))
 
 
 def latency(rollouts: Sequence[Rollout]) -> LatencyPart:
-    """Percentiles over the frames of all rollouts but the first of each, up to the end of the agent.
+    """Return percentiles over all frames but the first of each rollout.
 
-    Malformed answers count with the time that the judge waited for them.
+    Frames count up to the end of the agent, malformed answers with the time that the
+    judge waited for them.
     """
     seconds = np.concatenate(
         [np.zeros(0), *(rollout.seconds[1:] for rollout in rollouts)]
@@ -230,24 +239,18 @@ def latency(rollouts: Sequence[Rollout]) -> LatencyPart:
     seconds = seconds[np.isfinite(seconds) & (seconds > 0)]
     if not len(seconds):
         return LatencyPart(p50_ms=None, p95_ms=None, max_ms=None)
-    p50, p95, most = (
-        float(value) for value in np.percentile(1e3 * seconds, [50, 95, 100])
-    )
-    return LatencyPart(p50_ms=p50, p95_ms=p95, max_ms=most)
+    p50, p95, largest = np.percentile(1e3 * seconds, [50, 95, 100]).tolist()
+    return LatencyPart(p50_ms=p50, p95_ms=p95, max_ms=largest)
 
 
 def hardware() -> HardwarePart:
-    """Description of this machine, without names that identify it."""
-    lines = (
-        Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
-        if Path("/proc/cpuinfo").is_file()
-        else []
-    )
-    models = (
-        line.partition(":")[2].strip()
-        for line in lines
-        if line.startswith("model name")
-    )
+    """Describe this machine, without names that identify it."""
+    cpu = platform.processor() or platform.machine()
+    cpu_file = Path("/proc/cpuinfo")
+    if cpu_file.is_file():
+        for line in cpu_file.read_text(errors="replace").splitlines():
+            if line.startswith("model name"):
+                cpu = line.partition(":")[2].strip() or cpu
+                break
     memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    cpu = next(models, "") or platform.processor() or platform.machine()
     return HardwarePart(cpu=cpu, cores=cores(), memory_gib=round(memory / 2**30, 1))

@@ -1,8 +1,9 @@
 """Seals: hidden scenes of secret seeds, which a published commitment fixes in advance.
 
-A maintainer draws a secret range of seeds and a salt, publishes the sha256 of both, and keeps the file. Submissions are
-later run on those scenes. When the seal is retired its secret is published: then anyone can check it against the
-commitment, and it ranks no further submission.
+A maintainer draws a secret range of seeds and a salt, publishes the sha256 of both, and
+keeps the file. Submissions are later run on those scenes. When the seal is retired its
+secret is published: then anyone can check it against the commitment, and it ranks no
+further submission.
 """
 
 import hashlib
@@ -29,33 +30,37 @@ from ...core import (
 from ...running import RunOptions, make_reference
 from ...scoring import Reference, read_reference, write_reference
 from ...traffic import SECRET_SEEDS, HighwaySource
-from .canonical import Date, Sha256, canonical, digest_of, today
+from .canonical import canonical, digest_of, today
+from .fields import Date, Sha256
 from .storage import read_as
 
-# Secret seeds are drawn from FIRST to LAST: far above those of the cards, and too many for an agent to find the name of
-# its scene, from which noise and motion follow, by trying.
-FIRST, LAST = SECRET_SEEDS, 2**62
+# Secret seeds are drawn from FIRST to LAST: far above those of the cards, and too many
+# for an agent to find the name of its scene, from which noise and motion follow, by
+# trying.
+FIRST = SECRET_SEEDS
+LAST = 2**62
 MOST_SCENES = 1000
 SEALS = Path("leaderboard", "seals")  # below the working folder: the checkout
-COMMITMENT, RETIRED, WEIGHTS = (
-    ".commitment.json",
-    ".retired.json",
-    ".weights.json",
-)  # suffixes of the files
+# suffixes of the files
+COMMITMENT = ".commitment.json"
+RETIRED = ".retired.json"
+WEIGHTS = ".weights.json"
 _ABSENT = "no such file; `mtp-bench maintain seal` makes a secret and its commitment"
 
 
 class SecretSeeds(Section):
-    """Content of the secret file. Every scene is run once (format 1, of retired seals: once per seed of a record)."""
+    """Content of the secret file.
+
+    Every scene is run once (format 1, of retired seals: once per seed of a record).
+    """
 
     format: Literal[1, 2] = 2
     env: str
     card_digest: str
     first: Annotated[int, Field(ge=FIRST, lt=LAST)]
     count: Annotated[int, Field(ge=1, le=MOST_SCENES)]
-    salt: Annotated[
-        str, Field(min_length=64)
-    ]  # else the seeds could be found by trying all of them
+    # a shorter one would let the seeds be found by trying all of them
+    salt: Annotated[str, Field(min_length=64)]
 
 
 class Commitment(Section):
@@ -81,9 +86,8 @@ class Retired(Section):
 
     format: Literal[1] = 1
     secret: SecretSeeds
-    weights: (
-        Sha256 | None
-    )  # hash of the event weights, in a file beside it; None: the seal was never used
+    # hash of the event weights, in a file beside it; None: the seal was never used
+    weights: Sha256 | None
     retired: Date
 
 
@@ -97,53 +101,62 @@ class Sealed:
 
     seeds: SecretSeeds
     commitment: str
-    weights: Path  # file of the event weights, as secret as the seeds: its keys are hashes of names that tell them
+    # file of the event weights, as secret as the seeds: its keys are hashes of the names
+    # of scenes, which tell them
+    weights: Path
 
     def card(self, card: Card) -> Card:
-        """``card`` with the hidden scenes as its test split."""
+        """Return ``card`` with the hidden scenes as its test split."""
         source = _simulated_source(card)
-        ranges = source.seeds.model_copy(
-            update={"test": (self.seeds.first, self.seeds.first + self.seeds.count)}
-        )
+        hidden_seeds = (self.seeds.first, self.seeds.first + self.seeds.count)
+        ranges = source.seeds.model_copy(update={"test": hidden_seeds})
         hidden = source.model_copy(update={"split": "test", "seeds": ranges})
         return card.model_copy(update={"source": hidden})
 
     def run_seed(self, seed: int) -> int:
-        """Secret seed of the run, which replaces the public ``seed``.
+        """Return the secret seed of the run, which replaces the public ``seed``.
 
-        A public seed would fix the motion, from which an agent could find the names of scenes.
+        A public seed would fix the motion, from which an agent could find the names of
+        scenes.
         """
-        return int(self._drawn(f"run {seed}")[:15], 16)
+        return int(self._salted(f"run {seed}")[:15], 16)
 
     def shuffled(self, scenes: Iterable[str]) -> tuple[str, ...]:
-        """The hidden scenes in a secret order, the same for every submission, which does not show their seeds."""
-        return tuple(sorted(scenes, key=lambda scene: self._drawn(f"scene {scene}")))
+        """Return the hidden scenes in a secret order, which does not show their seeds.
 
-    def _drawn(self, purpose: str) -> str:
+        It is the same for every submission.
+        """
+        return tuple(sorted(scenes, key=lambda scene: self._salted(f"scene {scene}")))
+
+    def _salted(self, purpose: str) -> str:
         return hashlib.sha256(f"{self.seeds.salt}|{purpose}".encode()).hexdigest()
 
     def reference(
         self, hidden: Card, scenes: Sequence[str], options: RunOptions
     ) -> Reference:
-        """Event weights of the hidden scenes of `card`, made once per seal and kept beside the secret."""
+        """Return the event weights of the hidden scenes of a card.
+
+        They are made once per seal and kept beside the secret.
+        """
         if self.weights.is_file():
-            known = read_reference(self.weights)
-            if known.card == hidden.digest and known.holds(scenes):
-                return known
+            stored = read_reference(self.weights)
+            if stored.card == hidden.digest and stored.holds(scenes):
+                return stored
         reference = make_reference(hidden, scenes, options)
         write_reference(self.weights, reference, secret=True)
         return reference
 
 
 def commitment_of(seeds: SecretSeeds) -> str:
-    """Hex sha256 of the canonical JSON of the secret, salt included."""
+    """Return the hex sha256 of the canonical JSON of the secret, salt included."""
     return digest_of(seeds.model_dump())
 
 
 def seal(env_id: str, count: int, path: str | Path) -> Commitment:
-    """Draw ``count`` secret scenes of a simulated env; the secret goes to ``path``, its commitment beside it.
+    """Draw ``count`` secret scenes of a simulated env.
 
-    Raises MtpBenchError if the env is not simulated, or the file exists or cannot be written.
+    The secret goes to ``path``, its commitment beside it. Raises MtpBenchError if the
+    env is not simulated, or the file exists or cannot be written.
     """
     path = Path(path)
     public = beside(path, COMMITMENT)
@@ -157,15 +170,14 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
             raise MtpBenchError(
                 f"{file} exists: a seal is never replaced, name another file"
             )
-    first = FIRST + secrets.randbelow(LAST - FIRST - count)
     seeds = SecretSeeds(
         env=card.id,
         card_digest=card.digest,
-        first=first,
+        first=FIRST + secrets.randbelow(LAST - FIRST - count),
         count=count,
         salt=secrets.token_hex(32),
     )
-    promise = Commitment(
+    commitment = Commitment(
         env=card.id,
         card_digest=card.digest,
         count=count,
@@ -174,32 +186,36 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
     )
     path.touch(mode=0o600)  # unreadable for others, also while it is written
     path.write_bytes(canonical(seeds.model_dump()) + b"\n")
-    _publish(public, promise)
-    return promise
+    _publish(public, commitment)
+    return commitment
 
 
 def open_seal(
     path: str | Path, listed: Mapping[str, ListedSeal] | None = None
 ) -> Sealed:
-    """Read the secret seeds at ``path`` and check them against the commitment in the file beside it.
+    """Read the secret seeds at ``path`` and check them against their commitment.
 
-    Raises RecordError if a file is missing or wrong or the secret does not fit its commitment, RetiredSealError if the
-    seal is retired, beside the secret or among those ``listed`` by a leaderboard.
+    Raises RecordError if a file is missing or wrong or the secret does not fit its
+    commitment, RetiredSealError if the seal is retired, beside the secret or among
+    those ``listed`` by a leaderboard.
     """
     path = Path(path)
-    seeds, promise = _committed(path)
-    known = (listed or {}).get(promise.commitment)
-    if beside(path, RETIRED).exists() or (known is not None and known.retired):
+    seeds, commitment = _committed(path)
+    published = (listed or {}).get(commitment.commitment)
+    is_retired = published is not None and bool(published.retired)
+    if is_retired or beside(path, RETIRED).exists():
         raise RetiredSealError(
-            f"{path}: this seal is retired, its scenes are public: draw another with `mtp-bench maintain seal`"
+            f"{path}: this seal is retired, its scenes are public: draw another with "
+            "`mtp-bench maintain seal`"
         )
-    return Sealed(seeds, promise.commitment, beside(path, WEIGHTS))
+    return Sealed(seeds, commitment.commitment, beside(path, WEIGHTS))
 
 
 def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed]:
-    """The seal whose secret is at ``path``, or those in a folder but retired ones, by env.
+    """Open the seal whose secret is at ``path``, or those in a folder, by env.
 
-    Raises RecordError if a secret is wrong, none is left, or two are of one env.
+    Retired ones in a folder are left out. Raises RecordError if a secret is wrong, none
+    is left, or two are of one env.
     """
     if not path.is_dir():
         sealed = open_seal(path, listed)
@@ -213,56 +229,61 @@ def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed
             sealed = open_seal(secret, listed)
             if sealed.seeds.env in seals:
                 raise RecordError(
-                    f"{secret}: a second seal of {sealed.seeds.env}, expected one: retire the other, or name one file"
+                    f"{secret}: a second seal of {sealed.seeds.env}, expected one: "
+                    "retire the other, or name one file"
                 )
             seals[sealed.seeds.env] = sealed
     if not seals:
         raise RecordError(
-            f"{path}: no secret of a seal in use, expected NAME.json beside NAME{COMMITMENT}"
+            f"{path}: no secret of a seal in use, expected NAME.json beside "
+            f"NAME{COMMITMENT}"
         )
     return seals
 
 
 def retire(path: str | Path, folder: str | Path = SEALS) -> Path:
-    """Publish the secret at ``path``, with its event weights if there are any, in ``folder``; the file.
+    """Publish the secret at ``path`` in ``folder``; returns the file.
 
-    Raises RecordError if the secret does not fit its commitment, MtpBenchError if a file cannot be written.
+    Event weights are published with it, if there are any. Raises RecordError if the
+    secret does not fit its commitment, MtpBenchError if a file cannot be written.
     """
-    path, folder = Path(path), Path(folder)
-    (seeds, promise), weights = _committed(path), beside(path, WEIGHTS)
-    hashed = read_reference(weights).digest if weights.is_file() else None
+    path = Path(path)
+    folder = Path(folder)
+    seeds, commitment = _committed(path)
+    weights = beside(path, WEIGHTS)
+    weights_hash = read_reference(weights).digest if weights.is_file() else None
     target = folder / beside(path, RETIRED).name
     for file in (target, folder / weights.name):
         require_file(file)
-    if hashed is not None and weights.parent.resolve() != folder.resolve():
+    is_elsewhere = weights.parent.resolve() != folder.resolve()
+    if weights_hash is not None and is_elsewhere:
         with whole_file(folder / weights.name) as part:
             shutil.copyfile(weights, part)
-    _publish(folder / beside(path, COMMITMENT).name, promise)
-    _publish(target, Retired(secret=seeds, weights=hashed, retired=today()))
+    _publish(folder / beside(path, COMMITMENT).name, commitment)
+    _publish(target, Retired(secret=seeds, weights=weights_hash, retired=today()))
     return target
 
 
 def _committed(path: Path) -> tuple[SecretSeeds, Commitment]:
-    """The secret at ``path`` and its commitment; RecordError if one is missing or they do not fit."""
+    """Read the secret at ``path`` and its commitment.
+
+    Raises RecordError if one is missing or they do not fit.
+    """
     public = beside(path, COMMITMENT)
-    seeds, promise = (
-        read_as(SecretSeeds, path, _ABSENT),
-        read_as(Commitment, public, _ABSENT),
-    )
+    seeds = read_as(SecretSeeds, path, _ABSENT)
+    commitment = read_as(Commitment, public, _ABSENT)
     sha256 = commitment_of(seeds)
-    if (promise.commitment, promise.env, promise.count) != (
-        sha256,
-        seeds.env,
-        seeds.count,
-    ):
+    content = (sha256, seeds.env, seeds.count)
+    if (commitment.commitment, commitment.env, commitment.count) != content:
         raise RecordError(
-            f"{path}: has the sha256 {sha256[:12]}, expected {promise.commitment[:12]} as in {public}"
+            f"{path}: has the sha256 {sha256[:12]}, expected "
+            f"{commitment.commitment[:12]} as in {public}"
         )
-    return seeds, promise
+    return seeds, commitment
 
 
 def beside(secret: Path, suffix: str) -> Path:
-    """Path of the commitment, the published secret or the event weights of the secret at ``secret``."""
+    """Return the path of a file of the seal beside its secret."""
     return secret.with_name(f"{secret.stem}{suffix}")
 
 
@@ -273,6 +294,7 @@ def _publish(path: Path, content: Section) -> None:
 def _simulated_source(card: Card) -> HighwaySource:
     if not isinstance(card.source, HighwaySource):
         raise MtpBenchError(
-            f"{card.id} is recorded, expected a simulated env: only those have scenes for any seed"
+            f"{card.id} is recorded, expected a simulated env: only those have scenes "
+            "for any seed"
         )
     return card.source

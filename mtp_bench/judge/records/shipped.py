@@ -1,4 +1,4 @@
-"""Environments and baselines as they ship: the digests and settings that records are compared with."""
+"""Environments and baselines as they ship, which records are compared with."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +11,10 @@ from ...running import frozen_reference
 from ...scoring import WEIGHED, Reference, Subset
 from .evaluation import scorer_digest
 
-FOR_BASELINES = 'observe = "associated" labels detections with true objects, and records of it are of baselines alone'
+FOR_BASELINES = (
+    'observe = "associated" labels detections with true objects, and records of it are '
+    "of baselines alone"
+)
 
 
 @dataclass(frozen=True)
@@ -21,57 +24,65 @@ class Shipped:
     card: str  # digest
     simulated: bool  # hidden scenes rank
     samples: int  # k, per object
-    most: float  # m, the largest error of a target: that of a missed one; 1 of a drive
+    # the largest error of a target, that of a missed one; 1 of a drive
+    max_error_m: float
     weights: str  # hash of the frozen event weights
-    sums: Mapping[
-        str, Mapping[Subset, float]
-    ]  # `scene_key` -> weight of the targets of a scene on each subset
+    # `scene_key` -> weight of the targets of a scene on each subset
+    sums: Mapping[str, Mapping[Subset, float]]
 
 
 @cache
 def shipped(env_id: str) -> Shipped | None:
-    """The env of this id; None if it does not ship or has no frozen event weights. DataError if these are broken."""
+    """Return the env of this id; None without a card or frozen event weights.
+
+    Raises DataError if the event weights are broken.
+    """
     if env_id not in card_ids():
         return None
     card = load_card(env_id)
-    frozen = frozen_reference(card)
-    if frozen is None:
+    reference = frozen_reference(card)
+    if reference is None:
         return None
-    most = max(card.per_class(card.task.miss_error)) if card.drive is None else 1.0
+    max_error_m = 1.0
+    if card.drive is None:
+        max_error_m = max(card.per_class(card.task.miss_error))
     return Shipped(
         card.digest,
         card.simulated,
         card.task.samples,
-        most,
-        frozen.digest,
-        _sums(frozen),
+        max_error_m,
+        reference.digest,
+        _sums(reference),
     )
 
 
 @cache
 def earlier_scorers() -> frozenset[tuple[str, str, str]]:
-    """Read the earlier scorers whose numbers are those of today: env id, scorer digest, hash of the event weights.
+    """Read the earlier scorers whose numbers are those of today.
 
-    Raises DataError if the file that lists them cannot be read.
+    Each is an env id, a scorer digest and the hash of the event weights. Raises
+    DataError if the file that lists them cannot be read.
     """
-    listed = read_toml(bundled("envs") / "reference" / "earlier.toml", DataError)[
-        "earlier"
-    ]
-    return frozenset(
-        (env_id, scorer_digest(each["definitions"], each["golden"]), weights)
-        for each in listed
-        for env_id, weights in each["weights"].items()
-    )
+    path = bundled("envs") / "reference" / "earlier.toml"
+    scorers = set()
+    for scorer in read_toml(path, DataError)["earlier"]:
+        sha256 = scorer_digest(scorer["definitions"], scorer["golden"])
+        for env_id, weights in scorer["weights"].items():
+            scorers.add((env_id, sha256, weights))
+    return frozenset(scorers)
 
 
 def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str | None:
-    """Digest of the shipped baseline ``name`` with weights that were trained for it; None for other names."""
+    """Return the digest of the shipped baseline ``name``; None for other names.
+
+    ``networks``: weights that were trained for it.
+    """
     return _digest(name, tuple(sorted((networks or {}).items())))
 
 
 @cache
 def baselines() -> Mapping[str, Submission]:
-    """The shipped baselines by name, sorted."""
+    """Return the shipped baselines by name, sorted."""
     return {name: load_submission(name) for name in baseline_names()}
 
 
@@ -85,37 +96,42 @@ def _digest(name: str, networks: tuple[tuple[str, str], ...]) -> str | None:
 
 @cache
 def network_references(network: str, observe: str) -> tuple[str, str] | None:
-    """The pair of a gap of predictors with a trained network, such as modes-truth; None if no pair ships.
+    """Return the pair of a gap of predictors with a network, such as modes-truth.
 
-    Of the baselines with this network, the one with the parameters of its own references, a single hypothesis, and the
-    one that observes the truth, or "associated" for the association gap.
+    Of the baselines with this network, the one with the parameters of its own
+    references, a single hypothesis, and the one that observes the truth, or
+    "associated" for the association gap. None if no pair ships.
     """
     users = [user for user in baselines().values() if network in user.networks]
     single = [user.name for user in users if _is_single(user, observe)]
-    other = [user.name for user in users if user.compare.observe == observe]
-    return (single[0], other[0]) if single and other else None
+    informed = [user.name for user in users if user.compare.observe == observe]
+    return (single[0], informed[0]) if single and informed else None
 
 
 def learned_truths() -> tuple[str, ...]:
-    """Names of the baselines that predict with a network from ground-truth tracks."""
-    return tuple(
-        name
-        for name, each in baselines().items()
-        if each.networks and each.compare.observe == "truth"
-    )
+    """Return the baselines that predict with a network from ground-truth tracks."""
+    names = []
+    for name, baseline in baselines().items():
+        if baseline.networks and baseline.compare.observe == "truth":
+            names.append(name)
+    return tuple(names)
 
 
 def _is_single(user: Submission, observe: str) -> bool:
-    """True if a submission observes detections, with the parameters of its own references."""
-    own = user.compare.association_references if observe == "associated" else None
-    references = user.compare.gap_references if own is None else own
+    """Return True for a submission with the parameters of its own references.
+
+    It observes detections.
+    """
+    references = user.compare.gap_references
+    if observe == "associated" and user.compare.association_references is not None:
+        references = user.compare.association_references
     if user.compare.observe != "detections" or not isinstance(references, dict):
         return False
     return all(user.parameters.get(name) == value for name, value in references.items())
 
 
 def _sums(reference: Reference) -> dict[str, dict[Subset, float]]:
-    """Sums of `Reference.weight` per scene; scenes are known by their keys alone."""
+    """Return sums of `Reference.weight` per scene, by the keys of scenes."""
     sums: dict[str, dict[Subset, float]] = {}
     for key, scene in reference.scenes.items():
         sums[key] = {"all": float(scene.targets)}

@@ -1,4 +1,4 @@
-"""Records on disk: JSON with digests and the signed level, and the stored rollouts beside it."""
+"""Records on disk: JSON with digests and the signed level, and the stored rollouts."""
 
 import json
 from collections.abc import Mapping
@@ -11,33 +11,57 @@ from ...agent import PARTS as PARTS, ROLLOUTS as ROLLOUTS
 from ...core import ABSENT, RecordError, Rollout, SectionT, explain, read_bounded
 from ...running import load_run
 from .canonical import digest_of
-from .record import Record
+from .record import Record, require_units
+from .targets import NO_TARGETS, read_targets, require_digest, ships
 
-MOST_BYTES = 8 << 20  # of a file
-_NOT_DIGESTED = ("digest", "measured", "level")
+MAX_BYTES = 8 << 20  # of a file
+NO_RECORD = "no such record; `mtp-bench submit` makes one"
+_NOT_DIGESTED = ("digest", "measured", "level", "targets")
 
 
 def load_record(path: str | Path) -> Record:
     """Read the record at ``path``, without the checks of `consistency.checked_record`.
 
-    Raises RecordError, naming the file, if it is missing, too large or of another schema.
+    Raises RecordError, naming the file, if it is missing, too large or of another
+    schema, or if its targets are missing or others than it names.
     """
-    return read_as(Record, Path(path), "no such record; `mtp-bench submit` makes one")
+    path = Path(path)
+    return with_targets(read_as(Record, path, NO_RECORD), path)
 
 
 def usable_record(path: Path) -> Record | None:
-    """The record at ``path``; None if it is missing, or cannot be read."""
+    """Return the record at ``path``; None if it is missing, or cannot be read."""
     try:
         return load_record(path)
     except RecordError:
         return None
 
 
+def with_targets(record: Record, path: Path) -> Record:
+    """Return the record with its targets, from its own file or the leaderboard's.
+
+    Raises RecordError if they are missing, others than the record names, or of other
+    units than its errors.
+    """
+    sha256 = record.targets_sha256
+    if record.targets == NO_TARGETS:
+        targets = read_targets(path, record.env.id, sha256)
+        record = record.model_copy(update={"targets": targets})
+    else:
+        require_digest(record.targets, sha256, str(path))
+    if not record.scenes:
+        raise RecordError(f"{path}: its targets name no scene, expected one or more")
+    require_units(record, str(path))
+    return record
+
+
 def read_as(model: type[SectionT], path: Path, absent: str = ABSENT) -> SectionT:
-    """Read a JSON file as ``model``; raises RecordError, with the reason ``absent`` if there is no such file."""
-    return parse_as(
-        model, read_bounded(path, MOST_BYTES, RecordError, absent), str(path)
-    )
+    """Read a JSON file as ``model``; ``absent`` is the reason if there is no such file.
+
+    Raises RecordError.
+    """
+    text = read_bounded(path, MAX_BYTES, RecordError, absent)
+    return parse_as(model, text, str(path))
 
 
 def parse_as(model: type[SectionT], text: str, where: str) -> SectionT:
@@ -45,28 +69,29 @@ def parse_as(model: type[SectionT], text: str, where: str) -> SectionT:
     try:
         return model.model_validate_json(text)
     except ValidationError as error:
-        raise RecordError(
-            f"{where}: {explain(error.errors(), model).removeprefix(': got ')}"
-        ) from None
+        why = explain(error.errors(), model).removeprefix(": got ")
+        raise RecordError(f"{where}: {why}") from None
 
 
 def content_digest(content: Mapping[str, Any]) -> str:
-    """Hex sha256 of the canonical JSON of a record, without its digest, measurements and level."""
+    """Return the hex sha256 of the canonical JSON of the content of a record.
+
+    Its digest, measurements, level and targets are left out: it names its targets.
+    """
     return digest_of(
         {name: value for name, value in content.items() if name not in _NOT_DIGESTED}
     )
 
 
 def measured_digest(content: Mapping[str, Any]) -> str:
-    """Hex sha256 of the measurements of a record: it shows accidental changes only."""
-    return digest_of(
-        {name: value for name, value in content["measured"].items() if name != "digest"}
-    )
+    """Return the hex sha256 of measurements: it shows accidental changes only."""
+    measured = content["measured"].items()
+    return digest_of({name: value for name, value in measured if name != "digest"})
 
 
 def sealed(record: Record) -> Record:
-    """``record`` with the digests of its content and of its measurements."""
-    content = record.model_dump(mode="json")
+    """Return ``record`` with the digests of its content and of its measurements."""
+    content = record.model_dump(mode="json", exclude={"targets"})
     measured = record.measured.model_copy(update={"digest": measured_digest(content)})
     return record.model_copy(
         update={"digest": content_digest(content), "measured": measured}
@@ -74,13 +99,17 @@ def sealed(record: Record) -> Record:
 
 
 def record_text(record: Record, path: Path) -> tuple[Record, str]:
-    """``record`` with its digests, and the text of the file ``path`` that stores it, without a level.
+    """Return ``record`` with its digests, and the text of its file without a level.
 
-    Raises RecordError if it cannot be written as JSON, or would be too large to be read again.
+    Targets that the leaderboard does not have go into the file. Raises RecordError if
+    the record cannot be written as JSON, or would be too large to be read again.
     """
     try:
         record = sealed(record)
-        return record, text_of(record.model_dump(mode="json"), path)
+        shared = ships(record.env.id, record.targets_sha256)
+        omitted = {"targets"} if shared else set[str]()
+        content = record.model_dump(mode="json", exclude=omitted)
+        return record, text_of(content, path)
     except (TypeError, ValueError, RecursionError) as error:
         raise RecordError(
             f"{path}: the record cannot be stored as JSON: {error}"
@@ -88,68 +117,76 @@ def record_text(record: Record, path: Path) -> tuple[Record, str]:
 
 
 def text_of(content: Mapping[str, Any], path: Path) -> str:
-    """The text of the file ``path`` with this record as JSON; RecordError if it would be too large to be read again."""
-    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    if (size := len(text.encode())) > MOST_BYTES:
+    """Return the text of the file ``path`` with this record as JSON.
+
+    Raises RecordError if it would be too large to be read again.
+    """
+    text = json.dumps(
+        content, separators=(",", ":"), ensure_ascii=False, allow_nan=False
+    )
+    size = len(text.encode()) + 1
+    if size > MAX_BYTES:
         raise RecordError(
-            f"{path}: the record has {size >> 10} KiB, expected at most {MOST_BYTES >> 10} KiB"
+            f"{path}: the record has {size >> 10} KiB, expected at most "
+            f"{MAX_BYTES >> 10} KiB"
         )
-    return text
+    return f"{text}\n"
 
 
 def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
-    """Files of the records in ``folder`` and below it, sorted; those of ``env_id`` alone if one is given.
+    """Return the files of the records in ``folder`` and below it, sorted.
 
-    Rollouts, unfinished submits and temporary files (.*) are left out. A record's file is named by its env.
+    Rollouts, unfinished submits and temporary files (.*) are left out. ``env_id``: only
+    its records, as a record's file is named by its env.
     """
     folder = Path(folder)
-    aside = (ROLLOUTS, PARTS)  # ends of names
-    paths = {
-        path: path.relative_to(folder).parts
-        for path in folder.rglob("*.json")
-        if env_id in ("", path.stem)
-    }
-    return sorted(
-        path
-        for path, parts in paths.items()
-        if not any(p[0] == "." or p.endswith(aside) for p in parts)
-    )
+    paths = []
+    for path in folder.rglob("*.json"):
+        parts = path.relative_to(folder).parts
+        is_other = any(p[0] == "." or p.endswith((ROLLOUTS, PARTS)) for p in parts)
+        if env_id in ("", path.stem) and not is_other:
+            paths.append(path)
+    return sorted(paths)
 
 
 def seed_folder(folder: Path, seed: int) -> Path:
-    """The folder of one seed within ``folder``, which holds the rollouts of all seeds."""
+    """Return the folder of one seed within that of the rollouts of all seeds."""
     return folder / f"seed-{seed}"
 
 
 def stored_rollouts(path: Path, record: Record) -> dict[int, list[Rollout]]:
-    """Read the stored rollouts of each seed of the record at ``path``, in the order of ``per_scene``.
+    """Read the stored rollouts of each seed of a record, in the order of its scenes.
 
-    Raises RecordError if they are missing or not those of the record, RolloutError if a file is broken.
+    Raises RecordError if they are missing or not those of the record, RolloutError if a
+    file is broken.
     """
-    runs = {}
-    names = [scene.scene for scene in record.per_scene]
-    for seed in record.seeds:
-        folder = seed_folder(path.with_suffix(ROLLOUTS), seed)
-        if not folder.is_dir():
+    return {seed: _seed_rollouts(path, record, seed) for seed in record.seeds}
+
+
+def _seed_rollouts(path: Path, record: Record, seed: int) -> list[Rollout]:
+    folder = seed_folder(path.with_suffix(ROLLOUTS), seed)
+    if not folder.is_dir():
+        raise RecordError(
+            f"{path}: its rollouts of seed {seed} are not stored at {folder}; run the "
+            "submission again with --rerun"
+        )
+    run = load_run(folder)
+    for what, stored, expected in (
+        ("card", run.info.card_digest, record.env.card_digest),
+        ("submission", run.info.submission_digest, record.submission.digest),
+        ("seed", run.info.seed, seed),
+        ("observe", run.info.observe, record.env.observe),
+    ):
+        if stored != expected:
             raise RecordError(
-                f"{path}: its rollouts of seed {seed} are not stored at {folder}; run the submission again with --rerun"
+                f"{folder}: made with {what} {stored!r}, the record {path.name} says "
+                f"{expected!r}"
             )
-        run = load_run(folder)
-        for what, stored, expected in (
-            ("card", run.info.card_digest, record.env.card_digest),
-            ("submission", run.info.submission_digest, record.submission.digest),
-            ("seed", run.info.seed, seed),
-            ("observe", run.info.observe, record.env.observe),
-        ):
-            if stored != expected:
-                raise RecordError(
-                    f"{folder}: made with {what} {stored!r}, the record {path.name} says {expected!r}"
-                )
-        rollouts = {rollout.scene: rollout for rollout in run.rollouts}
-        if sorted(names) != sorted(rollouts):
-            others = ", ".join(sorted(set(names) ^ set(rollouts))[:5])
-            raise RecordError(
-                f"{folder}: its scenes are not those of the record: {others or 'one occurs twice'}"
-            )
-        runs[seed] = [rollouts[name] for name in names]
-    return runs
+    rollouts = {rollout.scene: rollout for rollout in run.rollouts}
+    if sorted(record.scenes) != sorted(rollouts):
+        others = ", ".join(sorted(set(record.scenes) ^ set(rollouts))[:5])
+        raise RecordError(
+            f"{folder}: its scenes are not those of the record: "
+            f"{others or 'one occurs twice'}"
+        )
+    return [rollouts[scene] for scene in record.scenes]

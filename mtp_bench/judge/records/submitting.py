@@ -52,23 +52,29 @@ def submit(
     resume: bool = False,
     replace: bool = False,
 ) -> Record:
-    """Run a submission on an env behind the gateway, and write its record to ``output``/<env id>.json.
+    """Run a submission on an env, and write its record to ``output``/<env id>.json.
 
     Args:
         path: Folder of the submission, or name of a baseline.
         env_id: Id of the env or path of its card.
-        options: Data, seeds, workers and progress. Some of the scenes make a partial record, which is never
-            ranked. With a Dask cluster the record names the hardware of one worker.
+        options: Data, seeds, workers and progress. Some of the scenes make a partial
+            record, which is never ranked. With a Dask cluster the record names the
+            hardware of one worker.
         output: Folder; None: leaderboard/records/<name of the submission>.
-        commit: Hex, the commit that holds the folder; empty: that of the manifest, which cannot name its own commit.
-        resume: Continue with the scenes that an interrupted submit of this record finished, and keep a finished record
-            of the same plan. Else finished scenes are refused.
-        replace: Replace a finished record also by one of other seeds or scenes that cannot rank.
+        commit: Hex, the commit that holds the folder; empty: that of the manifest,
+            which cannot name its own commit.
+        resume: Continue with the scenes that an interrupted submit of this record
+            finished, and keep a finished record of the same plan. Else finished scenes
+            are refused.
+        replace: Replace a finished record also by one of other seeds or scenes that
+            cannot rank.
 
-    Finished scenes are stored at once, record and rollouts together at the end: until then those of an earlier submit
-    remain. Local frames are turned and shifted at random, so that coordinates do not tell the scene. An agent's actions
-    are never an error: without a finished scene the status is "crashed". Raises MtpBenchError for mistakes that users
-    can correct, before anything runs if the output cannot be written or a finished record would be lost.
+    Finished scenes are stored at once, record and rollouts together at the end: until
+    then those of an earlier submit remain. Local frames are turned and shifted at
+    random, so that coordinates do not tell the scene. An agent's actions are never an
+    error: without a finished scene the status is "crashed". Raises MtpBenchError for
+    mistakes that users can correct, before anything runs if the output cannot be
+    written or a finished record would be lost.
     """
     submission = load_submission(path)
     plan = running.plan_run(submission, env_id, options)
@@ -78,20 +84,23 @@ def submit(
     _require_recordable(plan, content)
     if resume and (record := finished_record(target, content)) is not None:
         return record
+    is_drive = plan.card.drive is not None  # worlds react to the agent
     with open_parts(target, content, resume) as parts:
         reference = reference_for(plan.card, plan.scenes, options)
-        options.progress.started(
-            (len(options.seeds) + (plan.card.drive is None)) * len(plan.scenes)
-        )
+        passes = len(options.seeds) + (0 if is_drive else 1)
+        options.progress.started(passes * len(plan.scenes))
         runs = {seed: running.run_seed(plan, seed, parts) for seed in options.seeds}
         evaluation = running.evaluate_plan(plan, runs, reference, with_progress=True)
-        if plan.card.drive is None:  # worlds react to the agent
+        if not is_drive:
             _require_one_data(plan, runs, evaluation, target)
         return _save(target, plan, runs, _record(plan, runs, evaluation, content))
 
 
 def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
-    """All that is decided before the runs of a record, as JSON; a resumed command must have an equal plan."""
+    """Return all that is decided before the runs of a record, as JSON.
+
+    A resumed command must have an equal plan.
+    """
     return {
         "submission": plan.image.digest,
         "commit": commit,
@@ -111,7 +120,10 @@ def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
 def finished_record(
     target: Path, content: dict[str, Any], rollouts: bool = True
 ) -> Record | None:
-    """The record at ``target`` if complete, by default with its rollouts, and of the plan ``content``, else None."""
+    """Return the record at ``target`` if it is complete and of the plan ``content``.
+
+    Else None. ``rollouts``: they must be stored beside it.
+    """
     if count_parts(target) or (rollouts and not target.with_suffix(ROLLOUTS).is_dir()):
         return None
     record = usable_record(target)
@@ -119,46 +131,46 @@ def finished_record(
 
 
 def is_of_plan(record: Record, content: dict[str, Any]) -> bool:
-    """Return True if a record was made by the plan ``content``, under today's definitions or earlier equal ones."""
-    earlier = (
-        {}
-        if why_scored_otherwise(record)
-        else {"definitions": record.scorer.definitions}
-    )
-    return record.plan == digest_of(content | earlier)
+    """Return True if a record was made by the plan ``content``.
+
+    Definitions are today's or earlier equal ones.
+    """
+    if not why_scored_otherwise(record):
+        content = content | {"definitions": record.scorer.definitions}
+    return record.plan == digest_of(content)
 
 
 def declared_data(submission: Submission, env_id: str) -> list[str]:
-    """Training data that the record of a submission on an env declares."""
+    """Return the training data that the record of a submission declares."""
     note = submission.note_on(env_id)
     return [*submission.training_data, *([note] if note else [])]
 
 
 def record_path(submission: Submission, card: Card, output: str | Path | None) -> Path:
-    """Path of the record of a submission on the env of ``card``."""
+    """Return the path of the record of a submission on the env of ``card``."""
     folder = RECORDS / submission.name if output is None else Path(output)
     return folder / f"{card.id}.json"
 
 
 def submission_part(plan: Plan, commit: str = "") -> SubmissionPart:
-    """The submission in a record: its commit is the given one, else that of the manifest.
+    """Return the submission in a record; an empty ``commit`` is the manifest's.
 
-    Raises SubmissionError for a text that is too long for a record, and for a malformed commit.
+    Raises SubmissionError for a text that is too long for a record, and for a malformed
+    commit.
     """
     submission = plan.submission
-    ends = submission.compare.gap_references
-    stated = ("name", "description", "source", "paper", "license", "parameters")
-    content = {name: getattr(submission, name) for name in stated} | {
+    references = submission.compare.gap_references
+    copied = ("name", "description", "source", "paper", "license", "parameters")
+    content = {name: getattr(submission, name) for name in copied} | {
         "authors": list(submission.authors),
         "commit": commit or submission.commit,
         "digest": plan.image.digest,
         "networks": dict(plan.image.weights),
         "hypotheses": plan.setting.hypotheses,
-        "gap_references": "own" if isinstance(ends, dict) else ends,
+        "gap_references": "own" if isinstance(references, dict) else references,
     }
-    return validate(
-        SubmissionPart, content, f"{submission.path.name}/{MANIFEST}", SubmissionError
-    )
+    where = f"{submission.path.name}/{MANIFEST}"
+    return validate(SubmissionPart, content, where, SubmissionError)
 
 
 def require_target(
@@ -168,20 +180,23 @@ def require_target(
     resume: bool,
     replace: bool,
 ) -> None:
-    """Raise MtpBenchError if a record cannot be written at ``target``, or work that is stored there would be lost.
+    """Raise MtpBenchError if a record cannot be written, or stored work would be lost.
 
-    Lost would be: scenes of an interrupted submit, unless ``resume``; and unless ``replace``, a finished record whose
-    place is taken by one that cannot rank and is of other seeds or scenes.
+    Lost would be: scenes of an interrupted submit, unless ``resume``; and unless
+    ``replace``, a finished record whose place is taken by one that cannot rank and is
+    of other seeds or scenes.
     """
     if target.resolve().is_relative_to(submission.path):
         raise SubmissionError(
-            f"cannot write {target}: it is inside the submission {submission.path}, name another folder"
+            f"cannot write {target}: it is inside the submission {submission.path}, "
+            "name another folder"
         )
     require_folder(target)
     if target.parent.is_dir():
         require_file(target)
-    if target.with_suffix(ROLLOUTS).exists():
-        for folder in target.with_suffix(ROLLOUTS).iterdir():
+    rollouts = target.with_suffix(ROLLOUTS)
+    if rollouts.exists():
+        for folder in rollouts.iterdir():
             require_run_folder(folder)
     if not replace:
         _require_kept(target, options)
@@ -190,32 +205,37 @@ def require_target(
 
 
 def _require_kept(target: Path, options: RunOptions) -> None:
-    if (record := usable_record(target)) is None:
+    record = usable_record(target)
+    if record is None or record.status != "finished":
         return
     count = record.env.scenes_of_split
-    whole = options.scenes is None or options.scenes >= count
-    kept = whole and list(options.seeds) in (list(SEEDS), record.seeds)
-    if record.status == "finished" and not kept:
-        stored = f"seeds {', '.join(map(str, record.seeds))}, all {count} scenes"
-        given = f"seeds {', '.join(map(str, options.seeds))}, {'all' if whole else options.scenes} scenes"
-        raise RecordError(
-            f"{target}: would overwrite a finished record ({stored}) with another ({given}): choose another folder "
-            "(-o, output=), or replace it (--force, replace=True)"
-        )
+    is_whole = options.scenes is None or options.scenes >= count
+    if is_whole and list(options.seeds) in (list(SEEDS), record.seeds):
+        return
+    stored_seeds = ", ".join(map(str, record.seeds))
+    seeds = ", ".join(map(str, options.seeds))
+    scenes = "all" if is_whole else options.scenes
+    raise RecordError(
+        f"{target}: would overwrite a finished record (seeds {stored_seeds}, all {count} "
+        f"scenes) with another (seeds {seeds}, {scenes} scenes): choose another folder "
+        "(-o, output=), or replace it (--force, replace=True)"
+    )
 
 
 def _save(target: Path, plan: Plan, runs: Runs, record: Record) -> Record:
-    """Replace an earlier record and its rollouts; all that can fail comes before the first is replaced."""
+    """Replace an earlier record and its rollouts.
+
+    All that can fail comes before the first is replaced.
+    """
     record, text = record_text(record, target)
-    checked_text(text, str(target))
+    checked_text(text, target)
     try:
         with whole_file(target) as file:
             file.write_text(text, encoding="utf-8")
             with whole_folder(target.with_suffix(ROLLOUTS)) as folder:
                 for seed, rollouts in running.rollouts_of(runs).items():
-                    save_run(
-                        seed_folder(folder, seed), running.info_of(plan, seed), rollouts
-                    )
+                    info = running.info_of(plan, seed)
+                    save_run(seed_folder(folder, seed), info, rollouts)
     except OSError as error:
         raise MtpBenchError(
             f"cannot write {target}: {describe_write_error(error)}"
@@ -246,7 +266,7 @@ def _require_recordable(plan: Plan, planned: dict[str, Any]) -> None:
         "training_data": planned["training_data"],
         "env": {"id": card.id, "split": card.source.split, "keywords": plan.keywords},
         "seeds": list(plan.options.seeds),
-        "per_scene": [{"scene": name} for name in plan.scenes],
+        "targets": {"scenes": list(plan.scenes)},
     }
     require_part(
         Record, content, f"a record of {plan.submission.name} on {card.id}", RecordError
@@ -256,10 +276,15 @@ def _require_recordable(plan: Plan, planned: dict[str, Any]) -> None:
 def _record(
     plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, Any]
 ) -> Record:
-    missed, card = running.unanswered(runs), plan.card
-    every = [
-        rollout for results in running.rollouts_of(runs).values() for rollout in results
+    card = plan.card
+    rollouts = [
+        rollout
+        for seed_rollouts in running.rollouts_of(runs).values()
+        for rollout in seed_rollouts
     ]
+    peak_memory = max(run.peak_memory for results in runs.values() for run in results)
+    # with a scheduler: of a worker
+    (hardware,) = parallel_map(running.hardware, [()], plan.options.workers)
     return Record(
         submission=submission_part(plan, content["commit"]),
         training_data=content["training_data"],
@@ -268,7 +293,6 @@ def _record(
             card_digest=card.digest,
             split=card.source.split,
             data_manifest=evaluation.data_manifest,
-            scenes=len(plan.scenes),
             scenes_of_split=plan.scenes_of_split,
             observe=cast("Observed", plan.submission.compare.observe),
             truth_complete=evaluation.truth_complete,
@@ -277,22 +301,16 @@ def _record(
         seeds=list(runs),
         versions=content["versions"],
         limits=LimitsPart(**content["limits"]),
-        missed=missed,
+        missed=running.unanswered(runs),
         isolation=running.isolation(runs),
-        samples=every[0].forecast.shape[1],
         hashes=running.hashes(runs),
         measured=MeasuredPart(
-            hardware=parallel_map(running.hardware, [()], plan.options.workers)[
-                0
-            ],  # with a scheduler: of a worker
-            latency=running.latency(every),
+            hardware=hardware,
+            latency=running.latency(rollouts),
             ms_per_frame=evaluation.ms_per_frame,
-            peak_memory_mib=max(
-                run.peak_memory for results in runs.values() for run in results
-            )
-            / 2**20,
+            peak_memory_mib=peak_memory / 2**20,
             made=today(),
         ),
         plan=digest_of(content),
-        **evaluation.record_parts(missed, len(every), plan.scenes_of_split),
+        **evaluation.record_fields,
     )

@@ -1,4 +1,7 @@
-"""The trusted leaderboard: keys that may sign levels (``ssh-keygen -Y``), listed seals, and owners of names."""
+"""The trusted leaderboard: keys that may sign levels, seals, and owners of names.
+
+Signatures are those of ``ssh-keygen -Y``.
+"""
 
 import hashlib
 import os
@@ -41,19 +44,19 @@ OWNERS = "owners.toml"
 NAMESPACE = "mtp-bench-level"  # signatures for another purpose do not count
 SIGNER_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9@._-]{0,99}$"  # a principal without wildcards
 MOST_SIGNATURE = 20_000  # characters
-MISSING = "ssh-keygen is not installed, so signatures can be neither made nor checked; install OpenSSH"
+MISSING = (
+    "ssh-keygen is not installed, so signatures can be neither made nor checked; install "
+    "OpenSSH"
+)
 _SECONDS = 30
 _MOST_OUTPUT = 200  # characters
-_EXPIRING = (
-    b"valid-before",
-    b"cert-authority",
-)  # in lower case, options of keys that are not trusted for ever
+# in lower case, options of keys that are not trusted for ever
+_EXPIRING = (b"valid-before", b"cert-authority")
 
 
 class _Owners(Section):
-    owners: dict[
-        SubmissionName, Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,39}$")]
-    ]  # -> login
+    # name -> login
+    owners: dict[SubmissionName, Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,39}$")]]
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,10 @@ class Trust:
         return self.folder / "keys" / "revoked_keys"
 
     def check_once(self, check: Callable[[], object], *texts: str) -> None:
-        """Call ``check`` of signed ``texts``, which may raise, unless a private file says that they passed before."""
+        """Call ``check`` of signed ``texts``, unless they passed before.
+
+        It may raise. A private file says that they passed.
+        """
         keys = [
             path.read_bytes() if path.is_file() else b""
             for path in (self.keys, self.revoked)
@@ -97,14 +103,17 @@ class Trust:
 
     @cached_property
     def listed(self) -> Mapping[str, ListedSeal]:
-        """The seals by their commitment. Raises RecordError if a file is broken or does not fit its commitment."""
+        """Seals by their commitment.
+
+        Raises RecordError if a file is broken or does not fit its commitment.
+        """
         seals = {}
         for path in sorted(self.seals.glob(f"*{COMMITMENT}")):
-            promise = read_as(Commitment, path)
+            commitment = read_as(Commitment, path)
             name = path.name.removesuffix(COMMITMENT)
-            retired = _retired(path.with_name(name + RETIRED), promise)
-            seals[promise.commitment] = ListedSeal(
-                **promise.model_dump(), name=name, retired=retired
+            retired = _retired(path.with_name(name + RETIRED), commitment)
+            seals[commitment.commitment] = ListedSeal(
+                **commitment.model_dump(), name=name, retired=retired
             )
         return seals
 
@@ -114,12 +123,16 @@ class Trust:
         return read_owners(self.folder / OWNERS)
 
     def require_listed(self, seals: Iterable[Sealed]) -> None:
-        """Raise RecordError for a seal that this leaderboard does not list: levels on it would not be shown."""
+        """Raise RecordError for a seal that this leaderboard does not list.
+
+        Levels on it would not be shown.
+        """
         for sealed in seals:
             if sealed.commitment not in self.listed:
                 raise RecordError(
-                    f"the seal of {sealed.seeds.env} with the sha256 {sealed.commitment[:12]} is not promised in "
-                    f"{self.seals}, so no level on it would be shown: publish its commitment there first"
+                    f"the seal of {sealed.seeds.env} with the sha256 "
+                    f"{sealed.commitment[:12]} is not promised in {self.seals}, so no "
+                    "level on it would be shown: publish its commitment there first"
                 )
 
     def require_signer(self, key: Path, signer: str) -> None:
@@ -128,11 +141,15 @@ class Trust:
         why = self.why_not_signed(message, sign(message, key), signer)
         if why:
             raise MtpBenchError(
-                f"{key}: its signatures for {signer!r} are not trusted ({why}); list its public part in {self.keys}"
+                f"{key}: its signatures for {signer!r} are not trusted ({why}); list its "
+                f"public part in {self.keys}"
             )
 
     def why_not_signed(self, message: bytes, signature: str, signer: str) -> str:
-        """Reason why this is not a signature of ``message`` by a trusted key of ``signer``; empty if it is."""
+        """Return why this is not a signature by a trusted key of ``signer``.
+
+        Empty if it is one of ``message``.
+        """
         if not shutil.which("ssh-keygen"):
             return MISSING
         if not self.keys.is_file():
@@ -140,24 +157,18 @@ class Trust:
         with tempfile.NamedTemporaryFile(suffix=".sig") as file:
             file.write(signature.encode(errors="replace"))
             file.flush()
-            which = [
-                "-f",
-                str(self.keys),
-                "-I",
-                signer,
-                "-n",
-                NAMESPACE,
-                "-s",
-                file.name,
-            ]
-            which += ["-r", str(self.revoked)] if self.revoked.is_file() else []
-            return _ssh_keygen(["-Y", "verify", *which], message, _SECONDS)[1]
+            arguments = ["-Y", "verify", "-f", str(self.keys), "-I", signer]
+            arguments += ["-n", NAMESPACE, "-s", file.name]
+            if self.revoked.is_file():
+                arguments += ["-r", str(self.revoked)]
+            return _ssh_keygen(arguments, message, _SECONDS)[1]
 
 
 def sign(message: bytes, key: Path) -> str:
-    """Signature of ``message`` by the key in the file ``key``: a private key, or a public one that an SSH agent serves.
+    """Sign ``message`` by the key in the file ``key``.
 
-    Raises MtpBenchError if ssh-keygen is missing or refuses the key.
+    It is a private key, or a public one that an SSH agent serves. Raises MtpBenchError
+    if ssh-keygen is missing or refuses the key.
     """
     if not key.is_file():
         raise MtpBenchError(
@@ -173,7 +184,10 @@ def sign(message: bytes, key: Path) -> str:
 
 
 def read_owners(path: Path) -> dict[str, str]:
-    """Login by the name of a submission; empty without a file. Raises RecordError if it is broken."""
+    """Read the login by the name of a submission; empty without a file.
+
+    Raises RecordError if it is broken.
+    """
     if not path.is_file():
         return {}
     return validate(
@@ -182,54 +196,63 @@ def read_owners(path: Path) -> dict[str, str]:
 
 
 def trusted(folder: Path | None = None) -> Trust:
-    """The leaderboard at ``folder``; None: the one that ships. Raises RecordError if there is no such folder."""
+    """Return the leaderboard at ``folder``; None: the one that ships.
+
+    Raises RecordError if there is no such folder.
+    """
     if folder is not None and not folder.is_dir():
         raise RecordError(
-            f"{folder}: no such folder, expected a leaderboard with keys/allowed_signers and seals/"
+            f"{folder}: no such folder, expected a leaderboard with keys/allowed_signers "
+            "and seals/"
         )
     return Trust(folder or bundled("leaderboard"))
 
 
-def _retired(path: Path, promise: Commitment) -> str:
-    """Date on which the seal was retired; RecordError if the published secret does not fit the commitment."""
+def _retired(path: Path, commitment: Commitment) -> str:
+    """Return the date on which the seal was retired; empty if it is in use.
+
+    Raises RecordError if the published secret does not fit the commitment.
+    """
     if not path.is_file():
         return ""
     published = read_as(Retired, path)
-    if commitment_of(published.secret) != promise.commitment:
+    if commitment_of(published.secret) != commitment.commitment:
         raise RecordError(
-            f"{path}: its secret does not have the commitment {promise.commitment[:12]}"
+            f"{path}: its secret does not have the commitment "
+            f"{commitment.commitment[:12]}"
         )
     return published.retired
 
 
 def _is_private(path: Path) -> bool:
-    """True for a file or folder, not a link, of this user that no other one may write to."""
+    """Return True for a file or folder, not a link, that only this user may write."""
     with suppress(OSError):
-        found = path.lstat()
-        owner = getattr(os, "geteuid", lambda: found.st_uid)()
-        return (
-            found.st_uid == owner
-            and not found.st_mode & 0o022
-            and not stat.S_ISLNK(found.st_mode)
-        )
+        status = path.lstat()
+        user = getattr(os, "geteuid", lambda: status.st_uid)()
+        is_link = stat.S_ISLNK(status.st_mode)
+        return status.st_uid == user and not status.st_mode & 0o022 and not is_link
     return False
 
 
 def _ssh_keygen(
     arguments: Sequence[str], message: bytes, seconds: float | None
 ) -> tuple[str, str]:
-    """Output of ssh-keygen on ``message``, and the reason why it failed; empty if it did not."""
+    """Return the output of ssh-keygen on ``message`` and why it failed.
+
+    The reason is empty if it did not.
+    """
+    command = ["ssh-keygen", *arguments]
     try:
-        command = ["ssh-keygen", *arguments]
-        done = subprocess.run(
+        result = subprocess.run(
             command, input=message, capture_output=True, timeout=seconds, check=False
         )
     except FileNotFoundError:
         raise MtpBenchError(MISSING) from None
     except subprocess.TimeoutExpired:
         raise MtpBenchError(f"ssh-keygen took longer than {seconds} s") from None
-    output = done.stdout.decode(errors="replace")
-    if not done.returncode:
+    output = result.stdout.decode(errors="replace")
+    if not result.returncode:
         return output, ""
-    lines = f"{done.stderr.decode(errors='replace')}\n{output}"
-    return output, " ".join(lines.split())[:_MOST_OUTPUT] or f"status {done.returncode}"
+    lines = f"{result.stderr.decode(errors='replace')}\n{output}"
+    reason = " ".join(lines.split())[:_MOST_OUTPUT] or f"status {result.returncode}"
+    return output, reason

@@ -1,4 +1,4 @@
-"""Drawings of a leaderboard: scales, intervals of differences, errors per scene, and errors over false forecasts."""
+"""Drawings of a leaderboard: intervals of differences, errors per scene, curves."""
 
 import math
 import statistics
@@ -7,17 +7,22 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
+import numpy as np
+
+from ...core import Floats
 from ...scoring import PairedDifference, Point
 from .entries import Entry
 
-WIDTH = 150.0  # of a drawing of an interval, user units
-BAR = 120.0  # width of the longest bar of a scene, user units
+# user units
+WIDTH = 150.0  # of a drawing of an interval
+BAR = 120.0  # width of the longest bar of a scene
 PAD = 9.0  # left and right of the scale
-MOST_TICKS = 5
-FARTHEST = 3.0
-MARGIN = 0.04  # of a scale beyond its values, on each side
-MOST_SCENES = 40  # of an entry
-_MOST_POINTS = 50
+MAX_TICKS = 5
+MAX_SCENES = 40  # of an entry
+_FARTHEST = 3.0  # of the median
+_MARGIN = 0.04  # of a scale beyond its values, on each side
+_MAX_POINTS = 50
+# by whether false forecasts are known
 _TICKS = {
     True: (0.0, 0.2, 0.5, 1.0, 2.0, 5.0),
     False: (1.0, 5.0, 10.0, 20.0, 40.0, 80.0),
@@ -37,115 +42,123 @@ class Scale:
     ticks: tuple[float, ...]
 
     def share(self, value: float) -> float:
-        """Place of a value from 0 to 1; values off the scale stay at its ends."""
-        return (min(max(value, self.low), self.high) - self.low) / (
-            self.high - self.low
-        )
+        """Return the place of a value from 0 to 1; values off the scale are at an end."""
+        inside = min(max(value, self.low), self.high)
+        return (inside - self.low) / (self.high - self.low)
 
     def x(self, value: float) -> float:
-        """Horizontal place of a value."""
+        """Return the horizontal place of a value."""
         return round(PAD + self.share(value) * (WIDTH - 2 * PAD), 1)
 
 
 def scale_of(entries: Sequence[Entry]) -> Scale | None:
-    """A scale around 0 that holds the differences to STP of the compared entries (of all, where none is).
+    """Return a scale around 0 that holds the differences to STP of compared entries.
 
-    Values more than FARTHEST times as far from 0 as the median are left off, so that the others can be told apart.
+    Of all entries where none is compared. Values more than _FARTHEST times as far from
+    0 as the median are left off, so that the others can be told apart.
     """
-    shown = [
-        entry for entry in entries if entry.compared and entry.difference()
-    ] or entries
-    ends = [
-        _ends(difference)
-        for entry in shown
-        if (difference := entry.difference()) is not None
+    compared = [entry for entry in entries if entry.compared and entry.difference()]
+    differences = [entry.difference() for entry in compared or entries]
+    limits = [
+        _limits(difference) for difference in differences if difference is not None
     ]
-    if not ends:
+    if not limits:
         return None
-    farthest = FARTHEST * statistics.median_high(
-        [max(abs(low), abs(high)) for low, high in ends]
-    )
-    within = [
-        0.0,
-        *(value for pair in ends for value in pair if abs(value) <= farthest),
-    ]
-    return nice_scale(min(within), max(within))
+    distances = [max(abs(low), abs(high)) for low, high in limits]
+    farthest = _FARTHEST * statistics.median_high(distances)
+    within = [limit for pair in limits for limit in pair if abs(limit) <= farthest]
+    return nice_scale(min(0.0, *within), max(0.0, *within))
 
 
 def bar_of(
     scale: Scale | None, difference: PairedDifference | None
 ) -> dict[str, float] | None:
-    """The bar of a difference and its interval, a point without one; arrows show that it goes on below or above."""
+    """Return the bar of a difference and its interval, a point without one.
+
+    Arrows show that it goes on below or above the scale.
+    """
     if scale is None or difference is None:
         return None
-    low, high = _ends(difference)
-    places = {
+    low, high = _limits(difference)
+    return {
         "low": scale.x(low),
         "high": scale.x(high),
         "at": scale.x(difference.mean),
+        "below": low < scale.low,
+        "above": high > scale.high,
     }
-    return places | {"below": low < scale.low, "above": high > scale.high}
 
 
 def nice_scale(low: float, high: float) -> Scale:
-    """A scale from a little below ``low`` to a little above ``high``, with at least one and few round ticks."""
+    """Return a scale from a little below ``low`` to a little above ``high``.
+
+    It has at least one tick, and few round ones.
+    """
     span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
-    middle, half = (low + high) / 2, span * (0.5 + MARGIN)
-    least = span / (MOST_TICKS - 1)
-    power = 10.0 ** math.floor(math.log10(least))
-    step = next(
-        factor * power
-        for factor in (1.0, 2.0, 5.0, 10.0)
-        if factor * power >= least * (1 - 1e-9)
-    )
-    first, last = math.ceil((middle - half) / step), math.floor((middle + half) / step)
-    return Scale(
-        middle - half,
-        middle + half,
-        tuple(round(i * step, 9) for i in range(first, last + 1)),
-    )
+    middle = (low + high) / 2
+    half = span * (0.5 + _MARGIN)
+    min_step = span / (MAX_TICKS - 1)
+    power = 10.0 ** math.floor(math.log10(min_step))
+    steps = [factor * power for factor in (1.0, 2.0, 5.0, 10.0)]
+    step = next(step for step in steps if step >= min_step * (1 - 1e-9))
+    first = math.ceil((middle - half) / step)
+    last = math.floor((middle + half) / step)
+    ticks = tuple(round(i * step, 9) for i in range(first, last + 1))
+    return Scale(middle - half, middle + half, ticks)
 
 
-def _ends(difference: PairedDifference) -> tuple[float, float]:
+def _limits(difference: PairedDifference) -> tuple[float, float]:
     return difference.interval or (difference.mean, difference.mean)
 
 
 def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
-    """Bars of scenes, in the order of the record, with a mark at the error of ``reference`` where it has the scene.
+    """Return bars of scenes, with a mark at the error of ``reference``.
 
-    Of many scenes the MOST_SCENES with the largest sums of errors; of equal ones the first.
+    Of many scenes those MAX_SCENES with the largest sums of errors, of equal ones the
+    first; in the order of the record.
     """
-    scenes = entry.record.per_scene
-    heaviest = sorted(
-        range(len(scenes)), key=lambda place: -sum(scenes[place].error["all"])
-    )[:MOST_SCENES]
-    beside = {} if reference is None or reference is entry else _errors(reference)
-    errors = _errors(entry)
-    most = max(
-        [*errors.values(), *(beside[name] for name in errors if name in beside)],
-        default=0.0,
-    )
-    unit = BAR / most if most > 0 else 0.0
-    return [
-        {
-            "scene": part.scene,
-            "targets": part.targets,
-            "error": part.mean_error,  # m
-            "width": round(unit * errors.get(part.scene, 0.0), 1),  # user units
-            "reference": round(unit * beside[part.scene], 1)
-            if part.scene in beside
-            else None,
-        }
-        for part in (scenes[place] for place in sorted(heaviest))
-    ]
+    errors = _scene_errors(entry)
+    reference_errors: dict[str, float] = {}
+    if reference is not None and reference is not entry:
+        reference_errors = _scene_errors(reference)
+    shown = [reference_errors[scene] for scene in errors if scene in reference_errors]
+    largest = max([*errors.values(), *shown], default=0.0)
+    unit = BAR / largest if largest > 0 else 0.0
+    sums, targets = _scene_sums(entry)
+    heaviest = np.argsort(-sums, kind="stable")[:MAX_SCENES]
+    bars = []
+    for index in sorted(heaviest.tolist()):
+        scene = entry.record.scenes[index]
+        mark = reference_errors.get(scene)
+        bars.append(
+            {
+                "scene": scene,
+                "targets": round(targets[index]),
+                "error": errors.get(scene),  # m
+                # user units
+                "width": round(unit * errors.get(scene, 0.0), 1),
+                "reference": None if mark is None else round(unit * mark, 1),
+            }
+        )
+    return bars
 
 
-def _errors(entry: Entry) -> dict[str, float]:
-    return {
-        part.scene: error
-        for part in entry.record.per_scene
-        if (error := part.mean_error) is not None
-    }
+def _scene_sums(entry: Entry) -> tuple[Floats, Floats]:
+    """Return the sums of errors, metres, and the targets of each scene, [S] both."""
+    record = entry.record
+    targets = record.targets
+    errors = targets.scene_sums(record.unit_error("all"))
+    return errors, targets.scene_sums(record.unit_weight("all"))
+
+
+def _scene_errors(entry: Entry) -> dict[str, float]:
+    """Return the mean error of each scene with targets, metres."""
+    sums, targets = _scene_sums(entry)
+    errors = {}
+    for scene, total, count in zip(entry.record.scenes, sums, targets, strict=True):
+        if count > 0:
+            errors[scene] = float(total / count)
+    return errors
 
 
 @dataclass(frozen=True)
@@ -154,7 +167,7 @@ class CurveChart:
 
     own: Sequence[Point]
     beside: Sequence[Point]  # of STP; empty without one, and for STP itself
-    most: float  # of the horizontal axis, which is one of square roots: it begins at 0
+    most: float  # of the horizontal axis, which is one of square roots from 0
     scale: Scale  # of the vertical axis, m
     axis: str  # text of the horizontal one
     ticks: tuple[float, ...]
@@ -169,42 +182,42 @@ class CurveChart:
         return f"error from {self.own[0][1]:.2f} m to {self.own[-1][1]:.2f} m"
 
     def x(self, value: float) -> float:
-        """Horizontal place of a number of false forecasts."""
+        """Return the horizontal place of a number of false forecasts."""
         share = math.sqrt(min(max(value, 0.0), self.most) / self.most)
         return round(self.left + share * (self.width - self.left - 1.0), 1)
 
     def y(self, value: float) -> float:
-        """Vertical place of an error."""
-        return round(
-            1.0 + (1.0 - self.scale.share(value)) * (self.height - self.bottom - 2.0), 1
-        )
+        """Return the vertical place of an error."""
+        height = self.height - self.bottom - 2.0
+        return round(1.0 + (1.0 - self.scale.share(value)) * height, 1)
 
     def line(self, curve: Sequence[Point]) -> str:
-        """Points of a line; of a level stretch its ends."""
+        """Return the points of a line; of a level stretch its two ends."""
         points = [(self.x(at), self.y(error)) for at, error in curve]
-        stretches = [
-            list(each) for _, each in groupby(points, key=lambda point: point[1])
-        ]
-        ends = [point for each in stretches for point in (each[0], *each[1:][-1:])]
-        return " ".join(f"{x:g},{y:g}" for x, y in ends)
+        corners = []
+        for _, group in groupby(points, key=lambda point: point[1]):
+            stretch = list(group)
+            corners += stretch if len(stretch) == 1 else [stretch[0], stretch[-1]]
+        return " ".join(f"{x:g},{y:g}" for x, y in corners)
 
 
 def curve_of(entry: Entry) -> list[Point]:
-    """Numbers of false forecasts and errors in the record; empty where it has no such curve."""
-    return sorted(entry.diagnostics.curve)[:_MOST_POINTS]
+    """Return numbers of false forecasts and errors; empty without such a curve."""
+    return sorted(entry.record.curve)[:_MAX_POINTS]
 
 
 def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
-    """The curve of an entry, with that of ``reference`` beside it; None without a curve."""
-    own = curve_of(entry)
-    beside = [] if reference is None or reference is entry else curve_of(reference)
-    points = [*own, *beside]
+    """Return the curve of an entry, with that of ``reference``; None without a curve."""
+    curve = curve_of(entry)
+    beside = []
+    if reference is not None and reference is not entry:
+        beside = curve_of(reference)
+    points = [*curve, *beside]
     most = max((at for at, _ in points), default=0.0)
-    if not own or most <= 0:
+    if not curve or most <= 0:
         return None
     errors = [error for _, error in points]
-    known = entry.record.env.truth_complete
-    ticks = tuple(tick for tick in _TICKS[known] if tick <= most)
-    return CurveChart(
-        own, beside, most, nice_scale(min(errors), max(errors)), _AXIS[known], ticks
-    )
+    are_known = entry.record.env.truth_complete
+    ticks = tuple(tick for tick in _TICKS[are_known] if tick <= most)
+    scale = nice_scale(min(errors), max(errors))
+    return CurveChart(curve, beside, most, scale, _AXIS[are_known], ticks)

@@ -1,66 +1,35 @@
-"""Entries of a leaderboard: records with their places, and the order in which they stand."""
+"""Entries of a leaderboard: records with their places, and their order."""
 
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from itertools import groupby
-from typing import Annotated
-
-from pydantic import BaseModel, Field, ValidationError
+from typing import Any
 
 from ...agent import ON_SCORED
 from ...cards import load_card
 from ...core import NetworkState, baseline_names, card_ids
-from ...judge import (
-    Checked,
-    DrivingPart,
-    Level,
-    Record,
-    Standing,
-    standings,
-    why_not_genuine,
-)
+from ...judge import Checked, Level, Record, Standing, standings, why_not_genuine
 from ...scoring import (
     SIGNIFICANT,
     SUBSETS,
+    DrivingRow,
     PairedDifference,
-    Probability,
-    Reliability,
     Row,
     Subset,
-    ratio,
 )
 
-_NETWORK = re.compile(
-    r"(\w+-(?:truth|tracklets))-(MTP-[\w-]+)\.safetensors"
-)  # as `networks.file_name` writes it
-_NotNegative = Annotated[float, Field(ge=0, le=1e9)]
-_LAST = 1000  # behind all envs whose card states a place
+# as `networks.file_name` writes it
+_NETWORK_FILE = re.compile(r"(\w+-(?:truth|tracklets))-(MTP-[\w-]+)\.safetensors")
+_LAST_PLACE = 1000  # behind all envs whose card states a place
 LEVEL_TEXT: dict[Level, str] = {
     "scored": "checked by its authors alone",
     "re-scored": "scored again from the stored rollouts",
     "re-run": "run again from the submission",
     "hidden": "run again, and on scenes that were not public",
 }
-
-
-class Diagnostics(BaseModel):
-    """Diagnostics that the page shows, of the details of a record, in which anything may stand."""
-
-    brier: Probability | None = None
-    reliability: list[Reliability] = []
-    curve: list[tuple[_NotNegative, _NotNegative]] = []
-
-    @property
-    def overconfidence(self) -> float | None:
-        """Mean stated confidence less the share of true forecasts; None without forecasts."""
-        excess = sum(
-            each.forecasts * (each.confidence - each.matched)
-            for each in self.reliability
-        )
-        return ratio(excess, sum(each.forecasts for each in self.reliability))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +65,7 @@ class Entry(Found):
 
     @property
     def rank(self) -> str | None:
-        """Its place with the ranks that the tests leave open, "2 (1–3)"; None: shown, not ranked."""
+        """Its place with the ranks that the tests leave open, "2 (1–3)"."""
         return self.standing.places["all"].rank
 
     @property
@@ -108,9 +77,11 @@ class Entry(Found):
     @property
     def part(self) -> str:
         """The scenes of a partial record, "1/10 scenes"; empty for a whole one."""
-        env = self.record.env
-        whole = env.scenes == env.scenes_of_split or not env.scenes_of_split
-        return "" if whole else f"{env.scenes}/{env.scenes_of_split} scenes"
+        scenes = len(self.record.scenes)
+        scenes_of_split = self.record.env.scenes_of_split
+        if scenes == scenes_of_split or not scenes_of_split:
+            return ""
+        return f"{scenes}/{scenes_of_split} scenes"
 
     @property
     def why(self) -> str:
@@ -119,7 +90,7 @@ class Entry(Found):
 
     @property
     def compared(self) -> bool:
-        """True in the main ranking of its environment, even where that has too few recordings to rank."""
+        """True in the main ranking, even where that has too few recordings to rank."""
         return self.standing.compared
 
     @property
@@ -129,25 +100,25 @@ class Entry(Found):
 
     @property
     def seal(self) -> str:
-        """The seal of its hidden scenes, and the date of its retirement; empty without hidden scenes."""
-        seal = None if self.signed is None else self.signed.seal
-        if seal is None:
+        """Its seal and the date of its retirement; empty without hidden scenes."""
+        if self.signed is None or self.signed.seal is None:
             return ""
-        return f"{seal.name} of {seal.made}" + (
-            f", retired {seal.retired}" if seal.retired else ""
-        )
+        seal = self.signed.seal
+        retired = f", retired {seal.retired}" if seal.retired else ""
+        return f"{seal.name} of {seal.made}{retired}"
 
     @property
     def trained_on_scored(self) -> str:
-        """The part of it that was trained on the scored scenes, as it declares; empty where no part was."""
-        return next(
-            (text for text in self.record.training_data if text.endswith(ON_SCORED)), ""
-        )
+        """The part that was trained on scored scenes, as declared; empty without one."""
+        for text in self.record.training_data:
+            if text.endswith(ON_SCORED):
+                return text
+        return ""
 
     @property
     def trainings(self) -> list[NetworkState]:
-        """Networks that a command trains before it runs; empty where all of its weights ship."""
-        files = (_NETWORK.fullmatch(name) for name in self.record.submission.networks)
+        """Networks that a command trains before it runs; empty if all weights ship."""
+        files = map(_NETWORK_FILE.fullmatch, self.record.submission.networks)
         return [
             NetworkState(file[1], file[2], trained=False, ships=False)
             for file in files
@@ -156,13 +127,13 @@ class Entry(Found):
 
     @property
     def weights(self) -> str | None:
-        """The text "ships" or "train in 4 min"; None for another submission than a baseline without such networks."""
+        """Text "ships" or "train in 4 min"; None for others than baselines."""
         minutes = [network.minutes for network in self.trainings]
         if not minutes:
             return "ships" if is_baseline(self.record) else None
-        return (
-            "train" if None in minutes else f"train in {sum(filter(None, minutes))} min"
-        )
+        if None in minutes:
+            return "train"
+        return f"train in {sum(filter(None, minutes))} min"
 
     @property
     def checked(self) -> str:
@@ -170,11 +141,13 @@ class Entry(Found):
         if self.signed is None:
             return ""
         by = f"{self.signed.statement.date} by {self.signed.signer}"
+        earlier = self.record.converted_from
+        if self.converted and earlier is not None:
+            converted = f"converted {by}, not run again"
+            if earlier.date is None:
+                return converted
+            by = f"{earlier.date} by {earlier.signer}; {converted}"
         return f"{by}; seal {self.seal}" if self.seal else by
-
-    def row_of(self, subset: Subset) -> Row:
-        """The ranking numbers of a subset."""
-        return self.sums.row_of(subset)
 
     @property
     def row(self) -> Row:
@@ -182,18 +155,22 @@ class Entry(Found):
         return self.row_of("all")
 
     @property
-    def driving(self) -> DrivingPart | None:
-        """The ranking numbers of a closed loop, with the difference to STP beside it; None elsewhere."""
-        part, less = self.sums.driving, self.standing.differences.get("all")
-        if part is None or less is None:
-            return part
-        ends = less.interval and (
-            -less.interval[1],
-            -less.interval[0],
-        )  # of scores, not of errors
-        return part.model_copy(
-            update={"difference": -less.mean, "difference_interval": ends, "p": less.p}
-        )
+    def driving(self) -> DrivingRow | None:
+        """Ranking numbers of a closed loop with the difference to STP; None elsewhere."""
+        row = self.sums.driving
+        if row is None:
+            return None
+        changes: dict[str, Any] = {"agent": self.name}
+        difference = self.standing.differences.get("all")
+        if difference is not None:
+            # of scores, not of errors
+            interval = difference.interval
+            changes |= {
+                "difference": -difference.mean,
+                "difference_interval": interval and (-interval[1], -interval[0]),
+                "p": difference.p,
+            }
+        return row.model_copy(update=changes)
 
     @property
     def error(self) -> float | None:
@@ -203,114 +180,108 @@ class Entry(Found):
     @property
     def public_error(self) -> float | None:
         """The error on the public scenes, metres, where hidden ones rank."""
-        return (
-            self.record.row.error if self.on_hidden and self.driving is None else None
-        )
-
-    @cached_property
-    def diagnostics(self) -> Diagnostics:
-        """Diagnostics of its record, on the public scenes; without any where the record's are malformed."""
-        try:
-            return Diagnostics.model_validate(self.record.details)
-        except ValidationError:
-            return Diagnostics()
+        if not self.on_hidden or self.record.drives is not None:
+            return None
+        return self.record.row.error
 
     def difference(self, subset: Subset = "all") -> PairedDifference | None:
-        """Its error minus that of STP beside it, metres; None for STP, without a record of STP and in closed loops."""
-        return (
-            self.standing.differences.get(subset) if self.sums.driving is None else None
-        )
+        """Return its error minus that of STP beside it, metres.
+
+        None for STP, without a record of STP and in closed loops.
+        """
+        if self.record.drives is not None:
+            return None
+        return self.standing.differences.get(subset)
 
     @property
     def verdict(self) -> str:
-        """Return "better" or "worse" than STP by the test that ranks; empty where that cannot tell."""
+        """Text "better" or "worse" than STP; empty where the test cannot tell."""
         difference = self.standing.differences.get("all")
         if difference is None or difference.p >= SIGNIFICANT:
             return ""
         return "better" if difference.mean < 0 else "worse"
 
-    def same_predictor_gap(self, subset: Subset) -> float | None:
-        """Share that it closes of the gap between references with its own predictor, where that is known."""
-        return self.standing.own_gaps.get(
-            subset, self.row_of(subset).gap_closed_same_predictor
-        )
-
     def association_blank(self, subset: Subset) -> str | None:
-        """Reason why its association gap is missing on a subset; None where it is not."""
-        return (
-            None
-            if subset in self.standing.association_gaps
-            else self.standing.association_gap_blank
-        )
+        """Return why its association gap is missing on a subset; None if it is not."""
+        if subset in self.standing.association_gaps:
+            return None
+        return self.standing.association_gap_blank
 
 
 def entries_of(
     found: Sequence[Found], subsets: Sequence[Subset] = SUBSETS
 ) -> list[Entry]:
-    """The entries in their order: by definitions, environment, place, bADE and name; partial ones behind whole ones.
+    """Return the entries of records in their order; partial ones behind whole ones.
 
-    ``subsets``: those of their standings; without a page "all" is enough.
+    The order is by environment, place, bADE and name. ``subsets``: those of their
+    standings; without a page "all" is enough.
     """
+    records = [checked.record for checked in found]
     levels = {
-        each.record.digest: each.signed for each in found if each.signed is not None
+        checked.record.digest: checked.signed
+        for checked in found
+        if checked.signed is not None
     }
-    places = standings([each.record for each in found], levels, subsets=subsets)
-    entries = (
-        Entry(**vars(each), standing=places[each.record.digest]) for each in found
-    )
-    return sorted(entries, key=_order)
+    standing = standings(records, levels, subsets=subsets)
+    entries = [
+        Entry(**vars(checked), standing=standing[checked.record.digest])
+        for checked in found
+    ]
+    return sorted(entries, key=_sort_key)
 
 
 def is_baseline(record: Record) -> bool:
-    """Return True if a record is of a baseline that ships, and not of another submission of its name."""
-    return (
-        record.submission.name in baseline_names() and why_not_genuine(record) is None
-    )
+    """Return True if a record is of a baseline, not of another one of its name."""
+    ships = record.submission.name in baseline_names()
+    return ships and why_not_genuine(record) is None
 
 
 def empty_error(entries: Sequence[Entry]) -> float | None:
-    """Error in one environment if nothing is predicted, metres; None where it is not known."""
-    return next(
-        (entry.sums.nothing_predicted for entry in entries if entry.compared), None
-    )
+    """Return the error in one env if nothing is predicted, metres; None if unknown."""
+    for entry in entries:
+        if entry.compared:
+            return entry.sums.targets.nothing_predicted
+    return None
 
 
 def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
-    """The entries of each environment, in their order."""
-    return {
-        env_id: list(listed)
-        for env_id, listed in groupby(entries, lambda entry: entry.env)
-    }
+    """Return the entries of each environment, in their order."""
+    groups = groupby(entries, lambda entry: entry.env)
+    return {env_id: list(group) for env_id, group in groups}
 
 
-def _order(entry: Entry) -> tuple[object, ...]:
-    rank = math.inf if entry.place is None else entry.place
-    error = math.inf if entry.error is None else entry.error
-    record, section = (
-        entry.record,
-        (rank, not entry.compared, not entry.saw_truth, error),
+def _sort_key(entry: Entry) -> tuple[object, ...]:
+    return (
+        _env_place(entry.env),
+        entry.part != "",
+        math.inf if entry.place is None else entry.place,
+        not entry.compared,
+        not entry.saw_truth,
+        math.inf if entry.error is None else entry.error,
+        entry.name,
+        entry.record.digest,
     )
-    return _env_place(entry.env), entry.part != "", *section, entry.name, record.digest
 
 
 @cache
 def _env_place(env_id: str) -> tuple[bool, int, str]:
-    """Sort key of environments: those without a map; of each the place that the card states, recorded, simulated."""
+    """Return a sort key of environments: those without a map first.
+
+    Then by the place that the card states; others recorded, then simulated.
+    """
     place = load_card(env_id).board if env_id in card_ids() else None
-    return (
-        has_map(env_id),
-        _LAST + simulated(env_id) if place is None else place,
-        env_id,
-    )
+    if place is None:
+        place = _LAST_PLACE + is_simulated(env_id)
+    return has_map(env_id), place, env_id
 
 
 @cache
 def has_map(env_id: str) -> bool:
-    """Return True if agents see lanes in an environment; False for one that does not ship."""
+    """Return True if agents see lanes in an environment that ships."""
     return env_id in card_ids() and load_card(env_id).lanes is not None
 
 
 @cache
-def simulated(env_id: str) -> bool:
-    """Return True if the scenes of an environment are simulated; False for one that does not ship."""
+def is_simulated(env_id: str) -> bool:
+    """Return True if the scenes of an environment that ships are simulated."""
     return env_id in card_ids() and load_card(env_id).simulated

@@ -1,8 +1,10 @@
-"""The leaderboard as a page and the parts beside it: no network, no server, the same records give the same bytes."""
+"""The leaderboard as a page and the parts beside it, without network and server.
+
+The same records give the same bytes.
+"""
 
 import json
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -26,7 +28,7 @@ from ...scoring import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
 from ..pages import source_of, templates_of, text_of
 from .columns import COLUMN, PAGE, board_table
 from .drawings import WIDTH
-from .entries import LEVEL_TEXT, Entry, by_board, has_map, simulated
+from .entries import LEVEL_TEXT, Entry, by_board, has_map, is_simulated
 from .lines import Ids, address_of, board_of, details_of, short_name
 
 if TYPE_CHECKING:
@@ -35,17 +37,21 @@ if TYPE_CHECKING:
 _HERE = Path(__file__).parent
 SUFFIX = ".parts"  # of the folder beside a page
 _MARK = "leaderboard.json"  # in every such folder
+_RANK_TEXT = (
+    "Place by bADE, with the ranks that tests leave open. Green: no other is "
+    "significantly better."
+)
+_NAME_TEXT = "Its name opens its details. Below: authors, licence, code and paper."
+_LEVELS_TEXT = " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)
+_CONVERTED_TEXT = (
+    "Converted: the level of an earlier form of the record, not run again."
+)
+# heading and explanation of the columns of a table beside those of numbers
 _FURTHER = {
-    "rank": (
-        "rank",
-        "Place by bADE, with the ranks that tests leave open. Green: no other is significantly better.",
-    ),
-    "name": (
-        "agent",
-        "Its name opens its details. Below: authors, licence, code and paper.",
-    ),
-    "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
-}  # columns of a table beside those of numbers
+    "rank": ("rank", _RANK_TEXT),
+    "name": ("agent", _NAME_TEXT),
+    "level": ("verified", f"{_LEVELS_TEXT} {_CONVERTED_TEXT}"),
+}
 
 
 @dataclass(frozen=True)
@@ -67,21 +73,21 @@ class BoardFiles:
 def board_files(
     entries: Sequence[Entry], folder: str = "index.parts", pages: Pages | None = None
 ) -> BoardFiles:
-    """The page of ``entries`` (from `entries_of`): an overview, then a table per environment.
+    """Return the page of ``entries`` (from `entries_of`) and its parts.
 
-    Environments with a map follow with an overview of their own: they are in no order with the others.
-    ``folder``: name of the parts' folder beside the page. ``pages``: addresses of others. No date, path or random id.
+    An overview comes first, then a table per environment. Environments with a map
+    follow with an overview of their own: they are in no order with the others.
+    ``folder``: name of the parts' folder beside the page. ``pages``: addresses of
+    others. No date, path or random id.
     """
     ids = _ids(entries)
-    boards = [board_of(listed, ids) for listed in by_board(entries).values()]
-    groups = [
-        (
-            overview_of(list(listed)),
-            [board for board in boards if board["map"] == lanes],
-        )
-        for lanes, listed in groupby(entries, lambda entry: has_map(entry.env))
-    ]
-    known = {
+    by_env = by_board(entries)
+    boards = [board_of(listed, ids) for listed in by_env.values()]
+    groups = []
+    for lanes, members in groupby(entries, lambda entry: has_map(entry.env)):
+        shown = [board for board in boards if board["map"] == lanes]
+        groups.append((overview_of(list(members)), shown))
+    content = {
         "parts": quote(folder),
         "boards": boards,
         "groups": groups,
@@ -89,14 +95,11 @@ def board_files(
         "levels": LEVELS,
     }
     parts = _table_files(entries, "leaderboard")
-    for env_id in sorted({entry.env for entry in entries}):
-        parts |= _table_files(
-            [entry for entry in entries if entry.env == env_id], env_id
-        )
-        parts[f"{env_id}.js"] = "".join(
-            _pieces(board, known) for board in boards if board["env"] == env_id
-        )
-    return BoardFiles(_page(entries, known, pages or Pages()), parts)
+    for board in sorted(boards, key=lambda board: board["env"]):
+        env_id = board["env"]
+        parts |= _table_files(by_env[env_id], env_id)
+        parts[f"{env_id}.js"] = _pieces(board, content)
+    return BoardFiles(_page(entries, content, pages or Pages()), parts)
 
 
 @dataclass(frozen=True)
@@ -105,45 +108,45 @@ class Overview:
 
     map: bool  # agents see lanes in all of the environments; else in none
     heads: list[tuple[str, str, bool]]  # id of the table, name, whether it is simulated
-    rows: list[
-        tuple[str, list[Entry | None]]
-    ]  # name of an agent, its entry per environment
+    rows: list[tuple[str, list[Entry | None]]]  # agent, its entry per environment
 
     @property
     def groups(self) -> list[tuple[str, int]]:
         """Headings above the columns, with their number."""
-        made = sum(simulated for _, _, simulated in self.heads)
-        counts = [("recorded", len(self.heads) - made), ("simulated", made)]
-        return [(name, count) for name, count in counts if count]
+        simulated = sum(is_simulated for _, _, is_simulated in self.heads)
+        counts = {"recorded": len(self.heads) - simulated, "simulated": simulated}
+        return [(name, count) for name, count in counts.items() if count]
 
 
 def overview_of(entries: Sequence[Entry]) -> Overview:
-    """The overview of ``entries`` (`entries_of`), the best of the first env first.
+    """Return the overview of ``entries`` (`entries_of`), the best of the first env first.
 
     They are all of environments with a map, or all of others.
     """
-    envs = by_board(entries)
+    envs = list(by_board(entries))
     agents: dict[str, dict[str, Entry]] = {}
     for entry in entries:
-        agents.setdefault(entry.name, {}).setdefault(
-            entry.env, entry
-        )  # of several of one name the first
-    seen = {entry.name for entry in entries if entry.saw_truth}
-    names = sorted(
-        agents,
-        key=lambda name: (
-            name in seen,
-            [_place(agents[name].get(env)) for env in envs],
-            name,
-        ),
-    )
-    rows = [(name, [agents[name].get(env) for env in envs]) for name in names]
-    heads = [(env, short_name(env), simulated(env)) for env in envs]
+        # of several of one name the first
+        agents.setdefault(entry.name, {}).setdefault(entry.env, entry)
+    references = {entry.name for entry in entries if entry.saw_truth}
+
+    def sort_key(name: str) -> tuple[object, ...]:
+        places = [_place(agents[name].get(env_id)) for env_id in envs]
+        return name in references, places, name
+
+    rows = [
+        (name, [agents[name].get(env_id) for env_id in envs])
+        for name in sorted(agents, key=sort_key)
+    ]
+    heads = [(env_id, short_name(env_id), is_simulated(env_id)) for env_id in envs]
     return Overview(any(map(has_map, envs)), heads, rows)
 
 
 def _place(entry: Entry | None) -> tuple[float, ...]:
-    """Sort key in one environment: by place, then bADE; partial and missing entries come last."""
+    """Return a sort key in one environment: by place, then bADE.
+
+    Partial and missing entries come last.
+    """
     if entry is None or entry.part or entry.error is None:
         return math.inf, True, math.inf
     return entry.place or math.inf, not entry.compared, entry.error
@@ -154,24 +157,25 @@ def _table_files(entries: Sequence[Entry], name: str) -> dict[str, str]:
     return {f"{name}.csv": to_csv(table), f"{name}.json": to_json(table)}
 
 
-def _page(entries: Sequence[Entry], known: dict[str, Any], pages: Pages) -> str:
-    style, script = text_of(_HERE, "board.css"), text_of(_HERE, "board.js")
-    policy = (  # this style, this script and its own parts, pictures beside the page
-        f"default-src 'none'; style-src {source_of(style)}; script-src {source_of(script)} 'strict-dynamic'; "
-        "img-src 'self' data:; base-uri 'none'; form-action 'none'"
+def _page(entries: Sequence[Entry], content: dict[str, Any], pages: Pages) -> str:
+    style = text_of(_HERE, "board.css")
+    script = text_of(_HERE, "board.js")
+    # this style, this script and its own parts, pictures beside the page
+    policy = (
+        f"default-src 'none'; style-src {source_of(style)}; script-src "
+        f"{source_of(script)} 'strict-dynamic'; img-src 'self' data:; base-uri 'none'; "
+        "form-action 'none'"
     )
+    shown = {column.key for board in content["boards"] for column in board["columns"]}
+    dates = [entry.record.measured.made for entry in entries]
     return _render(
         "page.html",
-        **known,
-        columns=[
-            COLUMN[key]
-            for key in PAGE
-            if any(COLUMN[key] in board["columns"] for board in known["boards"])
-        ],
+        **content,
+        columns=[COLUMN[key] for key in PAGE if key in shown],
         further=_FURTHER,
         few_objects=RANKED_OBJECTS,
         few_units=RANKED_UNITS,
-        latest=max((entry.record.measured.made for entry in entries), default=""),
+        latest=max(dates, default=""),
         guide=address_of(pages.guide),
         definition=address_of(pages.definition),
         icon=text_of(_HERE, "icon.svg").strip(),
@@ -181,16 +185,17 @@ def _page(entries: Sequence[Entry], known: dict[str, Any], pages: Pages) -> str:
     )
 
 
-def _pieces(board: dict[str, Any], known: dict[str, Any]) -> str:
-    """The details of a table's entries as calls that hand HTML to the page; ASCII without "<" ends no script early."""
+def _pieces(board: dict[str, Any], content: dict[str, Any]) -> str:
+    """Return the details of a table's entries as calls that hand HTML to the page.
+
+    They are ASCII without "</" and "<!", which would end a script early.
+    """
     pieces = []
     for line in board["lines"]:
-        html = _render("entry.html", **known, board=board, line=details_of(line, board))
-        pieces.append(
-            f"mtpBoard({json.dumps(line['id'])}, {json.dumps(html)});\n".replace(
-                "<", "\\u003c"
-            )
-        )
+        details = details_of(line, board)
+        html = _render("entry.html", **content, board=board, line=details)
+        call = f"mtpBoard({json.dumps(line['id'])}, {json.dumps(html)});\n"
+        pieces.append(call.replace("</", r"<\/").replace("<!", r"<\u0021"))
     return "".join(pieces)
 
 
@@ -199,12 +204,17 @@ def _render(template: str, **content: Any) -> str:
 
 
 def _ids(entries: Sequence[Entry]) -> Ids:
-    """The address of each entry in the page, "table/submission"; a further one of the same name has its digest."""
-    ids, seen = dict[Entry, str](), Counter[str]()
+    """Return the address of each entry in the page, "table/submission".
+
+    A further one of the same name has its digest.
+    """
+    ids: dict[Entry, str] = {}
+    names = set()
     for entry in entries:
         name = f"{entry.env}/{entry.name}"
-        ids[entry] = f"{name}~{entry.record.digest[:8]}" if seen[name.lower()] else name
-        seen[name.lower()] += 1
+        is_second = name.lower() in names
+        ids[entry] = f"{name}~{entry.record.digest[:8]}" if is_second else name
+        names.add(name.lower())
     return ids
 
 
@@ -226,12 +236,15 @@ def _templates() -> "Environment":
 
 
 def parts_folder(page: Path) -> Path:
-    """The folder of the parts of ``page``."""
+    """Return the folder of the parts of ``page``."""
     return page.with_name(page.stem + SUFFIX)
 
 
 def require_parts(page: Path) -> None:
-    """Raise MtpBenchError unless the folder of the parts can be written, and holds earlier parts alone."""
+    """Raise MtpBenchError unless the folder of the parts can be written.
+
+    It may hold earlier parts alone.
+    """
     folder = parts_folder(page)
     require_folder(folder)
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
@@ -243,7 +256,10 @@ def require_parts(page: Path) -> None:
 
 
 def write_board(page: Path, files: BoardFiles) -> None:
-    """Write a page and its parts in place of earlier ones. Raises MtpBenchError where that fails."""
+    """Write a page and its parts in place of earlier ones.
+
+    Raises MtpBenchError where that fails.
+    """
     require_parts(page)
     with whole_folder(parts_folder(page)) as folder:
         for name, text in files.parts.items():

@@ -1,0 +1,129 @@
+"""Rounds: the same check of many records, and the levels that it signs."""
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ...agent import MANIFEST
+from ...core import RecordError
+from ...running import RunOptions
+from .attestation import SignedLevel, Statement, read_level, write_level
+from .canonical import today
+from .fields import LEVELS, Level
+from .record import Record
+from .seal import Sealed
+from .storage import load_record
+from .trust import Trust, trusted
+from .verifying import Verification, verify
+
+
+@dataclass(frozen=True)
+class Round:
+    """The same check of many records, each with its submission and its seal."""
+
+    rerun: bool = False
+    # by env: with hidden scenes, which rank simulated envs
+    seals: Mapping[str, Sealed] = field(default_factory=dict)
+    # a submission, or a folder of submissions by their names; None: the baselines
+    submission: Path | None = None
+    # records of baselines are this maintainer's own: their public runs are not repeated
+    made_here: bool = False
+
+    def verify(
+        self,
+        path: Path,
+        record: Record,
+        options: RunOptions,
+        env_id: str | None,
+        ends: ExitStack,
+    ) -> Verification:
+        """Check one record as `verify` does."""
+        submission = self._submission_folder(record)
+        sealed = self._sealed(record)
+        return verify(
+            path,
+            options,
+            env_id,
+            submission,
+            self.rerun,
+            sealed,
+            ends,
+            self.made_here,
+        )
+
+    def reached(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
+        """Return the signed level of a record if this check can reach no higher one.
+
+        None if there is none, it is converted, or it is of another seal.
+        """
+        signed, _ = read_level(path, record, trust)
+        if signed is None or signed.statement.converted:
+            return None
+        sealed = self._sealed(record)
+        goal: Level = "re-scored"
+        if self.rerun:
+            goal = "re-run" if sealed is None else "hidden"
+        if _is_below(signed.statement.level, goal):
+            return None
+        hidden = signed.statement.hidden
+        commitment = None if hidden is None else hidden.commitment
+        if sealed is not None and commitment != sealed.commitment:
+            return None
+        return signed
+
+    def _sealed(self, record: Record) -> Sealed | None:
+        return self.seals.get(record.env.id) if self.rerun else None
+
+    def _submission_folder(self, record: Record) -> Path | None:
+        """Return the submission of a record; None: it is the baseline of that name."""
+        if self.submission is None or (self.submission / MANIFEST).is_file():
+            return self.submission
+        folder = self.submission / record.submission.name
+        return folder if (folder / MANIFEST).is_file() else None
+
+
+def attest(
+    checked: Verification,
+    key: Path,
+    signer: str,
+    trust: Trust | None = None,
+    looked_at: bool = False,
+) -> None:
+    """Sign the level that a check reached and write it into the file of the record.
+
+    ``trust``: the trusted leaderboard; None: the one that ships. ``looked_at``: a
+    maintainer found that the record may be better than ground truth; it stays so.
+    Raises RecordError if the record does not hold, has a higher level or was replaced
+    since, MtpBenchError if it cannot be signed.
+    """
+    record = checked.record
+    signed, _ = read_level(checked.path, record, trust or trusted())
+    earlier = None if signed is None else signed.statement
+    if earlier is not None and _is_below(checked.level, earlier.level):
+        raise RecordError(
+            f"{checked.path}: reached {checked.level}, and is {earlier.level} since "
+            f"{earlier.date}: that is kept"
+        )
+    if checked.level == "scored" or not checked.holds:
+        raise RecordError(
+            f"{checked.path}: does not hold, so there is no level to sign"
+        )
+    if load_record(checked.path) != record:
+        raise RecordError(
+            f"{checked.path}: was replaced while it was checked: check it again"
+        )
+    statement = Statement(
+        level=checked.level,
+        record=record.digest,
+        measured=record.measured.digest,
+        isolation=(checked.isolation or record.isolation).mechanism,
+        date=today(),
+        hidden=checked.hidden,
+        looked_at=looked_at or (earlier is not None and earlier.looked_at),
+    )
+    write_level(checked.path, statement, key, signer)
+
+
+def _is_below(level: Level, other: Level) -> bool:
+    return LEVELS.index(level) < LEVELS.index(other)
