@@ -10,7 +10,7 @@ from mtp_bench.core import Column, columns_of, to_csv, to_latex, to_markdown, to
 from mtp_bench.judge.records import record
 from mtp_bench.scoring.rows import Row
 from mtp_bench.viz.board.columns import board_json, board_table
-from mtp_bench.viz.board.entries import Found, entries_of
+from mtp_bench.viz.board.entries import LinkedRecord, entries_of
 from mtp_bench.viz.board.page import board_files
 from mtp_bench.viz.terminal import tables
 from tests.support.board_records import MAIN, made_up
@@ -49,7 +49,7 @@ def test_the_board_shows_it_and_records_without_it_load(monkeypatch: pytest.Monk
     monkeypatch.setattr(record, "FACTS", record.FACTS | {"jerk"})
     plain = made_up("plain")
     entry_with = made_up("with_it", 0.5, numbers={"all": {"jerk": 4.321}})
-    entries = entries_of([Found(entry_with), Found(plain)])
+    entries = entries_of([LinkedRecord(entry_with), LinkedRecord(plain)])
     assert [row.get("jerk") for row in board_json(entries)[MAIN]] == [4.321, None]
     assert [line["jerk [m/s³]"] for line in csv.DictReader(io.StringIO(to_csv(board_table(entries, MAIN))))] == [
         "4.321",

@@ -21,7 +21,7 @@ from mtp_bench.scoring import paired_difference
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS
 from mtp_bench.viz.board.columns import board_json
 from mtp_bench.viz.board.drawings import MAX_TICKS, PAD, WIDTH, bar_of, scale_of
-from mtp_bench.viz.board.entries import Entry, Found, entries_of
+from mtp_bench.viz.board.entries import Entry, LinkedRecord, entries_of
 from mtp_bench.viz.board.page import BoardFiles, board_files, overview_of, parts_folder, write_board
 from mtp_bench.viz.board.tables import board_tables
 from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
@@ -147,7 +147,7 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     levels = [
         signed_level(record, "hidden", part, retired="2030-03-03") for record, part in zip(records, parts, strict=True)
     ]
-    entries = entries_of([Found(*pair) for pair in zip(records, levels, strict=True)])
+    entries = entries_of([LinkedRecord(*pair) for pair in zip(records, levels, strict=True)])
     assert [(entry.name, entry.place) for entry in entries] == [("honest", 1), ("knows", 2)]
     assert [entry.error for entry in entries] == pytest.approx([0.8, 1.2])
     assert [entry.public_error for entry in entries] == pytest.approx([0.6, 0.5])
@@ -165,7 +165,7 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     (row, _) = board_json(entries)["MTP-Merge-v0"]
     assert row["level"] == "hidden"
     assert row["public"] == pytest.approx(0.6)
-    (alone,) = entries_of([Found(records[0])])
+    (alone,) = entries_of([LinkedRecord(records[0])])
     assert (alone.place, alone.why, alone.public_error) == (None, "not scored on hidden scenes yet", None)
 
 
@@ -174,7 +174,7 @@ def test_rows_hold_numbers_levels_and_reasons(page: Page, html: str, files: Boar
     assert (first["rank"], first["error"], first["level"]) == ("1 (1–2)", "0.742", "re-run by tester")
     assert (first["difference"], stp["difference"]) == ("−0.326", "–")
     assert float(first["paper_ids_minADE"]) == pytest.approx(1.5 * float(first["minADE"]), abs=0.01)
-    difference = entries[3].difference()
+    difference = entries[3].difference
     assert difference is not None
     assert difference.interval is not None
     low, high = difference.interval

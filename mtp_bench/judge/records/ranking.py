@@ -55,8 +55,9 @@ class Standing:
     # the same between references with the predictor of the record
     own_gaps: Mapping[Subset, float] = field(default_factory=dict)
     association_gaps: Mapping[Subset, float] = field(default_factory=dict)
-    gap_blank: str = UNSTATED  # why one of the ``gaps`` is missing
-    association_gap_blank: str = UNSTATED
+    # why a gap on all targets is missing; None: it is there
+    gap_blank: str | None = UNSTATED
+    association_gap_blank: str | None = UNSTATED
     # of bADE, to STP's
     differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)
 
@@ -264,14 +265,16 @@ def _standing(
         for subset in subsets:
             if (difference := entrant.minus(stp, subset)) is not None:
                 differences[subset] = difference
+    gaps = _closed(entrant, pairs.kinematic, subsets)
+    association_gaps = _closed(entrant, pairs.association, subsets)
     return Standing(
         places,
         compared,
-        gaps=_closed(entrant, pairs.kinematic, subsets),
+        gaps=gaps,
         own_gaps=_closed(entrant, pairs.own, subsets),
-        association_gaps=_closed(entrant, pairs.association, subsets),
-        gap_blank=pairs.kinematic.closed_by(entrant, "all").why or NO_GAP,
-        association_gap_blank=pairs.association.closed_by(entrant, "all").why or NO_GAP,
+        association_gaps=association_gaps,
+        gap_blank=_gap_blank(entrant, pairs.kinematic, gaps),
+        association_gap_blank=_gap_blank(entrant, pairs.association, association_gaps),
         differences=differences,
     )
 
@@ -282,6 +285,14 @@ def _closed(
     """Return the shares of a gap that are closed, on the subsets that define it."""
     gaps = {subset: pair.closed_by(entrant, subset).closed for subset in subsets}
     return {subset: share for subset, share in gaps.items() if share is not None}
+
+
+def _gap_blank(
+    entrant: _Entrant, pair: Pair, gaps: Mapping[Subset, float]
+) -> str | None:
+    if "all" in gaps:
+        return None
+    return pair.closed_by(entrant, "all").why or NO_GAP
 
 
 def _truths(best: _Best) -> list[_Entrant]:
