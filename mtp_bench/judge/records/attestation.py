@@ -29,7 +29,8 @@ from ..gateway.limits import SandboxBackend
 from .canonical import canonical
 from .consistency import result_problems
 from .fields import Date, Level, Sha256
-from .record import HiddenPart, Record, require_units
+from .record import HiddenPart, Record
+from .results import require_units
 from .seal import ListedSeal
 from .storage import MAX_BYTES, content_digest, measured_digest, parse_as, text_of
 from .trust import MOST_SIGNATURE, SIGNER_PATTERN, Trust, sign
@@ -123,12 +124,12 @@ class Checked:
         """Return the ranking sums over the units of the targets of a subset."""
         return self.sums.sums_on(subset, self.record.samples)
 
-    def minus(self, other: "Checked", subset: Subset) -> PairedDifference | None:
-        """Return bADE minus that of ``other``, metres, paired by unit.
+    def minus(self, reference: "Checked", subset: Subset) -> PairedDifference | None:
+        """Return bADE minus that of ``reference``, metres, paired by unit.
 
         Both have the same targets and units.
         """
-        return self.sums_on(subset).minus(other.sums_on(subset))
+        return self.sums_on(subset).minus(reference.sums_on(subset))
 
 
 def write_level(path: Path, statement: Statement, key: Path, signer: str) -> None:
@@ -185,16 +186,17 @@ def _require_signed(level: Attestation, text: str, name: str, trust: Trust) -> N
 
 def _require_converted(statement: Statement, record: Record, name: str) -> None:
     """Raise RecordError if a converted level is above that of the earlier record."""
-    before = record.converted_from
+    earlier = record.converted_from
     if not statement.converted:
         if statement.level == "scored":
             raise RecordError(
                 f"{name}: level 'scored' is signed, expected a higher one"
             )
-    elif before is None or before.level != statement.level:
+    elif earlier is None or earlier.level != statement.level:
+        earlier_level = earlier and earlier.level
         raise RecordError(
             f"{name}: level {statement.level!r} is converted, the earlier record had "
-            f"{'none' if before is None else repr(before.level)}"
+            f"{earlier_level or 'none'}"
         )
 
 

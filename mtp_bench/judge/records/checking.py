@@ -11,9 +11,11 @@ from ..gateway.limits import SceneRun
 from ..gateway.run import run_isolated_scenes
 
 SCENES = 3  # at most
-_ALONE = "it runs alone there: its own folder, no data, no network, bounded memory"
-_UNANSWERED = "these frames count as unanswered"
-_DIFFERENT = (
+_SANDBOX_HINT = (
+    "it runs alone there: its own folder, no data, no network, bounded memory"
+)
+_UNANSWERED_HINT = "these frames count as unanswered"
+_DIFFERENCE_HINT = (
     "look for hash(), the order of sets, the number of threads, the environment"
 )
 
@@ -69,11 +71,15 @@ def gateway_findings(
         where = f"scene {run.rollout.scene}"
         if run.status != "finished":
             got = f"{run.status}: {run.reason}"
-            findings.append(Finding("error", "gateway", got, "finished", where, _ALONE))
+            findings.append(
+                Finding("error", "gateway", got, "finished", where, _SANDBOX_HINT)
+            )
         if run.malformed:
             got = f"{run.malformed} answers malformed"
             findings.append(
-                Finding("error", "gateway", got, "whole answers", where, _UNANSWERED)
+                Finding(
+                    "error", "gateway", got, "whole answers", where, _UNANSWERED_HINT
+                )
             )
     if findings:
         return findings
@@ -86,7 +92,7 @@ def gateway_findings(
                     "answers differ in a process of its own",
                     "the answers given in this process",
                     f"scene {run.rollout.scene}",
-                    _DIFFERENT,
+                    _DIFFERENCE_HINT,
                 )
             ]
     memory = max(run.peak_memory for run in runs) >> 20

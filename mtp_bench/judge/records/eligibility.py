@@ -1,7 +1,9 @@
-"""Reasons why records are not ranked: other scenes, seeds, limits or weights than those that ship, or taken names.
+"""Reasons why records are not ranked.
 
-Records on recorded scenes that are better than prediction from ground-truth tracks are held back, until a maintainer
-has looked at them and states so in a signed level.
+They have other scenes, seeds, limits or weights than those that ship, or taken names.
+
+Records on recorded scenes that are better than prediction from ground-truth tracks are
+held back, until a maintainer has looked at them and states so in a signed level.
 """
 
 import math
@@ -116,11 +118,11 @@ def taken_names(
     owners = defaultdict[str, set[str]](set)
     checked = defaultdict[str, set[str]](set)
     for record in genuine:
-        name, digest = record.submission.name, record.submission.digest
-        owners[name].add(digest)
+        submission = record.submission
+        owners[submission.name].add(submission.digest)
         level = levels.get(record.digest)
         if level is not None and level.statement.level != "scored":
-            checked[name].add(digest)
+            checked[submission.name].add(submission.digest)
     reasons = {}
     for record in genuine:
         name = record.submission.name
@@ -168,8 +170,8 @@ def _reasons(record: Record, env: Shipped | None) -> Iterator[str]:
     if not record.reference.frozen and not _scored_before(record):
         yield "other event weights than the frozen ones"
     if record.seeds != list(SEEDS):
-        stated, needed = (", ".join(map(str, seeds)) for seeds in (record.seeds, SEEDS))
-        yield f"seeds {stated}, ranks need {needed}"
+        record_seeds = ", ".join(map(str, record.seeds))
+        yield f"seeds {record_seeds}, ranks need {', '.join(map(str, SEEDS))}"
     if len(record.scenes) != record.env.scenes_of_split:
         yield f"{len(record.scenes)} of {record.env.scenes_of_split} scenes"
     if record.limits != LimitsPart(**asdict(Limits())):

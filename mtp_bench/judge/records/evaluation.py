@@ -31,10 +31,10 @@ from ...scoring import (
 )
 from ...sources import open_source, scene_digest
 from .canonical import rounded
-from .record import FACTS, DrivesPart, ReferencePart, Results, ScorerPart
+from .record import ReferencePart, ScorerPart
+from .results import FACTS, DrivesPart, Results
 from .targets import Targets, drive_targets, targets_of
 
-_OF_RESULTS = set(Results.model_fields)
 Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same order
 
 
@@ -45,9 +45,8 @@ class Evaluation:
     targets: Targets
     fields: dict[str, Any]  # of a `Record` that follow from the rollouts
     reference: Reference
-    scene_digests: tuple[
-        str, ...
-    ]  # of the data that was scored, in the order of scenes
+    # of the data that was scored, in the order of scenes
+    scene_digests: tuple[str, ...]
     truth_complete: bool
     ms_per_frame: float | None
 
@@ -59,8 +58,8 @@ class Evaluation:
     @property
     def results(self) -> dict[str, Any]:
         """Fields of `Results`, and the targets."""
-        results = {name: self.fields[name] for name in _OF_RESULTS & self.fields.keys()}
-        return {**results, "targets": self.targets}
+        names = Results.model_fields.keys() & self.fields.keys()
+        return {name: self.fields[name] for name in names} | {"targets": self.targets}
 
     @property
     def record_fields(self) -> dict[str, Any]:
@@ -108,7 +107,8 @@ def evaluate(
         Workers(options.workers.count),
         lambda index: options.progress.done(scene_runs[index][0].scene),
     )
-    seeds = tuple(zip(*(scores for _, scores in scored), strict=True))
+    scene_digests, scene_scores = zip(*scored, strict=True)
+    seeds = tuple(zip(*scene_scores, strict=True))
     samples = scene_runs[0][0].forecast.shape[1]
     setting = AgentScores(
         agent=agent,
@@ -121,10 +121,15 @@ def evaluate(
     report = summarise([setting], card, reference)
     (table,) = report.tables
     (details,) = report.details
-    rows = [row for row in report.rows if row.subset in subsets]
+    errors = {}
+    numbers = {}
+    for row in report.rows:
+        if row.subset in subsets:
+            errors[row.subset] = unit_errors(table, row.subset)
+            numbers[row.subset] = numbers_of(row)
     fields = {
-        "error": {row.subset: unit_errors(table, row.subset) for row in rows},
-        "numbers": {row.subset: numbers_of(row) for row in rows},
+        "error": errors,
+        "numbers": numbers,
         "hypotheses": setting.hypotheses,
         "samples": samples,
         "brier": rounded(details.brier),
@@ -135,7 +140,7 @@ def evaluate(
         targets=targets_of(table, table.subsets, details.nothing_predicted),
         fields=fields,
         reference=reference,
-        scene_digests=tuple(digest for digest, _ in scored),
+        scene_digests=scene_digests,
         truth_complete=table.complete,
         ms_per_frame=report.rows[0].ms_per_frame,
     )
@@ -158,10 +163,9 @@ def _evaluate_drives(
         counts = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
         stated_count = max(stated_count, int(counts.max(initial=0)))
     (driving,) = driving_rows([AgentDrives(agent, drives)], ways)
-    scores = [
-        [scene_score(drive, ways[scene]) for drive in scene_drives]
-        for scene, scene_drives in drives.items()
-    ]
+    scores = []
+    for scene, scene_drives in drives.items():
+        scores.append([scene_score(drive, ways[scene]) for drive in scene_drives])
     facts = driving.model_dump(include=set(DrivesPart.model_fields))
     seconds = np.concatenate([rollout.seconds for rollout in rollouts])
     return Evaluation(
@@ -193,12 +197,15 @@ def unit_errors(table: AgentTable, subset: Subset) -> list[float]:
 
 def numbers_of(row: Row) -> dict[str, float]:
     """Return the facts of a row that records store; causes of errors of "all" alone."""
-    return {
-        name: rounded(value)
-        for name in Row.model_fields
-        if name in FACTS and (row.subset == "all" or not name.startswith("cost_"))
-        if (value := getattr(row, name)) is not None
-    }
+    numbers = {}
+    for name in Row.model_fields:
+        is_cost = name.startswith("cost_")
+        if name not in FACTS or (is_cost and row.subset != "all"):
+            continue
+        value = getattr(row, name)
+        if value is not None:
+            numbers[name] = rounded(value)
+    return numbers
 
 
 def overconfidence(reliability: Sequence[Reliability]) -> float | None:

@@ -6,7 +6,7 @@ Files are read; no code of a submission is run.
 import filecmp
 import os
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +26,7 @@ _LOOK_ALIKE = str.maketrans(
 _DEPTH = 3
 _MAX_FILES = 100_000  # of a leaderboard
 _MAX_NEW_NAMES = 20  # of a proposal
-_PLAIN = "100644"  # git's mode of a regular file that cannot be executed
+_PLAIN_MODE = "100644"  # git's mode of a regular file that cannot be executed
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
     try:
         files = _files(folder)
         odd = [
-            f"{name}: {kind}, expected a file of mode {_PLAIN}"
+            f"{name}: {kind}, expected a file of mode {_PLAIN_MODE}"
             for name, kind in sorted(files.items())
             if kind
         ]
@@ -101,13 +101,13 @@ def _refused_files(
 
 def _names_without_record(files: Mapping[Path, str], new_names: set[str]) -> list[str]:
     """Return why names are refused that have no record."""
-    used = set()
+    used_names = set()
     for name in files:
         if name.parts[0] == _RECORDS and len(name.parts) == _DEPTH:
-            used.add(name.parts[1])
+            used_names.add(name.parts[1])
     return [
         f"{OWNERS}: {name[:40]!r} has no record: a name comes with the first record of it"
-        for name in sorted(new_names - used)
+        for name in sorted(new_names - used_names)
     ]
 
 
@@ -125,22 +125,26 @@ def _files(root: Path) -> dict[Path, str]:
     for parent, folders, names in os.walk(root, followlinks=False):
         if not (folders or names):
             files[Path(parent).relative_to(root)] = "empty folder or submodule"
-        folders[:] = [
-            name
-            for name in folders
-            if not name.endswith(ROLLOUTS) or Path(parent, name).is_symlink()
-        ]
+        for name in tuple(folders):
+            if name.endswith(ROLLOUTS) and not Path(parent, name).is_symlink():
+                folders.remove(name)
         for name in (*folders, *names):
             path = Path(parent, name)
-            mode = path.lstat().st_mode
-            kind = file_kind(mode)
-            if not kind and mode & 0o111:
-                kind = "executable file"
+            kind = _kind_of(path)
             if kind != "folder":
                 files.setdefault(path.relative_to(root), kind)
         if len(files) > _MAX_FILES:
             raise RecordError(f"{root}: more than {_MAX_FILES} files")
     return files
+
+
+def _kind_of(path: Path) -> str:
+    """Return what is odd about a file, or "folder"; empty for a regular file."""
+    mode = path.lstat().st_mode
+    kind = file_kind(mode)
+    if not kind and mode & 0o111:
+        return "executable file"
+    return kind
 
 
 def _odd_in_git(root: Path) -> dict[Path, str]:
@@ -156,7 +160,7 @@ def _odd_in_git(root: Path) -> dict[Path, str]:
         return {}
     odd = {}
     for entry in os.fsdecode(result.stdout).split("\0"):
-        if entry and not entry.startswith(_PLAIN):
+        if entry and not entry.startswith(_PLAIN_MODE):
             about, name = entry.split("\t", 1)
             odd[Path(name)] = f"git mode {about.split()[0]}"
     return odd
@@ -178,7 +182,7 @@ def _proposed_owners(
             f"{OWNERS}: {len(new_names)} new names, expected at most {_MAX_NEW_NAMES} in "
             "one proposal"
         )
-    taken = {_look(name): name for name in (*baseline_names(), *trusted_names)}
+    _require_free(new_names, [*baseline_names(), *trusted_names])
     for name in new_names:
         login = proposed[name]
         if login.lower() != owner.lower():
@@ -186,15 +190,21 @@ def _proposed_owners(
                 f"{OWNERS}: gives {name!r} to {login!r}, expected {owner!r} who asks "
                 "for it"
             )
-        similar = taken.setdefault(_look(name), name)
-        if similar != name:
+    return proposed
+
+
+def _require_free(new_names: Sequence[str], taken_names: Sequence[str]) -> None:
+    """Raise RecordError for a name that is taken, or looks like another one."""
+    known_looks = {_look(name): name for name in taken_names}
+    for name in new_names:
+        if name in taken_names:
+            raise RecordError(f"{OWNERS}: {name!r} is taken: choose another name")
+        similar_name = known_looks.setdefault(_look(name), name)
+        if similar_name != name:
             raise RecordError(
-                f"{OWNERS}: {name!r} looks like {similar!r}, which is taken: choose "
+                f"{OWNERS}: {name!r} looks like {similar_name!r}, which is taken: choose "
                 "another name"
             )
-        if name in baseline_names():
-            raise RecordError(f"{OWNERS}: {name!r} is taken: choose another name")
-    return proposed
 
 
 def _look(name: str) -> str:
@@ -286,8 +296,9 @@ def _notes(path: Path, record: Record) -> Iterator[str]:
             f"{path}: `training_data` in submission.toml is empty: state what it was "
             'trained on, or "nothing"'
         )
-    digests = (record.hashes.seals.encode(), record.hashes.rollouts.encode())
-    for other in sorted(path.parents[1].glob(f"*/{path.name}")):
-        content = b"" if other == path else other.read_bytes()
-        if any(digest in content for digest in digests):
-            yield f"{path}: gives the same answers as {other.parent.name}"
+    seals = record.hashes.seals.encode()
+    rollouts = record.hashes.rollouts.encode()
+    for record_path in sorted(path.parents[1].glob(f"*/{path.name}")):
+        content = record_path.read_bytes()
+        if record_path != path and (seals in content or rollouts in content):
+            yield f"{path}: gives the same answers as {record_path.parent.name}"

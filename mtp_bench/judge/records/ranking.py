@@ -40,7 +40,7 @@ from .shipped import baselines, learned_truths, network_references, shipped
 
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 ASSOCIATION = controls()["same_samples"], controls()["associated_same_samples"]
-OTHERS = "other data, scenes or hidden scenes than the ranked ones"
+_OTHER_DATA = "other data, scenes or hidden scenes than the ranked ones"
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def standings(
     return standing
 
 
-def own_ends(
+def gap_reference_names(
     submission: SubmissionPart, observe: str = "truth"
 ) -> tuple[str, str] | None:
     """Return the records that bound a gap for the submission's predictor.
@@ -153,7 +153,7 @@ def _standings_of_env(
     compared = _compared(peers, dict(zip(candidates, held_because, strict=True)))
     standing = {}
     for entrant in entrants:
-        unranked = Place(why=entrant.unranked_because or OTHERS)
+        unranked = Place(why=entrant.unranked_because or _OTHER_DATA)
         standing[entrant.record.digest] = _standing(
             entrant,
             places.get(entrant, dict.fromkeys(subsets, unranked)),
@@ -241,11 +241,13 @@ def _pairs(entrant: _Entrant, best: _Best) -> GapPairs:
         absent = names[0] if stp is None else names[1]
         return Pair(stp, truth, f"no record of {absent} beside it")
 
-    own = pair_of(own_ends(submission))
+    own = pair_of(gap_reference_names(submission))
     kinematic = Pair(missing=NOT_KINEMATIC) if has_other_predictor else own
     if entrant.record.env.observe == "truth":
         return GapPairs(kinematic, own, Pair(missing=SAW_TRUTH))
-    return GapPairs(kinematic, own, pair_of(own_ends(submission, "associated")))
+    return GapPairs(
+        kinematic, own, pair_of(gap_reference_names(submission, "associated"))
+    )
 
 
 def _standing(

@@ -25,14 +25,15 @@ from ...scoring import SUBSETS, Reference, Subset, check_rollout, why_not_on
 from ...sources import open_source, package_of
 from ..gateway.limits import Isolation, SceneRun
 from .canonical import Difference
-from .record import HiddenPart, Record, Results
+from .record import HiddenPart, Record
+from .results import Results
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
 from .seal import Sealed
 from .targets import Targets
 
 # Share of the error by which other draws may be worse, on all targets and on event
 # subsets that rank. Seeds of a baseline differ by 0.06 at most, by 0.015 on those.
-ALIKE = 0.1
+_MAX_WORSE_SHARE = 0.1
 _NEGLIGIBLE_M = 1e-3
 _SEEDS = 1 << 60  # as many as those of hidden runs
 _random = secrets.SystemRandom()
@@ -105,7 +106,7 @@ def worse_when_moved(
         sums = record.sums_on(subset, record.samples)
         if subset != "all" and why_not_on(subset, sums):
             continue
-        largest = row.error * (1 + ALIKE) + _NEGLIGIBLE_M
+        largest = row.error * (1 + _MAX_WORSE_SHARE) + _NEGLIGIBLE_M
         # one collision costs a whole scene
         if record.drives is not None and row.interval is not None:
             largest = max(largest, row.interval[1])

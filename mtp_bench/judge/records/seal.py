@@ -34,11 +34,11 @@ from .canonical import canonical, digest_of, today
 from .fields import Date, Sha256
 from .storage import read_as
 
-# Secret seeds are drawn from FIRST to LAST: far above those of the cards, and too many
+# Secret seeds are drawn from FIRST_SEED to LAST_SEED: far above those of the cards, and too many
 # for an agent to find the name of its scene, from which noise and motion follow, by
 # trying.
-FIRST = SECRET_SEEDS
-LAST = 2**62
+FIRST_SEED = SECRET_SEEDS
+LAST_SEED = 2**62
 MOST_SCENES = 1000
 SEALS = Path("leaderboard", "seals")  # below the working folder: the checkout
 # suffixes of the files
@@ -57,7 +57,7 @@ class SecretSeeds(Section):
     format: Literal[1, 2] = 2
     env: str
     card_digest: str
-    first: Annotated[int, Field(ge=FIRST, lt=LAST)]
+    first: Annotated[int, Field(ge=FIRST_SEED, lt=LAST_SEED)]
     count: Annotated[int, Field(ge=1, le=MOST_SCENES)]
     # a shorter one would let the seeds be found by trying all of them
     salt: Annotated[str, Field(min_length=64)]
@@ -159,7 +159,7 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
     env is not simulated, or the file exists or cannot be written.
     """
     path = Path(path)
-    public = beside(path, COMMITMENT)
+    public = seal_path(path, COMMITMENT)
     card = load_card(env_id)
     _simulated_source(card)
     if not 1 <= count <= MOST_SCENES:
@@ -173,7 +173,7 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
     seeds = SecretSeeds(
         env=card.id,
         card_digest=card.digest,
-        first=FIRST + secrets.randbelow(LAST - FIRST - count),
+        first=FIRST_SEED + secrets.randbelow(LAST_SEED - FIRST_SEED - count),
         count=count,
         salt=secrets.token_hex(32),
     )
@@ -203,12 +203,12 @@ def open_seal(
     seeds, commitment = _committed(path)
     published = (listed or {}).get(commitment.commitment)
     is_retired = published is not None and bool(published.retired)
-    if is_retired or beside(path, RETIRED).exists():
+    if is_retired or seal_path(path, RETIRED).exists():
         raise RetiredSealError(
             f"{path}: this seal is retired, its scenes are public: draw another with "
             "`mtp-bench maintain seal`"
         )
-    return Sealed(seeds, commitment.commitment, beside(path, WEIGHTS))
+    return Sealed(seeds, commitment.commitment, seal_path(path, WEIGHTS))
 
 
 def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed]:
@@ -250,16 +250,16 @@ def retire(path: str | Path, folder: str | Path = SEALS) -> Path:
     path = Path(path)
     folder = Path(folder)
     seeds, commitment = _committed(path)
-    weights = beside(path, WEIGHTS)
+    weights = seal_path(path, WEIGHTS)
     weights_hash = read_reference(weights).digest if weights.is_file() else None
-    target = folder / beside(path, RETIRED).name
+    target = folder / seal_path(path, RETIRED).name
     for file in (target, folder / weights.name):
         require_file(file)
     is_elsewhere = weights.parent.resolve() != folder.resolve()
     if weights_hash is not None and is_elsewhere:
         with whole_file(folder / weights.name) as part:
             shutil.copyfile(weights, part)
-    _publish(folder / beside(path, COMMITMENT).name, commitment)
+    _publish(folder / seal_path(path, COMMITMENT).name, commitment)
     _publish(target, Retired(secret=seeds, weights=weights_hash, retired=today()))
     return target
 
@@ -269,7 +269,7 @@ def _committed(path: Path) -> tuple[SecretSeeds, Commitment]:
 
     Raises RecordError if one is missing or they do not fit.
     """
-    public = beside(path, COMMITMENT)
+    public = seal_path(path, COMMITMENT)
     seeds = read_as(SecretSeeds, path, _ABSENT)
     commitment = read_as(Commitment, public, _ABSENT)
     sha256 = commitment_of(seeds)
@@ -282,7 +282,7 @@ def _committed(path: Path) -> tuple[SecretSeeds, Commitment]:
     return seeds, commitment
 
 
-def beside(secret: Path, suffix: str) -> Path:
+def seal_path(secret: Path, suffix: str) -> Path:
     """Return the path of a file of the seal beside its secret."""
     return secret.with_name(f"{secret.stem}{suffix}")
 

@@ -11,7 +11,8 @@ from ...agent import PARTS as PARTS, ROLLOUTS as ROLLOUTS
 from ...core import ABSENT, RecordError, Rollout, SectionT, explain, read_bounded
 from ...running import load_run
 from .canonical import digest_of
-from .record import Record, require_units
+from .record import Record
+from .results import require_units
 from .targets import NO_TARGETS, read_targets, require_digest, ships
 
 MAX_BYTES = 8 << 20  # of a file
@@ -184,9 +185,9 @@ def _seed_rollouts(path: Path, record: Record, seed: int) -> list[Rollout]:
             )
     rollouts = {rollout.scene: rollout for rollout in run.rollouts}
     if sorted(record.scenes) != sorted(rollouts):
-        others = ", ".join(sorted(set(record.scenes) ^ set(rollouts))[:5])
+        unmatched = ", ".join(sorted(set(record.scenes) ^ set(rollouts))[:5])
         raise RecordError(
             f"{folder}: its scenes are not those of the record: "
-            f"{others or 'one occurs twice'}"
+            f"{unmatched or 'one occurs twice'}"
         )
     return [rollouts[scene] for scene in record.scenes]

@@ -184,7 +184,8 @@ def targets_text(targets: Targets) -> str:
 
 
 def _subset_targets(table: AgentTable, subset: Subset) -> SubsetTargets:
-    weight, sums = table.weight[subset], table.sums_on(subset)
+    weight = table.weight[subset]
+    sums = table.sums_on(subset)
     weighted = weight > 0
     return SubsetTargets(
         weight=rounded(sums.weight.tolist()),
