@@ -32,8 +32,8 @@ def digest_of(content: Any) -> str:
 
 def today(days: int = 0) -> str:
     """Return the date in UTC some ``days`` from today, as YYYY-MM-DD."""
-    now = datetime.datetime.now(datetime.UTC)
-    return (now.date() + datetime.timedelta(days)).isoformat()
+    date = datetime.datetime.now(datetime.UTC).date()
+    return (date + datetime.timedelta(days)).isoformat()
 
 
 def rounded(value: Any) -> Any:

@@ -39,11 +39,15 @@ def checked_text(text: str, path: Path) -> Record:
     """Return the record in the text of a file; raises as `checked_record`."""
     where = str(path)
     # refuses what pydantic's own reader of JSON lets pass
-    content = parse_json(text, where, RecordError)
+    file_content = parse_json(text, where, RecordError)
     record = parse_as(Record, text, where)
     for what, digest, stored_digest in (
-        ("its content", content_digest(content), record.digest),
-        ("its section 'measured'", measured_digest(content), record.measured.digest),
+        ("its content", content_digest(file_content), record.digest),
+        (
+            "its section 'measured'",
+            measured_digest(file_content),
+            record.measured.digest,
+        ),
     ):
         if digest != stored_digest:
             raise RecordError(
@@ -67,10 +71,10 @@ def _problems(record: Record) -> Iterator[str]:
             yield f"drives are missing, {env_id} is a closed loop"
         if record.drives is not None and not is_loop:
             yield f"drives are given, {env_id} is not a closed loop"
-    env = shipped(env_id)
+    shipped_env = shipped(env_id)
     max_error_m = math.inf
-    if env is not None and env.card == record.env.card_digest:
-        max_error_m = env.max_error_m
+    if shipped_env is not None and shipped_env.card == record.env.card_digest:
+        max_error_m = shipped_env.max_error_m
     yield from result_problems(record, max_error_m)
     declared = record.submission.hypotheses
     if declared not in (None, record.hypotheses):
@@ -78,15 +82,17 @@ def _problems(record: Record) -> Iterator[str]:
 
 
 def _run_problems(record: Record) -> Iterator[str]:
-    scenes = record.scenes
+    scene_names = record.scenes
     seeds = record.seeds
-    if len(set(scenes)) != len(scenes):
-        yield f"targets are of {len(scenes)} scenes, expected each once"
-    if len(scenes) > record.env.scenes_of_split:
-        yield f"scenes is {len(scenes)}, the split has {record.env.scenes_of_split}"
+    if len(set(scene_names)) != len(scene_names):
+        yield f"targets are of {len(scene_names)} scenes, expected each once"
+    if len(scene_names) > record.env.scenes_of_split:
+        yield (
+            f"scenes is {len(scene_names)}, the split has {record.env.scenes_of_split}"
+        )
     if not seeds or len(set(seeds)) != len(seeds):
         yield f"seeds are {seeds}, expected whole numbers from 0 on, each once"
-    run_keys = set(starmap(key_of, product(scenes, seeds)))
+    run_keys = set(starmap(key_of, product(scene_names, seeds)))
     if unknown_keys := record.missed.reasons.keys() - run_keys:
         yield f"missed.reasons has {min(unknown_keys)!r}, which is no run of the record"
     drives = record.drives
@@ -116,19 +122,22 @@ def result_problems(
 def _number_problems(
     results: Results, subset: Subset, numbers: dict[str, float]
 ) -> Iterator[str]:
-    where = f"numbers.{subset}"
+    section_name = f"numbers.{subset}"
     if numbers.get("coverage", 0.0) > 1 + _TOLERANCE:
-        yield f"{where}: coverage is {numbers['coverage']}, expected 0 to 1"
-    weight = math.fsum(results.unit_weight(subset))
-    error = ratio(math.fsum(results.unit_error(subset)), weight) or 0.0
+        yield f"{section_name}: coverage is {numbers['coverage']}, expected 0 to 1"
+    unit_weights = math.fsum(results.unit_weight(subset))
+    error = ratio(math.fsum(results.unit_error(subset)), unit_weights) or 0.0
     missed = numbers.get("missed", 0.0)
     if missed > error * (1 + _TOLERANCE) + _TOLERANCE:
-        yield f"{where}: missed is {missed}, the sums of units give an error of {error}"
+        yield (
+            f"{section_name}: missed is {missed}, the sums of units give an error of "
+            f"{error}"
+        )
     costs = [value for name, value in numbers.items() if name.startswith("cost_")]
     if costs and not math.isclose(
         sum(costs), missed, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE
     ):
-        yield f"{where}: the sum of cost_* is {sum(costs)}, missed is {missed}"
+        yield f"{section_name}: the sum of cost_* is {sum(costs)}, missed is {missed}"
 
 
 def _target_problems(targets: Targets, max_error_m: float) -> Iterator[str]:
@@ -136,7 +145,7 @@ def _target_problems(targets: Targets, max_error_m: float) -> Iterator[str]:
         yield "targets have no unit"
         return
     for subset, part in targets.subsets.items():
-        where = f"targets.{subset}"
+        section_name = f"targets.{subset}"
         total = sum(part.weight) * (1 - _TOLERANCE)
         limits = (
             ("weight", total, part.targets),
@@ -146,7 +155,7 @@ def _target_problems(targets: Targets, max_error_m: float) -> Iterator[str]:
         )
         for name, value, largest in limits:
             if value > largest * (1 + _TOLERANCE):
-                yield f"{where}: {name} is {value}, expected at most {largest}"
+                yield f"{section_name}: {name} is {value}, expected at most {largest}"
     part = targets.on("all")
     if part.targets != round(sum(part.weight)):
         yield f"targets.all: targets is {part.targets}, the weights give others"
@@ -156,9 +165,9 @@ def _target_problems(targets: Targets, max_error_m: float) -> Iterator[str]:
 
 
 def _error_problems(results: Results, max_error_m: float) -> Iterator[str]:
-    for subset, errors in results.error.items():
-        weight = results.unit_weight(subset)
-        for unit_weight, unit_error in zip(weight, errors, strict=True):
+    for subset, unit_errors in results.error.items():
+        unit_weights = results.unit_weight(subset)
+        for unit_weight, unit_error in zip(unit_weights, unit_errors, strict=True):
             max_error = 0.0
             if unit_weight > 0:
                 max_error = max_error_m * unit_weight * (1 + _TOLERANCE)
@@ -188,4 +197,6 @@ def _drive_problems(drives: DrivesPart, weight: list[float]) -> Iterator[str]:
     lost_score -= WEIGHTS["comfort"] * (1.0 - drives.comfort)
     least_progress = 1.0 - lost_score / WEIGHTS["progress"]
     if drives.progress < least_progress - _TOLERANCE:
-        yield f"drives.progress is {drives.progress}, the scores need {least_progress:g}"
+        yield (
+            f"drives.progress is {drives.progress}, the scores need {least_progress:g}"
+        )

@@ -1,8 +1,9 @@
-"""Results of a record from rollouts: the same when it is made and when it is verified."""
+"""Results of a record from rollouts, the same when it is made and verified."""
 
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -153,15 +154,12 @@ def _evaluate_drives(
 
     Worlds react to agents: digests are of ways alone.
     """
-    rollouts = [rollout for seed_runs in runs.values() for rollout in seed_runs]
+    rollouts = list(chain.from_iterable(runs.values()))
     ways = reference.ways(rollout.scene for rollout in rollouts)
     drives: dict[str, list[Drive]] = {scene: [] for scene in ways}
-    stated_count = 0
     for rollout in rollouts:
         if rollout.drive is not None:
             drives[rollout.scene].append(rollout.drive)
-        counts = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
-        stated_count = max(stated_count, int(counts.max(initial=0)))
     (driving,) = driving_rows([AgentDrives(agent, drives)], ways)
     scores = []
     for scene, scene_drives in drives.items():
@@ -174,7 +172,7 @@ def _evaluate_drives(
             "error": {},
             "numbers": {},
             "drives": DrivesPart(**rounded(facts), scores=rounded(scores)),
-            "hypotheses": hypotheses or stated_count,
+            "hypotheses": hypotheses or max(map(_hypotheses, rollouts)),
             "samples": rollouts[0].forecast.shape[1],
         },
         reference=reference,
@@ -182,6 +180,11 @@ def _evaluate_drives(
         truth_complete=True,
         ms_per_frame=1e3 * float(seconds.mean()),
     )
+
+
+def _hypotheses(rollout: Rollout) -> int:
+    counts = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
+    return int(counts.max(initial=0))
 
 
 def scorer_digest(definitions: str = DEFINITIONS, golden: str = GOLDEN) -> str:

@@ -106,7 +106,8 @@ def _names_without_record(files: Mapping[Path, str], new_names: set[str]) -> lis
         if name.parts[0] == _RECORDS and len(name.parts) == _DEPTH:
             used_names.add(name.parts[1])
     return [
-        f"{OWNERS}: {name[:40]!r} has no record: a name comes with the first record of it"
+        f"{OWNERS}: {name[:40]!r} has no record: a name comes with the first record "
+        "of it"
         for name in sorted(new_names - used_names)
     ]
 
@@ -125,14 +126,15 @@ def _files(root: Path) -> dict[Path, str]:
     for parent, folders, names in os.walk(root, followlinks=False):
         if not (folders or names):
             files[Path(parent).relative_to(root)] = "empty folder or submodule"
-        for name in tuple(folders):
-            if name.endswith(ROLLOUTS) and not Path(parent, name).is_symlink():
-                folders.remove(name)
-        for name in (*folders, *names):
-            path = Path(parent, name)
-            kind = _kind_of(path)
+        for folder_name in tuple(folders):
+            is_link = Path(parent, folder_name).is_symlink()
+            if folder_name.endswith(ROLLOUTS) and not is_link:
+                folders.remove(folder_name)
+        for file_name in (*folders, *names):
+            file = Path(parent, file_name)
+            kind = _kind_of(file)
             if kind != "folder":
-                files.setdefault(path.relative_to(root), kind)
+                files.setdefault(file.relative_to(root), kind)
         if len(files) > _MAX_FILES:
             raise RecordError(f"{root}: more than {_MAX_FILES} files")
     return files
@@ -179,7 +181,8 @@ def _proposed_owners(
     new_names = [name for name in proposed if name not in trusted_names]
     if len(new_names) > _MAX_NEW_NAMES:
         raise RecordError(
-            f"{OWNERS}: {len(new_names)} new names, expected at most {_MAX_NEW_NAMES} in "
+            f"{OWNERS}: {len(new_names)} new names, expected at most "
+            f"{_MAX_NEW_NAMES} in "
             "one proposal"
         )
     _require_free(new_names, [*baseline_names(), *trusted_names])
@@ -202,7 +205,8 @@ def _require_free(new_names: Sequence[str], taken_names: Sequence[str]) -> None:
         similar_name = known_looks.setdefault(_look(name), name)
         if similar_name != name:
             raise RecordError(
-                f"{OWNERS}: {name!r} looks like {similar_name!r}, which is taken: choose "
+                f"{OWNERS}: {name!r} looks like {similar_name!r}, which is taken: "
+                "choose "
                 "another name"
             )
 
@@ -212,93 +216,111 @@ def _look(name: str) -> str:
 
 
 def _acceptable(
-    path: Path, name: Path, trust: Trust, names: Mapping[str, str], owner: str
+    record_file: Path,
+    file_name: Path,
+    trust: Trust,
+    owners: Mapping[str, str],
+    owner: str,
 ) -> Record:
     """Return the record in a file; RecordError unless it can be accepted."""
-    if name.parts[0] != _RECORDS or len(name.parts) != _DEPTH or name.suffix != ".json":
+    if (
+        file_name.parts[0] != _RECORDS
+        or len(file_name.parts) != _DEPTH
+        or file_name.suffix != ".json"
+    ):
         raise RecordError(
-            f"{name}: expected {_RECORDS}/<submission>/<env id>.json and {OWNERS} alone "
+            f"{file_name}: expected {_RECORDS}/<submission>/<env id>.json and "
+            f"{OWNERS} alone "
             "in a proposal"
         )
-    record = checked_record(path)
+    record = checked_record(record_file)
     # else an old one could come back, or the best of many
-    has_level = "level" in read_json(path, RecordError)
-    if has_level or record == usable_record(trust.folder / name):
+    has_level = "level" in read_json(record_file, RecordError)
+    if has_level or record == usable_record(trust.folder / file_name):
         raise RecordError(
-            f"{name}: levels are written and removed by those who check records: leave "
+            f"{file_name}: levels are written and removed by those who check "
+            "records: leave "
             "`level` out, or bring the proposal up to date with the branch that it is "
             "for"
         )
-    _require_current(record, name)
-    _require_owner(record, name, names, owner)
+    _require_current(record, file_name)
+    _require_owner(record, file_name, owners, owner)
     return record
 
 
-def _require_current(record: Record, name: Path) -> None:
+def _require_current(record: Record, file_name: Path) -> None:
     """Raise RecordError unless a record is made for what ships, and stands at its path."""
     submission = record.submission.name
     env = record.env
-    if name.parts[1:] != (submission, f"{env.id}.json"):
+    if file_name.parts[1:] != (submission, f"{env.id}.json"):
         raise RecordError(
-            f"{name}: holds {submission!r} on {env.id}, expected it at "
+            f"{file_name}: holds {submission!r} on {env.id}, expected it at "
             f"{submission}/{env.id}.json"
         )
     if record.converted_from is not None:
         raise RecordError(
-            f"{name}: only maintainers convert records: make it with `mtp-bench submit`"
+            f"{file_name}: only maintainers convert records: make it with `mtp-bench "
+            "submit`"
         )
     if why := why_scored_otherwise(record):
-        raise RecordError(f"{name}: {why}: make it again with `mtp-bench submit`")
+        raise RecordError(f"{file_name}: {why}: make it again with `mtp-bench submit`")
     if record.measured.made > today(1):
         raise RecordError(
-            f"{name}: made on {record.measured.made}, expected a day up to {today()}: "
+            f"{file_name}: made on {record.measured.made}, expected a day up to "
+            f"{today()}: "
             "set the clock"
         )
     shipped_env = shipped(env.id)
     if shipped_env is None or shipped_env.card != env.card_digest:
-        raise RecordError(f"{name}: {env.id} with card {env.card_digest} does not ship")
+        raise RecordError(
+            f"{file_name}: {env.id} with card {env.card_digest} does not ship"
+        )
     if not may_observe(record):
-        raise RecordError(f"{name}: {FOR_BASELINES}")
+        raise RecordError(f"{file_name}: {FOR_BASELINES}")
 
 
 def _require_owner(
-    record: Record, name: Path, names: Mapping[str, str], owner: str
+    record: Record, file_name: Path, owners: Mapping[str, str], owner: str
 ) -> None:
     """Raise RecordError unless the submission of a record belongs to ``owner``."""
     submission = record.submission.name
     if submission in baseline_names():
         raise RecordError(
-            f"{name}: {submission!r} is a baseline, only maintainers make its records"
+            f"{file_name}: {submission!r} is a baseline, only maintainers make its "
+            "records"
         )
-    login = names.get(submission)
+    login = owners.get(submission)
     if login is None:
         raise RecordError(
-            f"{name}: the name {submission!r} does not have an owner: add "
+            f"{file_name}: the name {submission!r} does not have an owner: add "
             f'`"{submission}" = "LOGIN"` to {OWNERS}, with yours'
         )
     if login.lower() != owner.lower():
         raise RecordError(
-            f"{name}: the name {submission!r} belongs to {login!r}, not to {owner!r}"
+            f"{file_name}: the name {submission!r} belongs to {login!r}, not to "
+            f"{owner!r}"
         )
 
 
-def _notes(path: Path, record: Record) -> Iterator[str]:
+def _notes(record_file: Path, record: Record) -> Iterator[str]:
     why = why_unranked(record)
     if why is not None:
-        yield f"{path}: not ranked yet: {why}"
+        yield f"{record_file}: not ranked yet: {why}"
     if not (record.submission.source and record.submission.commit):
         yield (
-            f"{path}: a round needs `source` in submission.toml, and the commit: "
+            f"{record_file}: a round needs `source` in submission.toml, and the "
+            "commit: "
             "`mtp-bench submit --commit`"
         )
     if not record.training_data:
         yield (
-            f"{path}: `training_data` in submission.toml is empty: state what it was "
+            f"{record_file}: `training_data` in submission.toml is empty: state what "
+            "it was "
             'trained on, or "nothing"'
         )
     seals = record.hashes.seals.encode()
     rollouts = record.hashes.rollouts.encode()
-    for record_path in sorted(path.parents[1].glob(f"*/{path.name}")):
+    for record_path in sorted(record_file.parents[1].glob(f"*/{record_file.name}")):
         content = record_path.read_bytes()
-        if record_path != path and (seals in content or rollouts in content):
-            yield f"{path}: gives the same answers as {record_path.parent.name}"
+        if record_path != record_file and (seals in content or rollouts in content):
+            yield f"{record_file}: gives the same answers as {record_path.parent.name}"

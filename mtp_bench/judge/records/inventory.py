@@ -42,16 +42,9 @@ def inventory(
     None: leaderboard/records below the working folder. Raises UnknownNameError for an
     id or a name that does not ship.
     """
-    cards = {}
-    for env_id in env_ids or card_ids():
-        card = load_card(env_id)
-        if env_ids or card.drive is None:
-            cards[env_id] = card
-    submissions = []
-    for name in sorted(names or baseline_names(), key=_submission_order):
-        submission = load_submission(name)
-        if submission.compare.observe != "tracks":
-            submissions.append(submission)
+    open_loops = [name for name in card_ids() if load_card(name).drive is None]
+    cards = {env_id: load_card(env_id) for env_id in env_ids or open_loops}
+    submissions = _submissions(names or baseline_names())
     pieces = []
     for env_id in sorted(cards, key=lambda env_id: cards[env_id].simulated):
         for submission in submissions:
@@ -61,8 +54,14 @@ def inventory(
     return pieces
 
 
-def _submission_order(name: str) -> tuple[bool, bool, str]:
-    return name != STP, name != TRUTH, name
+def _submissions(names: Sequence[str]) -> list[Submission]:
+    """Return submissions in the order in which their records are made."""
+    submissions = []
+    for name in sorted(names, key=lambda name: (name != STP, name != TRUTH, name)):
+        submission = load_submission(name)
+        if submission.compare.observe != "tracks":
+            submissions.append(submission)
+    return submissions
 
 
 def standing_record(

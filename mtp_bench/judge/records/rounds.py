@@ -39,17 +39,15 @@ class Round:
         ends: ExitStack,
     ) -> Verification:
         """Check one record as `verify` does."""
-        submission = self._submission_folder(record)
-        sealed = self._sealed(record)
         return verify(
             path,
             options,
             env_id,
-            submission,
-            self.rerun,
-            sealed,
-            ends,
-            self.made_here,
+            submission=self._submission_folder(record),
+            rerun=self.rerun,
+            sealed=self._sealed(record),
+            ends=ends,
+            made_here=self.made_here,
         )
 
     def reached(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
@@ -100,7 +98,8 @@ def attest(
         earlier = signed.statement
         if _is_below(checked.level, earlier.level):
             raise RecordError(
-                f"{checked.path}: reached {checked.level}, and is {earlier.level} since "
+                f"{checked.path}: reached {checked.level}, and is {earlier.level} "
+                "since "
                 f"{earlier.date}: that is kept"
             )
         looked_at = looked_at or earlier.looked_at

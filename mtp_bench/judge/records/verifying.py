@@ -150,23 +150,25 @@ def _is_baseline(record: Record) -> bool:
     return digest == submission.digest
 
 
-def _require_runnable(path: Path, record: Record, options: RunOptions) -> None:
+def _require_runnable(record_file: Path, record: Record, options: RunOptions) -> None:
     """Raise RecordError for a stranger's code without a sandbox, and for many seeds."""
     is_local = options.workers.scheduler is None
     if not _is_baseline(record) and is_local and sandbox_backend() == "none":
         raise RecordError(
-            f"{path}: no sandbox works here, {record.submission.name!r} would run with "
+            f"{record_file}: no sandbox works here, {record.submission.name!r} would "
+            "run with "
             "your rights: see SECURITY.md"
         )
     if len(record.seeds) > len(SEEDS):
         raise RecordError(
-            f"{path}: has {len(record.seeds)} seeds, expected at most {len(SEEDS)} to "
+            f"{record_file}: has {len(record.seeds)} seeds, expected at most "
+            f"{len(SEEDS)} to "
             "run it again"
         )
 
 
 def _score_again(
-    path: Path,
+    record_file: Path,
     record: Record,
     card: Card,
     runs: Mapping[int, Sequence[Rollout]],
@@ -182,7 +184,7 @@ def _score_again(
         "hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs)
     )
     if changed := tuple(answers):
-        return Verification(path, record, "scored", changed)
+        return Verification(record_file, record, "scored", changed)
     evaluation = evaluate(
         record.submission.name,
         card,
@@ -213,7 +215,7 @@ def _score_again(
     scored_now = record.model_copy(update=fields)
     unequal = tuple(differences("", _rescored(record), _rescored(scored_now)))
     level: Level = "scored" if unequal else "re-scored"
-    return Verification(path, record, level, unequal, _notes(record, reference))
+    return Verification(record_file, record, level, unequal, _notes(record, reference))
 
 
 def _rescored(record: Record) -> dict[str, Any]:
@@ -225,25 +227,33 @@ def _rescored(record: Record) -> dict[str, Any]:
 
 
 def _score_stored(
-    path: Path, record: Record, card: Card, options: RunOptions, secret_runs: int = 0
+    record_file: Path,
+    record: Record,
+    card: Card,
+    options: RunOptions,
+    secret_runs: int = 0,
 ) -> Verification:
     """Check a record by its stored rollouts, scored again.
 
     ``secret_runs`` of a record that was made here follow.
     """
-    runs = stored_rollouts(path, record)
+    seed_runs = stored_rollouts(record_file, record)
     reference = reference_for(card, record.scenes, options)
     options.progress.started(len(record.scenes) + secret_runs)
     # those of a maintainer are as they were driven
     if card.drive is not None and not secret_runs:
-        for seed, rollouts in runs.items():
+        for seed, rollouts in seed_runs.items():
             calls = [(card, rollout) for rollout in rollouts]
-            runs[seed] = parallel_map(drive_again, calls, options.workers)
-    return _score_again(path, record, card, runs, reference, options)
+            seed_runs[seed] = parallel_map(drive_again, calls, options.workers)
+    return _score_again(record_file, record, card, seed_runs, reference, options)
 
 
 def _made_here(
-    path: Path, record: Record, plan: Plan, reference: Reference, secret_runs: int
+    record_file: Path,
+    record: Record,
+    plan: Plan,
+    reference: Reference,
+    secret_runs: int,
 ) -> Verification:
     """Check the public part of a record that a maintainer made.
 
@@ -253,39 +263,44 @@ def _made_here(
     options = plan.options
     if not (_is_baseline(record) and is_of_plan(record, plan_content(plan))):
         raise RecordError(
-            f"{path}: not what `mtp-bench submit` makes here of a baseline: leave "
+            f"{record_file}: not what `mtp-bench submit` makes here of a baseline: "
+            "leave "
             "--made-here out"
         )
-    if path.with_suffix(ROLLOUTS).is_dir():
-        return _score_stored(path, record, plan.card, options, secret_runs)
+    if record_file.with_suffix(ROLLOUTS).is_dir():
+        return _score_stored(record_file, record, plan.card, options, secret_runs)
     for note in _notes(record, reference):
         raise RecordError(
-            f"{path}: its rollouts are not stored here to be scored again; {note}"
+            f"{record_file}: its rollouts are not stored here to be scored again; "
+            f"{note}"
         )
     options.progress.started(secret_runs)
     note = "not scored again: its rollouts are not stored here"
-    return Verification(path, record, "re-scored", notes=(note,))
+    return Verification(record_file, record, "re-scored", notes=(note,))
 
 
 def _run_again(
-    path: Path, record: Record, plan: Plan, reference: Reference
+    record_file: Path, record: Record, plan: Plan, reference: Reference
 ) -> Verification:
     """Check a record by running its submission as it was run then."""
-    runs = run_again(plan, record.seeds)
-    statuses = {run.status for seed_runs in runs.values() for run in seed_runs}
+    seed_runs = run_again(plan, record.seeds)
+    statuses = {run.status for seed_runs in seed_runs.values() for run in seed_runs}
     if plan.options.workers.count > 1 and "hung" in statuses:
         raise RecordError(
-            f"{path}: an answer came late here, so the run confirms nothing: check it "
+            f"{record_file}: an answer came late here, so the run confirms nothing: "
+            "check it "
             "with --jobs 1"
         )
-    isolation_now = isolation(runs)
-    if changed := tuple(_differences_on_rerun(record, plan, runs)):
-        return Verification(path, record, "scored", changed, isolation=isolation_now)
+    isolation_now = isolation(seed_runs)
+    if changed := tuple(_differences_on_rerun(record, plan, seed_runs)):
+        return Verification(
+            record_file, record, "scored", changed, isolation=isolation_now
+        )
     checked = _score_again(
-        path,
+        record_file,
         record,
         plan.card,
-        rollouts_of(runs),
+        rollouts_of(seed_runs),
         reference,
         plan.options,
         times_differ=True,
@@ -337,10 +352,10 @@ def _differences_on_rerun(
 
 
 def _plan(
-    path: Path,
+    record_file: Path,
     record: Record,
     env_id: str | None,
-    folder: str | Path | None,
+    submission_folder: str | Path | None,
     options: RunOptions,
 ) -> Plan:
     """Return the plan that runs the submission of a record again.
@@ -348,7 +363,7 @@ def _plan(
     Raises RecordError for another submission or other scenes.
     """
     env_id = env_id or record.env.id
-    submission = load_submission(folder or record.submission.name)
+    submission = load_submission(submission_folder or record.submission.name)
     scenes = record.scenes
     plan_options = replace(options, scenes=len(scenes), seeds=record.seeds)
     plan = plan_run(submission, env_id, plan_options)
@@ -358,13 +373,13 @@ def _plan(
         if networks:
             hint = f", and the weights {networks} with MTP_BENCH_WEIGHTS"
         raise RecordError(
-            f"{path}: made by {record.submission.name!r} with digest "
+            f"{record_file}: made by {record.submission.name!r} with digest "
             f"{record.submission.digest[:12]}, the submission {submission.name!r} has "
             f"{plan.image.digest[:12]}; name the right folder with --submission{hint}"
         )
     if list(plan.scenes) != scenes:
         raise RecordError(
-            f"{path}: its scenes are not the first {len(scenes)} of {env_id}"
+            f"{record_file}: its scenes are not the first {len(scenes)} of {env_id}"
         )
     return plan
 

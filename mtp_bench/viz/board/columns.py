@@ -15,7 +15,7 @@ from .entries import Entry
 _DECLARED: dict[str, Any] = tomllib.loads(
     Path(__file__).with_name("columns.toml").read_text(encoding="utf-8")
 )
-_ROW_COLUMNS = {column.key: column for column in columns_of(Row)}
+ROW_COLUMNS = {column.key: column for column in columns_of(Row)}
 # keys of the columns of the page, each with the class of its cells
 PAGE: dict[str, str] = _DECLARED["page"]
 
@@ -55,7 +55,7 @@ def _declared_columns(section: str) -> list[Column]:
     columns = []
     for key, fields in _DECLARED[section].items():
         if "metric" in fields:
-            row_column = _ROW_COLUMNS[fields.pop("metric")]
+            row_column = ROW_COLUMNS[fields.pop("metric")]
             columns.append(_row_column(row_column, key=key, **fields))
         else:
             reader = partial(_value_at, fields.pop("path", key))
@@ -76,9 +76,8 @@ _LEADING = _declared_columns("leading")
 _NUMBERS = [*_declared_columns("numbers"), *_driving_columns()]
 _TRAILING = _declared_columns("trailing")
 # the table of all data has the energy score among the optional numbers of rows
-COLUMN = {
-    column.key: column for column in (*_NUMBERS, *_declared_columns("page_numbers"))
-}
+_ON_PAGE = [*_NUMBERS, *_declared_columns("page_numbers")]
+COLUMN = {column.key: column for column in _ON_PAGE}
 
 
 def optional_columns(entries: Collection[Entry]) -> list[Column]:

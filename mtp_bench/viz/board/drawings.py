@@ -53,11 +53,14 @@ def scale_of(entries: Sequence[Entry]) -> Scale | None:
     Of all entries where none is compared. Values more than _MAX_DISTANCE times as far
     from 0 as the median are left off, so that the others can be told apart.
     """
-    compared = [entry for entry in entries if entry.compared and entry.difference]
-    limits = []
-    for entry in compared or entries:
-        if entry.difference is not None:
-            limits.append(_limits(entry.difference))
+    compared_limits = []
+    unranked_limits = []
+    for entry in entries:
+        if entry.difference is not None and entry.compared:
+            compared_limits.append(_limits(entry.difference))
+        elif entry.difference is not None:
+            unranked_limits.append(_limits(entry.difference))
+    limits = compared_limits or unranked_limits
     if not limits:
         return None
     distances = np.abs(limits)
@@ -90,17 +93,19 @@ def nice_scale(low: float, high: float) -> Scale:
 
     It has at least one tick, and few round ones.
     """
-    span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
-    middle = (low + high) / 2
-    half = span * (0.5 + _MARGIN)
-    min_step = span / (MAX_TICKS - 1)
-    power = 10.0 ** math.floor(math.log10(min_step))
-    steps = [factor * power for factor in (1.0, 2.0, 5.0, 10.0)]
-    step = next(step for step in steps if step >= min_step * (1 - 1e-9))
-    first = math.ceil((middle - half) / step)
-    stop = math.floor((middle + half) / step) + 1
-    ticks = tuple(round(i * step, 9) for i in range(first, stop))
-    return Scale(middle - half, middle + half, ticks)
+    value_span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
+    scale_middle = (low + high) / 2
+    half_span = value_span * (0.5 + _MARGIN)
+    min_step = value_span / (MAX_TICKS - 1)
+    power_of_ten = 10.0 ** math.floor(math.log10(min_step))
+    nice_steps = [factor * power_of_ten for factor in (1.0, 2.0, 5.0, 10.0)]
+    tick_step = next(
+        tick_step for tick_step in nice_steps if tick_step >= min_step * (1 - 1e-9)
+    )
+    first_tick = math.ceil((scale_middle - half_span) / tick_step)
+    last_tick = math.floor((scale_middle + half_span) / tick_step) + 1
+    ticks = tuple(round(i * tick_step, 9) for i in range(first_tick, last_tick))
+    return Scale(scale_middle - half_span, scale_middle + half_span, ticks)
 
 
 def _limits(difference: PairedDifference) -> tuple[float, float]:
@@ -113,29 +118,31 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
     Of many scenes those MAX_SCENES with the largest sums of errors, of equal ones the
     first; in the order of the record.
     """
-    sums, targets = _scene_sums(entry)
-    errors = _scene_errors(entry)
-    marks = {}
+    error_sums, target_counts = _scene_sums(entry)
+    scene_errors = _scene_errors(entry)
+    reference_errors = {}
     if reference is not None and reference is not entry:
         for scene, error in _scene_errors(reference).items():
-            if scene in errors:
-                marks[scene] = error
-    largest = max([*errors.values(), *marks.values()], default=0.0)
-    per_metre = BAR_WIDTH / (largest or math.inf)
-    heaviest = np.argsort(-sums, kind="stable")[:MAX_SCENES]
+            if scene in scene_errors:
+                reference_errors[scene] = error
+    largest_error = max(
+        [*scene_errors.values(), *reference_errors.values()], default=0.0
+    )
+    per_metre = BAR_WIDTH / (largest_error or math.inf)
+    heaviest = np.argsort(-error_sums, kind="stable")[:MAX_SCENES]
     bars = []
     for index in sorted(heaviest.tolist()):
         scene = entry.record.scenes[index]
         bar: dict[str, Any] = {
             "scene": scene,
-            "targets": round(targets[index]),
-            "error": errors.get(scene),  # m
+            "targets": round(target_counts[index]),
+            "error": scene_errors.get(scene),  # m
             # user units
-            "width": round(per_metre * errors.get(scene, 0.0), 1),
+            "width": round(per_metre * scene_errors.get(scene, 0.0), 1),
             "reference": None,
         }
-        if scene in marks:
-            bar["reference"] = round(per_metre * marks[scene], 1)
+        if scene in reference_errors:
+            bar["reference"] = round(per_metre * reference_errors[scene], 1)
         bars.append(bar)
     return bars
 
@@ -149,12 +156,14 @@ def _scene_sums(entry: Entry) -> tuple[Floats, Floats]:
 
 def _scene_errors(entry: Entry) -> dict[str, float]:
     """Return the mean error of each scene with targets, metres."""
-    sums, targets = _scene_sums(entry)
-    errors = {}
-    for scene, total, count in zip(entry.record.scenes, sums, targets, strict=True):
+    error_sums, target_counts = _scene_sums(entry)
+    scene_errors = {}
+    for scene, total, count in zip(
+        entry.record.scenes, error_sums, target_counts, strict=True
+    ):
         if count > 0:
-            errors[scene] = float(total / count)
-    return errors
+            scene_errors[scene] = float(total / count)
+    return scene_errors
 
 
 @dataclass(frozen=True)
@@ -192,14 +201,16 @@ class CurveChart:
 
     def line(self, curve: Sequence[Point]) -> str:
         """Return the points of a line; of a level stretch its two ends."""
-        points = [(self.x(forecasts), self.y(error_m)) for forecasts, error_m in curve]
-        texts = []
-        for _, group in groupby(points, key=lambda point: point[1]):
-            stretch = list(group)
+        line_points = [
+            (self.x(forecasts), self.y(error_m)) for forecasts, error_m in curve
+        ]
+        point_texts = []
+        for _, group in groupby(line_points, key=lambda point: point[1]):
+            level_points = list(group)
             # one point alone is both ends
-            for x, y in dict.fromkeys((stretch[0], stretch[-1])):
-                texts.append(f"{x:g},{y:g}")
-        return " ".join(texts)
+            for x, y in dict.fromkeys((level_points[0], level_points[-1])):
+                point_texts.append(f"{x:g},{y:g}")
+        return " ".join(point_texts)
 
 
 def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:

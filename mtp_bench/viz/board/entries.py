@@ -155,14 +155,16 @@ class Entry(LinkedRecord):
     def driving(self) -> DrivingRow | None:
         """Ranking numbers of a closed loop with the difference to STP; None elsewhere."""
         row = self.sums.driving
+        if row is None:
+            return None
+        changes: dict[str, Any] = {"agent": self.name}
         difference = self.standing.differences.get("all")
-        if row is None or difference is None:
-            return row
-        changes: dict[str, Any] = {"difference": -difference.mean, "p": difference.p}
-        if difference.interval is not None:
-            low, high = difference.interval
+        if difference is not None:
             # of scores, not of errors
-            changes["difference_interval"] = (-high, -low)
+            changes |= {"difference": -difference.mean, "p": difference.p}
+            if difference.interval is not None:
+                low, high = difference.interval
+                changes["difference_interval"] = (-high, -low)
         return row.model_copy(update=changes)
 
     @property

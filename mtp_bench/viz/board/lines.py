@@ -1,20 +1,20 @@
 """Content of the templates for one table of the page, and for each entry in it."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from typing import Any
 from urllib.parse import quote
 
 from ...cards import load_card
-from ...core import Column, Table, card_ids, clean_text, columns_of
+from ...core import Column, Table, card_ids, clean_text
 from ...judge import LEVELS, STP, why_scored_otherwise
 from ...running import card_budget
-from ...scoring import NAMES, SUBSETS, PairedDifference, Row, Subset
+from ...scoring import NAMES, SUBSETS, PairedDifference, Subset
 from ...sources import package_of
 from ..terminal.tables import parts_text
-from .columns import COLUMN, PAGE, best_text, optional_columns
+from .columns import COLUMN, PAGE, ROW_COLUMNS, best_text, optional_columns
 from .drawings import WIDTH, bar_of, curve_chart, scale_of, scene_chart
 from .entries import Entry, empty_error, has_map, is_simulated
 
@@ -34,9 +34,12 @@ def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
     record = first_entry.record
     reference = next((entry for entry in compared if entry.name == STP), None)
     columns = _shown_columns(entries)
-    groups = groupby(columns, lambda column: (column.group, PAGE[column.key]))
     scale = scale_of(entries)
-    cards = {entry.record.env.card_digest for entry in entries}
+    cards = set()
+    ranked_count = 0
+    for entry in entries:
+        cards.add(entry.record.env.card_digest)
+        ranked_count += entry.place is not None
     board: dict[str, Any] = {
         "env": env_id,
         "name": short_name(env_id),
@@ -47,19 +50,21 @@ def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
         "drive": first_entry.driving is not None,
         "cards": sorted(cards - {""}),
         "split": record.env.split,
-        "ranked": sum(entry.place is not None for entry in entries),
+        "ranked": ranked_count,
         "size": first_entry.row,
         "empty_error": empty_error(entries),
         "answer": answer_of(compared),
         "few": {"turning", *_unranked_subsets(entries)},
         "columns": columns,
-        "groups": [(group, list(members)) for (group, _), members in groups],
+        "groups": _groups(columns),
         "scale": scale,
         # place of a difference of 0
         "zero": scale.x(0.0) if scale is not None else WIDTH / 2,
         "reference": reference,
     }
-    best = {column.key: best_text(column, entries) for column in columns}
+    best = {}
+    for column in columns:
+        best[column.key] = best_text(column, entries)
     board["lines"] = [_line(entry, board, best) for entry in entries]
     return board
 
@@ -72,6 +77,15 @@ def _shown_columns(entries: Sequence[Entry]) -> list[Column]:
         if any(column.value(entry) is not None for entry in entries):
             columns.append(column)
     return columns
+
+
+def _groups(columns: Sequence[Column]) -> list[tuple[str, list[Column]]]:
+    """Return headings above columns that stand together on screens of any width."""
+    groups = []
+    by_heading = groupby(columns, lambda column: (column.group, PAGE[column.key]))
+    for (heading, _), members in by_heading:
+        groups.append((heading, list(members)))
+    return groups
 
 
 def _unranked_subsets(entries: Sequence[Entry]) -> list[Subset]:
@@ -91,17 +105,17 @@ def details_of(line: Line, reference: Entry | None) -> Line:
     """
     entry: Entry = line["entry"]
     row = entry.row
-    parts = []
-    for name, text in _PARTS.items():
+    error_parts = []
+    for name, part_name in _PARTS.items():
         if part_m := getattr(row, name):
-            parts.append((name, text, part_m))
+            error_parts.append((name, part_name, part_m))
     return line | {
         "cells": {key: column.shown(entry) for key, column in COLUMN.items()},
         "link": address_of(entry.link),
         "all_links": _links(entry),
         "chart": curve_chart(entry, reference),
         "subsets": subset_table(entry),
-        "parts": parts,
+        "parts": error_parts,
         "costs": parts_text(row),
         "scenes": scene_chart(entry, reference),
     }
@@ -111,18 +125,17 @@ def subset_table(entry: Entry) -> Table:
     """Return the numbers of an entry on each subset, or of its drives."""
     if entry.driving is not None:
         return Table("driving", "How its forecasts drive", "", [entry.driving])
-    column = {column.key: column for column in columns_of(Row)}
     columns = [
-        column["subset"],
+        ROW_COLUMNS["subset"],
         Column(key="rank"),
-        column["error"],
-        column["interval"],
+        ROW_COLUMNS["error"],
+        ROW_COLUMNS["interval"],
         replace(_SIGNED, heading="to stp", read=None),
         replace(COLUMN["difference_interval"], read=None),
-        replace(column["p"], unit="-"),
-        column["minADE"],
-        column["minFDE"],
-        column["coverage"],
+        replace(ROW_COLUMNS["p"], unit="-"),
+        ROW_COLUMNS["minADE"],
+        ROW_COLUMNS["minFDE"],
+        ROW_COLUMNS["coverage"],
         replace(COLUMN["same_gap"], optional=True, read=None),
         replace(COLUMN["association_gap"], optional=True, read=None),
         Column("events / objects / scenes", "-", key="sizes"),
@@ -247,34 +260,36 @@ def _about(env_id: str) -> dict[str, Any] | None:
     }
 
 
-def answer_of(compared: Collection[Entry]) -> dict[str, Any] | None:
+def answer_of(compared: Sequence[Entry]) -> dict[str, Any] | None:
     """Return the content of ``answer.html`` for the ``compared`` entries of a table.
 
     None without one. Without ranks the first one is that of the lowest bADE on the
     public scenes.
     """
-    scored = [entry for entry in compared if entry.error is not None]
-    if not scored:
+    if not compared:
         return None
-    best = scored[0]
-    ranked = [entry for entry in scored if entry.place is not None]
+    best = compared[0]
     answer: dict[str, Any] = {
         "entry": best,
-        "equals": [entry for entry in ranked[1:] if entry.among_best],
-        "others": len(ranked) - 1,
+        "equals": [],
+        "others": -1,
         "worse": 0,
         "less_stp": _lead(best.difference),
         "next": None,
         "less_next": None,
     }
-    span = best.standing.places["all"].span
-    if span is not None:
-        answer["worse"] = len(ranked) - span[1]
-    for entry in ranked:
-        if not entry.among_best:
+    for entry in compared:
+        if entry.place is None:
+            continue
+        answer["others"] += 1
+        if entry is not best and entry.among_best:
+            answer["equals"].append(entry)
+        if answer["next"] is None and not entry.among_best:
             answer["next"] = entry
             answer["less_next"] = _lead(best.minus(entry, "all"))
-            break
+    span = best.standing.places["all"].span
+    if span is not None:
+        answer["worse"] = answer["others"] + 1 - span[1]
     return answer
 
 

@@ -117,23 +117,27 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
     They are all of environments with a map, or all of others.
     """
     env_ids = list(by_board(entries))
-    agents: dict[str, dict[str, Entry]] = {}
+    entries_by_name: dict[str, dict[str, Entry]] = {}
     for entry in entries:
         # of several of one name the first
-        agents.setdefault(entry.name, {}).setdefault(entry.env, entry)
+        entries_by_name.setdefault(entry.name, {}).setdefault(entry.env, entry)
     references = {entry.name for entry in entries if entry.saw_truth}
 
     def sort_key(name: str) -> tuple[object, ...]:
-        places = [_sort_key(agents[name].get(env_id)) for env_id in env_ids]
-        return name in references, places, name
+        env_places = [
+            _sort_key(entries_by_name[name].get(env_id)) for env_id in env_ids
+        ]
+        return name in references, env_places, name
 
     rows = []
-    for name in sorted(agents, key=sort_key):
-        rows.append((name, [agents[name].get(env_id) for env_id in env_ids]))
-    heads = [(env_id, short_name(env_id), is_simulated(env_id)) for env_id in env_ids]
-    simulated = sum(map(is_simulated, env_ids))
-    counts = {"recorded": len(env_ids) - simulated, "simulated": simulated}
-    groups = [(name, count) for name, count in counts.items() if count]
+    for name in sorted(entries_by_name, key=sort_key):
+        rows.append((name, [entries_by_name[name].get(env_id) for env_id in env_ids]))
+    heads = []
+    group_counts = {"recorded": 0, "simulated": 0}
+    for env_id in env_ids:
+        heads.append((env_id, short_name(env_id), is_simulated(env_id)))
+        group_counts["simulated" if is_simulated(env_id) else "recorded"] += 1
+    groups = [(name, count) for name, count in group_counts.items() if count]
     return Overview(has_map(env_ids[0]), heads, rows, groups)
 
 
@@ -161,17 +165,19 @@ def _page(entries: Sequence[Entry], content: dict[str, Any], pages: Pages) -> st
         f"{source_of(script)} 'strict-dynamic'; img-src 'self' data:; base-uri 'none'; "
         "form-action 'none'"
     )
-    shown = set()
+    shown_columns = set()
     for board in content["boards"]:
-        shown.update(board["columns"])
-    dates = [entry.record.measured.made for entry in entries]
+        shown_columns.update(board["columns"])
+    latest = ""
+    for entry in entries:
+        latest = max(latest, entry.record.measured.made)
     return _render(
         "page.html",
         **content,
-        columns=[COLUMN[key] for key in PAGE if COLUMN[key] in shown],
+        columns=[COLUMN[key] for key in PAGE if COLUMN[key] in shown_columns],
         few_objects=RANKED_OBJECTS,
         few_units=RANKED_UNITS,
-        latest=max(dates, default=""),
+        latest=latest,
         guide=address_of(pages.guide),
         definition=address_of(pages.definition),
         icon=text_of(_FOLDER, "icon.svg").strip(),

@@ -1,6 +1,5 @@
 """Short tables of a leaderboard, for the terminal and files."""
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -34,16 +33,16 @@ def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
 
 def _short_table(entries: Sequence[Entry]) -> Table:
     env_id = entries[0].env
-    title = f"{env_id}: bADE (m)"
+    table_title = f"{env_id}: bADE (m)"
     nothing_predicted = empty_error(entries)
     if nothing_predicted is not None:
-        title = f"{title}; {nothing_predicted:.3f} if nothing is predicted"
+        table_title = f"{table_title}; {nothing_predicted:.3f} if nothing is predicted"
     score_heading = "bADE\n↓"
-    headings = _EVENTS
+    column_headings = _EVENTS
     if entries[0].driving is not None:
-        title = f"{env_id}: {_DRIVE_TITLE}"
+        table_title = f"{env_id}: {_DRIVE_TITLE}"
         score_heading = "drive\nscore ↑"
-        headings = _DRIVES
+        column_headings = _DRIVES
     columns = [
         Column("agent", key="submission", read=_name),
         Column("ranks", key="rank", read=_ranks),
@@ -51,9 +50,9 @@ def _short_table(entries: Sequence[Entry]) -> Table:
         Column("95 %\ninterval", "m", key="interval", read=_interval),
         Column(f"to stp\n{_SIGNIFICANT_TEXT}", "m", key="difference", read=_difference),
     ]
-    for key, heading in headings.items():
+    for key, heading in column_headings.items():
         columns.append(replace(COLUMN[key], heading=heading, group=""))
-    return Table(env_id, title, "", entries, columns)
+    return Table(env_id, table_title, "", entries, columns)
 
 
 def _name(entry: Entry) -> str:
@@ -87,27 +86,31 @@ def _difference(entry: Entry) -> str:
 
 
 def _notes(entries: Sequence[Entry]) -> list[str]:
-    """Return lines below a table, each with the names of agents it is about."""
-    agents_by_text = defaultdict[str, list[str]](list)
-    for entry in entries:
-        if entry.place is None:
-            reason = f"not ranked ({_printable(entry.why)})"
-            agents_by_text[reason].append(_printable(entry.name))
-    for entry in entries:
-        if entry.trained_on_scored:
-            reason = _printable(entry.trained_on_scored)
-            agents_by_text[reason].append(_printable(entry.name))
-    notes = []
-    for text, agents in agents_by_text.items():
-        notes.append(f"{text}: {', '.join(dict.fromkeys(agents))}")
+    """Return lines below a table, most with the names of the agents they are about."""
+    notes = _reason_notes(entries)
     if has_map(entries[0].env):
         notes.append("agents see lanes: these ranks compare with no others")
     notes += _level_notes(entries)
     if any(entry.converted for entry in entries):
         notes.append("converted from an earlier form of the records, not run again")
-    for seal in sorted({entry.seal for entry in entries} - {""}):
-        notes.append(f"hidden scenes of seal {seal}")
+    seals = {entry.seal for entry in entries}
+    notes += [f"hidden scenes of seal {seal}" for seal in sorted(seals - {""})]
     return notes
+
+
+def _reason_notes(entries: Sequence[Entry]) -> list[str]:
+    """Return reasons for missing ranks, then trainings on scored scenes."""
+    reasons = []
+    for entry in entries:
+        if entry.place is None:
+            reasons.append((f"not ranked ({entry.why})", entry.name))
+    for entry in entries:
+        if entry.trained_on_scored:
+            reasons.append((entry.trained_on_scored, entry.name))
+    agents: dict[str, list[str]] = {}
+    for reason, name in dict.fromkeys(reasons):
+        agents.setdefault(_printable(reason), []).append(_printable(name))
+    return [f"{reason}: {', '.join(names)}" for reason, names in agents.items()]
 
 
 def _level_notes(entries: Sequence[Entry]) -> list[str]:
