@@ -45,7 +45,7 @@ def test_a_report_shows_it(jerk: float | None, text: str) -> None:
 
 
 def test_the_board_shows_it_and_records_without_it_load(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(record, "Row", FurtherRow)
+    monkeypatch.setattr(results, "Row", FurtherRow)
     monkeypatch.setattr(results, "FACTS", results.FACTS | {"jerk"})
     plain = made_up("plain")
     entry_with = made_up("with_it", 0.5, numbers={"all": {"jerk": 4.321}})

@@ -195,11 +195,6 @@ class Record(Results):
     level: Annotated[None, BeforeValidator(lambda _: None)] = Field(None, exclude=True)
 
     @property
-    def agent(self) -> str:
-        """Name of the submission."""
-        return self.submission.name
-
-    @property
     def scenes(self) -> list[str]:
         """Names of the scenes, in their order."""
         return self.targets.scenes

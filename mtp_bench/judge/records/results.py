@@ -85,11 +85,6 @@ class Results(Section):
     targets: Targets = NO_TARGETS
 
     @property
-    def agent(self) -> str:
-        """Name of the submission; empty where it is not stated."""
-        return ""
-
-    @property
     def subsets(self) -> tuple[Subset, ...]:
         """Subsets with results: older records do not have "turning"."""
         return ("all",) if self.drives is not None else tuple(self.error)
@@ -123,7 +118,6 @@ class Results(Section):
         content = dict.fromkeys(Row.model_fields) | {
             **numbers,
             **targets.model_dump(exclude={"weight"}),
-            "agent": self.agent,
             "subset": subset,
             "error": error,
             "interval": bootstrap_interval(errors, targets.weight),
@@ -155,7 +149,6 @@ class Results(Section):
             **dict.fromkeys(DrivingRow.model_fields)
             | self.drives.model_dump(exclude={"scores"})
             | {
-                "agent": self.agent,
                 "drive_score": math.fsum(scores) / len(scores),
                 "interval": score_interval(scores),
                 "collisions_interval": fault_interval(
