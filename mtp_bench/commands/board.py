@@ -21,7 +21,7 @@ from ..judge import (
 from ..scoring import SUBSETS, Subset
 from ..viz import (
     Entry,
-    Found,
+    LinkedRecord,
     Pages,
     board_files,
     board_json,
@@ -142,7 +142,7 @@ def read_board(
         )
     baselines = folder.absolute().parent.parent / "baselines"
 
-    def read(path: Path, added: bool) -> Found:
+    def read(path: Path, added: bool) -> LinkedRecord:
         record = load_record(path)
         if (
             not added and path.stem != record.env.id
@@ -152,11 +152,11 @@ def read_board(
             )
         signed, note = read_level(path, record, trust)
         code = baselines / record.submission.name if is_baseline(record) else None
-        return Found(record, signed, _link(path, page), added, note, _link(code, page))
+        return LinkedRecord(record, signed, _link(path, page), added, note, _link(code, page))
 
     given = [read(path, added=True) for path in further]  # before the long work
     refused: list[str] = []
-    stored: list[tuple[Path, Found]] = []
+    stored: list[tuple[Path, LinkedRecord]] = []
     paths = record_paths(folder, env or "")
     progress.started(len(paths))
     for path in paths:
@@ -165,7 +165,7 @@ def read_board(
         except RecordError as error:
             refused.append(str(error))
         progress.done(path.parent.name)
-    found: dict[str, Found] = {}
+    found: dict[str, LinkedRecord] = {}
     files: dict[str, Path] = {}
     notes = []
     for path, each in sorted(stored, key=lambda pair: pair[1].signed is None):

@@ -11,7 +11,7 @@ from ..judge import (
     COMMITMENT,
     LEAST_HIDDEN,
     SEALS,
-    beside,
+    seal_path,
     retire as retire_seal,
     seal as make_seal,
     take_in,
@@ -55,7 +55,7 @@ def seal(
         Option(
             "-o",
             "--output",
-            help="File of the secret, beside its commitment. With --retire: folder.",
+            help="File of the secret, seal_path its commitment. With --retire: folder.",
         ),
     ] = None,
     retire: Annotated[
@@ -85,7 +85,7 @@ def seal(
         raise BadParameter("--env, --count and --output are needed, or --retire")
     promise = make_seal(env, scenes, output)
     show(
-        f"{beside(output, COMMITMENT)}: publish this commitment to "
+        f"{seal_path(output, COMMITMENT)}: publish this commitment to "
         f"{counted(scenes, 'hidden scene')} of {promise.env} in leaderboard/seals, "
         f"sha256 {promise.commitment}"
     )

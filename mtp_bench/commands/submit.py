@@ -21,7 +21,7 @@ from ..core import (
     long_work,
 )
 from ..judge import (
-    Piece,
+    RecordPiece,
     Record,
     inventory,
     record_path,
@@ -133,9 +133,9 @@ def submit(
 
 
 def _submit_all(
-    pieces: Sequence[Piece], options: RunOptions, arguments: Mapping[str, Any]
+    pieces: Sequence[RecordPiece], options: RunOptions, arguments: Mapping[str, Any]
 ) -> None:
-    def make(piece: Piece) -> Record:
+    def make(piece: RecordPiece) -> Record:
         folder = piece.target.parent
         return _make_record(piece.submission, piece.env, options, folder, arguments)
 
@@ -247,7 +247,7 @@ def _status_line(record: Record) -> str:
 class Line:
     """Outcome of one record."""
 
-    piece: Piece
+    piece: RecordPiece
     outcome: Outcome
     seconds: float = 0.0
     note: str = ""
@@ -260,7 +260,7 @@ class Line:
 
 
 def make_all(
-    pieces: Sequence[Piece], options: RunOptions, make: Callable[[Piece], Record]
+    pieces: Sequence[RecordPiece], options: RunOptions, make: Callable[[RecordPiece], Record]
 ) -> list[Line]:
     """Make the missing records; the failure of one does not stop the others.
 
@@ -274,7 +274,7 @@ def make_all(
 
 
 def _make_one(
-    piece: Piece, options: RunOptions, make: Callable[[Piece], Record]
+    piece: RecordPiece, options: RunOptions, make: Callable[[RecordPiece], Record]
 ) -> Line:
     try:
         standing = standing_record(piece, options)
@@ -292,7 +292,7 @@ def _make_one(
     return _line(record, piece, "made", time.monotonic() - begin)
 
 
-def _line(record: Record, piece: Piece, outcome: Outcome, seconds: float = 0.0) -> Line:
+def _line(record: Record, piece: RecordPiece, outcome: Outcome, seconds: float = 0.0) -> Line:
     """Return the outcome by a record, made now or before.
 
     It is a failure unless its agent finished every scene that was run.

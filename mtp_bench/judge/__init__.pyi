@@ -25,7 +25,7 @@ from .records.eligibility import (
 from .records.fields import LEVELS as LEVELS, Level as Level
 from .records.intake import take_in as take_in
 from .records.inventory import (
-    Piece as Piece,
+    RecordPiece as RecordPiece,
     inventory as inventory,
     standing_record as standing_record,
     why_impossible as why_impossible,
@@ -36,11 +36,11 @@ from .records.rounds import Round as Round, attest as attest
 from .records.seal import (
     COMMITMENT as COMMITMENT,
     SEALS as SEALS,
-    beside as beside,
     open_seal as open_seal,
     open_seals as open_seals,
     retire as retire,
     seal as seal,
+    seal_path as seal_path,
 )
 from .records.storage import load_record as load_record, record_paths as record_paths
 from .records.submitting import (

@@ -1,7 +1,7 @@
 from .board.columns import board_json as board_json, board_table as board_table
 from .board.entries import (
     Entry as Entry,
-    Found as Found,
+    LinkedRecord as LinkedRecord,
     entries_of as entries_of,
     is_baseline as is_baseline,
 )

@@ -28,7 +28,7 @@ from mtp_bench.running.stored import run
 from mtp_bench.scoring import read_reference
 from mtp_bench.training import windows
 from mtp_bench.viz.board.columns import board_json
-from mtp_bench.viz.board.entries import Found, entries_of
+from mtp_bench.viz.board.entries import LinkedRecord, entries_of
 from mtp_bench.viz.board.page import board_files
 from mtp_bench.viz.board.tables import board_tables
 from tests.support.command_line import CommandLine, write_submission
@@ -253,7 +253,7 @@ def test_a_board_of_drives(made: Path) -> None:
         return Record.model_validate(record.model_dump() | results)
 
     records = [record("stp", *[0.5] * 30), record("best", *[0.7] * 25, *[0.4] * 5)]
-    entries = entries_of([Found(each) for each in records])
+    entries = entries_of([LinkedRecord(each) for each in records])
     assert [entry.name for entry in entries] == ["best", "stp"]
     (table, _), (row, _) = board_tables(entries)[0], board_json(entries)[DRIVE]
     assert "drive score" in table.title

@@ -86,7 +86,7 @@ def test_no_place_contradicts_its_number_and_no_interval_its_test(entries: list[
                 assert place.place == 1 + int((errors < error * (1 - 1e-9)).sum())
                 assert place.span[0] <= place.place <= place.span[1]
         for entry in board:
-            difference = entry.difference(subset)
+            difference = entry.standing.differences.get(subset)
             interval = difference and difference.interval
             apart = interval is not None and not interval[0] <= 0 <= interval[1]
             assert apart == (difference is not None and difference.p < SIGNIFICANT)

@@ -99,6 +99,9 @@ REFUSED: dict[str, tuple[Callable[[Content], Any], str]] = {
     "other weights": (lambda c: c["targets"]["subsets"]["all"]["weight"].pop(), "expected one weight per unit"),
     "no sums": (lambda c: c.update(error={}), "error has no sums of all, ids"),
     "too many units": (lambda c: c["error"].update(all=[1.0] * 20_001), "at most 2000 items"),
+    "a curve of text": (lambda c: c.update(curve=[["a", 1.0]]), r"curve\.0"),
+    "a curve without errors": (lambda c: c.update(curve=[[1.0]]), r"curve\.0"),
+    "a curve below 0": (lambda c: c.update(curve=[[0.0, -1e308], [1.0, 1e308]]), r"curve\.0"),
     "no seed": (lambda c: c.update(seeds=[]), "expected whole numbers from 0 on, each once"),
     "a seed twice": (lambda c: c.update(seeds=[0, 0]), "expected whole numbers from 0 on, each once"),
     "a negative seed": (lambda c: c["seeds"].append(-1), r"seeds\.3: got -1"),
@@ -175,8 +178,10 @@ def test_places_follow_the_error() -> None:
     assert (reasons(far, subset="ids"), reasons(far, subset="lost")) == (["0.0 objects, fewer than 20"], ["shown only"])
 
 
-def test_units_rank_not_scenes() -> None:
+def test_units_rank_not_scenes_and_envs_are_ranked_apart() -> None:
     assert ranks(write_record(scenes=[scene_part("a", 10, *EIGHT)])) == [1]
+    other = write_record(*times(0.5), name="other", env={"id": "MTP-Other-v0"})
+    assert ranks(write_record(*times(2.0)), other) == [1, 1]
 
 
 def on_events(record: Record) -> Record:
@@ -189,11 +194,6 @@ def on_events(record: Record) -> Record:
         "error": record.error | dict.fromkeys(subsets, record.error["all"]),
     }
     return Record.model_validate(content)
-
-
-def test_envs_are_ranked_apart() -> None:
-    other = write_record(*times(0.5), name="other", env={"id": "MTP-Other-v0"})
-    assert ranks(write_record(*times(2.0)), other) == [1, 1]
 
 
 OTHERS = ({"env": {"data_manifest": "00" * 32}}, {"reference": {"hash": "00" * 32}}, {"samples": 40})

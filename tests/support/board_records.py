@@ -12,7 +12,7 @@ from mtp_bench.judge.records.fields import Level
 from mtp_bench.judge.records.shipped import shipped
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS, SUBSETS, Subset
 from mtp_bench.scoring.weights import scene_key
-from mtp_bench.viz.board.entries import Entry, Found, entries_of
+from mtp_bench.viz.board.entries import Entry, LinkedRecord, entries_of
 from tests.support.stored_records import SIMULATED, hex_of, make_record, merged, signed_level
 
 Table = dict[str, Any]
@@ -108,7 +108,7 @@ def board_of(
     for record, link in zip(records, links or [None] * len(records), strict=True):
         name = record.submission.name
         level = (levels or {}).get(name)
-        found.append(Found(record, signed_level(record, level) if level else None, link, name == added))
+        found.append(LinkedRecord(record, signed_level(record, level) if level else None, link, name == added))
     return entries_of(found)
 
 

@@ -7,10 +7,10 @@ from typing import Annotated
 import pytest
 
 from mtp_bench.core import Column, columns_of, to_csv, to_latex, to_markdown, to_text
-from mtp_bench.judge.records import record
+from mtp_bench.judge.records import results
 from mtp_bench.scoring.rows import Row
 from mtp_bench.viz.board.columns import board_json, board_table
-from mtp_bench.viz.board.entries import Found, entries_of
+from mtp_bench.viz.board.entries import LinkedRecord, entries_of
 from mtp_bench.viz.board.page import board_files
 from mtp_bench.viz.terminal import tables
 from tests.support.board_records import MAIN, made_up
@@ -45,11 +45,11 @@ def test_a_report_shows_it(jerk: float | None, text: str) -> None:
 
 
 def test_the_board_shows_it_and_records_without_it_load(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(record, "Row", FurtherRow)
-    monkeypatch.setattr(record, "FACTS", record.FACTS | {"jerk"})
+    monkeypatch.setattr(results, "Row", FurtherRow)
+    monkeypatch.setattr(results, "FACTS", results.FACTS | {"jerk"})
     plain = made_up("plain")
     entry_with = made_up("with_it", 0.5, numbers={"all": {"jerk": 4.321}})
-    entries = entries_of([Found(entry_with), Found(plain)])
+    entries = entries_of([LinkedRecord(entry_with), LinkedRecord(plain)])
     assert [row.get("jerk") for row in board_json(entries)[MAIN]] == [4.321, None]
     assert [line["jerk [m/s³]"] for line in csv.DictReader(io.StringIO(to_csv(board_table(entries, MAIN))))] == [
         "4.321",
@@ -66,4 +66,4 @@ def test_a_stored_row_without_the_metric_loads() -> None:
     optional = [column.key for column in columns_of(Row) if column.optional]
     older = Row.model_validate({key: value for key, value in stored.items() if key not in optional})
     assert {getattr(older, key) for key in optional} == {None}
-    assert {*Row.model_fields} >= record.FACTS, "a record stores every field that sums do not give"
+    assert {*Row.model_fields} >= results.FACTS, "a record stores every field that sums do not give"

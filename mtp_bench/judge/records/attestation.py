@@ -29,7 +29,8 @@ from ..gateway.limits import SandboxBackend
 from .canonical import canonical
 from .consistency import result_problems
 from .fields import Date, Level, Sha256
-from .record import HiddenPart, Record, require_units
+from .record import HiddenPart, Record
+from .results import require_units
 from .seal import ListedSeal
 from .storage import MAX_BYTES, content_digest, measured_digest, parse_as, text_of
 from .trust import MOST_SIGNATURE, SIGNER_PATTERN, Trust, sign
@@ -123,16 +124,18 @@ class Checked:
         """Return the ranking sums over the units of the targets of a subset."""
         return self.sums.sums_on(subset, self.record.samples)
 
-    def minus(self, other: "Checked", subset: Subset) -> PairedDifference | None:
-        """Return bADE minus that of ``other``, metres, paired by unit.
+    def minus(self, reference: "Checked", subset: Subset) -> PairedDifference | None:
+        """Return bADE minus that of ``reference``, metres, paired by unit.
 
         Both have the same targets and units.
         """
-        return self.sums_on(subset).minus(other.sums_on(subset))
+        return self.sums_on(subset).minus(reference.sums_on(subset))
 
 
-def write_level(path: Path, statement: Statement, key: Path, signer: str) -> None:
-    """Sign a statement on the record at ``path`` and write it into that file.
+def write_level(
+    record_file: Path, statement: Statement, key: Path, signer: str
+) -> None:
+    """Sign a statement on the record at ``record_file`` and write it into that file.
 
     It takes the place of an earlier level. Raises MtpBenchError if ssh-keygen is
     missing or refuses the key, or the file cannot be read or written.
@@ -144,62 +147,68 @@ def write_level(path: Path, statement: Statement, key: Path, signer: str) -> Non
         "signature": sign(canonical(content), key),
     }
     # read after signing, which may have taken minutes
-    file = read_json(path, RecordError, most=MAX_BYTES)
-    write_text(path.resolve(), text_of(file | {"level": level}, path))
+    file = read_json(record_file, RecordError, most=MAX_BYTES)
+    write_text(record_file.resolve(), text_of(file | {"level": level}, record_file))
 
 
 def read_level(
-    path: Path, record: Record, trust: Trust
+    record_file: Path, record: Record, trust: Trust
 ) -> tuple[SignedLevel | None, str]:
-    """Return the level in the file ``path`` of a record, or None and the reason.
+    """Return the level in the file ``record_file`` of a record, or None and the reason.
 
     The reason is empty without a level. Never raises for what the file holds: a level
     that cannot be trusted is not a level.
     """
     try:
-        text = read_bounded(path, MAX_BYTES, RecordError)
-        level = parse_as(_RecordFile, text, path.name).level
+        text = read_bounded(record_file, MAX_BYTES, RecordError)
+        level = parse_as(_RecordFile, text, record_file.name).level
         if level is None:
             return None, ""
-        trust.check_once(lambda: _require_signed(level, text, path.name, trust), text)
-        _require_converted(level.statement, record, path.name)
-        seal = _seal_of(path.name, level.statement, record, trust)
+        trust.check_once(
+            lambda: _require_signed(level, text, record_file.name, trust), text
+        )
+        _require_converted(level.statement, record, record_file.name)
+        seal = _seal_of(record_file.name, level.statement, record, trust)
         return SignedLevel(level.statement, level.signer, seal), ""
     except RecordError as error:
         return None, str(error)
 
 
-def _require_signed(level: Attestation, text: str, name: str, trust: Trust) -> None:
+def _require_signed(
+    level: Attestation, text: str, file_name: str, trust: Trust
+) -> None:
     """Raise RecordError unless the level in a file is signed, and of its record."""
-    content = parse_json(text, name, RecordError)
+    content = parse_json(text, file_name, RecordError)
     signed = canonical(content["level"]["statement"])
     why = trust.why_not_signed(signed, level.signature, level.signer)
     if why:
-        raise RecordError(f"{name}: level: not signed by a trusted key: {why}")
+        raise RecordError(f"{file_name}: level: not signed by a trusted key: {why}")
     digests = content_digest(content), measured_digest(content)
     if (level.statement.record, level.statement.measured) != digests:
         raise RecordError(
-            f"{name}: level: of another record, or of an earlier version of it"
+            f"{file_name}: level: of another record, or of an earlier version of it"
         )
 
 
-def _require_converted(statement: Statement, record: Record, name: str) -> None:
+def _require_converted(statement: Statement, record: Record, file_name: str) -> None:
     """Raise RecordError if a converted level is above that of the earlier record."""
-    before = record.converted_from
+    earlier = record.converted_from
     if not statement.converted:
         if statement.level == "scored":
             raise RecordError(
-                f"{name}: level 'scored' is signed, expected a higher one"
+                f"{file_name}: level 'scored' is signed, expected a higher one"
             )
-    elif before is None or before.level != statement.level:
+    elif earlier is None or earlier.level != statement.level:
+        earlier_level = earlier and earlier.level
         raise RecordError(
-            f"{name}: level {statement.level!r} is converted, the earlier record had "
-            f"{'none' if before is None else repr(before.level)}"
+            f"{file_name}: level {statement.level!r} is converted, the earlier "
+            "record had "
+            f"{earlier_level or 'none'}"
         )
 
 
 def _seal_of(
-    name: str, statement: Statement, record: Record, trust: Trust
+    file_name: str, statement: Statement, record: Record, trust: Trust
 ) -> ListedSeal | None:
     """Return the seal of hidden scenes.
 
@@ -208,7 +217,7 @@ def _seal_of(
     hidden = statement.hidden
     if (hidden is None) != (statement.level != "hidden"):
         raise RecordError(
-            f"{name}: level {statement.level!r} {'with' if hidden else 'without'} "
+            f"{file_name}: level {statement.level!r} {'with' if hidden else 'without'} "
             "hidden scenes"
         )
     if hidden is None:
@@ -216,16 +225,17 @@ def _seal_of(
     seal = trust.listed.get(hidden.commitment)
     if seal is None:
         raise RecordError(
-            f"{name}: level: its hidden scenes are of no seal in {trust.seals}"
+            f"{file_name}: level: its hidden scenes are of no seal in {trust.seals}"
         )
     conditions = (record.env.id, record.env.card_digest, hidden.scenes)
     if (seal.env, seal.card_digest, seal.count) != conditions:
         raise RecordError(
-            f"{name}: level: {hidden.scenes} hidden scenes of {record.env.id} with card "
+            f"{file_name}: level: {hidden.scenes} hidden scenes of {record.env.id} "
+            "with card "
             f"{record.env.card_digest}, the seal {seal.name!r} is of {seal.count} of "
             f"{seal.env} with card {seal.card_digest}"
         )
-    require_units(hidden, f"{name}: level: hidden scenes")
+    require_units(hidden, f"{file_name}: level: hidden scenes")
     for problem in result_problems(hidden):
-        raise RecordError(f"{name}: level: hidden scenes: {problem}")
+        raise RecordError(f"{file_name}: level: hidden scenes: {problem}")
     return seal

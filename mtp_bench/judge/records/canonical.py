@@ -32,8 +32,8 @@ def digest_of(content: Any) -> str:
 
 def today(days: int = 0) -> str:
     """Return the date in UTC some ``days`` from today, as YYYY-MM-DD."""
-    now = datetime.datetime.now(datetime.UTC)
-    return (now.date() + datetime.timedelta(days)).isoformat()
+    date = datetime.datetime.now(datetime.UTC).date()
+    return (date + datetime.timedelta(days)).isoformat()
 
 
 def rounded(value: Any) -> Any:
@@ -56,31 +56,27 @@ class Difference(NamedTuple):
     found: Any
 
 
-def differences(where: str, recorded: Any, found: Any) -> Iterator[Difference]:
+def differences(where: str, recorded: Any, repeated: Any) -> Iterator[Difference]:
     """Yield the values in which two contents of JSON differ, numbers by over TOLERANCE.
 
     Each has its path below ``where``.
     """
-    if isinstance(recorded, dict) and isinstance(found, dict):
-        for name in dict.fromkeys([*recorded, *found]):
-            path = f"{where}.{name}" if where else name
-            yield from differences(path, recorded.get(name), found.get(name))
-    elif _are_equally_long(recorded, found):
-        for index, (before, now) in enumerate(zip(recorded, found, strict=True)):
-            yield from differences(f"{where}[{index}]", before, now)
-    elif not _are_equal(recorded, found):
-        yield Difference(where, recorded, found)
+    kinds = {type(recorded), type(repeated)}
+    if kinds == {dict}:
+        for name in dict.fromkeys([*recorded, *repeated]):
+            path = f"{where}.{name}".removeprefix(".")
+            yield from differences(path, recorded.get(name), repeated.get(name))
+    elif kinds == {list} and len(recorded) == len(repeated):
+        for index, item in enumerate(recorded):
+            yield from differences(f"{where}[{index}]", item, repeated[index])
+    elif not _are_equal(recorded, repeated):
+        yield Difference(where, recorded, repeated)
 
 
-def _are_equally_long(recorded: Any, found: Any) -> bool:
-    lists = isinstance(recorded, list) and isinstance(found, list)
-    return lists and len(recorded) == len(found)
-
-
-def _are_equal(recorded: Any, found: Any) -> bool:
-    if _is_number(recorded) and _is_number(found):
-        return math.isclose(recorded, found, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
-    return type(recorded) is type(found) and bool(recorded == found)
+def _are_equal(recorded: Any, repeated: Any) -> bool:
+    if _is_number(recorded) and _is_number(repeated):
+        return math.isclose(recorded, repeated, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
+    return type(recorded) is type(repeated) and bool(recorded == repeated)
 
 
 def _is_number(value: Any) -> bool:

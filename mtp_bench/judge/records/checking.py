@@ -1,4 +1,4 @@
-"""Check that a submission keeps the contract of an agent, in this process and behind the gateway."""
+"""Check that a submission keeps the contract of an agent, here and behind the gateway."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,9 +11,11 @@ from ..gateway.limits import SceneRun
 from ..gateway.run import run_isolated_scenes
 
 SCENES = 3  # at most
-_ALONE = "it runs alone there: its own folder, no data, no network, bounded memory"
-_UNANSWERED = "these frames count as unanswered"
-_DIFFERENT = (
+_SANDBOX_HINT = (
+    "it runs alone there: its own folder, no data, no network, bounded memory"
+)
+_UNANSWERED_HINT = "these frames count as unanswered"
+_DIFFERENCE_HINT = (
     "look for hash(), the order of sets, the number of threads, the environment"
 )
 
@@ -48,13 +50,13 @@ def check_submission(
     return findings + gateway_findings(runs, rollouts)
 
 
-def _is_dangerous(run: SceneRun) -> bool:
+def _is_dangerous(scene_run: SceneRun) -> bool:
     """Return True for an agent that would take this process with it.
 
     It hung, broke the rules or ended its process.
     """
-    ended = run.reason.startswith("the process ")
-    return ended or run.status in ("hung", "rejected")
+    ended = scene_run.reason.startswith("the process ")
+    return ended or scene_run.status in ("hung", "rejected")
 
 
 def gateway_findings(
@@ -65,30 +67,36 @@ def gateway_findings(
     ``rollouts_here``: its rollouts in this process, if any.
     """
     findings: list[Finding] = []
-    for run in runs:
-        where = f"scene {run.rollout.scene}"
-        if run.status != "finished":
-            got = f"{run.status}: {run.reason}"
-            findings.append(Finding("error", "gateway", got, "finished", where, _ALONE))
-        if run.malformed:
-            got = f"{run.malformed} answers malformed"
+    for scene_run in runs:
+        where = f"scene {scene_run.rollout.scene}"
+        if scene_run.status != "finished":
+            got = f"{scene_run.status}: {scene_run.reason}"
             findings.append(
-                Finding("error", "gateway", got, "whole answers", where, _UNANSWERED)
+                Finding("error", "gateway", got, "finished", where, _SANDBOX_HINT)
+            )
+        if scene_run.malformed:
+            got = f"{scene_run.malformed} answers malformed"
+            findings.append(
+                Finding(
+                    "error", "gateway", got, "whole answers", where, _UNANSWERED_HINT
+                )
             )
     if findings:
         return findings
-    for run, rollout in zip(runs, rollouts_here or (), strict=bool(rollouts_here)):
-        if digest(run.rollout) != digest(rollout):
+    for scene_run, rollout in zip(
+        runs, rollouts_here or (), strict=bool(rollouts_here)
+    ):
+        if digest(scene_run.rollout) != digest(rollout):
             return [
                 Finding(
                     "warning",
                     "gateway",
                     "answers differ in a process of its own",
                     "the answers given in this process",
-                    f"scene {run.rollout.scene}",
-                    _DIFFERENT,
+                    f"scene {scene_run.rollout.scene}",
+                    _DIFFERENCE_HINT,
                 )
             ]
-    memory = max(run.peak_memory for run in runs) >> 20
+    memory = max(scene_run.peak_memory for scene_run in runs) >> 20
     text = f"{len(runs)} scenes in a process of its own: {memory} MiB at most"
     return [Finding("ok", "gateway", text)]

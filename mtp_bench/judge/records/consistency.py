@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Iterator
+from itertools import chain, product, starmap
 from pathlib import Path
 
 from ...cards import load_card
 from ...core import RecordError, card_ids, parse_json, read_bounded
 from ...scoring import WEIGHTS, Subset, ratio
-from .record import HiddenPart, Record, Results, key_of
+from .record import HiddenPart, Record, key_of
+from .results import DrivesPart, Results
 from .shipped import shipped
 from .storage import (
     MAX_BYTES,
@@ -19,7 +21,7 @@ from .storage import (
 )
 from .targets import Targets
 
-_CLOSE = 1e-6  # relative tolerance of a number that follows from others
+_TOLERANCE = 1e-6  # relative tolerance of a number that follows from others
 # fields of a row in metres that are at most the error of a missed target
 _ERRORS = ("missed", "error_by_score", "plain_error")
 
@@ -37,17 +39,21 @@ def checked_text(text: str, path: Path) -> Record:
     """Return the record in the text of a file; raises as `checked_record`."""
     where = str(path)
     # refuses what pydantic's own reader of JSON lets pass
-    content = parse_json(text, where, RecordError)
+    file_content = parse_json(text, where, RecordError)
     record = parse_as(Record, text, where)
-    for what, digest, stated in (
-        ("its content", content_digest(content), record.digest),
-        ("its section 'measured'", measured_digest(content), record.measured.digest),
+    for what, digest, stored_digest in (
+        ("its content", content_digest(file_content), record.digest),
+        (
+            "its section 'measured'",
+            measured_digest(file_content),
+            record.measured.digest,
+        ),
     ):
-        if digest != stated:
+        if digest != stored_digest:
             raise RecordError(
                 f"{path}: {what} has the digest {digest[:12]}, the file says "
-                f"{stated[:12] or '(empty)'}: it was changed after it was made; make it "
-                "again with `mtp-bench submit`"
+                f"{stored_digest[:12] or '(empty)'}: it was changed after it was made; "
+                "make it again with `mtp-bench submit`"
             )
     record = with_targets(record, path)
     for problem in _problems(record):
@@ -57,40 +63,41 @@ def checked_text(text: str, path: Path) -> Record:
 
 def _problems(record: Record) -> Iterator[str]:
     """Yield sentences on parts of a record that contradict each other."""
-    yield from _counts(record)
+    yield from _run_problems(record)
     env_id = record.env.id
-    is_drive = record.drives is not None
-    if env_id in card_ids() and (load_card(env_id).drive is not None) != is_drive:
-        yield (
-            f"drives are {'given' if is_drive else 'missing'}, {env_id} is "
-            f"{'not ' if is_drive else ''}a closed loop"
-        )
-    env = shipped(env_id)
-    is_shipped = env is not None and env.card == record.env.card_digest
-    yield from result_problems(
-        record, env.max_error_m if env is not None and is_shipped else math.inf
-    )
-    stated = record.submission.hypotheses
-    if stated not in (None, record.hypotheses):
-        yield f"hypotheses is {record.hypotheses}, the submission declares {stated}"
+    if env_id in card_ids():
+        is_loop = load_card(env_id).drive is not None
+        if is_loop and record.drives is None:
+            yield f"drives are missing, {env_id} is a closed loop"
+        if record.drives is not None and not is_loop:
+            yield f"drives are given, {env_id} is not a closed loop"
+    shipped_env = shipped(env_id)
+    max_error_m = math.inf
+    if shipped_env is not None and shipped_env.card == record.env.card_digest:
+        max_error_m = shipped_env.max_error_m
+    yield from result_problems(record, max_error_m)
+    declared = record.submission.hypotheses
+    if declared not in (None, record.hypotheses):
+        yield f"hypotheses is {record.hypotheses}, the submission declares {declared}"
 
 
-def _counts(record: Record) -> Iterator[str]:
-    scenes = record.scenes
+def _run_problems(record: Record) -> Iterator[str]:
+    scene_names = record.scenes
     seeds = record.seeds
-    if len(set(scenes)) != len(scenes):
-        yield f"targets are of {len(scenes)} scenes, expected each once"
-    if len(scenes) > record.env.scenes_of_split:
-        yield f"scenes is {len(scenes)}, the split has {record.env.scenes_of_split}"
+    if len(set(scene_names)) != len(scene_names):
+        yield f"targets are of {len(scene_names)} scenes, expected each once"
+    if len(scene_names) > record.env.scenes_of_split:
+        yield (
+            f"scenes is {len(scene_names)}, the split has {record.env.scenes_of_split}"
+        )
     if not seeds or len(set(seeds)) != len(seeds):
         yield f"seeds are {seeds}, expected whole numbers from 0 on, each once"
-    runs = {key_of(scene, seed) for scene in scenes for seed in seeds}
-    if others := record.missed.reasons.keys() - runs:
-        yield f"missed.reasons has {min(others)!r}, which is no run of the record"
-    if record.drives is not None:
-        counts = {len(scores) for scores in record.drives.scores}
-        if counts != {len(seeds)}:
-            yield f"drives.scores are not {len(seeds)} scores of each scene"
+    run_keys = set(starmap(key_of, product(scene_names, seeds)))
+    if unknown_keys := record.missed.reasons.keys() - run_keys:
+        yield f"missed.reasons has {min(unknown_keys)!r}, which is no run of the record"
+    drives = record.drives
+    if drives is not None and set(map(len, drives.scores)) != {len(seeds)}:
+        yield f"drives.scores are not {len(seeds)} scores of each scene"
 
 
 def result_problems(
@@ -101,10 +108,10 @@ def result_problems(
     if results.drives is None:
         yield from _error_problems(results, max_error_m)
     else:
-        yield from _drive_problems(results)
+        yield from _drive_problems(results.drives, results.unit_weight("all"))
     for subset, numbers in results.numbers.items():
         for name in _ERRORS:
-            if numbers.get(name, 0.0) > max_error_m * (1 + _CLOSE):
+            if numbers.get(name, 0.0) > max_error_m * (1 + _TOLERANCE):
                 yield (
                     f"numbers.{subset}: {name} is {numbers[name]}, expected 0 to "
                     f"{max_error_m:g}"
@@ -115,17 +122,22 @@ def result_problems(
 def _number_problems(
     results: Results, subset: Subset, numbers: dict[str, float]
 ) -> Iterator[str]:
-    where = f"numbers.{subset}"
-    if numbers.get("coverage", 0.0) > 1 + _CLOSE:
-        yield f"{where}: coverage is {numbers['coverage']}, expected 0 to 1"
-    weight = math.fsum(results.unit_weight(subset))
-    error = ratio(math.fsum(results.unit_error(subset)), weight) or 0.0
+    section_name = f"numbers.{subset}"
+    if numbers.get("coverage", 0.0) > 1 + _TOLERANCE:
+        yield f"{section_name}: coverage is {numbers['coverage']}, expected 0 to 1"
+    unit_weights = math.fsum(results.unit_weight(subset))
+    error = ratio(math.fsum(results.unit_error(subset)), unit_weights) or 0.0
     missed = numbers.get("missed", 0.0)
-    if missed > error * (1 + _CLOSE) + _CLOSE:
-        yield f"{where}: missed is {missed}, the sums of units give an error of {error}"
+    if missed > error * (1 + _TOLERANCE) + _TOLERANCE:
+        yield (
+            f"{section_name}: missed is {missed}, the sums of units give an error of "
+            f"{error}"
+        )
     costs = [value for name, value in numbers.items() if name.startswith("cost_")]
-    if costs and not math.isclose(sum(costs), missed, rel_tol=_CLOSE, abs_tol=_CLOSE):
-        yield f"{where}: the sum of cost_* is {sum(costs)}, missed is {missed}"
+    if costs and not math.isclose(
+        sum(costs), missed, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE
+    ):
+        yield f"{section_name}: the sum of cost_* is {sum(costs)}, missed is {missed}"
 
 
 def _target_problems(targets: Targets, max_error_m: float) -> Iterator[str]:
@@ -133,8 +145,8 @@ def _target_problems(targets: Targets, max_error_m: float) -> Iterator[str]:
         yield "targets have no unit"
         return
     for subset, part in targets.subsets.items():
-        where = f"targets.{subset}"
-        total = sum(part.weight) * (1 - _CLOSE)
+        section_name = f"targets.{subset}"
+        total = sum(part.weight) * (1 - _TOLERANCE)
         limits = (
             ("weight", total, part.targets),
             ("effective_targets", part.effective_targets, part.targets),
@@ -142,47 +154,49 @@ def _target_problems(targets: Targets, max_error_m: float) -> Iterator[str]:
             ("effective_objects", part.effective_objects, part.objects),
         )
         for name, value, largest in limits:
-            if value > largest * (1 + _CLOSE):
-                yield f"{where}: {name} is {value}, expected at most {largest}"
+            if value > largest * (1 + _TOLERANCE):
+                yield f"{section_name}: {name} is {value}, expected at most {largest}"
     part = targets.on("all")
     if part.targets != round(sum(part.weight)):
         yield f"targets.all: targets is {part.targets}, the weights give others"
     nothing = targets.nothing_predicted or 0.0
-    if nothing > max_error_m * (1 + _CLOSE):
+    if nothing > max_error_m * (1 + _TOLERANCE):
         yield f"nothing_predicted is {nothing}, expected 0 to {max_error_m:g} m"
 
 
 def _error_problems(results: Results, max_error_m: float) -> Iterator[str]:
-    for subset, errors in results.error.items():
-        weight = results.unit_weight(subset)
-        for w, e in zip(weight, errors, strict=True):
-            if e > (max_error_m * w * (1 + _CLOSE) if w > 0 else 0.0):
+    for subset, unit_errors in results.error.items():
+        unit_weights = results.unit_weight(subset)
+        for unit_weight, unit_error in zip(unit_weights, unit_errors, strict=True):
+            max_error = 0.0
+            if unit_weight > 0:
+                max_error = max_error_m * unit_weight * (1 + _TOLERANCE)
+            if unit_error > max_error:
                 yield (
-                    f"error.{subset}: a unit of weight {w:g} has error {e:g}, expected "
-                    f"0 to {max_error_m:g} x weight"
+                    f"error.{subset}: a unit of weight {unit_weight:g} has error "
+                    f"{unit_error:g}, expected 0 to {max_error_m:g} x weight"
                 )
                 return
 
 
-def _drive_problems(results: Results) -> Iterator[str]:
+def _drive_problems(drives: DrivesPart, weight: list[float]) -> Iterator[str]:
     """Yield contradictions between the scores of drives and their mean numbers."""
-    drives = results.drives
-    if drives is None:
-        return
-    if results.unit_weight("all") != [1.0] * len(drives.scores):
+    if weight != [1.0] * len(drives.scores):
         yield f"drives.scores are of {len(drives.scores)} scenes, expected each scene"
         return
-    scores = [score for scene_scores in drives.scores for score in scene_scores]
-    mean = sum(drives.scene_scores) / len(drives.scores)
+    scores = list(chain.from_iterable(drives.scores))
+    mean_score = sum(drives.scene_scores) / len(drives.scores)
     share_of_zeros = scores.count(0.0) / max(len(scores), 1)
-    if drives.collisions > 100.0 * share_of_zeros * (1 + _CLOSE) + _CLOSE:
+    if drives.collisions > 100.0 * share_of_zeros * (1 + _TOLERANCE) + _TOLERANCE:
         yield (
             f"drives.collisions is {drives.collisions}, and {100 * share_of_zeros:g} % "
             "of the scores are 0"
         )
     # the part of the score that is lost by all else than comfort
-    lost = sum(WEIGHTS.values()) * (1.0 - mean)
-    lost -= WEIGHTS["comfort"] * (1.0 - drives.comfort)
-    least_progress = 1.0 - lost / WEIGHTS["progress"]
-    if drives.progress < least_progress - _CLOSE:
-        yield f"drives.progress is {drives.progress}, the scores need {least_progress:g}"
+    lost_score = sum(WEIGHTS.values()) * (1.0 - mean_score)
+    lost_score -= WEIGHTS["comfort"] * (1.0 - drives.comfort)
+    least_progress = 1.0 - lost_score / WEIGHTS["progress"]
+    if drives.progress < least_progress - _TOLERANCE:
+        yield (
+            f"drives.progress is {drives.progress}, the scores need {least_progress:g}"
+        )

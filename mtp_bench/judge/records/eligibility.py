@@ -1,7 +1,9 @@
-"""Reasons why records are not ranked: other scenes, seeds, limits or weights than those that ship, or taken names.
+"""Reasons why records are not ranked.
 
-Records on recorded scenes that are better than prediction from ground-truth tracks are held back, until a maintainer
-has looked at them and states so in a signed level.
+They have other scenes, seeds, limits or weights than those that ship, or taken names.
+
+Records on recorded scenes that are better than prediction from ground-truth tracks are
+held back, until a maintainer has looked at them and states so in a signed level.
 """
 
 import math
@@ -111,24 +113,26 @@ def taken_names(
     Another submission has the same name. Of several the only one with a checked level
     keeps it; without such a one, none does.
     """
-    genuine = [record for record in records if why_not_genuine(record) is None]
+    genuine_records = [record for record in records if why_not_genuine(record) is None]
     # digests of submissions by name
-    owners = defaultdict[str, set[str]](set)
-    checked = defaultdict[str, set[str]](set)
-    for record in genuine:
-        name, digest = record.submission.name, record.submission.digest
-        owners[name].add(digest)
+    name_owners = defaultdict[str, set[str]](set)
+    checked_owners = defaultdict[str, set[str]](set)
+    for record in genuine_records:
+        submission = record.submission
+        name_owners[submission.name].add(submission.digest)
         level = levels.get(record.digest)
         if level is not None and level.statement.level != "scored":
-            checked[name].add(digest)
-    reasons = {}
-    for record in genuine:
+            checked_owners[submission.name].add(submission.digest)
+    reasons_by_digest = {}
+    for record in genuine_records:
         name = record.submission.name
-        if len(owners[name]) > 1 and checked[name] != {record.submission.digest}:
-            reasons[record.digest] = (
-                f"{len(owners[name])} submissions have the name {name!r}"
+        if len(name_owners[name]) > 1 and checked_owners[name] != {
+            record.submission.digest
+        }:
+            reasons_by_digest[record.digest] = (
+                f"{len(name_owners[name])} submissions have the name {name!r}"
             )
-    return reasons
+    return reasons_by_digest
 
 
 def held_back(entrant: Checked, truths: Sequence[Checked]) -> str | None:
@@ -168,8 +172,8 @@ def _reasons(record: Record, env: Shipped | None) -> Iterator[str]:
     if not record.reference.frozen and not _scored_before(record):
         yield "other event weights than the frozen ones"
     if record.seeds != list(SEEDS):
-        stated, needed = (", ".join(map(str, seeds)) for seeds in (record.seeds, SEEDS))
-        yield f"seeds {stated}, ranks need {needed}"
+        record_seeds = ", ".join(map(str, record.seeds))
+        yield f"seeds {record_seeds}, ranks need {', '.join(map(str, SEEDS))}"
     if len(record.scenes) != record.env.scenes_of_split:
         yield f"{len(record.scenes)} of {record.env.scenes_of_split} scenes"
     if record.limits != LimitsPart(**asdict(Limits())):
@@ -193,14 +197,14 @@ def _unlike_baselines(record: Record) -> Iterator[str]:
 def _unlike_env(record: Record, env: Shipped) -> Iterator[str]:
     if record.env.card_digest != env.card:
         yield f"card {record.env.card_digest}, the one that ships is {env.card}"
-    settings = [
+    changed_settings = [
         f"{name} {value!r}"
         for name, value in record.env.keywords.items()
         if (name, value) != ("samples", env.samples)
     ]
-    if settings:
-        text = clean_text(", ".join(settings), _MAX_SETTINGS)
-        yield f"other settings of the env: {text}"
+    if changed_settings:
+        settings_text = clean_text(", ".join(changed_settings), _MAX_SETTINGS)
+        yield f"other settings of the env: {settings_text}"
     if record.samples != env.samples:
         yield f"{record.samples} samples per object, not the env's own k"
     if record.reference.hash != env.weights:
@@ -213,14 +217,19 @@ def _unlike_env(record: Record, env: Shipped) -> Iterator[str]:
 
 def _scene_of_other_weight(record: Record, env: Shipped) -> str | None:
     """Return the first scene with other targets than the event weights; None if all fit."""
-    sums = {
+    scene_weights = {
         subset: record.targets.scene_sums(record.unit_weight(subset)).tolist()
         for subset in SUBSETS
     }
     for i, scene in enumerate(record.scenes):
-        frozen = env.sums.get(scene_key(record.env.id, scene))
-        if frozen is None or not all(
-            math.isclose(sums[subset][i], frozen[subset], rel_tol=1e-6, abs_tol=1e-6)
+        frozen_weights = env.sums.get(scene_key(record.env.id, scene))
+        if frozen_weights is None or not all(
+            math.isclose(
+                scene_weights[subset][i],
+                frozen_weights[subset],
+                rel_tol=1e-6,
+                abs_tol=1e-6,
+            )
             for subset in SUBSETS
         ):
             return scene

@@ -1,8 +1,9 @@
-"""Results of a record from rollouts: the same when it is made and when it is verified."""
+"""Results of a record from rollouts, the same when it is made and verified."""
 
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -31,10 +32,10 @@ from ...scoring import (
 )
 from ...sources import open_source, scene_digest
 from .canonical import rounded
-from .record import FACTS, DrivesPart, ReferencePart, Results, ScorerPart
+from .record import ReferencePart, ScorerPart
+from .results import FACTS, DrivesPart, Results
 from .targets import Targets, drive_targets, targets_of
 
-_OF_RESULTS = set(Results.model_fields)
 Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same order
 
 
@@ -45,9 +46,8 @@ class Evaluation:
     targets: Targets
     fields: dict[str, Any]  # of a `Record` that follow from the rollouts
     reference: Reference
-    scene_digests: tuple[
-        str, ...
-    ]  # of the data that was scored, in the order of scenes
+    # of the data that was scored, in the order of scenes
+    scene_digests: tuple[str, ...]
     truth_complete: bool
     ms_per_frame: float | None
 
@@ -59,8 +59,8 @@ class Evaluation:
     @property
     def results(self) -> dict[str, Any]:
         """Fields of `Results`, and the targets."""
-        results = {name: self.fields[name] for name in _OF_RESULTS & self.fields.keys()}
-        return {**results, "targets": self.targets}
+        names = Results.model_fields.keys() & self.fields.keys()
+        return {name: self.fields[name] for name in names} | {"targets": self.targets}
 
     @property
     def record_fields(self) -> dict[str, Any]:
@@ -108,7 +108,8 @@ def evaluate(
         Workers(options.workers.count),
         lambda index: options.progress.done(scene_runs[index][0].scene),
     )
-    seeds = tuple(zip(*(scores for _, scores in scored), strict=True))
+    scene_digests, scene_scores = zip(*scored, strict=True)
+    seeds = tuple(zip(*scene_scores, strict=True))
     samples = scene_runs[0][0].forecast.shape[1]
     setting = AgentScores(
         agent=agent,
@@ -121,10 +122,15 @@ def evaluate(
     report = summarise([setting], card, reference)
     (table,) = report.tables
     (details,) = report.details
-    rows = [row for row in report.rows if row.subset in subsets]
+    errors = {}
+    numbers = {}
+    for row in report.rows:
+        if row.subset in subsets:
+            errors[row.subset] = unit_errors(table, row.subset)
+            numbers[row.subset] = numbers_of(row)
     fields = {
-        "error": {row.subset: unit_errors(table, row.subset) for row in rows},
-        "numbers": {row.subset: numbers_of(row) for row in rows},
+        "error": errors,
+        "numbers": numbers,
         "hypotheses": setting.hypotheses,
         "samples": samples,
         "brier": rounded(details.brier),
@@ -135,7 +141,7 @@ def evaluate(
         targets=targets_of(table, table.subsets, details.nothing_predicted),
         fields=fields,
         reference=reference,
-        scene_digests=tuple(digest for digest, _ in scored),
+        scene_digests=scene_digests,
         truth_complete=table.complete,
         ms_per_frame=report.rows[0].ms_per_frame,
     )
@@ -148,20 +154,16 @@ def _evaluate_drives(
 
     Worlds react to agents: digests are of ways alone.
     """
-    rollouts = [rollout for seed_runs in runs.values() for rollout in seed_runs]
+    rollouts = list(chain.from_iterable(runs.values()))
     ways = reference.ways(rollout.scene for rollout in rollouts)
     drives: dict[str, list[Drive]] = {scene: [] for scene in ways}
-    stated_count = 0
     for rollout in rollouts:
         if rollout.drive is not None:
             drives[rollout.scene].append(rollout.drive)
-        counts = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
-        stated_count = max(stated_count, int(counts.max(initial=0)))
     (driving,) = driving_rows([AgentDrives(agent, drives)], ways)
-    scores = [
-        [scene_score(drive, ways[scene]) for drive in scene_drives]
-        for scene, scene_drives in drives.items()
-    ]
+    scores = []
+    for scene, scene_drives in drives.items():
+        scores.append([scene_score(drive, ways[scene]) for drive in scene_drives])
     facts = driving.model_dump(include=set(DrivesPart.model_fields))
     seconds = np.concatenate([rollout.seconds for rollout in rollouts])
     return Evaluation(
@@ -170,7 +172,7 @@ def _evaluate_drives(
             "error": {},
             "numbers": {},
             "drives": DrivesPart(**rounded(facts), scores=rounded(scores)),
-            "hypotheses": hypotheses or stated_count,
+            "hypotheses": hypotheses or max(map(_hypotheses, rollouts)),
             "samples": rollouts[0].forecast.shape[1],
         },
         reference=reference,
@@ -178,6 +180,11 @@ def _evaluate_drives(
         truth_complete=True,
         ms_per_frame=1e3 * float(seconds.mean()),
     )
+
+
+def _hypotheses(rollout: Rollout) -> int:
+    counts = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
+    return int(counts.max(initial=0))
 
 
 def scorer_digest(definitions: str = DEFINITIONS, golden: str = GOLDEN) -> str:
@@ -193,12 +200,15 @@ def unit_errors(table: AgentTable, subset: Subset) -> list[float]:
 
 def numbers_of(row: Row) -> dict[str, float]:
     """Return the facts of a row that records store; causes of errors of "all" alone."""
-    return {
-        name: rounded(value)
-        for name in Row.model_fields
-        if name in FACTS and (row.subset == "all" or not name.startswith("cost_"))
-        if (value := getattr(row, name)) is not None
-    }
+    numbers = {}
+    for name in Row.model_fields:
+        is_cost = name.startswith("cost_")
+        if name not in FACTS or (is_cost and row.subset != "all"):
+            continue
+        value = getattr(row, name)
+        if value is not None:
+            numbers[name] = rounded(value)
+    return numbers
 
 
 def overconfidence(reliability: Sequence[Reliability]) -> float | None:

@@ -13,10 +13,10 @@ from ...core import unseen
 Level = Literal["scored", "re-scored", "re-run", "hidden"]
 LEVELS: tuple[Level, ...] = get_args(Level)  # each includes those before it
 MAX_LIST = 50  # items of a list of names or numbers
-_MAX_NAME, _MAX_TEXT = 100, 2000  # characters of a name, and of a description
-_LARGEST_WHOLE = (
-    1 << 53
-)  # larger whole numbers are not the same in every reader of JSON
+_MAX_NAME = 100  # characters
+_MAX_TEXT = 2000  # characters of a description
+# larger whole numbers are not the same in every reader of JSON
+_LARGEST_WHOLE = 1 << 53
 
 
 def _require_visible(text: str) -> str:
@@ -49,7 +49,7 @@ OptionalSha256 = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]
 Date = Annotated[
     str, Field(pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}$"), AfterValidator(_require_date)
 ]
-Whole = Annotated[int, Field(ge=-_LARGEST_WHOLE, le=_LARGEST_WHOLE)]
+WholeNumber = Annotated[int, Field(ge=-_LARGEST_WHOLE, le=_LARGEST_WHOLE)]
 Count = Annotated[int, Field(ge=0, le=_LARGEST_WHOLE)]
 Share = Annotated[float, Field(ge=0, le=1)]
 NotNegative = Annotated[float, Field(ge=0, le=1e9)]
@@ -59,7 +59,7 @@ else:  # however deep; chosen by type, so that errors name one type
     _KINDS = {
         "NoneType": None,
         "bool": bool,
-        "int": Whole,
+        "int": WholeNumber,
         "float": float,
         "str": Text,
         "list": list["Json"],

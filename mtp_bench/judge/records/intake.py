@@ -6,7 +6,7 @@ Files are read; no code of a submission is run.
 import filecmp
 import os
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +26,7 @@ _LOOK_ALIKE = str.maketrans(
 _DEPTH = 3
 _MAX_FILES = 100_000  # of a leaderboard
 _MAX_NEW_NAMES = 20  # of a proposal
-_PLAIN = "100644"  # git's mode of a regular file that cannot be executed
+_PLAIN_MODE = "100644"  # git's mode of a regular file that cannot be executed
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
     try:
         files = _files(folder)
         odd = [
-            f"{name}: {kind}, expected a file of mode {_PLAIN}"
+            f"{name}: {kind}, expected a file of mode {_PLAIN_MODE}"
             for name, kind in sorted(files.items())
             if kind
         ]
@@ -101,13 +101,14 @@ def _refused_files(
 
 def _names_without_record(files: Mapping[Path, str], new_names: set[str]) -> list[str]:
     """Return why names are refused that have no record."""
-    used = set()
+    used_names = set()
     for name in files:
         if name.parts[0] == _RECORDS and len(name.parts) == _DEPTH:
-            used.add(name.parts[1])
+            used_names.add(name.parts[1])
     return [
-        f"{OWNERS}: {name[:40]!r} has no record: a name comes with the first record of it"
-        for name in sorted(new_names - used)
+        f"{OWNERS}: {name[:40]!r} has no record: a name comes with the first record "
+        "of it"
+        for name in sorted(new_names - used_names)
     ]
 
 
@@ -125,22 +126,27 @@ def _files(root: Path) -> dict[Path, str]:
     for parent, folders, names in os.walk(root, followlinks=False):
         if not (folders or names):
             files[Path(parent).relative_to(root)] = "empty folder or submodule"
-        folders[:] = [
-            name
-            for name in folders
-            if not name.endswith(ROLLOUTS) or Path(parent, name).is_symlink()
-        ]
-        for name in (*folders, *names):
-            path = Path(parent, name)
-            mode = path.lstat().st_mode
-            kind = file_kind(mode)
-            if not kind and mode & 0o111:
-                kind = "executable file"
+        for folder_name in tuple(folders):
+            is_link = Path(parent, folder_name).is_symlink()
+            if folder_name.endswith(ROLLOUTS) and not is_link:
+                folders.remove(folder_name)
+        for file_name in (*folders, *names):
+            file = Path(parent, file_name)
+            kind = _kind_of(file)
             if kind != "folder":
-                files.setdefault(path.relative_to(root), kind)
+                files.setdefault(file.relative_to(root), kind)
         if len(files) > _MAX_FILES:
             raise RecordError(f"{root}: more than {_MAX_FILES} files")
     return files
+
+
+def _kind_of(path: Path) -> str:
+    """Return what is odd about a file, or "folder"; empty for a regular file."""
+    mode = path.lstat().st_mode
+    kind = file_kind(mode)
+    if not kind and mode & 0o111:
+        return "executable file"
+    return kind
 
 
 def _odd_in_git(root: Path) -> dict[Path, str]:
@@ -156,7 +162,7 @@ def _odd_in_git(root: Path) -> dict[Path, str]:
         return {}
     odd = {}
     for entry in os.fsdecode(result.stdout).split("\0"):
-        if entry and not entry.startswith(_PLAIN):
+        if entry and not entry.startswith(_PLAIN_MODE):
             about, name = entry.split("\t", 1)
             odd[Path(name)] = f"git mode {about.split()[0]}"
     return odd
@@ -175,10 +181,11 @@ def _proposed_owners(
     new_names = [name for name in proposed if name not in trusted_names]
     if len(new_names) > _MAX_NEW_NAMES:
         raise RecordError(
-            f"{OWNERS}: {len(new_names)} new names, expected at most {_MAX_NEW_NAMES} in "
+            f"{OWNERS}: {len(new_names)} new names, expected at most "
+            f"{_MAX_NEW_NAMES} in "
             "one proposal"
         )
-    taken = {_look(name): name for name in (*baseline_names(), *trusted_names)}
+    _require_free(new_names, [*baseline_names(), *trusted_names])
     for name in new_names:
         login = proposed[name]
         if login.lower() != owner.lower():
@@ -186,15 +193,22 @@ def _proposed_owners(
                 f"{OWNERS}: gives {name!r} to {login!r}, expected {owner!r} who asks "
                 "for it"
             )
-        similar = taken.setdefault(_look(name), name)
-        if similar != name:
+    return proposed
+
+
+def _require_free(new_names: Sequence[str], taken_names: Sequence[str]) -> None:
+    """Raise RecordError for a name that is taken, or looks like another one."""
+    known_looks = {_look(name): name for name in taken_names}
+    for name in new_names:
+        if name in taken_names:
+            raise RecordError(f"{OWNERS}: {name!r} is taken: choose another name")
+        similar_name = known_looks.setdefault(_look(name), name)
+        if similar_name != name:
             raise RecordError(
-                f"{OWNERS}: {name!r} looks like {similar!r}, which is taken: choose "
+                f"{OWNERS}: {name!r} looks like {similar_name!r}, which is taken: "
+                "choose "
                 "another name"
             )
-        if name in baseline_names():
-            raise RecordError(f"{OWNERS}: {name!r} is taken: choose another name")
-    return proposed
 
 
 def _look(name: str) -> str:
@@ -202,92 +216,111 @@ def _look(name: str) -> str:
 
 
 def _acceptable(
-    path: Path, name: Path, trust: Trust, names: Mapping[str, str], owner: str
+    record_file: Path,
+    file_name: Path,
+    trust: Trust,
+    owners: Mapping[str, str],
+    owner: str,
 ) -> Record:
     """Return the record in a file; RecordError unless it can be accepted."""
-    if name.parts[0] != _RECORDS or len(name.parts) != _DEPTH or name.suffix != ".json":
+    if (
+        file_name.parts[0] != _RECORDS
+        or len(file_name.parts) != _DEPTH
+        or file_name.suffix != ".json"
+    ):
         raise RecordError(
-            f"{name}: expected {_RECORDS}/<submission>/<env id>.json and {OWNERS} alone "
+            f"{file_name}: expected {_RECORDS}/<submission>/<env id>.json and "
+            f"{OWNERS} alone "
             "in a proposal"
         )
-    record = checked_record(path)
+    record = checked_record(record_file)
     # else an old one could come back, or the best of many
-    has_level = "level" in read_json(path, RecordError)
-    if has_level or record == usable_record(trust.folder / name):
+    has_level = "level" in read_json(record_file, RecordError)
+    if has_level or record == usable_record(trust.folder / file_name):
         raise RecordError(
-            f"{name}: levels are written and removed by those who check records: leave "
+            f"{file_name}: levels are written and removed by those who check "
+            "records: leave "
             "`level` out, or bring the proposal up to date with the branch that it is "
             "for"
         )
-    _require_current(record, name)
-    _require_owner(record, name, names, owner)
+    _require_current(record, file_name)
+    _require_owner(record, file_name, owners, owner)
     return record
 
 
-def _require_current(record: Record, name: Path) -> None:
+def _require_current(record: Record, file_name: Path) -> None:
     """Raise RecordError unless a record is made for what ships, and stands at its path."""
     submission = record.submission.name
     env = record.env
-    if name.parts[1:] != (submission, f"{env.id}.json"):
+    if file_name.parts[1:] != (submission, f"{env.id}.json"):
         raise RecordError(
-            f"{name}: holds {submission!r} on {env.id}, expected it at "
+            f"{file_name}: holds {submission!r} on {env.id}, expected it at "
             f"{submission}/{env.id}.json"
         )
     if record.converted_from is not None:
         raise RecordError(
-            f"{name}: only maintainers convert records: make it with `mtp-bench submit`"
+            f"{file_name}: only maintainers convert records: make it with `mtp-bench "
+            "submit`"
         )
     if why := why_scored_otherwise(record):
-        raise RecordError(f"{name}: {why}: make it again with `mtp-bench submit`")
+        raise RecordError(f"{file_name}: {why}: make it again with `mtp-bench submit`")
     if record.measured.made > today(1):
         raise RecordError(
-            f"{name}: made on {record.measured.made}, expected a day up to {today()}: "
+            f"{file_name}: made on {record.measured.made}, expected a day up to "
+            f"{today()}: "
             "set the clock"
         )
     shipped_env = shipped(env.id)
     if shipped_env is None or shipped_env.card != env.card_digest:
-        raise RecordError(f"{name}: {env.id} with card {env.card_digest} does not ship")
+        raise RecordError(
+            f"{file_name}: {env.id} with card {env.card_digest} does not ship"
+        )
     if not may_observe(record):
-        raise RecordError(f"{name}: {FOR_BASELINES}")
+        raise RecordError(f"{file_name}: {FOR_BASELINES}")
 
 
 def _require_owner(
-    record: Record, name: Path, names: Mapping[str, str], owner: str
+    record: Record, file_name: Path, owners: Mapping[str, str], owner: str
 ) -> None:
     """Raise RecordError unless the submission of a record belongs to ``owner``."""
     submission = record.submission.name
     if submission in baseline_names():
         raise RecordError(
-            f"{name}: {submission!r} is a baseline, only maintainers make its records"
+            f"{file_name}: {submission!r} is a baseline, only maintainers make its "
+            "records"
         )
-    login = names.get(submission)
+    login = owners.get(submission)
     if login is None:
         raise RecordError(
-            f"{name}: the name {submission!r} does not have an owner: add "
+            f"{file_name}: the name {submission!r} does not have an owner: add "
             f'`"{submission}" = "LOGIN"` to {OWNERS}, with yours'
         )
     if login.lower() != owner.lower():
         raise RecordError(
-            f"{name}: the name {submission!r} belongs to {login!r}, not to {owner!r}"
+            f"{file_name}: the name {submission!r} belongs to {login!r}, not to "
+            f"{owner!r}"
         )
 
 
-def _notes(path: Path, record: Record) -> Iterator[str]:
+def _notes(record_file: Path, record: Record) -> Iterator[str]:
     why = why_unranked(record)
     if why is not None:
-        yield f"{path}: not ranked yet: {why}"
+        yield f"{record_file}: not ranked yet: {why}"
     if not (record.submission.source and record.submission.commit):
         yield (
-            f"{path}: a round needs `source` in submission.toml, and the commit: "
+            f"{record_file}: a round needs `source` in submission.toml, and the "
+            "commit: "
             "`mtp-bench submit --commit`"
         )
     if not record.training_data:
         yield (
-            f"{path}: `training_data` in submission.toml is empty: state what it was "
+            f"{record_file}: `training_data` in submission.toml is empty: state what "
+            "it was "
             'trained on, or "nothing"'
         )
-    digests = (record.hashes.seals.encode(), record.hashes.rollouts.encode())
-    for other in sorted(path.parents[1].glob(f"*/{path.name}")):
-        content = b"" if other == path else other.read_bytes()
-        if any(digest in content for digest in digests):
-            yield f"{path}: gives the same answers as {other.parent.name}"
+    seals = record.hashes.seals.encode()
+    rollouts = record.hashes.rollouts.encode()
+    for record_path in sorted(record_file.parents[1].glob(f"*/{record_file.name}")):
+        content = record_path.read_bytes()
+        if record_path != record_file and (seals in content or rollouts in content):
+            yield f"{record_file}: gives the same answers as {record_path.parent.name}"

@@ -17,7 +17,7 @@ from .submitting import RECORDS, finished_record, plan_content, record_path
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class RecordPiece:
     """A record of the leaderboard, made or not."""
 
     submission: Submission
@@ -33,7 +33,7 @@ class Piece:
 
 def inventory(
     env_ids: Sequence[str] = (), names: Sequence[str] = (), folder: Path | None = None
-) -> list[Piece]:
+) -> list[RecordPiece]:
     """Return the records of a leaderboard in the order in which they are made.
 
     Recorded envs come first, STP and ground-truth tracks before others. Submissions
@@ -42,24 +42,31 @@ def inventory(
     None: leaderboard/records below the working folder. Raises UnknownNameError for an
     id or a name that does not ship.
     """
-    cards = {env_id: load_card(env_id) for env_id in env_ids or card_ids()}
-    if not env_ids:
-        cards = {name: card for name, card in cards.items() if card.drive is None}
-    ordered_names = sorted(
-        names or baseline_names(), key=lambda name: (name != STP, name != TRUTH, name)
-    )
-    submissions = [load_submission(name) for name in ordered_names]
+    open_loops = [name for name in card_ids() if load_card(name).drive is None]
+    cards = {env_id: load_card(env_id) for env_id in env_ids or open_loops}
+    submissions = _submissions(names or baseline_names())
     pieces = []
     for env_id in sorted(cards, key=lambda env_id: cards[env_id].simulated):
         for submission in submissions:
-            if submission.compare.observe != "tracks":
-                output = (folder or RECORDS) / submission.name
-                target = record_path(submission, cards[env_id], output)
-                pieces.append(Piece(submission, env_id, target))
+            output = (folder or RECORDS) / submission.name
+            target = record_path(submission, cards[env_id], output)
+            pieces.append(RecordPiece(submission, env_id, target))
     return pieces
 
 
-def standing_record(piece: Piece, options: RunOptions = DEFAULTS) -> Record | None:
+def _submissions(names: Sequence[str]) -> list[Submission]:
+    """Return submissions in the order in which their records are made."""
+    submissions = []
+    for name in sorted(names, key=lambda name: (name != STP, name != TRUTH, name)):
+        submission = load_submission(name)
+        if submission.compare.observe != "tracks":
+            submissions.append(submission)
+    return submissions
+
+
+def standing_record(
+    piece: RecordPiece, options: RunOptions = DEFAULTS
+) -> Record | None:
     """Return the record of a piece if it is complete and would be made equally again.
 
     It is of the same submission, card, seeds, limits and versions. Its rollouts may be
@@ -69,7 +76,7 @@ def standing_record(piece: Piece, options: RunOptions = DEFAULTS) -> Record | No
     return finished_record(piece.target, plan_content(plan), rollouts=False)
 
 
-def why_impossible(piece: Piece, data: str | None = None) -> str | None:
+def why_impossible(piece: RecordPiece, data: str | None = None) -> str | None:
     """Return the reason why a baseline cannot run here, such as untrained weights.
 
     None if it can. The baseline is built in this process to find out. Other submissions

@@ -52,32 +52,32 @@ class Parts:
         arrays: dict[str, Any] | None = read_arrays(self._path(seed, scene))
         if arrays is None or not {*ARRAYS, _OTHER_FIELDS} <= arrays.keys():
             return None
-        fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
+        run_fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
         drive = {name: arrays.pop(name) for name in arrays.keys() - ARRAYS.keys()}
         try:
             rollout = Rollout(scene, **arrays, drive=drive_of(drive))
-            fields["isolation"] = Isolation(**fields["isolation"])
-            return SceneRun(rollout, **fields)
+            run_fields["isolation"] = Isolation(**run_fields["isolation"])
+            return SceneRun(rollout, **run_fields)
         except (KeyError, TypeError, ValueError):  # other fields
             return None
 
     def write(self, seed: int, run: SceneRun) -> None:
         """Store a scene; raises MtpBenchError if that fails."""
-        path = self._path(seed, run.rollout.scene)
-        fields = {**vars(run), "isolation": run.isolation.model_dump()}
-        del fields["rollout"]
+        scene_file = self._path(seed, run.rollout.scene)
+        run_fields = {**vars(run), "isolation": run.isolation.model_dump()}
+        del run_fields["rollout"]
         arrays = {
             name: np.asarray(getattr(run.rollout, name), dtype)
             for name, (dtype, _) in ARRAYS.items()
         }
         arrays |= drive_arrays(run.rollout.drive)
-        arrays[_OTHER_FIELDS] = np.array(json.dumps(fields))
+        arrays[_OTHER_FIELDS] = np.array(json.dumps(run_fields))
         try:
-            path.parent.mkdir(exist_ok=True)
-            write_arrays(path, arrays, level=0)  # kept for minutes
+            scene_file.parent.mkdir(exist_ok=True)
+            write_arrays(scene_file, arrays, level=0)  # kept for minutes
         except OSError as error:
             raise MtpBenchError(
-                f"cannot write {path}: {describe_write_error(error)}"
+                f"cannot write {scene_file}: {describe_write_error(error)}"
             ) from None
 
     def _path(self, seed: int, scene: str) -> Path:
@@ -85,64 +85,67 @@ class Parts:
 
 
 @contextmanager
-def open_parts(target: Path, plan: dict[str, Any], resume: bool) -> Iterator[Parts]:
-    """Open the finished scenes of the record at ``target``.
+def open_parts(
+    record_file: Path, plan: dict[str, Any], resume: bool
+) -> Iterator[Parts]:
+    """Open the finished scenes of the record at ``record_file``.
 
     They are removed if the block ends without an error. ``plan``: all that is decided
     before the runs, as JSON. Raises MtpBenchError if another process writes this
     record, RecordError if finished scenes are left of an earlier command and not to
     ``resume``, or have another plan.
     """
-    folder = target.with_suffix(PARTS)
-    make_folder(folder)
-    with locked(folder / _LOCK, str(target)):
+    parts_folder = record_file.with_suffix(PARTS)
+    make_folder(parts_folder)
+    with locked(parts_folder / _LOCK, str(record_file)):
         if not resume:
-            require_new(target)
-        remove_leftovers(target, target.with_suffix(ROLLOUTS))
-        _require_plan(folder, plan)
+            require_new(record_file)
+        remove_leftovers(record_file, record_file.with_suffix(ROLLOUTS))
+        _require_plan(parts_folder, plan)
         try:
-            yield Parts(folder)
+            yield Parts(parts_folder)
         except BaseException as error:
-            if count_parts(target):
+            if count_parts(record_file):
                 error.add_note(
                     "the scenes finished before are kept: --resume continues"
                 )
             else:
-                _remove(folder)
+                _remove(parts_folder)
             raise
-        _remove(folder)
+        _remove(parts_folder)
 
 
-def require_new(target: Path) -> None:
+def require_new(record_file: Path) -> None:
     """Raise RecordError if an interrupted command left finished scenes."""
-    count = count_parts(target)
+    count = count_parts(record_file)
     if count:
-        folder = target.with_suffix(PARTS)
+        parts_folder = record_file.with_suffix(PARTS)
         raise RecordError(
-            f"{folder} holds {count} finished scenes of an interrupted submit: continue "
+            f"{parts_folder} holds {count} finished scenes of an interrupted submit: "
+            "continue "
             "it with --resume, or delete that folder"
         )
 
 
-def count_parts(target: Path) -> int:
+def count_parts(record_file: Path) -> int:
     """Count the finished scenes that an interrupted command left, over all seeds."""
-    paths = target.with_suffix(PARTS).glob("seed-*/*.npz")
+    paths = record_file.with_suffix(PARTS).glob("seed-*/*.npz")
     return sum(not path.name.startswith(".") for path in paths)
 
 
-def _remove(folder: Path) -> None:
+def _remove(parts_folder: Path) -> None:
     """Remove what a submit writes into the folder, which stays if it holds more."""
-    for path in folder.glob("seed-*"):
+    for path in parts_folder.glob("seed-*"):
         shutil.rmtree(path, ignore_errors=True)
     for name in (_PLAN, _LOCK):
-        (folder / name).unlink(missing_ok=True)
+        (parts_folder / name).unlink(missing_ok=True)
     with suppress(OSError):
-        folder.rmdir()
+        parts_folder.rmdir()
 
 
-def _require_plan(folder: Path, plan: dict[str, Any]) -> None:
+def _require_plan(parts_folder: Path, plan: dict[str, Any]) -> None:
     """Store the plan; raises RecordError if a different one is stored."""
-    path = folder / _PLAN
+    path = parts_folder / _PLAN
     plan_json = json.loads(json.dumps(plan))
     if not path.exists():
         write_text(path, json.dumps(plan_json, indent=1) + "\n")
@@ -153,6 +156,7 @@ def _require_plan(folder: Path, plan: dict[str, Any]) -> None:
         if values[0] != values[1]:
             got, expected = (clean_text(json.dumps(value), 100) for value in values)
             raise RecordError(
-                f"{folder} was begun with another plan: {name} is {got}, there it is "
+                f"{parts_folder} was begun with another plan: {name} is {got}, there "
+                "it is "
                 f"{expected}; submit as then, or delete that folder"
             )

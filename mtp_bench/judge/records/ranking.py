@@ -1,11 +1,11 @@
-"""Ranks of records from their sums per unit: the rules of the scorer, applied to records.
+"""Ranks of records from their sums per unit, by the rules of the scorer.
 
 Recorded envs are ranked by the sums of the records; simulated ones by those of hidden
 scenes, from signed levels.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from ...agent import controls
@@ -40,7 +40,7 @@ from .shipped import baselines, learned_truths, network_references, shipped
 
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 ASSOCIATION = controls()["same_samples"], controls()["associated_same_samples"]
-OTHERS = "other data, scenes or hidden scenes than the ranked ones"
+_OTHER_DATA = "other data, scenes or hidden scenes than the ranked ones"
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,9 @@ class Standing:
     # the same between references with the predictor of the record
     own_gaps: Mapping[Subset, float] = field(default_factory=dict)
     association_gaps: Mapping[Subset, float] = field(default_factory=dict)
-    gap_blank: str = UNSTATED  # why one of the ``gaps`` is missing
-    association_gap_blank: str = UNSTATED
+    # why a gap on all targets is missing; None: it is there
+    gap_blank: str | None = UNSTATED
+    association_gap_blank: str | None = UNSTATED
     # of bADE, to STP's
     differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)
 
@@ -98,16 +99,16 @@ def standings(
     groups: dict[str, list[Record]] = {}
     for record in records:
         groups.setdefault(record.env.id, []).append(record)
-    standing: dict[str, Standing] = {}
+    by_digest: dict[str, Standing] = {}
     with long_work("comparing pairs of records") as work:
         work.started(sum(len(group) ** 2 for group in groups.values()))
         for env_id, group in groups.items():
-            standing |= _standings_of_env(group, levels or {}, ships, subsets)
+            by_digest |= _standings_of_env(group, levels or {}, ships, subsets)
             work.done(env_id, len(group) ** 2)
-    return standing
+    return by_digest
 
 
-def own_ends(
+def gap_reference_names(
     submission: SubmissionPart, observe: str = "truth"
 ) -> tuple[str, str] | None:
     """Return the records that bound a gap for the submission's predictor.
@@ -142,74 +143,87 @@ def _standings_of_env(
     entrants = _entrants(records, levels, ships)
     peers = _main_group(entrants)
     finished = [peer for peer in peers if peer.record.status == "finished"]
-    best = {peer.baseline: peer for peer in sorted(finished, key=_precedence)}
-    candidates = [peer for peer in peers if peer.unranked_because is None]
-    truths = _truths(best)
-    held_because = [held_back(candidate, truths) for candidate in candidates]
-    guards = [_guarded(candidate, best) for candidate in candidates]
-    ranks = places_on(subsets, candidates, held_because, guards)
-    places = dict(zip(candidates, ranks, strict=True))
-    compared = _compared(peers, dict(zip(candidates, held_because, strict=True)))
-    standing = {}
+    best_records = {peer.baseline: peer for peer in sorted(finished, key=_precedence)}
+    places, compared = _ranked_places(peers, best_records, subsets)
+    by_digest = {}
     for entrant in entrants:
-        unranked = Place(why=entrant.unranked_because or OTHERS)
-        standing[entrant.record.digest] = _standing(
-            entrant,
-            places.get(entrant, dict.fromkeys(subsets, unranked)),
-            entrant in compared,
-            best if entrant in peers else None,
-            subsets if entrant in finished else (),
-        )
-    return standing
+        unranked = Place(why=entrant.unranked_because or _OTHER_DATA)
+        entrant_places = places.get(entrant, dict.fromkeys(subsets, unranked))
+        digest = entrant.record.digest
+        by_digest[digest] = Standing(entrant_places, entrant in compared)
+        if entrant in peers:
+            known_subsets = subsets if entrant in finished else ()
+            by_digest[digest] = _with_gaps(
+                by_digest[digest], entrant, best_records, known_subsets
+            )
+    return by_digest
 
 
-def _compared(
-    peers: Sequence[_Entrant], held_because: Mapping[_Entrant, str | None]
-) -> list[_Entrant]:
-    """Return the entrants of the main ranking; before a round those that wait for it."""
-    ranked = [peer for peer in peers if held_because.get(peer, "unranked") is None]
-    return ranked or [peer for peer in peers if peer.unranked_because == NOT_ON_HIDDEN]
+def _ranked_places(
+    peers: Sequence[_Entrant], best_records: _Best, subsets: Sequence[Subset]
+) -> tuple[dict[_Entrant, Mapping[Subset, Place]], list[_Entrant]]:
+    """Return the places of candidates, and the entrants of the main ranking.
+
+    Those are the ranked ones, or before a round those that wait for it.
+    """
+    candidates = [peer for peer in peers if peer.unranked_because is None]
+    truths = _truths(best_records)
+    held_because = [held_back(candidate, truths) for candidate in candidates]
+    guards = [_guarded(candidate, best_records) for candidate in candidates]
+    places = places_on(subsets, candidates, held_because, guards)
+    ranked = []
+    for candidate, reason in zip(candidates, held_because, strict=True):
+        if reason is None:
+            ranked.append(candidate)
+    waiting = [peer for peer in peers if peer.unranked_because == NOT_ON_HIDDEN]
+    return dict(zip(candidates, places, strict=True)), ranked or waiting
 
 
 def _entrants(
     records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships
 ) -> list[_Entrant]:
-    taken = taken_names(records, levels)
+    name_reasons = taken_names(records, levels)
     entrants = []
     for record in records:
         level = levels.get(record.digest)
-        name_taken = taken.get(record.digest)
-        unranked = why_unranked(record, level, ships) or name_taken
-        not_comparable = why_not_comparable(record, ships) or name_taken
+        name_reason = name_reasons.get(record.digest)
+        unranked = why_unranked(record, level, ships) or name_reason
+        not_comparable = why_not_comparable(record, ships) or name_reason
         entrants.append(_Entrant(record, level, unranked, not_comparable))
     return entrants
 
 
 def _main_group(entrants: Sequence[_Entrant]) -> list[_Entrant]:
     """Return the comparable entrants under the conditions of the main ranking."""
-    comparable = [e for e in entrants if e.not_comparable_because is None]
+    comparable = []
+    rankable = []
+    for entrant in entrants:
+        if entrant.not_comparable_because is None:
+            comparable.append(entrant)
+        if entrant.unranked_because is None:
+            rankable.append(entrant)
     # before a round: on public scenes
-    leading = [e for e in entrants if e.unranked_because is None] or comparable
+    leading = rankable or comparable
     if not leading:
         return []
-    main = max(leading, key=_precedence_of_group(leading)).conditions
-    return [e for e in comparable if e.conditions == main]
+    with_stp = {entrant.conditions for entrant in leading if entrant.baseline == STP}
 
+    def group_key(entrant: _Entrant) -> tuple[object, ...]:
+        # a seal without a record of STP leads only alone
+        return (entrant.conditions in with_stp, *_precedence(entrant))
 
-def _precedence_of_group(
-    leading: Sequence[_Entrant],
-) -> Callable[[_Entrant], tuple[object, ...]]:
-    """Return a sort key: a seal without a record of STP leads only alone."""
-    with_stp = {e.conditions for e in leading if e.baseline == STP}
-    return lambda entrant: (entrant.conditions in with_stp, *_precedence(entrant))
+    main_conditions = max(leading, key=group_key).conditions
+    return [peer for peer in comparable if peer.conditions == main_conditions]
 
 
 def _precedence(entrant: _Entrant) -> tuple[object, ...]:
     """Return a sort key: the largest decides on the main ranking and within a name."""
-    seal = None if entrant.signed is None else entrant.signed.seal
     name = entrant.baseline
+    seal_date = ""
+    if entrant.signed is not None and entrant.signed.seal is not None:
+        seal_date = entrant.signed.seal.made
     return (
-        "" if seal is None else seal.made,
+        seal_date,
         LEVELS.index(entrant.level),
         name == STP,
         name in baseline_names(),
@@ -217,61 +231,61 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
     )
 
 
-def _guarded(entrant: _Entrant, best: _Best) -> str | None:
+def _guarded(entrant: _Entrant, best_records: _Best) -> str | None:
     """Return why a record is not ranked on event subsets, from records of STP."""
-    stp = best.get(STP)
+    stp = best_records.get(STP)
     if stp is None:
         return "no record of stp beside it"
-    return guard(entrant, stp, _pairs(entrant, best).own.stp)
+    return guard(entrant, stp, _pairs(entrant, best_records).own.stp)
 
 
-def _pairs(entrant: _Entrant, best: _Best) -> GapPairs:
+def _pairs(entrant: _Entrant, best_records: _Best) -> GapPairs:
     """Return the records between which the gaps of a record are closed."""
     submission = entrant.record.submission
-    has_other_predictor = submission.gap_references == "own"
-    unstated = Pair(missing=UNSTATED)
-    if has_other_predictor:
-        unstated = Pair(missing="no reference with its predictor ships")
-
-    def pair_of(names: tuple[str, str] | None) -> Pair:
-        if names is None:
-            return unstated
-        stp, truth = map(best.get, names)
-        absent = names[0] if stp is None else names[1]
-        return Pair(stp, truth, f"no record of {absent} beside it")
-
-    own = pair_of(own_ends(submission))
-    kinematic = Pair(missing=NOT_KINEMATIC) if has_other_predictor else own
-    if entrant.record.env.observe == "truth":
-        return GapPairs(kinematic, own, Pair(missing=SAW_TRUTH))
-    return GapPairs(kinematic, own, pair_of(own_ends(submission, "associated")))
+    own_pair = _pair(submission, "truth", best_records)
+    kinematic = own_pair
+    if submission.gap_references == "own":
+        kinematic = Pair(missing=NOT_KINEMATIC)
+    association = Pair(missing=SAW_TRUTH)
+    if entrant.record.env.observe != "truth":
+        association = _pair(submission, "associated", best_records)
+    return GapPairs(kinematic, own_pair, association)
 
 
-def _standing(
+def _pair(submission: SubmissionPart, observe: str, best_records: _Best) -> Pair:
+    names = gap_reference_names(submission, observe)
+    if names is None and submission.gap_references == "own":
+        return Pair(missing="no reference with its predictor ships")
+    if names is None:
+        return Pair(missing=UNSTATED)
+    stp, truth = map(best_records.get, names)
+    absent_name = names[0] if stp is None else names[1]
+    return Pair(stp, truth, f"no record of {absent_name} beside it")
+
+
+def _with_gaps(
+    standing: Standing,
     entrant: _Entrant,
-    places: Mapping[Subset, Place],
-    compared: bool,
-    best: _Best | None,
+    best_records: _Best,
     subsets: Sequence[Subset],
 ) -> Standing:
-    """Return the standing of a record; ``best``: reference records to compare with."""
-    if best is None:
-        return Standing(places, compared)
-    pairs = _pairs(entrant, best)
+    """Return the standing of a record with its gaps to the reference records."""
+    pairs = _pairs(entrant, best_records)
     differences: dict[Subset, PairedDifference] = {}
-    stp = best.get(STP)
+    stp = best_records.get(STP)
     if stp not in (None, entrant) and stp.record.samples == entrant.record.samples:
         for subset in subsets:
             if (difference := entrant.minus(stp, subset)) is not None:
                 differences[subset] = difference
-    return Standing(
-        places,
-        compared,
-        gaps=_closed(entrant, pairs.kinematic, subsets),
+    gaps = _closed(entrant, pairs.kinematic, subsets)
+    association_gaps = _closed(entrant, pairs.association, subsets)
+    return replace(
+        standing,
+        gaps=gaps,
         own_gaps=_closed(entrant, pairs.own, subsets),
-        association_gaps=_closed(entrant, pairs.association, subsets),
-        gap_blank=pairs.kinematic.closed_by(entrant, "all").why or NO_GAP,
-        association_gap_blank=pairs.association.closed_by(entrant, "all").why or NO_GAP,
+        association_gaps=association_gaps,
+        gap_blank=_gap_blank(entrant, pairs.kinematic, gaps),
+        association_gap_blank=_gap_blank(entrant, pairs.association, association_gaps),
         differences=differences,
     )
 
@@ -280,21 +294,35 @@ def _closed(
     entrant: _Entrant, pair: Pair, subsets: Sequence[Subset]
 ) -> dict[Subset, float]:
     """Return the shares of a gap that are closed, on the subsets that define it."""
-    gaps = {subset: pair.closed_by(entrant, subset).closed for subset in subsets}
-    return {subset: share for subset, share in gaps.items() if share is not None}
+    gaps = {}
+    for subset in subsets:
+        closed_share = pair.closed_by(entrant, subset).closed
+        if closed_share is not None:
+            gaps[subset] = closed_share
+    return gaps
 
 
-def _truths(best: _Best) -> list[_Entrant]:
+def _gap_blank(
+    entrant: _Entrant, pair: Pair, gaps: Mapping[Subset, float]
+) -> str | None:
+    if "all" in gaps:
+        return None
+    return pair.closed_by(entrant, "all").why or NO_GAP
+
+
+def _truths(best_records: _Best) -> list[_Entrant]:
     """Return the records of ground-truth tracks and of the best network on them.
 
     Empty unless there are both.
     """
-    truth = best.get(TRUTH)
+    truth = best_records.get(TRUTH)
     learned = []
     for name in learned_truths():
-        entrant = best.get(name)
-        error = None if entrant is None else entrant.row_of("all").error
-        if entrant is not None and error is not None:
+        entrant = best_records.get(name)
+        if entrant is None:
+            continue
+        error = entrant.row_of("all").error
+        if error is not None:
             learned.append((error, entrant))
     if truth is None or not learned:
         return []

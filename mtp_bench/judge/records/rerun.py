@@ -1,4 +1,4 @@
-"""Runs that check a record: again in random order, under a secret motion, and on hidden scenes.
+"""Runs that check a record: in random order, under secret motion, on hidden scenes.
 
 The public seeds of a record fix how its scenes were turned and shifted, so that an
 agent could look its answers up in a table of coordinates. Such a table fails under
@@ -25,14 +25,15 @@ from ...scoring import SUBSETS, Reference, Subset, check_rollout, why_not_on
 from ...sources import open_source, package_of
 from ..gateway.limits import Isolation, SceneRun
 from .canonical import Difference
-from .record import HiddenPart, Record, Results
+from .record import HiddenPart, Record
+from .results import Results
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
 from .seal import Sealed
 from .targets import Targets
 
 # Share of the error by which other draws may be worse, on all targets and on event
 # subsets that rank. Seeds of a baseline differ by 0.06 at most, by 0.015 on those.
-ALIKE = 0.1
+_MAX_WORSE_SHARE = 0.1
 _NEGLIGIBLE_M = 1e-3
 _SEEDS = 1 << 60  # as many as those of hidden runs
 _random = secrets.SystemRandom()
@@ -52,7 +53,8 @@ def drive_again(card: Card, rollout: Rollout) -> Rollout:
     weights = np.exp(np.minimum(rollout.forecast_log_weight, 1.0)).sum(axis=1)
     if not (weights < 1.001).all():  # NaN is not
         raise RecordError(
-            f"{rollout.scene}: weights of the samples of a forecast add up to more than 1"
+            f"{rollout.scene}: weights of the samples of a forecast add up to more "
+            "than 1"
         )
     for action in actions_of(rollout):
         if not episode.over:
@@ -89,9 +91,9 @@ def errors_under_random_pose(
 
 
 def worse_when_moved(
-    record: Record, moved: Mapping[Subset, float | None]
+    record: Record, moved_errors: Mapping[Subset, float | None]
 ) -> Difference | None:
-    """Return the first error that is larger when ``moved``; None if all are alike.
+    """Return the first error that is larger among ``moved_errors``; None if none is.
 
     It is compared with the mean over seeds, not with the worst: an agent with a table
     for all seeds but one would pass.
@@ -99,19 +101,19 @@ def worse_when_moved(
     # further subsets are shown only
     for subset in SUBSETS:
         row = record.row_of(subset)
-        error = moved.get(subset)
+        error = moved_errors.get(subset)
         if row.error is None or error is None:
             continue
-        sums = record.sums_on(subset, record.samples)
-        if subset != "all" and why_not_on(subset, sums):
+        subset_sums = record.sums_on(subset, record.samples)
+        if subset != "all" and why_not_on(subset, subset_sums):
             continue
-        largest = row.error * (1 + ALIKE) + _NEGLIGIBLE_M
+        largest_error = row.error * (1 + _MAX_WORSE_SHARE) + _NEGLIGIBLE_M
         # one collision costs a whole scene
         if record.drives is not None and row.interval is not None:
-            largest = max(largest, row.interval[1])
-        if error > largest:
-            what = f"error of {subset} under another motion"
-            return Difference(what, row.error, error)
+            largest_error = max(largest_error, row.interval[1])
+        if error > largest_error:
+            error_name = f"error of {subset} under another motion"
+            return Difference(error_name, row.error, error)
     return None
 
 
@@ -145,17 +147,19 @@ def run_hidden(
     package = package_of(hidden_card)
     ends.callback(package.discard, hidden_card)
     package.keep_private(hidden_card)
-    shown = plan.options.progress
+    public_progress = plan.options.progress
     # the name of a scene would tell its seed
-    progress = Progress(shown.started, lambda _: shown.done("a hidden scene"))
+    progress = Progress(
+        public_progress.started, lambda _: public_progress.done("a hidden scene")
+    )
     options = replace(plan.options, data=None, progress=progress)
-    scenes = sealed.shuffled(open_source(hidden_card).names)
+    hidden_names = sealed.shuffled(open_source(hidden_card).names)
     hidden_plan = replace(
         plan,
         env=hidden_card,
         card=hidden_card,
-        scenes=scenes,
-        scenes_of_split=len(scenes),
+        scenes=hidden_names,
+        scenes_of_split=len(hidden_names),
         options=options,
     )
     runs = run_again(hidden_plan, [sealed.run_seed(record.seeds[0])])
@@ -165,7 +169,7 @@ def run_hidden(
             "bubblewrap"
         )
     require_answered(runs, plan.submission.name, "of hidden scenes")
-    reference = sealed.reference(hidden_card, scenes, options)
+    reference = sealed.reference(hidden_card, hidden_names, options)
     evaluation = evaluate_plan(hidden_plan, runs, reference)
     # without names of scenes
     targets = Targets(
@@ -177,7 +181,7 @@ def run_hidden(
     return HiddenPart(
         commitment=sealed.commitment,
         weights=reference.digest,
-        scenes=len(scenes),
+        scenes=len(hidden_names),
         **evaluation.results | {"targets": targets},
     )
 

@@ -39,17 +39,15 @@ class Round:
         ends: ExitStack,
     ) -> Verification:
         """Check one record as `verify` does."""
-        submission = self._submission_folder(record)
-        sealed = self._sealed(record)
         return verify(
             path,
             options,
             env_id,
-            submission,
-            self.rerun,
-            sealed,
-            ends,
-            self.made_here,
+            submission=self._submission_folder(record),
+            rerun=self.rerun,
+            sealed=self._sealed(record),
+            ends=ends,
+            made_here=self.made_here,
         )
 
     def reached(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
@@ -61,16 +59,13 @@ class Round:
         if signed is None or signed.statement.converted:
             return None
         sealed = self._sealed(record)
-        goal: Level = "re-scored"
-        if self.rerun:
-            goal = "re-run" if sealed is None else "hidden"
-        if _is_below(signed.statement.level, goal):
-            return None
-        hidden = signed.statement.hidden
-        commitment = None if hidden is None else hidden.commitment
-        if sealed is not None and commitment != sealed.commitment:
-            return None
-        return signed
+        if sealed is not None:
+            hidden = signed.statement.hidden
+            if hidden is None or hidden.commitment != sealed.commitment:
+                return None
+            return signed
+        goal: Level = "re-run" if self.rerun else "re-scored"
+        return None if _is_below(signed.statement.level, goal) else signed
 
     def _sealed(self, record: Record) -> Sealed | None:
         return self.seals.get(record.env.id) if self.rerun else None
@@ -99,12 +94,15 @@ def attest(
     """
     record = checked.record
     signed, _ = read_level(checked.path, record, trust or trusted())
-    earlier = None if signed is None else signed.statement
-    if earlier is not None and _is_below(checked.level, earlier.level):
-        raise RecordError(
-            f"{checked.path}: reached {checked.level}, and is {earlier.level} since "
-            f"{earlier.date}: that is kept"
-        )
+    if signed is not None:
+        earlier = signed.statement
+        if _is_below(checked.level, earlier.level):
+            raise RecordError(
+                f"{checked.path}: reached {checked.level}, and is {earlier.level} "
+                "since "
+                f"{earlier.date}: that is kept"
+            )
+        looked_at = looked_at or earlier.looked_at
     if checked.level == "scored" or not checked.holds:
         raise RecordError(
             f"{checked.path}: does not hold, so there is no level to sign"
@@ -120,10 +118,10 @@ def attest(
         isolation=(checked.isolation or record.isolation).mechanism,
         date=today(),
         hidden=checked.hidden,
-        looked_at=looked_at or (earlier is not None and earlier.looked_at),
+        looked_at=looked_at,
     )
     write_level(checked.path, statement, key, signer)
 
 
-def _is_below(level: Level, other: Level) -> bool:
-    return LEVELS.index(level) < LEVELS.index(other)
+def _is_below(level: Level, goal: Level) -> bool:
+    return LEVELS.index(level) < LEVELS.index(goal)

@@ -1,4 +1,4 @@
-"""Runs of a submission behind the gateway, one per seed, and their digests and measurements."""
+"""Runs of a submission behind the gateway, one per seed, with digests and times."""
 
 import os
 import platform
@@ -93,7 +93,8 @@ def _require_own_scenes(submission: Submission, options: RunOptions) -> None:
         )
     if submission.compare.observe == "tracks":
         raise MtpBenchError(
-            f"{submission.name} observes stored tracks, which may have seen the future: "
+            f"{submission.name} observes stored tracks, which may have seen the "
+            "future: "
             "it has no record; use `mtp-bench compare --tracks`"
         )
 
@@ -111,15 +112,15 @@ def run_seed(
     """
     runs: dict[str, SceneRun] = {}
 
-    def keep(run: SceneRun) -> None:
-        runs[run.rollout.scene] = run
+    def keep(scene_run: SceneRun) -> None:
+        runs[scene_run.rollout.scene] = scene_run
         if parts is not None:
-            parts.write(seed, run)
+            parts.write(seed, scene_run)
 
     for scene in plan.scenes:
-        run = None if parts is None else parts.read(seed, scene)
-        if run is not None:
-            runs[scene] = run
+        scene_run = None if parts is None else parts.read(seed, scene)
+        if scene_run is not None:
+            runs[scene] = scene_run
             plan.options.progress.done(scene)
     remaining = [scene for scene in plan.scenes if scene not in runs]
     env_keywords = {
@@ -187,9 +188,9 @@ def info_of(plan: Plan, seed: int) -> RunInfo:
 def hashes(runs: Runs) -> HashesPart:
     """Return digests of hash chains and rollouts, which a second run must repeat."""
     seals = {
-        key_of(run.rollout.scene, seed): run.seal
+        key_of(scene_run.rollout.scene, seed): scene_run.seal
         for seed, seed_runs in runs.items()
-        for run in seed_runs
+        for scene_run in seed_runs
     }
     rollouts = rollouts_hash(rollouts_of(runs))
     return HashesPart(seals=digest_of(seals), rollouts=rollouts)
@@ -213,11 +214,13 @@ def unanswered(runs: Runs) -> MissedPart:
     reasons = {}
     malformed = 0
     for seed, seed_runs in runs.items():
-        for run in seed_runs:
-            malformed += run.malformed
-            if run.status != "finished":
-                reason = clean_text(run.reason, _MAX_REASON)
-                reasons[key_of(run.rollout.scene, seed)] = f"{run.status}: {reason}"
+        for scene_run in seed_runs:
+            malformed += scene_run.malformed
+            if scene_run.status != "finished":
+                reason = clean_text(scene_run.reason, _MAX_REASON)
+                reasons[key_of(scene_run.rollout.scene, seed)] = (
+                    f"{scene_run.status}: {reason}"
+                )
     return MissedPart(malformed=malformed, reasons=reasons)
 
 

@@ -34,11 +34,11 @@ from .canonical import canonical, digest_of, today
 from .fields import Date, Sha256
 from .storage import read_as
 
-# Secret seeds are drawn from FIRST to LAST: far above those of the cards, and too many
-# for an agent to find the name of its scene, from which noise and motion follow, by
-# trying.
-FIRST = SECRET_SEEDS
-LAST = 2**62
+# Secret seeds are drawn from FIRST_SEED to LAST_SEED: far above those of the cards, and
+# too many for an agent to find the name of its scene, from which noise and motion
+# follow, by trying.
+FIRST_SEED = SECRET_SEEDS
+LAST_SEED = 2**62
 MOST_SCENES = 1000
 SEALS = Path("leaderboard", "seals")  # below the working folder: the checkout
 # suffixes of the files
@@ -57,7 +57,7 @@ class SecretSeeds(Section):
     format: Literal[1, 2] = 2
     env: str
     card_digest: str
-    first: Annotated[int, Field(ge=FIRST, lt=LAST)]
+    first: Annotated[int, Field(ge=FIRST_SEED, lt=LAST_SEED)]
     count: Annotated[int, Field(ge=1, le=MOST_SCENES)]
     # a shorter one would let the seeds be found by trying all of them
     salt: Annotated[str, Field(min_length=64)]
@@ -152,28 +152,28 @@ def commitment_of(seeds: SecretSeeds) -> str:
     return digest_of(seeds.model_dump())
 
 
-def seal(env_id: str, count: int, path: str | Path) -> Commitment:
+def seal(env_id: str, count: int, secret_file: str | Path) -> Commitment:
     """Draw ``count`` secret scenes of a simulated env.
 
-    The secret goes to ``path``, its commitment beside it. Raises MtpBenchError if the
-    env is not simulated, or the file exists or cannot be written.
+    The secret goes to ``secret_file``, its commitment beside it. Raises MtpBenchError
+    if the env is not simulated, or the file exists or cannot be written.
     """
-    path = Path(path)
-    public = beside(path, COMMITMENT)
+    secret_file = Path(secret_file)
+    public_file = seal_path(secret_file, COMMITMENT)
     card = load_card(env_id)
     _simulated_source(card)
     if not 1 <= count <= MOST_SCENES:
         raise MtpBenchError(f"count is {count}, expected 1 to {MOST_SCENES}")
-    for file in (path, public):
+    for file in (secret_file, public_file):
         require_file(file)
         if file.exists():
             raise MtpBenchError(
                 f"{file} exists: a seal is never replaced, name another file"
             )
-    seeds = SecretSeeds(
+    secret_seeds = SecretSeeds(
         env=card.id,
         card_digest=card.digest,
-        first=FIRST + secrets.randbelow(LAST - FIRST - count),
+        first=FIRST_SEED + secrets.randbelow(LAST_SEED - FIRST_SEED - count),
         count=count,
         salt=secrets.token_hex(32),
     )
@@ -181,34 +181,35 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
         env=card.id,
         card_digest=card.digest,
         count=count,
-        commitment=commitment_of(seeds),
+        commitment=commitment_of(secret_seeds),
         made=today(),
     )
-    path.touch(mode=0o600)  # unreadable for others, also while it is written
-    path.write_bytes(canonical(seeds.model_dump()) + b"\n")
-    _publish(public, commitment)
+    secret_file.touch(mode=0o600)  # unreadable for others, also while it is written
+    secret_file.write_bytes(canonical(secret_seeds.model_dump()) + b"\n")
+    _publish(public_file, commitment)
     return commitment
 
 
 def open_seal(
-    path: str | Path, listed: Mapping[str, ListedSeal] | None = None
+    secret_file: str | Path, listed: Mapping[str, ListedSeal] | None = None
 ) -> Sealed:
-    """Read the secret seeds at ``path`` and check them against their commitment.
+    """Read the secret seeds at ``secret_file`` and check them against their commitment.
 
     Raises RecordError if a file is missing or wrong or the secret does not fit its
     commitment, RetiredSealError if the seal is retired, beside the secret or among
     those ``listed`` by a leaderboard.
     """
-    path = Path(path)
-    seeds, commitment = _committed(path)
+    secret_file = Path(secret_file)
+    secret_seeds, commitment = _committed(secret_file)
     published = (listed or {}).get(commitment.commitment)
     is_retired = published is not None and bool(published.retired)
-    if is_retired or beside(path, RETIRED).exists():
+    if is_retired or seal_path(secret_file, RETIRED).exists():
         raise RetiredSealError(
-            f"{path}: this seal is retired, its scenes are public: draw another with "
+            f"{secret_file}: this seal is retired, its scenes are public: draw "
+            "another with "
             "`mtp-bench maintain seal`"
         )
-    return Sealed(seeds, commitment.commitment, beside(path, WEIGHTS))
+    return Sealed(secret_seeds, commitment.commitment, seal_path(secret_file, WEIGHTS))
 
 
 def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed]:
@@ -241,48 +242,50 @@ def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed
     return seals
 
 
-def retire(path: str | Path, folder: str | Path = SEALS) -> Path:
-    """Publish the secret at ``path`` in ``folder``; returns the file.
+def retire(secret_file: str | Path, folder: str | Path = SEALS) -> Path:
+    """Publish the secret at ``secret_file`` in ``folder``; returns the file.
 
     Event weights are published with it, if there are any. Raises RecordError if the
     secret does not fit its commitment, MtpBenchError if a file cannot be written.
     """
-    path = Path(path)
+    secret_file = Path(secret_file)
     folder = Path(folder)
-    seeds, commitment = _committed(path)
-    weights = beside(path, WEIGHTS)
+    secret_seeds, commitment = _committed(secret_file)
+    weights = seal_path(secret_file, WEIGHTS)
     weights_hash = read_reference(weights).digest if weights.is_file() else None
-    target = folder / beside(path, RETIRED).name
+    target = folder / seal_path(secret_file, RETIRED).name
     for file in (target, folder / weights.name):
         require_file(file)
     is_elsewhere = weights.parent.resolve() != folder.resolve()
     if weights_hash is not None and is_elsewhere:
         with whole_file(folder / weights.name) as part:
             shutil.copyfile(weights, part)
-    _publish(folder / beside(path, COMMITMENT).name, commitment)
-    _publish(target, Retired(secret=seeds, weights=weights_hash, retired=today()))
+    _publish(folder / seal_path(secret_file, COMMITMENT).name, commitment)
+    _publish(
+        target, Retired(secret=secret_seeds, weights=weights_hash, retired=today())
+    )
     return target
 
 
-def _committed(path: Path) -> tuple[SecretSeeds, Commitment]:
-    """Read the secret at ``path`` and its commitment.
+def _committed(secret_file: Path) -> tuple[SecretSeeds, Commitment]:
+    """Read the secret at ``secret_file`` and its commitment.
 
     Raises RecordError if one is missing or they do not fit.
     """
-    public = beside(path, COMMITMENT)
-    seeds = read_as(SecretSeeds, path, _ABSENT)
-    commitment = read_as(Commitment, public, _ABSENT)
-    sha256 = commitment_of(seeds)
-    content = (sha256, seeds.env, seeds.count)
+    public_file = seal_path(secret_file, COMMITMENT)
+    secret_seeds = read_as(SecretSeeds, secret_file, _ABSENT)
+    commitment = read_as(Commitment, public_file, _ABSENT)
+    secret_sha256 = commitment_of(secret_seeds)
+    content = (secret_sha256, secret_seeds.env, secret_seeds.count)
     if (commitment.commitment, commitment.env, commitment.count) != content:
         raise RecordError(
-            f"{path}: has the sha256 {sha256[:12]}, expected "
-            f"{commitment.commitment[:12]} as in {public}"
+            f"{secret_file}: has the sha256 {secret_sha256[:12]}, expected "
+            f"{commitment.commitment[:12]} as in {public_file}"
         )
-    return seeds, commitment
+    return secret_seeds, commitment
 
 
-def beside(secret: Path, suffix: str) -> Path:
+def seal_path(secret: Path, suffix: str) -> Path:
     """Return the path of a file of the seal beside its secret."""
     return secret.with_name(f"{secret.stem}{suffix}")
 

@@ -102,19 +102,21 @@ def network_references(network: str, observe: str) -> tuple[str, str] | None:
     references, a single hypothesis, and the one that observes the truth, or
     "associated" for the association gap. None if no pair ships.
     """
-    users = [user for user in baselines().values() if network in user.networks]
-    single = [user.name for user in users if _is_single(user, observe)]
-    informed = [user.name for user in users if user.compare.observe == observe]
-    return (single[0], informed[0]) if single and informed else None
+    network_users = [user for user in baselines().values() if network in user.networks]
+    single_names = [user.name for user in network_users if _is_single(user, observe)]
+    for user in network_users:
+        if single_names and user.compare.observe == observe:
+            return single_names[0], user.name
+    return None
 
 
 def learned_truths() -> tuple[str, ...]:
     """Return the baselines that predict with a network from ground-truth tracks."""
-    names = []
+    truth_names = []
     for name, baseline in baselines().items():
         if baseline.networks and baseline.compare.observe == "truth":
-            names.append(name)
-    return tuple(names)
+            truth_names.append(name)
+    return tuple(truth_names)
 
 
 def _is_single(user: Submission, observe: str) -> bool:

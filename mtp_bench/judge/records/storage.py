@@ -11,7 +11,8 @@ from ...agent import PARTS as PARTS, ROLLOUTS as ROLLOUTS
 from ...core import ABSENT, RecordError, Rollout, SectionT, explain, read_bounded
 from ...running import load_run
 from .canonical import digest_of
-from .record import Record, require_units
+from .record import Record
+from .results import require_units
 from .targets import NO_TARGETS, read_targets, require_digest, ships
 
 MAX_BYTES = 8 << 20  # of a file
@@ -37,7 +38,7 @@ def usable_record(path: Path) -> Record | None:
         return None
 
 
-def with_targets(record: Record, path: Path) -> Record:
+def with_targets(record: Record, record_file: Path) -> Record:
     """Return the record with its targets, from its own file or the leaderboard's.
 
     Raises RecordError if they are missing, others than the record names, or of other
@@ -45,13 +46,15 @@ def with_targets(record: Record, path: Path) -> Record:
     """
     sha256 = record.targets_sha256
     if record.targets == NO_TARGETS:
-        targets = read_targets(path, record.env.id, sha256)
+        targets = read_targets(record_file, record.env.id, sha256)
         record = record.model_copy(update={"targets": targets})
     else:
-        require_digest(record.targets, sha256, str(path))
+        require_digest(record.targets, sha256, str(record_file))
     if not record.scenes:
-        raise RecordError(f"{path}: its targets name no scene, expected one or more")
-    require_units(record, str(path))
+        raise RecordError(
+            f"{record_file}: its targets name no scene, expected one or more"
+        )
+    require_units(record, str(record_file))
     return record
 
 
@@ -98,7 +101,7 @@ def sealed(record: Record) -> Record:
     )
 
 
-def record_text(record: Record, path: Path) -> tuple[Record, str]:
+def record_text(record: Record, record_file: Path) -> tuple[Record, str]:
     """Return ``record`` with its digests, and the text of its file without a level.
 
     Targets that the leaderboard does not have go into the file. Raises RecordError if
@@ -109,15 +112,15 @@ def record_text(record: Record, path: Path) -> tuple[Record, str]:
         shared = ships(record.env.id, record.targets_sha256)
         omitted = {"targets"} if shared else set[str]()
         content = record.model_dump(mode="json", exclude=omitted)
-        return record, text_of(content, path)
+        return record, text_of(content, record_file)
     except (TypeError, ValueError, RecursionError) as error:
         raise RecordError(
-            f"{path}: the record cannot be stored as JSON: {error}"
+            f"{record_file}: the record cannot be stored as JSON: {error}"
         ) from None
 
 
-def text_of(content: Mapping[str, Any], path: Path) -> str:
-    """Return the text of the file ``path`` with this record as JSON.
+def text_of(content: Mapping[str, Any], record_file: Path) -> str:
+    """Return the text of the file ``record_file`` with this record as JSON.
 
     Raises RecordError if it would be too large to be read again.
     """
@@ -127,7 +130,7 @@ def text_of(content: Mapping[str, Any], path: Path) -> str:
     size = len(text.encode()) + 1
     if size > MAX_BYTES:
         raise RecordError(
-            f"{path}: the record has {size >> 10} KiB, expected at most "
+            f"{record_file}: the record has {size >> 10} KiB, expected at most "
             f"{MAX_BYTES >> 10} KiB"
         )
     return f"{text}\n"
@@ -154,39 +157,41 @@ def seed_folder(folder: Path, seed: int) -> Path:
     return folder / f"seed-{seed}"
 
 
-def stored_rollouts(path: Path, record: Record) -> dict[int, list[Rollout]]:
+def stored_rollouts(record_file: Path, record: Record) -> dict[int, list[Rollout]]:
     """Read the stored rollouts of each seed of a record, in the order of its scenes.
 
     Raises RecordError if they are missing or not those of the record, RolloutError if a
     file is broken.
     """
-    return {seed: _seed_rollouts(path, record, seed) for seed in record.seeds}
+    return {seed: _seed_rollouts(record_file, record, seed) for seed in record.seeds}
 
 
-def _seed_rollouts(path: Path, record: Record, seed: int) -> list[Rollout]:
-    folder = seed_folder(path.with_suffix(ROLLOUTS), seed)
-    if not folder.is_dir():
+def _seed_rollouts(record_file: Path, record: Record, seed: int) -> list[Rollout]:
+    rollout_folder = seed_folder(record_file.with_suffix(ROLLOUTS), seed)
+    if not rollout_folder.is_dir():
         raise RecordError(
-            f"{path}: its rollouts of seed {seed} are not stored at {folder}; run the "
+            f"{record_file}: its rollouts of seed {seed} are not stored at "
+            f"{rollout_folder}; run the "
             "submission again with --rerun"
         )
-    run = load_run(folder)
+    stored_run = load_run(rollout_folder)
     for what, stored, expected in (
-        ("card", run.info.card_digest, record.env.card_digest),
-        ("submission", run.info.submission_digest, record.submission.digest),
-        ("seed", run.info.seed, seed),
-        ("observe", run.info.observe, record.env.observe),
+        ("card", stored_run.info.card_digest, record.env.card_digest),
+        ("submission", stored_run.info.submission_digest, record.submission.digest),
+        ("seed", stored_run.info.seed, seed),
+        ("observe", stored_run.info.observe, record.env.observe),
     ):
         if stored != expected:
             raise RecordError(
-                f"{folder}: made with {what} {stored!r}, the record {path.name} says "
+                f"{rollout_folder}: made with {what} {stored!r}, the record "
+                f"{record_file.name} says "
                 f"{expected!r}"
             )
-    rollouts = {rollout.scene: rollout for rollout in run.rollouts}
+    rollouts = {rollout.scene: rollout for rollout in stored_run.rollouts}
     if sorted(record.scenes) != sorted(rollouts):
-        others = ", ".join(sorted(set(record.scenes) ^ set(rollouts))[:5])
+        unmatched = ", ".join(sorted(set(record.scenes) ^ set(rollouts))[:5])
         raise RecordError(
-            f"{folder}: its scenes are not those of the record: "
-            f"{others or 'one occurs twice'}"
+            f"{rollout_folder}: its scenes are not those of the record: "
+            f"{unmatched or 'one occurs twice'}"
         )
     return [rollouts[scene] for scene in record.scenes]

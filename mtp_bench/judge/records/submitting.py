@@ -1,6 +1,7 @@
-"""Make a record: run a submission behind the gateway, score it, and store its rollouts beside the record."""
+"""Make a record: run a submission behind the gateway, score it, and store its rollouts."""
 
 from dataclasses import asdict
+from itertools import chain
 from pathlib import Path
 from typing import Any, cast
 
@@ -78,22 +79,24 @@ def submit(
     """
     submission = load_submission(path)
     plan = running.plan_run(submission, env_id, options)
-    target = record_path(submission, load_card(env_id), output)
-    require_target(target, submission, options, resume, replace)
-    content = plan_content(plan, commit)
-    _require_recordable(plan, content)
-    if resume and (record := finished_record(target, content)) is not None:
+    record_file = record_path(submission, load_card(env_id), output)
+    require_target(record_file, submission, options, resume, replace)
+    planned_content = plan_content(plan, commit)
+    _require_recordable(plan, planned_content)
+    if resume and (record := finished_record(record_file, planned_content)) is not None:
         return record
     is_drive = plan.card.drive is not None  # worlds react to the agent
-    with open_parts(target, content, resume) as parts:
+    with open_parts(record_file, planned_content, resume) as parts:
         reference = reference_for(plan.card, plan.scenes, options)
-        passes = len(options.seeds) + (0 if is_drive else 1)
+        passes = len(options.seeds) + (not is_drive)
         options.progress.started(passes * len(plan.scenes))
         runs = {seed: running.run_seed(plan, seed, parts) for seed in options.seeds}
         evaluation = running.evaluate_plan(plan, runs, reference, with_progress=True)
         if not is_drive:
-            _require_one_data(plan, runs, evaluation, target)
-        return _save(target, plan, runs, _record(plan, runs, evaluation, content))
+            _require_one_data(plan, runs, evaluation, record_file)
+        return _save(
+            record_file, plan, runs, _record(plan, runs, evaluation, planned_content)
+        )
 
 
 def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
@@ -118,38 +121,46 @@ def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
 
 
 def finished_record(
-    target: Path, content: dict[str, Any], rollouts: bool = True
+    record_file: Path, planned_content: dict[str, Any], rollouts: bool = True
 ) -> Record | None:
-    """Return the record at ``target`` if it is complete and of the plan ``content``.
+    """Return the record of a plan if it is complete; else None.
 
-    Else None. ``rollouts``: they must be stored beside it.
+    ``planned_content``: the plan, as `plan_content` gives it. ``rollouts``: they must
+    be stored beside it.
     """
-    if count_parts(target) or (rollouts and not target.with_suffix(ROLLOUTS).is_dir()):
+    if count_parts(record_file) or (
+        rollouts and not record_file.with_suffix(ROLLOUTS).is_dir()
+    ):
         return None
-    record = usable_record(target)
-    return record if record is not None and is_of_plan(record, content) else None
+    record = usable_record(record_file)
+    if record is None or not is_of_plan(record, planned_content):
+        return None
+    return record
 
 
-def is_of_plan(record: Record, content: dict[str, Any]) -> bool:
-    """Return True if a record was made by the plan ``content``.
+def is_of_plan(record: Record, planned_content: dict[str, Any]) -> bool:
+    """Return True if a record was made by the plan ``planned_content``.
 
     Definitions are today's or earlier equal ones.
     """
     if not why_scored_otherwise(record):
-        content = content | {"definitions": record.scorer.definitions}
-    return record.plan == digest_of(content)
+        planned_content = planned_content | {"definitions": record.scorer.definitions}
+    return record.plan == digest_of(planned_content)
 
 
 def declared_data(submission: Submission, env_id: str) -> list[str]:
     """Return the training data that the record of a submission declares."""
-    note = submission.note_on(env_id)
-    return [*submission.training_data, *([note] if note else [])]
+    training_data = list(submission.training_data)
+    if note := submission.note_on(env_id):
+        training_data.append(note)
+    return training_data
 
 
 def record_path(submission: Submission, card: Card, output: str | Path | None) -> Path:
     """Return the path of the record of a submission on the env of ``card``."""
-    folder = RECORDS / submission.name if output is None else Path(output)
-    return folder / f"{card.id}.json"
+    if output is None:
+        output = RECORDS / submission.name
+    return Path(output) / f"{card.id}.json"
 
 
 def submission_part(plan: Plan, commit: str = "") -> SubmissionPart:
@@ -174,7 +185,7 @@ def submission_part(plan: Plan, commit: str = "") -> SubmissionPart:
 
 
 def require_target(
-    target: Path,
+    record_file: Path,
     submission: Submission,
     options: RunOptions,
     resume: bool,
@@ -186,112 +197,120 @@ def require_target(
     ``replace``, a finished record whose place is taken by one that cannot rank and is
     of other seeds or scenes.
     """
-    if target.resolve().is_relative_to(submission.path):
+    if record_file.resolve().is_relative_to(submission.path):
         raise SubmissionError(
-            f"cannot write {target}: it is inside the submission {submission.path}, "
+            f"cannot write {record_file}: it is inside the submission "
+            f"{submission.path}, "
             "name another folder"
         )
-    require_folder(target)
-    if target.parent.is_dir():
-        require_file(target)
-    rollouts = target.with_suffix(ROLLOUTS)
+    require_folder(record_file)
+    if record_file.parent.is_dir():
+        require_file(record_file)
+    rollouts = record_file.with_suffix(ROLLOUTS)
     if rollouts.exists():
         for folder in rollouts.iterdir():
             require_run_folder(folder)
     if not replace:
-        _require_kept(target, options)
+        _require_kept(record_file, options)
     if not resume:
-        require_new(target)
+        require_new(record_file)
 
 
-def _require_kept(target: Path, options: RunOptions) -> None:
-    record = usable_record(target)
+def _require_kept(record_file: Path, options: RunOptions) -> None:
+    record = usable_record(record_file)
     if record is None or record.status != "finished":
         return
     count = record.env.scenes_of_split
-    is_whole = options.scenes is None or options.scenes >= count
-    if is_whole and list(options.seeds) in (list(SEEDS), record.seeds):
+    scenes = "all"
+    if options.scenes is not None and options.scenes < count:
+        scenes = str(options.scenes)
+    elif list(options.seeds) in (list(SEEDS), record.seeds):
         return
     stored_seeds = ", ".join(map(str, record.seeds))
     seeds = ", ".join(map(str, options.seeds))
-    scenes = "all" if is_whole else options.scenes
     raise RecordError(
-        f"{target}: would overwrite a finished record (seeds {stored_seeds}, all {count} "
+        f"{record_file}: would overwrite a finished record (seeds {stored_seeds}, "
+        f"all {count} "
         f"scenes) with another (seeds {seeds}, {scenes} scenes): choose another folder "
         "(-o, output=), or replace it (--force, replace=True)"
     )
 
 
-def _save(target: Path, plan: Plan, runs: Runs, record: Record) -> Record:
+def _save(record_file: Path, plan: Plan, runs: Runs, record: Record) -> Record:
     """Replace an earlier record and its rollouts.
 
     All that can fail comes before the first is replaced.
     """
-    record, text = record_text(record, target)
-    checked_text(text, target)
+    record, text = record_text(record, record_file)
+    checked_text(text, record_file)
     try:
-        with whole_file(target) as file:
+        with whole_file(record_file) as file:
             file.write_text(text, encoding="utf-8")
-            with whole_folder(target.with_suffix(ROLLOUTS)) as folder:
+            with whole_folder(record_file.with_suffix(ROLLOUTS)) as folder:
                 for seed, rollouts in running.rollouts_of(runs).items():
                     info = running.info_of(plan, seed)
                     save_run(seed_folder(folder, seed), info, rollouts)
     except OSError as error:
         raise MtpBenchError(
-            f"cannot write {target}: {describe_write_error(error)}"
+            f"cannot write {record_file}: {describe_write_error(error)}"
         ) from None
     return record
 
 
 def _require_one_data(
-    plan: Plan, runs: Runs, evaluation: Evaluation, target: Path
+    plan: Plan, runs: Runs, evaluation: Evaluation, record_file: Path
 ) -> None:
-    """Raise DataError if the data of scenes changed after an interrupted command ran them."""
+    """Raise DataError if the data of scenes changed after they were run."""
     for results in runs.values():
         for name, run, digest in zip(
             plan.scenes, results, evaluation.scene_digests, strict=True
         ):
             if run.scene_digest not in ("", digest):
                 raise DataError(
-                    f"{name}: its data changed after {plan.submission.name} was run on it, expected the same data in "
-                    f"all scenes: delete {target.with_suffix(PARTS)} and submit again"
+                    f"{name}: its data changed after {plan.submission.name} was run on "
+                    "it, expected the same data in all scenes: delete "
+                    f"{record_file.with_suffix(PARTS)} and submit again"
                 )
 
 
 def _require_recordable(plan: Plan, planned: dict[str, Any]) -> None:
-    """Refuse before the work what a record cannot hold: a text that is too long, too many seeds."""
-    card = plan.card
+    """Raise RecordError for a long text or many seeds, which no record holds."""
+    env_card = plan.card
     content = {
         "submission": submission_part(plan, planned["commit"]).model_dump(mode="json"),
         "training_data": planned["training_data"],
-        "env": {"id": card.id, "split": card.source.split, "keywords": plan.keywords},
+        "env": {
+            "id": env_card.id,
+            "split": env_card.source.split,
+            "keywords": plan.keywords,
+        },
         "seeds": list(plan.options.seeds),
         "targets": {"scenes": list(plan.scenes)},
     }
     require_part(
-        Record, content, f"a record of {plan.submission.name} on {card.id}", RecordError
+        Record,
+        content,
+        f"a record of {plan.submission.name} on {env_card.id}",
+        RecordError,
     )
 
 
 def _record(
-    plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, Any]
+    plan: Plan, runs: Runs, evaluation: Evaluation, planned_content: dict[str, Any]
 ) -> Record:
-    card = plan.card
-    rollouts = [
-        rollout
-        for seed_rollouts in running.rollouts_of(runs).values()
-        for rollout in seed_rollouts
-    ]
-    peak_memory = max(run.peak_memory for results in runs.values() for run in results)
+    env_card = plan.card
+    rollouts = list(chain.from_iterable(running.rollouts_of(runs).values()))
+    scene_runs = chain.from_iterable(runs.values())
+    peak_memory = max(run.peak_memory for run in scene_runs)
     # with a scheduler: of a worker
     (hardware,) = parallel_map(running.hardware, [()], plan.options.workers)
     return Record(
-        submission=submission_part(plan, content["commit"]),
-        training_data=content["training_data"],
+        submission=submission_part(plan, planned_content["commit"]),
+        training_data=planned_content["training_data"],
         env=EnvPart(
-            id=card.id,
-            card_digest=card.digest,
-            split=card.source.split,
+            id=env_card.id,
+            card_digest=env_card.digest,
+            split=env_card.source.split,
             data_manifest=evaluation.data_manifest,
             scenes_of_split=plan.scenes_of_split,
             observe=cast("Observed", plan.submission.compare.observe),
@@ -299,8 +318,8 @@ def _record(
             keywords=plan.keywords,
         ),
         seeds=list(runs),
-        versions=content["versions"],
-        limits=LimitsPart(**content["limits"]),
+        versions=planned_content["versions"],
+        limits=LimitsPart(**planned_content["limits"]),
         missed=running.unanswered(runs),
         isolation=running.isolation(runs),
         hashes=running.hashes(runs),
@@ -311,6 +330,6 @@ def _record(
             peak_memory_mib=peak_memory / 2**20,
             made=today(),
         ),
-        plan=digest_of(content),
+        plan=digest_of(planned_content),
         **evaluation.record_fields,
     )

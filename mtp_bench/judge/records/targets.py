@@ -134,48 +134,51 @@ def drive_targets(scenes: Sequence[str]) -> Targets:
     )
 
 
-def targets_path(leaderboard: Path, env_id: str, sha256: str) -> Path:
+def targets_path(leaderboard: Path, env_id: str, targets_sha256: str) -> Path:
     """Return the path of a file of targets in the folder of a leaderboard."""
-    return leaderboard / _FOLDER / f"{env_id}.{sha256[:_DIGITS_OF_NAME]}.json"
+    return leaderboard / _FOLDER / f"{env_id}.{targets_sha256[:_DIGITS_OF_NAME]}.json"
 
 
-def ships(env_id: str, sha256: str) -> bool:
+def ships(env_id: str, targets_sha256: str) -> bool:
     """Return True if the leaderboard of this installation has these targets."""
-    return targets_path(bundled("leaderboard"), env_id, sha256).is_file()
+    return targets_path(bundled("leaderboard"), env_id, targets_sha256).is_file()
 
 
-def read_targets(path: Path, env_id: str, sha256: str) -> Targets:
-    """Read the targets that the record at ``path`` names.
+def read_targets(record_file: Path, env_id: str, targets_sha256: str) -> Targets:
+    """Read the targets that the record at ``record_file`` names.
 
     They are in the leaderboard that holds the record, else in that of this
     installation. Raises RecordError if they are missing, malformed or others.
     """
-    if sha256 in _by_digest:
-        return _by_digest[sha256]
-    folders = [*path.absolute().parents[2:3], bundled("leaderboard")]
-    files = [targets_path(folder, env_id, sha256) for folder in folders]
-    file = next((file for file in files if file.is_file()), None)
-    if file is None:
+    if targets_sha256 in _by_digest:
+        return _by_digest[targets_sha256]
+    folders = [*record_file.absolute().parents[2:3], bundled("leaderboard")]
+    files = [targets_path(folder, env_id, targets_sha256) for folder in folders]
+    targets_file = next(
+        (targets_file for targets_file in files if targets_file.is_file()), None
+    )
+    if targets_file is None:
         raise RecordError(
-            f"{path}: its targets have the sha256 {sha256[:_DIGITS_OF_NAME]}, and there "
+            f"{record_file}: its targets have the sha256 "
+            f"{targets_sha256[:_DIGITS_OF_NAME]}, and there "
             f"is no file {files[0]}: keep the record in a leaderboard that has it"
         )
-    text = read_bounded(file, MAX_FILE_BYTES, RecordError)
+    text = read_bounded(targets_file, MAX_FILE_BYTES, RecordError)
     try:
         targets = Targets.model_validate_json(text)
     except ValidationError as error:
-        raise RecordError(f"{file}{explain(error.errors(), Targets)}") from None
-    return require_digest(targets, sha256, str(file))
+        raise RecordError(f"{targets_file}{explain(error.errors(), Targets)}") from None
+    return require_digest(targets, targets_sha256, str(targets_file))
 
 
-def require_digest(targets: Targets, sha256: str, where: str) -> Targets:
+def require_digest(targets: Targets, targets_sha256: str, where: str) -> Targets:
     """Return ``targets``; raises RecordError unless they have the digest."""
-    if targets.digest != sha256:
+    if targets.digest != targets_sha256:
         raise RecordError(
             f"{where}: these targets have the sha256 {targets.digest[:12]}, the record "
-            f"names {sha256[:12]}: they were changed"
+            f"names {targets_sha256[:12]}: they were changed"
         )
-    return _by_digest.setdefault(sha256, targets)
+    return _by_digest.setdefault(targets_sha256, targets)
 
 
 def targets_text(targets: Targets) -> str:
@@ -184,7 +187,8 @@ def targets_text(targets: Targets) -> str:
 
 
 def _subset_targets(table: AgentTable, subset: Subset) -> SubsetTargets:
-    weight, sums = table.weight[subset], table.sums_on(subset)
+    weight = table.weight[subset]
+    sums = table.sums_on(subset)
     weighted = weight > 0
     return SubsetTargets(
         weight=rounded(sums.weight.tolist()),

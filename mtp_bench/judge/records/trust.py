@@ -45,7 +45,8 @@ NAMESPACE = "mtp-bench-level"  # signatures for another purpose do not count
 SIGNER_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9@._-]{0,99}$"  # a principal without wildcards
 MOST_SIGNATURE = 20_000  # characters
 MISSING = (
-    "ssh-keygen is not installed, so signatures can be neither made nor checked; install "
+    "ssh-keygen is not installed, so signatures can be neither made nor checked; "
+    "install "
     "OpenSSH"
 )
 _SECONDS = 30
@@ -141,7 +142,8 @@ class Trust:
         why = self.why_not_signed(message, sign(message, key), signer)
         if why:
             raise MtpBenchError(
-                f"{key}: its signatures for {signer!r} are not trusted ({why}); list its "
+                f"{key}: its signatures for {signer!r} are not trusted ({why}); list "
+                "its "
                 f"public part in {self.keys}"
             )
 
@@ -154,11 +156,11 @@ class Trust:
             return MISSING
         if not self.keys.is_file():
             return f"there are no keys at {self.keys}"
-        with tempfile.NamedTemporaryFile(suffix=".sig") as file:
-            file.write(signature.encode(errors="replace"))
-            file.flush()
+        with tempfile.NamedTemporaryFile(suffix=".sig") as signature_file:
+            signature_file.write(signature.encode(errors="replace"))
+            signature_file.flush()
             arguments = ["-Y", "verify", "-f", str(self.keys), "-I", signer]
-            arguments += ["-n", NAMESPACE, "-s", file.name]
+            arguments += ["-n", NAMESPACE, "-s", signature_file.name]
             if self.revoked.is_file():
                 arguments += ["-r", str(self.revoked)]
             return _ssh_keygen(arguments, message, _SECONDS)[1]
@@ -202,7 +204,8 @@ def trusted(folder: Path | None = None) -> Trust:
     """
     if folder is not None and not folder.is_dir():
         raise RecordError(
-            f"{folder}: no such folder, expected a leaderboard with keys/allowed_signers "
+            f"{folder}: no such folder, expected a leaderboard with "
+            "keys/allowed_signers "
             "and seals/"
         )
     return Trust(folder or bundled("leaderboard"))

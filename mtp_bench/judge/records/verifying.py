@@ -1,4 +1,4 @@
-"""Verify a record: in itself, by its stored rollouts scored again, or by its submission run again."""
+"""Verify a record: in itself, by its stored rollouts, or by its submission run again."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -8,7 +8,7 @@ from typing import Any
 
 from ...agent import load_submission
 from ...cards import Card
-from ...core import RecordError, Rollout, Section, parallel_map
+from ...core import RecordError, Rollout, parallel_map
 from ...running import DEFAULTS, RunOptions, reference_for
 from ...scoring import Reference
 from ...sources import open_source
@@ -19,7 +19,7 @@ from .consistency import checked_record
 from .eligibility import SEEDS, may_observe, why_scored_otherwise
 from .evaluation import evaluate
 from .fields import Level
-from .record import HiddenPart, LimitsPart, Record
+from .record import HiddenPart, Record
 from .rerun import (
     drive_again,
     errors_under_random_pose,
@@ -126,26 +126,22 @@ def verify(
         return Verification(path, record, "scored", stale)
     if not rerun and sealed is None:
         return _score_stored(path, record, card, options)
-    is_baseline = _is_baseline(record)
-    _require_runnable(path, record, options, is_baseline)
+    _require_runnable(path, record, options)
     plan = _plan(path, record, env_id, submission, options)
-    if made_here and not (is_baseline and is_of_plan(record, plan_content(plan))):
-        raise RecordError(
-            f"{path}: not what `mtp-bench submit` makes here of a baseline: leave "
-            "--made-here out"
-        )
     reference = reference_for(card, record.scenes, options)
-    secret_runs = len(record.scenes) + (0 if sealed is None else sealed.seeds.count)
+    secret_runs = len(record.scenes)
+    if sealed is not None:
+        secret_runs += sealed.seeds.count
     if made_here:
-        public = _made_here(path, record, card, options, reference, secret_runs)
+        public = _made_here(path, record, plan, reference, secret_runs)
     else:
         public_runs = len(record.scenes) * (1 + len(record.seeds))
         options.progress.started(secret_runs + public_runs)
         public = _run_again(path, record, plan, reference)
     if not public.holds:
         return public
-    with ExitStack() as own_ends:
-        return _run_in_secret(public, plan, reference, sealed, ends or own_ends)
+    with ExitStack() as check_ends:
+        return _run_in_secret(public, plan, reference, sealed, ends or check_ends)
 
 
 def _is_baseline(record: Record) -> bool:
@@ -154,25 +150,25 @@ def _is_baseline(record: Record) -> bool:
     return digest == submission.digest
 
 
-def _require_runnable(
-    path: Path, record: Record, options: RunOptions, is_baseline: bool
-) -> None:
+def _require_runnable(record_file: Path, record: Record, options: RunOptions) -> None:
     """Raise RecordError for a stranger's code without a sandbox, and for many seeds."""
     is_local = options.workers.scheduler is None
-    if not is_baseline and is_local and sandbox_backend() == "none":
+    if not _is_baseline(record) and is_local and sandbox_backend() == "none":
         raise RecordError(
-            f"{path}: no sandbox works here, {record.submission.name!r} would run with "
+            f"{record_file}: no sandbox works here, {record.submission.name!r} would "
+            "run with "
             "your rights: see SECURITY.md"
         )
     if len(record.seeds) > len(SEEDS):
         raise RecordError(
-            f"{path}: has {len(record.seeds)} seeds, expected at most {len(SEEDS)} to "
+            f"{record_file}: has {len(record.seeds)} seeds, expected at most "
+            f"{len(SEEDS)} to "
             "run it again"
         )
 
 
 def _score_again(
-    path: Path,
+    record_file: Path,
     record: Record,
     card: Card,
     runs: Mapping[int, Sequence[Rollout]],
@@ -188,7 +184,7 @@ def _score_again(
         "hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs)
     )
     if changed := tuple(answers):
-        return Verification(path, record, "scored", changed)
+        return Verification(record_file, record, "scored", changed)
     evaluation = evaluate(
         record.submission.name,
         card,
@@ -219,7 +215,7 @@ def _score_again(
     scored_now = record.model_copy(update=fields)
     unequal = tuple(differences("", _rescored(record), _rescored(scored_now)))
     level: Level = "scored" if unequal else "re-scored"
-    return Verification(path, record, level, unequal, _notes(record, reference))
+    return Verification(record_file, record, level, unequal, _notes(record, reference))
 
 
 def _rescored(record: Record) -> dict[str, Any]:
@@ -231,65 +227,80 @@ def _rescored(record: Record) -> dict[str, Any]:
 
 
 def _score_stored(
-    path: Path, record: Record, card: Card, options: RunOptions, secret_runs: int = 0
+    record_file: Path,
+    record: Record,
+    card: Card,
+    options: RunOptions,
+    secret_runs: int = 0,
 ) -> Verification:
     """Check a record by its stored rollouts, scored again.
 
     ``secret_runs`` of a record that was made here follow.
     """
-    runs = stored_rollouts(path, record)
+    seed_runs = stored_rollouts(record_file, record)
     reference = reference_for(card, record.scenes, options)
     options.progress.started(len(record.scenes) + secret_runs)
     # those of a maintainer are as they were driven
     if card.drive is not None and not secret_runs:
-        for seed, rollouts in runs.items():
+        for seed, rollouts in seed_runs.items():
             calls = [(card, rollout) for rollout in rollouts]
-            runs[seed] = parallel_map(drive_again, calls, options.workers)
-    return _score_again(path, record, card, runs, reference, options)
+            seed_runs[seed] = parallel_map(drive_again, calls, options.workers)
+    return _score_again(record_file, record, card, seed_runs, reference, options)
 
 
 def _made_here(
-    path: Path,
+    record_file: Path,
     record: Record,
-    card: Card,
-    options: RunOptions,
+    plan: Plan,
     reference: Reference,
     secret_runs: int,
 ) -> Verification:
     """Check the public part of a record that a maintainer made.
 
-    It is scored again, or taken as it is where no rollouts are stored.
+    It is scored again, or taken as it is where no rollouts are stored. Raises
+    RecordError unless it is what a submit makes here of a baseline.
     """
-    if path.with_suffix(ROLLOUTS).is_dir():
-        return _score_stored(path, record, card, options, secret_runs)
+    options = plan.options
+    if not (_is_baseline(record) and is_of_plan(record, plan_content(plan))):
+        raise RecordError(
+            f"{record_file}: not what `mtp-bench submit` makes here of a baseline: "
+            "leave "
+            "--made-here out"
+        )
+    if record_file.with_suffix(ROLLOUTS).is_dir():
+        return _score_stored(record_file, record, plan.card, options, secret_runs)
     for note in _notes(record, reference):
         raise RecordError(
-            f"{path}: its rollouts are not stored here to be scored again; {note}"
+            f"{record_file}: its rollouts are not stored here to be scored again; "
+            f"{note}"
         )
     options.progress.started(secret_runs)
     note = "not scored again: its rollouts are not stored here"
-    return Verification(path, record, "re-scored", notes=(note,))
+    return Verification(record_file, record, "re-scored", notes=(note,))
 
 
 def _run_again(
-    path: Path, record: Record, plan: Plan, reference: Reference
+    record_file: Path, record: Record, plan: Plan, reference: Reference
 ) -> Verification:
     """Check a record by running its submission as it was run then."""
-    runs = run_again(plan, record.seeds)
-    statuses = {run.status for seed_runs in runs.values() for run in seed_runs}
+    seed_runs = run_again(plan, record.seeds)
+    statuses = {run.status for seed_runs in seed_runs.values() for run in seed_runs}
     if plan.options.workers.count > 1 and "hung" in statuses:
         raise RecordError(
-            f"{path}: an answer came late here, so the run confirms nothing: check it "
+            f"{record_file}: an answer came late here, so the run confirms nothing: "
+            "check it "
             "with --jobs 1"
         )
-    isolation_now = isolation(runs)
-    if changed := tuple(_differences_on_rerun(record, plan, runs)):
-        return Verification(path, record, "scored", changed, isolation=isolation_now)
+    isolation_now = isolation(seed_runs)
+    if changed := tuple(_differences_on_rerun(record, plan, seed_runs)):
+        return Verification(
+            record_file, record, "scored", changed, isolation=isolation_now
+        )
     checked = _score_again(
-        path,
+        record_file,
         record,
         plan.card,
-        rollouts_of(runs),
+        rollouts_of(seed_runs),
         reference,
         plan.options,
         times_differ=True,
@@ -322,32 +333,29 @@ def _differences_on_rerun(
     record: Record, plan: Plan, runs: Runs
 ) -> Iterator[Difference]:
     """Yield differences of another run, but for numbers that are scored."""
+    submission = submission_part(plan, record.submission.commit)
     training_data = declared_data(plan.submission, record.env.id)
     pairs: dict[str, tuple[Any, Any]] = {
-        "hashes": (record.hashes, hashes(runs)),
-        "submission": (
-            record.submission,
-            submission_part(plan, record.submission.commit),
-        ),
+        "hashes": (record.hashes.model_dump(), hashes(runs).model_dump()),
+        "submission": (record.submission.model_dump(), submission.model_dump()),
         "env.observe": (record.env.observe, plan.submission.compare.observe),
         "env.keywords": (record.env.keywords, plan.keywords),
-        "limits": (record.limits, LimitsPart(**asdict(Limits()))),
+        "limits": (record.limits.model_dump(), asdict(Limits())),
         "training_data": (record.training_data, training_data),
     }
-    for where, pair in pairs.items():
-        before, now = (p.model_dump() if isinstance(p, Section) else p for p in pair)
-        yield from differences(where, before, now)
     missed = unanswered(runs)
     for name in ("malformed", "crashed_scenes"):
-        before, now = getattr(record.missed, name), getattr(missed, name)
-        yield from differences(f"missed.{name}", before, now)
+        counts = (getattr(record.missed, name), getattr(missed, name))
+        pairs[f"missed.{name}"] = counts
+    for where, (recorded, repeated) in pairs.items():
+        yield from differences(where, recorded, repeated)
 
 
 def _plan(
-    path: Path,
+    record_file: Path,
     record: Record,
     env_id: str | None,
-    folder: str | Path | None,
+    submission_folder: str | Path | None,
     options: RunOptions,
 ) -> Plan:
     """Return the plan that runs the submission of a record again.
@@ -355,23 +363,23 @@ def _plan(
     Raises RecordError for another submission or other scenes.
     """
     env_id = env_id or record.env.id
-    submission = load_submission(folder or record.submission.name)
+    submission = load_submission(submission_folder or record.submission.name)
     scenes = record.scenes
     plan_options = replace(options, scenes=len(scenes), seeds=record.seeds)
     plan = plan_run(submission, env_id, plan_options)
     if plan.image.digest != record.submission.digest:
         networks = ", ".join(record.submission.networks)
-        hint = (
-            f", and the weights {networks} with MTP_BENCH_WEIGHTS" if networks else ""
-        )
+        hint = ""
+        if networks:
+            hint = f", and the weights {networks} with MTP_BENCH_WEIGHTS"
         raise RecordError(
-            f"{path}: made by {record.submission.name!r} with digest "
+            f"{record_file}: made by {record.submission.name!r} with digest "
             f"{record.submission.digest[:12]}, the submission {submission.name!r} has "
             f"{plan.image.digest[:12]}; name the right folder with --submission{hint}"
         )
     if list(plan.scenes) != scenes:
         raise RecordError(
-            f"{path}: its scenes are not the first {len(scenes)} of {env_id}"
+            f"{record_file}: its scenes are not the first {len(scenes)} of {env_id}"
         )
     return plan
 

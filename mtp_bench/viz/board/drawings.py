@@ -15,22 +15,18 @@ from .entries import Entry
 
 # user units
 WIDTH = 150.0  # of a drawing of an interval
-BAR = 120.0  # width of the longest bar of a scene
+BAR_WIDTH = 120.0  # of the longest bar of a scene
 PAD = 9.0  # left and right of the scale
 MAX_TICKS = 5
 MAX_SCENES = 40  # of an entry
-_FARTHEST = 3.0  # of the median
+_MAX_DISTANCE = 3.0  # of a value from 0, in medians
 _MARGIN = 0.04  # of a scale beyond its values, on each side
 _MAX_POINTS = 50
-# by whether false forecasts are known
-_TICKS = {
-    True: (0.0, 0.2, 0.5, 1.0, 2.0, 5.0),
-    False: (1.0, 5.0, 10.0, 20.0, 40.0, 80.0),
-}
-_AXIS = {
-    True: "false forecasts allowed per target",
-    False: "forecasts allowed per frame",
-}
+# axes of curves where false forecasts are known, and where they are not
+_KNOWN_AXIS = "false forecasts allowed per target"
+_KNOWN_TICKS = (0.0, 0.2, 0.5, 1.0, 2.0, 5.0)
+_FRAME_AXIS = "forecasts allowed per frame"
+_FRAME_TICKS = (1.0, 5.0, 10.0, 20.0, 40.0, 80.0)
 
 
 @dataclass(frozen=True)
@@ -54,19 +50,22 @@ class Scale:
 def scale_of(entries: Sequence[Entry]) -> Scale | None:
     """Return a scale around 0 that holds the differences to STP of compared entries.
 
-    Of all entries where none is compared. Values more than _FARTHEST times as far from
-    0 as the median are left off, so that the others can be told apart.
+    Of all entries where none is compared. Values more than _MAX_DISTANCE times as far
+    from 0 as the median are left off, so that the others can be told apart.
     """
-    compared = [entry for entry in entries if entry.compared and entry.difference()]
-    differences = [entry.difference() for entry in compared or entries]
-    limits = [
-        _limits(difference) for difference in differences if difference is not None
-    ]
+    compared_limits = []
+    unranked_limits = []
+    for entry in entries:
+        if entry.difference is not None and entry.compared:
+            compared_limits.append(_limits(entry.difference))
+        elif entry.difference is not None:
+            unranked_limits.append(_limits(entry.difference))
+    limits = compared_limits or unranked_limits
     if not limits:
         return None
-    distances = [max(abs(low), abs(high)) for low, high in limits]
-    farthest = _FARTHEST * statistics.median_high(distances)
-    within = [limit for pair in limits for limit in pair if abs(limit) <= farthest]
+    distances = np.abs(limits)
+    max_distance = _MAX_DISTANCE * statistics.median_high(distances.max(axis=1))
+    within = np.array(limits)[distances <= max_distance].tolist()
     return nice_scale(min(0.0, *within), max(0.0, *within))
 
 
@@ -94,17 +93,19 @@ def nice_scale(low: float, high: float) -> Scale:
 
     It has at least one tick, and few round ones.
     """
-    span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
-    middle = (low + high) / 2
-    half = span * (0.5 + _MARGIN)
-    min_step = span / (MAX_TICKS - 1)
-    power = 10.0 ** math.floor(math.log10(min_step))
-    steps = [factor * power for factor in (1.0, 2.0, 5.0, 10.0)]
-    step = next(step for step in steps if step >= min_step * (1 - 1e-9))
-    first = math.ceil((middle - half) / step)
-    last = math.floor((middle + half) / step)
-    ticks = tuple(round(i * step, 9) for i in range(first, last + 1))
-    return Scale(middle - half, middle + half, ticks)
+    value_span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
+    scale_middle = (low + high) / 2
+    half_span = value_span * (0.5 + _MARGIN)
+    min_step = value_span / (MAX_TICKS - 1)
+    power_of_ten = 10.0 ** math.floor(math.log10(min_step))
+    nice_steps = [factor * power_of_ten for factor in (1.0, 2.0, 5.0, 10.0)]
+    tick_step = next(
+        tick_step for tick_step in nice_steps if tick_step >= min_step * (1 - 1e-9)
+    )
+    first_tick = math.ceil((scale_middle - half_span) / tick_step)
+    last_tick = math.floor((scale_middle + half_span) / tick_step) + 1
+    ticks = tuple(round(i * tick_step, 9) for i in range(first_tick, last_tick))
+    return Scale(scale_middle - half_span, scale_middle + half_span, ticks)
 
 
 def _limits(difference: PairedDifference) -> tuple[float, float]:
@@ -117,107 +118,121 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
     Of many scenes those MAX_SCENES with the largest sums of errors, of equal ones the
     first; in the order of the record.
     """
-    errors = _scene_errors(entry)
-    reference_errors: dict[str, float] = {}
+    error_sums, target_counts = _scene_sums(entry)
+    scene_errors = _scene_errors(entry)
+    reference_errors = {}
     if reference is not None and reference is not entry:
-        reference_errors = _scene_errors(reference)
-    shown = [reference_errors[scene] for scene in errors if scene in reference_errors]
-    largest = max([*errors.values(), *shown], default=0.0)
-    unit = BAR / largest if largest > 0 else 0.0
-    sums, targets = _scene_sums(entry)
-    heaviest = np.argsort(-sums, kind="stable")[:MAX_SCENES]
+        for scene, error in _scene_errors(reference).items():
+            if scene in scene_errors:
+                reference_errors[scene] = error
+    largest_error = max(
+        [*scene_errors.values(), *reference_errors.values()], default=0.0
+    )
+    per_metre = BAR_WIDTH / (largest_error or math.inf)
+    heaviest = np.argsort(-error_sums, kind="stable")[:MAX_SCENES]
     bars = []
     for index in sorted(heaviest.tolist()):
         scene = entry.record.scenes[index]
-        mark = reference_errors.get(scene)
-        bars.append(
-            {
-                "scene": scene,
-                "targets": round(targets[index]),
-                "error": errors.get(scene),  # m
-                # user units
-                "width": round(unit * errors.get(scene, 0.0), 1),
-                "reference": None if mark is None else round(unit * mark, 1),
-            }
-        )
+        bar: dict[str, Any] = {
+            "scene": scene,
+            "targets": round(target_counts[index]),
+            "error": scene_errors.get(scene),  # m
+            # user units
+            "width": round(per_metre * scene_errors.get(scene, 0.0), 1),
+            "reference": None,
+        }
+        if scene in reference_errors:
+            bar["reference"] = round(per_metre * reference_errors[scene], 1)
+        bars.append(bar)
     return bars
 
 
 def _scene_sums(entry: Entry) -> tuple[Floats, Floats]:
     """Return the sums of errors, metres, and the targets of each scene, [S] both."""
     record = entry.record
-    targets = record.targets
-    errors = targets.scene_sums(record.unit_error("all"))
-    return errors, targets.scene_sums(record.unit_weight("all"))
+    errors = record.targets.scene_sums(record.unit_error("all"))
+    return errors, record.targets.scene_sums(record.unit_weight("all"))
 
 
 def _scene_errors(entry: Entry) -> dict[str, float]:
     """Return the mean error of each scene with targets, metres."""
-    sums, targets = _scene_sums(entry)
-    errors = {}
-    for scene, total, count in zip(entry.record.scenes, sums, targets, strict=True):
+    error_sums, target_counts = _scene_sums(entry)
+    scene_errors = {}
+    for scene, total, count in zip(
+        entry.record.scenes, error_sums, target_counts, strict=True
+    ):
         if count > 0:
-            errors[scene] = float(total / count)
-    return errors
+            scene_errors[scene] = float(total / count)
+    return scene_errors
 
 
 @dataclass(frozen=True)
 class CurveChart:
     """The curve of one entry, and its size in user units."""
 
-    own: Sequence[Point]
-    beside: Sequence[Point]  # of STP; empty without one, and for STP itself
-    most: float  # of the horizontal axis, which is one of square roots from 0
+    curve: Sequence[Point]
+    stp_curve: Sequence[Point]  # empty without one, and for STP itself
+    max_forecasts: float  # of the horizontal axis, which is one of square roots from 0
     scale: Scale  # of the vertical axis, m
     axis: str  # text of the horizontal one
-    ticks: tuple[float, ...]
+    ticks: Sequence[float]
     width: float = 340.0
     height: float = 180.0
-    left: float = 34.0
-    bottom: float = 20.0
+    left_margin: float = 34.0
+    bottom_margin: float = 20.0
 
     @property
     def label(self) -> str:
         """The curve in words."""
-        return f"error from {self.own[0][1]:.2f} m to {self.own[-1][1]:.2f} m"
+        return f"error from {self.curve[0][1]:.2f} m to {self.curve[-1][1]:.2f} m"
 
-    def x(self, value: float) -> float:
+    def x(self, forecasts: float) -> float:
         """Return the horizontal place of a number of false forecasts."""
-        share = math.sqrt(min(max(value, 0.0), self.most) / self.most)
-        return round(self.left + share * (self.width - self.left - 1.0), 1)
+        inside = min(max(forecasts, 0.0), self.max_forecasts)
+        share = math.sqrt(inside / self.max_forecasts)
+        return round(
+            self.left_margin + share * (self.width - self.left_margin - 1.0), 1
+        )
 
-    def y(self, value: float) -> float:
+    def y(self, error_m: float) -> float:
         """Return the vertical place of an error."""
-        height = self.height - self.bottom - 2.0
-        return round(1.0 + (1.0 - self.scale.share(value)) * height, 1)
+        height = self.height - self.bottom_margin - 2.0
+        return round(1.0 + (1.0 - self.scale.share(error_m)) * height, 1)
 
     def line(self, curve: Sequence[Point]) -> str:
         """Return the points of a line; of a level stretch its two ends."""
-        points = [(self.x(at), self.y(error)) for at, error in curve]
-        corners = []
-        for _, group in groupby(points, key=lambda point: point[1]):
-            stretch = list(group)
-            corners += stretch if len(stretch) == 1 else [stretch[0], stretch[-1]]
-        return " ".join(f"{x:g},{y:g}" for x, y in corners)
-
-
-def curve_of(entry: Entry) -> list[Point]:
-    """Return numbers of false forecasts and errors; empty without such a curve."""
-    return sorted(entry.record.curve)[:_MAX_POINTS]
+        line_points = [
+            (self.x(forecasts), self.y(error_m)) for forecasts, error_m in curve
+        ]
+        point_texts = []
+        for _, group in groupby(line_points, key=lambda point: point[1]):
+            level_points = list(group)
+            # one point alone is both ends
+            for x, y in dict.fromkeys((level_points[0], level_points[-1])):
+                point_texts.append(f"{x:g},{y:g}")
+        return " ".join(point_texts)
 
 
 def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
     """Return the curve of an entry, with that of ``reference``; None without a curve."""
-    curve = curve_of(entry)
-    beside = []
+    curve = _curve_of(entry)
+    stp_curve = []
     if reference is not None and reference is not entry:
-        beside = curve_of(reference)
-    points = [*curve, *beside]
-    most = max((at for at, _ in points), default=0.0)
-    if not curve or most <= 0:
+        stp_curve = _curve_of(reference)
+    points = np.array([*curve, *stp_curve]).reshape(-1, 2)
+    max_forecasts, max_error_m = points.max(axis=0, initial=0.0).tolist()
+    if not curve or max_forecasts <= 0:
         return None
-    errors = [error for _, error in points]
-    are_known = entry.record.env.truth_complete
-    ticks = tuple(tick for tick in _TICKS[are_known] if tick <= most)
-    scale = nice_scale(min(errors), max(errors))
-    return CurveChart(curve, beside, most, scale, _AXIS[are_known], ticks)
+    scale = nice_scale(float(points[:, 1].min()), max_error_m)
+    axis = _FRAME_AXIS
+    ticks = _FRAME_TICKS
+    if entry.record.env.truth_complete:
+        axis = _KNOWN_AXIS
+        ticks = _KNOWN_TICKS
+    shown_ticks = [tick for tick in ticks if tick <= max_forecasts]
+    return CurveChart(curve, stp_curve, max_forecasts, scale, axis, shown_ticks)
+
+
+def _curve_of(entry: Entry) -> list[Point]:
+    """Return numbers of false forecasts and errors; empty without such a curve."""
+    return sorted(entry.record.curve)[:_MAX_POINTS]

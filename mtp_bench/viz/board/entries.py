@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from itertools import groupby
 from typing import Any
 
@@ -33,7 +33,7 @@ LEVEL_TEXT: dict[Level, str] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Found(Checked):
+class LinkedRecord(Checked):
     """A record of a leaderboard with its addresses."""
 
     link: str | None = None  # relative address of its file
@@ -43,7 +43,7 @@ class Found(Checked):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Entry(Found):
+class Entry(LinkedRecord):
     """One line of a leaderboard."""
 
     standing: Standing
@@ -62,11 +62,6 @@ class Entry(Found):
     def place(self) -> int | None:
         """Its place by bADE over all targets; None: shown, not ranked."""
         return self.standing.places["all"].place
-
-    @property
-    def rank(self) -> str | None:
-        """Its place with the ranks that the tests leave open, "2 (1–3)"."""
-        return self.standing.places["all"].rank
 
     @property
     def among_best(self) -> bool:
@@ -104,8 +99,8 @@ class Entry(Found):
         if self.signed is None or self.signed.seal is None:
             return ""
         seal = self.signed.seal
-        retired = f", retired {seal.retired}" if seal.retired else ""
-        return f"{seal.name} of {seal.made}{retired}"
+        text = f"{seal.name} of {seal.made}"
+        return f"{text}, retired {seal.retired}" if seal.retired else text
 
     @property
     def trained_on_scored(self) -> str:
@@ -118,22 +113,24 @@ class Entry(Found):
     @property
     def trainings(self) -> list[NetworkState]:
         """Networks that a command trains before it runs; empty if all weights ship."""
-        files = map(_NETWORK_FILE.fullmatch, self.record.submission.networks)
-        return [
-            NetworkState(file[1], file[2], trained=False, ships=False)
-            for file in files
-            if file
-        ]
+        trainings = []
+        for name in self.record.submission.networks:
+            if file := _NETWORK_FILE.fullmatch(name):
+                network = NetworkState(file[1], file[2], trained=False, ships=False)
+                trainings.append(network)
+        return trainings
 
     @property
     def weights(self) -> str | None:
         """Text "ships" or "train in 4 min"; None for others than baselines."""
-        minutes = [network.minutes for network in self.trainings]
-        if not minutes:
+        if not self.trainings:
             return "ships" if is_baseline(self.record) else None
-        if None in minutes:
-            return "train"
-        return f"train in {sum(filter(None, minutes))} min"
+        minutes = 0
+        for network in self.trainings:
+            if network.minutes is None:
+                return "train"
+            minutes += network.minutes
+        return f"train in {minutes} min"
 
     @property
     def checked(self) -> str:
@@ -154,7 +151,7 @@ class Entry(Found):
         """The ranking numbers of all targets."""
         return self.row_of("all")
 
-    @property
+    @cached_property
     def driving(self) -> DrivingRow | None:
         """Ranking numbers of a closed loop with the difference to STP; None elsewhere."""
         row = self.sums.driving
@@ -164,12 +161,10 @@ class Entry(Found):
         difference = self.standing.differences.get("all")
         if difference is not None:
             # of scores, not of errors
-            interval = difference.interval
-            changes |= {
-                "difference": -difference.mean,
-                "difference_interval": interval and (-interval[1], -interval[0]),
-                "p": difference.p,
-            }
+            changes |= {"difference": -difference.mean, "p": difference.p}
+            if difference.interval is not None:
+                low, high = difference.interval
+                changes["difference_interval"] = (-high, -low)
         return row.model_copy(update=changes)
 
     @property
@@ -184,14 +179,15 @@ class Entry(Found):
             return None
         return self.record.row.error
 
-    def difference(self, subset: Subset = "all") -> PairedDifference | None:
-        """Return its error minus that of STP beside it, metres.
+    @property
+    def difference(self) -> PairedDifference | None:
+        """Its error minus that of STP beside it, metres.
 
         None for STP, without a record of STP and in closed loops.
         """
         if self.record.drives is not None:
             return None
-        return self.standing.differences.get(subset)
+        return self.standing.differences.get("all")
 
     @property
     def verdict(self) -> str:
@@ -201,31 +197,24 @@ class Entry(Found):
             return ""
         return "better" if difference.mean < 0 else "worse"
 
-    def association_blank(self, subset: Subset) -> str | None:
-        """Return why its association gap is missing on a subset; None if it is not."""
-        if subset in self.standing.association_gaps:
-            return None
-        return self.standing.association_gap_blank
-
 
 def entries_of(
-    found: Sequence[Found], subsets: Sequence[Subset] = SUBSETS
+    linked_records: Sequence[LinkedRecord], subsets: Sequence[Subset] = SUBSETS
 ) -> list[Entry]:
     """Return the entries of records in their order; partial ones behind whole ones.
 
     The order is by environment, place, bADE and name. ``subsets``: those of their
     standings; without a page "all" is enough.
     """
-    records = [checked.record for checked in found]
-    levels = {
-        checked.record.digest: checked.signed
-        for checked in found
-        if checked.signed is not None
-    }
-    standing = standings(records, levels, subsets=subsets)
+    records = [linked.record for linked in linked_records]
+    levels = {}
+    for linked in linked_records:
+        if linked.signed is not None:
+            levels[linked.record.digest] = linked.signed
+    ranked = standings(records, levels, subsets=subsets)
     entries = [
-        Entry(**vars(checked), standing=standing[checked.record.digest])
-        for checked in found
+        Entry(**vars(linked), standing=ranked[linked.record.digest])
+        for linked in linked_records
     ]
     return sorted(entries, key=_sort_key)
 
@@ -252,24 +241,26 @@ def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
 
 def _sort_key(entry: Entry) -> tuple[object, ...]:
     return (
-        _env_place(entry.env),
+        _env_order(entry.env),
         entry.part != "",
-        math.inf if entry.place is None else entry.place,
+        entry.place or math.inf,
         not entry.compared,
         not entry.saw_truth,
-        math.inf if entry.error is None else entry.error,
+        entry.error if entry.error is not None else math.inf,
         entry.name,
         entry.record.digest,
     )
 
 
 @cache
-def _env_place(env_id: str) -> tuple[bool, int, str]:
+def _env_order(env_id: str) -> tuple[bool, int, str]:
     """Return a sort key of environments: those without a map first.
 
     Then by the place that the card states; others recorded, then simulated.
     """
-    place = load_card(env_id).board if env_id in card_ids() else None
+    place = None
+    if env_id in card_ids():
+        place = load_card(env_id).board
     if place is None:
         place = _LAST_PLACE + is_simulated(env_id)
     return has_map(env_id), place, env_id

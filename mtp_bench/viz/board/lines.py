@@ -8,13 +8,13 @@ from typing import Any
 from urllib.parse import quote
 
 from ...cards import load_card
-from ...core import BLANK, Column, Table, card_ids, clean_text, columns_of
+from ...core import Column, Table, card_ids, clean_text
 from ...judge import LEVELS, STP, why_scored_otherwise
 from ...running import card_budget
-from ...scoring import NAMES, SUBSETS, PairedDifference, Row, Subset
+from ...scoring import NAMES, SUBSETS, PairedDifference, Subset
 from ...sources import package_of
 from ..terminal.tables import parts_text
-from .columns import COLUMN, PAGE, best_text, further_columns
+from .columns import COLUMN, PAGE, ROW_COLUMNS, best_text, optional_columns
 from .drawings import WIDTH, bar_of, curve_chart, scale_of, scene_chart
 from .entries import Entry, empty_error, has_map, is_simulated
 
@@ -23,81 +23,101 @@ _MAX_LETTERS = 120  # of a text in a row: all of it is in the details
 _LATER_CLAUSES = re.compile(r"^(.{28}.*?)(?:; |: |, [a-z]| \().*")
 _SIGNED = COLUMN["difference"]
 _PARTS = {"localisation": "with forecast", "missed": "without forecast"}
-Ids = Mapping[Entry, str]
 Line = dict[str, Any]
 
 
-def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
+def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
     """Return the content of the template for one table."""
     env_id = entries[0].env
     compared = [entry for entry in entries if entry.compared]
-    first = compared[0] if compared else entries[0]
+    first_entry = [*compared, *entries][0]
+    record = first_entry.record
     reference = next((entry for entry in compared if entry.name == STP), None)
-    columns = [
-        COLUMN[key]
-        for key in PAGE
-        if any(COLUMN[key].value(entry) is not None for entry in entries)
-    ]
-    groups = groupby(columns, lambda column: (column.group, PAGE[column.key]))
+    columns = _shown_columns(entries)
     scale = scale_of(entries)
+    cards = set()
+    ranked_count = 0
+    for entry in entries:
+        cards.add(entry.record.env.card_digest)
+        ranked_count += entry.place is not None
     board: dict[str, Any] = {
-        "id": env_id,
         "env": env_id,
         "name": short_name(env_id),
         "about": _about(env_id),
-        "budgets": card_budget(env_id).text(first.record.env.truth_complete),
+        "budgets": card_budget(env_id).text(record.env.truth_complete),
         "simulated": is_simulated(env_id),
         "map": has_map(env_id),
-        "drive": first.driving is not None,
-        "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),
-        "split": first.record.env.split,
-        "total": len(entries),
-        "ranked": sum(entry.place is not None for entry in entries),
-        "size": first.row,
+        "drive": first_entry.driving is not None,
+        "cards": sorted(cards - {""}),
+        "split": record.env.split,
+        "ranked": ranked_count,
+        "size": first_entry.row,
         "empty_error": empty_error(entries),
-        "answer": answer_of(entries, ids),
+        "answer": answer_of(compared),
         "few": {"turning", *_unranked_subsets(entries)},
         "columns": columns,
-        "groups": [(group, list(members)) for (group, _), members in groups],
+        "groups": _groups(columns),
         "scale": scale,
         # place of a difference of 0
-        "zero": WIDTH / 2 if scale is None else scale.x(0.0),
+        "zero": scale.x(0.0) if scale is not None else WIDTH / 2,
         "reference": reference,
     }
-    best = {column.key: best_text(column, entries) for column in columns}
-    board["lines"] = [
-        _line(entry, board, best) | {"id": ids[entry]} for entry in entries
-    ]
+    best = {}
+    for column in columns:
+        best[column.key] = best_text(column, entries)
+    board["lines"] = [_line(entry, board, best) for entry in entries]
     return board
+
+
+def _shown_columns(entries: Sequence[Entry]) -> list[Column]:
+    """Return the columns of the page in which an entry has a value."""
+    columns = []
+    for key in PAGE:
+        column = COLUMN[key]
+        if any(column.value(entry) is not None for entry in entries):
+            columns.append(column)
+    return columns
+
+
+def _groups(columns: Sequence[Column]) -> list[tuple[str, list[Column]]]:
+    """Return headings above columns that stand together on screens of any width."""
+    groups = []
+    by_heading = groupby(columns, lambda column: (column.group, PAGE[column.key]))
+    for (heading, _), members in by_heading:
+        groups.append((heading, list(members)))
+    return groups
 
 
 def _unranked_subsets(entries: Sequence[Entry]) -> list[Subset]:
     """Return the event subsets on which no entry has a place."""
     unranked = []
     for subset in SUBSETS[1:]:
-        places = [entry.standing.places[subset].place for entry in entries]
-        if all(place is None for place in places):
+        places = {entry.standing.places[subset].place for entry in entries}
+        if places == {None}:
             unranked.append(subset)
     return unranked
 
 
-def details_of(line: Line, board: Mapping[str, Any]) -> Line:
+def details_of(line: Line, reference: Entry | None) -> Line:
     """Return the content of the template for the details of an entry: its ``line``.
 
-    With all cells, links, charts and tables.
+    With all cells, links, charts and tables; ``reference``: the entry of STP.
     """
     entry: Entry = line["entry"]
     row = entry.row
-    parts = [(name, text, getattr(row, name)) for name, text in _PARTS.items()]
+    error_parts = []
+    for name, part_name in _PARTS.items():
+        if part_m := getattr(row, name):
+            error_parts.append((name, part_name, part_m))
     return line | {
         "cells": {key: column.shown(entry) for key, column in COLUMN.items()},
         "link": address_of(entry.link),
         "all_links": _links(entry),
-        "chart": curve_chart(entry, board["reference"]),
+        "chart": curve_chart(entry, reference),
         "subsets": subset_table(entry),
-        "parts": [part for part in parts if part[2]],
+        "parts": error_parts,
         "costs": parts_text(row),
-        "scenes": scene_chart(entry, board["reference"]),
+        "scenes": scene_chart(entry, reference),
     }
 
 
@@ -105,68 +125,60 @@ def subset_table(entry: Entry) -> Table:
     """Return the numbers of an entry on each subset, or of its drives."""
     if entry.driving is not None:
         return Table("driving", "How its forecasts drive", "", [entry.driving])
-    standing = entry.standing
-    column = {column.key: column for column in columns_of(Row)}
-
-    def rank(row: Row) -> str | None:
-        place = standing.places.get(row.subset)
-        return None if place is None else place.rank
-
-    def p_text(row: Row) -> str | None:
-        difference = standing.differences.get(row.subset)
-        return None if difference is None else p_value(difference.p)
-
-    def of_difference(row: Row, name: str) -> Any:
-        return getattr(standing.differences.get(row.subset), name, None)
-
-    def own_gap(row: Row) -> float | None:
-        return standing.own_gaps.get(row.subset)
-
-    def association_gap(row: Row) -> float | None:
-        return standing.association_gaps.get(row.subset)
-
     columns = [
-        replace(column["subset"], read=lambda row: NAMES[row.subset]),
-        Column(key="rank", read=rank),
-        column["error"],
-        column["interval"],
-        replace(
-            COLUMN["difference"],
-            heading="to stp",
-            read=lambda row: of_difference(row, "mean"),
-        ),
-        replace(
-            COLUMN["difference_interval"],
-            read=lambda row: of_difference(row, "interval"),
-        ),
-        replace(column["p"], unit="-", read=p_text),
-        column["minADE"],
-        column["minFDE"],
-        column["coverage"],
-        replace(COLUMN["same_gap"], optional=True, read=own_gap),
-        replace(COLUMN["association_gap"], optional=True, read=association_gap),
-        Column("events / objects / scenes", "-", key="sizes", read=_sizes),
+        ROW_COLUMNS["subset"],
+        Column(key="rank"),
+        ROW_COLUMNS["error"],
+        ROW_COLUMNS["interval"],
+        replace(_SIGNED, heading="to stp", read=None),
+        replace(COLUMN["difference_interval"], read=None),
+        replace(ROW_COLUMNS["p"], unit="-"),
+        ROW_COLUMNS["minADE"],
+        ROW_COLUMNS["minFDE"],
+        ROW_COLUMNS["coverage"],
+        replace(COLUMN["same_gap"], optional=True, read=None),
+        replace(COLUMN["association_gap"], optional=True, read=None),
+        Column("events / objects / scenes", "-", key="sizes"),
     ]
-    further = [c for c in further_columns([entry]) if not c.key.startswith("cost_")]
-    rows = [entry.row_of(subset) for subset in entry.sums.subsets]
-    return Table("subsets", "Errors in metres", "", rows, [*columns, *further])
+    for metric in optional_columns([entry]):
+        if not metric.key.startswith("cost_"):
+            columns.append(metric)
+    rows = [_subset_row(entry, subset) for subset in entry.sums.subsets]
+    return Table("subsets", "Errors in metres", "", rows, columns)
 
 
-def _sizes(row: Row) -> str:
-    events = BLANK if row.events is None else f"{row.events:.0f}"
-    return f"{events} / {row.objects} / {row.scenes}"
+def _subset_row(entry: Entry, subset: Subset) -> dict[str, Any]:
+    """Return the cells of one subset by the keys of columns."""
+    row = entry.row_of(subset)
+    standing = entry.standing
+    events = Column(format=".0f").text(row.events)
+    cells: dict[str, Any] = dict(row)
+    # what ranks give is not in the row of a record
+    cells |= {
+        "subset": NAMES[subset],
+        "sizes": f"{events} / {row.objects} / {row.scenes}",
+        "same_gap": standing.own_gaps.get(subset),
+        "association_gap": standing.association_gaps.get(subset),
+    }
+    if subset in standing.places:
+        cells["rank"] = standing.places[subset].rank
+    if subset in standing.differences:
+        difference = standing.differences[subset]
+        cells["difference"] = difference.mean
+        cells["difference_interval"] = difference.interval
+        cells["p"] = p_value(difference.p)
+    return cells
 
 
 def difference_text(entry: Entry) -> str:
     """Return the difference to STP in words, for screen readers; empty without one."""
-    difference = entry.difference()
+    difference = entry.difference
     if difference is None:
         return ""
-    mean = _SIGNED.text(difference.mean)
-    p = p_value(difference.p)
-    if difference.interval is None:
-        return f"{mean} m, p {p}"
-    return f"{mean} m, 95 % interval {_SIGNED.text(difference.interval)}, p {p}"
+    text = f"{_SIGNED.text(difference.mean)} m"
+    if difference.interval is not None:
+        text += f", 95 % interval {_SIGNED.text(difference.interval)}"
+    return f"{text}, p {p_value(difference.p)}"
 
 
 def address_of(link: str | None) -> str | None:
@@ -183,31 +195,36 @@ def _line(
     record = entry.record
     submission = record.submission
     authors = ", ".join(submission.authors)
-    all_authors = clean_text(authors, len(authors))
-    reason = entry.why.removeprefix(f"{record.status}: ")
-    is_explained = entry.compared or bool(entry.part)
-    cells = {column.key: column.shown(entry) for column in board["columns"]}
-    best_keys = {key for key, text in cells.items() if text == best[key]}
-    return {
+    cells = {}
+    best_keys = set()
+    for column in board["columns"]:
+        cells[column.key] = column.shown(entry)
+        if entry.compared and cells[column.key] == best[column.key]:
+            best_keys.add(column.key)
+    line = {
         "entry": entry,
         "record": record,
         "reference": entry is board["reference"],
         "authors": _short(authors),
-        # for the search
-        "all_authors": all_authors if len(authors) > _MAX_LETTERS else "",
         "links": [link for link in _links(entry) if len(link[1]) <= _MAX_LETTERS],
         "license": _short(submission.license),
         "trained": _short(entry.trained_on_scored),
-        "why": "" if is_explained else _short(reason),
         "what": _short(_LATER_CLAUSES.sub(r"\1", submission.description)),
         "cells": cells,
-        "best": best_keys if entry.compared else set(),
+        "best": best_keys,
         "level": LEVELS.index(entry.level),
-        "signer": entry.signed.signer if entry.signed else "",
-        "bar": bar_of(board["scale"], entry.difference()),
+        "bar": bar_of(board["scale"], entry.difference),
         "difference": difference_text(entry),
         "old": why_scored_otherwise(record) is not None,
+        "all_authors": "",
+        "why": "",
     }
+    if len(authors) > _MAX_LETTERS:
+        # for the search
+        line["all_authors"] = clean_text(authors, len(authors))
+    if not (entry.compared or entry.part):
+        line["why"] = _short(entry.why.removeprefix(f"{record.status}: "))
+    return line
 
 
 def _short(text: str) -> str:
@@ -217,9 +234,12 @@ def _short(text: str) -> str:
 def _links(entry: Entry) -> list[tuple[str, str]]:
     """Return addresses of code and paper; the code of a baseline is its folder."""
     submission = entry.record.submission
-    code = submission.source or address_of(entry.code)
-    links = (("code", code), ("paper", submission.paper))
-    return [(label, address) for label, address in links if address]
+    links = []
+    if code := submission.source or address_of(entry.code):
+        links.append(("code", code))
+    if submission.paper:
+        links.append(("paper", submission.paper))
+    return links
 
 
 def _about(env_id: str) -> dict[str, Any] | None:
@@ -227,7 +247,9 @@ def _about(env_id: str) -> dict[str, Any] | None:
     if env_id not in card_ids():
         return None
     card = load_card(env_id)
-    detections = "simulated" if card.detector is not None else "stored"
+    detections = "stored"
+    if card.detector is not None:
+        detections = "simulated"
     if card.detector_name:
         detections = f"{detections} ({card.detector_name})"
     return {
@@ -238,33 +260,36 @@ def _about(env_id: str) -> dict[str, Any] | None:
     }
 
 
-def answer_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any] | None:
-    """Return the content of ``answer.html`` for one table.
+def answer_of(compared: Sequence[Entry]) -> dict[str, Any] | None:
+    """Return the content of ``answer.html`` for the ``compared`` entries of a table.
 
-    None where no entry compares with others. Without ranks the first one is that of the
-    lowest bADE on the public scenes.
+    None without one. Without ranks the first one is that of the lowest bADE on the
+    public scenes.
     """
-    compared = [e for e in entries if e.compared and e.error is not None]
     if not compared:
         return None
-    first = compared[0]
-    ranked = [entry for entry in compared if entry.place is not None]
-    worse = [entry for entry in ranked if not entry.among_best]
-    span = first.standing.places["all"].span
+    best = compared[0]
     answer: dict[str, Any] = {
-        "entry": first,
-        "id": ids[first],
-        "env": short_name(first.env),
-        "equals": [(entry, ids[entry]) for entry in ranked[1:] if entry.among_best],
-        "others": len(ranked) - 1,
-        "worse": 0 if span is None else len(ranked) - span[1],
-        "less_stp": _lead(first.difference()),
+        "entry": best,
+        "equals": [],
+        "others": -1,
+        "worse": 0,
+        "less_stp": _lead(best.difference),
         "next": None,
         "less_next": None,
     }
-    if worse:
-        answer["next"] = (worse[0], ids[worse[0]])
-        answer["less_next"] = _lead(first.minus(worse[0], "all"))
+    for entry in compared:
+        if entry.place is None:
+            continue
+        answer["others"] += 1
+        if entry is not best and entry.among_best:
+            answer["equals"].append(entry)
+        if answer["next"] is None and not entry.among_best:
+            answer["next"] = entry
+            answer["less_next"] = _lead(best.minus(entry, "all"))
+    span = best.standing.places["all"].span
+    if span is not None:
+        answer["worse"] = answer["others"] + 1 - span[1]
     return answer
 
 
@@ -277,11 +302,14 @@ def _lead(difference: PairedDifference | None) -> dict[str, str] | None:
     """Return a difference in words, with interval and p; None without an interval."""
     if difference is None or difference.interval is None:
         return None
-    is_lower = difference.mean < 0
-    sign = -1 if is_lower else 1
+    sign = 1
+    word = "higher"
+    if difference.mean < 0:
+        sign = -1
+        word = "lower"
     low, high = sorted(sign * limit for limit in difference.interval)
     return {
-        "by": f"{abs(difference.mean):.3f} m {'lower' if is_lower else 'higher'}",
+        "by": f"{abs(difference.mean):.3f} m {word}",
         "interval": f"{low:.3f} to {high:.3f}".replace("-", "−"),
         "p": f"p {p_value(difference.p)}",
     }

@@ -8,7 +8,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -29,12 +28,12 @@ from ..pages import source_of, templates_of, text_of
 from .columns import COLUMN, PAGE, board_table
 from .drawings import WIDTH
 from .entries import LEVEL_TEXT, Entry, by_board, has_map, is_simulated
-from .lines import Ids, address_of, board_of, details_of, short_name
+from .lines import address_of, board_of, details_of, short_name
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-_HERE = Path(__file__).parent
+_FOLDER = Path(__file__).parent
 SUFFIX = ".parts"  # of the folder beside a page
 _MARK = "leaderboard.json"  # in every such folder
 _RANK_TEXT = (
@@ -47,7 +46,7 @@ _CONVERTED_TEXT = (
     "Converted: the level of an earlier form of the record, not run again."
 )
 # heading and explanation of the columns of a table beside those of numbers
-_FURTHER = {
+_OTHER_COLUMNS = {
     "rank": ("rank", _RANK_TEXT),
     "name": ("agent", _NAME_TEXT),
     "level": ("verified", f"{_LEVELS_TEXT} {_CONVERTED_TEXT}"),
@@ -80,25 +79,25 @@ def board_files(
     ``folder``: name of the parts' folder beside the page. ``pages``: addresses of
     others. No date, path or random id.
     """
-    ids = _ids(entries)
     by_env = by_board(entries)
-    boards = [board_of(listed, ids) for listed in by_env.values()]
+    boards = [board_of(members) for members in by_env.values()]
     groups = []
-    for lanes, members in groupby(entries, lambda entry: has_map(entry.env)):
-        shown = [board for board in boards if board["map"] == lanes]
-        groups.append((overview_of(list(members)), shown))
+    for lanes in (False, True):
+        members = [entry for entry in entries if has_map(entry.env) == lanes]
+        if members:
+            shown = [board for board in boards if board["map"] == lanes]
+            groups.append((overview_of(members), shown))
     content = {
         "parts": quote(folder),
         "boards": boards,
         "groups": groups,
-        "ids": ids,
-        "levels": LEVELS,
+        "ids": _ids(entries),
     }
     parts = _table_files(entries, "leaderboard")
     for board in sorted(boards, key=lambda board: board["env"]):
         env_id = board["env"]
         parts |= _table_files(by_env[env_id], env_id)
-        parts[f"{env_id}.js"] = _pieces(board, content)
+        parts[f"{env_id}.js"] = _details_script(board, content)
     return BoardFiles(_page(entries, content, pages or Pages()), parts)
 
 
@@ -109,13 +108,7 @@ class Overview:
     map: bool  # agents see lanes in all of the environments; else in none
     heads: list[tuple[str, str, bool]]  # id of the table, name, whether it is simulated
     rows: list[tuple[str, list[Entry | None]]]  # agent, its entry per environment
-
-    @property
-    def groups(self) -> list[tuple[str, int]]:
-        """Headings above the columns, with their number."""
-        simulated = sum(is_simulated for _, _, is_simulated in self.heads)
-        counts = {"recorded": len(self.heads) - simulated, "simulated": simulated}
-        return [(name, count) for name, count in counts.items() if count]
+    groups: list[tuple[str, int]]  # headings above the columns, with their number
 
 
 def overview_of(entries: Sequence[Entry]) -> Overview:
@@ -123,26 +116,32 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
 
     They are all of environments with a map, or all of others.
     """
-    envs = list(by_board(entries))
-    agents: dict[str, dict[str, Entry]] = {}
+    env_ids = list(by_board(entries))
+    entries_by_name: dict[str, dict[str, Entry]] = {}
     for entry in entries:
         # of several of one name the first
-        agents.setdefault(entry.name, {}).setdefault(entry.env, entry)
+        entries_by_name.setdefault(entry.name, {}).setdefault(entry.env, entry)
     references = {entry.name for entry in entries if entry.saw_truth}
 
     def sort_key(name: str) -> tuple[object, ...]:
-        places = [_place(agents[name].get(env_id)) for env_id in envs]
-        return name in references, places, name
+        env_places = [
+            _sort_key(entries_by_name[name].get(env_id)) for env_id in env_ids
+        ]
+        return name in references, env_places, name
 
-    rows = [
-        (name, [agents[name].get(env_id) for env_id in envs])
-        for name in sorted(agents, key=sort_key)
-    ]
-    heads = [(env_id, short_name(env_id), is_simulated(env_id)) for env_id in envs]
-    return Overview(any(map(has_map, envs)), heads, rows)
+    rows = []
+    for name in sorted(entries_by_name, key=sort_key):
+        rows.append((name, [entries_by_name[name].get(env_id) for env_id in env_ids]))
+    heads = []
+    group_counts = {"recorded": 0, "simulated": 0}
+    for env_id in env_ids:
+        heads.append((env_id, short_name(env_id), is_simulated(env_id)))
+        group_counts["simulated" if is_simulated(env_id) else "recorded"] += 1
+    groups = [(name, count) for name, count in group_counts.items() if count]
+    return Overview(has_map(env_ids[0]), heads, rows, groups)
 
 
-def _place(entry: Entry | None) -> tuple[float, ...]:
+def _sort_key(entry: Entry | None) -> tuple[float, ...]:
     """Return a sort key in one environment: by place, then bADE.
 
     Partial and missing entries come last.
@@ -158,80 +157,92 @@ def _table_files(entries: Sequence[Entry], name: str) -> dict[str, str]:
 
 
 def _page(entries: Sequence[Entry], content: dict[str, Any], pages: Pages) -> str:
-    style = text_of(_HERE, "board.css")
-    script = text_of(_HERE, "board.js")
+    style = text_of(_FOLDER, "board.css")
+    script = text_of(_FOLDER, "board.js")
     # this style, this script and its own parts, pictures beside the page
     policy = (
         f"default-src 'none'; style-src {source_of(style)}; script-src "
         f"{source_of(script)} 'strict-dynamic'; img-src 'self' data:; base-uri 'none'; "
         "form-action 'none'"
     )
-    shown = {column.key for board in content["boards"] for column in board["columns"]}
-    dates = [entry.record.measured.made for entry in entries]
+    shown_columns = set()
+    for board in content["boards"]:
+        shown_columns.update(board["columns"])
+    latest = ""
+    for entry in entries:
+        latest = max(latest, entry.record.measured.made)
     return _render(
         "page.html",
         **content,
-        columns=[COLUMN[key] for key in PAGE if key in shown],
-        further=_FURTHER,
+        columns=[COLUMN[key] for key in PAGE if COLUMN[key] in shown_columns],
         few_objects=RANKED_OBJECTS,
         few_units=RANKED_UNITS,
-        latest=max(dates, default=""),
+        latest=latest,
         guide=address_of(pages.guide),
         definition=address_of(pages.definition),
-        icon=text_of(_HERE, "icon.svg").strip(),
+        icon=text_of(_FOLDER, "icon.svg").strip(),
         style=style,
         script=script,
         policy=policy,
     )
 
 
-def _pieces(board: dict[str, Any], content: dict[str, Any]) -> str:
+def _details_script(board: dict[str, Any], content: dict[str, Any]) -> str:
     """Return the details of a table's entries as calls that hand HTML to the page.
 
     They are ASCII without "</" and "<!", which would end a script early.
     """
-    pieces = []
+    calls = []
     for line in board["lines"]:
-        details = details_of(line, board)
+        details = details_of(line, board["reference"])
         html = _render("entry.html", **content, board=board, line=details)
-        call = f"mtpBoard({json.dumps(line['id'])}, {json.dumps(html)});\n"
-        pieces.append(call.replace("</", r"<\/").replace("<!", r"<\u0021"))
-    return "".join(pieces)
+        address = content["ids"][line["entry"]]
+        call = f"mtpBoard({json.dumps(address)}, {json.dumps(html)});\n"
+        calls.append(call.replace("</", r"<\/").replace("<!", r"<\u0021"))
+    return "".join(calls)
 
 
 def _render(template: str, **content: Any) -> str:
     return f"{_templates().get_template(template).render(**content)}\n"
 
 
-def _ids(entries: Sequence[Entry]) -> Ids:
+def _ids(entries: Sequence[Entry]) -> dict[Entry, str]:
     """Return the address of each entry in the page, "table/submission".
 
     A further one of the same name has its digest.
     """
-    ids: dict[Entry, str] = {}
+    ids = {}
     names = set()
     for entry in entries:
         name = f"{entry.env}/{entry.name}"
-        is_second = name.lower() in names
-        ids[entry] = f"{name}~{entry.record.digest[:8]}" if is_second else name
+        ids[entry] = name
+        if name.lower() in names:
+            ids[entry] = f"{name}~{entry.record.digest[:8]}"
         names.add(name.lower())
     return ids
 
 
+def _number_text(value: float | None, digits: int) -> str:
+    return Column(format=f".{digits}f").text(value)
+
+
+def _thousands(number: int) -> str:
+    return f"{number:,}".replace(",", " ")
+
+
 @cache
 def _templates() -> "Environment":
-    environment = templates_of(_HERE)
+    environment = templates_of(_FOLDER)
     environment.globals.update(
         width=WIDTH,
         nothing=BLANK,
         level_text=LEVEL_TEXT,
+        levels=LEVELS,
+        other_columns=_OTHER_COLUMNS,
         page_class=PAGE,
         definitions=DEFINITIONS,
     )
-    environment.filters["thousands"] = lambda number: f"{number:,}".replace(",", " ")
-    environment.filters["number"] = lambda value, digits=3: Column(
-        format=f".{digits}f"
-    ).text(value)
+    environment.filters.update(thousands=_thousands, number=_number_text)
     return environment
 
 
@@ -251,7 +262,8 @@ def require_parts(page: Path) -> None:
         raise MtpBenchError(f"cannot write {folder}: it is not a folder; remove it")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / _MARK).is_file():
         raise MtpBenchError(
-            f"cannot write {folder}: it holds other files than parts of a page; write it elsewhere"
+            f"cannot write {folder}: it holds other files than parts of a page; write "
+            "it elsewhere"
         )
 
 

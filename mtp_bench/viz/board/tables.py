@@ -10,7 +10,6 @@ from .columns import COLUMN
 from .entries import LEVEL_TEXT, Entry, by_board, empty_error, has_map
 
 # headings of columns
-_SCORE = "drive\nscore ↑"
 _EVENTS = {"ids": "identity\nswitch ↓", "turning": "turning\n↓"}
 _DRIVES = {
     "drive_collisions": "at\nfault ↓",
@@ -34,29 +33,33 @@ def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
 
 def _short_table(entries: Sequence[Entry]) -> Table:
     env_id = entries[0].env
-    is_drive = entries[0].driving is not None
-    empty = empty_error(entries)
-    title = f"{env_id}: bADE (m)"
-    if is_drive:
-        title = f"{env_id}: {_DRIVE_TITLE}"
-    elif empty is not None:
-        title = f"{title}; {empty:.3f} if nothing is predicted"
+    table_title = f"{env_id}: bADE (m)"
+    nothing_predicted = empty_error(entries)
+    if nothing_predicted is not None:
+        table_title = f"{table_title}; {nothing_predicted:.3f} if nothing is predicted"
+    score_heading = "bADE\n↓"
+    column_headings = _EVENTS
+    if entries[0].driving is not None:
+        table_title = f"{env_id}: {_DRIVE_TITLE}"
+        score_heading = "drive\nscore ↑"
+        column_headings = _DRIVES
     columns = [
         Column("agent", key="submission", read=_name),
         Column("ranks", key="rank", read=_ranks),
-        Column(_SCORE if is_drive else "bADE\n↓", key="error", read=_score),
+        Column(score_heading, key="error", read=_score),
         Column("95 %\ninterval", "m", key="interval", read=_interval),
         Column(f"to stp\n{_SIGNIFICANT_TEXT}", "m", key="difference", read=_difference),
     ]
-    for key, heading in (_DRIVES if is_drive else _EVENTS).items():
+    for key, heading in column_headings.items():
         columns.append(replace(COLUMN[key], heading=heading, group=""))
-    return Table(env_id, title, "", entries, columns)
+    return Table(env_id, table_title, "", entries, columns)
 
 
 def _name(entry: Entry) -> str:
-    marks = ["added" if entry.added else "", entry.part]
-    shown = [f"({mark})" for mark in marks if mark]
-    return " ".join([_printable(entry.name), *shown])
+    name = _printable(entry.name)
+    if entry.added:
+        name = f"{name} (added)"
+    return f"{name} ({entry.part})" if entry.part else name
 
 
 def _ranks(entry: Entry) -> str | None:
@@ -64,7 +67,9 @@ def _ranks(entry: Entry) -> str | None:
 
 
 def _score(entry: Entry) -> float | None:
-    return entry.error if entry.driving is None else entry.driving.drive_score
+    if entry.driving is not None:
+        return entry.driving.drive_score
+    return entry.error
 
 
 def _interval(entry: Entry) -> str | None:
@@ -73,35 +78,51 @@ def _interval(entry: Entry) -> str | None:
 
 
 def _difference(entry: Entry) -> str:
-    key = "difference" if entry.driving is None else "drive_difference"
+    column = COLUMN["difference"]
+    if entry.driving is not None:
+        column = COLUMN["drive_difference"]
     mark = _SIGNIFICANT_MARK if entry.verdict else " "
-    return COLUMN[key].shown(entry) + mark
+    return column.shown(entry) + mark
 
 
 def _notes(entries: Sequence[Entry]) -> list[str]:
-    names: dict[str, list[str]] = {}
-    for entry in entries:
-        if entry.place is None:
-            reason = f"not ranked ({_printable(entry.why)})"
-            names.setdefault(reason, []).append(_printable(entry.name))
-    for entry in entries:
-        if entry.trained_on_scored:
-            reason = _printable(entry.trained_on_scored)
-            names.setdefault(reason, []).append(_printable(entry.name))
-    notes = [
-        f"{text}: {', '.join(dict.fromkeys(agents))}" for text, agents in names.items()
-    ]
+    """Return lines below a table, most with the names of the agents they are about."""
+    notes = _reason_notes(entries)
     if has_map(entries[0].env):
         notes.append("agents see lanes: these ranks compare with no others")
-    for level in LEVELS:
-        agents = [_printable(entry.name) for entry in entries if entry.level == level]
-        suffix = "" if len(agents) == len(entries) else f": {', '.join(agents)}"
-        if agents:
-            notes.append(f"level {level} ({LEVEL_TEXT[level]}){suffix}")
+    notes += _level_notes(entries)
     if any(entry.converted for entry in entries):
         notes.append("converted from an earlier form of the records, not run again")
-    seals = sorted({entry.seal for entry in entries if entry.seal})
-    return [*notes, *(f"hidden scenes of seal {seal}" for seal in seals)]
+    seals = {entry.seal for entry in entries}
+    notes += [f"hidden scenes of seal {seal}" for seal in sorted(seals - {""})]
+    return notes
+
+
+def _reason_notes(entries: Sequence[Entry]) -> list[str]:
+    """Return reasons for missing ranks, then trainings on scored scenes."""
+    reasons = []
+    for entry in entries:
+        if entry.place is None:
+            reasons.append((f"not ranked ({entry.why})", entry.name))
+    for entry in entries:
+        if entry.trained_on_scored:
+            reasons.append((entry.trained_on_scored, entry.name))
+    agents: dict[str, list[str]] = {}
+    for reason, name in dict.fromkeys(reasons):
+        agents.setdefault(_printable(reason), []).append(_printable(name))
+    return [f"{reason}: {', '.join(names)}" for reason, names in agents.items()]
+
+
+def _level_notes(entries: Sequence[Entry]) -> list[str]:
+    notes = []
+    for level in LEVELS:
+        agents = [_printable(entry.name) for entry in entries if entry.level == level]
+        note = f"level {level} ({LEVEL_TEXT[level]})"
+        if len(agents) == len(entries):
+            notes.append(note)
+        elif agents:
+            notes.append(f"{note}: {', '.join(agents)}")
+    return notes
 
 
 def _printable(text: str) -> str:
