@@ -120,7 +120,9 @@ def predictor(given: argparse.Namespace) -> None:
         for number, (name, (request, scenes, data)) in enumerate(requests.items()):
             start = time.process_time()
             found = training_windows(request, RunOptions(data, scenes, workers=workers))
-            found = found if asked.seen.velocity.any() else without_velocity(found)
+            found = (
+                found if asked.surroundings.velocity.any() else without_velocity(found)
+            )
             path, card = train_predictor(
                 found, request, Path(folder) / f"{number}.safetensors"
             )
@@ -136,8 +138,10 @@ def predictor(given: argparse.Namespace) -> None:
 
 def without_velocity(found: Windows) -> Windows:
     """The windows as of a detector that measures no velocities."""
-    seen = replace(found.seen, velocity=np.zeros_like(found.seen.velocity))
-    return replace(found, velocity=np.zeros_like(found.velocity), seen=seen)
+    seen = replace(
+        found.surroundings, velocity=np.zeros_like(found.surroundings.velocity)
+    )
+    return replace(found, velocity=np.zeros_like(found.velocity), surroundings=seen)
 
 
 def _forecasts(asked: Windows, stored: StoredWeights) -> np.ndarray:
@@ -148,7 +152,9 @@ def _forecasts(asked: Windows, stored: StoredWeights) -> np.ndarray:
         for name in asked.task.classes
     ]
     asked = replace(asked, class_id=np.array(own)[asked.class_id])
-    seen = replace(asked.seen, class_id=np.array(own)[asked.seen.class_id])
+    seen = replace(
+        asked.surroundings, class_id=np.array(own)[asked.surroundings.class_id]
+    )
     network, parts = network_of(stored.network), []
     for low in range(0, len(asked), ROWS):
         part = asked.select(slice(low, low + ROWS))

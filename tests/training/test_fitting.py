@@ -77,7 +77,7 @@ def test_each_stage_of_ptp_trains_its_own_weights() -> None:
     network, data = Ptp(), random_training_set(Ptp())
     learnt = ~data.validation
     inputs = {name: value[learnt] for name, value in data.inputs.items()}
-    start = network.start(inputs, data.future[learnt], data.known[learnt], SIZES, PLAN.seed)
+    start = network.start(inputs, data.future[learnt], data.is_known[learnt], SIZES, PLAN.seed)
     first, last = after_stages(1), after_stages(2)
     for name in start:
         assert np.array_equal(first[name], start[name]) or name.startswith("cvae."), name

@@ -139,7 +139,7 @@ def test_rows_of_few_scenes_are_held_out_by_blocks_of_ten_seconds() -> None:
 def test_tracks_of_one_kind_fit_nothing(present: bool) -> None:
     rows = replace(made_up(200)[0], present=np.full(200, present))
     with pytest.raises(MtpBenchError, match=r"all or none are of true objects, .*--presence scores needs no fit"):
-        presence.fit(rows, presence.OWN)
+        presence.fit(rows, presence.OWN_RECIPE)
 
 
 def test_the_quality_of_probabilities() -> None:

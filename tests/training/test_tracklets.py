@@ -119,9 +119,9 @@ def test_targets_are_those_of_the_scorer(tmp_path: Path) -> None:
 def test_a_scene_without_objects_has_no_windows(tmp_path: Path) -> None:
     found = windows_of_scenes(tmp_path, bare_scene(), make_scene())
     assert (found.scene == 1).all()
-    assert found.seen.frames == 3 + 8
+    assert found.surroundings.frames == 3 + 8
     np.testing.assert_array_equal(found.moment, found.frame + 3)
-    np.testing.assert_array_equal(found.seen.before, [0, 1, 2, *range(8)])
+    np.testing.assert_array_equal(found.surroundings.before, [0, 1, 2, *range(8)])
 
 
 @pytest.mark.parametrize("truth", [False, True])
@@ -132,19 +132,19 @@ def test_windows_do_not_cross_a_hole_in_time(truth: bool, tmp_path: Path) -> Non
     )
     for name in set(BY_WINDOW) - {"scene", "frame"}:
         np.testing.assert_array_equal(getattr(whole, name), getattr(apart, name), err_msg=name)
-    np.testing.assert_array_equal(whole.seen.before, apart.seen.before)
+    np.testing.assert_array_equal(whole.surroundings.before, apart.surroundings.before)
 
 
 def test_windows_hold_the_lanes_of_their_frames(tmp_path: Path) -> None:
     card = load_card(write_card(tmp_path, CARD.replace("[source]", "lanes = true\n[source]").replace("kitti", "files")))
     center = np.array([[15.0, 12.0], [90.0, 12.0]])
     scene = replace(make_scene(), lanes=(Lane(center, center, center),))
-    seen = concatenate([windows_of_scene(scene, card, small_task(), HypothesisTracker(1)) for _ in range(2)]).seen
+    seen = concatenate([windows_of_scene(scene, card, small_task(), HypothesisTracker(1)) for _ in range(2)]).surroundings
     shown = make_feed(scene, LocalFrame.of(scene), small_task(), card).observe(3)
     assert shown["lane_valid"].any()
     for name, value in seen.lanes_at(8 + 3).items():
         np.testing.assert_array_equal(value, shown[name])
-    assert windows_of_scenes(tmp_path, scene).seen.lanes == {}
+    assert windows_of_scenes(tmp_path, scene).surroundings.lanes == {}
 
 
 def test_folds_are_whole_scenes(tmp_path: Path) -> None:
