@@ -1,6 +1,6 @@
 """Training rows of presence: tracks of training scenes, and what is true of them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -28,7 +28,7 @@ class SceneChoice:
     split: str = "train"
     detector: str | None = None  # another one than the card's
     first: int | None = None  # so many scenes; None: all
-    without: tuple[str, ...] = ()
+    without: Sequence[str] = ()
 
     def open(self, options: RunOptions) -> Split:
         """Return the scenes; data root and progress are those of ``options``."""
