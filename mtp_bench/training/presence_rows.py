@@ -57,9 +57,7 @@ class PresenceRecipe:
         table = _presence_table(detector)
         if table is None:
             names = [name for name in detector_names() if _presence_table(name)]
-            raise UnknownNameError(
-                "detector with a [presence] recipe", detector, names
-            )
+            raise UnknownNameError("detector with a [presence] recipe", detector, names)
         scenes = tuple(SceneChoice(**row) for row in table.pop("scenes"))
         features = tuple(table.pop("features", FEATURES))
         return cls(scenes, features, **table)
