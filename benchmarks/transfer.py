@@ -35,7 +35,12 @@ from mtp_bench.training.predictors import (
     training_windows,
 )
 from mtp_bench.training.presence import fit, probabilities, quality
-from mtp_bench.training.presence_rows import PresenceRecipe, PresenceRows, training_rows
+from mtp_bench.training.presence_rows import (
+    PresenceRecipe,
+    PresenceRows,
+    recipe_of,
+    training_rows,
+)
 
 PRESENCE = {
     "megvii": ("nuscenes_megvii_raw", "nuscenes_megvii"),
@@ -49,7 +54,7 @@ ROWS = 20_000  # windows that are forecast at once
 def presence(given: argparse.Namespace) -> None:
     """AUC of both models on recorded tracks, over all classes and of each."""
     for detector, profiles in PRESENCE.items():
-        recipe = PresenceRecipe.of(detector)
+        recipe = recipe_of(detector)
         rows, _ = training_rows(recipe, RunOptions(given.data))
         same = replace(
             recipe, features=PresenceRecipe(()).features, products=True, calibrated=True

@@ -90,7 +90,7 @@ def history_of(tracks: Tracks, observation: Observation, dt: float) -> TrackHist
     # for tracks that are not seen in all the past that is kept
     misses = np.clip(age - hits, 0, past_frames)
     first_place = tracks.past[np.arange(len(valid)), first_frame, :2]
-    distance = np.linalg.norm(tracks.past[:, -1, :2] - first_place, axis=1)
+    distance_m = np.linalg.norm(tracks.past[:, -1, :2] - first_place, axis=1)
     ego = np.asarray(observation.get("ego_pose", np.zeros(2)), dtype=np.float64)
     return TrackHistory(
         last_score=last_score,
@@ -99,7 +99,7 @@ def history_of(tracks: Tracks, observation: Observation, dt: float) -> TrackHist
         age=np.maximum(age, hits),
         unseen=np.where(ever_seen, valid[:, ::-1].argmax(axis=1), misses),
         range=np.linalg.norm(tracks.box[:, :2] - ego[:2], axis=1),
-        speed=distance / (np.maximum(lifetime, 1) * dt),
+        speed=distance_m / (np.maximum(lifetime, 1) * dt),
     )
 
 
@@ -125,7 +125,9 @@ class PresenceModel:
 
     def standardised(self, history: TrackHistory) -> Floats:
         """Return standardised features z [N, F] of N tracks."""
-        raw = np.stack([FEATURES[name](history) for name in self.features], axis=1)
+        raw = np.stack(
+            [FEATURES[feature_name](history) for feature_name in self.features], axis=1
+        )
         clipped = np.clip(raw, self.low, self.high)
         return np.asarray((clipped - self.center) / self.scale)
 
@@ -162,10 +164,10 @@ def map_scores(
     Those of a class without a table stay as they are.
     """
     mapped = np.array(score, dtype=np.float64)
-    for number, name in enumerate(classes):
-        if name in tables:
-            rows = class_id == number
-            mapped[rows] = np.interp(mapped[rows], *tables[name])
+    for number, class_name in enumerate(classes):
+        if class_name in tables:
+            class_rows = class_id == number
+            mapped[class_rows] = np.interp(mapped[class_rows], *tables[class_name])
     return mapped
 
 
@@ -222,15 +224,15 @@ class LearnedPresence:
         return self._model.probability(mapped_history, class_id, classes)
 
 
-def _increasing(rows: list[list[float]]) -> list[list[float]]:
-    if len(rows) != 2 or len(rows[0]) != len(rows[1]) or len(rows[0]) < 2:
+def _increasing(table_rows: list[list[float]]) -> list[list[float]]:
+    lengths = [len(row) for row in table_rows]
+    if len(lengths) != 2 or lengths[0] != lengths[1] or lengths[0] < 2:
         raise ValueError(
-            f"lengths {[len(row) for row in rows]}, "
-            "expected two lists of one length, at least 2"
+            f"lengths {lengths}, expected two lists of one length, at least 2"
         )
-    if any(later <= earlier for earlier, later in pairwise(rows[0])):
+    if any(later <= earlier for earlier, later in pairwise(table_rows[0])):
         raise ValueError("expected a first list whose numbers rise")
-    return rows
+    return table_rows
 
 
 # [2, n] input and output, n >= 2
@@ -280,13 +282,13 @@ class ModelFile(Section):
 
 
 def _require_length(
-    name: str, row: Sequence[float], features: int, *lengths: int
+    field_name: str, field_values: Sequence[float], features: int, *lengths: int
 ) -> None:
-    if len(row) not in lengths:
+    if len(field_values) not in lengths:
         expected = " or ".join(map(str, lengths))
         raise ValueError(
-            f"{name} has {len(row)} numbers, expected {expected} for {features} "
-            "features"
+            f"{field_name} has {len(field_values)} numbers, expected {expected} "
+            f"for {features} features"
         )
 
 

@@ -39,10 +39,10 @@ class TrainingPlan:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("epochs", "batch", "patience"):
-            value = getattr(self, name)
+        for field_name in ("epochs", "batch", "patience"):
+            value = getattr(self, field_name)
             if value < 1:
-                raise MtpBenchError(f"{name} is {value}, expected at least 1")
+                raise MtpBenchError(f"{field_name} is {value}, expected at least 1")
         require_seed(self.seed)
 
 
@@ -78,20 +78,20 @@ class TrainingSet:
         }
 
 
-def device_of(name: str) -> torch.device:
+def device_of(device_name: str) -> torch.device:
     """Return the device "auto", "cpu" or "cuda".
 
     Raises MtpBenchError for other names and a GPU that is missing.
     """
-    if name not in ("auto", "cpu", "cuda"):
-        raise MtpBenchError(f"device is {name!r}, expected auto, cpu or cuda")
+    if device_name not in ("auto", "cpu", "cuda"):
+        raise MtpBenchError(f"device is {device_name!r}, expected auto, cpu or cuda")
     has_gpu = torch.cuda.is_available()
-    if name == "cuda" and not has_gpu:
+    if device_name == "cuda" and not has_gpu:
         raise MtpBenchError(
             "device 'cuda': torch finds no GPU here; leave the option out or choose "
             "'cpu'"
         )
-    if name == "cpu" or not has_gpu:
+    if device_name == "cpu" or not has_gpu:
         return torch.device("cpu")
     return torch.device("cuda")
 
@@ -133,8 +133,8 @@ def fit(
     for stage in network.recipe.stages:
         trainer.fit_stage(stage, fitted, callback)
         with torch.no_grad():
-            for name, value in trainer.weights.items():
-                value.copy_(torch.from_numpy(fitted.best[name]))
+            for weight_name, weight in trainer.weights.items():
+                weight.copy_(torch.from_numpy(fitted.best[weight_name]))
     return fitted
 
 
@@ -180,13 +180,13 @@ class _Trainer:
         plan = self.plan
         first_epoch = len(fitted.curve)
         stage_epochs = max(1, round(stage.share * plan.epochs))
-        for name, value in self.weights.items():
-            is_trained = name.startswith(stage.trains) and not name.endswith(
-                _STATISTICS
-            )
-            value.requires_grad_(is_trained)
-        names = sorted(self.weights)
-        trained = [self.weights[n] for n in names if self.weights[n].requires_grad]
+        trained = []
+        for weight_name, weight in sorted(self.weights.items()):
+            is_statistic = weight_name.endswith(_STATISTICS)
+            is_trained = weight_name.startswith(stage.trains) and not is_statistic
+            weight.requires_grad_(is_trained)
+            if is_trained:
+                trained.append(weight)
         optimizer = torch.optim.AdamW(trained, lr=plan.rate, weight_decay=plan.decay)
         for stage_epoch in range(stage_epochs):
             epoch = first_epoch + stage_epoch
@@ -203,8 +203,8 @@ class _Trainer:
             if error_m < min(fitted.curve, default=math.inf):
                 fitted.best_epoch = epoch + 1
                 fitted.best = {
-                    name: value.detach().cpu().numpy().copy()
-                    for name, value in self.weights.items()
+                    weight_name: weight.detach().cpu().numpy().copy()
+                    for weight_name, weight in self.weights.items()
                 }
             fitted.curve.append(error_m)
             callback(epoch + 1, error_m)

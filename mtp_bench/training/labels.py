@@ -72,12 +72,14 @@ class SceneLabels:
         label = np.full(len(box), NO_OBJECT if self._scene.truth_complete else UNKNOWN)
         if rows.stop > rows.start and len(box):
             offset = box[:, None, :2] - self._box[None, rows, :2]
-            distance = np.linalg.norm(offset, axis=-1)
-            distance[class_id[:, None] != truth.class_id[None, rows]] = np.inf
-            column = distance.argmin(axis=1)
-            in_gate = distance[np.arange(len(box)), column] <= self._gate[class_id]
-            row = rows.start + column[in_gate]
-            label[in_gate] = np.where(truth.neutral[row], UNKNOWN, self._object[row])
+            distance_m = np.linalg.norm(offset, axis=-1)
+            distance_m[class_id[:, None] != truth.class_id[None, rows]] = np.inf
+            column = distance_m.argmin(axis=1)
+            in_gate = distance_m[np.arange(len(box)), column] <= self._gate[class_id]
+            true_row = rows.start + column[in_gate]
+            label[in_gate] = np.where(
+                truth.neutral[true_row], UNKNOWN, self._object[true_row]
+            )
         return label
 
     def at(self, t: int, windows: TrackWindows) -> TrackLabels:
@@ -96,16 +98,16 @@ class SceneLabels:
         )
         label[unmatched[is_neutral]] = UNKNOWN
         has_object = label >= 0
-        row = np.where(has_object, label, -1)  # the last row is of no object
+        object_row = np.where(has_object, label, -1)  # the last row is of no object
         ahead = slice(t + 1, t + self._future + 1)
         same_piece = self._piece[ahead] == self._piece[t]
-        future = np.where(same_piece[:, None], self._place[row, ahead], np.nan)
+        future = np.where(same_piece[:, None], self._place[object_row, ahead], np.nan)
         return TrackLabels(
-            object_id=np.where(has_object, np.append(self._ids, 0)[row], label),
-            present=np.nan_to_num(self._place[row, t]),
+            object_id=np.where(has_object, np.append(self._ids, 0)[object_row], label),
+            present=np.nan_to_num(self._place[object_row, t]),
             future=np.nan_to_num(future),
             future_known=~np.isnan(future[:, :, 0]),
-            target=has_object & self._target[row, t],
+            target=has_object & self._target[object_row, t],
         )
 
     def _followed(self, t: int, windows: TrackWindows) -> Ints:
@@ -117,5 +119,5 @@ class SceneLabels:
             return self._nearest(t, windows.box[:, -1], windows.class_id)
         frames_ago = (windows.detection[:, ::-1] >= 0).argmax(axis=1)
         detection = windows.detection[np.arange(len(windows)), -1 - frames_ago]
-        row = self._start[np.maximum(t - frames_ago, 0)] + detection
-        return self._object_of_detection[np.where(detection >= 0, row, -1)]
+        detection_row = self._start[np.maximum(t - frames_ago, 0)] + detection
+        return self._object_of_detection[np.where(detection >= 0, detection_row, -1)]

@@ -69,13 +69,13 @@ def fit_env(
     require_known("value of observe", observe, ("detections", "truth"))
     split = open_split(env_id, options.on_split("train"), without)
     task = split.task(observe)
-    rows = fit_scenes(list(split.scenes()), task)
-    if not rows:
+    class_rows = fit_scenes(list(split.scenes()), task)
+    if not class_rows:
         raise MtpBenchError(
             f"{env_id}: no track of the {len(split.names)} training scenes follows an "
             f"object with {task.future} future frames, so there is nothing to fit"
         )
-    return as_toml(observed(task), rows)
+    return as_toml(observed(task), class_rows)
 
 
 def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:
@@ -88,25 +88,25 @@ def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]
     if task.observe == "truth":
         tracker = TruthTracker()
     windows = collect(scenes, task, tracker)
-    rows = {}
+    class_rows = {}
     with long_work("fitting the motion noise by class") as work:
         work.started(len(task.classes))
-        for class_id, name in enumerate(task.classes):
+        for class_id, class_name in enumerate(task.classes):
             of_class = select(windows, windows.class_id == class_id)
             if len(of_class.class_id):
-                rows[name] = fit_motion_noise(
+                class_rows[class_name] = fit_motion_noise(
                     of_class.position, of_class.valid, of_class.future, task.dt
                 )
-            work.done(name)
-    return rows
+            work.done(class_name)
+    return class_rows
 
 
-def as_toml(name: str, rows: dict[str, dict[str, Any]]) -> str:
+def as_toml(condition_name: str, class_rows: dict[str, dict[str, Any]]) -> str:
     """Return the text of a stored condition."""
     lines = []
-    for class_name, row in rows.items():
-        lines.append(f'["{name}".{class_name}]')
-        lines += [f"{field} = {value}" for field, value in row.items()]
+    for class_name, class_row in class_rows.items():
+        lines.append(f'["{condition_name}".{class_name}]')
+        lines += [f"{field} = {value}" for field, value in class_row.items()]
         lines.append("")
     return "\n".join(lines)
 
@@ -133,8 +133,8 @@ def fit_motion_noise(
         options={"eps": 1e-3, "maxiter": 60},
     )
     return {
-        field: np.round(value, 4).tolist()
-        for field, value in _noise_row(np.exp(best.x)).items()
+        field_name: np.round(value, 4).tolist()
+        for field_name, value in _noise_row(np.exp(best.x)).items()
     }
 
 
@@ -206,13 +206,13 @@ def collect(
         tracker.reset(task)
         piece = pieces_of(scene.time, task.dt)
         ids, object_row = np.unique(scene.truth.object_id, return_inverse=True)
-        place = np.full((len(ids), scene.frames, 2), np.nan)
-        place[object_row, scene.truth.frame_of_rows] = scene.truth.box[:, :2]
+        object_place = np.full((len(ids), scene.frames, 2), np.nan)
+        object_place[object_row, scene.truth.frame_of_rows] = scene.truth.box[:, :2]
         for t, observation in enumerate(observations(scene, task.observe)):
             tracks = tracker.step(observation)
             end = t + task.future
             if end < scene.frames and piece[t] == piece[end]:
-                future = place[object_row, t + 1 : end + 1]
+                future = object_place[object_row, t + 1 : end + 1]
                 parts.append(_frame_windows(scene, t, tracks, future, gate))
     return joined(parts)
 
@@ -227,23 +227,23 @@ def _frame_windows(
     truth = scene.truth
     rows = truth.rows(t)
     true_row = rows.start + np.flatnonzero(truth.eligible[rows])
-    track = np.flatnonzero(tracks.member[0])
-    offset = tracks.box[track, None, :2] - truth.box[None, true_row, :2]
-    distance = np.linalg.norm(offset, axis=-1)
-    same_class = tracks.class_id[track, None] == truth.class_id[None, true_row]
-    distance = np.where(same_class, distance, np.inf)
-    in_gate = distance.min(axis=1, initial=np.inf) <= gate
-    track = track[in_gate]
+    track_row = np.flatnonzero(tracks.member[0])
+    offset = tracks.box[track_row, None, :2] - truth.box[None, true_row, :2]
+    distance_m = np.linalg.norm(offset, axis=-1)
+    same_class = tracks.class_id[track_row, None] == truth.class_id[None, true_row]
+    distance_m = np.where(same_class, distance_m, np.inf)
+    in_gate = distance_m.min(axis=1, initial=np.inf) <= gate
+    track_row = track_row[in_gate]
     nearest = true_row[:0]
-    if len(track):
-        nearest = true_row[distance[in_gate].argmin(axis=1)]
+    if len(track_row):
+        nearest = true_row[distance_m[in_gate].argmin(axis=1)]
     is_complete = ~np.isnan(future[nearest]).any(axis=(1, 2))
-    track = track[is_complete]
-    heading = tracks.box[track, 3]
-    ahead = future[nearest[is_complete]] - tracks.past[track, -1:, :2]
+    track_row = track_row[is_complete]
+    heading = tracks.box[track_row, 3]
+    ahead = future[nearest[is_complete]] - tracks.past[track_row, -1:, :2]
     return MotionWindows(
-        position=heading_frame(tracks.past[track], heading),
-        valid=tracks.past_valid[track],
+        position=heading_frame(tracks.past[track_row], heading),
+        valid=tracks.past_valid[track_row],
         future=np.einsum("nti,nij->ntj", ahead, rotation(heading)),
-        class_id=tracks.class_id[track],
+        class_id=tracks.class_id[track_row],
     )

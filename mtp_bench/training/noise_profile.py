@@ -89,10 +89,10 @@ def _stand_ins(texts: Sequence[str], card: Card) -> dict[str, str]:
     """Return class and fitted class of every ``--alike`` option."""
     stand_ins = {}
     for text in texts:
-        name, _, fitted_name = text.partition("=")
-        require_known("class of --alike", name, card.task.classes)
+        class_name, _, fitted_name = text.partition("=")
+        require_known("class of --alike", class_name, card.task.classes)
         require_known("fitted class of --alike", fitted_name, card.task.classes)
-        stand_ins[name] = fitted_name
+        stand_ins[class_name] = fitted_name
     return stand_ins
 
 
@@ -100,9 +100,11 @@ def _floor(texts: Sequence[str], card: Card) -> dict[str, float]:
     """Return the operating point per class of ``--min-score`` options."""
     floor: dict[str, float] = {}
     for text in texts:
-        name, _, value = text.rpartition("=")
-        if name and name not in card.task.classes:
-            raise UnknownNameError("class of --min-score", name, card.task.classes)
+        class_name, _, value = text.rpartition("=")
+        if class_name and class_name not in card.task.classes:
+            raise UnknownNameError(
+                "class of --min-score", class_name, card.task.classes
+            )
         try:
             number = float(value)
         except ValueError:
@@ -111,6 +113,6 @@ def _floor(texts: Sequence[str], card: Card) -> dict[str, float]:
             raise MtpBenchError(
                 f"--min-score is {text!r}, expected a number or class=number"
             )
-        names = (name,) if name else card.task.classes
+        names = (class_name,) if class_name else card.task.classes
         floor |= dict.fromkeys(names, number)
     return floor

@@ -121,13 +121,13 @@ def training_windows(
 
 def _require_same_task(task: Task, second_task: Task) -> None:
     """Raise MtpBenchError unless one network can learn from both tasks."""
-    for name in _SHARED_FIELDS:
-        value = getattr(task, name)
-        second_value = getattr(second_task, name)
-        if value != second_value:
+    for field_name in _SHARED_FIELDS:
+        first_value = getattr(task, field_name)
+        second_value = getattr(second_task, field_name)
+        if first_value != second_value:
             raise MtpBenchError(
-                f"{second_task.env_id} has {name} {second_value}, but {task.env_id} "
-                f"{value}: one network cannot be trained on both"
+                f"{second_task.env_id} has {field_name} {second_value}, but "
+                f"{task.env_id} {first_value}: one network cannot be trained on both"
             )
     if second_task.classes != task.classes[: len(second_task.classes)]:
         raise MtpBenchError(
@@ -137,24 +137,24 @@ def _require_same_task(task: Task, second_task: Task) -> None:
 
 
 def _windows_of_env(
-    env_id: str, request: TrainingRequest, options: RunOptions, away: Sequence[str]
+    env_id: str, request: TrainingRequest, options: RunOptions, left_out: Sequence[str]
 ) -> Windows:
-    split = open_split(env_id, options.on_split("train"), request.fold, away)
+    split = open_split(env_id, options.on_split("train"), request.fold, left_out)
     tracker: str | int = request.hypotheses
     if request.on == TRUTH:
         tracker = TRUTH
     env_windows = windows(
         env_id, split.card.source.split, tracker, split.names, options
     )
-    rows = has_future(env_windows)
-    if not rows.any():
+    learnt_rows = has_future(env_windows)
+    if not learnt_rows.any():
         raise MtpBenchError(
             f"{env_id}: no track of its training scenes follows an object with a known "
             "future"
         )
     if network_of(request.network).recipe.by_frame:
-        rows = rows | env_windows.best
-    return env_windows.select(rows)
+        learnt_rows = learnt_rows | env_windows.best
+    return env_windows.select(learnt_rows)
 
 
 def has_future(windows: Windows) -> Bools:
@@ -196,8 +196,8 @@ def validation_rows(windows: Windows) -> np.ndarray:
         return windows.of_scenes(held_out(scene_names, (1, min(10, count))))
     has_whole_future = windows.future_known.all(axis=1)
     rows = np.zeros(len(windows), dtype=bool)
-    for name in scene_names:
-        scene_rows = windows.of_scenes([name])
+    for scene_name in scene_names:
+        scene_rows = windows.of_scenes([scene_name])
         whole_rows = scene_rows & has_whole_future
         if whole_rows.any():
             last_fifth = np.quantile(windows.frame[whole_rows], 0.8)
@@ -221,7 +221,9 @@ def train_predictor(
     task = windows.task
     sizes = Sizes.of(task)
     data = training_set(network, windows, sizes)
-    learnt, validated = _counts(data)
+    is_weighted = data.weight > 0
+    validated = int((is_weighted & data.validation).sum())
+    learnt = int(is_weighted.sum()) - validated
     if not learnt or not validated:
         raise MtpBenchError(
             f"{network.name} cannot be trained: scenes {len(windows.names)}, windows "
@@ -233,32 +235,31 @@ def train_predictor(
         )
     path = output
     if path is None:
-        name = file_name(request.network, request.on, task.env_id)
-        path = weights_folder() / name
+        weights_name = file_name(request.network, request.on, task.env_id)
+        path = weights_folder() / weights_name
     try:
         make_folder(path.parent)
     except WriteError as error:
         raise MtpBenchError(f"{error} for weights with {WEIGHTS_VARIABLE}") from None
     device = device_of(request.device)
     fitted = fit(network, sizes, data, request.chosen_plan, device, callback)
-    card = _model_card(request, windows, data, fitted)
+    card = _model_card(request, windows, fitted, learnt, validated)
     write_weights(path, StoredWeights(fitted.best, network.name, sizes, card))
     return path, card
 
 
-def _counts(data: TrainingSet) -> tuple[int, int]:
-    """Return the numbers of windows with weight to learn from and to validate on."""
-    weighted = data.weight > 0
-    validated = int((weighted & data.validation).sum())
-    return int(weighted.sum()) - validated, validated
-
-
 def _model_card(
-    request: TrainingRequest, windows: Windows, data: TrainingSet, fitted: FittedNetwork
+    request: TrainingRequest,
+    windows: Windows,
+    fitted: FittedNetwork,
+    learnt: int,
+    validated: int,
 ) -> dict[str, Any]:
-    """Return data, plan and validation error of a training."""
+    """Return data, plan and validation error of a training.
+
+    ``learnt`` and ``validated``: numbers of windows to learn from and to validate on.
+    """
     on_truth = request.on == TRUTH
-    learnt, validated = _counts(data)
     fold = None
     if request.fold is not None:
         fold = f"{request.fold[0]}/{request.fold[1]}"

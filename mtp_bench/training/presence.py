@@ -20,6 +20,7 @@ from .presence_rows import (
     MOST_ROWS,
     PresenceRecipe,
     PresenceRows,
+    recipe_of,
     split_rows,
     training_rows,
 )
@@ -60,12 +61,12 @@ def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floa
 def fit_logistic(rows: PresenceRows, recipe: PresenceRecipe) -> PresenceModel:
     """Fit the model before calibration, with its numbers as they are stored."""
     estimator, model = logistic_regression(rows, recipe)
-    names = sorted(set(rows.class_name))
+    class_names = sorted(set(rows.class_name))
     per_class = 1 + len(model.features)
-    shared, by_class = np.split(estimator.coef_[0], [-len(names) * per_class])
-    class_rows = _rounded(by_class).reshape(len(names), per_class)
+    shared, by_class = np.split(estimator.coef_[0], [-len(class_names) * per_class])
+    class_rows = _rounded(by_class).reshape(len(class_names), per_class)
     shared = _rounded(np.concatenate([estimator.intercept_, shared]))
-    classes = dict(zip(names, class_rows, strict=True))
+    classes = dict(zip(class_names, class_rows, strict=True))
     return replace(model, shared=shared, classes=classes)
 
 
@@ -83,7 +84,9 @@ def logistic_regression(
             "of the tracks to fit to, all or none are of true objects, expected both "
             "kinds; held-out blocks may hold the others; --presence scores needs no fit"
         )
-    raw = np.stack([FEATURES[name](rows) for name in recipe.features], axis=1)
+    raw = np.stack(
+        [FEATURES[feature_name](rows) for feature_name in recipe.features], axis=1
+    )
     low, high = _rounded(np.quantile(raw, _CLIPPED_RANKS, axis=0))
     clipped = np.clip(raw, low, high)
     scale = clipped.std(axis=0)
@@ -114,8 +117,8 @@ def design(z: Floats, class_name: Any, products: bool) -> Floats:
         first, second = np.triu_indices(z.shape[1])
         blocks.append(z[:, first] * z[:, second])
     with_one = np.concatenate([np.ones((len(z), 1)), z], axis=1)
-    for name in sorted(set(class_name)):
-        blocks.append((class_name == name)[:, None] * with_one)
+    for name_of_class in sorted(set(class_name)):
+        blocks.append((class_name == name_of_class)[:, None] * with_one)
     return np.concatenate(blocks, axis=1)
 
 
@@ -124,14 +127,14 @@ def folds(rows: PresenceRows) -> list[Bools]:
 
     A fold is of whole scenes in random order, the same in every run.
     """
-    names, scene = np.unique(rows.scene, return_inverse=True)
-    count = min(FOLDS, len(names))
+    scene_names, scene = np.unique(rows.scene, return_inverse=True)
+    count = min(FOLDS, len(scene_names))
     if count < 2:
         raise MtpBenchError(
             f"got 1 scene of at most {BLOCK_SECONDS:g} s, expected several, or a "
             "longer one: the quality of presence is that on rows that are held out"
         )
-    fold_of_scene = np.random.default_rng(0).permutation(len(names)) % count
+    fold_of_scene = np.random.default_rng(0).permutation(len(scene_names)) % count
     return [fold_of_scene[scene] == number for number in range(count)]
 
 
@@ -198,7 +201,7 @@ def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
 
     `mtp_bench.prediction.LearnedPresence` reads it.
     """
-    recipe = PresenceRecipe.of(detector)
+    recipe = recipe_of(detector)
     rows, origins = training_rows(recipe, options)
     text, _ = _fitted(detector, recipe, rows, origins)
     return text
@@ -254,7 +257,10 @@ def model_text(
         "center": model.center.tolist(),
         "scale": model.scale.tolist(),
         "shared": model.shared.tolist(),
-        "classes": {name: row.tolist() for name, row in model.classes.items()},
+        "classes": {
+            class_name: class_row.tolist()
+            for class_name, class_row in model.classes.items()
+        },
         "knots": model.knots.tolist(),
         "held_out": held_out,
     }
@@ -267,8 +273,8 @@ def model_text(
 
 def probabilities(model: PresenceModel, rows: PresenceRows) -> Floats:
     """Return probabilities [n] of rows."""
-    names, class_id = np.unique(rows.class_name, return_inverse=True)
-    return model.probability(rows, class_id, names.tolist())
+    class_names, class_id = np.unique(rows.class_name, return_inverse=True)
+    return model.probability(rows, class_id, class_names.tolist())
 
 
 def _rounded(values: Floats) -> Floats:

@@ -1,10 +1,11 @@
 """Training rows of presence: tracks of training scenes, and what is true of them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from ..cards import Card
 from ..core import Bools, MtpBenchError, Scene, Task, UnknownNameError, joined, select
@@ -28,7 +29,7 @@ class SceneChoice:
     split: str = "train"
     detector: str | None = None  # another one than the card's
     first: int | None = None  # so many scenes; None: all
-    without: Sequence[str] = ()
+    without: tuple[str, ...] = ()
 
     def open(self, options: RunOptions) -> Split:
         """Return the scenes; data root and progress are those of ``options``."""
@@ -48,24 +49,17 @@ class PresenceRecipe:
     calibrated: bool = True
     terms: str = ""  # of the data
 
-    @classmethod
-    def of(cls, detector: str) -> Self:
-        """Return the recipe of a detector.
 
-        Raises UnknownNameError for a detector without one.
-        """
-        table = _presence_table(detector)
-        if table is None:
-            names = [name for name in detector_names() if _presence_table(name)]
-            raise UnknownNameError("detector with a [presence] recipe", detector, names)
-        scenes = tuple(SceneChoice(**row) for row in table.pop("scenes"))
-        features = tuple(table.pop("features", FEATURES))
-        return cls(scenes, features, **table)
+def recipe_of(detector: str) -> PresenceRecipe:
+    """Return the recipe of a detector.
 
-
-def _presence_table(detector: str) -> dict[str, Any] | None:
+    Raises UnknownNameError for a detector without one.
+    """
     content = read_detector(detector) or {}
-    return dict(content["presence"]) if "presence" in content else None
+    if "presence" not in content:
+        names = [n for n in detector_names() if "presence" in (read_detector(n) or {})]
+        raise UnknownNameError("detector with a [presence] recipe", detector, names)
+    return TypeAdapter(PresenceRecipe).validate_python(content["presence"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,14 +108,14 @@ def _scene_rows(scene: Scene, card: Card, task: Task, in_blocks: bool) -> Presen
     )
     counts = [len(tracks.box) for tracks in by_frame]
     frame = np.repeat(np.arange(len(by_frame)), counts)
-    box = np.concatenate([tracks.box for tracks in by_frame])
+    track_box = np.concatenate([tracks.box for tracks in by_frame])
     class_id = np.concatenate([tracks.class_id for tracks in by_frame])
     scored = evaluated(scene)
-    matching = match_objects(scored.truth, frame, box, class_id, card)
-    is_neutral = neutral_places(scored, frame, box[:, :2], class_id)
-    row = matching.object_of_truth[~scored.truth.neutral]
+    matching = match_objects(scored.truth, frame, track_box, class_id, card)
+    is_neutral = neutral_places(scored, frame, track_box[:, :2], class_id)
+    track_row = matching.object_of_truth[~scored.truth.neutral]
     present = np.zeros(len(frame), dtype=bool)
-    present[row[row >= 0]] = True
+    present[track_row[track_row >= 0]] = True
     block = np.zeros(scene.frames)
     if in_blocks:
         block = (scene.time - scene.time[0]) // BLOCK_SECONDS

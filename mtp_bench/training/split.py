@@ -54,10 +54,12 @@ def open_split(
     left_out = set(away)
     if without is not None:
         left_out.update(held_out(source.names, without))
-    names = options.chosen([name for name in source.names if name not in left_out])
-    if not names:
+    scene_names = options.chosen(
+        [scene_name for scene_name in source.names if scene_name not in left_out]
+    )
+    if not scene_names:
         raise MtpBenchError(f"{env_id} has no scene in its split {card.source.split!r}")
-    return Split(card, source, names, options)
+    return Split(card, source, scene_names, options)
 
 
 def observations(scene: Scene, observe: str = "detections") -> Iterator[Observation]:

@@ -182,11 +182,11 @@ def _open_scenes(
     if not isinstance(scenes, Sequence):
         return open_split(env_id, replace(options, scenes=int(scenes)))
     opened = open_split(env_id, options)
-    for name in scenes:
-        require_known(f"scene of {env_id}", name, opened.source.names)
-        if scenes.count(name) > 1:
+    for scene_name in scenes:
+        require_known(f"scene of {env_id}", scene_name, opened.source.names)
+        if scenes.count(scene_name) > 1:
             raise MtpBenchError(
-                f"scene {name!r} is named twice, expected each once: it would be "
+                f"scene {scene_name!r} is named twice, expected each once: it would be "
                 "learnt twice"
             )
     return replace(opened, names=tuple(scenes))
@@ -194,15 +194,12 @@ def _open_scenes(
 
 def concatenate(parts: Sequence[Windows]) -> Windows:
     """Return the windows of several scenes or envs, with the task of the first."""
-    rows = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in BY_WINDOW
-    }
+    window_columns = _concatenate_columns(parts, BY_WINDOW)
     windows_per_part = [len(part) for part in parts]
     first_scenes = starts_of([len(part.names) for part in parts])[:-1]
     first_moments = starts_of([part.surroundings.frames for part in parts])[:-1]
-    rows["scene"] += np.repeat(first_scenes, windows_per_part)
-    rows["moment"] += np.repeat(first_moments, windows_per_part)
+    window_columns["scene"] += np.repeat(first_scenes, windows_per_part)
+    window_columns["moment"] += np.repeat(first_moments, windows_per_part)
     envs = tuple(dict.fromkeys(env_id for part in parts for env_id in part.envs))
     names: list[str] = []
     own_names: list[str] = []
@@ -213,7 +210,7 @@ def concatenate(parts: Sequence[Windows]) -> Windows:
         else:
             names += [f"{part.task.env_id} {name}" for name in part.names]
     return Windows(
-        **rows,
+        **window_columns,
         names=tuple(names),
         own_names=tuple(own_names),
         surroundings=_concatenate_surroundings([part.surroundings for part in parts]),
@@ -222,24 +219,36 @@ def concatenate(parts: Sequence[Windows]) -> Windows:
     )
 
 
+def _concatenate_columns(
+    records: Sequence[Any], column_names: Sequence[str]
+) -> dict[str, np.ndarray]:
+    return {
+        column_name: np.concatenate(
+            [getattr(record, column_name) for record in records]
+        )
+        for column_name in column_names
+    }
+
+
 def _concatenate_surroundings(parts: Sequence[Surroundings]) -> Surroundings:
     """Return the surroundings of all frames; lanes are in all parts or in none."""
-    columns = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("box", "velocity", "class_id", "score", "before")
-    }
+    columns = _concatenate_columns(
+        parts, ("box", "velocity", "class_id", "score", "before")
+    )
     lanes = {
-        name: np.concatenate([part.lanes[name] for part in parts])
-        for name in parts[0].lanes
+        lane_field: np.concatenate([part.lanes[lane_field] for part in parts])
+        for lane_field in parts[0].lanes
     }
     counts = np.concatenate([part.counts for part in parts])
     return Surroundings(starts_of(counts), **columns, lanes=lanes)
 
 
 def _load_windows(
-    card: Card, data: str | None, task: Task, tracker: Tracker, name: str
+    card: Card, data: str | None, task: Task, tracker: Tracker, scene_name: str
 ) -> Windows:
-    return windows_of_scene(open_source(card, data).load(name), card, task, tracker)
+    return windows_of_scene(
+        open_source(card, data).load(scene_name), card, task, tracker
+    )
 
 
 def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> Windows:
@@ -265,7 +274,9 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
             )
         frame_windows, _ = windows_of(Frame(t, tracks, tuple(recent)), task.past)
         parts.append(_labelled(frame_windows, labels, t))
-    rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    window_rows = {
+        name: np.concatenate([part[name] for part in parts]) for name in parts[0]
+    }
     piece = pieces(scene, card)
     surroundings = Surroundings(
         feed.start,
@@ -277,9 +288,9 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
         lanes=lanes_of(lanes),
     )
     return Windows(
-        **rows,
-        scene=np.zeros(len(rows["frame"]), dtype=np.int64),
-        moment=rows["frame"],
+        **window_rows,
+        scene=np.zeros(len(window_rows["frame"]), dtype=np.int64),
+        moment=window_rows["frame"],
         names=(scene.name,),
         own_names=(scene.name,),
         surroundings=surroundings,
@@ -298,8 +309,8 @@ def _labelled(
     labels = scene_labels.at(t, frame_windows)
     is_known = labels.object_id != UNKNOWN
     rows = {
-        name: _single_precision(value[is_known])
-        for name, value in (vars(frame_windows) | labels._asdict()).items()
+        column_name: _single_precision(value[is_known])
+        for column_name, value in (vars(frame_windows) | labels._asdict()).items()
     }
     return {**rows, "frame": np.full(is_known.sum(), t)}
 

@@ -72,29 +72,30 @@ def fit_false_positives(
     scenes: Sequence[Scene],
     classes: Sequence[str],
     profile: Profile,
-    name: str,
+    noise_name: str,
     real: FalsePositiveSamples,
     sensor: Sensor,
 ) -> ClassNoise:
     """Fit the false positives of a class to the ``real`` ones.
 
-    Returns the whole noise of the class ``name``.
+    Returns the whole noise of the class ``noise_name``.
     """
-    noise = profile.classes[name]
-    of_class = np.array([profile.noise_name(c) == name for c in classes])
+    noise = profile.classes[noise_name]
+    of_class = np.array([profile.noise_name(c) == noise_name for c in classes])
     boxes = 0
     for scene in scenes:
         is_covered = covered(scene.truth, scene.ego, sensor)
         boxes += int((is_covered & of_class[scene.truth.class_id]).sum())
     frames = sum(scene.frames for scene in scenes)
     is_near = real.object_distance < NEAR_DISTANCE_M
-    near_noise = _count_near(real, is_near, boxes, profile.dt)
-    free_noise = _count_free(real, ~is_near, frames, profile.dt)
-    is_enough = len(real.score) >= _MIN_SAMPLES
-    if is_enough and near_noise is not None and free_noise is not None:
-        simulation = _Simulation(scenes, classes, profile, name, real, sensor)
-        near_noise, free_noise = simulation.nearest(near_noise, free_noise)
-    return noise.model_copy(update={"near": near_noise, "free": free_noise})
+    near = _count_near(real, is_near, boxes, profile.dt)
+    free = _count_free(real, ~is_near, frames, profile.dt)
+    noise = noise.model_copy(update={"near": near, "free": free})
+    if len(real.score) < _MIN_SAMPLES or near is None or free is None:
+        return noise
+    return _Simulation(scenes, classes, profile, noise_name, real, sensor).nearest(
+        noise
+    )
 
 
 def _count_near(
@@ -108,7 +109,10 @@ def _count_near(
     if not is_near.any() or not boxes:
         return None
     zone = np.digitize(real.object_distance, BESIDE)
-    first, second, third = (_class_share(real, is_near & (zone == i)) for i in range(3))
+    first, second, third = (
+        round(_share(real.of_class, is_near & (zone == i), default=1.0), 4)
+        for i in range(3)
+    )
     is_duplicate = is_near & (zone == 0) & real.of_class
     duplicates = None
     if is_duplicate.sum() >= _MIN_DUPLICATES:
@@ -121,13 +125,6 @@ def _count_near(
         duplicates=duplicates,
         **_memory(1.0, 0.0, dt),
     )
-
-
-def _class_share(real: FalsePositiveSamples, rows: Bools) -> float:
-    """Return the share that have the class of their true box; 1 without any."""
-    if not rows.any():
-        return 1.0
-    return round(float(real.of_class[rows].mean()), 4)
 
 
 def _count_free(
@@ -143,12 +140,14 @@ def _count_free(
     count = np.unique(moment, return_counts=True)[1]
     rate = float(is_free.sum()) / frames
     dispersion = float((count**2).sum()) / frames / rate - rate
-    place = real.place[is_free]
-    pairs = Neighbours.within(NEAR_DISTANCE_M, place, moment, np.arange(len(place)))
-    distance = np.hypot(*(place[pairs.row] - place[pairs.other]).T)
-    spread = 1.0
-    if len(distance):
-        spread = float(np.median(distance)) / 1.3
+    free_place = real.place[is_free]
+    pairs = Neighbours.within(
+        NEAR_DISTANCE_M, free_place, moment, np.arange(len(free_place))
+    )
+    distance_m = np.hypot(*(free_place[pairs.row] - free_place[pairs.other]).T)
+    spread_m = 1.0
+    if len(distance_m):
+        spread_m = float(np.median(distance_m)) / 1.3
     length, width, height = rounded(real.size[is_free].mean(axis=0))
     return FreeFalsePositives(
         rate=round(rate, 4),
@@ -156,7 +155,7 @@ def _count_free(
         chance=0.15,
         survive=0.88,
         siblings=0.4,
-        spread=round(spread, 3),
+        spread=round(spread_m, 3),
         family=0.5,
         size=(length, width, height),
         distance=_quantiles(np.maximum(real.distance[is_free], _SENSOR_DISTANCE_M)),
@@ -232,16 +231,16 @@ def _has_neighbour(
     tree = KDTree(np.column_stack([rows.place, moment])[candidates])
     query = np.column_stack([rows.place, moment + 10.0 * lag])
     # two of each, as in its own frame the nearest one is itself
-    distance, _ = tree.query(query, k=2, distance_upper_bound=distance_m)
-    has_one, has_two = np.isfinite(distance).T
+    distances_m, _ = tree.query(query, k=2, distance_upper_bound=distance_m)
+    has_one, has_two = np.isfinite(distances_m).T
     if lag == 0:
         has_one = np.where(candidates, has_two, has_one)
     return np.asarray(has_one)
 
 
-def _share(mask: Bools, among: Bools) -> float:
+def _share(mask: Bools, among: Bools, default: float = 0.0) -> float:
     if not among.any():
-        return 0.0
+        return default
     return float(mask[among].mean())
 
 
@@ -277,26 +276,19 @@ class _Simulation:
             for seed in range(_SEEDS)
         ]
 
-    def nearest(
-        self, near_noise: NearFalsePositives, free_noise: FreeFalsePositives
-    ) -> tuple[NearFalsePositives, FreeFalsePositives]:
-        """Return parameters with figures nearest to the real ones.
+    def nearest(self, noise: ClassNoise) -> ClassNoise:
+        """Return the noise with figures nearest to the real ones.
 
         The counted parameters are the start.
         """
-
-        def with_unknown(
-            unknown: Floats,
-        ) -> tuple[NearFalsePositives, FreeFalsePositives]:
-            return _parameters(near_noise, free_noise, unknown, self.profile.dt)
-
+        dt = self.profile.dt
         best = nearest_parameters(
-            lambda unknown: self._simulated_figures(*with_unknown(unknown)),
+            lambda unknown: self._simulated_figures(_with_unknown(noise, unknown, dt)),
             self.real_figures,
             0.08 * np.abs(self.real_figures) + 0.01,
             np.array(list(_START.values())),
         )
-        return with_unknown(best)
+        return _with_unknown(noise, best, dt)
 
     def _draw_qualities(self, scene: Scene, sensor: Sensor, seed: int) -> Qualities:
         truth = scene.truth
@@ -307,13 +299,8 @@ class _Simulation:
         visibility = visibility_of(truth, scene.ego, sensor, scene.visible)
         return draw_qualities(grid, visibility, neighbours, Draws(seed))
 
-    def _simulated_figures(
-        self, near_noise: NearFalsePositives, free_noise: FreeFalsePositives
-    ) -> Floats:
+    def _simulated_figures(self, noise: ClassNoise) -> Floats:
         """Return mean figures of simulated false positives over seeds."""
-        noise = self.profile.classes[self.name].model_copy(
-            update={"near": near_noise, "free": free_noise}
-        )
         profile = self.profile.model_copy(
             update={"classes": {**self.profile.classes, self.name: noise}}
         )
@@ -353,7 +340,7 @@ class _Simulation:
             parts.append(free_false_positives(noise, reported, scene, 0, draw_seed))
         detected = detect_false_positives(parts, scene)
         of_class = np.array(self.noise_names)[truth.class_id] == self.name
-        nearest, object_distance = nearest_true_boxes(
+        nearest_row, object_distance = nearest_true_boxes(
             truth, of_class, detected.frame, detected.box
         )
         # the last value is that of frames without a true box
@@ -365,36 +352,32 @@ class _Simulation:
             place=detected.box[:, :2],
             score=detected.score,
             object_distance=object_distance,
-            parent_score=score[nearest],
+            parent_score=score[nearest_row],
         )
 
 
-def _parameters(
-    near_noise: NearFalsePositives,
-    free_noise: FreeFalsePositives,
-    unknown: Floats,
-    dt: float,
-) -> tuple[NearFalsePositives, FreeFalsePositives]:
-    """Return parameters with the values of `_START`, in its order."""
-    value = dict(zip(_START, unknown.tolist(), strict=True))
-    factor = {name: float(np.exp(number)) for name, number in value.items()}
-    chance = _MIN_CHANCE + (1.0 - _MIN_CHANCE) * from_log_odds(value["chance"])
-    extra_dispersion = max(free_noise.dispersion - 1.0, 0.05) * factor["dispersion"]
+def _with_unknown(noise: ClassNoise, unknown: Floats, dt: float) -> ClassNoise:
+    """Return the noise with the values of `_START`, in its order."""
+    assert noise.near is not None
+    assert noise.free is not None
+    value_by_name = dict(zip(_START, unknown.tolist(), strict=True))
+    factor = {name: float(np.exp(log)) for name, log in value_by_name.items()}
+    chance = _MIN_CHANCE + (1.0 - _MIN_CHANCE) * from_log_odds(value_by_name["chance"])
+    extra_dispersion = max(noise.free.dispersion - 1.0, 0.05) * factor["dispersion"]
     free_update = {
         "chance": round(chance, 4),
-        "survive": round(from_log_odds(value["survive"]), 4),
+        "survive": round(from_log_odds(value_by_name["survive"]), 4),
         "siblings": round(factor["siblings"], 4),
-        "family": round(from_log_odds(value["family"]), 4),
-        "rate": round(free_noise.rate * factor["rate"], 4),
+        "family": round(from_log_odds(value_by_name["family"]), 4),
+        "rate": round(noise.free.rate * factor["rate"], 4),
         "dispersion": round(1.0 + extra_dispersion, 4),
-        **_memory(value["lasting"], value["constant"], dt),
+        **_memory(value_by_name["lasting"], value_by_name["constant"], dt),
     }
     near_update = {
-        "chance": round(min(near_noise.chance * factor["near_rate"], 1.0), 5),
-        "parent": round(float(np.tanh(value["parent"])), 4),
-        **_memory(value["near_lasting"], value["near_constant"], dt),
+        "chance": round(min(noise.near.chance * factor["near_rate"], 1.0), 5),
+        "parent": round(float(np.tanh(value_by_name["parent"])), 4),
+        **_memory(value_by_name["near_lasting"], value_by_name["near_constant"], dt),
     }
-    return (
-        near_noise.model_copy(update=near_update),
-        free_noise.model_copy(update=free_update),
-    )
+    near = noise.near.model_copy(update=near_update)
+    free = noise.free.model_copy(update=free_update)
+    return noise.model_copy(update={"near": near, "free": free})

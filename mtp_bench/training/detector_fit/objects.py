@@ -37,15 +37,15 @@ def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
     random = random_part(objects, quality)
     random = np.clip(random, -_QUALITY_BOUND, _QUALITY_BOUND)
     error = objects.error[:, [RADIAL, TANGENTIAL]]
-    distance = objects.feature[:, 1]
-    margins, nu = _position_margins(error, distance, random, objects.hit)
+    distance_m = objects.feature[:, 1]
+    margins, nu = _position_margins(error, distance_m, random, objects.hit)
     neighbours = Neighbours.within(
         NEIGHBOUR_LENGTH_M, objects.place, objects.moments(), objects.object
     )
     attenuation = _attenuation(nu)
     axes = []
     for column, (s0, s1, gain) in enumerate(margins):
-        scale = (s0 + s1 * distance) * np.exp(-gain * random)
+        scale = (s0 + s1 * distance_m) * np.exp(-gain * random)
         latent = error[:, column] / scale
         memory = _position_memory(objects, latent)
         lasting = (1.0 - memory["white"]) * attenuation
@@ -141,12 +141,12 @@ def _height(objects: ObjectSamples) -> tuple[float, float]:
 
 
 def _position_margins(
-    error: Floats, distance: Floats, random: Floats, hit: Bools
+    error: Floats, distance_m: Floats, random: Floats, hit: Bools
 ) -> tuple[list[Axis], float]:
     """Fit the distribution of errors ``[R, 2]``: both axes, and nu.
 
-    It is ``(s0 + s1 d) exp(-gain q) T_nu`` at ``distance`` d with the ``random`` part q
-    of the quality.
+    It is ``(s0 + s1 d) exp(-gain q) T_nu`` at ``distance_m`` d, with the ``random``
+    part q of the quality.
     """
     size = np.abs(error[hit])
     start = []
@@ -154,7 +154,7 @@ def _position_margins(
         start += [typical - 0.7, typical - 2.0, 0.1]
     start = np.clip([*start, 1.0], *np.transpose(_MARGIN_BOUNDS))
     loss = partial(
-        _student_loss, size=size, distance=distance[hit], quality=random[hit]
+        _student_loss, size=size, distance=distance_m[hit], quality=random[hit]
     )
     best = minimize(loss, start, method="L-BFGS-B", bounds=_MARGIN_BOUNDS).x
     axes = [
@@ -236,12 +236,14 @@ def _shared_weight(
     """Return the weight of close neighbours, from correlations of their errors."""
     row = neighbours.row
     neighbour = neighbours.other
-    distance = np.hypot(*(objects.place[row] - objects.place[neighbour]).T)
-    pair = (distance <= _PAIR_DISTANCE_M) & objects.hit[row] & objects.hit[neighbour]
-    if pair.sum() < _MIN_PAIRS or lasting <= 0:
+    distance_m = np.hypot(*(objects.place[row] - objects.place[neighbour]).T)
+    is_pair = (
+        (distance_m <= _PAIR_DISTANCE_M) & objects.hit[row] & objects.hit[neighbour]
+    )
+    if is_pair.sum() < _MIN_PAIRS or lasting <= 0:
         return 0.0
-    row = row[pair]
-    neighbour = neighbour[pair]
+    row = row[is_pair]
+    neighbour = neighbour[is_pair]
     variance = float(np.nanmean(latent**2))
     real = float(np.mean(latent[row] * latent[neighbour])) / variance
     shares = np.linspace(0.0, 1.0, 21)

@@ -51,8 +51,7 @@ def fit_profile(
     )
     fitted = [c for c in classes if profile.alike.get(c, c) in noise]
     if len(fitted) < len(classes):
-        class_ids = [classes.index(c) for c in fitted]
-        scenes = [_of_classes(scene, class_ids) for scene in scenes]
+        scenes = [_of_classes(scene, classes, fitted) for scene in scenes]
     complete = {}
     with long_work("fitting false positives by class") as work:
         work.started(len(noise))
@@ -69,9 +68,14 @@ def _fit_all_objects(
     samples: Mapping[str, Samples], floor: Mapping[str, float]
 ) -> dict[str, ClassNoise]:
     """Fit the noise of the objects of every class with enough hits."""
-    hits = {name: int(objects.hit.sum()) for name, (objects, _) in samples.items()}
+    hits = {
+        class_name: int(objects.hit.sum())
+        for class_name, (objects, _) in samples.items()
+    }
     if max(hits.values(), default=0) < MIN_HITS:
-        numbers = ", ".join(f"{name} {count}" for name, count in hits.items())
+        numbers = ", ".join(
+            f"{class_name} {count}" for class_name, count in hits.items()
+        )
         raise DataError(
             f"no detector profile can be fitted: detections of true boxes: {numbers}; "
             f"expected at least {MIN_HITS} of one class. Give more scenes, or a lower "
@@ -79,23 +83,26 @@ def _fit_all_objects(
         )
     noise = {}
     with long_work("fitting what the detector reports of objects"):
-        for name, (objects, false_positives) in samples.items():
-            if hits[name] < MIN_HITS:
+        for class_name, (objects, false_positives) in samples.items():
+            if hits[class_name] < MIN_HITS:
                 continue
             lowest = min(
                 objects.score[objects.hit].min(),
                 false_positives.score.min(initial=np.inf),
             )
             lowest = math.floor(1e4 * float(lowest)) / 1e4
-            noise[name] = fit_objects(objects, floor.get(name, lowest))
+            noise[class_name] = fit_objects(objects, floor.get(class_name, lowest))
     return noise
 
 
-def _of_classes(scene: Scene, class_ids: Sequence[int]) -> Scene:
+def _of_classes(
+    scene: Scene, classes: Sequence[str], kept_names: Sequence[str]
+) -> Scene:
     """Return the scene with the true boxes of some classes alone.
 
-    ``class_ids``: ascending; they are renumbered from 0.
+    ``kept_names``: some of ``classes``, in their order; they are renumbered from 0.
     """
+    class_ids = [classes.index(class_name) for class_name in kept_names]
     rows = np.isin(scene.truth.class_id, class_ids)
     truth = scene.truth.select(rows)
     truth = replace(truth, class_id=np.searchsorted(class_ids, truth.class_id))

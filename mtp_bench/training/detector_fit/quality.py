@@ -163,11 +163,11 @@ class _QualitySimulation:
         )
         row = self.neighbours.row
         neighbour = self.neighbours.other
-        distance = np.hypot(*(objects.place[row] - objects.place[neighbour]).T)
+        distance_m = np.hypot(*(objects.place[row] - objects.place[neighbour]).T)
         # rows of one object by `_LAGS`, then of neighbours by `_BANDS_M`
         self.pairs = [objects.pairs(lag) for lag in _LAGS]
         for low, high in _BANDS_M:
-            in_band = (distance > low) & (distance <= high) & (row < neighbour)
+            in_band = (distance_m > low) & (distance_m <= high) & (row < neighbour)
             self.pairs.append((row[in_band], neighbour[in_band]))
         hit_score = objects.score[objects.hit]
         self.second_threshold = float(np.quantile(hit_score, _SECOND_SHARE))

@@ -1,5 +1,6 @@
 """Samples to fit a detector to: hits and errors of true boxes, and false positives."""
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -130,8 +131,8 @@ def collect_samples(
     pooled = pooled or {}
     sample_names = np.array([pooled.get(name, name) for name in classes])
     names = [name for name in classes if name not in pooled]
-    object_parts: dict[str, list[ObjectSamples]] = {name: [] for name in names}
-    false_parts: dict[str, list[FalsePositiveSamples]] = {name: [] for name in names}
+    object_parts = defaultdict[str, list[ObjectSamples]](list)
+    false_parts = defaultdict[str, list[FalsePositiveSamples]](list)
     object_count = 0  # in the scenes so far
     scene_count = 0
     for scene in scenes:
@@ -149,9 +150,13 @@ def collect_samples(
         counts = covered(scene.truth, scene.ego, sensor) & ~scene.truth.neutral
         for name in names:
             class_ids = np.flatnonzero(sample_names == name)
-            row = np.flatnonzero(counts & np.isin(scene.truth.class_id, class_ids))
-            row = row[np.lexsort((objects.frame[row], number[row]))]
-            object_parts[name].append(select(objects, row))
+            true_rows = np.flatnonzero(
+                counts & np.isin(scene.truth.class_id, class_ids)
+            )
+            true_rows = true_rows[
+                np.lexsort((objects.frame[true_rows], number[true_rows]))
+            ]
+            object_parts[name].append(select(objects, true_rows))
             false_positives = _false_positive_samples(
                 scene, detections, matches, class_ids, sensor, scene_count
             )
@@ -179,8 +184,8 @@ def _object_samples(
 
     ``detection`` [R]: rows of their detections, -1 where they are undetected.
     """
-    true = scene.truth.box
-    rows = len(true)
+    true_box = scene.truth.box
+    rows = len(true_box)
     frame = scene.truth.frame_of_rows
     hit = detection >= 0
     box = np.full((rows, 7), np.nan)
@@ -191,15 +196,15 @@ def _object_samples(
     # some formats write zeros everywhere where velocities were not measured
     if detections.velocity.any():
         velocity[hit] = detections.velocity[detection[hit]]
-    offset = box[:, :2] - true[:, :2]
-    away = true[:, :2] - scene.ego[frame, :2]
+    offset = box[:, :2] - true_box[:, :2]
+    away = true_box[:, :2] - scene.ego[frame, :2]
     away = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
     error = [
         (away * offset).sum(axis=1),
         away[:, 0] * offset[:, 1] - away[:, 1] * offset[:, 0],
-        box[:, 2] - true[:, 2],
-        wrap_angle(box[:, 3] - true[:, 3]),
-        box[:, 4:] - true[:, 4:],
+        box[:, 2] - true_box[:, 2],
+        wrap_angle(box[:, 3] - true_box[:, 3]),
+        box[:, 4:] - true_box[:, 4:],
     ]
     visibility = visibility_of(scene.truth, scene.ego, sensor, scene.visible)
     return ObjectSamples(
@@ -211,7 +216,7 @@ def _object_samples(
         velocity_error=velocity - scene.truth.velocity,
         score=score,
         scene=np.full(rows, scene_number),
-        place=true[:, :2],
+        place=true_box[:, :2],
         direction=np.arctan2(away[:, 1], away[:, 0]),
     )
 
@@ -225,31 +230,31 @@ def _false_positive_samples(
     scene_number: int,
 ) -> FalsePositiveSamples:
     truth = scene.truth
-    row = np.flatnonzero(matches.false & np.isin(detections.class_id, class_ids))
-    frame = detections.frame_of_rows[row]
-    distance, bearing = polar(detections.box[row, :2], scene.ego[frame])
-    is_covered = sensor.covers(distance, bearing)
-    row = row[is_covered]
+    false_row = np.flatnonzero(matches.false & np.isin(detections.class_id, class_ids))
+    frame = detections.frame_of_rows[false_row]
+    distance_m, bearing = polar(detections.box[false_row, :2], scene.ego[frame])
+    is_covered = sensor.covers(distance_m, bearing)
+    false_row = false_row[is_covered]
     frame = frame[is_covered]
-    box = detections.box[row]
+    box = detections.box[false_row]
     of_classes = np.isin(truth.class_id, class_ids)
-    nearest, object_distance = nearest_true_boxes(truth, of_classes, frame, box)
+    nearest_row, object_distance = nearest_true_boxes(truth, of_classes, frame, box)
     # the last values are those of frames without a true box
     class_of_object = np.append(truth.class_id, -1)
     detection_of_object = np.append(matches.detection, -1)
     score_of_detection = np.append(detections.score, np.nan)
     return FalsePositiveSamples(
-        scene=np.full(len(row), scene_number),
+        scene=np.full(len(false_row), scene_number),
         frame=frame,
         place=box[:, :2],
-        score=detections.score[row],
+        score=detections.score[false_row],
         object_distance=object_distance,
-        parent_score=score_of_detection[detection_of_object[nearest]],
+        parent_score=score_of_detection[detection_of_object[nearest_row]],
         count=np.diff(starts_of_sorted(frame, scene.frames)),
-        duplicate=matches.duplicate[row],
+        duplicate=matches.duplicate[false_row],
         size=box[:, 4:7],
-        distance=distance[is_covered],
-        of_class=class_of_object[nearest] == detections.class_id[row],
+        distance=distance_m[is_covered],
+        of_class=class_of_object[nearest_row] == detections.class_id[false_row],
     )
 
 
@@ -262,17 +267,17 @@ def nearest_true_boxes(
     ``[D, 7]``. The answer is -1 (the index of an appended value) and inf in frames
     without one.
     """
-    nearest = np.full(len(box), -1)
-    distance = np.full(len(box), np.inf)
+    nearest_row = np.full(len(box), -1)
+    distance_m = np.full(len(box), np.inf)
     for t in np.unique(frame):
         rows = truth.rows(int(t))
-        true = rows.start + np.flatnonzero(candidates[rows])
-        if len(true):
+        true_rows = rows.start + np.flatnonzero(candidates[rows])
+        if len(true_rows):
             index = np.flatnonzero(frame == t)
-            distances = center_distance(box[index, None], truth.box[None, true])
-            nearest[index] = true[distances.argmin(axis=1)]
-            distance[index] = distances.min(axis=1)
-    return nearest, distance
+            distances = center_distance(box[index, None], truth.box[None, true_rows])
+            nearest_row[index] = true_rows[distances.argmin(axis=1)]
+            distance_m[index] = distances.min(axis=1)
+    return nearest_row, distance_m
 
 
 def above_floor(
@@ -302,17 +307,17 @@ def match_boxes(
     for t in range(truth.frames):
         true_rows = truth.rows(t)
         rows = detections.rows(t)
-        for class_id, name in enumerate(classes):
+        for class_id, class_name in enumerate(classes):
             i = true_rows.start + np.flatnonzero(truth.class_id[true_rows] == class_id)
             j = rows.start + np.flatnonzero(detections.class_id[rows] == class_id)
             if not len(i) or not len(j):
                 continue
-            distance = center_distance(truth.box[i, None], detections.box[None, j])
-            gate_m = _GATES_M.get(name, _VEHICLE_GATE_M)
-            in_gate = distance <= gate_m
+            distance_m = center_distance(truth.box[i, None], detections.box[None, j])
+            gate_m = _GATES_M.get(class_name, _VEHICLE_GATE_M)
+            in_gate = distance_m <= gate_m
             # more than all pairs together
-            beyond_gate = (min(distance.shape) + 1) * (gate_m + 1.0)
-            cost = np.where(in_gate, distance, beyond_gate)
+            beyond_gate = (min(distance_m.shape) + 1) * (gate_m + 1.0)
+            cost = np.where(in_gate, distance_m, beyond_gate)
             pair_i, pair_j = linear_sum_assignment(cost)
             is_pair = in_gate[pair_i, pair_j]
             matched = j[pair_j[is_pair]]
@@ -320,7 +325,7 @@ def match_boxes(
             false[matched] = False
             false[j[in_gate[truth.neutral[i]].any(axis=0)]] = False
             matched_box = detections.box[matched, None]
-            distance = center_distance(matched_box, detections.box[None, j])
-            is_close = distance <= _DUPLICATE_DISTANCE_M
+            distance_m = center_distance(matched_box, detections.box[None, j])
+            is_close = distance_m <= _DUPLICATE_DISTANCE_M
             duplicate[j[is_close.any(axis=0)]] = True
     return Matches(detection=detection, false=false, duplicate=duplicate & false)
