@@ -302,16 +302,16 @@ def read_file(path: Path) -> ModelFile:
 
 
 def file_of(detector: str) -> Path:
-    """Return the file that ships for a detector, or the default one."""
+    """Return the file that ships for a detector, or the default."""
     path = MODELS / f"{family_of(detector)}.json"
     return path if path.is_file() else MODELS / "default.json"
 
 
 def read_model(path: Path) -> tuple[PresenceModel, ScoreTables]:
-    """Return the model of a file, and the tables by which scores are mapped first.
+    """Return the model of a file, and its tables of scores.
 
-    Raises SubmissionError, naming the file and what is wrong, if it is not a presence
-    model.
+    Scores are mapped by the tables first. Raises SubmissionError, naming the file and
+    what is wrong, if it is not a presence model.
     """
     modified = path.stat().st_mtime_ns if path.is_file() else 0
     return _read_state(path.resolve(), modified)
@@ -319,7 +319,10 @@ def read_model(path: Path) -> tuple[PresenceModel, ScoreTables]:
 
 @lru_cache(maxsize=16)
 def _read_state(path: Path, modified: int) -> tuple[PresenceModel, ScoreTables]:
-    """Read a model once per modification (at a time, ns): it may be trained again."""
+    """Read a model once per modification: it may be trained again.
+
+    ``modified``: time, ns.
+    """
     content = read_file(path)
     for name in content.features:
         if name not in FEATURES:

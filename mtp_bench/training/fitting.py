@@ -176,7 +176,7 @@ class _Trainer:
     def fit_stage(
         self, stage: Stage, fitted: FittedNetwork, callback: EpochCallback
     ) -> None:
-        """Train a stage for its epochs, or until the error stops falling."""
+        """Train a stage until its end, or until errors stop falling."""
         plan = self.plan
         first_epoch = len(fitted.curve)
         stage_epochs = max(1, round(stage.share * plan.epochs))
@@ -217,9 +217,10 @@ class _Trainer:
         stage_epoch: int,
         stage_epochs: int,
     ) -> None:
-        """Train once on all data; the random numbers depend on seed and ``epoch``.
+        """Train once on all data.
 
-        ``stage_epoch``: epochs of the stage so far, of ``stage_epochs``.
+        The random numbers depend on seed and ``epoch``. ``stage_epoch``: epochs of the
+        stage so far, of ``stage_epochs``.
         """
         plan = self.plan
         vary = vary_detections if self.network.around else vary_tracks
@@ -288,7 +289,7 @@ def shuffled_batches(
 def ordered_batches(
     rows: torch.Tensor, moment: torch.Tensor | None, size: int
 ) -> tuple[torch.Tensor, ...]:
-    """Return the rows [n] in batches of about ``size``, as `shuffled_batches` does."""
+    """Return the rows [n] in order, else as `shuffled_batches`."""
     if moment is None:
         return torch.split(rows, size)
     return _split_by_rank(rows, moment[rows], size)
@@ -297,7 +298,7 @@ def ordered_batches(
 def _split_by_rank(
     rows: torch.Tensor, rank: torch.Tensor, size: int
 ) -> tuple[torch.Tensor, ...]:
-    """Sort the rows by ``rank`` [n] and split them where a rank begins."""
+    """Sort rows by ``rank`` [n], and split where a rank begins."""
     order = torch.argsort(rank, stable=True)
     sorted_rank = rank[order]
     first_row = torch.searchsorted(sorted_rank, sorted_rank)  # of the row's frame

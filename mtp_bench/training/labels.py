@@ -66,7 +66,7 @@ class SceneLabels:
         return np.concatenate([*objects, np.array([UNKNOWN])])
 
     def _nearest(self, t: int, box: Floats, class_id: Ints) -> Ints:
-        """Return the object [n] of boxes in frame ``t``, NO_OBJECT or UNKNOWN."""
+        """Return the object [n] of boxes, NO_OBJECT or UNKNOWN."""
         truth = self._scene.truth
         rows = truth.rows(t)
         label = np.full(len(box), NO_OBJECT if self._scene.truth_complete else UNKNOWN)

@@ -40,9 +40,9 @@ _OF_DETECTIONS = ("position", "velocity", "yaw", "score", "same", "ratio", "near
 def mode_distance(
     modes: torch.Tensor, future: torch.Tensor, is_known: torch.Tensor
 ) -> torch.Tensor:
-    """Return the mean distance [n, S] m of modes to futures over known frames.
+    """Return mean distances [n, S] m of modes to futures.
 
-    ``modes`` [n, S, T, 2], ``future`` [n, T, 2], ``is_known`` [n, T].
+    They are over the frames that are known. ``modes`` [n, S, T, 2], ``future`` [n, T, 2], ``is_known`` [n, T].
     """
     distance = torch.sqrt(((modes - future[:, None]) ** 2).sum(-1) + 1e-9)
     total = (distance * is_known[:, None]).sum(-1)
@@ -57,7 +57,7 @@ def winner_takes_all(
     progress: float,
     generator: torch.Generator,
 ) -> torch.Tensor:
-    """Return the loss of the best mode and of the present position.
+    """Return the loss of best mode and present position.
 
     It is the distance of the best mode, its log-likelihood, and the error of the
     present position. In the first half of the training a shrinking part (from .3) of
@@ -84,7 +84,7 @@ def autoencoder(
     progress: float,
     generator: torch.Generator,
 ) -> torch.Tensor:
-    """Return the loss of a future decoded from its own code (PTP).
+    """Return the loss of futures decoded from their codes (PTP).
 
     It is the squared error, and the divergence of that code from the prior.
     """
@@ -137,7 +137,7 @@ def diverse(
 
 
 def _present_error(present: torch.Tensor, batch: Tensors) -> torch.Tensor:
-    """Return the distance [n] m of the present positions [n, 2] to the true ones."""
+    """Return errors [n] m of the present positions [n, 2]."""
     return torch.sqrt(((present - batch["present"]) ** 2).sum(-1) + 1e-6)
 
 
@@ -151,9 +151,9 @@ def _scale(weights: Tensors) -> torch.Tensor:
 
 
 def _similarity(modes: torch.Tensor) -> torch.Tensor:
-    """Return the mean of exp(-mean squared distance) over pairs of modes: [n].
+    """Return mean similarities [n] of pairs of modes.
 
-    ``modes`` [n, S, T, 2].
+    Similarity is exp(-mean squared distance). ``modes`` [n, S, T, 2].
     """
     flat = modes.flatten(2) / modes.shape[2] ** 0.5
     square = (flat**2).sum(-1)

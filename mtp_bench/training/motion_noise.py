@@ -79,7 +79,7 @@ def fit_env(
 
 
 def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:
-    """Fit the noise of every class of ``task`` to scenes, by class name.
+    """Fit the noise of every class to scenes, by class name.
 
     Pasts are tracks of the single-hypothesis tracker, or ground-truth tracks if the
     task observes the truth. A class without windows is left out.
@@ -114,7 +114,7 @@ def as_toml(condition_name: str, class_rows: dict[str, dict[str, Any]]) -> str:
 def fit_motion_noise(
     position: Floats, valid: Bools, future: Floats, dt: float
 ) -> dict[str, Any]:
-    """Fit the noise of one class to windows in their heading frames.
+    """Fit the noise of one class to windows in heading frames.
 
     ``position`` [n, P, 2] and ``valid`` [n, P]: the past as a predictor sees it;
     ``future`` [n, T, 2]: the truth; ``dt``: frame period, s.

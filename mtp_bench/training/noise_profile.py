@@ -72,7 +72,7 @@ def fit_noise(
 
 
 def _complete_scene(scene: Scene) -> Scene:
-    """Return the scene in the frame of the world, if it has world poses.
+    """Return the scene in the world's frame, if it has world poses.
 
     Raises MtpBenchError if its truth is not complete.
     """

@@ -158,7 +158,7 @@ def _windows_of_env(
 
 
 def has_future(windows: Windows) -> Bools:
-    """Return a mask [n]: the window follows an object with any known future."""
+    """Return a mask [n] of windows with any known future."""
     return np.asarray((windows.object_id >= 0) & windows.future_known.any(axis=1))
 
 

@@ -38,7 +38,7 @@ OWN_RECIPE = PresenceRecipe(
 
 
 def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floats]:
-    """Fit a model to n rows; also return cross-validated probabilities [n].
+    """Fit a model to n rows, with cross-validated probabilities [n].
 
     The model of a held-out row was fitted on other scenes, and calibrated on held-out
     rows of yet other scenes.
@@ -59,7 +59,7 @@ def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floa
 
 
 def fit_logistic(rows: PresenceRows, recipe: PresenceRecipe) -> PresenceModel:
-    """Fit the model before calibration, with its numbers as they are stored."""
+    """Fit the model before calibration, its numbers as stored."""
     estimator, model = logistic_regression(rows, recipe)
     class_names = sorted(set(rows.class_name))
     per_class = 1 + len(model.features)
@@ -108,7 +108,7 @@ def logistic_regression(
 
 
 def design(z: Floats, class_name: Any, products: bool) -> Floats:
-    """Return the columns of the linear model for features z [n, F].
+    """Return columns of the linear model for features z [n, F].
 
     They are z, with ``products`` those of two z, and (1, z) of each class.
     """
@@ -208,11 +208,11 @@ def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
 
 
 def fit_split(split: Split) -> tuple[str, dict[str, Any]]:
-    """Return the presence file of a split, and its quality on held-out rows.
+    """Return the presence file of a split, and its quality.
 
-    Rows are held out by scene; of fewer than `FEW_SCENES` scenes by blocks of
-    `BLOCK_SECONDS`. The file has the model of all rows. Raises MtpBenchError if there
-    is nothing to fit or to hold out.
+    The quality is that on held-out rows. Rows are held out by scene; of fewer than
+    `FEW_SCENES` scenes by blocks of `BLOCK_SECONDS`. The file has the model of all
+    rows. Raises MtpBenchError if there is nothing to fit or to hold out.
     """
     rows, origin = split_rows(split, in_blocks=len(split.names) < FEW_SCENES)
     return _fitted(split.card.detector_name, OWN_RECIPE, rows, [origin])
@@ -224,7 +224,7 @@ def _fitted(
     rows: PresenceRows,
     origins: list[dict[str, Any]],
 ) -> tuple[str, dict[str, Any]]:
-    """Return the text of a presence file, and the qualities in it.
+    """Return text of a presence file, and the qualities in it.
 
     They are those of the score and of the held-out probabilities.
     """

@@ -32,7 +32,7 @@ class SceneChoice:
     without: tuple[str, ...] = ()
 
     def open(self, options: RunOptions) -> Split:
-        """Return the scenes; data root and progress are those of ``options``."""
+        """Open the scenes, with data root and progress of ``options``."""
         options = replace(
             options, split=self.split, detector=self.detector, scenes=self.first
         )
@@ -91,7 +91,7 @@ def collect(
 
 
 def _scene_rows(scene: Scene, card: Card, task: Task, in_blocks: bool) -> PresenceRows:
-    """Match all tracks of a scene with true objects by the rule for forecasts."""
+    """Match tracks with true objects by the rule for forecasts."""
     if not scene.truth_complete:
         raise MtpBenchError(
             f"scene {scene.name!r} of {card.id} has the truth of prediction targets "
@@ -132,7 +132,7 @@ def _scene_rows(scene: Scene, card: Card, task: Task, in_blocks: bool) -> Presen
 def training_rows(
     recipe: PresenceRecipe, options: RunOptions = DEFAULTS
 ) -> tuple[PresenceRows, list[dict[str, Any]]]:
-    """Return the rows of a recipe, and the scenes they are from."""
+    """Return rows of a recipe, and the scenes they are from."""
     parts = []
     origins = []
     for choice in recipe.scenes:
@@ -145,7 +145,7 @@ def training_rows(
 def split_rows(
     split: Split, in_blocks: bool = False
 ) -> tuple[PresenceRows, dict[str, Any]]:
-    """Return the rows of a split, and the scenes they are from.
+    """Return rows of a split, and the scenes they are from.
 
     ``in_blocks`` as in `collect`.
     """

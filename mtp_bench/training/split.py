@@ -32,7 +32,7 @@ class Split:
             self.options.progress.done(name)
 
     def task(self, observe: str = "detections") -> Task:
-        """Return the task of the env, with pasts from detections or the truth."""
+        """Return the task of the env, observing detections or the truth."""
         return MTPEnv(self.card, data=self.options.data, observe=observe).task
 
 

@@ -74,11 +74,11 @@ class Windows(TrackWindows):
         )
 
     def select(self, rows: Ints | Bools | slice) -> Self:
-        """Return the windows ``rows``; frames and scenes keep their numbers."""
+        """Return the windows ``rows``, whose frames and scenes keep their numbers."""
         return replace(self, **{name: getattr(self, name)[rows] for name in BY_WINDOW})
 
     def split(self, fold: Fold) -> tuple[Self, Self]:
-        """Return the windows to learn from, and those of a fold's scenes.
+        """Return windows to learn from, and those of a fold.
 
         It is a fold of the scenes that are here. Commands (``--fold``) take it of the
         whole split: their scenes may have been learnt from here, unless these are all
@@ -89,7 +89,7 @@ class Windows(TrackWindows):
         return self.select(~away), self.select(away)
 
     def of_scenes(self, own_names: Sequence[str]) -> Bools:
-        """Return a mask [n] of the windows of scenes with these own names."""
+        """Return a mask [n] of windows of scenes with these own names."""
         is_named = np.isin(np.array(self.own_names), list(own_names))
         return np.asarray(is_named[self.scene])
 
@@ -193,7 +193,10 @@ def _open_scenes(
 
 
 def concatenate(parts: Sequence[Windows]) -> Windows:
-    """Return the windows of several scenes or envs, with the task of the first."""
+    """Return windows of several scenes or envs.
+
+    The task is that of the first one.
+    """
     window_columns = _concatenate_columns(parts, BY_WINDOW)
     windows_per_part = [len(part) for part in parts]
     first_scenes = starts_of([len(part.names) for part in parts])[:-1]
@@ -231,7 +234,10 @@ def _concatenate_columns(
 
 
 def _concatenate_surroundings(parts: Sequence[Surroundings]) -> Surroundings:
-    """Return the surroundings of all frames; lanes are in all parts or in none."""
+    """Return the surroundings of all frames.
+
+    Lanes are in all parts or in none.
+    """
     columns = _concatenate_columns(
         parts, ("box", "velocity", "class_id", "score", "before")
     )

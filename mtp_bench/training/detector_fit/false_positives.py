@@ -130,9 +130,10 @@ def _count_near(
 def _count_free(
     real: FalsePositiveSamples, is_free: Bools, frames: int, dt: float
 ) -> FreeFalsePositives | None:
-    """Return parameters of the free false positives over ``frames`` frames of ``dt`` s.
+    """Return parameters of the free false positives.
 
-    None without any. Chances, lives, families and memory are start values.
+    They are over ``frames`` frames of ``dt`` s. None without any. Chances,
+    lives, families and memory are start values.
     """
     if not is_free.any():
         return None
@@ -219,9 +220,9 @@ def figures_of(rows: FalsePositiveRows, frames: int, high_score: float) -> Float
 def _has_neighbour(
     rows: FalsePositiveRows, candidates: Bools, distance_m: float, lag: int = 0
 ) -> Bools:
-    """Return a mask ``[D]`` of rows with a neighbour ``lag`` frames later.
+    """Return a mask ``[D]`` of rows with a later neighbour.
 
-    ``candidates`` ``[D]``: rows that count as neighbours, within ``distance_m``.
+    ``lag``: frames between both; ``candidates`` ``[D]``: rows that count as neighbours, within ``distance_m``.
     """
     if not candidates.any():
         return np.zeros(len(rows.frame), dtype=bool)

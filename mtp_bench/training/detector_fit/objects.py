@@ -76,7 +76,7 @@ def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
 
 
 def _heading(objects: ObjectSamples) -> HeadingNoise:
-    """Fit the robust deviation of the heading modulo pi, and chances of flips.
+    """Fit heading errors modulo pi, and chances of flips.
 
     They are those after a flip and after none; the last one follows from the share of
     flips in the long run.
@@ -98,9 +98,10 @@ def _heading(objects: ObjectSamples) -> HeadingNoise:
 
 
 def _size(objects: ObjectSamples) -> SizeNoise:
-    """Fit mean and deviation of the errors of length, width and height.
+    """Fit mean and deviation of errors of the size.
 
-    Also their share that is new in every frame.
+    The size is length, width and height. Also fits the share of the errors that is new
+    in every frame.
     """
     error = objects.error[:, SIZE]
     mean = error[objects.hit].mean(axis=0)
@@ -130,7 +131,7 @@ def robust_deviation(value: Floats) -> float | None:
 
 
 def _height(objects: ObjectSamples) -> tuple[float, float]:
-    """Return mean and deviation of the error of the centre's height, m.
+    """Return mean and deviation of height errors of centres, m.
 
     The deviation is of the part that is new in every frame.
     """
@@ -167,9 +168,9 @@ def _position_margins(
 def _student_loss(
     unknown: Floats, size: Floats, distance: Floats, quality: Floats
 ) -> float:
-    """Return the negative log-likelihood of Student's t: sum over axes of the mean.
+    """Return the negative log-likelihood of Student's t.
 
-    ``size`` ``[R, 2]``: absolute errors.
+    It is the sum over axes of the mean. ``size`` ``[R, 2]``: absolute errors.
     """
     nu = _LEAST_NU + np.exp(unknown[6])
     norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)

@@ -27,7 +27,7 @@ def fit_profile(
     floor: Mapping[str, float] | None = None,
     alike: Mapping[str, str] | None = None,
 ) -> Profile:
-    """Fit a profile of the detector that made the detections of scenes.
+    """Fit a profile of the detector behind the detections.
 
     Their truth must be complete. ``dt``: s between frames; ``sensor``: its coverage;
     ``floor``: least score per class of the detections that count, without one the
@@ -67,7 +67,7 @@ def fit_profile(
 def _fit_all_objects(
     samples: Mapping[str, Samples], floor: Mapping[str, float]
 ) -> dict[str, ClassNoise]:
-    """Fit the noise of the objects of every class with enough hits."""
+    """Fit the noise of objects of classes with enough hits."""
     hits = {
         class_name: int(objects.hit.sum())
         for class_name, (objects, _) in samples.items()

@@ -69,7 +69,7 @@ def fit_quality(objects: ObjectSamples, floor: float) -> Quality:
 
 
 def random_part(objects: ObjectSamples, quality: Quality) -> Floats:
-    """Return the random part of the quality that the scores show ``[R]``.
+    """Return the random part ``[R]`` of qualities in the scores.
 
     It is NaN where undetected.
     """
@@ -209,7 +209,7 @@ class _QualitySimulation:
         return np.array(result)
 
     def _residual(self, miss: Bools) -> Floats:
-        """Return misses less their mean among rows of similar mean quality ``[R]``."""
+        """Return misses ``[R]`` less their mean at similar mean quality."""
         end = np.quantile(self.location, np.linspace(0.0, 1.0, 11)[1:-1])
         group = np.searchsorted(end, self.location)
         count = np.bincount(group, minlength=10)
@@ -235,11 +235,12 @@ def _correlation(value: Floats, one: Ints, two: Ints) -> float:
 def fit_ordered_levels(
     feature: Floats, level: Ints, levels: int, lapse_share: float
 ) -> tuple[Floats, Floats]:
-    """Fit weights ``[n]`` of a mean and cuts ``[levels - 1]`` by maximum likelihood.
+    """Fit weights ``[n]`` of a mean, and cuts ``[levels - 1]``.
 
-    The mean is over ``feature`` ``[R, n]``. ``level`` ``[R]`` 0, 1, ... is the number
-    of cuts below a number with this mean and variance 1, whose lower tail has the
-    exponential share ``lapse_share``; the first cut is 0.
+    The fit is by maximum likelihood. The mean is over ``feature`` ``[R, n]``.
+    ``level`` ``[R]`` 0, 1, ... is the number of cuts below a number with this mean and
+    variance 1, whose lower tail has the exponential share ``lapse_share``; the first
+    cut is 0.
     """
     share = np.cumsum(np.bincount(level, minlength=levels))[:-1] / len(level)
     start = ndtri(np.clip(share, 1e-3, 1 - 1e-3))
@@ -259,7 +260,7 @@ def fit_ordered_levels(
 
 
 def _cuts(gaps: Floats) -> Floats:
-    """Return the cuts after the first one from logarithms of their gaps."""
+    """Return cuts after the first from logarithms of gaps."""
     return np.cumsum(np.exp(gaps) + _MIN_CUT_STEP)
 
 

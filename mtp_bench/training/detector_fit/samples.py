@@ -58,7 +58,7 @@ class ObjectSamples:
     direction: Floats  # [R] rad, from the sensor to it
 
     def moments(self) -> Ints:
-        """Return a number [R] for the frame of each row, unique over scenes."""
+        """Return numbers [R] of frames that are unique over scenes."""
         return self.scene * (int(self.frame.max(initial=0)) + 1) + self.frame
 
     def pairs(self, lag: int = 1) -> tuple[Ints, Ints]:
@@ -261,7 +261,7 @@ def _false_positive_samples(
 def nearest_true_boxes(
     truth: Truth, candidates: Bools, frame: Ints, box: Floats
 ) -> tuple[Ints, Floats]:
-    """Return the row of the nearest true box of each box, and its distance in m.
+    """Return nearest true boxes: rows, and distances in m.
 
     ``candidates`` ``[R]``: true boxes to choose from, in the ``frame`` of each box
     ``[D, 7]``. The answer is -1 (the index of an appended value) and inf in frames
