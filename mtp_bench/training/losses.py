@@ -42,7 +42,8 @@ def mode_distance(
 ) -> torch.Tensor:
     """Return mean distances [n, S] m of modes to futures.
 
-    They are over the frames that are known. ``modes`` [n, S, T, 2], ``future`` [n, T, 2], ``is_known`` [n, T].
+    They are over the frames that are known. ``modes`` [n, S, T, 2], ``future``
+    [n, T, 2], ``is_known`` [n, T].
     """
     distance = torch.sqrt(((modes - future[:, None]) ** 2).sum(-1) + 1e-9)
     total = (distance * is_known[:, None]).sum(-1)

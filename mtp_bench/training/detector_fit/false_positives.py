@@ -222,7 +222,8 @@ def _has_neighbour(
 ) -> Bools:
     """Return a mask ``[D]`` of rows with a later neighbour.
 
-    ``lag``: frames between both; ``candidates`` ``[D]``: rows that count as neighbours, within ``distance_m``.
+    ``lag``: frames between both; ``candidates`` ``[D]``: rows that count as neighbours,
+    within ``distance_m``.
     """
     if not candidates.any():
         return np.zeros(len(rows.frame), dtype=bool)
