@@ -88,14 +88,13 @@ def test_scenes_are_never_on_both_sides() -> None:
 
 def test_the_same_rows_give_the_same_file_which_is_read_as_it_was_written(tmp_path: Path) -> None:
     rows, _ = made_up()
-    model, text = None, ""
+    texts = []
     for _ in range(2):
-        earlier_text = text
         model, held_out = presence.fit(rows, FULL)
-        text = presence.model_text("mine", FULL, model, [], {"presence": quality(held_out, rows.present)})
-    assert (earlier_text, json.loads(text)["terms"]) == (text, "of nobody")
+        texts.append(presence.model_text("mine", FULL, model, [], {"presence": quality(held_out, rows.present)}))
+    assert (texts[0], json.loads(texts[0])["terms"]) == (texts[1], "of nobody")
     file = tmp_path / "mine.json"
-    file.write_text(text)
+    file.write_text(texts[0])
     stored, scores = read_model(file)
     assert scores == {}
     np.testing.assert_array_equal(presence.probabilities(stored, rows), presence.probabilities(model, rows))
