@@ -35,7 +35,12 @@ from mtp_bench.training.predictors import (
     training_windows,
 )
 from mtp_bench.training.presence import fit, probabilities, quality
-from mtp_bench.training.presence_rows import PresenceRecipe, PresenceRows, training_rows
+from mtp_bench.training.presence_rows import (
+    PresenceRecipe,
+    PresenceRows,
+    recipe_of,
+    training_rows,
+)
 
 PRESENCE = {
     "megvii": ("nuscenes_megvii_raw", "nuscenes_megvii"),
@@ -49,7 +54,7 @@ ROWS = 20_000  # windows that are forecast at once
 def presence(given: argparse.Namespace) -> None:
     """AUC of both models on recorded tracks, over all classes and of each."""
     for detector, profiles in PRESENCE.items():
-        recipe = PresenceRecipe.of(detector)
+        recipe = recipe_of(detector)
         rows, _ = training_rows(recipe, RunOptions(given.data))
         same = replace(
             recipe, features=PresenceRecipe(()).features, products=True, calibrated=True
@@ -120,7 +125,9 @@ def predictor(given: argparse.Namespace) -> None:
         for number, (name, (request, scenes, data)) in enumerate(requests.items()):
             start = time.process_time()
             found = training_windows(request, RunOptions(data, scenes, workers=workers))
-            found = found if asked.seen.velocity.any() else without_velocity(found)
+            found = (
+                found if asked.surroundings.velocity.any() else without_velocity(found)
+            )
             path, card = train_predictor(
                 found, request, Path(folder) / f"{number}.safetensors"
             )
@@ -136,8 +143,10 @@ def predictor(given: argparse.Namespace) -> None:
 
 def without_velocity(found: Windows) -> Windows:
     """The windows as of a detector that measures no velocities."""
-    seen = replace(found.seen, velocity=np.zeros_like(found.seen.velocity))
-    return replace(found, velocity=np.zeros_like(found.velocity), seen=seen)
+    seen = replace(
+        found.surroundings, velocity=np.zeros_like(found.surroundings.velocity)
+    )
+    return replace(found, velocity=np.zeros_like(found.velocity), surroundings=seen)
 
 
 def _forecasts(asked: Windows, stored: StoredWeights) -> np.ndarray:
@@ -148,7 +157,9 @@ def _forecasts(asked: Windows, stored: StoredWeights) -> np.ndarray:
         for name in asked.task.classes
     ]
     asked = replace(asked, class_id=np.array(own)[asked.class_id])
-    seen = replace(asked.seen, class_id=np.array(own)[asked.seen.class_id])
+    seen = replace(
+        asked.surroundings, class_id=np.array(own)[asked.surroundings.class_id]
+    )
     network, parts = network_of(stored.network), []
     for low in range(0, len(asked), ROWS):
         part = asked.select(slice(low, low + ROWS))

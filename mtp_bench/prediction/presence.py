@@ -1,8 +1,10 @@
-"""Probability that the object of a track is really there, learned on training splits and evaluated in plain NumPy.
+"""Probability that the object of a track is really there.
 
-A logistic regression over the history of a track, with coefficients per class, and a calibration of its probabilities;
-one small file per detector in ``presence_models/``, made by ``mtp-bench maintain presence``; ``mtp-bench train
-presence`` makes one for detections of one's own.
+It is learned on training splits and evaluated in plain NumPy: a logistic regression
+over the history of a track, with coefficients per class, and a calibration of its
+probabilities. There is one small file per detector in ``presence_models/``, made by
+``mtp-bench maintain presence``; ``mtp-bench train presence`` makes one for detections
+of one's own.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,7 +33,8 @@ from ..core import (
 from ..tracking import family_of
 
 MODELS = Path(__file__).with_name("presence_models")
-# Per class, scores [2, n] of a detector and those of another one that finds as many boxes above them, both increasing.
+# Per class, scores [2, n] of a detector and those of another one that finds as many
+# boxes above them, both increasing.
 ScoreTables = Mapping[str, Floats]
 _upper = lru_cache(np.triu_indices)
 
@@ -64,42 +67,51 @@ FEATURES: dict[str, Callable[[TrackHistory], Floats]] = {
 
 
 def history_of(tracks: Tracks, observation: Observation, dt: float) -> TrackHistory:
-    """The history of N tracks after a frame; hits and age that a tracker does not state are taken from its pasts.
+    """Return the history of N tracks after a frame.
 
-    ``observation``: of that frame (only ``ego_pose`` is read, and may be missing); ``dt``: s, nominal frame period.
+    Hits and age that a tracker does not state are taken from its pasts.
+    ``observation``: of that frame (only ``ego_pose`` is read, and may be missing);
+    ``dt``: s, nominal frame period.
     """
-    n = len(tracks.box)
     valid = tracks.past_valid
-    last = valid.shape[1] - 1
-    seen = valid.any(axis=1)
-    first = np.where(seen, valid.argmax(axis=1), last)
-    lifetime = last - first  # frames
-    hits = np.maximum(valid.sum(axis=1), 1) if tracks.hits is None else tracks.hits
-    age = lifetime + 1 if tracks.age is None else tracks.age
-    longer = np.minimum(
-        np.maximum(age - hits, 0), valid.shape[1]
-    )  # not seen in all the past that is kept
-    moved = tracks.past[:, -1, :2] - tracks.past[np.arange(n), first, :2]
+    past_frames = valid.shape[1]
+    ever_seen = valid.any(axis=1)
+    first_frame = np.where(ever_seen, valid.argmax(axis=1), past_frames - 1)
+    lifetime = past_frames - 1 - first_frame  # frames
+    hits = tracks.hits
+    if hits is None:
+        hits = np.maximum(valid.sum(axis=1), 1)
+    age = tracks.age
+    if age is None:
+        age = lifetime + 1
+    last_score = tracks.last_score
+    if last_score is None:
+        last_score = tracks.score
+    # for tracks that are not seen in all the past that is kept
+    misses = np.clip(age - hits, 0, past_frames)
+    first_place = tracks.past[np.arange(len(valid)), first_frame, :2]
+    distance_m = np.linalg.norm(tracks.past[:, -1, :2] - first_place, axis=1)
     ego = np.asarray(observation.get("ego_pose", np.zeros(2)), dtype=np.float64)
     return TrackHistory(
-        last_score=tracks.score if tracks.last_score is None else tracks.last_score,
+        last_score=last_score,
         mean_score=tracks.score,
         hits=hits,
         age=np.maximum(age, hits),
-        unseen=np.where(seen, valid[:, ::-1].argmax(axis=1), longer),
+        unseen=np.where(ever_seen, valid[:, ::-1].argmax(axis=1), misses),
         range=np.linalg.norm(tracks.box[:, :2] - ego[:2], axis=1),
-        speed=np.linalg.norm(moved, axis=1) / (np.maximum(lifetime, 1) * dt),
+        speed=distance_m / (np.maximum(lifetime, 1) * dt),
     )
 
 
 @dataclass(frozen=True, eq=False)
 class PresenceModel:
-    """A logistic model of presence and its calibration.
+    """Logistic model of presence and its calibration.
 
-    The F features are clipped to the range of the training data and standardised to z. The logit is ``shared`` times
-    (1, z, products of two z with i <= j in the order of `numpy.triu_indices`), the products only if there are that
-    many numbers, plus ``classes[name]`` times (1, z); a class without numbers has the shared ones alone. The
-    probability is then mapped by the ``knots``, increasing and linear between them.
+    The F features are clipped to the range of the training data and standardised to z.
+    The logit is ``shared`` times (1, z, products of two z with i <= j in the order of
+    `numpy.triu_indices`), the products only if there are that many numbers, plus
+    ``classes[name]`` times (1, z); a class without numbers has the shared ones alone.
+    The probability is then mapped by the ``knots``, increasing and linear between them.
     """
 
     features: tuple[str, ...]  # F of FEATURES
@@ -112,34 +124,34 @@ class PresenceModel:
     knots: Floats  # [2, n] probabilities before and after calibration, n >= 2
 
     def standardised(self, history: TrackHistory) -> Floats:
-        """Standardised features z [N, F] of N tracks."""
-        raw = np.stack([FEATURES[name](history) for name in self.features], axis=1)
-        return np.asarray(
-            (np.clip(raw, self.low, self.high) - self.center) / self.scale
+        """Return standardised features z [N, F] of N tracks."""
+        raw = np.stack(
+            [FEATURES[feature_name](history) for feature_name in self.features], axis=1
         )
+        clipped = np.clip(raw, self.low, self.high)
+        return np.asarray((clipped - self.center) / self.scale)
 
     def logits(self, z: Floats, class_id: Ints, classes: Sequence[str]) -> Floats:
-        """Logits [N] before calibration; ``class_id`` [N] counts in ``classes``."""
-        f = len(self.features)
-        own = np.array([self.classes.get(name, np.zeros(1 + f)) for name in classes])[
-            class_id
-        ]
-        logit = (
-            self.shared[0]
-            + z @ self.shared[1 : 1 + f]
-            + own[:, 0]
-            + (own[:, 1:] * z).sum(axis=1)
-        )
-        if len(self.shared) > 1 + f:
-            product = np.zeros((f, f))
-            product[_upper(f)] = self.shared[1 + f :]
+        """Return logits [N] before calibration.
+
+        ``class_id`` [N] counts in ``classes``.
+        """
+        count = len(self.features)
+        no_weights = np.zeros(1 + count)
+        class_weights = np.array([self.classes.get(c, no_weights) for c in classes])
+        weights = class_weights[class_id]
+        logit = self.shared[0] + z @ self.shared[1 : 1 + count]
+        logit = logit + weights[:, 0] + (weights[:, 1:] * z).sum(axis=1)
+        if len(self.shared) > 1 + count:
+            product = np.zeros((count, count))
+            product[_upper(count)] = self.shared[1 + count :]
             logit += (z @ product * z).sum(axis=1)
         return np.asarray(logit)
 
     def probability(
         self, history: TrackHistory, class_id: Ints, classes: Sequence[str]
     ) -> Floats:
-        """Calibrated probabilities [N] of N tracks."""
+        """Return calibrated probabilities [N] of N tracks."""
         raw = logistic(self.logits(self.standardised(history), class_id, classes))
         return np.asarray(np.interp(raw, *self.knots))
 
@@ -147,17 +159,20 @@ class PresenceModel:
 def map_scores(
     score: Floats, tables: ScoreTables, class_id: Ints, classes: Sequence[str]
 ) -> Floats:
-    """Scores [N] of another detector in place of these; those of a class without a table stay as they are."""
+    """Return scores [N] of another detector in place of these.
+
+    Those of a class without a table stay as they are.
+    """
     mapped = np.array(score, dtype=np.float64)
-    for number, name in enumerate(classes):
-        if name in tables:
-            own = class_id == number
-            mapped[own] = np.interp(mapped[own], *tables[name])
+    for number, class_name in enumerate(classes):
+        if class_name in tables:
+            class_rows = class_id == number
+            mapped[class_rows] = np.interp(mapped[class_rows], *tables[class_name])
     return mapped
 
 
 def logistic(logit: Floats) -> Floats:
-    """1 / (1 + exp(-logit)), without overflow."""
+    """Return 1 / (1 + exp(-logit)), without overflow."""
     return np.asarray(0.5 * (1 + np.tanh(0.5 * logit)))
 
 
@@ -165,12 +180,14 @@ def logistic(logit: Floats) -> Floats:
 class LearnedPresence:
     """Presence of the tracks of the task's detector.
 
-    ``model``: file that ``mtp-bench train presence`` wrote. By default that of the task (``--presence``), else the one
-    that ships for the detector or the detector it is a variant of; a detector without one takes ``default.json``, which
-    uses hits, misses and age alone. A task with ``presence="scores"`` takes the score of each track's last detection.
+    ``model``: file that ``mtp-bench train presence`` wrote. By default that of the task
+    (``--presence``), else the one that ships for the detector or the detector it is a
+    variant of; a detector without one takes ``default.json``, which uses hits, misses
+    and age alone. A task with ``presence="scores"`` takes the score of each track's
+    last detection.
 
-    Raises SubmissionError at ``reset`` if there is no such file or it is not a presence model, and at a score outside
-    [0, 1] that is to be a probability.
+    Raises SubmissionError at ``reset`` if there is no such file or it is not a presence
+    model, and at a score outside [0, 1] that is to be a probability.
     """
 
     def __init__(self, model: str | Path | None = None) -> None:
@@ -181,45 +198,45 @@ class LearnedPresence:
         self._task = task
         self._by_score = self._file is None and task.presence == SCORES
         if not self._by_score:
-            self._model, self._scores = read_model(
-                self._file or Path(task.presence or file_of(task.detector))
-            )
+            path = self._file or Path(task.presence or file_of(task.detector))
+            self._model, self._scores = read_model(path)
 
     def probability(self, tracks: Tracks, observation: Observation) -> Floats:
-        """Probability [N] that each track's object is there."""
+        """Return the probability [N] that each track's object is there."""
         class_id = tracks.class_id
         classes = self._task.classes
         history = history_of(tracks, observation, self._task.dt)
+        score = history.last_score
         if self._by_score:
-            outside = history.last_score[
-                (history.last_score < 0) | (history.last_score > 1)
-            ]
+            outside = score[(score < 0) | (score > 1)]
             if len(outside):
                 raise SubmissionError(
-                    f"a detection has the score {outside[0]:g}, expected [0, 1], as presence takes scores as they are; "
-                    "`mtp-bench train presence` fits a model to other scores"
+                    f"a detection has the score {outside[0]:g}, expected [0, 1], as "
+                    "presence takes scores as they are; `mtp-bench train presence` "
+                    "fits a model to other scores"
                 )
-            return np.asarray(history.last_score, dtype=np.float64)
-        last = map_scores(history.last_score, self._scores, class_id, classes)
-        mean = map_scores(history.mean_score, self._scores, class_id, classes)
-        return self._model.probability(
-            replace(history, last_score=last, mean_score=mean), class_id, classes
+            return np.asarray(score, dtype=np.float64)
+        mapped_history = replace(
+            history,
+            last_score=map_scores(score, self._scores, class_id, classes),
+            mean_score=map_scores(history.mean_score, self._scores, class_id, classes),
         )
+        return self._model.probability(mapped_history, class_id, classes)
 
 
-def _increasing(rows: list[list[float]]) -> list[list[float]]:
-    if len(rows) != 2 or len(rows[0]) != len(rows[1]) or len(rows[0]) < 2:
+def _increasing(table_rows: list[list[float]]) -> list[list[float]]:
+    lengths = [len(row) for row in table_rows]
+    if len(lengths) != 2 or lengths[0] != lengths[1] or lengths[0] < 2:
         raise ValueError(
-            f"lengths {[len(row) for row in rows]}, expected two lists of one length, at least 2"
+            f"lengths {lengths}, expected two lists of one length, at least 2"
         )
-    if any(later <= earlier for earlier, later in pairwise(rows[0])):
+    if any(later <= earlier for earlier, later in pairwise(table_rows[0])):
         raise ValueError("expected a first list whose numbers rise")
-    return rows
+    return table_rows
 
 
-Table = Annotated[
-    list[list[float]], AfterValidator(_increasing)
-]  # [2, n] input and output, n >= 2
+# [2, n] input and output, n >= 2
+Table = Annotated[list[list[float]], AfterValidator(_increasing)]
 _Probability = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -237,9 +254,8 @@ class ModelFile(Section):
 
     detector: str = ""
     terms: str = ""
-    fitted_on: list[Origin] = Field(
-        default_factory=list
-    )  # manifests of agents state those that are scored
+    # manifests of agents state those that are scored
+    fitted_on: list[Origin] = Field(default_factory=list)
     features: Annotated[list[str], Field(min_length=1)]  # F
     low: list[float]  # [F]
     high: list[float]  # [F]
@@ -248,69 +264,79 @@ class ModelFile(Section):
     shared: list[float]  # [1 + F] or [1 + F + F (F + 1) / 2]
     classes: dict[str, list[float]]  # [1 + F] each
     knots: Annotated[list[list[_Probability]], AfterValidator(_increasing)]
-    held_out: dict[str, Any] = Field(
-        default_factory=dict
-    )  # quality on scenes outside its fit
-    score_map: dict[str, Table] = Field(
-        default_factory=dict
-    )  # per class; scores are mapped by it first
+    # quality on scenes outside its fit
+    held_out: dict[str, Any] = Field(default_factory=dict)
+    # per class; scores are mapped by it first
+    score_map: dict[str, Table] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _lengths_fit(self) -> Self:
-        f = len(self.features)
-        rows = {
-            name: (getattr(self, name), [f])
-            for name in ("low", "high", "center", "scale")
-        }
-        rows["shared"] = (self.shared, [1 + f, 1 + f + f * (f + 1) // 2])
-        rows |= {
-            f"classes.{name}": (row, [1 + f]) for name, row in self.classes.items()
-        }
-        for name, (row, lengths) in rows.items():
-            if len(row) not in lengths:
-                expected = " or ".join(map(str, lengths))
-                raise ValueError(
-                    f"{name} has {len(row)} numbers, expected {expected} for {f} features"
-                )
+        count = len(self.features)
+        with_products = 1 + count + count * (count + 1) // 2
+        for name in ("low", "high", "center", "scale"):
+            _require_length(name, getattr(self, name), count, count)
+        _require_length("shared", self.shared, count, 1 + count, with_products)
+        for name, row in self.classes.items():
+            _require_length(f"classes.{name}", row, count, 1 + count)
         return self
 
 
+def _require_length(
+    field_name: str, field_values: Sequence[float], features: int, *lengths: int
+) -> None:
+    if len(field_values) not in lengths:
+        expected = " or ".join(map(str, lengths))
+        raise ValueError(
+            f"{field_name} has {len(field_values)} numbers, expected {expected} "
+            f"for {features} features"
+        )
+
+
 def read_file(path: Path) -> ModelFile:
-    """The content of a file; raises SubmissionError, naming the file and the key, if it is not a presence model."""
-    return validate(
-        ModelFile, read_json(path, SubmissionError), str(path), SubmissionError
-    )
+    """Read a file.
+
+    Raises SubmissionError, naming the file and the key, if it is not a presence model.
+    """
+    content = read_json(path, SubmissionError)
+    return validate(ModelFile, content, str(path), SubmissionError)
 
 
 def file_of(detector: str) -> Path:
-    """The file that ships for a detector, or the default one."""
-    own = MODELS / f"{family_of(detector)}.json"
-    return own if own.is_file() else MODELS / "default.json"
+    """Return the file that ships for a detector, or the default."""
+    path = MODELS / f"{family_of(detector)}.json"
+    return path if path.is_file() else MODELS / "default.json"
 
 
 def read_model(path: Path) -> tuple[PresenceModel, ScoreTables]:
-    """The model of a file, and the tables by which scores are mapped before it.
+    """Return the model of a file, and its tables of scores.
 
-    Raises SubmissionError, naming the file and what is wrong, if it is not a presence model.
+    Scores are mapped by the tables first. Raises SubmissionError, naming the file and
+    what is wrong, if it is not a presence model.
     """
-    return _read_state(path.resolve(), path.stat().st_mtime_ns if path.is_file() else 0)
+    modified = path.stat().st_mtime_ns if path.is_file() else 0
+    return _read_state(path.resolve(), modified)
 
 
 @lru_cache(maxsize=16)
-def _read_state(path: Path, changed: int) -> tuple[PresenceModel, ScoreTables]:
-    """The model of a file that was ``changed`` last at this time, ns: it may be trained again meanwhile."""
+def _read_state(path: Path, modified: int) -> tuple[PresenceModel, ScoreTables]:
+    """Read a model once per modification: it may be trained again.
+
+    ``modified``: time, ns.
+    """
     content = read_file(path)
     for name in content.features:
         if name not in FEATURES:
-            raise SubmissionError(
-                f"{path}: unknown feature {name!r}{nearest(name, tuple(FEATURES))}"
-            )
-    arrays = {
-        key: np.array(getattr(content, key))
-        for key in ("low", "high", "center", "scale", "shared", "knots")
-    }
-    classes = {name: np.array(row) for name, row in content.classes.items()}
+            hint = nearest(name, tuple(FEATURES))
+            raise SubmissionError(f"{path}: unknown feature {name!r}{hint}")
+    model = PresenceModel(
+        features=tuple(content.features),
+        low=np.array(content.low),
+        high=np.array(content.high),
+        center=np.array(content.center),
+        scale=np.array(content.scale),
+        shared=np.array(content.shared),
+        classes={name: np.array(row) for name, row in content.classes.items()},
+        knots=np.array(content.knots),
+    )
     tables = {name: np.array(rows) for name, rows in content.score_map.items()}
-    return PresenceModel(
-        features=tuple(content.features), classes=classes, **arrays
-    ), tables
+    return model, tables

@@ -1,10 +1,12 @@
-"""Training of a network: batches, schedule, early stop. Equal plans, data and machines give equal weights."""
+"""Training of a network: batches, schedule, early stop.
+
+Equal plans, data and machines give equal weights.
+"""
 
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Self
 
 import numpy as np
 import torch
@@ -14,12 +16,14 @@ from ..prediction import Arrays, Network, Sizes, Stage
 from ..running import require_seed
 from .losses import LOSSES, Tensors, mode_distance, vary_detections, vary_tracks
 
-EpochCallback = Callable[
-    [int, float], object
-]  # number of an epoch, from 1 on, and its validation minADE, m
+# number of an epoch, from 1 on, and its validation minADE, m
+EpochCallback = Callable[[int, float], object]
 
 WARM_UP = 0.2  # share of a training in which the learning rate rises
-_LABELS = ("future", "known", "present", "weight")
+_LABELS = ("future", "is_known", "present", "weight")
+_STATISTICS = (".mean", ".spread")  # of the data, never trained
+_VALIDATION_BATCH = 8192  # windows
+_VALIDATION_BATCH_OF_FRAMES = 1024
 
 
 @dataclass(frozen=True)
@@ -30,15 +34,15 @@ class TrainingPlan:
     batch: int = 512  # windows
     rate: float = 2e-3  # highest of the schedule (one cycle: Smith, Topin 2019)
     decay: float = 1e-4  # of AdamW (Loshchilov, Hutter 2019)
-    patience: int = 20  # epochs without a better validation error, in a stage's second half, after which it stops
+    # epochs without a better validation error that stop a stage in its second half
+    patience: int = 20
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("epochs", "batch", "patience"):
-            if getattr(self, name) < 1:
-                raise MtpBenchError(
-                    f"{name} is {getattr(self, name)}, expected at least 1"
-                )
+        for field_name in ("epochs", "batch", "patience"):
+            value = getattr(self, field_name)
+            if value < 1:
+                raise MtpBenchError(f"{field_name} is {value}, expected at least 1")
         require_seed(self.seed)
 
 
@@ -46,9 +50,8 @@ class TrainingPlan:
 class FittedNetwork:
     """The best weights of a training so far, and its errors."""
 
-    curve: list[float] = field(
-        default_factory=list
-    )  # validation minADE, m, after each epoch
+    # validation minADE, m, after each epoch
+    curve: list[float] = field(default_factory=list)
     best_epoch: int = 0
     best: Arrays = field(default_factory=dict)  # weights of that epoch
 
@@ -59,48 +62,56 @@ class TrainingSet:
 
     inputs: Arrays  # of the network
     future: np.ndarray  # [n, T, 2] heading frame
-    known: np.ndarray  # [n, T]
+    is_known: np.ndarray  # [n, T]
     present: np.ndarray  # [n, 2] heading frame
     weight: np.ndarray  # [n]
     validation: np.ndarray  # [n] bool
 
     def tensors(self, device: torch.device) -> Tensors:
-        """Inputs and labels as tensors."""
-        arrays = {
-            **self.inputs,
-            **{name: getattr(self, name).astype(np.float32) for name in _LABELS},
-        }
+        """Return inputs and labels as tensors."""
+        arrays = dict(self.inputs)
+        for name in _LABELS:
+            arrays[name] = getattr(self, name).astype(np.float32)
         return {
             name: torch.from_numpy(np.ascontiguousarray(value)).to(device)
             for name, value in arrays.items()
         }
 
 
-def device_of(name: str) -> torch.device:
-    """The device "auto", "cpu" or "cuda"; raises MtpBenchError for other names and a GPU that is missing."""
-    if name not in ("auto", "cpu", "cuda"):
-        raise MtpBenchError(f"device is {name!r}, expected auto, cpu or cuda")
-    if name == "cuda" and not torch.cuda.is_available():
+def device_of(device_name: str) -> torch.device:
+    """Return the device "auto", "cpu" or "cuda".
+
+    Raises MtpBenchError for other names and a GPU that is missing.
+    """
+    if device_name not in ("auto", "cpu", "cuda"):
+        raise MtpBenchError(f"device is {device_name!r}, expected auto, cpu or cuda")
+    has_gpu = torch.cuda.is_available()
+    if device_name == "cuda" and not has_gpu:
         raise MtpBenchError(
-            "device 'cuda': torch finds no GPU here; leave the option out or choose 'cpu'"
+            "device 'cuda': torch finds no GPU here; leave the option out or choose "
+            "'cpu'"
         )
-    return torch.device(
-        ("cuda" if torch.cuda.is_available() else "cpu") if name == "auto" else name
-    )
+    if device_name == "cpu" or not has_gpu:
+        return torch.device("cpu")
+    return torch.device("cuda")
 
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """One core: sums have the same order on every machine, and small batches gain nothing from more."""
+    """Limit the process to one core.
+
+    Sums then have the same order on every machine, and small batches gain nothing from
+    more.
+    """
     from threadpoolctl import threadpool_limits  # scikit-learn requires it
 
-    before = torch.get_num_threads()
+    threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         with threadpool_limits(1):  # NumPy's and scikit-learn's
             yield
     finally:
-        torch.set_num_threads(before)
+        torch.set_num_threads(threads)
 
 
 @_one_thread()
@@ -112,151 +123,145 @@ def fit(
     device: torch.device,
     callback: EpochCallback,
 ) -> FittedNetwork:
-    """Train a network by its recipe; ``best`` holds the weights of the epoch with the best validation minADE."""
-    inputs = _TrainingInputs.of(network, sizes, training_set, plan, device)
+    """Train a network by its recipe.
+
+    ``best`` of the answer holds the weights of the epoch with the best validation
+    minADE.
+    """
+    trainer = _Trainer(network, sizes, training_set, plan, device)
     fitted = FittedNetwork()
     for stage in network.recipe.stages:
-        _fit_stage(inputs, stage, fitted, callback)
+        trainer.fit_stage(stage, fitted, callback)
         with torch.no_grad():
-            for name, value in inputs.weights.items():
-                value.copy_(torch.from_numpy(fitted.best[name]))
+            for weight_name, weight in trainer.weights.items():
+                weight.copy_(torch.from_numpy(fitted.best[weight_name]))
     return fitted
 
 
-@dataclass(frozen=True, eq=False)
-class _TrainingInputs:
-    """Network, plan, initial weights and data of one training run, on one device."""
+class _Trainer:
+    """Network, plan, weights and data of one training run, on one device."""
 
-    network: Network
-    sizes: Sizes
-    plan: TrainingPlan
-    weights: Tensors
-    data: Tensors
-    training_rows: torch.Tensor  # rows of the data
-    validation_rows: torch.Tensor
-
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         network: Network,
         sizes: Sizes,
         training_set: TrainingSet,
         plan: TrainingPlan,
         device: torch.device,
-    ) -> Self:
+    ) -> None:
+        self.network = network
+        self.sizes = sizes
+        self.plan = plan
         learnt = ~training_set.validation
-        own = {name: value[learnt] for name, value in training_set.inputs.items()}
-        known = training_set.known[learnt].astype(bool)
-        start = network.start(own, training_set.future[learnt], known, sizes, plan.seed)
-        weights = {
+        inputs = {name: value[learnt] for name, value in training_set.inputs.items()}
+        future = training_set.future[learnt]
+        is_known = training_set.is_known[learnt].astype(bool)
+        start = network.start(inputs, future, is_known, sizes, plan.seed)
+        self.weights: Tensors = {
             name: torch.from_numpy(np.asarray(value, np.float32)).to(device)
             for name, value in start.items()
         }
-        rows = [
-            torch.from_numpy(np.flatnonzero(part)).to(device)
-            for part in (learnt, training_set.validation)
-        ]
-        return cls(network, sizes, plan, weights, training_set.tensors(device), *rows)
-
-    @property
-    def moment(self) -> torch.Tensor | None:
-        """The frame of each window, if batches are of whole frames."""
-        return self.data["moment"] if self.network.recipe.by_frame else None
+        self.data = training_set.tensors(device)
+        # rows of the data
+        self.training_rows = torch.from_numpy(np.flatnonzero(learnt)).to(device)
+        validation_rows = np.flatnonzero(training_set.validation)
+        self.validation_rows = torch.from_numpy(validation_rows).to(device)
+        # the frame of each window, if batches are of whole frames
+        self.moment = self.data["moment"] if network.recipe.by_frame else None
 
     def batch(self, rows: torch.Tensor) -> Tensors:
-        """The data of these rows."""
+        """Return the data of these rows."""
         return {name: value[rows] for name, value in self.data.items()}
 
+    def fit_stage(
+        self, stage: Stage, fitted: FittedNetwork, callback: EpochCallback
+    ) -> None:
+        """Train a stage until its end, or until errors stop falling."""
+        plan = self.plan
+        first_epoch = len(fitted.curve)
+        stage_epochs = max(1, round(stage.share * plan.epochs))
+        trained = []
+        for weight_name, weight in sorted(self.weights.items()):
+            is_statistic = weight_name.endswith(_STATISTICS)
+            is_trained = weight_name.startswith(stage.trains) and not is_statistic
+            weight.requires_grad_(is_trained)
+            if is_trained:
+                trained.append(weight)
+        optimizer = torch.optim.AdamW(trained, lr=plan.rate, weight_decay=plan.decay)
+        for stage_epoch in range(stage_epochs):
+            epoch = first_epoch + stage_epoch
+            idle_epochs = epoch - max(fitted.best_epoch, first_epoch)
+            if stage_epoch >= stage_epochs // 2 and idle_epochs >= plan.patience:
+                break
+            self._train_epoch(stage, optimizer, epoch, stage_epoch, stage_epochs)
+            error_m = self._validation_error()
+            if not math.isfinite(error_m):
+                raise MtpBenchError(
+                    f"the training of {self.network.name} broke down in epoch "
+                    f"{epoch + 1}"
+                )
+            if error_m < min(fitted.curve, default=math.inf):
+                fitted.best_epoch = epoch + 1
+                fitted.best = {
+                    weight_name: weight.detach().cpu().numpy().copy()
+                    for weight_name, weight in self.weights.items()
+                }
+            fitted.curve.append(error_m)
+            callback(epoch + 1, error_m)
 
-def _fit_stage(
-    inputs: _TrainingInputs,
-    stage: Stage,
-    fitted: FittedNetwork,
-    callback: EpochCallback,
-) -> None:
-    """Train a stage until its epochs are over, or the error has not fallen for long."""
-    plan = inputs.plan
-    first = len(fitted.curve)
-    epochs = max(1, round(stage.share * plan.epochs))
-    statistics = (".mean", ".spread")  # of the data
-    names = [
-        n
-        for n in sorted(inputs.weights)
-        if n.startswith(stage.trains) and not n.endswith(statistics)
-    ]
-    for name, value in inputs.weights.items():
-        value.requires_grad_(name in names)
-    trained = [inputs.weights[name] for name in names]
-    optimizer = torch.optim.AdamW(trained, lr=plan.rate, weight_decay=plan.decay)
-    for done in range(epochs):
-        idle = first + done - max(fitted.best_epoch, first)
-        if done >= epochs // 2 and idle >= plan.patience:
-            break
-        _train_epoch(inputs, stage, optimizer, first + done, done, epochs)
-        error = _validation_error(inputs)
-        if not math.isfinite(error):
-            raise MtpBenchError(
-                f"the training of {inputs.network.name} broke down in epoch {first + done + 1}"
+    def _train_epoch(
+        self,
+        stage: Stage,
+        optimizer: torch.optim.Optimizer,
+        epoch: int,
+        stage_epoch: int,
+        stage_epochs: int,
+    ) -> None:
+        """Train once on all data.
+
+        The random numbers depend on seed and ``epoch``. ``stage_epoch``: epochs of the
+        stage so far, of ``stage_epochs``.
+        """
+        plan = self.plan
+        vary = vary_detections if self.network.around else vary_tracks
+        generator = torch.Generator().manual_seed(plan.seed * 100_003 + epoch)
+        batches = shuffled_batches(
+            self.training_rows, self.moment, plan.batch, generator
+        )
+        for number, rows in enumerate(batches):
+            progress = (stage_epoch + number / len(batches)) / stage_epochs
+            for group in optimizer.param_groups:
+                group["lr"] = plan.rate * one_cycle(progress)
+            batch = vary(self.batch(rows), generator)
+            loss = LOSSES[stage.loss](
+                self.network, self.weights, batch, self.sizes, progress, generator
             )
-        if not fitted.curve or error < min(fitted.curve):
-            fitted.best_epoch = first + done + 1
-            fitted.best = {
-                name: value.detach().cpu().numpy().copy()
-                for name, value in inputs.weights.items()
-            }
-        fitted.curve.append(error)
-        callback(first + done + 1, error)
+            optimizer.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimizer.step()
 
-
-def _train_epoch(
-    inputs: _TrainingInputs,
-    stage: Stage,
-    optimizer: torch.optim.Optimizer,
-    epoch: int,
-    done: int,
-    epochs: int,
-) -> None:
-    """One pass over the data; the random numbers depend on seed and ``epoch``; ``done`` of the stage's ``epochs``."""
-    network = inputs.network
-    plan = inputs.plan
-    vary = vary_detections if network.around else vary_tracks
-    generator = torch.Generator().manual_seed(plan.seed * 100_003 + epoch)
-    batches = shuffled_batches(
-        inputs.training_rows, inputs.moment, plan.batch, generator
-    )
-    for number, rows in enumerate(batches):
-        progress = (done + number / len(batches)) / epochs
-        for group in optimizer.param_groups:
-            group["lr"] = plan.rate * one_cycle(progress)
-        batch = vary(inputs.batch(rows), generator)
-        loss = LOSSES[stage.loss](
-            network, inputs.weights, batch, inputs.sizes, progress, generator
-        )
-        optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
-        optimizer.step()
-
-
-@torch.no_grad()
-def _validation_error(inputs: _TrainingInputs) -> float:
-    """minADE, m, of the windows that are held out, by their weight."""
-    total = 0.0
-    weight = 0.0
-    for rows in ordered_batches(
-        inputs.validation_rows, inputs.moment, 8192 if inputs.moment is None else 1024
-    ):
-        batch = inputs.batch(rows)
-        output = inputs.network.forward(inputs.weights, batch, inputs.sizes)
-        least = mode_distance(output["modes"], batch["future"], batch["known"]).amin(
-            dim=1
-        )
-        total += float((least * batch["weight"]).sum())
-        weight += float(batch["weight"].sum())
-    return total / weight
+    @torch.no_grad()
+    def _validation_error(self) -> float:
+        """Return the minADE, m, of the validation windows, by their weight."""
+        size = _VALIDATION_BATCH
+        if self.moment is not None:
+            size = _VALIDATION_BATCH_OF_FRAMES
+        total = 0.0
+        weight = 0.0
+        for rows in ordered_batches(self.validation_rows, self.moment, size):
+            batch = self.batch(rows)
+            modes = self.network.forward(self.weights, batch, self.sizes)["modes"]
+            distance = mode_distance(modes, batch["future"], batch["is_known"])
+            total += float((distance.amin(dim=1) * batch["weight"]).sum())
+            weight += float(batch["weight"].sum())
+        return total / weight
 
 
 def one_cycle(progress: float) -> float:
-    """Learning rate as a share of the highest: up from 1/25 over a fifth of the training, then down to nearly 0."""
+    """Return the learning rate as a share of the highest.
+
+    It rises from 1/25 over a fifth of the training, then falls to nearly 0.
+    """
     if progress < WARM_UP:
         return 0.04 + 0.96 * (1 - math.cos(math.pi * progress / WARM_UP)) / 2
     return max(1e-3, (1 + math.cos(math.pi * (progress - WARM_UP) / (1 - WARM_UP))) / 2)
@@ -268,40 +273,34 @@ def shuffled_batches(
     size: int,
     generator: torch.Generator,
 ) -> tuple[torch.Tensor, ...]:
-    """The rows [n] in random batches of about ``size``.
+    """Return the rows [n] in random batches of about ``size``.
 
-    ``moment`` [all rows]: the frame of each; windows of one frame stay together. None: each window alone.
+    ``moment`` [all rows]: the frame of each. Windows of one frame stay together. None:
+    each window alone.
     """
     if moment is None:
-        return torch.split(
-            rows[torch.randperm(len(rows), generator=generator).to(rows.device)], size
-        )
+        order = torch.randperm(len(rows), generator=generator).to(rows.device)
+        return torch.split(rows[order], size)
     frames, frame = torch.unique(moment[rows], return_inverse=True)
-    return _split_by_rank(
-        rows,
-        torch.randperm(len(frames), generator=generator).to(rows.device)[frame],
-        size,
-    )
+    order = torch.randperm(len(frames), generator=generator).to(rows.device)
+    return _split_by_rank(rows, order[frame], size)
 
 
 def ordered_batches(
     rows: torch.Tensor, moment: torch.Tensor | None, size: int
 ) -> tuple[torch.Tensor, ...]:
-    """The rows [n] in batches of about ``size``, of whole frames if ``moment`` is given."""
-    return (
-        torch.split(rows, size)
-        if moment is None
-        else _split_by_rank(rows, moment[rows], size)
-    )
+    """Return the rows [n] in order, else as `shuffled_batches`."""
+    if moment is None:
+        return torch.split(rows, size)
+    return _split_by_rank(rows, moment[rows], size)
 
 
 def _split_by_rank(
     rows: torch.Tensor, rank: torch.Tensor, size: int
 ) -> tuple[torch.Tensor, ...]:
-    """The rows sorted by ``rank`` [n], in pieces that begin where a rank begins."""
+    """Sort rows by ``rank`` [n], and split where a rank begins."""
     order = torch.argsort(rank, stable=True)
-    first = torch.searchsorted(
-        rank[order], rank[order]
-    )  # the row at which each one's frame begins
-    _, count = torch.unique_consecutive(first // size, return_counts=True)
+    sorted_rank = rank[order]
+    first_row = torch.searchsorted(sorted_rank, sorted_rank)  # of the row's frame
+    _, count = torch.unique_consecutive(first_row // size, return_counts=True)
     return torch.split(rows[order], count.tolist())

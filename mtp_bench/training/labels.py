@@ -1,4 +1,4 @@
-"""Labels of tracks: the true object that a track follows, and what that object does next."""
+"""Labels of tracks: the true object that a track follows, and its future."""
 
 from typing import NamedTuple
 
@@ -26,97 +26,98 @@ class TrackLabels(NamedTuple):
 
 
 class SceneLabels:
-    """Labels of a scene, whose observations are ``feed``."""
+    """Labels of a scene, whose observations are ``feed``.
+
+    An object is its place in the sorted ids of the scene.
+    """
 
     def __init__(self, scene: Scene, card: Card, local: LocalFrame, feed: Feed) -> None:
         self._scene = evaluated(scene)
         self._local = local
         truth = self._scene.truth
+        future = card.task.future
+        self._future = future
         self._gate = np.asarray(card.per_class(card.task.forecast_gate))
-        self._ids, self._object = np.unique(
-            truth.object_id, return_inverse=True
-        )  # objects by their place in `_ids`
+        self._ids, self._object = np.unique(truth.object_id, return_inverse=True)
         self._box = local.to_local(truth.box)
-        self._future = card.task.future
         # The last row is of no object.
-        self._place = np.full(
-            (len(self._ids) + 1, scene.frames + self._future, 2), np.nan
-        )
+        shape = (len(self._ids) + 1, scene.frames + future)
+        self._place = np.full((*shape, 2), np.nan)
         self._place[self._object, truth.frame_of_rows] = self._box[:, :2]
-        self._piece = np.append(
-            pieces(scene, card), np.full(self._future, -1)
-        )  # [F + T] of time
+        # piece of time [F + T]; the frames after the scene lie in none
+        self._piece = np.append(pieces(scene, card), np.full(future, -1))
         targets = find_targets(scene, card)
-        self._target = np.zeros(self._place.shape[:2], dtype=bool)
+        self._target = np.zeros(shape, dtype=bool)
         self._target[self._object[targets.row], targets.frame] = True
-        if (
-            feed.object_id is not None
-        ):  # the last row is of "no detection in the past that is kept"
-            known = np.searchsorted(self._ids, feed.object_id)
-        else:
-            frames = map(feed.rows, range(feed.frames))
-            nearest = [
-                self._nearest(t, feed.box[rows], feed.class_id[rows])
-                for t, rows in enumerate(frames)
-            ]
-            known = np.concatenate([np.zeros(0, dtype=np.int64), *nearest])
         self._start = feed.start
-        self._of_row = np.append(known, UNKNOWN)
+        self._object_of_detection = self._objects_of_detections(feed)
+
+    def _objects_of_detections(self, feed: Feed) -> Ints:
+        """Return the object of each detection.
+
+        The last row is of "no detection in the past that is kept".
+        """
+        if feed.object_id is not None:
+            return np.append(np.searchsorted(self._ids, feed.object_id), UNKNOWN)
+        objects = []
+        for t in range(feed.frames):
+            rows = feed.rows(t)
+            objects.append(self._nearest(t, feed.box[rows], feed.class_id[rows]))
+        return np.concatenate([*objects, np.array([UNKNOWN])])
 
     def _nearest(self, t: int, box: Floats, class_id: Ints) -> Ints:
-        """The object [n] of boxes in frame ``t``, NO_OBJECT or UNKNOWN."""
+        """Return the object [n] of boxes, NO_OBJECT or UNKNOWN."""
         truth = self._scene.truth
-        rows = self._scene.truth.rows(t)
+        rows = truth.rows(t)
         label = np.full(len(box), NO_OBJECT if self._scene.truth_complete else UNKNOWN)
         if rows.stop > rows.start and len(box):
-            distance = np.linalg.norm(
-                box[:, None, :2] - self._box[None, rows, :2], axis=-1
+            offset = box[:, None, :2] - self._box[None, rows, :2]
+            distance_m = np.linalg.norm(offset, axis=-1)
+            distance_m[class_id[:, None] != truth.class_id[None, rows]] = np.inf
+            column = distance_m.argmin(axis=1)
+            in_gate = distance_m[np.arange(len(box)), column] <= self._gate[class_id]
+            true_row = rows.start + column[in_gate]
+            label[in_gate] = np.where(
+                truth.neutral[true_row], UNKNOWN, self._object[true_row]
             )
-            distance[class_id[:, None] != truth.class_id[None, rows]] = np.inf
-            nearest = distance.argmin(axis=1)
-            near = distance[np.arange(len(box)), nearest] <= self._gate[class_id]
-            row = rows.start + nearest
-            label[near] = np.where(truth.neutral[row], UNKNOWN, self._object[row])[near]
         return label
 
-    def of(self, t: int, windows: TrackWindows) -> TrackLabels:
-        """The labels of the tracks of frame ``t``: the object of the last detection that each of them took."""
-        follows = self._followed(t, windows)
-        gone = np.isnan(
-            self._place[np.maximum(follows, -1), t, 0]
-        )  # hidden, or no longer there
-        follows = np.where((follows >= 0) & gone, UNKNOWN, follows)
-        alone = np.flatnonzero(follows == NO_OBJECT)
-        xy = self._local.to_scene(windows.box[alone, -1])[:, :2]
-        follows[
-            alone[
-                neutral_places(
-                    self._scene, np.full(len(alone), t), xy, windows.class_id[alone]
-                )
-            ]
-        ] = UNKNOWN
-        known = follows >= 0
-        row = np.where(known, follows, -1)  # the last row is of no object
-        place = self._place[row, t : t + self._future + 1]
-        future = np.where(
-            (self._piece[t + 1 : t + self._future + 1] == self._piece[t])[:, None],
-            place[:, 1:],
-            np.nan,
+    def at(self, t: int, windows: TrackWindows) -> TrackLabels:
+        """Return the labels of the tracks of frame ``t``.
+
+        A track follows the object of the last detection that it took.
+        """
+        label = self._followed(t, windows)
+        # hidden, or no longer there
+        is_gone = np.isnan(self._place[np.maximum(label, -1), t, 0])
+        label = np.where((label >= 0) & is_gone, UNKNOWN, label)
+        unmatched = np.flatnonzero(label == NO_OBJECT)
+        xy = self._local.to_scene(windows.box[unmatched, -1])[:, :2]
+        is_neutral = neutral_places(
+            self._scene, np.full(len(unmatched), t), xy, windows.class_id[unmatched]
         )
+        label[unmatched[is_neutral]] = UNKNOWN
+        has_object = label >= 0
+        object_row = np.where(has_object, label, -1)  # the last row is of no object
+        ahead = slice(t + 1, t + self._future + 1)
+        same_piece = self._piece[ahead] == self._piece[t]
+        future = np.where(same_piece[:, None], self._place[object_row, ahead], np.nan)
         return TrackLabels(
-            object_id=np.where(known, np.append(self._ids, 0)[row], follows),
-            present=np.nan_to_num(place[:, 0]),
+            object_id=np.where(has_object, np.append(self._ids, 0)[object_row], label),
+            present=np.nan_to_num(self._place[object_row, t]),
             future=np.nan_to_num(future),
             future_known=~np.isnan(future[:, :, 0]),
-            target=known & self._target[row, t],
+            target=has_object & self._target[object_row, t],
         )
 
     def _followed(self, t: int, windows: TrackWindows) -> Ints:
-        """The object [n] of the last detection taken; if a tracker does not state detections, the nearest one now."""
+        """Return the object [n] of the last detection taken.
+
+        If a tracker does not state detections, it is the nearest object now.
+        """
         if not (windows.detection >= 0).any():
             return self._nearest(t, windows.box[:, -1], windows.class_id)
-        back = (windows.detection[:, ::-1] >= 0).argmax(axis=1)
-        row = windows.detection[np.arange(len(windows)), -1 - back]
-        return self._of_row[
-            np.where(row >= 0, self._start[np.maximum(t - back, 0)] + row, -1)
-        ]
+        frames_ago = (windows.detection[:, ::-1] >= 0).argmax(axis=1)
+        detection = windows.detection[np.arange(len(windows)), -1 - frames_ago]
+        detection_row = self._start[np.maximum(t - frames_ago, 0)] + detection
+        return self._object_of_detection[np.where(detection >= 0, detection_row, -1)]

@@ -1,10 +1,10 @@
-"""Losses of networks, in torch, and random variation of the batches that they learn from.
+"""Losses of networks, in torch, and random variation of the batches.
 
-A loss is the mean over the windows of a batch, by their weight. Variation: mirrored windows, turned headings, missing
-frames and detections.
+A loss is the mean over the windows of a batch, by their weight. Variation: mirrored
+windows, turned headings, missing frames and detections.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
 
@@ -30,18 +30,24 @@ PRESENT_WEIGHT = 0.5  # of the error of the present position
 DIVERGENCE_WEIGHT = 0.02  # of a code from the prior
 PRIOR_WEIGHT = 0.0005  # of the negative log-density of the k codes under the prior
 SIMILARITY_WEIGHT = 0.02  # of the k futures
-SHORTENED = 0.3  # share of the windows whose past is cut short
-TURN = 0.05  # rad, standard deviation of a turn of the heading frame
-MISSING = 0.05  # share of the detections that are taken away
+SHORTENED_SHARE = 0.3  # of the windows: their past is cut short
+TURN_RAD = 0.05  # standard deviation of a turn of the heading frame
+MISSING_SHARE = 0.05  # of the detections: they are taken away
+_VECTORS = ("position", "velocity", "future", "present")
 _OF_DETECTIONS = ("position", "velocity", "yaw", "score", "same", "ratio", "near")
 
 
 def mode_distance(
-    modes: torch.Tensor, future: torch.Tensor, known: torch.Tensor
+    modes: torch.Tensor, future: torch.Tensor, is_known: torch.Tensor
 ) -> torch.Tensor:
-    """Mean distance [n, S] m of modes [n, S, T, 2] to futures [n, T, 2] over the frames that are ``known`` [n, T]."""
+    """Return mean distances [n, S] m of modes to futures.
+
+    They are over the frames that are known. ``modes`` [n, S, T, 2], ``future``
+    [n, T, 2], ``is_known`` [n, T].
+    """
     distance = torch.sqrt(((modes - future[:, None]) ** 2).sum(-1) + 1e-9)
-    return (distance * known[:, None]).sum(-1) / known.sum(-1).clip(1)[:, None]
+    total = (distance * is_known[:, None]).sum(-1)
+    return total / is_known.sum(-1).clip(1)[:, None]
 
 
 def winner_takes_all(
@@ -52,12 +58,14 @@ def winner_takes_all(
     progress: float,
     generator: torch.Generator,
 ) -> torch.Tensor:
-    """Distance of the best mode, its log-likelihood, and the error of the present position.
+    """Return the loss of best mode and present position.
 
-    In the first half of the training a shrinking part (from .3) of all modes' mean distance keeps every mode alive.
+    It is the distance of the best mode, its log-likelihood, and the error of the
+    present position. In the first half of the training a shrinking part (from .3) of
+    all modes' mean distance keeps every mode alive.
     """
     output = network.forward(weights, batch, sizes)
-    distance = mode_distance(output["modes"], batch["future"], batch["known"])
+    distance = mode_distance(output["modes"], batch["future"], batch["is_known"])
     relaxed = 0.3 * max(0.0, 1 - 2 * progress)
     best, winner = distance.min(dim=1)
     likelihood = torch.nn.functional.cross_entropy(
@@ -65,9 +73,8 @@ def winner_takes_all(
     )
     present = _present_error(output["present"], batch)
     loss = (1 - relaxed) * best + relaxed * distance.mean(dim=1)
-    return _weighted_mean(
-        loss + MODE_WEIGHT * likelihood + PRESENT_WEIGHT * present, batch
-    )
+    loss = loss + MODE_WEIGHT * likelihood + PRESENT_WEIGHT * present
+    return _weighted_mean(loss, batch)
 
 
 def autoencoder(
@@ -78,35 +85,30 @@ def autoencoder(
     progress: float,
     generator: torch.Generator,
 ) -> torch.Tensor:
-    """Squared error of the future decoded from its own code, and divergence of that code from the prior (PTP)."""
+    """Return the loss of futures decoded from their codes (PTP).
+
+    It is the squared error, and the divergence of that code from the prior.
+    """
     context = context_of(weights, batch, sizes)
     residual = batch["future"] - straight(batch, sizes)
+    is_known = batch["is_known"]
     # steps of corrections in units of their spread, where both ends are known
-    steps = (
-        torch.diff(residual, dim=1, prepend=torch.zeros_like(residual[:, :1]))
-        / weights["step.spread"]
+    start = torch.zeros_like(residual[:, :1])
+    steps = torch.diff(residual, dim=1, prepend=start) / weights["step.spread"]
+    has_step = is_known * torch.cat([is_known[:, :1], is_known[:, :-1]], 1)
+    mean, log_variance = posterior(
+        weights, context, steps * has_step[:, :, None], has_step
     )
-    both = batch["known"] * torch.cat(
-        [batch["known"][:, :1], batch["known"][:, :-1]], 1
-    )
-    mean, log_variance = posterior(weights, context, steps * both[:, :, None], both)
     noise = torch.randn(mean.shape, generator=generator).to(mean.device)
     code = mean + (0.5 * log_variance).exp() * noise
     decoded = decode(weights, context, code[:, None], sizes)[:, 0]
     error = (((decoded - residual) / _scale(weights)) ** 2).sum(-1)
-    error = (error * batch["known"]).sum(-1) / batch["known"].sum(-1).clip(1)
-    divergence = 0.5 * (log_variance.exp() + mean**2 - 1 - log_variance).sum(
-        -1
-    )  # Kullback-Leibler
-    present = (
-        torch.matmul(context, weights["cvae.present.weight"])
-        + weights["cvae.present.bias"]
-    )
-    loss = (
-        error
-        + DIVERGENCE_WEIGHT * divergence
-        + PRESENT_WEIGHT * _present_error(present, batch)
-    )
+    error = (error * is_known).sum(-1) / is_known.sum(-1).clip(1)
+    # Kullback-Leibler
+    divergence = 0.5 * (log_variance.exp() + mean**2 - 1 - log_variance).sum(-1)
+    present = torch.matmul(context, weights["cvae.present.weight"])
+    present_error = _present_error(present + weights["cvae.present.bias"], batch)
+    loss = error + DIVERGENCE_WEIGHT * divergence + PRESENT_WEIGHT * present_error
     return _weighted_mean(loss, batch)
 
 
@@ -118,21 +120,25 @@ def diverse(
     progress: float,
     generator: torch.Generator,
 ) -> torch.Tensor:
-    """DLow's loss: distance of the best of k futures, their similarity, and how unlikely their codes are (PTP)."""
+    """Return DLow's loss of k futures (PTP).
+
+    It is the distance of the best one, their similarity, and how unlikely their codes
+    are.
+    """
     context = context_of(weights, batch, sizes)
     code = sample_codes(weights, context, sizes)
     modes = decode(weights, context, code, sizes)
     residual = batch["future"] - straight(batch, sizes)
-    best = mode_distance(modes, residual, batch["known"]).amin(dim=1) / _scale(weights)
+    distance = mode_distance(modes, residual, batch["is_known"])
+    best = distance.amin(dim=1) / _scale(weights)
     unlikely = 0.5 * (code**2).sum(-1).mean(dim=1)
     similar = _similarity(modes / _scale(weights))
-    return _weighted_mean(
-        best + SIMILARITY_WEIGHT * similar + PRIOR_WEIGHT * unlikely, batch
-    )
+    loss = best + SIMILARITY_WEIGHT * similar + PRIOR_WEIGHT * unlikely
+    return _weighted_mean(loss, batch)
 
 
 def _present_error(present: torch.Tensor, batch: Tensors) -> torch.Tensor:
-    """Distance [n] m of the present positions [n, 2] to the true ones."""
+    """Return errors [n] m of the present positions [n, 2]."""
     return torch.sqrt(((present - batch["present"]) ** 2).sum(-1) + 1e-6)
 
 
@@ -141,22 +147,23 @@ def _weighted_mean(loss: torch.Tensor, batch: Tensors) -> torch.Tensor:
 
 
 def _scale(weights: Tensors) -> torch.Tensor:
-    """Mean error of constant velocity, m."""
+    """Return the mean error of constant velocity, m."""
     return weights["step.spread"].cumsum(0).mean()
 
 
 def _similarity(modes: torch.Tensor) -> torch.Tensor:
-    """Mean over all pairs of modes [n, S, T, 2] of exp(-mean squared distance): [n]."""
+    """Return mean similarities [n] of pairs of modes.
+
+    Similarity is exp(-mean squared distance). ``modes`` [n, S, T, 2].
+    """
     flat = modes.flatten(2) / modes.shape[2] ** 0.5
     square = (flat**2).sum(-1)
-    distance = (
-        square[:, :, None] + square[:, None] - 2 * flat @ flat.transpose(1, 2)
-    ).clip(0)
+    product = 2 * flat @ flat.transpose(1, 2)
+    distance = (square[:, :, None] + square[:, None] - product).clip(0)
     samples = modes.shape[1]
-    similar: torch.Tensor = (-distance).exp().sum(
-        (1, 2)
-    ) - samples  # without each mode's similarity to itself
-    return similar / max(1, samples * (samples - 1))
+    similar: torch.Tensor = (-distance).exp().sum((1, 2))
+    # without each mode's similarity to itself
+    return (similar - samples) / max(1, samples * (samples - 1))
 
 
 # By name, as a `mtp_bench.prediction.learned.network.Stage` states it.
@@ -166,83 +173,82 @@ LOSSES: dict[str, Loss] = {
 
 
 def vary_tracks(batch: Tensors, generator: torch.Generator) -> Tensors:
-    """Vary windows of tracks: half of them mirrored, some pasts cut short, headings turned a little.
+    """Vary windows of tracks: mirrors, shorter pasts and small turns.
 
-    Windows of the same frame, where the batch states it, are mirrored together.
+    Half of the windows are mirrored, those of the same frame together where the batch
+    states it.
     """
-    (n, past) = batch["alive"].shape
-    device = batch["position"].device
-    draw = torch.rand(n, generator=generator)
+    windows, past = batch["alive"].shape
+    draw = torch.rand(windows, generator=generator)
     if "moment" in batch:
         draw = draw[torch.unique(batch["moment"].cpu(), return_inverse=True)[1]]
-    mirror, angle, turn = (
-        part.to(device) for part in _mirrors_and_turns(draw, generator)
-    )
-    varied = dict(batch)
-    for name in (
-        "position",
-        "velocity",
-        "future",
-        "present",
-        *(["path"] if "path" in batch else []),
-    ):
-        varied[name] = torch.einsum("n...i,nji->n...j", batch[name], turn)
+    names = [name for name in (*_VECTORS, "path") if name in batch]
+    varied, mirror, angle = _mirrored_and_turned(batch, names, draw, generator)
     varied["yaw"] = batch["yaw"] * mirror[:, None]
     if "place" in batch:
-        place = (
-            torch.stack([torch.ones_like(mirror), mirror, mirror], -1) * batch["place"]
-        )
+        signs = torch.stack([torch.ones_like(mirror), mirror, mirror], -1)
+        place = signs * batch["place"]
         varied["place"] = torch.cat([place[:, :2], place[:, 2:] - angle[:, None]], 1)
-    first = _first_frames(n, past, generator)
-    kept = (torch.arange(past)[None] >= first[:, None]).to(device)
-    varied["alive"], varied["taken"] = batch["alive"] * kept, batch["taken"] * kept
+    device = batch["position"].device
+    first = _first_frames(windows, past, generator)
+    is_shown = (torch.arange(past)[None] >= first[:, None]).to(device)
+    varied["alive"] = batch["alive"] * is_shown
+    varied["taken"] = batch["taken"] * is_shown
     shorter = torch.log((past - first).to(torch.float32)).to(device)[:, None]
-    cut = (first > 0).to(device)[:, None]
-    varied["counts"] = torch.where(
-        cut, torch.minimum(batch["counts"], shorter), batch["counts"]
-    )
+    is_cut = (first > 0).to(device)[:, None]
+    counts = batch["counts"]
+    varied["counts"] = torch.where(is_cut, torch.minimum(counts, shorter), counts)
     return varied
 
 
 def vary_detections(batch: Tensors, generator: torch.Generator) -> Tensors:
-    """Vary the detections around objects: half of the windows mirrored, headings turned, frames, detections missing."""
-    (n, past, _) = batch["near"].shape
-    device = batch["near"].device
-    turns = _mirrors_and_turns(torch.rand(n, generator=generator), generator)
-    mirror, angle, turn = (part.to(device) for part in turns)
-    varied = dict(batch)
-    for name in ("position", "velocity", "future", "present"):
-        varied[name] = torch.einsum("n...i,nji->n...j", batch[name], turn)
-    varied["yaw"] = (
-        batch["yaw"] * mirror[:, None, None] + angle[:, None, None]
-    ) * batch["near"]
-    late = torch.arange(past) >= _first_frames(n, past, generator)[:, None]
-    found = torch.rand(batch["near"].shape, generator=generator) >= MISSING
-    kept = (late[..., None] & found).to(device)
+    """Vary detections around objects: mirrors, small turns and missing ones.
+
+    Half of the windows are mirrored; frames and single detections are taken away.
+    """
+    near = batch["near"]
+    windows, past, _ = near.shape
+    draw = torch.rand(windows, generator=generator)
+    varied, mirror, angle = _mirrored_and_turned(batch, _VECTORS, draw, generator)
+    yaw = batch["yaw"] * mirror[:, None, None] + angle[:, None, None]
+    varied["yaw"] = yaw * near
+    is_late = torch.arange(past) >= _first_frames(windows, past, generator)[:, None]
+    is_found = torch.rand(near.shape, generator=generator) >= MISSING_SHARE
+    is_shown = (is_late[..., None] & is_found).to(near.device)
     for name in _OF_DETECTIONS:
-        varied[name] = varied[name] * (
-            kept if varied[name].ndim == kept.ndim else kept[..., None]
-        )
+        mask = is_shown
+        if varied[name].ndim > mask.ndim:
+            mask = mask[..., None]
+        varied[name] = varied[name] * mask
     return varied
 
 
-def _mirrors_and_turns(
-    draw: torch.Tensor, generator: torch.Generator
-) -> tuple[torch.Tensor, ...]:
-    """Signs [n], -1 where ``draw`` [n] is below a half, turns [n] rad, and both as matrices [n, 2, 2]."""
+def _mirrored_and_turned(
+    batch: Tensors, names: Sequence[str], draw: torch.Tensor, generator: torch.Generator
+) -> tuple[Tensors, torch.Tensor, torch.Tensor]:
+    """Mirror and turn the vectors ``names`` of a batch.
+
+    Also returns the signs [n], -1 where ``draw`` [n] is below a half, and the turns
+    [n], rad.
+    """
     mirror = torch.where(draw < 0.5, -1.0, 1.0)
-    angle = TURN * torch.randn(len(draw), generator=generator)
-    turn = torch.stack(
-        [angle.cos(), -angle.sin(), angle.sin(), angle.cos()], -1
-    ).reshape(-1, 2, 2)
-    return (
-        mirror,
-        angle,
-        turn * torch.stack([torch.ones_like(mirror), mirror], -1)[:, None],
-    )
+    angle = TURN_RAD * torch.randn(len(draw), generator=generator)
+    columns = [angle.cos(), -angle.sin(), angle.sin(), angle.cos()]
+    turn = torch.stack(columns, -1).reshape(-1, 2, 2)
+    signs = torch.stack([torch.ones_like(mirror), mirror], -1)
+    device = batch["position"].device
+    matrix = (turn * signs[:, None]).to(device)
+    varied = dict(batch)
+    for name in names:
+        varied[name] = torch.einsum("n...i,nji->n...j", batch[name], matrix)
+    return varied, mirror.to(device), angle.to(device)
 
 
-def _first_frames(n: int, past: int, generator: torch.Generator) -> torch.Tensor:
-    """The first frame [n] that is kept of ``past`` frames; later than 0 for some windows."""
-    cut = torch.rand(n, generator=generator) < SHORTENED
-    return torch.where(cut, torch.randint(0, past, (n,), generator=generator), 0)
+def _first_frames(windows: int, past: int, generator: torch.Generator) -> torch.Tensor:
+    """Draw the first frame [windows] that is kept of ``past`` frames.
+
+    It is later than 0 for some windows.
+    """
+    is_cut = torch.rand(windows, generator=generator) < SHORTENED_SHARE
+    first = torch.randint(0, past, (windows,), generator=generator)
+    return torch.where(is_cut, first, 0)

@@ -22,77 +22,89 @@ def fit_noise(
     reach: float | None = None,
     field_of_view: float | None = None,
 ) -> str:
-    """TOML of a ``[detector]`` section with the noise of the detections of an env, by id or path of its card.
+    """Return TOML of a ``[detector]`` section with fitted noise.
 
-    ``options``: data, scenes, changes of the card and progress. ``min_score``: operating points, "2.5" for all classes
-    or "car=2.5". ``alike``: texts "bus=car", a class, and the class that it is fitted together with and whose noise it
-    has. ``name``: of the profile; agents choose their settings by the part before its first hyphen. ``reach``: of the
-    detector, m; ``field_of_view``: around its heading, degrees; None: as in the card.
+    It is the noise of the detections of an env, by id or path of its card. ``options``:
+    data, scenes, changes of the card and progress. ``min_score``: operating points,
+    "2.5" for all classes or "car=2.5". ``alike``: texts "bus=car", a class, and the
+    class that it is fitted together with and whose noise it has. ``name``: of the
+    profile; agents choose their settings by the part before its first hyphen.
+    ``reach``: of the detector, m; ``field_of_view``: around its heading, degrees; None:
+    as in the card.
 
     Raises MtpBenchError for wrong options, incomplete truth and too few detections.
     """
     from ..detector import Sensor, profile_text
-    from .detector_fit.profile import fit_profile
+    from .detector_fit import fit_profile
 
     split = open_split(env_id, options)
     card = split.card
+    classes = card.task.classes
     floor = _floor(min_score, card)
     section = card.detector or DetectorSection(field_of_view=card.source.traits.view)
     reach = reach or section.reach
     field_of_view = field_of_view or section.field_of_view
+    detector = card.detector_name
     profile = fit_profile(
         map(_complete_scene, split.scenes()),
-        card.task.classes,
-        1.0 / card.task.rate,
-        Sensor(reach, float(np.deg2rad(field_of_view))),
-        name or f"{card.detector_name.split('-')[0]}-refit",
-        f"{card.detector_name or 'detector'} as fitted on {len(split.names)} scenes of {card.id}",
-        f"{card.id}, split {card.source.split}, {card.task.rate:g} Hz",
-        floor,
-        _alike(alike, card),
+        classes,
+        dt=1.0 / card.task.rate,
+        sensor=Sensor(reach, float(np.deg2rad(field_of_view))),
+        name=name or f"{detector.split('-')[0]}-refit",
+        summary=f"{detector or 'detector'} as fitted on {len(split.names)} scenes of "
+        f"{card.id}",
+        source=f"{card.id}, split {card.source.split}, {card.task.rate:g} Hz",
+        floor=floor,
+        alike=_stand_ins(alike, card),
     )
-    missing = [
-        one
-        for one in card.task.classes
-        if one not in (*profile.classes, *profile.alike)
-    ]
-    lines = [
-        f"# too few detections to fit: {', '.join(missing)}; --alike names a class whose noise they have"
-    ]
-    lines = lines if missing else []
+    lines = []
+    missing = [c for c in classes if c not in (*profile.classes, *profile.alike)]
+    if missing:
+        lines.append(
+            f"# too few detections to fit: {', '.join(missing)}; "
+            "--alike names a class whose noise they have"
+        )
+    text = profile_text(profile)
+    # headings start a line
+    nested = re.sub(r"^\[", "[detector.noise.", text, flags=re.MULTILINE)
     lines += ["[detector]", f"reach = {reach}", f"field_of_view = {field_of_view}", ""]
-    nested = re.sub(
-        r"^\[", "[detector.noise.", profile_text(profile), flags=re.MULTILINE
-    )  # headings start a line
     return "\n".join([*lines, "[detector.noise]", nested])
 
 
 def _complete_scene(scene: Scene) -> Scene:
-    """The scene in the frame of the world, if it has world poses; MtpBenchError if its truth is not complete."""
+    """Return the scene in the world's frame, if it has world poses.
+
+    Raises MtpBenchError if its truth is not complete.
+    """
     if scene.truth_complete:
         return in_world(scene)  # objects at rest move in the frames of a moving sensor
     raise MtpBenchError(
-        f"scene {scene.name!r} has the truth of prediction targets only, so detections of other objects would be "
-        "fitted as false positives; fit on an environment with complete truth"
+        f"scene {scene.name!r} has the truth of prediction targets only, so detections "
+        "of other objects would be fitted as false positives; fit on an environment "
+        "with complete truth"
     )
 
 
-def _alike(texts: Sequence[str], card: Card) -> dict[str, str]:
-    """Class and fitted class of every ``--alike`` option."""
-    pairs = [(name, like) for name, _, like in (text.partition("=") for text in texts)]
-    for name, like in pairs:
-        require_known("class of --alike", name, card.task.classes)
-        require_known("fitted class of --alike", like, card.task.classes)
-    return dict(pairs)
+def _stand_ins(texts: Sequence[str], card: Card) -> dict[str, str]:
+    """Return class and fitted class of every ``--alike`` option."""
+    stand_ins = {}
+    for text in texts:
+        class_name, _, fitted_name = text.partition("=")
+        require_known("class of --alike", class_name, card.task.classes)
+        require_known("fitted class of --alike", fitted_name, card.task.classes)
+        stand_ins[class_name] = fitted_name
+    return stand_ins
 
 
-def _floor(texts: Sequence[str], card: Card) -> dict[str, float] | None:
-    """Operating point per class of ``--min-score`` options."""
+def _floor(texts: Sequence[str], card: Card) -> dict[str, float]:
+    """Return the operating point per class of ``--min-score`` options."""
     floor: dict[str, float] = {}
     for text in texts:
-        name, _, value = text.rpartition("=")
-        if name and name not in card.task.classes:
-            raise UnknownNameError("class of --min-score", name, card.task.classes)
+        class_name, _, value = text.rpartition("=")
+        if class_name and class_name not in card.task.classes:
+            raise UnknownNameError(
+                "class of --min-score", class_name, card.task.classes
+            )
         try:
             number = float(value)
         except ValueError:
@@ -101,5 +113,6 @@ def _floor(texts: Sequence[str], card: Card) -> dict[str, float] | None:
             raise MtpBenchError(
                 f"--min-score is {text!r}, expected a number or class=number"
             )
-        floor |= {name: number} if name else dict.fromkeys(card.task.classes, number)
-    return floor or None
+        names = (class_name,) if class_name else card.task.classes
+        floor |= dict.fromkeys(names, number)
+    return floor

@@ -1,4 +1,4 @@
-"""Training of a predictor: from the training split of an env to a file of weights with its model card."""
+"""Training of a predictor: from the training split of an env to a file of weights."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -42,6 +42,8 @@ from .tracklets import TRUTH, Windows, concatenate, windows
 ON = ("truth", "tracklets")
 HYPOTHESES = 20  # of the tracker whose tracklets are learnt from
 FEW_SCENES = 5  # from so many on, validation takes whole scenes
+# what the tasks of several envs must share to teach one network
+_SHARED_FIELDS = ("past", "future", "dt", "k", "ego_motion", "lanes", "lane_points")
 
 
 @dataclass(frozen=True)
@@ -53,9 +55,8 @@ class TrainingRequest:
     on: str = "truth"
     hypotheses: int = HYPOTHESES
     fold: Fold | None = None  # whose scenes are left out, see `open_split`
-    also: tuple[
-        str, ...
-    ] = ()  # further envs to learn from, with the same rate and sizes
+    # further envs to learn from, with the same rate and sizes
+    also: tuple[str, ...] = ()
     plan: TrainingPlan | None = None  # None: the plan of the network's recipe
     device: str = "auto"
 
@@ -65,7 +66,8 @@ class TrainingRequest:
         require_known("value of --on", self.on, ON)
         if epochs < stages:
             raise MtpBenchError(
-                f"epochs is {epochs}, expected at least {stages}: {self.network} has {stages} stages"
+                f"epochs is {epochs}, expected at least {stages}: "
+                f"{self.network} has {stages} stages"
             )
 
     @property
@@ -73,192 +75,205 @@ class TrainingRequest:
         """The plan, or the one of the network's recipe."""
         return self.plan or TrainingPlan(network_of(self.network).recipe.epochs)
 
+    @property
+    def env_ids(self) -> tuple[str, ...]:
+        """All envs to learn from."""
+        return (self.env_id, *self.also)
+
 
 def training_windows(
     request: TrainingRequest, options: RunOptions = DEFAULTS
 ) -> Windows:
-    """The windows that a request learns from: those that follow an object with a known future.
+    """Return the windows that follow an object with a known future.
 
-    For a network that sees whole frames, also the windows that the others see. Raises MtpBenchError for an env that is
-    named twice, for further envs beside own files, and for envs of different rates, sizes or classes.
+    A network that sees whole frames also gets the windows that the others see. Raises
+    MtpBenchError for an env that is named twice, for further envs beside own files, and
+    for envs of different rates, sizes or classes.
     """
     if request.also and options.files is not None:
         raise MtpBenchError(
-            f"--also {request.also[0]} cannot go with --files: its scenes would be learnt once per env"
+            f"--also {request.also[0]} cannot go with --files: "
+            "its scenes would be learnt once per env"
         )
-    cards = [options.card(env_id) for env_id in (request.env_id, *request.also)]
-    for card in cards:
+    card_ids: list[str] = []
+    for env_id in request.env_ids:
+        card = options.card(env_id)
         require_lanes(network_of(request.network), card.id, card.lanes is not None)
-    env_ids = [card.id for card in cards]
-    twice = next(
-        (env_id for place, env_id in enumerate(env_ids) if env_id in env_ids[:place]),
-        None,
-    )
-    if twice is not None:  # its scenes would count twice
-        raise MtpBenchError(
-            f"{twice} is named twice among the envs to learn from ({', '.join(env_ids)}), expected each once"
-        )
-    away: tuple[
-        str, ...
-    ] = ()  # another run scores them, so they are left out of every env
+        if card.id in card_ids:  # its scenes would count twice
+            raise MtpBenchError(
+                f"{card.id} is named twice among the envs to learn from, "
+                "expected each once"
+            )
+        card_ids.append(card.id)
+    # Another run scores the fold, so its scenes are left out of every env.
+    fold_scenes: tuple[str, ...] = ()
     if request.fold is not None:
-        away = held_out(
-            open_split(request.env_id, options.on_split("train")).source.names,
-            request.fold,
-        )
+        split = open_split(request.env_id, options.on_split("train"))
+        fold_scenes = held_out(split.source.names, request.fold)
     parts = [
-        _windows_of_env(env_id, request, options, away)
-        for env_id in (request.env_id, *request.also)
+        _windows_of_env(env_id, request, options, fold_scenes)
+        for env_id in request.env_ids
     ]
     for part in parts[1:]:
         _require_same_task(parts[0].task, part.task)
     return concatenate(parts)
 
 
-def _require_same_task(task: Task, other: Task) -> None:
-    """Raise MtpBenchError unless one network can be trained on windows of both tasks."""
-    for name in ("past", "future", "dt", "k", "ego_motion", "lanes", "lane_points"):
-        if getattr(task, name) != getattr(other, name):
+def _require_same_task(task: Task, second_task: Task) -> None:
+    """Raise MtpBenchError unless one network can learn from both tasks."""
+    for field_name in _SHARED_FIELDS:
+        first_value = getattr(task, field_name)
+        second_value = getattr(second_task, field_name)
+        if first_value != second_value:
             raise MtpBenchError(
-                f"{other.env_id} has {name} {getattr(other, name)}, but {task.env_id} {getattr(task, name)}: "
-                "one network cannot be trained on both"
+                f"{second_task.env_id} has {field_name} {second_value}, but "
+                f"{task.env_id} {first_value}: one network cannot be trained on both"
             )
-    if other.classes != task.classes[: len(other.classes)]:
+    if second_task.classes != task.classes[: len(second_task.classes)]:
         raise MtpBenchError(
-            f"{other.env_id} has other classes than {task.env_id}: one network cannot be trained on both"
+            f"{second_task.env_id} has other classes than {task.env_id}: "
+            "one network cannot be trained on both"
         )
 
 
 def _windows_of_env(
-    env_id: str, request: TrainingRequest, options: RunOptions, away: Sequence[str]
+    env_id: str, request: TrainingRequest, options: RunOptions, left_out: Sequence[str]
 ) -> Windows:
-    split = open_split(env_id, options.on_split("train"), request.fold, away)
-    tracker: str | int = TRUTH if request.on == TRUTH else request.hypotheses
-    found = windows(env_id, split.card.source.split, tracker, split.names, options)
-    labelled = has_future(found)
-    if not labelled.any():
-        raise MtpBenchError(
-            f"{env_id}: no track of its training scenes follows an object with a known future"
-        )
-    return found.select(
-        labelled | found.best
-        if network_of(request.network).recipe.by_frame
-        else labelled
+    split = open_split(env_id, options.on_split("train"), request.fold, left_out)
+    tracker: str | int = request.hypotheses
+    if request.on == TRUTH:
+        tracker = TRUTH
+    env_windows = windows(
+        env_id, split.card.source.split, tracker, split.names, options
     )
+    learnt_rows = has_future(env_windows)
+    if not learnt_rows.any():
+        raise MtpBenchError(
+            f"{env_id}: no track of its training scenes follows an object with a known "
+            "future"
+        )
+    if network_of(request.network).recipe.by_frame:
+        learnt_rows = learnt_rows | env_windows.best
+    return env_windows.select(learnt_rows)
 
 
-def has_future(found: Windows) -> Bools:
-    """Mask [n] of the windows that follow an object with any known future."""
-    return np.asarray((found.object_id >= 0) & found.future_known.any(axis=1))
+def has_future(windows: Windows) -> Bools:
+    """Return a mask [n] of windows with any known future."""
+    return np.asarray((windows.object_id >= 0) & windows.future_known.any(axis=1))
 
 
-def training_set(network: Network, found: Windows, sizes: Sizes) -> TrainingSet:
-    """The windows as the network learns from them; those of one object and frame weigh as much as their hypotheses.
+def training_set(network: Network, windows: Windows, sizes: Sizes) -> TrainingSet:
+    """Return the windows as the network learns from them.
 
-    Windows without a known future have weight 0: they are there for the others to see.
+    Those of one object and frame weigh as much as their hypotheses. Windows without a
+    known future have weight 0: they are there for the others to see.
     """
-    validation = validation_rows(found)
-    whole = (
-        found.future_known.all(axis=1) | ~validation
-    )  # near the end of a scene only slow errors could be seen
+    validation = validation_rows(windows)
+    # near the end of a scene only slow errors could be seen
+    may_count = windows.future_known.all(axis=1) | ~validation
+    weight = np.where(has_future(windows) & may_count, windows.mass, 0)
     return TrainingSet(
-        inputs=network.inputs(found, found.moment, found.seen, sizes),
-        future=local_future(found, found.future),
-        known=found.future_known,
-        present=local_future(found, found.present[:, None])[:, 0],
-        weight=np.where(has_future(found) & whole, found.mass, 0).astype(np.float32),
+        inputs=network.inputs(windows, windows.moment, windows.surroundings, sizes),
+        future=local_future(windows, windows.future),
+        is_known=windows.future_known,
+        present=local_future(windows, windows.present[:, None])[:, 0],
+        weight=weight.astype(np.float32),
         validation=validation,
     )
 
 
-def validation_rows(found: Windows) -> np.ndarray:
-    """Mask [n] of the windows for validation: of a tenth of the scenes; of few scenes, the last fifth of each.
+def validation_rows(windows: Windows) -> np.ndarray:
+    """Return a mask [n] of the windows for validation.
 
-    Scenes of several envs that show the same traffic count as one scene, which is on one side only. The last fifth is
-    of the frames in which whole futures are known.
+    They are those of a tenth of the scenes, or of few scenes the last fifth of each.
+    The last fifth is of the frames in which whole futures are known. Scenes of several
+    envs that show the same traffic count as one scene, which is on one side only.
     """
-    names = tuple(
-        dict.fromkeys(found.own_names[number] for number in np.unique(found.scene))
-    )
-    if len(names) >= FEW_SCENES:
-        return found.of_scenes(held_out(names, (1, min(10, len(names)))))
-    rows = np.zeros(len(found), dtype=bool)
-    for name in names:
-        own = found.of_scenes([name])
-        whole = own & found.future_known.all(axis=1)
-        if whole.any():
-            rows |= own & (found.frame > np.quantile(found.frame[whole], 0.8))
+    scenes = np.unique(windows.scene)
+    scene_names = tuple(dict.fromkeys(windows.own_names[scene] for scene in scenes))
+    count = len(scene_names)
+    if count >= FEW_SCENES:
+        return windows.of_scenes(held_out(scene_names, (1, min(10, count))))
+    has_whole_future = windows.future_known.all(axis=1)
+    rows = np.zeros(len(windows), dtype=bool)
+    for scene_name in scene_names:
+        scene_rows = windows.of_scenes([scene_name])
+        whole_rows = scene_rows & has_whole_future
+        if whole_rows.any():
+            last_fifth = np.quantile(windows.frame[whole_rows], 0.8)
+            rows |= scene_rows & (windows.frame > last_fifth)
     return rows
 
 
 def train_predictor(
-    found: Windows,
+    windows: Windows,
     request: TrainingRequest,
     output: Path | None = None,
     callback: EpochCallback = lambda *_: None,
 ) -> tuple[Path, dict[str, Any]]:
-    """Train on windows and write the weights: the file that was written, and its model card.
+    """Train on windows and write the weights.
 
-    ``output``: another file than the one where agents look; ``callback``: called after each epoch. Raises MtpBenchError
-    if there is no window to learn from, or none to validate on.
+    Returns the file that was written, and its model card. ``output``: another file than
+    the one where agents look; ``callback``: called after each epoch. Raises
+    MtpBenchError if there is no window to learn from, or none to validate on.
     """
     network = network_of(request.network)
-    sizes = Sizes.of(found.task)
-    data = training_set(network, found, sizes)
-    _require_both_parts(network, found, data)
-    path = output or weights_folder() / file_name(
-        request.network, request.on, found.task.env_id
-    )
+    task = windows.task
+    sizes = Sizes.of(task)
+    data = training_set(network, windows, sizes)
+    is_weighted = data.weight > 0
+    validated = int((is_weighted & data.validation).sum())
+    learnt = int(is_weighted.sum()) - validated
+    if not learnt or not validated:
+        raise MtpBenchError(
+            f"{network.name} cannot be trained: scenes {len(windows.names)}, windows "
+            f"to learn from {learnt}, windows to validate on {validated}, expected at "
+            "least 1 of both; validation takes windows with all "
+            f"{task.future} future frames known, of fewer than {FEW_SCENES} scenes "
+            "from the last fifth of each, else from a tenth of the scenes: take longer "
+            "or more scenes"
+        )
+    path = output
+    if path is None:
+        weights_name = file_name(request.network, request.on, task.env_id)
+        path = weights_folder() / weights_name
     try:
         make_folder(path.parent)
     except WriteError as error:
         raise MtpBenchError(f"{error} for weights with {WEIGHTS_VARIABLE}") from None
-    end = fit(
-        network, sizes, data, request.chosen_plan, device_of(request.device), callback
-    )
-    card = model_card(request, found, data, end)
-    write_weights(path, StoredWeights(end.best, network.name, sizes, card))
+    device = device_of(request.device)
+    fitted = fit(network, sizes, data, request.chosen_plan, device, callback)
+    card = _model_card(request, windows, fitted, learnt, validated)
+    write_weights(path, StoredWeights(fitted.best, network.name, sizes, card))
     return path, card
 
 
-def _require_both_parts(network: Network, found: Windows, data: TrainingSet) -> None:
-    """Raise MtpBenchError unless there are windows to learn from and windows to validate on."""
-    learnt, validated = _counts(data)
-    if not learnt or not validated:
-        raise MtpBenchError(
-            f"{network.name} cannot be trained: scenes {len(found.names)}, windows to learn from {learnt}, windows to "
-            f"validate on {validated}, expected at least 1 of both; validation takes windows with all "
-            f"{found.task.future} future frames known, of fewer than {FEW_SCENES} scenes from the last fifth of each, "
-            "else from a tenth of the scenes: take longer or more scenes"
-        )
-
-
-def _counts(data: TrainingSet) -> tuple[int, int]:
-    """Numbers of windows with weight, to learn from and to validate on."""
-    weighted = data.weight > 0
-    return int((weighted & ~data.validation).sum()), int(
-        (weighted & data.validation).sum()
-    )
-
-
-def model_card(
-    request: TrainingRequest, found: Windows, data: TrainingSet, end: FittedNetwork
+def _model_card(
+    request: TrainingRequest,
+    windows: Windows,
+    fitted: FittedNetwork,
+    learnt: int,
+    validated: int,
 ) -> dict[str, Any]:
-    """The model card of a file of weights: data, plan and validation error of its training."""
-    learnt, validated = _counts(data)
+    """Return data, plan and validation error of a training.
+
+    ``learnt`` and ``validated``: numbers of windows to learn from and to validate on.
+    """
+    on_truth = request.on == TRUTH
+    fold = None
+    if request.fold is not None:
+        fold = f"{request.fold[0]}/{request.fold[1]}"
     return {
-        "env": ", ".join(found.envs),
-        "detector": found.task.detector if request.on != TRUTH else "true boxes",
+        "env": ", ".join(windows.envs),
+        "detector": "true boxes" if on_truth else windows.task.detector,
         "on": request.on,
-        "hypotheses": request.hypotheses if request.on != TRUTH else 1,
-        "present": request.on != TRUTH,  # of true boxes the present position is known
-        "fold": None
-        if request.fold is None
-        else f"{request.fold[0]}/{request.fold[1]}",
-        "scenes": list(found.names),
+        "hypotheses": 1 if on_truth else request.hypotheses,
+        "present": not on_truth,  # of true boxes the present position is known
+        "fold": fold,
+        "scenes": list(windows.names),
         "windows": learnt,
         "validation_windows": validated,
-        "validation_minADE": round(min(end.curve), 4),
-        "best_epoch": end.best_epoch,
+        "validation_minADE": round(min(fitted.curve), 4),
+        "best_epoch": fitted.best_epoch,
         "plan": asdict(request.chosen_plan),
     }

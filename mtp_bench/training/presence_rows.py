@@ -1,30 +1,47 @@
-"""Training rows of the presence model: tracks of training scenes, and whether a true object was there."""
+"""Training rows of presence: tracks of training scenes, and what is true of them."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, Self
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from ..cards import Card
 from ..core import Bools, MtpBenchError, Scene, Task, UnknownNameError, joined, select
-from ..env import MTPEnv
 from ..prediction import FEATURES, TrackHistory, history_of
 from ..running import DEFAULTS, RunOptions
 from ..scoring import evaluated, match_objects, neutral_places
 from ..tracking import HypothesisTracker, detector_names, read_detector
-from .split import SceneChoice, Split, observations
+from .split import Split, observations, open_split
 
-MOST_ROWS = (
-    40_000  # that a fit takes, every n-th: neighbouring frames are nearly the same
-)
+# that a fit takes, every n-th: neighbouring frames are nearly the same
+MOST_ROWS = 40_000
 FEW_SCENES = 4  # fewer are cut into blocks, so that some rows can be held out
 BLOCK_SECONDS = 10.0
 
 
 @dataclass(frozen=True)
+class SceneChoice:
+    """Scenes of an env, as the file of a detector names them."""
+
+    env: str
+    split: str = "train"
+    detector: str | None = None  # another one than the card's
+    first: int | None = None  # so many scenes; None: all
+    without: tuple[str, ...] = ()
+
+    def open(self, options: RunOptions) -> Split:
+        """Open the scenes, with data root and progress of ``options``."""
+        options = replace(
+            options, split=self.split, detector=self.detector, scenes=self.first
+        )
+        return open_split(self.env, options, away=self.without)
+
+
+@dataclass(frozen=True)
 class PresenceRecipe:
-    """Recipe to fit the presence model of a detector: the table [presence] of the detector's file."""
+    """Recipe of a presence model: the table [presence] of the detector's file."""
 
     scenes: tuple[SceneChoice, ...]
     features: tuple[str, ...] = tuple(FEATURES)
@@ -32,34 +49,17 @@ class PresenceRecipe:
     calibrated: bool = True
     terms: str = ""  # of the data
 
-    @classmethod
-    def of(cls, detector: str) -> Self:
-        """The recipe of a detector; raises UnknownNameError for a detector without one."""
-        table: Mapping[str, Any] | None = (read_detector(detector) or {}).get(
-            "presence"
-        )
-        if table is None:
-            raise UnknownNameError(
-                "detector with a [presence] recipe", detector, fitted_detectors()
-            )
-        scenes = tuple(
-            SceneChoice(**{**row, "without": tuple(row.get("without", ()))})
-            for row in table["scenes"]
-        )
-        return cls(
-            **{
-                **table,
-                "scenes": scenes,
-                "features": tuple(table.get("features", FEATURES)),
-            }
-        )
 
+def recipe_of(detector: str) -> PresenceRecipe:
+    """Return the recipe of a detector.
 
-def fitted_detectors() -> list[str]:
-    """Names of the detectors with a recipe."""
-    return [
-        name for name in detector_names() if "presence" in (read_detector(name) or {})
-    ]
+    Raises UnknownNameError for a detector without one.
+    """
+    content = read_detector(detector) or {}
+    if "presence" not in content:
+        names = [n for n in detector_names() if "presence" in (read_detector(n) or {})]
+        raise UnknownNameError("detector with a [presence] recipe", detector, names)
+    return TypeAdapter(PresenceRecipe).validate_python(content["presence"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,16 +68,19 @@ class PresenceRows(TrackHistory):
 
     class_name: Any  # [n] str
     present: Bools  # [n]
-    scene: Any  # [n] str: rows of one scene, or block of a scene, are never on both sides of a split
+    # [n] str: rows of one scene, or block of a scene, are on one side of a split
+    scene: Any
 
 
 def collect(
     scenes: Iterable[Scene], card: Card, task: Task, in_blocks: bool = False
 ) -> PresenceRows:
-    """Rows of the single-hypothesis tracker; tracks on neutral objects and in neutral places are left out.
+    """Return rows of the single-hypothesis tracker.
 
-    ``in_blocks``: rows of a scene are held out by blocks of `BLOCK_SECONDS`, not all together. Raises MtpBenchError
-    without a track, and for a scene whose truth is not complete: which tracks are there is not known.
+    Tracks on neutral objects and in neutral places are left out. ``in_blocks``: rows of
+    a scene are held out by blocks of `BLOCK_SECONDS`, not all together. Raises
+    MtpBenchError without a track, and for a scene whose truth is not complete: which
+    tracks are there is not known.
     """
     parts = [_scene_rows(scene, card, task, in_blocks) for scene in scenes]
     if not any(len(part.present) for part in parts):
@@ -88,68 +91,70 @@ def collect(
 
 
 def _scene_rows(scene: Scene, card: Card, task: Task, in_blocks: bool) -> PresenceRows:
-    """All tracks of a scene, matched one to one with true objects by the rule for forecasts."""
+    """Match tracks with true objects by the rule for forecasts."""
     if not scene.truth_complete:
         raise MtpBenchError(
-            f"scene {scene.name!r} of {card.id} has the truth of prediction targets alone, expected that of all objects"
+            f"scene {scene.name!r} of {card.id} has the truth of prediction targets "
+            "alone, expected that of all objects"
         )
     tracker = HypothesisTracker()
     tracker.reset(task)
     by_frame = [tracker.step(observation) for observation in observations(scene)]
-    poses = [{"ego_pose": pose} for pose in scene.ego]
     history = joined(
-        [history_of(*pair, task.dt) for pair in zip(by_frame, poses, strict=True)]
+        [
+            history_of(tracks, {"ego_pose": pose}, task.dt)
+            for tracks, pose in zip(by_frame, scene.ego, strict=True)
+        ]
     )
-    frame = np.repeat(
-        np.arange(len(by_frame)), [len(tracks.box) for tracks in by_frame]
-    )
-    box, class_id = (
-        np.concatenate([getattr(tracks, key) for tracks in by_frame])
-        for key in ("box", "class_id")
-    )
-    shown = evaluated(scene)
-    matching = match_objects(shown.truth, frame, box, class_id, card)
-    false = matching.unmatched & ~neutral_places(shown, frame, box[:, :2], class_id)
-    row = matching.object_of_truth[~shown.truth.neutral]
+    counts = [len(tracks.box) for tracks in by_frame]
+    frame = np.repeat(np.arange(len(by_frame)), counts)
+    track_box = np.concatenate([tracks.box for tracks in by_frame])
+    class_id = np.concatenate([tracks.class_id for tracks in by_frame])
+    scored = evaluated(scene)
+    matching = match_objects(scored.truth, frame, track_box, class_id, card)
+    is_neutral = neutral_places(scored, frame, track_box[:, :2], class_id)
+    track_row = matching.object_of_truth[~scored.truth.neutral]
     present = np.zeros(len(frame), dtype=bool)
-    present[row[row >= 0]] = True
-    block = (
-        (scene.time - scene.time[0]) // BLOCK_SECONDS
-        if in_blocks
-        else np.zeros(scene.frames)
-    )
+    present[track_row[track_row >= 0]] = True
+    block = np.zeros(scene.frames)
+    if in_blocks:
+        block = (scene.time - scene.time[0]) // BLOCK_SECONDS
     block_names = np.array([f"{scene.name} {number:g}" for number in block])
-    names = np.array(task.classes)[class_id]
     rows = PresenceRows(
-        **vars(history), class_name=names, present=present, scene=block_names[frame]
+        **vars(history),
+        class_name=np.array(task.classes)[class_id],
+        present=present,
+        scene=block_names[frame],
     )
-    return select(rows, present | false)
+    return select(rows, present | (matching.unmatched & ~is_neutral))
 
 
 def training_rows(
     recipe: PresenceRecipe, options: RunOptions = DEFAULTS
 ) -> tuple[PresenceRows, list[dict[str, Any]]]:
-    """The rows of a recipe, and the scenes they are from."""
+    """Return rows of a recipe, and the scenes they are from."""
     parts = []
-    origin = []
+    origins = []
     for choice in recipe.scenes:
-        rows, source = split_rows(choice.open(options))
+        rows, origin = split_rows(choice.open(options))
         parts.append(rows)
-        origin.append(source)
-    return joined(parts), origin
+        origins.append(origin)
+    return joined(parts), origins
 
 
 def split_rows(
     split: Split, in_blocks: bool = False
 ) -> tuple[PresenceRows, dict[str, Any]]:
-    """Return the rows of a split, and the scenes they are from; ``in_blocks`` as in `collect`."""
+    """Return rows of a split, and the scenes they are from.
+
+    ``in_blocks`` as in `collect`.
+    """
     card = split.card
-    rows = collect(
-        split.scenes(), card, MTPEnv(card, data=split.options.data).task, in_blocks
-    )
-    source = {
+    rows = collect(split.scenes(), card, split.task(), in_blocks)
+    origin = {
         "env": card.id,
         "split": card.source.split,
         "detector": card.detector_name,
+        "scenes": list(split.names),
     }
-    return rows, {**source, "scenes": list(split.names)}
+    return rows, origin

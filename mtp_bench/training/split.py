@@ -1,13 +1,13 @@
-"""Scenes that parameters are fitted to: of the training split of an env, or another one."""
+"""Scenes that parameters are fitted to: of the training split of an env, or another."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..cards import Card
-from ..core import MtpBenchError, Observation, Scene
-from ..env import true_detections
+from ..core import MtpBenchError, Observation, Scene, Task
+from ..env import MTPEnv, true_detections
 from ..running import Fold, RunOptions, held_out
 from ..sources import SceneSource, open_source
 
@@ -22,11 +22,18 @@ class Split:
     options: RunOptions
 
     def scenes(self) -> Iterator[Scene]:
-        """The scenes, one after the other; each counts as done when the next one is asked for."""
+        """Load the scenes, one after the other.
+
+        Each counts as done when the next one is asked for.
+        """
         self.options.progress.started(len(self.names))
         for name in self.names:
             yield self.source.load(name)
             self.options.progress.done(name)
+
+    def task(self, observe: str = "detections") -> Task:
+        """Return the task of the env, observing detections or the truth."""
+        return MTPEnv(self.card, data=self.options.data, observe=observe).task
 
 
 def open_split(
@@ -35,56 +42,45 @@ def open_split(
     without: Fold | None = None,
     away: Sequence[str] = (),
 ) -> Split:
-    """The first scenes of the split that ``options`` names; raises MtpBenchError for a split without scenes.
+    """Return the first scenes of the split that ``options`` names.
 
-    ``without``: a fold of the whole split, for another run scores it; ``away``: further scenes to leave out. The first
-    of the others are taken. Those of a closed loop have no agent: the ego is one of the traffic's own drivers.
+    ``without``: a fold of the whole split, for another run scores it; ``away``: further
+    scenes to leave out. The first of the other scenes are taken. Those of a closed loop
+    have no agent: the ego is one of the traffic's own drivers. Raises MtpBenchError for
+    a split without scenes.
     """
     card = options.card(env_id).model_copy(update={"drive": None})
     source = open_source(card, options.data)
-    fold = () if without is None else held_out(source.names, without)
-    names = options.chosen(
-        [name for name in source.names if name not in fold and name not in away]
+    left_out = set(away)
+    if without is not None:
+        left_out.update(held_out(source.names, without))
+    scene_names = options.chosen(
+        [scene_name for scene_name in source.names if scene_name not in left_out]
     )
-    if not names:
+    if not scene_names:
         raise MtpBenchError(f"{env_id} has no scene in its split {card.source.split!r}")
-    return Split(card, source, names, options)
+    return Split(card, source, scene_names, options)
 
 
 def observations(scene: Scene, observe: str = "detections") -> Iterator[Observation]:
-    """Observations of a scene as far as trackers read them, unpadded and in the scene's own frame."""
-    shown, ids = (
-        true_detections(scene) if observe == "truth" else (scene.detections, None)
-    )
+    """Return observations of a scene as far as trackers read them.
+
+    They are unpadded and in the scene's own frame.
+    """
+    boxes = scene.detections
+    object_ids = None
+    if observe == "truth":
+        boxes, object_ids = true_detections(scene)
     for t in range(scene.frames):
-        rows = shown.rows(t)
-        seen: Observation = {
-            "detection_box": shown.box[rows],
-            "detection_class": shown.class_id[rows],
-            "detection_score": shown.score[rows],
-            "detection_velocity": np.nan_to_num(shown.velocity[rows]),
-            "detection_valid": np.ones(len(shown.box[rows]), dtype=bool),
+        rows = boxes.rows(t)
+        observation: Observation = {
+            "detection_box": boxes.box[rows],
+            "detection_class": boxes.class_id[rows],
+            "detection_score": boxes.score[rows],
+            "detection_velocity": np.nan_to_num(boxes.velocity[rows]),
+            "detection_valid": np.ones(rows.stop - rows.start, dtype=bool),
             "dt": np.asarray(scene.time[t] - scene.time[max(t - 1, 0)]),
         }
-        yield seen if ids is None else {**seen, "detection_id": ids[rows]}
-
-
-@dataclass(frozen=True)
-class SceneChoice:
-    """Scenes of an env, as the file of a detector names them for its fits."""
-
-    env: str
-    split: str = "train"
-    detector: str | None = None  # another one than the card's
-    first: int | None = None  # so many scenes; None: all
-    without: tuple[str, ...] = ()
-
-    def options(self, options: RunOptions) -> RunOptions:
-        """``options`` on these scenes."""
-        return replace(
-            options, split=self.split, detector=self.detector, scenes=self.first
-        )
-
-    def open(self, options: RunOptions) -> Split:
-        """The scenes themselves."""
-        return open_split(self.env, self.options(options), away=self.without)
+        if object_ids is not None:
+            observation["detection_id"] = object_ids[rows]
+        yield observation

@@ -1,6 +1,7 @@
-"""Windows of tracklets with their truth, from a tracker played through the scenes of a split.
+"""Windows of tracklets with their truth, from a tracker played through the scenes.
 
-They are those that a predictor would be shown (`mtp_bench.prediction.windows`), with the truth that belongs to them.
+They are those that a predictor would be shown (`mtp_bench.prediction.windows`), with
+the truth that belongs to them.
 """
 
 from collections import deque
@@ -21,84 +22,80 @@ from ..core import (
     Observation,
     Scene,
     Task,
-    Tracks,
     long_work,
     parallel_map,
     require_known,
     starts_of,
 )
-from ..env import LocalFrame, MTPEnv, make_feed
+from ..env import LocalFrame, make_feed
 from ..prediction import LANES, Surroundings, TrackWindows, lanes_of, windows_of
 from ..running import DEFAULTS, Fold, RunOptions, held_out, resolve_options
 from ..scoring import pieces
 from ..sources import open_source
 from ..tracking import HypothesisTracker, TruthTracker
-from .labels import UNKNOWN, SceneLabels, TrackLabels
-from .split import open_split
+from .labels import UNKNOWN, SceneLabels
+from .split import Split, open_split
 
 TRUTH = "truth"  # in place of a tracker: ground-truth tracks
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Windows(TrackWindows):
-    """Windows of n tracks with their truth, sorted by scene and frame; numbers as float32.
+    """Windows of n tracks with their truth, sorted by scene and frame.
 
-    Positions are in the frame of the observations of their scene, metres.
+    Numbers are float32. Positions are in the frame of the observations of their scene,
+    metres.
     """
 
     object_id: Ints  # [n] the true object that the track follows; -1: none
     present: Floats  # [n, 2] where that object is
     future: Floats  # [n, T, 2] and where it is in the next T frames
-    future_known: (
-        Bools  # [n, T] its place then is known; futures that are cut short are kept
-    )
+    # [n, T] its place then is known; futures that are cut short are kept
+    future_known: Bools
     target: Bools  # [n] the object is a target of the scorer in this frame
     scene: Ints  # [n] place in ``names``
     frame: Ints  # [n]
     moment: Ints  # [n] the frame among all frames of all scenes
     names: tuple[str, ...]
-    # Of each scene, its name in its own env. Scenes of several envs with one name show the same traffic: what is held
-    # out of one env must not be learnt from another one.
+    # Of each scene, its name in its own env. Scenes of several envs with one name show
+    # the same traffic: what is held out of one env must not be learnt from another one.
     own_names: tuple[str, ...]
-    seen: Surroundings  # detections and lanes of all frames of all scenes
+    surroundings: Surroundings  # detections and lanes of all frames of all scenes
     task: Task  # of the first env
     envs: tuple[str, ...]  # ids
 
     def __repr__(self) -> str:
-        shapes = (
-            f"{name} {list(getattr(self, name).shape)}"
-            for name in ("box", "future", "future_known")
+        names = ("box", "future", "future_known")
+        shapes = [f"{name} {list(getattr(self, name).shape)}" for name in names]
+        return (
+            f"Windows of {', '.join(self.envs)}: {len(self)} windows of "
+            f"{len(self.names)} scenes, {int(self.target.sum())} at targets\n"
+            f"{', '.join(shapes)}"
         )
-        size = f"{len(self.frame)} windows of {len(self.names)} scenes, {int(self.target.sum())} at targets"
-        return f"Windows of {', '.join(self.envs)}: {size}\n{', '.join(shapes)}"
 
     def select(self, rows: Ints | Bools | slice) -> Self:
-        """The windows ``rows``; frames and scenes keep their numbers."""
+        """Return the windows ``rows``, whose frames and scenes keep their numbers."""
         return replace(self, **{name: getattr(self, name)[rows] for name in BY_WINDOW})
 
     def split(self, fold: Fold) -> tuple[Self, Self]:
-        """The windows to learn from, and those of the scenes of a fold, which are held out.
+        """Return windows to learn from, and those of a fold.
 
-        It is a fold of the scenes that are here. Commands (``--fold``) take it of the whole split: their scenes may
-        have been learnt from here, unless these are all scenes of the split.
+        It is a fold of the scenes that are here. Commands (``--fold``) take it of the
+        whole split: their scenes may have been learnt from here, unless these are all
+        scenes of the split.
         """
-        away = self.of_scenes(held_out(tuple(dict.fromkeys(self.own_names)), fold))
+        scene_names = tuple(dict.fromkeys(self.own_names))
+        away = self.of_scenes(held_out(scene_names, fold))
         return self.select(~away), self.select(away)
 
     def of_scenes(self, own_names: Sequence[str]) -> Bools:
-        """Mask [n] of the windows of the scenes that have one of these names in their own env."""
-        return np.asarray(
-            np.isin(np.array(self.own_names), list(own_names))[self.scene]
-        )
+        """Return a mask [n] of windows of scenes with these own names."""
+        is_named = np.isin(np.array(self.own_names), list(own_names))
+        return np.asarray(is_named[self.scene])
 
 
-_OF_ALL = (
-    "names",
-    "own_names",
-    "seen",
-    "task",
-    "envs",
-)  # fields without a value per window
+# fields without a value per window
+_OF_ALL = ("names", "own_names", "surroundings", "task", "envs")
 BY_WINDOW = tuple(f.name for f in fields(Windows) if f.name not in _OF_ALL)
 
 
@@ -111,50 +108,30 @@ def windows(
     data: str | PathLike[str] | None = None,
     jobs: int | None = None,
 ) -> Windows:
-    """Windows of every track of every hypothesis, at every frame of the scenes of a split.
+    """Return windows of every track of every hypothesis, at every frame.
 
-    ``tracker``: your own tracker, the number of hypotheses of `HypothesisTracker`, or "truth" for true ones.
-    ``scenes``: how many, the first ones, or their names; None: those of ``options``. ``data``: data root. ``jobs``:
-    processes; 0: one per core. ``options``: data root, detector, workers and progress.
+    ``tracker``: your own tracker, the number of hypotheses of `HypothesisTracker`, or
+    "truth" for true ones. ``scenes``: how many scenes of the split, the first ones, or
+    their names; None: those of ``options``. ``data``: data root. ``jobs``: processes;
+    0: one per core. ``options``: data root, detector, workers and progress.
 
-    A track follows the true object of its class that is nearest to the last detection it took, within the forecast gate
-    of the card; of true boxes, the object itself. Tracks of which that is unknown, since the truth is not complete or
-    neutral there, are left out. Raises UnknownNameError for a scene that does not exist, MtpBenchError for another
-    ``tracker`` and if there is no track to learn from.
+    A track follows the true object of its class that is nearest to the last detection
+    it took, within the forecast gate of the card; of true boxes, the object itself.
+    Tracks of which that is unknown, since the truth is not complete or neutral there,
+    are left out. Raises UnknownNameError for a scene that does not exist, MtpBenchError
+    for another ``tracker`` and if there is no track to learn from.
     """
-    played = _tracker_of(tracker)
-    given = {"data": data, "jobs": jobs}
-    _, options = resolve_options(
-        env_id,
-        options,
-        {name: value for name, value in given.items() if value is not None},
+    track_with = _tracker_of(tracker)
+    keywords = {"data": data, "jobs": jobs}
+    keywords = {name: value for name, value in keywords.items() if value is not None}
+    _, options = resolve_options(env_id, options, keywords)
+    opened = _open_scenes(env_id, scenes, replace(options, split=split))
+    names = opened.names
+    task = opened.task(
+        "truth" if isinstance(track_with, TruthTracker) else "detections"
     )
-    count = int(scenes) if isinstance(scenes, int | np.integer) else None
-    if isinstance(scenes, str | bool) or not (
-        scenes is None or count is not None or isinstance(scenes, Sequence)
-    ):
-        raise MtpBenchError(
-            f"scenes is {scenes!r}, expected a number of scenes or a list of their names"
-        )
-    opened = open_split(
-        env_id,
-        replace(
-            options, split=split, scenes=options.scenes if count is None else count
-        ),
-    )
-    names = opened.names if scenes is None or count is not None else tuple(scenes)  # type: ignore[arg-type]
-    for place, name in enumerate(names):
-        require_known(f"scene of {env_id}", name, opened.source.names)
-        if name in names[:place]:
-            raise MtpBenchError(
-                f"scene {name!r} is named twice, expected each once: it would be learnt twice"
-            )
-    observe = "truth" if isinstance(played, TruthTracker) else "detections"
-    task = MTPEnv(opened.card, data=options.data, observe=observe).task
-    calls = [(opened.card, options.data, task, played, name) for name in names]
-    with long_work(
-        f"reading windows of {env_id}", progress=options.progress
-    ) as progress:
+    calls = [(opened.card, options.data, task, track_with, name) for name in names]
+    with long_work(f"reading windows of {env_id}", progress=options.progress) as progress:
         progress.started(len(names))
         parts = parallel_map(
             _load_windows,
@@ -162,151 +139,186 @@ def windows(
             options.workers,
             lambda place: progress.done(names[place]),
         )
-    found = concatenate(parts) if parts else None
-    if not found:
+    if not any(map(len, parts)):
         raise MtpBenchError(
-            f"{env_id}: no track of the {len(names)} scenes of split {split!r} can be learnt from"
+            f"{env_id}: no track of the {len(names)} scenes of split {split!r} can be "
+            "learnt from"
         )
-    return found
+    return concatenate(parts)
 
 
 def _tracker_of(tracker: Any) -> Tracker:
-    """The tracker that the argument of `windows` stands for; raises MtpBenchError for anything else."""
+    """Return the tracker that the argument of `windows` stands for.
+
+    Raises MtpBenchError for anything else.
+    """
     if isinstance(tracker, str) and tracker == TRUTH:
         return TruthTracker()
-    if (
-        isinstance(tracker, int | np.integer)
-        and not isinstance(tracker, bool)
-        and tracker >= 1
-    ):
+    is_number = isinstance(tracker, int | np.integer) and not isinstance(tracker, bool)
+    if is_number and tracker >= 1:
         return HypothesisTracker(int(tracker))
-    if not isinstance(tracker, type) and all(
-        callable(getattr(tracker, name, None)) for name in ("reset", "step")
-    ):
+    methods = [getattr(tracker, name, None) for name in ("reset", "step")]
+    if not isinstance(tracker, type) and all(map(callable, methods)):
         return tracker  # type: ignore[no-any-return]
     raise MtpBenchError(
-        f"tracker is {tracker!r}, expected {TRUTH!r}, a number of hypotheses of at least 1, or a tracker of your own, "
-        "with reset(task) and step(observation)"
+        f"tracker is {tracker!r}, expected {TRUTH!r}, a number of hypotheses of at "
+        "least 1, or a tracker of your own, with reset(task) and step(observation)"
     )
+
+
+def _open_scenes(
+    env_id: str, scenes: int | Sequence[str] | None, options: RunOptions
+) -> Split:
+    """Return the scenes that the argument of `windows` stands for."""
+    if isinstance(scenes, str | bool) or not isinstance(
+        scenes, int | np.integer | Sequence | None
+    ):
+        raise MtpBenchError(
+            f"scenes is {scenes!r}, expected a number of scenes or a list of their "
+            "names"
+        )
+    if scenes is None:
+        return open_split(env_id, options)
+    if not isinstance(scenes, Sequence):
+        return open_split(env_id, replace(options, scenes=int(scenes)))
+    opened = open_split(env_id, options)
+    for scene_name in scenes:
+        require_known(f"scene of {env_id}", scene_name, opened.source.names)
+        if scenes.count(scene_name) > 1:
+            raise MtpBenchError(
+                f"scene {scene_name!r} is named twice, expected each once: it would be "
+                "learnt twice"
+            )
+    return replace(opened, names=tuple(scenes))
 
 
 def concatenate(parts: Sequence[Windows]) -> Windows:
-    """The windows of several scenes or envs, with the task of the first."""
-    scenes = np.cumsum([0, *(len(part.names) for part in parts)])
-    frames = np.cumsum([0, *(part.seen.frames for part in parts)])
-    moved = [
-        replace(part, scene=part.scene + scene, moment=part.moment + frame)
-        for part, scene, frame in zip(parts, scenes, frames, strict=False)
-    ]
-    rows = {
-        name: np.concatenate([getattr(part, name) for part in moved])
-        for name in BY_WINDOW
-    }
-    columns = [f.name for f in fields(Surroundings) if f.name not in ("start", "lanes")]
-    around: dict[str, Any] = {
-        name: np.concatenate([getattr(part.seen, name) for part in parts])
-        for name in columns
-    }
-    shown = parts[0].seen.lanes  # by all or by none
-    around["lanes"] = {
-        name: np.concatenate([part.seen.lanes[name] for part in parts])
-        for name in shown
-    }
-    seen = Surroundings(
-        starts_of(np.concatenate([part.seen.counts for part in parts])), **around
-    )
+    """Return windows of several scenes or envs.
+
+    The task is that of the first one.
+    """
+    window_columns = _concatenate_columns(parts, BY_WINDOW)
+    windows_per_part = [len(part) for part in parts]
+    first_scenes = starts_of([len(part.names) for part in parts])[:-1]
+    first_moments = starts_of([part.surroundings.frames for part in parts])[:-1]
+    window_columns["scene"] += np.repeat(first_scenes, windows_per_part)
+    window_columns["moment"] += np.repeat(first_moments, windows_per_part)
     envs = tuple(dict.fromkeys(env_id for part in parts for env_id in part.envs))
-    names = tuple(
-        name if len(envs) == 1 else f"{part.task.env_id} {name}"
-        for part in parts
-        for name in part.names
-    )
-    own_names = tuple(name for part in parts for name in part.own_names)
+    names: list[str] = []
+    own_names: list[str] = []
+    for part in parts:
+        own_names += part.own_names
+        if len(envs) == 1:
+            names += part.names
+        else:
+            names += [f"{part.task.env_id} {name}" for name in part.names]
     return Windows(
-        **rows,
-        names=names,
-        own_names=own_names,
-        seen=seen,
+        **window_columns,
+        names=tuple(names),
+        own_names=tuple(own_names),
+        surroundings=_concatenate_surroundings([part.surroundings for part in parts]),
         task=parts[0].task,
         envs=envs,
     )
 
 
+def _concatenate_columns(
+    records: Sequence[Any], column_names: Sequence[str]
+) -> dict[str, np.ndarray]:
+    return {
+        column_name: np.concatenate(
+            [getattr(record, column_name) for record in records]
+        )
+        for column_name in column_names
+    }
+
+
+def _concatenate_surroundings(parts: Sequence[Surroundings]) -> Surroundings:
+    """Return the surroundings of all frames.
+
+    Lanes are in all parts or in none.
+    """
+    columns = _concatenate_columns(
+        parts, ("box", "velocity", "class_id", "score", "before")
+    )
+    lanes = {
+        lane_field: np.concatenate([part.lanes[lane_field] for part in parts])
+        for lane_field in parts[0].lanes
+    }
+    counts = np.concatenate([part.counts for part in parts])
+    return Surroundings(starts_of(counts), **columns, lanes=lanes)
+
+
 def _load_windows(
-    card: Card, data: str | None, task: Task, tracker: Tracker, name: str
+    card: Card, data: str | None, task: Task, tracker: Tracker, scene_name: str
 ) -> Windows:
-    return windows_of_scene(open_source(card, data).load(name), card, task, tracker)
+    return windows_of_scene(
+        open_source(card, data).load(scene_name), card, task, tracker
+    )
 
 
 def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> Windows:
-    """The windows of one scene."""
+    """Return the windows of one scene."""
     local = LocalFrame.of(scene)
     feed = make_feed(scene, local, task, card)
     labels = SceneLabels(scene, card, local, feed)
     tracker.reset(task)
-    parts = [_no_windows(task)]
-    seen = deque[Observation](maxlen=task.past)
-    road = list[Observation]()
+    parts: list[dict[str, np.ndarray]] = []
+    recent = deque[Observation](maxlen=task.past)
+    lanes: list[Observation] = []
     for t in range(scene.frames):
-        if task.after_hole(observation := feed.observe(t)):
-            seen.clear()
-        seen.append(observation)
-        road.append({name: observation[name] for name in LANES if name in observation})
-        tracks = tracker.step(seen[-1])
+        observation = feed.observe(t)
+        if task.after_hole(observation):
+            recent.clear()
+        recent.append(observation)
+        lanes.append({name: observation[name] for name in LANES if name in observation})
+        tracks = tracker.step(observation)
         if not np.isfinite(tracks.box).all():
             raise MtpBenchError(
-                f"scene {scene.name!r}, frame {t}: the tracker gave a box that is not finite"
+                f"scene {scene.name!r}, frame {t}: the tracker gave a box that is not "
+                "finite"
             )
-        frame_windows, _ = windows_of(Frame(t, tracks, tuple(seen)), task.past)
-        parts.append(_labelled(frame_windows, labels.of(t, frame_windows), t))
-    rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    box, velocity, score = (
-        _single_precision(values) for values in (feed.box, feed.velocity, feed.score)
-    )
+        frame_windows, _ = windows_of(Frame(t, tracks, tuple(recent)), task.past)
+        parts.append(_labelled(frame_windows, labels, t))
+    window_rows = {
+        name: np.concatenate([part[name] for part in parts]) for name in parts[0]
+    }
     piece = pieces(scene, card)
-    before = np.arange(scene.frames) - np.searchsorted(piece, piece)
-    around = Surroundings(
-        feed.start, box, velocity, feed.class_id, score, before, lanes_of(road)
+    surroundings = Surroundings(
+        feed.start,
+        _single_precision(feed.box),
+        _single_precision(feed.velocity),
+        feed.class_id,
+        _single_precision(feed.score),
+        before=np.arange(scene.frames) - np.searchsorted(piece, piece),
+        lanes=lanes_of(lanes),
     )
-    scene_number = np.zeros(len(rows["frame"]), dtype=np.int64)
-    names = (scene.name,)
     return Windows(
-        **rows,
-        scene=scene_number,
-        moment=rows["frame"],
-        names=names,
-        own_names=names,
-        seen=around,
+        **window_rows,
+        scene=np.zeros(len(window_rows["frame"]), dtype=np.int64),
+        moment=window_rows["frame"],
+        names=(scene.name,),
+        own_names=(scene.name,),
+        surroundings=surroundings,
         task=task,
         envs=(task.env_id,),
     )
 
 
 def _labelled(
-    frame_windows: TrackWindows, labels: TrackLabels, t: int
+    frame_windows: TrackWindows, scene_labels: SceneLabels, t: int
 ) -> dict[str, np.ndarray]:
-    """The windows of frame ``t`` whose object is known, or known to be none, with their labels."""
-    known = labels.object_id != UNKNOWN
-    columns = {
-        f.name: getattr(frame_windows, f.name) for f in fields(TrackWindows)
-    } | labels._asdict()
-    rows = {name: _single_precision(value[known]) for name, value in columns.items()}
-    return {**rows, "frame": np.full(known.sum(), t)}
+    """Return the windows of frame ``t`` with their labels.
 
-
-def _no_windows(task: Task) -> dict[str, np.ndarray]:
-    """Columns without rows, for a scene without windows."""
-    no_tracks = Tracks.of_one_hypothesis(
-        np.zeros(0, dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64)
-    )
-    empty, _ = windows_of(Frame(0, no_tracks, ({},)), task.past)
-    ids = np.zeros(0, dtype=np.int64)
-    future = np.zeros((0, task.future, 2))
-    return _labelled(
-        empty,
-        TrackLabels(ids, np.zeros((0, 2)), future, future[:, :, 0] > 0, ids > 0),
-        0,
-    )
+    They are those whose object is known, or known to be none.
+    """
+    labels = scene_labels.at(t, frame_windows)
+    is_known = labels.object_id != UNKNOWN
+    rows = {
+        column_name: _single_precision(value[is_known])
+        for column_name, value in (vars(frame_windows) | labels._asdict()).items()
+    }
+    return {**rows, "frame": np.full(is_known.sum(), t)}
 
 
 def _single_precision(values: np.ndarray) -> np.ndarray:

@@ -47,7 +47,7 @@ def random_training_set(network: Network, frames: int = 12, seed: int = 0) -> Tr
     return TrainingSet(
         inputs=network.inputs(windows, moment, NOTHING_SEEN, SIZES),
         future=local_future(windows, future),
-        known=known,
+        is_known=known,
         present=np.zeros((len(moment), 2), dtype=np.float32),
         weight=np.ones(len(moment), dtype=np.float32),
         validation=moment >= 0.75 * frames,

@@ -66,7 +66,7 @@ def test_stored_noise(name: str) -> None:
     noise = stored_noise(task)
     for field in fields(NoiseTable):
         value = getattr(noise, field.name)
-        assert value.shape == ((3,) if field.name in ("measurement",) else (3, 2))
+        assert value.shape == ((3,) if field.name == "measurement" else (3, 2))
         assert (value > 0).all()
     # Classes come in the order of the task.
     swapped = stored_noise(replace(task, classes=("cyclist", "car")))

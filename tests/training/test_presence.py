@@ -61,10 +61,9 @@ def test_calibration_is_isotonic_regression_at_the_centres_of_its_steps() -> Non
             assert np.interp(p[level == value].mean(), *knots) == pytest.approx(value, abs=1e-5)
 
 
-def test_calibration_without_anything_to_learn_from_changes_nothing() -> None:
-    p = np.linspace(0.1, 0.9, 50)
-    for present in (np.zeros(50, dtype=bool), np.ones(50, dtype=bool)):
-        assert isotonic_knots(p, present).tolist() == [[0, 1], [0, 1]]
+@pytest.mark.parametrize("present", [False, True])
+def test_calibration_without_anything_to_learn_from_changes_nothing(present: bool) -> None:
+    assert isotonic_knots(np.linspace(0.1, 0.9, 50), np.full(50, present)).tolist() == [[0, 1], [0, 1]]
 
 
 def test_a_fit_finds_the_probability_that_made_the_rows() -> None:
@@ -87,20 +86,15 @@ def test_scenes_are_never_on_both_sides() -> None:
         presence.folds(replace(rows, scene=np.full(len(rows.scene), "s")))
 
 
-def test_the_same_rows_give_the_same_file() -> None:
+def test_the_same_rows_give_the_same_file_which_is_read_as_it_was_written(tmp_path: Path) -> None:
+    rows, _ = made_up()
     texts = []
     for _ in range(2):
-        rows, _ = made_up()
-        model, said = presence.fit(rows, FULL)
-        texts.append(presence.model_text("mine", FULL, model, [], {"presence": quality(said, rows.present)}))
+        model, held_out = presence.fit(rows, FULL)
+        texts.append(presence.model_text("mine", FULL, model, [], {"presence": quality(held_out, rows.present)}))
     assert (texts[0], json.loads(texts[0])["terms"]) == (texts[1], "of nobody")
-
-
-def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
-    rows, _ = made_up()
-    model, _ = presence.fit(rows, FULL)
     file = tmp_path / "mine.json"
-    file.write_text(presence.model_text("mine", FULL, model, [], {}))
+    file.write_text(texts[0])
     stored, scores = read_model(file)
     assert scores == {}
     np.testing.assert_array_equal(presence.probabilities(stored, rows), presence.probabilities(model, rows))
@@ -139,7 +133,7 @@ def test_rows_of_few_scenes_are_held_out_by_blocks_of_ten_seconds() -> None:
 def test_tracks_of_one_kind_fit_nothing(present: bool) -> None:
     rows = replace(made_up(200)[0], present=np.full(200, present))
     with pytest.raises(MtpBenchError, match=r"all or none are of true objects, .*--presence scores needs no fit"):
-        presence.fit(rows, presence.OWN)
+        presence.fit(rows, presence.OWN_RECIPE)
 
 
 def test_the_quality_of_probabilities() -> None:

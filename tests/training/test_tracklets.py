@@ -44,6 +44,7 @@ def test_tracks_follow_the_object_of_their_last_detection(tmp_path: Path) -> Non
     """Detections are .1 m off along x; where none is made the track coasts, and still follows its object."""
     found = windows_of_scenes(tmp_path, make_scene(empty=(4,)))
     assert set(found.object_id.tolist()) == {3, 5, 7}
+    assert set(found.frame[found.target].tolist()) == {1, 2, 3, 4}  # two past frames, three future ones
     seen = found.taken[:, -1]
     off = np.linalg.norm(found.present - found.box[:, -1, :2], axis=1)
     np.testing.assert_allclose(off[seen], 0.1, atol=1e-4)
@@ -53,16 +54,6 @@ def test_tracks_follow_the_object_of_their_last_detection(tmp_path: Path) -> Non
     assert (found.detection[coasting, -1] == -1).all()
     assert sorted(found.object_id[coasting]) == [3, 5, 7]
     np.testing.assert_array_equal(found.hits[found.frame == 3], 4)
-
-
-def test_tracks_of_no_object_are_negatives_only_with_complete_truth(tmp_path: Path) -> None:
-    scene = make_scene()
-    far = replace(scene.detections, box=scene.detections.box + np.array([50.0, 0, 0, 0, 0, 0, 0]))
-    ghosts = replace(scene, detections=far)
-    found = windows_of_scenes(tmp_path, ghosts)
-    assert (found.object_id < 0).all()
-    assert not found.future_known.any()
-    assert len(windows_of_scenes(tmp_path, replace(ghosts, truth_complete=False))) == 0
 
 
 def test_tracks_of_neutral_objects_are_left_out(tmp_path: Path) -> None:
@@ -101,27 +92,26 @@ def camera_at(place: tuple[float, float], looks: float, frames: int = 8) -> Imag
     )
 
 
-def test_tracks_of_no_object_are_negatives_only_in_view_of_the_labels(tmp_path: Path) -> None:
+def test_tracks_of_no_object_are_negatives_only_where_labels_are_complete_and_in_view(tmp_path: Path) -> None:
     """The image is of the scene's frame of reference; tracks are in that of the observations, turned and moved."""
     scene = make_scene()
     ghosts = replace(scene, detections=replace(scene.detections, box=scene.detections.box + np.eye(7)[0] * 50))
+    found = windows_of_scenes(tmp_path, ghosts)
+    assert (found.object_id < 0).all()
+    assert not found.future_known.any()
     in_sight = windows_of_scenes(tmp_path, replace(ghosts, image=camera_at((20, 10), 1)))
-    assert (in_sight.object_id < 0).all()
-    assert len(in_sight) == len(windows_of_scenes(tmp_path, ghosts))
-    assert len(windows_of_scenes(tmp_path, replace(ghosts, image=camera_at((20, 10), -1)))) == 0
-
-
-def test_targets_are_those_of_the_scorer(tmp_path: Path) -> None:
-    found = windows_of_scenes(tmp_path, make_scene(frames=8))
-    assert set(found.frame[found.target].tolist()) == {1, 2, 3, 4}  # two past frames, three future ones
+    assert in_sight.object_id.tolist() == found.object_id.tolist()
+    unlabelled: list[dict[str, Any]] = [{"image": camera_at((20, 10), -1)}, {"truth_complete": False}]
+    for changes in unlabelled:
+        assert len(windows_of_scenes(tmp_path, replace(ghosts, **changes))) == 0
 
 
 def test_a_scene_without_objects_has_no_windows(tmp_path: Path) -> None:
     found = windows_of_scenes(tmp_path, bare_scene(), make_scene())
     assert (found.scene == 1).all()
-    assert found.seen.frames == 3 + 8
+    assert found.surroundings.frames == 3 + 8
     np.testing.assert_array_equal(found.moment, found.frame + 3)
-    np.testing.assert_array_equal(found.seen.before, [0, 1, 2, *range(8)])
+    np.testing.assert_array_equal(found.surroundings.before, [0, 1, 2, *range(8)])
 
 
 @pytest.mark.parametrize("truth", [False, True])
@@ -132,19 +122,21 @@ def test_windows_do_not_cross_a_hole_in_time(truth: bool, tmp_path: Path) -> Non
     )
     for name in set(BY_WINDOW) - {"scene", "frame"}:
         np.testing.assert_array_equal(getattr(whole, name), getattr(apart, name), err_msg=name)
-    np.testing.assert_array_equal(whole.seen.before, apart.seen.before)
+    np.testing.assert_array_equal(whole.surroundings.before, apart.surroundings.before)
 
 
 def test_windows_hold_the_lanes_of_their_frames(tmp_path: Path) -> None:
     card = load_card(write_card(tmp_path, CARD.replace("[source]", "lanes = true\n[source]").replace("kitti", "files")))
     center = np.array([[15.0, 12.0], [90.0, 12.0]])
     scene = replace(make_scene(), lanes=(Lane(center, center, center),))
-    seen = concatenate([windows_of_scene(scene, card, small_task(), HypothesisTracker(1)) for _ in range(2)]).seen
+    seen = concatenate(
+        [windows_of_scene(scene, card, small_task(), HypothesisTracker(1)) for _ in range(2)]
+    ).surroundings
     shown = make_feed(scene, LocalFrame.of(scene), small_task(), card).observe(3)
     assert shown["lane_valid"].any()
     for name, value in seen.lanes_at(8 + 3).items():
         np.testing.assert_array_equal(value, shown[name])
-    assert windows_of_scenes(tmp_path, scene).seen.lanes == {}
+    assert windows_of_scenes(tmp_path, scene).surroundings.lanes == {}
 
 
 def test_folds_are_whole_scenes(tmp_path: Path) -> None:

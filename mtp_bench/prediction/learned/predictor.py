@@ -55,7 +55,7 @@ class StoredWeights:
     weights: Arrays  # float32
     network: str
     sizes: Sizes
-    # how they were trained, see `training.predictors.model_card`
+    # how they were trained, see `training.predictors`
     card: Mapping[str, Any]
 
 

@@ -1,12 +1,14 @@
-"""Fit of false positives: counted parameters, and those whose simulated figures are nearest to the real ones."""
+"""Fit of false positives.
+
+Some parameters are counted; the others have simulated figures nearest to the real ones.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from ...core import Bools, Floats, Ints, Scene, joined
+from ...core import Bools, Floats, Scene, joined
 from ...detector import (
     BESIDE,
     EVEN_RANKS,
@@ -33,19 +35,24 @@ from ...detector import (
     visibility_of,
 )
 from .quality import from_log_odds, memory_of, nearest_parameters, rounded
-from .samples import FalsePositiveSamples, nearest_true_boxes
+from .samples import FalsePositiveRows, FalsePositiveSamples, nearest_true_boxes
 
-NEAR = 3.0  # m: a false positive this near to a true box of its classes belongs to it
-_SAME_PLACE = 1.0  # m: a false positive this near in a later frame is the same one
-_FEW_DUPLICATES = 20  # for quantiles of their scores
-_FEW = 100  # least false positives for a fit of more than the counted parameters
-_NEAREST = 2.0  # m: the sensor's own vehicle is nearer
-_FADES = 1.0  # s in which the autoregression decays to 1 / e
-_FRAMES = 100_000  # more than a scene has
-_HIGH = 0.9  # rank from which scores count as high
+# a false positive this close to a true box of its classes belongs to it
+NEAR_DISTANCE_M = 3.0
+# a false positive this close in a later frame is the same one
+_SAME_PLACE_M = 1.0
+_SENSOR_DISTANCE_M = 2.0  # the sensor's own vehicle is nearer
+_MIN_DUPLICATES = 20  # for quantiles of their scores
+_MIN_SAMPLES = 100  # for a fit of more than the counted parameters
+_FADE_S = 1.0  # in which the autoregression decays to 1 / e
+_MAX_FRAMES = 100_000  # more than a scene has
+_HIGH_RANK = 0.9  # from which scores count as high
 _SEEDS = 2  # simulations per set of parameters
-_LEAST = 0.1  # chance to be visible: lower ones fit as well, but drawing the many invisible ones takes long
-_UNKNOWNS = {  # with their start values: log-odds or logarithms
+# of a false positive to be visible: lower chances fit as well, but drawing the many
+# invisible ones takes long
+_MIN_CHANCE = 0.1
+# start values of the unknowns: log-odds or logarithms
+_START = {
     "chance": -1.7,
     "survive": 2.0,
     "lasting": 1.0,
@@ -65,172 +72,182 @@ def fit_false_positives(
     scenes: Sequence[Scene],
     classes: Sequence[str],
     profile: Profile,
-    name: str,
+    noise_name: str,
     real: FalsePositiveSamples,
     sensor: Sensor,
 ) -> ClassNoise:
-    """Fit the false positives of the class ``name`` to the ``real`` ones; returns its whole noise."""
-    noise = profile.classes[name]
-    of_class = np.array([profile.noise_name(other) == name for other in classes])
-    boxes = sum(
-        int((covered(s.truth, s.ego, sensor) & of_class[s.truth.class_id]).sum())
-        for s in scenes
+    """Fit the false positives of a class to the ``real`` ones.
+
+    Returns the whole noise of the class ``noise_name``.
+    """
+    noise = profile.classes[noise_name]
+    of_class = np.array([profile.noise_name(c) == noise_name for c in classes])
+    boxes = 0
+    for scene in scenes:
+        is_covered = covered(scene.truth, scene.ego, sensor)
+        boxes += int((is_covered & of_class[scene.truth.class_id]).sum())
+    frames = sum(scene.frames for scene in scenes)
+    is_near = real.object_distance < NEAR_DISTANCE_M
+    near = _count_near(real, is_near, boxes, profile.dt)
+    free = _count_free(real, ~is_near, frames, profile.dt)
+    noise = noise.model_copy(update={"near": near, "free": free})
+    if len(real.score) < _MIN_SAMPLES or near is None or free is None:
+        return noise
+    return _Simulation(scenes, classes, profile, noise_name, real, sensor).nearest(
+        noise
     )
-    near_rows = real.beside < NEAR
-    near = _count_near(real, near_rows, boxes, profile.dt)
-    free = _count_free(
-        real, ~near_rows, sum(scene.frames for scene in scenes), profile.dt
-    )
-    if len(real.score) >= _FEW and near is not None and free is not None:
-        near, free = _FalsePositiveSimulation(
-            scenes, classes, profile, name, real, sensor
-        ).nearest(near, free)
-    return noise.model_copy(update={"near": near, "free": free})
 
 
 def _count_near(
-    real: FalsePositiveSamples, near: Bools, boxes: int, dt: float
+    real: FalsePositiveSamples, is_near: Bools, boxes: int, dt: float
 ) -> NearFalsePositives | None:
-    """Parameters of the false positives ``near`` true boxes, ``boxes`` in number; None without any.
+    """Return parameters of the false positives close to true boxes.
 
-    ``dt``: s between frames. The memory is a start value.
+    ``is_near`` [D]: they are; ``boxes``: number of true boxes; ``dt``: s between
+    frames. None without any. The memory is a start value.
     """
-    if not near.any() or not boxes:
+    if not is_near.any() or not boxes:
         return None
-    zone = np.digitize(real.beside, BESIDE)
-    rows = [near & (zone == number) for number in range(3)]
+    zone = np.digitize(real.object_distance, BESIDE)
     first, second, third = (
-        round(float(real.of_class[row].mean()) if row.any() else 1.0, 4) for row in rows
+        round(_share(real.of_class, is_near & (zone == i), default=1.0), 4)
+        for i in range(3)
     )
-    duplicates = rows[0] & real.of_class
+    is_duplicate = is_near & (zone == 0) & real.of_class
+    duplicates = None
+    if is_duplicate.sum() >= _MIN_DUPLICATES:
+        duplicates = _quantiles(real.score[is_duplicate], RANKS)
     return NearFalsePositives(
-        chance=round(min(float(near.sum()) / boxes / SLOTS, 1.0), 5),
-        score=_quantiles(real.score[near], RANKS),
-        offset=_quantiles(real.beside[near]),
+        chance=round(min(float(is_near.sum()) / boxes / SLOTS, 1.0), 5),
+        score=_quantiles(real.score[is_near], RANKS),
+        offset=_quantiles(real.object_distance[is_near]),
         same=(first, second, third),
-        duplicates=_quantiles(real.score[duplicates], RANKS)
-        if duplicates.sum() >= _FEW_DUPLICATES
-        else None,
+        duplicates=duplicates,
         **_memory(1.0, 0.0, dt),
     )
 
 
 def _count_free(
-    real: FalsePositiveSamples, free: Bools, frames: int, dt: float
+    real: FalsePositiveSamples, is_free: Bools, frames: int, dt: float
 ) -> FreeFalsePositives | None:
-    """Parameters of the ``free`` false positives over ``frames`` frames of ``dt`` s; None without any.
+    """Return parameters of the free false positives.
 
-    Chances, lives, families and memory are start values.
+    They are over ``frames`` frames of ``dt`` s. None without any. Chances,
+    lives, families and memory are start values.
     """
-    if not free.any():
+    if not is_free.any():
         return None
-    moment = real.scene[free] * _FRAMES + real.frame[free]
+    moment = real.scene[is_free] * _MAX_FRAMES + real.frame[is_free]
     count = np.unique(moment, return_counts=True)[1]
-    rate = float(free.sum()) / frames
-    place = real.place[free]
-    pairs = Neighbours.within(NEAR, place, moment, np.arange(len(place)))
-    distance = np.hypot(*(place[pairs.row] - place[pairs.other]).T)
-    length, width, height = (
-        round(float(side), 4) for side in real.size[free].mean(axis=0)
+    rate = float(is_free.sum()) / frames
+    dispersion = float((count**2).sum()) / frames / rate - rate
+    free_place = real.place[is_free]
+    pairs = Neighbours.within(
+        NEAR_DISTANCE_M, free_place, moment, np.arange(len(free_place))
     )
+    distance_m = np.hypot(*(free_place[pairs.row] - free_place[pairs.other]).T)
+    spread_m = 1.0
+    if len(distance_m):
+        spread_m = float(np.median(distance_m)) / 1.3
+    length, width, height = rounded(real.size[is_free].mean(axis=0))
     return FreeFalsePositives(
         rate=round(rate, 4),
-        dispersion=round(max(float((count**2).sum()) / frames / rate - rate, 1.0), 4),
+        dispersion=round(max(dispersion, 1.0), 4),
         chance=0.15,
         survive=0.88,
         siblings=0.4,
-        spread=round(float(np.median(distance)) / 1.3 if len(distance) else 1.0, 3),
+        spread=round(spread_m, 3),
         family=0.5,
         size=(length, width, height),
-        distance=_quantiles(np.maximum(real.distance[free], _NEAREST)),
-        score=_quantiles(real.score[free], RANKS),
+        distance=_quantiles(np.maximum(real.distance[is_free], _SENSOR_DISTANCE_M)),
+        score=_quantiles(real.score[is_free], RANKS),
         **_memory(1.0, 0.0, dt),
     )
 
 
 def _quantiles(
-    value: Floats, share: Sequence[float] | Floats = EVEN_RANKS
+    value: Floats, ranks: Sequence[float] | Floats = EVEN_RANKS
 ) -> tuple[float, ...]:
-    return rounded(np.quantile(value, share))
+    return rounded(np.quantile(value, ranks))
 
 
 def _memory(lasting: float, constant: float, dt: float) -> dict[str, float]:
-    """Shares of the variance from the log-odds of the lasting share, and of the constant share of that."""
-    return memory_of(
-        from_log_odds(lasting), from_log_odds(constant), float(np.exp(-dt / _FADES))
+    """Return shares of the variance from log-odds, see `memory_of`."""
+    phi = float(np.exp(-dt / _FADE_S))
+    return memory_of(from_log_odds(lasting), from_log_odds(constant), phi)
+
+
+def figures_of(rows: FalsePositiveRows, frames: int, high_score: float) -> Floats:
+    """Return the compared figures of false positives over ``frames`` frames.
+
+    They are rate and dispersion of free ones, shares that stay for 1 and 4 frames,
+    stand together, are close to an object without a high score, and the rate of near
+    ones. Scores from ``high_score`` on count as high.
+    """
+    near = rows.object_distance < NEAR_DISTANCE_M
+    free = ~near
+    strong = rows.score >= high_score
+    every_row = np.ones(len(rows.score), dtype=bool)
+    without_parent = ~(rows.parent_score >= high_score)
+    lonely = (rows.object_distance < BESIDE[1]) & without_parent
+    stays_1 = _has_neighbour(rows, every_row, _SAME_PLACE_M, lag=1)
+    stays_4 = _has_neighbour(rows, every_row, _SAME_PLACE_M, lag=4)
+    stays_strong = _has_neighbour(rows, strong, _SAME_PLACE_M, lag=1)
+    in_company = _has_neighbour(rows, every_row, NEAR_DISTANCE_M)
+    in_strong_company = _has_neighbour(rows, strong, NEAR_DISTANCE_M)
+    moment = rows.scene * _MAX_FRAMES + rows.frame
+    count = np.unique(moment[free], return_counts=True)[1].astype(np.float64)
+    rate = free.sum() / frames
+    variance = float((count**2).sum()) / frames - rate**2
+    return np.array(
+        [
+            rate,
+            variance / max(rate, 1e-9),
+            _share(stays_1, free),
+            _share(stays_4, free),
+            _share(stays_1, near),
+            _share(stays_4, near),
+            _share(stays_strong, free & strong),
+            _share(stays_strong, near & strong),
+            _share(in_company, every_row),
+            _share(in_strong_company, strong),
+            _share(lonely, near & strong),
+            near.sum() / frames,
+        ]
     )
 
 
-@dataclass(frozen=True, eq=False)
-class VisibleFalsePositives:
-    """False positives of a class over scenes, real or simulated."""
+def _has_neighbour(
+    rows: FalsePositiveRows, candidates: Bools, distance_m: float, lag: int = 0
+) -> Bools:
+    """Return a mask ``[D]`` of rows with a later neighbour.
 
-    scene: Ints  # [D]
-    frame: Ints  # [D]
-    place: Floats  # [D, 2] m
-    score: Floats  # [D]
-    beside: Floats  # [D] m to the nearest true box of its classes
-    parent: Floats  # [D] score of that box' own detection; NaN or -inf where it is undetected
-
-    def figures(self, frames: int, high: float) -> Floats:
-        """Compared figures over ``frames`` frames; scores from ``high`` on count as high.
-
-        Rate and dispersion of free ones, shares that stay for 1 and 4 frames, stand together, are beside an object
-        without a high score; rate of near ones.
-        """
-        near = self.beside < NEAR
-        strong = self.score >= high
-        everyone = np.ones(len(self.score), dtype=bool)
-        alone = (self.beside < BESIDE[1]) & ~(self.parent >= high)
-        first, fourth = (self._any_within(_SAME_PLACE, lag, everyone) for lag in (1, 4))
-        again = self._any_within(_SAME_PLACE, 1, strong)
-        count = np.unique(
-            self.scene[~near] * _FRAMES + self.frame[~near], return_counts=True
-        )[1]
-        rate = (~near).sum() / frames
-        return np.array(
-            [
-                rate,
-                (float((count.astype(np.float64) ** 2).sum()) / frames - rate**2)
-                / max(rate, 1e-9),
-                *(
-                    _share(stays, kind)
-                    for kind in (~near, near)
-                    for stays in (first, fourth)
-                ),
-                *(_share(again, kind & strong) for kind in (~near, near)),
-                _share(self._any_within(NEAR, 0, everyone), everyone),
-                _share(self._any_within(NEAR, 0, strong), strong),
-                _share(alone, near & strong),
-                near.sum() / frames,
-            ]
-        )
-
-    def _any_within(self, distance: float, lag: int, by: Bools) -> Bools:
-        """Mask of those with another one of ``by`` within ``distance`` m, ``lag`` frames later ``[D]``."""
-        if not by.any():
-            return np.zeros(len(self.frame), dtype=bool)
-        # the third coordinate separates frames, and scenes even more
-        moment = 10.0 * (
-            self.scene * (int(self.frame.max(initial=0)) + 20.0) + self.frame
-        )
-        targets = np.column_stack([self.place, moment])[by]
-        query = np.column_stack([self.place, moment + 10.0 * lag])
-        # two of each, as in its own frame the nearest one is itself
-        nearest = np.isfinite(
-            KDTree(targets).query(query, k=2, distance_upper_bound=distance)[0]
-        )
-        return np.asarray(
-            np.where(by, nearest[:, 1], nearest[:, 0]) if lag == 0 else nearest[:, 0]
-        )
+    ``lag``: frames between both; ``candidates`` ``[D]``: rows that count as neighbours,
+    within ``distance_m``.
+    """
+    if not candidates.any():
+        return np.zeros(len(rows.frame), dtype=bool)
+    # the third coordinate separates frames, and scenes even more
+    scene_length = int(rows.frame.max(initial=0)) + 20.0
+    moment = 10.0 * (rows.scene * scene_length + rows.frame)
+    tree = KDTree(np.column_stack([rows.place, moment])[candidates])
+    query = np.column_stack([rows.place, moment + 10.0 * lag])
+    # two of each, as in its own frame the nearest one is itself
+    distances_m, _ = tree.query(query, k=2, distance_upper_bound=distance_m)
+    has_one, has_two = np.isfinite(distances_m).T
+    if lag == 0:
+        has_one = np.where(candidates, has_two, has_one)
+    return np.asarray(has_one)
 
 
-def _share(yes: Bools, among: Bools) -> float:
-    return float(yes[among].mean()) if among.any() else 0.0
+def _share(mask: Bools, among: Bools, default: float = 0.0) -> float:
+    if not among.any():
+        return default
+    return float(mask[among].mean())
 
 
-class _FalsePositiveSimulation:
-    """Simulated false positives of a class in all scenes, and the figures of the real ones."""
+class _Simulation:
+    """Simulated false positives of a class in all scenes, and real figures."""
 
     def __init__(
         self,
@@ -241,129 +258,128 @@ class _FalsePositiveSimulation:
         real: FalsePositiveSamples,
         sensor: Sensor,
     ) -> None:
-        others = {
-            key: noise.model_copy(update={"near": None})
-            for key, noise in profile.classes.items()
+        without_near = {
+            class_name: noise.model_copy(update={"near": None})
+            for class_name, noise in profile.classes.items()
         }
-        self.profile = profile.model_copy(update={"classes": others})
+        self.profile = profile.model_copy(update={"classes": without_near})
         self.classes = classes
+        self.noise_names = [profile.noise_name(c) for c in classes]
         self.name = name
         self.frames = sum(scene.frames for scene in scenes)
         self.scenes = [
             SensedScene(scene.truth, scene.ego, sensor, 1.0, 1.0) for scene in scenes
         ]
-        self.noise_names = [profile.noise_name(other) for other in classes]
-        self.high = float(np.quantile(real.score, _HIGH))
-        found = VisibleFalsePositives(
-            real.scene, real.frame, real.place, real.score, real.beside, real.parent
-        )
-        self.real = found.figures(self.frames, self.high)
-        visible = [scene.visible for scene in scenes]
+        self.high_score = float(np.quantile(real.score, _HIGH_RANK))
+        self.real_figures = figures_of(real, self.frames, self.high_score)
+        # of the objects, by seed and scene
         self.qualities = [
-            [
-                self._qualities(*each, seed)
-                for each in zip(self.scenes, visible, strict=True)
-            ]
+            [self._draw_qualities(scene, sensor, seed) for scene in scenes]
             for seed in range(_SEEDS)
         ]
 
-    def nearest(
-        self, near: NearFalsePositives, free: FreeFalsePositives
-    ) -> tuple[NearFalsePositives, FreeFalsePositives]:
-        """Parameters with figures nearest to the real ones, from counted ones as a start."""
-        scale = 0.08 * np.abs(self.real) + 0.01
-        start = np.array(list(_UNKNOWNS.values()))
+    def nearest(self, noise: ClassNoise) -> ClassNoise:
+        """Return the noise with figures nearest to the real ones.
+
+        The counted parameters are the start.
+        """
         dt = self.profile.dt
-        unknown = nearest_parameters(
-            lambda x: self._figures(*_parameters(near, free, x, dt)),
-            self.real,
-            scale,
-            start,
+        best = nearest_parameters(
+            lambda unknown: self._simulated_figures(_with_unknown(noise, unknown, dt)),
+            self.real_figures,
+            0.08 * np.abs(self.real_figures) + 0.01,
+            np.array(list(_START.values())),
         )
-        return _parameters(near, free, unknown, dt)
+        return _with_unknown(noise, best, dt)
 
-    def _qualities(
-        self, scene: SensedScene, visible: Floats | None, seed: int
-    ) -> Qualities:
-        grid = truth_grid(
-            scene.truth, [self.profile.noise(name) for name in self.classes], 1.0
-        )
-        neighbours = truth_neighbours(
-            grid, scene.truth.box[:, :2], self.profile.neighbours
-        )
-        seen = visibility_of(scene.truth, scene.ego, scene.sensor, visible)
-        return draw_qualities(grid, seen, neighbours, Draws(seed))
+    def _draw_qualities(self, scene: Scene, sensor: Sensor, seed: int) -> Qualities:
+        truth = scene.truth
+        noise = [self.profile.noise(c) for c in self.classes]
+        grid = truth_grid(truth, noise, 1.0)
+        place = truth.box[:, :2]
+        neighbours = truth_neighbours(grid, place, self.profile.neighbours)
+        visibility = visibility_of(truth, scene.ego, sensor, scene.visible)
+        return draw_qualities(grid, visibility, neighbours, Draws(seed))
 
-    def _figures(self, near: NearFalsePositives, free: FreeFalsePositives) -> Floats:
-        """Mean figures of simulated false positives over seeds."""
-        noise = self.profile.classes[self.name].model_copy(
-            update={"near": near, "free": free}
-        )
+    def _simulated_figures(self, noise: ClassNoise) -> Floats:
+        """Return mean figures of simulated false positives over seeds."""
         profile = self.profile.model_copy(
             update={"classes": {**self.profile.classes, self.name: noise}}
         )
+        class_noise = [profile.noise(c) for c in self.classes]
         figures = []
-        for seed in range(_SEEDS):
-            found = joined(
-                [
-                    self._simulated(profile, number, seed)
-                    for number in range(len(self.scenes))
-                ]
-            )
-            figures.append(found.figures(self.frames, self.high))
+        for seed, qualities in enumerate(self.qualities):
+            parts = [
+                self._simulate(class_noise, noise, number, seed, scene_qualities)
+                for number, scene_qualities in enumerate(qualities)
+            ]
+            figures.append(figures_of(joined(parts), self.frames, self.high_score))
         return np.asarray(np.mean(figures, axis=0))
 
-    def _simulated(
-        self, profile: Profile, number: int, seed: int
-    ) -> VisibleFalsePositives:
-        scene = self.scenes[number]
-        qualities = self.qualities[seed][number]
-        noise = profile.classes[self.name]
+    def _simulate(
+        self,
+        class_noise: Sequence[ClassNoise],
+        noise: ClassNoise,
+        scene_number: int,
+        seed: int,
+        qualities: Qualities,
+    ) -> FalsePositiveRows:
+        """Draw the false positives of a scene.
+
+        ``class_noise``: that of each class; ``noise``: that of the fitted class;
+        ``qualities``: of the objects.
+        """
+        scene = self.scenes[scene_number]
         truth = scene.truth
-        draw = 1000 * seed + number
+        draw_seed = 1000 * seed + scene_number
         similar = classes_of_same_noise(truth, self.noise_names)
-        grid = truth_grid(truth, [profile.noise(name) for name in self.classes], 1.0)
-        parts = [near_false_positives(grid, scene, qualities, similar, draw)]
+        grid = truth_grid(truth, class_noise, 1.0)
+        parts = [near_false_positives(grid, scene, qualities, similar, draw_seed)]
         reported = reported_classes(
             truth, self.classes, self.noise_names, self.name, noise
         )
         if reported is not None:
-            parts.append(free_false_positives(noise, reported, scene, 0, draw))
-        found = detect_false_positives(parts, scene)
+            parts.append(free_false_positives(noise, reported, scene, 0, draw_seed))
+        detected = detect_false_positives(parts, scene)
         of_class = np.array(self.noise_names)[truth.class_id] == self.name
-        nearest, beside = nearest_true_boxes(truth, of_class, found.frame, found.box)
-        parent = np.append(
-            np.where(qualities.reported, qualities.score, -np.inf), -np.inf
-        )[nearest]
-        scenes = np.full(len(found.frame), number)
-        return VisibleFalsePositives(
-            scenes, found.frame, found.box[:, :2], found.score, beside, parent
+        nearest_row, object_distance = nearest_true_boxes(
+            truth, of_class, detected.frame, detected.box
+        )
+        # the last value is that of frames without a true box
+        score = np.where(qualities.reported, qualities.score, -np.inf)
+        score = np.append(score, -np.inf)
+        return FalsePositiveRows(
+            scene=np.full(len(detected.frame), scene_number),
+            frame=detected.frame,
+            place=detected.box[:, :2],
+            score=detected.score,
+            object_distance=object_distance,
+            parent_score=score[nearest_row],
         )
 
 
-def _parameters(
-    near: NearFalsePositives, free: FreeFalsePositives, unknown: Floats, dt: float
-) -> tuple[NearFalsePositives, FreeFalsePositives]:
-    """Parameters with the values of `_UNKNOWNS`, in its order."""
-    value = dict(zip(_UNKNOWNS, unknown.tolist(), strict=True))
-    factor = {
-        name: float(np.exp(value[name]))
-        for name in ("siblings", "rate", "dispersion", "near_rate")
-    }
+def _with_unknown(noise: ClassNoise, unknown: Floats, dt: float) -> ClassNoise:
+    """Return the noise with the values of `_START`, in its order."""
+    assert noise.near is not None
+    assert noise.free is not None
+    value_by_name = dict(zip(_START, unknown.tolist(), strict=True))
+    factor = {name: float(np.exp(log)) for name, log in value_by_name.items()}
+    chance = _MIN_CHANCE + (1.0 - _MIN_CHANCE) * from_log_odds(value_by_name["chance"])
+    extra_dispersion = max(noise.free.dispersion - 1.0, 0.05) * factor["dispersion"]
     free_update = {
-        "chance": round(_LEAST + (1.0 - _LEAST) * from_log_odds(value["chance"]), 4),
-        "survive": round(from_log_odds(value["survive"]), 4),
+        "chance": round(chance, 4),
+        "survive": round(from_log_odds(value_by_name["survive"]), 4),
         "siblings": round(factor["siblings"], 4),
-        "family": round(from_log_odds(value["family"]), 4),
-        "rate": round(free.rate * factor["rate"], 4),
-        "dispersion": round(
-            1.0 + max(free.dispersion - 1.0, 0.05) * factor["dispersion"], 4
-        ),
-        **_memory(value["lasting"], value["constant"], dt),
+        "family": round(from_log_odds(value_by_name["family"]), 4),
+        "rate": round(noise.free.rate * factor["rate"], 4),
+        "dispersion": round(1.0 + extra_dispersion, 4),
+        **_memory(value_by_name["lasting"], value_by_name["constant"], dt),
     }
     near_update = {
-        "chance": round(min(near.chance * factor["near_rate"], 1.0), 5),
-        "parent": round(float(np.tanh(value["parent"])), 4),
-        **_memory(value["near_lasting"], value["near_constant"], dt),
+        "chance": round(min(noise.near.chance * factor["near_rate"], 1.0), 5),
+        "parent": round(float(np.tanh(value_by_name["parent"])), 4),
+        **_memory(value_by_name["near_lasting"], value_by_name["near_constant"], dt),
     }
-    return near.model_copy(update=near_update), free.model_copy(update=free_update)
+    near = noise.near.model_copy(update=near_update)
+    free = noise.free.model_copy(update=free_update)
+    return noise.model_copy(update={"near": near, "free": free})

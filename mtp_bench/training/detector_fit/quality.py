@@ -1,4 +1,7 @@
-"""Fit of the quality: mean and scores by maximum likelihood, memory and sharing by simulation."""
+"""Fit of the quality of detections.
+
+Mean and scores are fitted by maximum likelihood, memory and sharing by simulation.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,90 +24,85 @@ from ...detector import (
 )
 from .samples import ObjectSamples
 
-NEIGHBOUR_LENGTH = 20.0  # m; objects farther apart share no noise
-_SHARES = (
-    0.05,
-    0.1,
-    0.2,
-    0.3,
-    0.4,
-    0.5,
-    0.6,
-    0.7,
-    0.8,
-    0.9,
-    0.95,
-    0.98,
-    0.995,
-)  # of the scores below the cuts
-_BEST = 1.5  # quality of the highest score above the last cut
-_LAPSES = (0.3, 0.5, 0.7)  # candidate shares of the variance
+NEIGHBOUR_LENGTH_M = 20.0  # objects farther apart share no noise
+# of the scores below the cuts
+_SHARES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.995)
+_BEST_QUALITY = 1.5  # of the highest score, above the last cut
+_LAPSE_SHARES = (0.3, 0.5, 0.7)  # candidate shares of the variance
 _LAGS = (1, 3, 8)  # frames
-_BANDS = ((0.0, 5.0), (5.0, 10.0))  # m between neighbours
-_SECOND = 0.15  # share of the hits below the second score threshold at which misses are compared
-_FEW = 60  # least pairs for a correlation
+_BANDS_M = ((0.0, 5.0), (5.0, 10.0))  # between neighbours
+# share of the hits below the second score threshold at which misses are compared
+_SECOND_SHARE = 0.15
+_MIN_PAIRS = 60  # for a correlation
 _SEEDS = 8
 _START = np.array([1.0, 0.0, 1.0, -0.5, 0.5, 1.0, 0.0])
 _SCALE = 0.03  # of all compared figures, which are correlations
-_LEAST_STEP = 1e-4  # between two cuts
-_RIDGE = 1.0  # inverse variance of a weight around 0; keeps the weight of a feature that never occurs at 0
-_TINY = 1e-12
-_STEP = 0.25  # of every unknown, for slopes: simulated figures are not smooth
-_PRIOR = 0.15  # pull towards the start, for unknowns that the figures do not determine
-_FARTHEST = 4.5  # unknowns are log-odds or logarithms
+_MIN_CUT_STEP = 1e-4  # between two cuts
+# inverse variance of a weight around 0; keeps the weight of a feature that never occurs
+# at 0
+_RIDGE = 1.0
+_MIN_CHANCE = 1e-12
+_SLOPE_STEP = 0.25  # of every unknown: simulated figures are not smooth
+# pull towards the start, for unknowns that the figures do not determine
+_PRIOR = 0.15
+_MAX_UNKNOWN = 4.5  # unknowns are log-odds or logarithms
 _SEARCH_ROUNDS = 8
 
 
 def fit_quality(objects: ObjectSamples, floor: float) -> Quality:
-    """Fit the quality whose correlations are nearest to the real ones, over candidate shares of lapses."""
-    scored = float(np.ptp(objects.score[objects.hit])) > 0
-    best = None
-    least = np.inf
-    for share in _LAPSES:
+    """Fit the quality whose correlations are nearest to the real ones.
+
+    It is the best over candidate shares of lapses.
+    """
+    has_scores = float(np.ptp(objects.score[objects.hit])) > 0
+    candidates = []
+    for share in _LAPSE_SHARES if has_scores else _LAPSE_SHARES[:1]:
         quality = _margins(objects, floor, share)
         simulation = _QualitySimulation(objects, quality)
         real = simulation.correlations(objects.hit, objects.score)
-        unknown = nearest_parameters(
-            simulation.simulated, real, np.full(len(real), _SCALE), _START
-        )
+        scale = np.full(len(real), _SCALE)
+        unknown = nearest_parameters(simulation.simulated, real, scale, _START)
         difference = (simulation.simulated(unknown) - real)[np.isfinite(real)] / _SCALE
-        if float(difference @ difference) < least:
-            best = _with_memory(quality, unknown)
-            least = float(difference @ difference)
-        if not scored:
-            break
-    assert best is not None
-    return best
+        fitted = _with_memory(quality, unknown)
+        candidates.append((float(difference @ difference), fitted))
+    return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
 def random_part(objects: ObjectSamples, quality: Quality) -> Floats:
-    """Random part of the quality that the scores show ``[R]``, NaN where undetected."""
+    """Return the random part ``[R]`` of qualities in the scores.
+
+    It is NaN where undetected.
+    """
     value = np.full(len(objects.hit), np.nan)
-    value[objects.hit] = np.interp(
-        objects.score[objects.hit], quality.score, quality.latent
-    )
+    score = objects.score[objects.hit]
+    value[objects.hit] = np.interp(score, quality.score, quality.latent)
     return np.asarray(value - objects.feature @ np.array(quality.location))
 
 
-def _margins(objects: ObjectSamples, floor: float, lapses: float) -> Quality:
-    """Quality with fitted mean and scores, where a miss is the lowest level; the memory is a placeholder."""
+def _margins(objects: ObjectSamples, floor: float, lapse_share: float) -> Quality:
+    """Return a quality with fitted mean and scores.
+
+    A miss is the lowest level; the memory is a placeholder.
+    """
     score = objects.score[objects.hit]
-    cut = np.unique(np.append(np.quantile(score, _SHARES), floor))
-    cut = cut[cut >= floor][
-        : 1 if score.min() == score.max() else None
-    ]  # without scores only the floor
+    cuts = np.unique(np.append(np.quantile(score, _SHARES), floor))
+    cuts = cuts[cuts >= floor]
+    if score.min() == score.max():
+        cuts = cuts[:1]  # without scores only the floor
     level = np.zeros(len(objects.hit), dtype=np.int64)
-    level[objects.hit] = np.maximum(np.searchsorted(cut, score, side="right"), 1)
-    weight, latent = fit_ordered_levels(objects.feature, level, len(cut) + 1, lapses)
+    level[objects.hit] = np.maximum(np.searchsorted(cuts, score, side="right"), 1)
+    location, latent = fit_ordered_levels(
+        objects.feature, level, len(cuts) + 1, lapse_share
+    )
     return Quality(
         bias=0.5,
         ar=0.3,
         phi=0.7,
         white=0.2,
-        location=rounded(weight),
-        lapses=Lapses(share=lapses, bias=0.5, phi=0.7, shared=0.5),
-        latent=rounded(np.append(latent, latent[-1] + _BEST)),
-        score=rounded(np.append(cut, score.max())),
+        location=rounded(location),
+        lapses=Lapses(share=lapse_share, bias=0.5, phi=0.7, shared=0.5),
+        latent=rounded(np.append(latent, latent[-1] + _BEST_QUALITY)),
+        score=rounded(np.append(cuts, score.max())),
         floor=floor,
     )
 
@@ -115,24 +113,23 @@ def rounded(values: Floats) -> tuple[float, ...]:
 
 
 def _with_memory(quality: Quality, unknown: Floats) -> Quality:
-    """The quality with the memory given by log-odds ``unknown`` ``[7]``."""
-    lasting, constant, phi, shared, *lapse = (
-        from_log_odds(float(value)) for value in unknown
-    )
-    names = ("bias", "phi", "shared")
+    """Return the quality with the memory given by log-odds ``unknown`` ``[7]``."""
+    lasting, constant, phi, shared, *lapse = map(from_log_odds, unknown.tolist())
+    bias, lapse_phi, lapse_shared = rounded(np.array(lapse))
     lapses = quality.lapses.model_copy(
-        update=dict(zip(names, rounded(np.array(lapse)), strict=True))
+        update={"bias": bias, "phi": lapse_phi, "shared": lapse_shared}
     )
-    update = {
-        **memory_of(lasting, constant, phi),
-        "shared": round(shared, 4),
-        "lapses": lapses,
-    }
-    return quality.model_copy(update=update)
+    memory = memory_of(lasting, constant, phi)
+    return quality.model_copy(
+        update={**memory, "shared": round(shared, 4), "lapses": lapses}
+    )
 
 
 def memory_of(lasting: float, constant: float, phi: float) -> dict[str, float]:
-    """Fields of `Shares` from the lasting share of the variance, and the constant share of that."""
+    """Return the fields of `Shares`.
+
+    ``lasting``: share of the variance; ``constant``: share of the lasting share.
+    """
     bias = round(lasting * constant, 4)
     ar = round(lasting * (1 - constant), 4)
     return {
@@ -144,14 +141,16 @@ def memory_of(lasting: float, constant: float, phi: float) -> dict[str, float]:
 
 
 class _QualitySimulation:
-    """True objects of a class over all scenes, joined to one long scene in which qualities can be drawn."""
+    """True objects of a class over all scenes, joined to one long scene.
+
+    Qualities can be drawn in it.
+    """
 
     def __init__(self, objects: ObjectSamples, quality: Quality) -> None:
-        """``quality``: with fitted margins."""
-        width = int(objects.frame.max(initial=0)) + 1
+        """Take the fitted margins of ``quality``."""
         ids, column = np.unique(objects.object, return_inverse=True)
         self.grid = Grid(
-            width,
+            int(objects.frame.max(initial=0)) + 1,
             ids,
             objects.frame,
             column,
@@ -159,26 +158,24 @@ class _QualitySimulation:
             np.zeros(len(ids), dtype=np.int64),
             1.0,
         )
-        moment = objects.scene * width + objects.frame
-        near = self.neighbours = Neighbours.within(
-            NEIGHBOUR_LENGTH, objects.place, moment, objects.object
+        self.neighbours = Neighbours.within(
+            NEIGHBOUR_LENGTH_M, objects.place, objects.moments(), objects.object
         )
-        distance = np.hypot(*(objects.place[near.row] - objects.place[near.other]).T)
-        bands = [
-            (distance > low) & (distance <= high) & (near.row < near.other)
-            for low, high in _BANDS
-        ]
-        # rows of one object by `_LAGS`, then of neighbours by `_BANDS`
-        self.pairs = [
-            *map(objects.pairs, _LAGS),
-            *((near.row[band], near.other[band]) for band in bands),
-        ]
-        self.second_threshold = float(np.quantile(objects.score[objects.hit], _SECOND))
+        row = self.neighbours.row
+        neighbour = self.neighbours.other
+        distance_m = np.hypot(*(objects.place[row] - objects.place[neighbour]).T)
+        # rows of one object by `_LAGS`, then of neighbours by `_BANDS_M`
+        self.pairs = [objects.pairs(lag) for lag in _LAGS]
+        for low, high in _BANDS_M:
+            in_band = (distance_m > low) & (distance_m <= high) & (row < neighbour)
+            self.pairs.append((row[in_band], neighbour[in_band]))
+        hit_score = objects.score[objects.hit]
+        self.second_threshold = float(np.quantile(hit_score, _SECOND_SHARE))
         self.location = objects.feature @ np.array(quality.location)
         self.quality = quality
 
     def simulated(self, unknown: Floats) -> Floats:
-        """Mean `correlations` over seeds, with the memory given by log-odds."""
+        """Return mean `correlations` over seeds, with the memory given by log-odds."""
         quality = _with_memory(self.quality, unknown)
         grid = replace(self.grid, noise=(ClassNoise.model_construct(quality=quality),))
         results = []
@@ -189,101 +186,118 @@ class _QualitySimulation:
         return np.asarray(np.nan_to_num(results).mean(axis=0))
 
     def correlations(self, hit: Bools, score: Floats) -> Floats:
-        """Correlations of qualities and of misses, over frames and between neighbours.
+        """Return correlations of qualities and of misses.
 
-        ``hit`` [R]; ``score`` [R], NaN where undetected.
+        They are over frames and between neighbours. ``hit`` [R]; ``score`` [R], NaN
+        where undetected.
         """
-        value = (
-            np.interp(np.nan_to_num(score), self.quality.score, self.quality.latent)
-            - self.location
+        quality = np.interp(
+            np.nan_to_num(score), self.quality.score, self.quality.latent
         )
-        strong = hit & (np.nan_to_num(score, nan=-np.inf) >= self.second_threshold)
+        value = quality - self.location
+        is_strong = np.nan_to_num(score, nan=-np.inf) >= self.second_threshold
         missed = self._residual(~hit)
-        weak = self._residual(~strong)
+        weak = self._residual(~(hit & is_strong))
         result = []
-        for one, other in self.pairs:
-            both = hit[one] & hit[other]
-            result.append(_correlation(value, one[both], other[both]))
-            result += [_correlation(missed, one, other), _correlation(weak, one, other)]
+        for one, two in self.pairs:
+            hit_twice = hit[one] & hit[two]
+            result += [
+                _correlation(value, one[hit_twice], two[hit_twice]),
+                _correlation(missed, one, two),
+                _correlation(weak, one, two),
+            ]
         return np.array(result)
 
     def _residual(self, miss: Bools) -> Floats:
-        """Misses less their mean among rows of similar mean quality ``[R]``."""
+        """Return misses ``[R]`` less their mean at similar mean quality."""
         end = np.quantile(self.location, np.linspace(0.0, 1.0, 11)[1:-1])
         group = np.searchsorted(end, self.location)
-        mean = np.bincount(group, miss, 10) / np.maximum(
-            np.bincount(group, minlength=10), 1
-        )
+        count = np.bincount(group, minlength=10)
+        mean = np.bincount(group, miss, 10) / np.maximum(count, 1)
         return np.asarray(miss - mean[group])
 
 
-def _correlation(value: Floats, one: Ints, other: Ints) -> float:
-    if len(one) < _FEW:
+def _correlation(value: Floats, one: Ints, two: Ints) -> float:
+    """Return the correlation over pairs of rows, each in both orders."""
+    if len(one) < _MIN_PAIRS:
         return float("nan")
     first = value[one]
-    second = value[other]
-    mean = 0.5 * (first.mean() + second.mean())  # each pair counts in both orders
+    second = value[two]
+    mean = 0.5 * (first.mean() + second.mean())
     first = first - mean
     second = second - mean
     square = first @ first + second @ second
-    return float(2.0 * (first @ second) / square) if square > 0 else 0.0
+    if square > 0:
+        return float(2.0 * (first @ second) / square)
+    return 0.0
 
 
 def fit_ordered_levels(
-    feature: Floats, level: Ints, levels: int, lapses: float
+    feature: Floats, level: Ints, levels: int, lapse_share: float
 ) -> tuple[Floats, Floats]:
-    """Weights ``[n]`` of a mean over ``feature`` ``[R, n]``, and cuts ``[levels - 1]``, by maximum likelihood.
+    """Fit weights ``[n]`` of a mean, and cuts ``[levels - 1]``.
 
-    ``level`` ``[R]`` 0, 1, ... is the number of cuts below a number with this mean and variance 1, whose lower tail has
-    the exponential share ``lapses``; the first cut is 0.
+    The fit is by maximum likelihood. The mean is over ``feature`` ``[R, n]``.
+    ``level`` ``[R]`` 0, 1, ... is the number of cuts below a number with this mean and
+    variance 1, whose lower tail has the exponential share ``lapse_share``; the first
+    cut is 0.
     """
     share = np.cumsum(np.bincount(level, minlength=levels))[:-1] / len(level)
     start = ndtri(np.clip(share, 1e-3, 1 - 1e-3))
     gaps = np.log(np.maximum(np.diff(start), 1e-2))
     weight = np.zeros(feature.shape[1])
     weight[0] = -start[0]
-    arguments = feature, level, lapses
     fitted = minimize(
         _level_loss,
         np.concatenate([weight, gaps]),
-        arguments,
+        (feature, level, lapse_share),
         jac=True,
         method="L-BFGS-B",
         options={"maxiter": 1000},
     )
     weight, gaps = np.split(fitted.x, [feature.shape[1]])
-    return weight, np.concatenate([[0.0], np.cumsum(np.exp(gaps) + _LEAST_STEP)])
+    return weight, np.append(0.0, _cuts(gaps))
+
+
+def _cuts(gaps: Floats) -> Floats:
+    """Return cuts after the first from logarithms of gaps."""
+    return np.cumsum(np.exp(gaps) + _MIN_CUT_STEP)
 
 
 def _level_loss(
-    unknown: Floats, feature: Floats, level: Ints, lapses: float
+    unknown: Floats, feature: Floats, level: Ints, lapse_share: float
 ) -> tuple[float, Floats]:
-    """Mean negative log-likelihood and its gradient, over weights and logarithms of the gaps between cuts."""
+    """Return the mean negative log-likelihood and its gradient.
+
+    It is over weights and logarithms of the gaps between cuts.
+    """
     weight, gaps = np.split(unknown, [feature.shape[1]])
-    cut = np.concatenate([[-1e3, 0.0], np.cumsum(np.exp(gaps) + _LEAST_STEP), [1e3]])
+    cuts = np.concatenate([[-1e3, 0.0], _cuts(gaps), [1e3]])
     mean = feature @ weight
-    low = cut[level] - mean
-    high = cut[level + 1] - mean
+    low = mean - cuts[level]
+    high = mean - cuts[level + 1]
     # of the mirrored number, with the exponential tail above
-    chance = np.maximum(skewed_cdf(-low, lapses) - skewed_cdf(-high, lapses), _TINY)
-    at_low, at_high = (skewed_density(-x, lapses) / chance for x in (low, high))
+    chance = skewed_cdf(low, lapse_share) - skewed_cdf(high, lapse_share)
+    chance = np.maximum(chance, _MIN_CHANCE)
+    at_low = skewed_density(low, lapse_share) / chance
+    at_high = skewed_density(high, lapse_share) / chance
     weight_slope = feature.T @ (at_high - at_low)
-    cut_slope = np.bincount(level, at_low, len(cut)) - np.bincount(
-        level + 1, at_high, len(cut)
-    )
+    low_slope = np.bincount(level, at_low, len(cuts))
+    cut_slope = low_slope - np.bincount(level + 1, at_high, len(cuts))
     gap_slope = np.cumsum(cut_slope[2:-1][::-1])[::-1] * np.exp(gaps)
     penalty = 0.5 * _RIDGE * float(weight[1:] @ weight[1:])
     weight_slope[1:] += _RIDGE * weight[1:]
-    count = len(level)
-    return (penalty - float(np.log(chance).sum())) / count, np.concatenate(
-        [weight_slope, gap_slope]
-    ) / count
+    slope = np.concatenate([weight_slope, gap_slope])
+    return (penalty - float(np.log(chance).sum())) / len(level), slope / len(level)
 
 
 def nearest_parameters(
     figures: Callable[[Floats], Floats], real: Floats, scale: Floats, start: Floats
 ) -> Floats:
-    """Unknowns with ``figures`` nearest to the ``real`` ones that are known, in units of ``scale``."""
+    """Return unknowns with ``figures`` nearest to the ``real`` finite ones.
+
+    Differences are in units of ``scale``.
+    """
     finite = np.isfinite(real)
 
     def loss(unknown: Floats) -> Floats:
@@ -292,26 +306,17 @@ def nearest_parameters(
 
     def slope(unknown: Floats) -> Floats:
         current = loss(unknown)
-        return (
-            np.stack(
-                [loss(unknown + step) - current for step in _STEP * np.eye(len(start))],
-                axis=-1,
-            )
-            / _STEP
-        )
+        steps = _SLOPE_STEP * np.eye(len(start))
+        changes = [loss(unknown + step) - current for step in steps]
+        return np.stack(changes, axis=-1) / _SLOPE_STEP
 
-    return np.asarray(
-        least_squares(
-            loss,
-            start,
-            slope,
-            (-_FARTHEST, _FARTHEST),
-            "dogbox",
-            max_nfev=_SEARCH_ROUNDS,
-        ).x
+    bounds = (-_MAX_UNKNOWN, _MAX_UNKNOWN)
+    fitted = least_squares(
+        loss, start, slope, bounds, "dogbox", max_nfev=_SEARCH_ROUNDS
     )
+    return np.asarray(fitted.x)
 
 
 def from_log_odds(log_odds: float) -> float:
-    """Share with these log-odds."""
+    """Return the share with these log-odds."""
     return float(1.0 / (1.0 + np.exp(-log_odds)))

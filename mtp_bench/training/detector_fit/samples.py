@@ -1,5 +1,6 @@
-"""Samples to fit a detector to: hits and errors of the true boxes of each class, and its false positives."""
+"""Samples to fit a detector to: hits and errors of true boxes, and false positives."""
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -30,28 +31,38 @@ HEADING = 3
 SIZE = slice(4, 7)
 
 # m, largest BEV distance of a detection from its true box
-_GATES = {"pedestrian": 1.0, "cyclist": 1.5, "bicycle": 1.5, "motorcycle": 1.5}
-_VEHICLE_GATE = 2.0
-_DUPLICATE = 0.75  # m: a second detection this near to the matched one belongs to the same object
+_GATES_M = {"pedestrian": 1.0, "cyclist": 1.5, "bicycle": 1.5, "motorcycle": 1.5}
+_VEHICLE_GATE_M = 2.0
+# a second detection this close to the matched one belongs to the same object
+_DUPLICATE_DISTANCE_M = 0.75
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectSamples:
-    """Covered true boxes of a class without the neutral ones, sorted by object and frame."""
+    """Covered true boxes of a class without the neutral ones.
+
+    They are sorted by object and frame.
+    """
 
     object: Ints  # [R] unique over scenes
     frame: Ints  # [R] within the scene
     hit: Bools  # [R]
     feature: Floats  # [R, 7] see `quality_features`
-    error: Floats  # [R, 7] detected less true: radial, tangential, z m, heading rad, l w h m; NaN where undetected
+    # [R, 7] detected less true: radial, tangential, z m, heading rad, l w h m; NaN
+    # where undetected
+    error: Floats
     velocity_error: Floats  # [R, 2] m/s; NaN where undetected or not measured
     score: Floats  # [R] NaN where undetected
     scene: Ints  # [R] number of the scene
     place: Floats  # [R, 2] m, of the true box
     direction: Floats  # [R] rad, from the sensor to it
 
+    def moments(self) -> Ints:
+        """Return numbers [R] of frames that are unique over scenes."""
+        return self.scene * (int(self.frame.max(initial=0)) + 1) + self.frame
+
     def pairs(self, lag: int = 1) -> tuple[Ints, Ints]:
-        """Rows of the same object, earlier and later, ``lag`` frames apart."""
+        """Return rows of the same object, ``lag`` frames apart: earlier, later."""
         width = int(self.frame.max(initial=0)) + lag + 1
         key = self.object * width + self.frame
         later = np.searchsorted(key, key + lag)
@@ -60,29 +71,35 @@ class ObjectSamples:
         return earlier, later[earlier]
 
     def hit_pairs(self, lag: int = 1) -> tuple[Ints, Ints]:
-        """The pairs with two hits."""
+        """Return the pairs with two hits."""
         earlier, later = self.pairs(lag)
-        both = self.hit[earlier] & self.hit[later]
-        return earlier[both], later[both]
+        hit_twice = self.hit[earlier] & self.hit[later]
+        return earlier[hit_twice], later[hit_twice]
 
 
 @dataclass(frozen=True, eq=False)
-class FalsePositiveSamples:
+class FalsePositiveRows:
+    """False positives of a class over scenes, real or simulated."""
+
+    scene: Ints  # [D] number of the scene
+    frame: Ints  # [D] within the scene
+    place: Floats  # [D, 2] m
+    score: Floats  # [D]
+    # [D] m to the nearest true box of the pooled classes; inf without one
+    object_distance: Floats
+    # [D] score of that box' own detection; NaN or -inf where it is undetected
+    parent_score: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class FalsePositiveSamples(FalsePositiveRows):
     """False positives of a class inside the sensor's coverage."""
 
     count: Ints  # [F] per frame, all scenes one after another
     duplicate: Bools  # [D] a second detection of an object
-    score: Floats  # [D]
     size: Floats  # [D, 3] m
     distance: Floats  # [D] m from the sensor
-    scene: Ints  # [D] number of the scene
-    frame: Ints  # [D] within the scene
-    place: Floats  # [D, 2] m
-    beside: (
-        Floats  # [D] m to the nearest true box of the pooled classes; inf without one
-    )
-    of_class: Bools  # [D] that box has the class of the detection
-    parent: Floats  # [D] score of that box' own detection, NaN where it is undetected
+    of_class: Bools  # [D] the nearest true box has the class of the detection
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +107,9 @@ class Matches:
     """Pairs of true boxes and detections of a scene."""
 
     detection: Ints  # [R] row of each true box' detection, -1 where it is undetected
-    false: Bools  # [D] detections without a true box, except those beside neutral true boxes
-    duplicate: Bools  # [D] false ones beside the detection of a true box
+    # [D] detections without a true box, except those close to neutral true boxes
+    false: Bools
+    duplicate: Bools  # [D] false ones close to the detection of a true box
 
 
 Samples = tuple[ObjectSamples, FalsePositiveSamples]
@@ -104,47 +122,53 @@ def collect_samples(
     floor: Mapping[str, float] | None = None,
     pooled: Mapping[str, str] | None = None,
 ) -> dict[str, Samples]:
-    """Samples per class over ``scenes``; raises DataError without a scene.
+    """Return samples per class over ``scenes``.
 
-    ``floor``: least score per class of the detections that count; ``pooled``: classes, and the class whose samples
-    theirs are added to. Boxes are matched class by class in any case.
+    ``floor``: least score per class of the detections that count; ``pooled``: classes,
+    and the class whose samples theirs are added to. Boxes are matched class by class in
+    any case. Raises DataError without a scene.
     """
     pooled = pooled or {}
-    parts: dict[str, list[Samples]] = {
-        name: [] for name in classes if name not in pooled
-    }
+    sample_names = np.array([pooled.get(name, name) for name in classes])
+    names = [name for name in classes if name not in pooled]
+    object_parts = defaultdict[str, list[ObjectSamples]](list)
+    false_parts = defaultdict[str, list[FalsePositiveSamples]](list)
     object_count = 0  # in the scenes so far
-    for scene_number, scene in enumerate(scenes):
+    scene_count = 0
+    for scene in scenes:
         detections = above_floor(scene.detections, classes, floor)
         matches = match_boxes(scene.truth, detections, classes)
         ids, number = np.unique(scene.truth.object_id, return_inverse=True)
-        rows = _object_samples(
+        objects = _object_samples(
             scene,
             detections,
             matches.detection,
             object_count + number,
             sensor,
-            scene_number,
+            scene_count,
         )
-        kept = covered(scene.truth, scene.ego, sensor) & ~scene.truth.neutral
-        for name, samples in parts.items():
-            class_ids = [
-                k for k, other in enumerate(classes) if pooled.get(other, other) == name
-            ]
-            row = np.flatnonzero(kept & np.isin(scene.truth.class_id, class_ids))
-            row = row[np.lexsort((rows.frame[row], number[row]))]
-            false = _false_positive_samples(
-                scene, detections, matches, class_ids, sensor, scene_number
+        counts = covered(scene.truth, scene.ego, sensor) & ~scene.truth.neutral
+        for name in names:
+            class_ids = np.flatnonzero(sample_names == name)
+            true_rows = np.flatnonzero(
+                counts & np.isin(scene.truth.class_id, class_ids)
             )
-            samples.append((select(rows, row), false))
+            true_rows = true_rows[
+                np.lexsort((objects.frame[true_rows], number[true_rows]))
+            ]
+            object_parts[name].append(select(objects, true_rows))
+            false_positives = _false_positive_samples(
+                scene, detections, matches, class_ids, sensor, scene_count
+            )
+            false_parts[name].append(false_positives)
         object_count += len(ids)
-    if not any(parts.values()):
+        scene_count += 1
+    if not scene_count:
         raise DataError(
             "no scenes to compare detections with true boxes in, expected at least one"
         )
     return {
-        name: (joined([a for a, _ in part]), joined([b for _, b in part]))
-        for name, part in parts.items()
+        name: (joined(object_parts[name]), joined(false_parts[name])) for name in names
     }
 
 
@@ -152,49 +176,47 @@ def _object_samples(
     scene: Scene,
     detections: Detections,
     detection: Ints,
-    number: Ints,
+    object_number: Ints,
     sensor: Sensor,
     scene_number: int,
 ) -> ObjectSamples:
-    """Samples of all true rows, with the detections ``detection`` (-1: undetected)."""
-    true = scene.truth.box
+    """Return samples of all true rows.
+
+    ``detection`` [R]: rows of their detections, -1 where they are undetected.
+    """
+    true_box = scene.truth.box
+    rows = len(true_box)
     frame = scene.truth.frame_of_rows
     hit = detection >= 0
-    box, velocity, score = (
-        np.full((len(true), *shape), np.nan) for shape in ((7,), (2,), ())
-    )
+    box = np.full((rows, 7), np.nan)
     box[hit] = detections.box[detection[hit]]
+    score = np.full(rows, np.nan)
     score[hit] = detections.score[detection[hit]]
-    if (
-        detections.velocity.any()
-    ):  # some formats write zeros everywhere where velocities were not measured
+    velocity = np.full((rows, 2), np.nan)
+    # some formats write zeros everywhere where velocities were not measured
+    if detections.velocity.any():
         velocity[hit] = detections.velocity[detection[hit]]
-    offset = box[:, :2] - true[:, :2]
-    away = true[:, :2] - scene.ego[frame, :2]
+    offset = box[:, :2] - true_box[:, :2]
+    away = true_box[:, :2] - scene.ego[frame, :2]
     away = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
-    radial = (away * offset).sum(axis=1)
-    tangential = away[:, 0] * offset[:, 1] - away[:, 1] * offset[:, 0]
-    heading = wrap_angle(box[:, 3] - true[:, 3])
+    error = [
+        (away * offset).sum(axis=1),
+        away[:, 0] * offset[:, 1] - away[:, 1] * offset[:, 0],
+        box[:, 2] - true_box[:, 2],
+        wrap_angle(box[:, 3] - true_box[:, 3]),
+        box[:, 4:] - true_box[:, 4:],
+    ]
+    visibility = visibility_of(scene.truth, scene.ego, sensor, scene.visible)
     return ObjectSamples(
-        object=number,
+        object=object_number,
         frame=frame,
         hit=hit,
-        feature=quality_features(
-            visibility_of(scene.truth, scene.ego, sensor, scene.visible)
-        ),
-        error=np.column_stack(
-            [
-                radial,
-                tangential,
-                box[:, 2] - true[:, 2],
-                heading,
-                box[:, 4:] - true[:, 4:],
-            ]
-        ),
+        feature=quality_features(visibility),
+        error=np.column_stack(error),
         velocity_error=velocity - scene.truth.velocity,
         score=score,
-        scene=np.full(len(true), scene_number),
-        place=true[:, :2],
+        scene=np.full(rows, scene_number),
+        place=true_box[:, :2],
         direction=np.arctan2(away[:, 1], away[:, 0]),
     )
 
@@ -203,75 +225,81 @@ def _false_positive_samples(
     scene: Scene,
     detections: Detections,
     matches: Matches,
-    class_ids: Sequence[int],
+    class_ids: Ints,
     sensor: Sensor,
     scene_number: int,
 ) -> FalsePositiveSamples:
-    all_frames = detections.frame_of_rows
     truth = scene.truth
-    row = np.flatnonzero(matches.false & np.isin(detections.class_id, class_ids))
-    distance, bearing = polar(detections.box[row, :2], scene.ego[all_frames[row]])
-    inside = sensor.covers(distance, bearing)
-    row = row[inside]
-    frame = all_frames[row]
-    box = detections.box[row]
-    nearest, beside = nearest_true_boxes(
-        truth, np.isin(truth.class_id, class_ids), frame, box
-    )
+    false_row = np.flatnonzero(matches.false & np.isin(detections.class_id, class_ids))
+    frame = detections.frame_of_rows[false_row]
+    distance_m, bearing = polar(detections.box[false_row, :2], scene.ego[frame])
+    is_covered = sensor.covers(distance_m, bearing)
+    false_row = false_row[is_covered]
+    frame = frame[is_covered]
+    box = detections.box[false_row]
+    of_classes = np.isin(truth.class_id, class_ids)
+    nearest_row, object_distance = nearest_true_boxes(truth, of_classes, frame, box)
+    # the last values are those of frames without a true box
+    class_of_object = np.append(truth.class_id, -1)
+    detection_of_object = np.append(matches.detection, -1)
+    score_of_detection = np.append(detections.score, np.nan)
     return FalsePositiveSamples(
-        count=np.diff(starts_of_sorted(frame, scene.frames)),
-        duplicate=matches.duplicate[row],
-        score=detections.score[row],
-        size=box[:, 4:7],
-        distance=distance[inside],
-        scene=np.full(len(row), scene_number),
+        scene=np.full(len(false_row), scene_number),
         frame=frame,
         place=box[:, :2],
-        beside=beside,
-        of_class=np.append(truth.class_id, -1)[nearest] == detections.class_id[row],
-        parent=np.append(detections.score, np.nan)[
-            np.append(matches.detection, -1)[nearest]
-        ],
+        score=detections.score[false_row],
+        object_distance=object_distance,
+        parent_score=score_of_detection[detection_of_object[nearest_row]],
+        count=np.diff(starts_of_sorted(frame, scene.frames)),
+        duplicate=matches.duplicate[false_row],
+        size=box[:, 4:7],
+        distance=distance_m[is_covered],
+        of_class=class_of_object[nearest_row] == detections.class_id[false_row],
     )
 
 
 def nearest_true_boxes(
-    truth: Truth, kept: Bools, frame: Ints, box: Floats
+    truth: Truth, candidates: Bools, frame: Ints, box: Floats
 ) -> tuple[Ints, Floats]:
-    """Row of the nearest true box of ``kept`` ``[R]`` in the frame of each box ``[D, 7]``, and the distance in m.
+    """Return nearest true boxes: rows, and distances in m.
 
-    -1 (the index of an appended value) and inf in frames without one.
+    ``candidates`` ``[R]``: true boxes to choose from, in the ``frame`` of each box
+    ``[D, 7]``. The answer is -1 (the index of an appended value) and inf in frames
+    without one.
     """
-    nearest = np.full(len(box), -1)
-    distance = np.full(len(box), np.inf)
+    nearest_row = np.full(len(box), -1)
+    distance_m = np.full(len(box), np.inf)
     for t in np.unique(frame):
         rows = truth.rows(int(t))
-        true = rows.start + np.flatnonzero(kept[rows])
-        if len(true):
+        true_rows = rows.start + np.flatnonzero(candidates[rows])
+        if len(true_rows):
             index = np.flatnonzero(frame == t)
-            distances = center_distance(box[index, None], truth.box[None, true])
-            nearest[index] = true[distances.argmin(axis=1)]
-            distance[index] = distances.min(axis=1)
-    return nearest, distance
+            distances = center_distance(box[index, None], truth.box[None, true_rows])
+            nearest_row[index] = true_rows[distances.argmin(axis=1)]
+            distance_m[index] = distances.min(axis=1)
+    return nearest_row, distance_m
 
 
 def above_floor(
     detections: Detections, classes: Sequence[str], floor: Mapping[str, float] | None
 ) -> Detections:
-    """Detections with at least the score ``floor`` of their class; a class without one keeps all."""
+    """Return detections with at least the score ``floor`` of their class.
+
+    A class without one keeps all.
+    """
     if not floor:
         return detections
-    least = np.array([floor.get(name, -np.inf) for name in classes])
-    return detections.select(detections.score >= least[detections.class_id])
+    least_score = np.array([floor.get(name, -np.inf) for name in classes])
+    return detections.select(detections.score >= least_score[detections.class_id])
 
 
 def match_boxes(
     truth: Truth, detections: Detections, classes: Sequence[str]
 ) -> Matches:
-    """Match true boxes and detections one to one, frame by frame within each class.
+    """Match true boxes and detections by frame and class.
 
-    As many pairs as the gates allow, then the least sum of BEV distances. Neutral true boxes take part, so that their
-    detections are not false positives.
+    As many pairs as the gates allow, then the least sum of BEV distances. Neutral true
+    boxes take part, so that their detections are not false positives.
     """
     detection = np.full(len(truth.box), -1)
     false = np.ones(len(detections.box), dtype=bool)
@@ -279,28 +307,25 @@ def match_boxes(
     for t in range(truth.frames):
         true_rows = truth.rows(t)
         rows = detections.rows(t)
-        for class_id, name in enumerate(classes):
+        for class_id, class_name in enumerate(classes):
             i = true_rows.start + np.flatnonzero(truth.class_id[true_rows] == class_id)
             j = rows.start + np.flatnonzero(detections.class_id[rows] == class_id)
             if not len(i) or not len(j):
                 continue
-            distance = center_distance(truth.box[i, None], detections.box[None, j])
-            gate = _GATES.get(name, _VEHICLE_GATE)
+            distance_m = center_distance(truth.box[i, None], detections.box[None, j])
+            gate_m = _GATES_M.get(class_name, _VEHICLE_GATE_M)
+            in_gate = distance_m <= gate_m
             # more than all pairs together
-            near = distance <= gate
-            beyond = (min(distance.shape) + 1) * (gate + 1.0)
-            pair_i, pair_j = linear_sum_assignment(np.where(near, distance, beyond))
-            kept = near[pair_i, pair_j]
-            pair_i = pair_i[kept]
-            pair_j = pair_j[kept]
-            detection[i[pair_i]] = j[pair_j]
-            false[j[pair_j]] = False
-            false[j[near[truth.neutral[i]].any(axis=0)]] = False
-            beside = (
-                center_distance(
-                    detections.box[j[pair_j], None], detections.box[None, j]
-                )
-                <= _DUPLICATE
-            )
-            duplicate[j[beside.any(axis=0)]] = True
+            beyond_gate = (min(distance_m.shape) + 1) * (gate_m + 1.0)
+            cost = np.where(in_gate, distance_m, beyond_gate)
+            pair_i, pair_j = linear_sum_assignment(cost)
+            is_pair = in_gate[pair_i, pair_j]
+            matched = j[pair_j[is_pair]]
+            detection[i[pair_i[is_pair]]] = matched
+            false[matched] = False
+            false[j[in_gate[truth.neutral[i]].any(axis=0)]] = False
+            matched_box = detections.box[matched, None]
+            distance_m = center_distance(matched_box, detections.box[None, j])
+            is_close = distance_m <= _DUPLICATE_DISTANCE_M
+            duplicate[j[is_close.any(axis=0)]] = True
     return Matches(detection=detection, false=false, duplicate=duplicate & false)

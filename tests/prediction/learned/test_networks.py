@@ -149,7 +149,7 @@ def test_gradients_are_finite(network: Network, away: float) -> None:
     windows, moment, seen = crowd()
     weights = {name: value.requires_grad_() for name, value in tensors(weights_of(network)).items()}
     batch = tensors(network.inputs(windows, moment, moved(seen, away), SIZES))
-    batch |= {"future": torch.ones(12, 3, 2), "known": torch.ones(12, 3), "present": torch.zeros(12, 2)}
+    batch |= {"future": torch.ones(12, 3, 2), "is_known": torch.ones(12, 3), "present": torch.zeros(12, 2)}
     batch["weight"] = torch.ones(12)
     random, vary = torch.Generator(), vary_detections if network.around else vary_tracks
     for stage in network.recipe.stages:
