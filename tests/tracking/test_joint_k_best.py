@@ -118,8 +118,8 @@ def test_plain_python_by_enumeration_and_by_murty_equals_enumeration() -> None:
 
 
 def check_in_plain_python() -> None:
-    for most_choices in (10**7, 0):
-        pieces.MOST_CHOICES, pieces.AT_ONCE = most_choices, min(pieces.AT_ONCE, most_choices)
+    for max_choices in (10**7, 0):
+        pieces.MAX_CHOICES, pieces.MAX_CHOICES_AT_ONCE = max_choices, min(pieces.MAX_CHOICES_AT_ONCE, max_choices)
         for style in ("ties", "gated", "huge"):
             check_against_enumeration(style, 100)
         check_against_the_textbook_solver(12, 6, 99.0)
