@@ -122,7 +122,8 @@ def intersection_area(
 ) -> float:
     """Return the area common to two boxes.
 
-    See `geometry.bev_intersection_area`. Box a is around 0 along the x axis, box b at x, y.
+    See `geometry.bev_intersection_area`. Box a is around 0 along the x axis, box b at
+    x, y.
     """
     l_in = l_a
     w_in = w_a

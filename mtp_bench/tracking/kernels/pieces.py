@@ -131,7 +131,8 @@ def load_piece(q: int, problem: Problem, pieces: Pieces, space: Workspace) -> Bl
 def count_choices(problem: Problem, pieces: Pieces, choices: Floats, k: int) -> int:
     """Count the choices of pieces and the pairs of all solutions.
 
-    Returns the number of pairs. The number of choices is 0 where all solutions are found at once.
+    Returns the number of pairs. The number of choices is 0 where all solutions are
+    found at once.
     """
     pair_count = 0
     for q in range(len(choices)):

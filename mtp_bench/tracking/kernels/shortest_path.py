@@ -26,7 +26,10 @@ HUB = -1  # as a source or target, and what an unmatched row or column has
 
 @inlined
 def reach_column(y: int, length: float, e: int, x: int, path: Path) -> None:
-    """Enter a shorter path to column ``y``, by pair ``e`` of row ``x``."""
+    """Enter a shorter path to column ``y``.
+
+    It comes by pair ``e`` of row ``x``.
+    """
     if path.distance[y] == np.inf:
         path.reached[path.hub[2]] = y
         path.hub[2] += 1
@@ -125,7 +128,7 @@ def nearest_open(closed: int, max_distance: float, path: Path) -> tuple[int, flo
 
 @part
 def leads_to(x: int, source: int, match: Ints, row_out: Bools) -> bool:
-    """Return whether the hub leads to row ``x``, as to unmatched ones."""
+    """Return whether the hub leads to row ``x``: an unmatched one."""
     return bool(match[x] < 0 and not row_out[x] and x != source)
 
 
@@ -139,12 +142,13 @@ def find_path(
     matching: Matching,
     path: Path,
 ) -> tuple[float, float]:
-    """Find the shortest path from a row or hub to a target.
+    """Find the shortest path from source to target.
 
-    The target is a column or the hub. Returns the length, infinite if there is no path
-    of at most ``limit``, and the distance of the hub. The source row may not use pairs
-    that are ``banned`` nor, if ``hub_banned``, the hub. Rows and columns that are out
-    do not take part. Fills ``path``, whose distances are infinite at the start.
+    The source is a row or the hub, the target a column or the hub. Returns the length,
+    infinite if there is no path of at most ``limit``, and the distance of the hub. The
+    source row may not use pairs that are ``banned`` nor, if ``hub_banned``, the hub.
+    Rows and columns that are out do not take part. Fills ``path``, whose distances are
+    infinite at the start.
     """
     match = matching.match
     owner = matching.owner
