@@ -1,7 +1,10 @@
-"""Sampler by weighted k-means: k samples that represent a pool (paper, "Trajectory Sampling").
+"""Sampler by weighted k-means: k samples that represent a pool.
 
-Compiled code clusters the pools of all objects without a distance matrix. Samples of constant acceleration are
-clustered by six coordinates each, which have the same distances as their T positions.
+Source: the paper, "Trajectory Sampling".
+
+Compiled code clusters the pools of all objects without a distance matrix. Samples of
+constant acceleration are clustered by six coordinates each, which have the same
+distances as their T positions.
 """
 
 from functools import lru_cache
@@ -15,31 +18,36 @@ from .pools import as_points, existing, masses, pass_on
 _JUST_BELOW = 1.0 - 2.0**-53  # factor to the next number below, up to half a unit
 _BLOCK = 8  # chances that are summed at once
 _DEGREES = 3  # coordinates of a quadratic polynomial
-_AT_ONCE = 6  # axes in one pass over the points, which `_closer` writes out
-_EXACT = 1e-12  # squared error of the coordinates as a share of a pool's squared extent: a millionth of it
+_AXES_AT_ONCE = 6  # in one pass over the points, which `_take_closer` writes out
+# squared error of the coordinates as a share of a pool's squared extent: a millionth
+# of the extent
+_MAX_SQUARED_ERROR = 1e-12
 
 
 @part
 def _axis(point: Floats, axis: int) -> float:
-    return np.float32(point[axis] if axis < len(point) else 0.0)  # type: ignore[return-value]
+    value = point[axis] if axis < len(point) else 0.0
+    return np.float32(value)  # type: ignore[return-value]
 
 
 @part
-def _closer(
+def _take_closer(
     transposed: Floats,
     centre: Floats,
     j: int,
     distance: Floats,
-    least: Floats,
+    min_distance: Floats,
     nearest: Ints,
 ) -> None:
-    """Give centre ``j`` [d] the points [D, S] that are nearer to it than the squared distances ``least`` [S].
+    """Give centre ``j`` the points that it is nearest to.
 
-    The long axis is innermost, for vector units; D is d, filled up to a multiple of six with zeros.
+    The centre is [d], points are [D, S]. It is nearer than the squared distances
+    ``min_distance`` [S]. The long axis is innermost, for vector units; D is d, filled
+    up to a multiple of six with zeros.
     """
     for s in range(len(distance)):
         distance[s] = np.float32(0.0)
-    for axis in range(0, len(transposed), _AT_ONCE):
+    for axis in range(0, len(transposed), _AXES_AT_ONCE):
         c0 = _axis(centre, axis)
         c1 = _axis(centre, axis + 1)
         c2 = _axis(centre, axis + 2)
@@ -58,37 +66,39 @@ def _closer(
             )
     number = np.int32(j)  # as wide as the distances, for vector units
     for s in range(len(distance)):
-        nearer = distance[s] < least[s]
-        least[s] = distance[s] if nearer else least[s]
-        nearest[s] = number if nearer else nearest[s]
+        is_nearer = distance[s] < min_distance[s]
+        min_distance[s] = distance[s] if is_nearer else min_distance[s]
+        nearest[s] = number if is_nearer else nearest[s]
 
 
 @part
-def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
-    """The place that a uniform number draws in proportion to ``chance`` [8 B]; -1 if all chances are 0.
+def _draw_index(chance: Floats, block_sum: Floats, uniform: float) -> int:
+    """Draw an index in proportion to ``chance`` [8 B].
 
-    Sums of blocks [B] are independent of each other, and few blocks are searched.
+    It is -1 if all chances are 0. Sums of blocks [B] are independent of each other, and
+    few blocks are searched.
     """
     total = 0.0
-    for b in range(len(block)):
+    for b in range(len(block_sum)):
         p = chance[_BLOCK * b : _BLOCK * (b + 1)]
-        block[b] = ((p[0] + p[1]) + (p[2] + p[3])) + ((p[4] + p[5]) + (p[6] + p[7]))
-    for b in range(len(block)):
-        total += block[b]
-    # Below the total and not equal to any partial sum: a point without a chance is never picked.
+        block_sum[b] = ((p[0] + p[1]) + (p[2] + p[3])) + ((p[4] + p[5]) + (p[6] + p[7]))
+    for b in range(len(block_sum)):
+        total += block_sum[b]
+    # Below the total and not equal to any partial sum: a point without a chance is
+    # never picked.
     mark = min(uniform * total, total * _JUST_BELOW)
-    partial = 0.0
+    partial_sum = 0.0
     chosen = -1
-    for b in range(len(block)):
-        if partial + block[b] <= mark:
-            partial += block[b]
+    for b in range(len(block_sum)):
+        if partial_sum + block_sum[b] <= mark:
+            partial_sum += block_sum[b]
             continue
         for s in range(_BLOCK * b, _BLOCK * (b + 1)):
-            partial += chance[s]
-            chosen = (
-                s if chance[s] > 0.0 else chosen
-            )  # the last one, where sums round otherwise than the block's
-            if partial > mark:
+            partial_sum += chance[s]
+            # the last one, where sums round otherwise than the block's
+            if chance[s] > 0.0:
+                chosen = s
+            if partial_sum > mark:
                 break
         break
     return chosen
@@ -102,57 +112,63 @@ def _seed(
     uniform: Floats,
     centre: Floats,
     distance: Floats,
-    least: Floats,
+    min_distance: Floats,
     nearest: Ints,
     chance: Floats,
-    block: Floats,
+    block_sum: Floats,
 ) -> None:
-    """Draw centres [k, d] in proportion to weight x squared distance from the centres so far, by ``uniform`` [k].
+    """Draw centres [k, d] far from each other, by ``uniform`` [k].
 
-    ``points`` [n, d], weighted [n], and ``transposed`` [D, n]. Every point then belongs to its ``nearest`` centre [n],
-    the first of equally near ones. Of the workspace ``chance`` [8 B] begins with zeros, ``block`` is [B], the rest [n].
+    Chances are in proportion to weight x squared distance from the centres so far.
+    ``points`` [n, d], weighted [n], and ``transposed`` [D, n]. Every point then belongs
+    to its ``nearest`` centre [n], the first of equally near ones. Of the workspace
+    ``chance`` [8 B] begins with zeros, ``block_sum`` is [B], the rest [n].
     """
     for s in range(len(weight)):
-        least[s] = np.float32(np.inf)
+        min_distance[s] = np.float32(np.inf)
         chance[s] = weight[s]
     for j in range(len(centre)):
-        chosen = _drawn(chance, block, uniform[j])
-        if (
-            chosen < 0
-        ):  # all points sit on a centre already: draw by weight, the centre repeats
+        chosen = _draw_index(chance, block_sum, uniform[j])
+        # all points sit on a centre already: draw by weight, the centre repeats
+        if chosen < 0:
             for s in range(len(weight)):
                 chance[s] = weight[s]
-            chosen = _drawn(chance, block, uniform[j])
+            chosen = _draw_index(chance, block_sum, uniform[j])
         for axis in range(points.shape[1]):
             centre[j, axis] = points[chosen, axis]
-        _closer(transposed, centre[j], j, distance, least, nearest)
+        _take_closer(transposed, centre[j], j, distance, min_distance, nearest)
         for s in range(len(weight)):
-            chance[s] = weight[s] * least[s]
+            chance[s] = weight[s] * min_distance[s]
 
 
 @part
 def _assign(
-    transposed: Floats, centre: Floats, distance: Floats, least: Floats, nearest: Ints
+    transposed: Floats,
+    centre: Floats,
+    distance: Floats,
+    min_distance: Floats,
+    nearest: Ints,
 ) -> bool:
-    """Assign every point to its nearest centre, the first of equally near ones; True if any changed.
+    """Assign points to their nearest centre and return whether any changed.
 
-    ``nearest`` [2, S]: centres of the points now, and before.
+    That is the first of equally near ones. ``nearest`` [2, S]: centres of the points,
+    and their centres of the last time.
     """
-    now = nearest[0]
-    before = nearest[1]
+    new_nearest = nearest[0]
+    old_nearest = nearest[1]
     for s in range(len(distance)):
-        before[s] = now[s]
-        least[s] = np.float32(np.inf)
+        old_nearest[s] = new_nearest[s]
+        min_distance[s] = np.float32(np.inf)
     for j in range(len(centre)):
-        _closer(transposed, centre[j], j, distance, least, now)
-    changed = 0
+        _take_closer(transposed, centre[j], j, distance, min_distance, new_nearest)
+    changed_bits = 0
     for s in range(len(distance)):
-        changed |= now[s] ^ before[s]
-    return changed != 0
+        changed_bits |= new_nearest[s] ^ old_nearest[s]
+    return changed_bits != 0
 
 
 @part
-def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
+def _sum_shares(weight: Floats, nearest: Ints, share: Floats) -> None:
     """Write the weight of the points of each centre."""
     for j in range(len(share)):
         share[j] = 0.0
@@ -164,11 +180,15 @@ def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
 def _move(
     points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: Floats
 ) -> None:
-    """Move every centre to the mean of its points; a centre without points stays. ``share``: their weight."""
-    _shares(weight, nearest, share)
+    """Move every centre to the mean of its points.
+
+    ``share``: the weight of the points. A centre without points stays.
+    """
+    _sum_shares(weight, nearest, share)
     for j in range(len(centre)):
-        for axis in range(centre.shape[1]):
-            centre[j, axis] = 0.0 if share[j] > 0.0 else centre[j, axis]
+        if share[j] > 0.0:
+            for axis in range(centre.shape[1]):
+                centre[j, axis] = 0.0
     for s in range(len(weight)):
         if weight[s] > 0.0:
             portion = weight[s] / share[nearest[s]]
@@ -178,7 +198,10 @@ def _move(
 
 @lru_cache
 def polynomials(future: int) -> Floats:
-    """Orthonormal polynomials [3, T] of degree 0, 1 and 2 over T equally spaced times; at least 3 times."""
+    """Return orthonormal polynomials [3, T] of degree 0, 1 and 2.
+
+    They are over T equally spaced times, at least 3.
+    """
     basis = np.zeros((_DEGREES, future))
     for degree in range(_DEGREES):
         basis[degree] = (np.arange(future) - 0.5 * (future - 1)) ** degree
@@ -189,13 +212,15 @@ def polynomials(future: int) -> Floats:
 
 
 @part
-def _motions(points: Floats, rows: Ints, basis: Floats, motion: Floats) -> bool:
-    """Write coordinates [n, 6] of the points [S, 2 T] in ``rows`` [n]; True if they determine the points.
+def _write_motions(points: Floats, rows: Ints, basis: Floats, motion: Floats) -> bool:
+    """Write coordinates of points and return whether they suffice.
 
-    Position, velocity and acceleration of x and y, in turn, relative to the first point.
+    They are [n, 6]: position, velocity and acceleration of x and y, in turn, relative
+    to the first point, and suffice if they determine the points. ``points`` [S, 2 T],
+    those in ``rows`` [n].
     """
-    worst = 0.0
-    extent = 0.0
+    max_error = 0.0
+    max_square = 0.0
     first = points[rows[0]]
     for i in range(len(motion)):
         point = points[rows[i]]
@@ -216,17 +241,21 @@ def _motions(points: Floats, rows: Ints, basis: Floats, motion: Floats) -> bool:
             x2 = x2 + basis[2, t] * x
             y2 = y2 + basis[2, t] * y
             square += x * x + y * y
-        motion[i, 0], motion[i, 1], motion[i, 2] = x0, y0, x1
-        motion[i, 3], motion[i, 4], motion[i, 5] = y1, x2, y2
-        rest = square - (x0 * x0 + y0 * y0 + x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2)
-        worst = max(worst, rest)
-        extent = max(extent, square)
-    return worst <= _EXACT * extent
+        motion[i, 0] = x0
+        motion[i, 1] = y0
+        motion[i, 2] = x1
+        motion[i, 3] = y1
+        motion[i, 4] = x2
+        motion[i, 5] = y2
+        error = square - (x0 * x0 + y0 * y0 + x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2)
+        max_error = max(max_error, error)
+        max_square = max(max_square, square)
+    return max_error <= _MAX_SQUARED_ERROR * max_square
 
 
 @part
-def _offsets(points: Floats, rows: Ints, offset: Floats) -> None:
-    """Write the points [S, d] in ``rows`` [n] relative to the first of them: [n, d]."""
+def _write_offsets(points: Floats, rows: Ints, offset: Floats) -> None:
+    """Write the points in ``rows`` [n] relative to the first."""
     for i in range(len(offset)):
         for axis in range(offset.shape[1]):
             offset[i, axis] = points[rows[i], axis] - points[rows[0], axis]
@@ -234,26 +263,33 @@ def _offsets(points: Floats, rows: Ints, offset: Floats) -> None:
 
 @part
 def _transpose(points: Floats, transposed: Floats) -> None:
-    """Write points [n, d], relative to one of them, as [d, n] in single precision, which halves the memory."""
+    """Write points [n, d] as [D, n].
+
+    They are relative to one of them. Single precision halves the memory.
+    """
     for s in range(len(points)):
+        point = points[s]
         for axis in range(len(transposed)):
-            transposed[axis, s] = points[s, axis] if axis < points.shape[1] else 0.0
+            transposed[axis, s] = _axis(point, axis)
 
 
 @part
-def _from_motions(motion: Floats, basis: Floats, origin: Floats, found: Floats) -> None:
-    """Write points [k, 2 T] of coordinates [k, 6] relative to ``origin`` [2 T]."""
-    for j in range(len(found)):
+def _from_motions(motion: Floats, basis: Floats, origin: Floats, point: Floats) -> None:
+    """Write points [k, 2 T] of coordinates [k, 6].
+
+    These are relative to ``origin`` [2 T].
+    """
+    for j in range(len(point)):
         for t in range(basis.shape[1]):
             for axis in range(2):
-                place = origin[2 * t + axis]
+                coordinate = origin[2 * t + axis]
                 for degree in range(_DEGREES):
-                    place += basis[degree, t] * motion[j, 2 * degree + axis]
-                found[j, 2 * t + axis] = place
+                    coordinate += basis[degree, t] * motion[j, 2 * degree + axis]
+                point[j, 2 * t + axis] = coordinate
 
 
 @part
-def _clusters(
+def _find_clusters(
     points: Floats,
     weight: Floats,
     uniform: Floats,
@@ -261,15 +297,19 @@ def _clusters(
     centre: Floats,
     share: Floats,
 ) -> None:
-    """Write centres [k, d] and shares of the weight [k] of points [n, d] weighted [n], relative to one of them."""
+    """Write centres [k, d] and their shares of the weight [k].
+
+    Points [n, d], weighted [n], are relative to one of them.
+    """
     n, d = points.shape
-    transposed = np.empty(((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n), np.float32)
+    axes = (d + _AXES_AT_ONCE - 1) // _AXES_AT_ONCE * _AXES_AT_ONCE
+    transposed = np.empty((axes, n), np.float32)
     distance = np.empty(n, np.float32)
-    least = np.empty(n, np.float32)
+    min_distance = np.empty(n, np.float32)
     nearest = np.zeros((2, n), np.int32)
     blocks = (n + _BLOCK - 1) // _BLOCK
     chance = np.zeros(_BLOCK * blocks)
-    block = np.empty(blocks)
+    block_sum = np.empty(blocks)
     _transpose(points, transposed)
     _seed(
         points,
@@ -278,20 +318,20 @@ def _clusters(
         uniform,
         centre,
         distance,
-        least,
+        min_distance,
         nearest[0],
         chance,
-        block,
+        block_sum,
     )
     for _ in range(iterations):
         _move(points, weight, nearest[0], centre, share)
-        if not _assign(transposed, centre, distance, least, nearest):
+        if not _assign(transposed, centre, distance, min_distance, nearest):
             break
-    _shares(weight, nearest[0], share)
+    _sum_shares(weight, nearest[0], share)
 
 
 @part
-def _clusters_of(
+def _cluster_pool(
     points: Floats,
     rows: Ints,
     weight: Floats,
@@ -301,24 +341,28 @@ def _clusters_of(
     centre: Floats,
     share: Floats,
 ) -> None:
-    """Write centres [k, d] and shares [k] of the points in ``rows`` [n], weighted [n]; ``basis``: [3, T] or [3, 0]."""
+    """Write centres [k, d] and shares [k] of a pool.
+
+    Its points are those in ``rows`` [n], weighted [n]; ``basis``: [3, T] or [3, 0].
+    """
     origin = points[rows[0]]
     motion = np.zeros((len(rows), 2 * _DEGREES))
-    if basis.shape[1] and _motions(points, rows, basis, motion):
-        found = np.zeros((len(centre), 2 * _DEGREES))
-        _clusters(motion, weight, uniform, iterations, found, share)
-        _from_motions(found, basis, origin, centre)
+    if basis.shape[1] and _write_motions(points, rows, basis, motion):
+        motion_centre = np.zeros((len(centre), 2 * _DEGREES))
+        _find_clusters(motion, weight, uniform, iterations, motion_centre, share)
+        _from_motions(motion_centre, basis, origin, centre)
         return
     offset = np.zeros((len(rows), len(origin)))
-    _offsets(points, rows, offset)
-    _clusters(offset, weight, uniform, iterations, centre, share)
+    _write_offsets(points, rows, offset)
+    _find_clusters(offset, weight, uniform, iterations, centre, share)
     for j in range(len(centre)):
         for axis in range(len(origin)):
             centre[j, axis] += origin[axis]
 
 
 @kernel(
-    "void(f8[:, :, ::1], f8[:, ::1], f8[:, ::1], i8, f8[:, ::1], f8[:, :, ::1], f8[:, ::1])"
+    "void(f8[:, :, ::1], f8[:, ::1], f8[:, ::1], i8, f8[:, ::1], "
+    "f8[:, :, ::1], f8[:, ::1])"
 )
 def k_means(
     pool: Floats,
@@ -329,10 +373,12 @@ def k_means(
     centre: Floats,
     log_share: Floats,
 ) -> None:
-    """Write centres [O, k, d] and log-shares of the weight [O, k], of pools [O, S, d] weighted [O, S].
+    """Write centres and log-shares of pools.
 
-    Seeds of k-means++, for uniform numbers [crowded objects, k], then at most ``iterations`` of Lloyd's algorithm
-    (Arthur, Vassilvitskii 2007). A pool of at most k existing samples is copied. ``basis``: `polynomials`, or [3, 0].
+    Centres are [O, k, d], log-shares [O, k], pools [O, S, d]. Pools are weighted [O,
+    S]. Seeds of k-means++, for uniform numbers [crowded objects, k], then at most
+    ``iterations`` of Lloyd's algorithm (Arthur, Vassilvitskii 2007). A pool of at most
+    k existing samples is copied. ``basis``: `polynomials`, or [3, 0].
     """
     size = pool.shape[1]
     k = centre.shape[1]
@@ -346,7 +392,7 @@ def k_means(
             pass_on(pool[o], log_weight[o], rows, n, centre[o], log_share[o])
             continue
         masses(log_weight[o], rows, n, mass)
-        _clusters_of(
+        _cluster_pool(
             pool[o],
             rows[:n],
             mass[:n],
@@ -362,9 +408,10 @@ def k_means(
 
 
 class KMeansSampler:
-    """Centres of weighted k-means++ clusters, for all objects of a frame at once (Arthur, Vassilvitskii 2007).
+    """Centres of weighted k-means++ clusters, for all objects of a frame at once.
 
-    ``iterations`` of Lloyd's algorithm follow the seeding; 0 returns the seeds, which are samples of the pool.
+    ``iterations`` of Lloyd's algorithm follow the seeding; 0 returns the seeds, which
+    are samples of the pool (Arthur, Vassilvitskii 2007).
     """
 
     def __init__(self, iterations: int = 3) -> None:
@@ -373,18 +420,22 @@ class KMeansSampler:
     def reduce(
         self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator
     ) -> tuple[Floats, Floats]:
-        """``k`` centres [O, k, T, 2] and log-weights [O, k] for the pool [O, S, T, 2] weighted ``log_weight`` [O, S].
+        """Find ``k`` centres of the pool of each object.
 
-        A sample with log-weight -inf does not exist. A pool of at most k existing samples is copied, and filled up with
-        ones that do not exist. Objects may come in one call or in several: random numbers are drawn object by object.
+        Returns centres [O, k, T, 2] and log-weights [O, k]. The pool is [O, S, T, 2],
+        weighted ``log_weight`` [O, S]. A sample with log-weight -inf does not exist. A
+        pool of at most k existing samples is copied, and filled up with ones that do
+        not exist. Objects may come in one call or in several: random numbers are drawn
+        object by object.
         """
         objects, _, future, _ = pool.shape
         centre = np.empty((objects, k, 2 * future))
         weight = np.empty((objects, k))
-        uniform = rng.random(
-            (np.count_nonzero(np.isfinite(log_weight).sum(axis=1) > k), k)
-        )
-        basis = polynomials(future) if future > _DEGREES else np.zeros((_DEGREES, 0))
+        is_crowded = np.isfinite(log_weight).sum(axis=1) > k
+        uniform = rng.random((np.count_nonzero(is_crowded), k))
+        basis: Floats = np.zeros((_DEGREES, 0))
+        if future > _DEGREES:
+            basis = polynomials(future)
         k_means(
             *as_points(pool, log_weight),
             uniform,

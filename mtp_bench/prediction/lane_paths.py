@@ -1,6 +1,7 @@
-"""Paths along the lanes of an observation, and the lanes that follow them, for many objects at once."""
+"""Paths along the lanes of an observation, for many objects at once."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,33 +9,35 @@ from ..core import Bools, Floats, Ints, Observation
 from ..tracking import kernel, part
 
 STEP = 2.0  # m, between the points of a path
-_ASIDE = 3.0  # m, farthest middle line of a lane that an object may be on
-_TURNED = 0.9  # rad, largest angle between an object and its lane
-_BEYOND = 0.5  # m, before the beginning or behind the end of a piece of a lane
-_SPREAD = (
-    1.0,
-    0.3,
-)  # m and rad, usual distance and angle between an object and its lane
-_STARTS = 16  # pieces of lanes that an object may be on
-_BRANCHES = (
-    16  # paths from the beginning of a piece, at most: each has a share of `_LEAST`
-)
-_LEAST = 1 / _BRANCHES - 1e-9
-_DEPTH = 40  # pieces of a path
-_SAME = 1.0  # m, paths that stay as near are one
+_MAX_OFFSET_M = 3.0  # of an object from the middle of its lane
+_MAX_TURN_RAD = 0.9  # between an object and its lane
+_MAX_BEYOND_M = 0.5  # before the beginning or behind the end of a piece of a lane
+# usual distance and angle between an object and its lane
+_OFFSET_DEVIATION_M = 1.0
+_TURN_DEVIATION_RAD = 0.3
+_MAX_STARTS = 16  # pieces of lanes that an object may be on
+# paths from the beginning of a piece, at most: each has the least share
+_MAX_BRANCHES = 16
+_MIN_SHARE = 1 / _MAX_BRANCHES - 1e-9
+_MAX_DEPTH = 40  # pieces of a path
+_MAX_GAP_M = 1.0  # between two paths that count as one
+_MIN_SEGMENT_M = 1e-6
+# columns of a match of an object with a piece
+_ARC, _OFFSET, _WEIGHT = range(3)
 
 
 @dataclass(frozen=True, eq=False)
 class LanePaths:
-    """Paths of n objects, most plausible first; ``S`` points, every 2 m from the point of the lane near the object.
+    """Paths of n objects, most plausible first.
 
-    Behind the last known lane a path goes straight on.
+    Their ``S`` points come every 2 m from the point of the lane near the object. Behind
+    the last known lane a path goes straight on.
     """
 
     points: Floats  # [n, most, S, 2] m, frame of the observation; 0 where not valid
     valid: Bools  # [n, most]
     offset: Floats  # [n, most] m, distance of the object from the lane, left positive
-    chance: Floats  # [n, most] plausibility, adding up to 1 over the paths of an object that has any
+    chance: Floats  # [n, most] plausibility, of sum 1 for an object that has paths
 
 
 def lane_paths(
@@ -44,37 +47,73 @@ def lane_paths(
     most: int,
     metres: float | Floats,
 ) -> LanePaths:
-    """Up to ``most`` paths of objects at ``place`` [n, 2] with direction of travel ``heading`` [n], rad.
+    """Find up to ``most`` paths of objects along lanes.
 
-    An object is on a lane by distance and direction, on several within a junction. Each is followed over all its
-    successors for ``metres``, one number or one per object [n]; paths that are the same so far are one.
+    Objects are at ``place`` [n, 2], with direction of travel ``heading`` [n], rad. An
+    object is on a lane by distance and direction, on several within a junction. Each is
+    followed over all its successors for ``metres``, one number or one per object [n];
+    paths that are the same so far are one.
     """
     count = observation["lane_valid"].astype(np.int64).sum(axis=1)
     point = np.array(observation["lane_point"], dtype=np.float64, order="C")
     follow = np.array(observation["lane_next"], dtype=np.int64, order="C")
-    object_pose = np.empty((len(place), 4))
-    object_pose[:, :2], object_pose[:, 2], object_pose[:, 3] = place, heading, metres
+    pose = np.empty((len(place), 4))
+    pose[:, :2] = place
+    pose[:, 2] = heading
+    pose[:, 3] = metres
     size = int(np.ceil(np.max(metres, initial=0.0) / STEP)) + 1
     paths = np.zeros((len(place), most, size, 2))
     offset = np.zeros((len(place), most))
     chance = np.zeros((len(place), most))
-    there = np.arange(point.shape[1]) < count[:, None]
-    low, high = (np.where(there[..., None], point, sign * np.inf) for sign in (1, -1))
-    bound = np.concatenate(
-        [low.min(axis=1) - _ASIDE, high.max(axis=1) + _ASIDE], axis=1
-    )
-    length = (np.linalg.norm(np.diff(point, axis=1), axis=2) * there[:, 1:]).sum(axis=1)
-    find_paths(point, count, follow, bound, length, object_pose, paths, offset, chance)
+    is_point = np.arange(point.shape[1]) < count[:, None]
+    low = np.where(is_point[..., None], point, np.inf).min(axis=1)
+    high = np.where(is_point[..., None], point, -np.inf).max(axis=1)
+    bound = np.concatenate([low - _MAX_OFFSET_M, high + _MAX_OFFSET_M], axis=1)
+    segment_length = np.linalg.norm(np.diff(point, axis=1), axis=2)
+    length = (segment_length * is_point[:, 1:]).sum(axis=1)
+    find_paths(point, count, follow, bound, length, pose, paths, offset, chance)
     return LanePaths(paths, chance > 0, offset, chance)
 
 
-@part
-def _nearest(line: Floats, x: float, y: float) -> tuple[float, float, float, float]:
-    """Arc length of the point of a line [Q, 2] nearest to x y, distance (left positive) and direction there.
+class _Lanes(NamedTuple):
+    """Pieces of lanes."""
 
-    The last number is how far x y is before the beginning or behind the end of the line, along it.
+    point: Floats  # [L, Q, 2]
+    point_count: Ints  # [L]
+    follow: Ints  # [L, 4] successors, -1: none
+    bound: Floats  # [L, 4] the area that is near
+    length: Floats  # [L] m
+
+
+class _Traces(NamedTuple):
+    """Paths from the beginning of pieces, traced once for all objects on them."""
+
+    path_count: Ints  # [L] 0: not traced yet
+    slot: Ints  # [L] row in the next two
+    points: Floats  # [L, B, G, 2]
+    share: Floats  # [L, B]
+
+
+class _Candidates(NamedTuple):
+    """Different paths of an object: a traced path from an arc length on."""
+
+    slot: Ints
+    branch: Ints
+    arc: Floats
+    offset: Floats
+    weight: Floats
+
+
+@part
+def _nearest_point(
+    line: Floats, x: float, y: float
+) -> tuple[float, float, float, float]:
+    """Find the point of a line [Q, 2] near x y.
+
+    Returns its arc length, the distance (left positive), the direction there, and how
+    far x y is before the beginning or behind the end of the line, along it.
     """
-    least = np.inf
+    min_distance = np.inf
     arc = 0.0
     offset = 0.0
     direction = 0.0
@@ -83,33 +122,38 @@ def _nearest(line: Floats, x: float, y: float) -> tuple[float, float, float, flo
     for q in range(len(line) - 1):
         ux = line[q + 1, 0] - line[q, 0]
         uy = line[q + 1, 1] - line[q, 1]
-        long = np.hypot(ux, uy)
-        if long < 1e-6:
+        segment = np.hypot(ux, uy)
+        if segment < _MIN_SEGMENT_M:
             continue
         dx = x - line[q, 0]
         dy = y - line[q, 1]
-        ahead = (dx * ux + dy * uy) / long
-        along = min(max(ahead, 0.0), long)
-        rx = dx - along * ux / long
-        ry = dy - along * uy / long
+        ahead = (dx * ux + dy * uy) / segment
+        along = min(max(ahead, 0.0), segment)
+        rx = dx - along * ux / segment
+        ry = dy - along * uy / segment
         distance = np.hypot(rx, ry)
-        if distance < least:
-            least = distance
+        if distance < min_distance:
+            min_distance = distance
             arc = length + along
             direction = np.arctan2(uy, ux)
             offset = distance if ux * ry - uy * rx >= 0 else -distance
-            beyond = max(
-                -ahead if q == 0 else 0.0, ahead - long if q == len(line) - 2 else 0.0
-            )
-        length += long
+            beyond = 0.0
+            if q == 0:
+                beyond = max(beyond, -ahead)
+            if q == len(line) - 2:
+                beyond = max(beyond, ahead - segment)
+        length += segment
     return arc, offset, direction, beyond
 
 
 @part
-def _write(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
-    """Write points [G, 2], 2 m apart, along the pieces ``chain``, and straight on behind them."""
+def _write_path(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
+    """Write points [G, 2], 2 m apart, along the pieces ``chain``.
+
+    Behind them the path goes straight on.
+    """
     g = 0
-    begin = 0.0
+    length = 0.0
     cos = 1.0
     sin = 0.0
     x = 0.0
@@ -120,127 +164,213 @@ def _write(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
             y = point[row, q + 1, 1]
             ux = x - point[row, q, 0]
             uy = y - point[row, q, 1]
-            long = np.hypot(ux, uy)
-            if long < 1e-6:
+            segment = np.hypot(ux, uy)
+            if segment < _MIN_SEGMENT_M:
                 continue
-            cos = ux / long
-            sin = uy / long
-            begin = begin + long
-            while STEP * g <= begin and g < len(path):
-                path[g, 0], path[g, 1] = (
-                    x - (begin - STEP * g) * cos,
-                    y - (begin - STEP * g) * sin,
-                )
+            cos = ux / segment
+            sin = uy / segment
+            length = length + segment
+            while STEP * g <= length and g < len(path):
+                path[g, 0] = x - (length - STEP * g) * cos
+                path[g, 1] = y - (length - STEP * g) * sin
                 g += 1
     for s in range(g, len(path)):
-        path[s, 0], path[s, 1] = (
-            x + (STEP * s - begin) * cos,
-            y + (STEP * s - begin) * sin,
-        )
+        path[s, 0] = x + (STEP * s - length) * cos
+        path[s, 1] = y + (STEP * s - length) * sin
 
 
 @part
-def _trace(
-    first: int,
-    point: Floats,
-    count: Ints,
-    length: Floats,
-    follow: Ints,
-    path: Floats,
-    share: Floats,
-) -> int:
-    """Write the paths [B, G, 2] from the beginning of piece ``first`` and their shares [B]; return their number."""
+def _find_successors(row: int, lanes: _Lanes, successors: Ints) -> int:
+    """Write the successors of a piece and count them.
+
+    Those without a length are left out.
+    """
+    branches = 0
+    for successor in lanes.follow[row]:
+        if successor >= 0 and lanes.point_count[successor] > 1:
+            successors[branches] = successor
+            branches += 1
+    return branches
+
+
+@part
+def _trace(first: int, lanes: _Lanes, path: Floats, share: Floats) -> int:
+    """Write the paths from a piece's beginning and count them.
+
+    Paths are [B, G, 2]. Their shares [B] are written too.
+    """
     reach = STEP * (path.shape[1] - 1)
-    found = 0
+    path_count = 0
     waiting = 1
-    stack_row = np.zeros(4 * _DEPTH, np.int64)
-    stack_depth = np.zeros(4 * _DEPTH, np.int64)
-    chain = np.zeros(_DEPTH, np.int64)
-    end = np.zeros(_DEPTH)
-    part_of = np.ones(_DEPTH)
+    stack_row = np.zeros(4 * _MAX_DEPTH, np.int64)
+    stack_depth = np.zeros(4 * _MAX_DEPTH, np.int64)
+    chain = np.zeros(_MAX_DEPTH, np.int64)
+    length = np.zeros(_MAX_DEPTH + 1)  # before each piece of the chain
+    chain_share = np.ones(_MAX_DEPTH)
+    successors = np.zeros(4, np.int64)
     stack_row[0] = first
     while waiting:
         waiting -= 1
         row = stack_row[waiting]
         depth = stack_depth[waiting]
         chain[depth] = row
-        end[depth] = length[row] + (end[depth - 1] if depth else 0.0)
-        branches = 0
-        for after in follow[row]:
-            branches += after >= 0 and count[after] > 1
-        if branches == 0 or end[depth] >= reach or depth + 1 == _DEPTH:
-            _write(chain[: depth + 1], point, count, path[found])
-            share[found] = part_of[depth]
-            found += 1
+        length[depth + 1] = length[depth] + lanes.length[row]
+        branches = _find_successors(row, lanes, successors)
+        if branches == 0 or length[depth + 1] >= reach or depth + 1 == _MAX_DEPTH:
+            chosen = chain[: depth + 1]
+            _write_path(chosen, lanes.point, lanes.point_count, path[path_count])
+            share[path_count] = chain_share[depth]
+            path_count += 1
             continue
-        if (
-            part_of[depth] < branches * _LEAST
-        ):  # far away after many branches: on along the first one alone
+        # far away after many branches: on along the first one alone
+        if chain_share[depth] < branches * _MIN_SHARE:
             branches = 1
-        part_of[depth + 1] = part_of[depth] / branches
-        for after in follow[row]:
-            if after >= 0 and count[after] > 1 and branches:
-                stack_row[waiting] = after
-                stack_depth[waiting] = depth + 1
-                waiting = waiting + 1
-                branches = branches - 1
-    return found
+        chain_share[depth + 1] = chain_share[depth] / branches
+        for b in range(branches):
+            stack_row[waiting] = successors[b]
+            stack_depth[waiting] = depth + 1
+            waiting = waiting + 1
+    return path_count
 
 
 @part
-def _on_lanes(
-    point: Floats, count: Ints, bound: Floats, pose: Floats, row: Ints, match: Floats
-) -> int:
-    """Write the pieces [16] that an object may be on and arc length, distance and weight of each [16, 3]."""
-    found = 0
-    for i in range(len(count)):
-        x = pose[0]
-        y = pose[1]
+def _is_outside(x: float, y: float, bound: Floats) -> bool:
+    return bool(x < bound[0] or y < bound[1] or x > bound[2] or y > bound[3])
+
+
+@part
+def _match_pieces(lanes: _Lanes, pose: Floats, row: Ints, match: Floats) -> int:
+    """Write the pieces that an object may be on, and count.
+
+    At most 16 are. Arc length, distance and weight of each are written to ``match``
+    [16, 3].
+    """
+    start_count = 0
+    x = pose[0]
+    y = pose[1]
+    for i in range(len(lanes.point_count)):
+        if lanes.point_count[i] < 2 or _is_outside(x, y, lanes.bound[i]):
+            continue
+        line = lanes.point[i, : lanes.point_count[i]]
+        arc, offset, direction, beyond = _nearest_point(line, x, y)
+        turn = abs((direction - pose[2] + np.pi) % (2 * np.pi) - np.pi)
         if (
-            count[i] < 2
-            or x < bound[i, 0]
-            or y < bound[i, 1]
-            or x > bound[i, 2]
-            or y > bound[i, 3]
+            abs(offset) > _MAX_OFFSET_M
+            or turn > _MAX_TURN_RAD
+            or beyond > _MAX_BEYOND_M
         ):
             continue
-        arc, offset, direction, beyond = _nearest(point[i, : count[i]], x, y)
-        turned = abs((direction - pose[2] + np.pi) % (2 * np.pi) - np.pi)
-        if abs(offset) > _ASIDE or turned > _TURNED or beyond > _BEYOND:
-            continue
-        weight = np.exp(
-            -0.5 * ((offset / _SPREAD[0]) ** 2 + (turned / _SPREAD[1]) ** 2)
+        row[start_count] = i
+        match[start_count, _ARC] = arc
+        match[start_count, _OFFSET] = offset
+        match[start_count, _WEIGHT] = np.exp(
+            -0.5
+            * ((offset / _OFFSET_DEVIATION_M) ** 2 + (turn / _TURN_DEVIATION_RAD) ** 2)
         )
-        row[found], match[found, 0], match[found, 1], match[found, 2] = (
-            i,
-            arc,
-            offset,
-            weight,
-        )
-        found += 1
-        if found == len(row):
+        start_count += 1
+        if start_count == len(row):
             break
-    return found
+    return start_count
 
 
 @part
-def _at(path: Floats, arc: float, axis: int) -> float:
-    """Coordinate of a path [G, 2] at an arc length."""
+def _coordinate(path: Floats, arc: float, axis: int) -> float:
+    """Interpolate a coordinate of a path at an arc length."""
     g = min(int(arc / STEP), len(path) - 2)
     share = arc / STEP - g
     return float(path[g, axis] + share * (path[g + 1, axis] - path[g, axis]))
 
 
 @part
-def _same(a: Floats, arc_a: float, b: Floats, arc_b: float, metres: float) -> bool:
-    """True if two paths stay close to each other for ``metres``."""
+def _stay_close(
+    a: Floats, arc_a: float, b: Floats, arc_b: float, metres: float
+) -> bool:
+    """Return whether two paths stay close to each other for ``metres``."""
     for i in range(5):
         ahead = metres * i / 4
-        dx = _at(a, arc_a + ahead, 0) - _at(b, arc_b + ahead, 0)
-        dy = _at(a, arc_a + ahead, 1) - _at(b, arc_b + ahead, 1)
-        if dx * dx + dy * dy > _SAME**2:
+        dx = _coordinate(a, arc_a + ahead, 0) - _coordinate(b, arc_b + ahead, 0)
+        dy = _coordinate(a, arc_a + ahead, 1) - _coordinate(b, arc_b + ahead, 1)
+        if dx * dx + dy * dy > _MAX_GAP_M**2:
             return False
     return True
+
+
+@part
+def _find_equal(
+    path: Floats,
+    arc: float,
+    metres: float,
+    count: int,
+    candidates: _Candidates,
+    traces: _Traces,
+) -> int:
+    """Find the first candidate close to a path, -1 if none."""
+    for d in range(count):
+        candidate = traces.points[candidates.slot[d], candidates.branch[d]]
+        if _stay_close(candidate, candidates.arc[d], path, arc, metres):
+            return d
+    return -1
+
+
+@part
+def _add_candidates(
+    piece: int,
+    match: Floats,
+    metres: float,
+    count: int,
+    candidates: _Candidates,
+    traces: _Traces,
+) -> int:
+    """Add a piece's paths to the candidates and count all.
+
+    ``match`` [3]: of the object with the piece. Of paths that stay close branches add
+    up; of lanes over each other the likelier one counts.
+    """
+    slot = traces.slot[piece]
+    for b in range(traces.path_count[piece]):
+        weight = match[_WEIGHT] * traces.share[slot, b]
+        path = traces.points[slot, b]
+        equal = _find_equal(path, match[_ARC], metres, count, candidates, traces)
+        if equal < 0:
+            candidates.slot[count] = slot
+            candidates.branch[count] = b
+            candidates.arc[count] = match[_ARC]
+            candidates.offset[count] = match[_OFFSET]
+            candidates.weight[count] = weight
+            count += 1
+        elif candidates.slot[equal] == slot:
+            candidates.weight[equal] += weight
+        else:
+            candidates.weight[equal] = max(candidates.weight[equal], weight)
+    return count
+
+
+@part
+def _write_candidates(
+    count: int,
+    candidates: _Candidates,
+    traces: _Traces,
+    paths: Floats,
+    offset: Floats,
+    chance: Floats,
+) -> None:
+    """Write the likeliest candidates.
+
+    Paths are [M, S, 2], offsets and chances [M].
+    """
+    order = np.argsort(-candidates.weight[:count])[: len(paths)]
+    total = 0.0
+    for d in order:
+        total += candidates.weight[d]
+    for m in range(len(order)):
+        d = order[m]
+        offset[m] = candidates.offset[d]
+        chance[m] = candidates.weight[d] / total
+        path = traces.points[candidates.slot[d], candidates.branch[d]]
+        for s in range(paths.shape[1]):
+            arc = float(candidates.arc[d]) + STEP * s
+            paths[m, s, 0] = _coordinate(path, arc, 0)
+            paths[m, s, 1] = _coordinate(path, arc, 1)
 
 
 @kernel(
@@ -258,76 +388,41 @@ def find_paths(
     offset: Floats,
     chance: Floats,
 ) -> None:
-    """Write paths [n, most, S, 2], offsets and chances [n, most] of objects at ``pose`` [n, 4]: x y heading metres.
+    """Write paths, offsets and chances of objects.
 
-    ``point`` [L, Q, 2], ``count``, ``follow`` [L, 4], ``bound`` [L, 4], ``length``: pieces of lanes, successors, and
-    the area that is near. The paths from the beginning of a piece are traced once, for all objects on it.
+    Paths are [n, most, S, 2], offsets and chances [n, most]. ``pose`` [n, 4]: x y
+    heading metres. The first five are those of `_Lanes`.
     """
+    lanes = _Lanes(point, count, follow, bound, length)
     pieces = len(count)
-    most = paths.shape[1]
-    size = paths.shape[2]
-    grid = size + int(length.max() / STEP) + 2 if pieces else 0
-    traced = np.zeros(pieces, np.int64)
-    slot = np.zeros(pieces, np.int64)
-    table = np.empty((pieces, _BRANCHES, grid, 2))
-    share = np.empty((pieces, _BRANCHES))
-    used = 0
-    row = np.empty(_STARTS, np.int64)
-    match = np.empty((_STARTS, 3))
-    kept = np.empty((_STARTS * _BRANCHES, 2), np.int64)
-    arc = np.empty(_STARTS * _BRANCHES)
-    aside = np.empty(_STARTS * _BRANCHES)
-    weight = np.empty(_STARTS * _BRANCHES)
+    trace_size = 0
+    if pieces:
+        trace_size = paths.shape[2] + int(length.max() / STEP) + 2
+    traces = _Traces(
+        np.zeros(pieces, np.int64),
+        np.zeros(pieces, np.int64),
+        np.empty((pieces, _MAX_BRANCHES, trace_size, 2)),
+        np.empty((pieces, _MAX_BRANCHES)),
+    )
+    traced = 0
+    row = np.empty(_MAX_STARTS, np.int64)
+    match = np.empty((_MAX_STARTS, 3))
+    numbers = np.empty((2, _MAX_STARTS * _MAX_BRANCHES), np.int64)
+    values = np.empty((3, _MAX_STARTS * _MAX_BRANCHES))
+    candidates = _Candidates(numbers[0], numbers[1], values[0], values[1], values[2])
     for n in range(len(pose)):
-        starts = _on_lanes(point, count, bound, pose[n], row, match)
+        start_count = _match_pieces(lanes, pose[n], row, match)
         different = 0
-        for place in np.argsort(-match[:starts, 2]):
-            i = int(row[place])
-            if traced[i] == 0:
-                slot[i] = used
-                used = used + 1
-                traced[i] = _trace(
-                    i, point, count, length, follow, table[slot[i]], share[slot[i]]
+        for start in np.argsort(-match[:start_count, _WEIGHT]):
+            i = int(row[start])
+            if traces.path_count[i] == 0:
+                slot = traced
+                traces.slot[i] = slot
+                traced += 1
+                traces.path_count[i] = _trace(
+                    i, lanes, traces.points[slot], traces.share[slot]
                 )
-            for b in range(traced[i]):
-                path = table[slot[i], b]
-                own = match[place, 2] * share[slot[i], b]
-                before = -1
-                for d in range(different):
-                    if _same(
-                        table[kept[d, 0], kept[d, 1]],
-                        arc[d],
-                        path,
-                        match[place, 0],
-                        pose[n, 3],
-                    ):
-                        before = d
-                        break
-                if (
-                    before >= 0
-                ):  # branches add up; of lanes over each other the likelier one counts
-                    same_piece = kept[before, 0] == slot[i]
-                    weight[before] = (
-                        weight[before] + own if same_piece else max(weight[before], own)
-                    )
-                    continue
-                kept[different, 0], kept[different, 1], arc[different] = (
-                    slot[i],
-                    b,
-                    match[place, 0],
-                )
-                aside[different] = match[place, 1]
-                weight[different] = own
-                different += 1
-        order = np.argsort(-weight[:different])[:most]
-        total = 0.0
-        for d in order:
-            total += weight[d]
-        for m in range(len(order)):
-            d = order[m]
-            offset[n, m] = aside[d]
-            chance[n, m] = weight[d] / total
-            path = table[kept[d, 0], kept[d, 1]]
-            for s in range(size):
-                paths[n, m, s, 0] = _at(path, float(arc[d]) + STEP * s, 0)
-                paths[n, m, s, 1] = _at(path, float(arc[d]) + STEP * s, 1)
+            different = _add_candidates(
+                i, match[start], pose[n, 3], different, candidates, traces
+            )
+        _write_candidates(different, candidates, traces, paths[n], offset[n], chance[n])

@@ -87,10 +87,3 @@ def test_the_total_weight_is_kept(size: int, k: int, shift: float) -> None:
     assert not np.isnan(weight).any()
     total, expected = (np.logaddexp.reduce(some, axis=1) for some in (weight, log_weight))
     np.testing.assert_allclose(total, expected, rtol=1e-12, atol=1e-9)
-
-
-def test_far_from_the_origin_nothing_is_lost() -> None:
-    pool = np.round(make_pool(np.random.default_rng(8), 3, 60) * 2**20) / 2**20  # the shift is without rounding
-    near, far = (reduce(pool + shift, np.zeros((3, 60)), 8) for shift in (0.0, 2.0**17))
-    np.testing.assert_array_equal(far[0] - 2.0**17, near[0])
-    np.testing.assert_array_equal(far[1], near[1])

@@ -174,8 +174,10 @@ def test_equal_samples_are_one_cluster() -> None:
             assert np.abs(absent - distinct).max(axis=(1, 2)).min() < 1e-9
 
 
-def test_far_from_the_origin_nothing_is_lost() -> None:
-    pool = make_pool(np.random.default_rng(9), 3, 100)
-    near, far = (reduce(pool + shift, np.zeros((3, 100)), 8) for shift in (0.0, 1e5))
-    np.testing.assert_allclose(far[0] - 1e5, near[0], atol=1e-6)
-    np.testing.assert_allclose(far[1], near[1], atol=1e-9)
+@BOTH
+def test_far_from_the_origin_nothing_is_lost(sampler: Sampler) -> None:
+    pool = np.round(make_pool(np.random.default_rng(9), 3, 100) * 2**20) / 2**20  # the shift is without rounding
+    results = [sampler.reduce(pool + d, np.zeros((3, 100)), 8, np.random.default_rng(0)) for d in (0.0, 2.0**17)]
+    atol = 0.0 if isinstance(sampler, GreedySampler) else 1e-9  # it chooses samples, the other one takes means
+    np.testing.assert_allclose(results[1][0] - 2.0**17, results[0][0], rtol=0, atol=atol)
+    np.testing.assert_allclose(results[1][1], results[0][1], rtol=0, atol=atol)

@@ -24,21 +24,14 @@ def assert_same(ours: Tracks, plain: Tracks) -> None:
         np.testing.assert_allclose(getattr(ours, name), getattr(plain, name), rtol=0, atol=1e-9, err_msg=name)
 
 
-@pytest.mark.parametrize("hypotheses", [1, 3, 20])
+@pytest.mark.parametrize(("hypotheses", "greedy"), [(1, False), (3, False), (20, False), (1, True)])
 @pytest.mark.parametrize("seed", range(2))
-def test_compiled_and_plain_tracker_agree(seed: int, hypotheses: int) -> None:
+def test_compiled_and_plain_tracker_agree(seed: int, hypotheses: int, greedy: bool) -> None:
     frames = random_frames(np.random.default_rng(seed), 30, objects=6, area=9.0)
-    pair = run(HypothesisTracker(hypotheses), frames), run(PlainTracker(hypotheses), frames)
-    for ours, plain in zip(*pair, strict=True):
-        assert_same(ours, plain)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_greedy_assignment_agrees_too(seed: int) -> None:
-    frames = random_frames(np.random.default_rng(seed), 40)
-    pair = run(HypothesisTracker(assignment="as_parameters"), frames), run(PlainTracker(greedy=True), frames)
-    for ours, plain in zip(*pair, strict=True):
-        assert_same(ours, plain)
+    ours = HypothesisTracker(hypotheses, assignment="as_parameters" if greedy else "hungarian")
+    pair = run(ours, frames), run(PlainTracker(hypotheses, greedy=greedy), frames)
+    for tracks, plain in zip(*pair, strict=True):
+        assert_same(tracks, plain)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])

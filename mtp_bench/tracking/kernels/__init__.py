@@ -1,1 +1,1 @@
-"""Compiled kernels of the tracker and what compiles them; importing this loads nothing."""
+"""Compiled kernels of the tracker, and what compiles them; importing loads none."""

@@ -1,8 +1,9 @@
-"""Cache of compiled kernels: one folder per kernel, with a SHA-256 sum beside each file.
+"""Cache of compiled kernels: one folder per kernel, a SHA-256 sum beside each file.
 
-The folder's name holds a digest of what the compiled code depends on: Numba itself looks at the kernel's own file
-alone, not at the files of the functions that it calls. Numba does not notice a flipped bit in a file either and then
-crashes, so that sums are compared before it loads anything.
+The folder's name holds a digest of what the compiled code depends on: Numba itself
+looks at the kernel's own file alone, not at the files of the functions that it calls.
+Numba does not notice a flipped bit in a file either and then crashes, so that sums are
+compared before it loads anything.
 """
 
 import hashlib
@@ -21,43 +22,45 @@ _SUM = ".sha256"
 
 
 def cache_folder() -> Path:
-    """Folder of all compiled kernels: the one in NUMBA_CACHE_DIR, else the user's cache folder."""
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    if given:
-        return Path(given).absolute()  # an agent's process works in another folder
+    """Return the folder of all compiled kernels.
+
+    It is the one in NUMBA_CACHE_DIR, else in the user's cache.
+    """
+    chosen_folder = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen_folder:
+        # an agent's process works in another folder
+        return Path(chosen_folder).absolute()
     from platformdirs import user_cache_path
 
     return user_cache_path("mtp_bench", appauthor=False)
 
 
 def folder_of(function: FunctionType, signature: str) -> Path:
-    """Folder of a kernel, named by a digest of its path, sources and constants, Python, Numba and the processor.
+    """Return the folder of a kernel, named by a digest.
 
-    The path is part of it since Numba keeps the code of each path apart: two installations do not share a folder.
+    It is that of path, sources and constants, Python, Numba and the processor. The path
+    is part of it since Numba keeps the code of each path apart: two installations do
+    not share a folder.
     """
-    versions = (
+    dependencies = (
         sys.version,
         numba.__version__,
         llvmlite.__version__,
         llvmlite.binding.get_host_cpu_name(),
+        function.__code__.co_filename,
+        _sum_of(Path(__file__).with_name("compile.py")),  # options
+        signature,
+        sorted(_sources(function)),
     )
-    options = _sum_of(Path(__file__).with_name("compile.py"))
-    digest = hashlib.sha256(
-        repr(
-            (
-                *versions,
-                function.__code__.co_filename,
-                options,
-                signature,
-                sorted(_sources(function)),
-            )
-        ).encode()
-    )
-    return cache_folder() / f"kernels-{function.__name__}-{digest.hexdigest()[:16]}"
+    digest = hashlib.sha256(repr(dependencies).encode()).hexdigest()
+    return cache_folder() / f"kernels-{function.__name__}-{digest[:16]}"
 
 
 def _sources(function: FunctionType) -> set[str]:
-    """Digests of the files, and values of the constants, that a function depends on; TypeError for other globals."""
+    """Return digests of files, and constants, that a function uses.
+
+    Raises TypeError for other globals.
+    """
     sources = {_sum_of(Path(function.__code__.co_filename))}
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)
@@ -69,39 +72,46 @@ def _sources(function: FunctionType) -> set[str]:
         elif isinstance(value, type) and issubclass(value, tuple):
             sources.add(_sum_of(Path(sys.modules[value.__module__].__file__ or "")))
         elif not isinstance(value, ModuleType | BuiltinFunctionType | type | None):
-            got = f"kernel {function.__qualname__} uses {name}, of type {type(value).__name__}"
             raise TypeError(
-                f"{got}; expected a number, text, tuple, module or function, which the digest can hold"
+                f"kernel {function.__qualname__} uses {name}, of type "
+                f"{type(value).__name__}; expected a number, text, tuple, module or "
+                "function, which the digest can hold"
             )
     return sources
 
 
 def is_sound(folder: Path, source: str) -> bool:
-    """True if the folder holds both compiled files, which agree with their sums and are newer than the source file."""
+    """Check that a folder holds both compiled files, sound and new.
+
+    They agree with their sums and are not older than the source file.
+    """
     files = _files(folder)
-    newest = Path(source).stat().st_mtime
+    source_time = Path(source).stat().st_mtime
     return len(files) == 2 and all(
-        _agrees(file) and file.stat().st_mtime >= newest for file in files
+        _agrees(file) and file.stat().st_mtime >= source_time for file in files
     )
 
 
 def seal(folder: Path) -> None:
     """Write the sum of each file beside it."""
     for file in _files(folder):
-        partial = file.with_name(f"{file.name}{_SUM}.tmp")
-        partial.write_text(_sum_of(file), encoding="ascii")
-        partial.replace(f"{file}{_SUM}")
+        temporary = file.with_name(f"{file.name}{_SUM}.tmp")
+        temporary.write_text(_sum_of(file), encoding="ascii")
+        temporary.replace(f"{file}{_SUM}")
 
 
 def clear(folder: Path) -> bool:
-    """Delete the compiled files, also folders in their place; True if one of them did not agree with its sum."""
+    """Delete the compiled files and return whether one was damaged.
+
+    It did not agree with its sum. Folders in their place go too.
+    """
     files = _files(folder)
     damaged = any(
         Path(f"{file}{_SUM}").exists() and not _agrees(file) for file in files
     )
-    for below in folder.iterdir():
-        if below.is_dir():
-            shutil.rmtree(below)
+    for subfolder in folder.iterdir():
+        if subfolder.is_dir():
+            shutil.rmtree(subfolder)
     return damaged
 
 
@@ -116,7 +126,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _files(folder: Path) -> list[Path]:
-    """Files of Numba: an index (.nbi) and the code (.nbc)."""
+    """List Numba's files: an index (.nbi) and the code (.nbc)."""
     return sorted(folder.glob("*/*.nb[ci]"))
 
 

@@ -1,4 +1,4 @@
-"""Kernels: functions that Numba compiles at their first call and keeps in a cache of the user.
+"""Kernels: functions that Numba compiles at their first call and caches.
 
     @kernel("f8(f8[::1], i8)")
     def total(x: Floats, n: int) -> float: ...  # may call twice
@@ -6,11 +6,14 @@
     @part
     def twice(x: float) -> float: ...
 
-A kernel is called from Python; its signature says which types it takes. A part is compiled with every kernel that calls
-it, and remains a plain function in Python: ``total.function(x, 3)`` runs the same source, parts included, without
-Numba. So does ``total(x, 3)`` under NUMBA_DISABLE_JIT. Every kernel is in ``KERNELS`` once its module is imported.
+A kernel is called from Python; its signature says which types it takes. A part is
+compiled with every kernel that calls it, and remains a plain function in Python:
+``total.function(x, 3)`` runs the same source, parts included, without Numba. So does
+``total(x, 3)`` under NUMBA_DISABLE_JIT. Every kernel is in ``KERNELS`` once its module
+is imported.
 
-`cache` says where compiled kernels are kept. Processes that need the same kernel wait for the one that compiles it.
+`cache` says where compiled kernels are kept, in a cache of the user. Processes that
+need the same kernel wait for the one that compiles it.
 """
 
 import gc
@@ -32,20 +35,18 @@ R = TypeVar("R")
 F = TypeVar("F", bound=Callable[..., Any])
 _config: Any = numba.config
 _lock = threading.RLock()
-_OPTIONS: dict[str, Any] = {
-    "error_model": "numpy",
-    "no_cfunc_wrapper": True,
-}  # no C function calls a kernel
-_SECONDS = {
-    "joint_k_best": 22.0,
-    "k_means": 5.0,
-}  # CPU seconds of the slow ones: `benchmarks/compile.py`
-_OTHERS = 1.5  # of each other one: about 50 for all
+# no C function calls a kernel
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+# CPU seconds of the slow kernels and of each other one, about 50 for all:
+# `benchmarks/compile.py`
+_SLOW_COMPILE_S = {"joint_k_best": 22.0, "k_means": 5.0}
+_COMPILE_S = 1.5
 _UNCACHED = (
-    "compiling the kernels of trackers and samplers: about 50 CPU seconds in every process, since the cache cannot be "
-    "written; set NUMBA_CACHE_DIR to another folder"
+    "compiling the kernels of trackers and samplers: about 50 CPU seconds in every "
+    "process, since the cache cannot be written; set NUMBA_CACHE_DIR to another folder"
 )
-_NO_CACHE = "cannot cache function"  # how Numba's RuntimeError begins where it finds no folder to write to
+# how Numba's RuntimeError begins where it finds no folder to write to
+_NO_CACHE = "cannot cache function"
 
 
 @final
@@ -59,11 +60,14 @@ class Kernel(Generic[R]):
         self._compiled: Callable[..., R] | None = None
 
     def __call__(self, *args: Any) -> R:
-        """Result of the compiled function."""
+        """Call the compiled function."""
         return (self._compiled or self.compile())(*args)
 
     def compile(self) -> Callable[..., R]:
-        """Numba's dispatcher, from the cache if it is there; the plain function if Numba is switched off."""
+        """Return Numba's dispatcher, from the cache if it is there.
+
+        It is the plain function if Numba is switched off.
+        """
         with _lock:
             if self._compiled is None:
                 self._compiled = self.function if _config.DISABLE_JIT else self._load()
@@ -76,13 +80,16 @@ class Kernel(Generic[R]):
 
     @property
     def is_cached(self) -> bool:
-        """True if nothing has to be compiled."""
+        """Whether nothing has to be compiled."""
         return bool(_config.DISABLE_JIT) or cache.is_sound(
             self.folder, self.function.__code__.co_filename
         )
 
     def can_be_cached(self) -> bool:
-        """True if its folder can be written to; else the user is told that every process compiles it."""
+        """Check that its folder can be written to.
+
+        Otherwise the user is told that every process compiles it.
+        """
         try:
             with cache.locked(self.folder):
                 return True
@@ -93,18 +100,22 @@ class Kernel(Generic[R]):
     @property
     def seconds(self) -> float:
         """CPU seconds that compiling it takes, roughly."""
-        return _SECONDS.get(self.function.__name__, _OTHERS)
+        return _SLOW_COMPILE_S.get(self.function.__name__, _COMPILE_S)
 
     def _load(self) -> Callable[..., R]:
         try:
             if self.is_cached:
                 return self._jit(self.folder)
-            text = f"compiling kernel {self.function.__name__} of trackers and samplers, once per installation"
+            text = (
+                f"compiling kernel {self.function.__name__} of trackers and samplers, "
+                "once per installation"
+            )
             with long_work(text, self.seconds), cache.locked(self.folder):
                 # no other process has compiled it meanwhile
                 if not self.is_cached and cache.clear(self.folder):
                     say_once(
-                        f"a compiled kernel in {self.folder} is damaged and compiled again"
+                        f"a compiled kernel in {self.folder} is damaged and compiled "
+                        "again"
                     )
                 compiled = self._jit(self.folder)
                 cache.seal(self.folder)
@@ -127,7 +138,7 @@ KERNELS: list[Kernel[Any]] = []
 
 
 def kernel(signature: str) -> Callable[[Callable[..., R]], Kernel[R]]:
-    """Decorator of a kernel; ``signature``: Numba's, for example ``"f8(f8[::1], i8)"``."""
+    """Decorate a kernel with Numba's signature, such as ``"f8(f8[::1], i8)"``."""
 
     def register(function: Callable[..., R]) -> Kernel[R]:
         KERNELS.append(Kernel(function, signature))
@@ -137,14 +148,15 @@ def kernel(signature: str) -> Callable[[Callable[..., R]], Kernel[R]]:
 
 
 def part(function: F) -> F:
-    """Decorator of a function that kernels call."""
+    """Decorate a function that kernels call."""
     return register_jitable(**_OPTIONS)(function)
 
 
 def inlined(function: F) -> F:
-    """Decorator of a function whose code is written into each function that calls it.
+    """Decorate a function whose code is written into its callers.
 
-    That saves counting references to each array that it takes, which in a short function costs more than its work.
+    That saves counting references to each array that it takes, which in a short
+    function costs more than its work.
     """
     return cast(F, numba.njit(inline="always", error_model="numpy")(function))
 
@@ -152,17 +164,21 @@ def inlined(function: F) -> F:
 @contextmanager
 def _cache_in(folder: Path | None) -> Iterator[None]:
     """Let Numba use this cache while it compiles."""
-    before = _config.CACHE_DIR
-    _config.CACHE_DIR = before if folder is None else str(folder)
+    previous_folder = _config.CACHE_DIR
+    if folder is not None:
+        _config.CACHE_DIR = str(folder)
     try:
         yield
     finally:
-        _config.CACHE_DIR = before
+        _config.CACHE_DIR = previous_folder
 
 
 @contextmanager
 def _no_garbage_collection() -> Iterator[None]:
-    """Stop the collector, which would visit the millions of objects that Numba makes again and again."""
+    """Stop the garbage collector while Numba makes millions of objects.
+
+    It would visit them again and again.
+    """
     was_enabled = gc.isenabled()
     gc.disable()
     try:

@@ -1,7 +1,8 @@
-"""Parts of an association problem that can be solved separately: components, and the pieces that parents have of them.
+"""Parts of an association problem that can be solved separately.
 
-Rows of two components share no column, so that each component is a problem of its own. Parents with the same rows of a
-component share its solutions: such a subset of rows is a piece.
+Rows of two components share no column, so that each component is a problem of its own.
+Parents with the same rows of a component share its solutions: such a subset of rows is
+a piece.
 """
 
 import numpy as np
@@ -13,7 +14,7 @@ from .tables import Pieces, Problem
 
 @part
 def root_of(above: Ints, row: int) -> int:
-    """Lowest row of a row's component so far; halves the path on its way."""
+    """Find the lowest row of a component so far, halving paths."""
     while above[row] != row:
         above[row] = above[above[row]]
         row = above[row]
@@ -22,20 +23,24 @@ def root_of(above: Ints, row: int) -> int:
 
 @part
 def lowest_rows(indptr: Ints, column: Ints, columns: int) -> Ints:
-    """Lowest row of the component of each row [N], by union-find; -1 for a row without an allowed pair."""
+    """Find the lowest row of each row's component [N], by union-find.
+
+    It is -1 for a row without an allowed pair.
+    """
     n = len(indptr) - 1
     above = np.full(n, -1)
-    first = np.full(columns, -1)
+    first_row = np.full(columns, -1)
     for row in range(n):
         for e in range(indptr[row], indptr[row + 1]):
+            y = column[e]
             if above[row] < 0:
                 above[row] = row
-            if first[column[e]] < 0:
-                first[column[e]] = row
+            if first_row[y] < 0:
+                first_row[y] = row
                 continue
-            a = root_of(above, row)
-            b = root_of(above, first[column[e]])
-            above[max(a, b)] = min(a, b)
+            row_root = root_of(above, row)
+            column_root = root_of(above, first_row[y])
+            above[max(row_root, column_root)] = min(row_root, column_root)
     for row in range(n):
         if above[row] >= 0:
             above[row] = root_of(above, row)
@@ -43,85 +48,87 @@ def lowest_rows(indptr: Ints, column: Ints, columns: int) -> Ints:
 
 
 @part
-def rows_by_component(lowest: Ints) -> tuple[Ints, Ints]:
-    """Rows that have a pair, grouped by component [A], and the index at which each component begins [C + 1]."""
-    n = len(lowest)
+def rows_by_component(lowest_row: Ints) -> tuple[Ints, Ints]:
+    """Group the rows that have a pair by component [A].
+
+    The second array [C + 1] says where each component begins.
+    """
+    n = len(lowest_row)
     count = 0
     number = np.empty(n, np.int64)
-    size = np.zeros(n, np.int64)
+    row_count = np.zeros(n, np.int64)
     for row in range(n):
-        if lowest[row] == row:
+        if lowest_row[row] == row:
             number[row] = count
             count += 1
-        if lowest[row] >= 0:
-            size[number[lowest[row]]] += 1
-    start = np.zeros(count + 1, np.int64)
-    place = np.empty(count, np.int64)
+        if lowest_row[row] >= 0:
+            row_count[number[lowest_row[row]]] += 1
+    row_start = np.zeros(count + 1, np.int64)
+    next_place = np.empty(count, np.int64)
     for c in range(count):
-        place[c] = start[c]
-        start[c + 1] = start[c] + size[c]
-    rows = np.empty(start[count], np.int64)
+        next_place[c] = row_start[c]
+        row_start[c + 1] = row_start[c] + row_count[c]
+    rows = np.empty(row_start[count], np.int64)
     for row in range(n):
-        if lowest[row] >= 0:
-            c = number[lowest[row]]
-            rows[place[c]] = row
-            place[c] += 1
-    return rows, start
+        if lowest_row[row] >= 0:
+            c = number[lowest_row[row]]
+            rows[next_place[c]] = row
+            next_place[c] += 1
+    return rows, row_start
 
 
 @part
 def find_components(indptr: Ints, column: Ints, cost: Floats, columns: int) -> Problem:
-    """The problem of `association.joint_k_best`, split into components."""
-    rows, start = rows_by_component(lowest_rows(indptr, column, columns))
-    width = np.zeros(len(start) - 1, np.int64)
-    local = np.full(columns, -1)
-    first = np.empty(len(rows) + 1, np.int64)
-    used = 0
+    """Split the problem of `association.joint_k_best` into components."""
+    rows, row_start = rows_by_component(lowest_rows(indptr, column, columns))
+    column_count = np.zeros(len(row_start) - 1, np.int64)
+    local_number = np.full(columns, -1)
+    pair_start = np.empty(len(rows) + 1, np.int64)
     E = len(cost)
-    local_column = np.empty(E, np.int64)
-    local_cost = np.empty(E)
-    column_of_caller = np.empty(E, np.int64)
-    for c in range(len(width)):
-        for a in range(start[c], start[c + 1]):
-            first[a] = used
+    pair_column = np.empty(E, np.int64)
+    pair_cost = np.empty(E)
+    caller_column = np.empty(E, np.int64)
+    pair = 0
+    for c in range(len(column_count)):
+        for a in range(row_start[c], row_start[c + 1]):
+            pair_start[a] = pair
             for e in range(indptr[rows[a]], indptr[rows[a] + 1]):
                 y = column[e]
-                if local[y] < 0:
-                    local[y] = width[c]
-                    width[c] += 1
-                local_column[used] = local[y]
-                local_cost[used] = cost[e]
-                column_of_caller[used] = y
-                used += 1
-    first[len(rows)] = used
+                if local_number[y] < 0:
+                    local_number[y] = column_count[c]
+                    column_count[c] += 1
+                pair_column[pair] = local_number[y]
+                pair_cost[pair] = cost[e]
+                caller_column[pair] = y
+                pair += 1
+    pair_start[len(rows)] = pair
     return Problem(
-        rows, start, width, first, local_column, local_cost, column_of_caller
+        rows, row_start, column_count, pair_start, pair_column, pair_cost, caller_column
     )
 
 
 @part
-def find_pieces(member: Bools, rows: Ints, start: Ints) -> Pieces:
-    """The distinct pieces of all parents."""
+def find_pieces(member: Bools, rows: Ints, row_start: Ints) -> Pieces:
+    """Find the distinct pieces of all parents."""
     P = member.shape[0]
-    C = len(start) - 1
+    C = len(row_start) - 1
     component = np.empty(P * C, np.int64)
-    origin = np.empty(P * C, np.int64)
-    begin = np.zeros(P * C + 1, np.int64)
+    first_parent = np.empty(P * C, np.int64)
+    piece_start = np.zeros(P * C + 1, np.int64)
     places = np.empty(P * len(rows), np.int64)
     of_parent = np.empty((P, C), np.int64)
     count = 0
-    used = 0
+    place_count = 0
     for c in range(C):
-        low = start[c]
-        high = start[c + 1]
-        earlier = count
+        low = row_start[c]
+        high = row_start[c + 1]
+        first_piece = count
         for p in range(P):
-            q = earlier
+            # the first piece with the rows of this parent
+            q = first_piece
             place = low
-            while (
-                q < count and place < high
-            ):  # the first piece with the rows of this parent
-                if member[p, rows[place]] == member[origin[q], rows[place]]:
+            while q < count and place < high:
+                if member[p, rows[place]] == member[first_parent[q], rows[place]]:
                     place += 1
                 else:
                     q = q + 1
@@ -131,13 +138,15 @@ def find_pieces(member: Bools, rows: Ints, start: Ints) -> Pieces:
                 continue
             for place in range(low, high):
                 if member[p, rows[place]]:
-                    places[used] = place
-                    used += 1
-            if used == begin[count]:
+                    places[place_count] = place
+                    place_count += 1
+            if place_count == piece_start[count]:
                 of_parent[p, c] = -1
                 continue
             component[count] = c
-            origin[count] = p
+            first_parent[count] = p
             count += 1
-            begin[count] = used
-    return Pieces(component[:count], begin[: count + 1], places[:used], of_parent)
+            piece_start[count] = place_count
+    return Pieces(
+        component[:count], piece_start[: count + 1], places[:place_count], of_parent
+    )

@@ -1,23 +1,28 @@
-"""The cheapest solutions of a small piece, by depth-first search with reduced costs as lower bounds."""
+"""The cheapest solutions of a small piece, by depth-first search.
+
+Reduced costs are its lower bounds.
+"""
 
 from ...core import Floats, Ints
 from .compile import inlined, part
-from .tables import Block, Bound, Choices, Kept, Matching
+from .tables import Block, Bound, Choices, Matching, Ranking
 
 
 @inlined
 def limit_of(bound: Bound) -> float:
-    """Largest gap to its cheapest solution at which a solution of the piece can matter."""
+    """Return the largest gap at which a solution can matter."""
     return float(bound.best[-1] - bound.totals[0] + bound.slack)
 
 
 @inlined
-def note(best: Floats, totals: Floats, size: int, gap: float) -> None:
-    """Enter the totals of all parents of a piece with a solution dearer by ``gap`` among the least known, ``best`` [k].
+def note(best: Floats, totals: Floats, parent_count: int, gap: float) -> None:
+    """Enter the totals of a solution among the least known.
 
-    ``totals``: of the parents' cheapest solutions, increasing; ``size``: how many those are.
+    Those are ``best`` [k]. The solution is dearer by ``gap`` than the cheapest of its
+    piece. ``totals``: of the cheapest solutions of the ``parent_count`` parents of the
+    piece, increasing.
     """
-    for i in range(size):
+    for i in range(parent_count):
         total = totals[i] + gap
         j = len(best) - 1
         if total >= best[j]:
@@ -29,33 +34,72 @@ def note(best: Floats, totals: Floats, size: int, gap: float) -> None:
 
 
 @inlined
-def keep(total: float, count: int, piece: Block, option: Ints, kept: Kept) -> int:
-    """Enter the present choice, which costs ``total``, as a new solution or for the dearest; returns their number."""
-    order = kept.order
-    cost = kept.cost
-    k = len(kept.order)
-    place = order[k - 1] if count == k else count
-    count += 1 if count < k else 0
-    cost[place] = total
+def pair_of(option: int, pair_end: int) -> int:
+    """Return the pair of a row's option, -1 for unmatched."""
+    return option if option < pair_end else -1
+
+
+@inlined
+def enter_solution(
+    total: float, count: int, piece: Block, option: Ints, ranking: Ranking
+) -> int:
+    """Enter the present choice into the ranking and return its length.
+
+    The choice costs ``total``. It replaces the dearest solution of a full ranking.
+    """
+    order = ranking.order
+    cost = ranking.cost
+    k = len(ranking.order)
+    number = count
+    if count == k:
+        number = order[k - 1]
+    else:
+        count += 1
+    cost[number] = total
     for a in range(piece.n):
-        kept.pairs[kept.at + place * piece.n + a] = (
-            option[a] if option[a] < piece.last[a] else -1
+        ranking.pairs[ranking.start + number * piece.n + a] = pair_of(
+            option[a], piece.pair_end[a]
         )
     i = count - 1
     while i > 0 and cost[order[i - 1]] > total:
         order[i] = order[i - 1]
         i -= 1
-    order[i] = place
+    order[i] = number
     return count
 
 
 @inlined
 def is_matching(piece: Block, option: Ints, match: Ints) -> bool:
-    """True if the present choice is this matching."""
-    same = True
+    """Compare the present choice with a matching."""
+    equal = True
     for a in range(piece.n):
-        same &= match[a] == (option[a] if option[a] < piece.last[a] else -1)
-    return same
+        equal &= match[a] == pair_of(option[a], piece.pair_end[a])
+    return equal
+
+
+@inlined
+def offer_solution(
+    total: float,
+    gap: float,
+    limit: float,
+    count: int,
+    piece: Block,
+    option: Ints,
+    match: Ints,
+    bound: Bound,
+    ranking: Ranking,
+) -> int:
+    """Rank the present choice if it can matter and count all.
+
+    It costs ``total``, by ``gap`` more than the cheapest solution, which is ``match``.
+    """
+    if gap <= limit and (
+        count < len(ranking.order) or total < ranking.cost[ranking.order[-1]]
+    ):
+        count = enter_solution(total, count, piece, option, ranking)
+        if bound.parent_count > 0 and not is_matching(piece, option, match):
+            note(bound.best, bound.totals, bound.parent_count, gap)
+    return count
 
 
 @part
@@ -65,65 +109,66 @@ def enumerate_solutions(
     root_cost: float,
     bound: Bound,
     choice: Choices,
-    kept: Kept,
+    ranking: Ranking,
     patience: int,
 ) -> int:
-    """Number of solutions kept, at most k: all of the piece that can be among the k cheapest of the whole problem.
+    """Rank the solutions that can matter.
 
-    -1, with ``bound.best`` spoilt, if more than ``patience`` partial choices would have to be looked at.
-    ``matching``: the cheapest solution, which costs ``root_cost``, and its potentials; zeros if it is not known.
+    They can be among the k cheapest of all. Returns how many there are, at most k; -1,
+    with ``bound.best`` spoilt, if more than ``patience`` partial choices would have to
+    be looked at. ``matching``: the cheapest solution, which costs ``root_cost``, and
+    its potentials; zeros if it is not known.
     """
-    first = piece.first
-    last = piece.last
-    column = piece.column
-    cost = piece.cost
+    pair_start = piece.pair_start
+    pair_end = piece.pair_end
+    column = piece.pair_column
+    cost = piece.pair_cost
     u = matching.u
     v = matching.v
-    taken, option, lower, total = choice
+    column_used, option, lower_bound, total_cost = choice
     n = piece.n
-    k = len(kept.order)
     count = 0
     x = 0
-    lower[0] = 0.0
-    total[0] = 0.0
-    option[0] = first[0] - 1
+    lower_bound[0] = 0.0
+    total_cost[0] = 0.0
+    option[0] = pair_start[0] - 1
     limit = limit_of(bound)
     while x >= 0:
+        # the next option of row x within the limit: its pairs, then unmatched
         e = option[x]
-        if first[x] <= e < last[x]:
-            taken[column[e]] = False
+        end = pair_end[x]
+        if pair_start[x] <= e < end:
+            column_used[column[e]] = False
         e += 1
-        while e < last[x] and (
-            taken[column[e]] or lower[x] + cost[e] - u[x] - v[column[e]] > limit
+        while e < end and (
+            column_used[column[e]]
+            or lower_bound[x] + cost[e] - u[x] - v[column[e]] > limit
         ):
             e += 1
         option[x] = e
-        if e > last[x] or (e == last[x] and lower[x] - u[x] > limit):
+        if e > end or (e == end and lower_bound[x] - u[x] > limit):
             x -= 1
             continue
-        if e < last[x]:
-            taken[column[e]] = True
-            lower[x + 1] = lower[x] + cost[e] - u[x] - v[column[e]]
-            total[x + 1] = total[x] + cost[e]
+        if e < end:
+            column_used[column[e]] = True
+            lower_bound[x + 1] = lower_bound[x] + cost[e] - u[x] - v[column[e]]
+            total_cost[x + 1] = total_cost[x] + cost[e]
         else:
-            lower[x + 1] = lower[x] - u[x]
-            total[x + 1] = total[x]
+            lower_bound[x + 1] = lower_bound[x] - u[x]
+            total_cost[x + 1] = total_cost[x]
         patience -= 1
         if patience < 0:
-            for y in range(piece.m):
-                taken[y] = False
+            column_used[: piece.m] = False
             count = -1
             break
-        x += 1
-        if x < n:
-            option[x] = first[x] - 1
+        if x + 1 < n:
+            x += 1
+            option[x] = pair_start[x] - 1
             continue
-        x -= 1
-        gap = total[n] - root_cost
-        if gap > limit or (count == k and total[n] >= kept.cost[kept.order[k - 1]]):
-            continue
-        count = keep(total[n], count, piece, option, kept)
-        if bound.size > 0 and not is_matching(piece, option, matching.match):
-            note(bound.best, bound.totals, bound.size, gap)
-            limit = limit_of(bound)
+        total = total_cost[n]
+        gap = total - root_cost
+        count = offer_solution(
+            total, gap, limit, count, piece, option, matching.match, bound, ranking
+        )
+        limit = limit_of(bound)
     return count

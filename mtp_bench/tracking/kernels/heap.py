@@ -1,4 +1,4 @@
-"""A binary heap of numbers in the order of their keys, equal keys in the order of the numbers."""
+"""A binary heap of named keys; equal keys come in the order of their names."""
 
 import numpy as np
 
@@ -8,15 +8,15 @@ from .compile import part
 
 @part
 def push(keys: Floats, names: Ints, size: int, key: float, name: int) -> int:
-    """Put ``key``, called ``name``, into the heap of ``size`` entries; its new size."""
+    """Put a named key into the heap and return its size."""
     i = size
     while i > 0:
-        above = (i - 1) >> 1
-        if keys[above] < key or (keys[above] == key and names[above] < name):
+        parent = (i - 1) >> 1
+        if keys[parent] < key or (keys[parent] == key and names[parent] < name):
             break
-        keys[i] = keys[above]
-        names[i] = names[above]
-        i = above
+        keys[i] = keys[parent]
+        names[i] = names[parent]
+        i = parent
     keys[i] = key
     names[i] = name
     return size + 1
@@ -24,43 +24,49 @@ def push(keys: Floats, names: Ints, size: int, key: float, name: int) -> int:
 
 @part
 def pop(keys: Floats, names: Ints, size: int) -> int:
-    """Move the least entry behind the heap, to number ``size`` - 1; its new size, which is that number."""
+    """Move the smallest entry behind the heap and return its size.
+
+    The entry is then at the index of that size.
+    """
     size -= 1
-    least_key = keys[0]
-    least_name = names[0]
+    min_key = keys[0]
+    min_name = names[0]
     key = keys[size]
     name = names[size]
     i = 0
     while True:
-        below = 2 * i + 1
-        if below >= size:
+        child = 2 * i + 1
+        if child >= size:
             break
-        right = below + 1
+        right = child + 1
         if right < size and (
-            keys[right] < keys[below]
-            or (keys[right] == keys[below] and names[right] < names[below])
+            keys[right] < keys[child]
+            or (keys[right] == keys[child] and names[right] < names[child])
         ):
-            below = right
-        if key < keys[below] or (key == keys[below] and name < names[below]):
+            child = right
+        if key < keys[child] or (key == keys[child] and name < names[child]):
             break
-        keys[i] = keys[below]
-        names[i] = names[below]
-        i = below
+        keys[i] = keys[child]
+        names[i] = names[child]
+        i = child
     keys[i] = key
     names[i] = name
-    keys[size] = least_key
-    names[size] = least_name
+    keys[size] = min_key
+    names[size] = min_name
     return size
 
 
 @part
 def sorted_numbers(keys: Floats, size: int) -> Ints:
-    """Numbers of the first ``size`` keys, by ascending keys, equal keys by their numbers; no key is NaN."""
-    waiting = np.empty(size)
+    """Sort the numbers of the first ``size`` keys by key.
+
+    Equal keys are sorted by number. No key may be NaN.
+    """
+    heap_keys = np.empty(size)
     names = np.empty(size, np.int64)
     order = np.empty(size, np.int64)
     for i in range(size):
-        push(waiting, names, i, keys[i], i)
+        push(heap_keys, names, i, keys[i], i)
     for i in range(size):
-        order[i] = names[pop(waiting, names, size - i)]
+        order[i] = names[pop(heap_keys, names, size - i)]
     return order

@@ -1,11 +1,14 @@
-"""Murty's search (1968) for the k cheapest solutions of a piece; children inherit as in Miller, Stone and Cox (1997).
+"""Murty's search (1968) for the k cheapest solutions of a piece.
 
-A node is a solution and the part of all solutions that it is the cheapest of: its first rows, in an order of its own,
-keep their choices, and the row after them may not take some. What is left of the part without the solution itself is
-split into disjoint children: child t keeps the first t rows and forbids the choice of the next. A child starts with the
-matching and the potentials of its parent and needs one shortest alternating path. Rows come in descending slack (what
-leaving their choice costs at least), so that the likely children have many rows fixed; children wait in the queue with
-that lower bound and are solved only when nothing cheaper is left (Motro and Ghosh 2019).
+A node is a solution and the part of all solutions that it is the cheapest of: its first
+rows, in an order of its own, keep their choices, and the row after them may not take
+some. What is left of the part without the solution itself is split into disjoint
+children: child t keeps the first t rows and forbids the choice of the next. A child
+starts with the matching and the potentials of its parent and needs one shortest
+alternating path (Miller, Stone and Cox 1997). Rows come in descending slack (what
+leaving their choice costs at least), so that the likely children have many rows fixed;
+children wait in the queue with that lower bound and are solved only when nothing
+cheaper is left (Motro and Ghosh 2019).
 """
 
 from typing import Any, NamedTuple
@@ -24,23 +27,26 @@ from .shortest_path import (
     flip_path,
     forget_path,
 )
-from .tables import Block, Bound, Kept, Matching, Path
+from .tables import Block, Bound, Matching, Path, Ranking
 
 
 class Nodes(NamedTuple):
     """The nodes of the search, a row each."""
 
-    table: Ints  # [.., 2 n + 2] the pair of each row; the order of the rows; fixed rows; the node that it is a child of
-    potentials: Floats  # [.., n + m + 1] of rows; of columns; the cost of the solution
+    # [.., 2 n + 2] the pair of each row; the order of the rows; number of fixed rows;
+    # the node that it is a child of, -1: the root
+    table: Ints
+    # [.., n + m + 1] of rows; of columns; the cost of the solution
+    potentials: Floats
 
 
 class SearchQueue(NamedTuple):
-    """Entries that wait: the solution of ``node[i]``, or its unsolved child number ``child[i]``."""
+    """Entries that wait: a solution of a node, or an unsolved child of it."""
 
     keys: Floats  # the heap of costs and lower bounds
     names: Ints  # entry of each key
-    node: Ints
-    child: Ints  # -1: the solution itself
+    node: Ints  # by entry
+    child: Ints  # by entry, number of the child; -1: the solution itself
 
 
 class Slacks(NamedTuple):
@@ -52,28 +58,29 @@ class Slacks(NamedTuple):
 
 @part
 def twice_as_long(array: Any) -> Any:
-    """A longer copy."""
+    """Copy a table into the first half of a longer one."""
     longer = np.empty((2 * array.shape[0], array.shape[1]), array.dtype)
-    for i in range(array.shape[0]):
-        for j in range(array.shape[1]):
-            longer[i, j] = array[i, j]
+    longer[: array.shape[0]] = array
     return longer
 
 
 @part
-def ban(nodes: Ints, q: int, t: int, n: int, banned: Bools, on: bool) -> bool:
-    """Forbid the pairs of child ``t`` of node ``q``, or undo that; True if staying unmatched is forbidden."""
-    row = nodes[q, n + t]
-    hub = False
+def ban(table: Ints, q: int, t: int, n: int, banned: Bools, value: bool) -> bool:
+    """Forbid the pairs of a child, or undo that.
+
+    It is child ``t`` of node ``q``. Returns whether staying unmatched is forbidden.
+    """
+    row = table[q, n + t]
+    hub_banned = False
     while True:
-        e = nodes[q, row]
+        e = table[q, row]
         if e >= 0:
-            banned[e] = on
+            banned[e] = value
         else:
-            hub = True
-        origin = nodes[q, 2 * n + 1]
-        if origin < 0 or nodes[q, 2 * n] != t:
-            return hub
+            hub_banned = True
+        origin = table[q, 2 * n + 1]
+        if origin < 0 or table[q, 2 * n] != t:
+            return hub_banned
         q = origin
 
 
@@ -81,12 +88,14 @@ def ban(nodes: Ints, q: int, t: int, n: int, banned: Bools, on: bool) -> bool:
 def lower_bounds(
     q: int, piece: Block, hub_banned: bool, nodes: Nodes, slacks: Slacks
 ) -> None:
-    """Write lower bounds of what it costs that a row of node ``q`` leaves its choice.
+    """Write lower bounds of the cost of leaving choices.
 
-    The path leaves the row by one pair and enters its column by another, or either way through the hub.
+    The path leaves the row of node ``q`` by one pair and enters its column by another,
+    or either way through the hub. Pairs of its first open row may be banned, and for
+    this row the hub if ``hub_banned``.
     """
     n = piece.n
-    pair_local = piece.column
+    column = piece.pair_column
     table = nodes.table
     potentials = nodes.potentials
     enter = slacks.enter
@@ -96,54 +105,63 @@ def lower_bounds(
     for t in range(depth, n):
         x = table[q, n + t]
         ux = potentials[q, x]
-        own = table[q, x]
-        least = -ux if own >= 0 and not (t == depth and hub_banned) else np.inf
-        for e in range(piece.first[x], piece.last[x]):
-            if e != own:
-                y = pair_local[e]
-                slack = piece.cost[e] - ux - potentials[q, n + y]
-                enter[y] = min(enter[y], slack)
-                if slack < least and not (t == depth and piece.banned[e]):
-                    least = slack
-        slacks.leave[x] = least
+        chosen = table[q, x]
+        min_slack = np.inf
+        if chosen >= 0 and not hub_banned:
+            min_slack = -ux
+        hub_banned = False  # of the rows that follow
+        for e in range(piece.pair_start[x], piece.pair_end[x]):
+            if e == chosen:
+                continue
+            y = column[e]
+            slack = piece.pair_cost[e] - ux - potentials[q, n + y]
+            enter[y] = min(enter[y], slack)
+            if not piece.banned[e]:
+                min_slack = min(min_slack, slack)
+        slacks.leave[x] = min_slack
     for t in range(depth, n):
         x = table[q, n + t]
         if table[q, x] >= 0:
-            slacks.leave[x] += max(enter[pair_local[table[q, x]]], 0.0)
+            slacks.leave[x] += max(enter[column[table[q, x]]], 0.0)
 
 
 @part
-def sort_rows(q: int, n: int, nodes: Ints, out: Floats, spare: float) -> int:
-    """Order the open rows of node ``q`` by descending slack, its own first; the first t whose child can matter.
+def sort_rows(q: int, n: int, table: Ints, leave: Floats, max_rise: float) -> int:
+    """Order a node's open rows by slack and return a limit.
 
-    Rows that can not matter come first in any order.
+    The limit is the first t whose child can matter, dearer by at most ``max_rise``.
+    Slack descends. Rows that cannot matter come first in any order. The row that may
+    not take some choices keeps its place before all.
     """
-    low = nodes[q, 2 * n]
-    if nodes[q, 2 * n + 1] >= 0:
-        low += 1  # the row that may not take some keeps its place
+    low = table[q, 2 * n]
+    if table[q, 2 * n + 1] >= 0:
+        low += 1
     split = low
     for t in range(low, n):
-        x = nodes[q, n + t]
-        if out[x] > spare:
-            nodes[q, n + t] = nodes[q, n + split]
-            nodes[q, n + split] = x
+        x = table[q, n + t]
+        if leave[x] > max_rise:
+            table[q, n + t] = table[q, n + split]
+            table[q, n + split] = x
             split += 1
     for t in range(split + 1, n):
-        x = nodes[q, n + t]
+        x = table[q, n + t]
         i = t
-        while i > split and out[nodes[q, n + i - 1]] < out[x]:
-            nodes[q, n + i] = nodes[q, n + i - 1]
+        while i > split and leave[table[q, n + i - 1]] < leave[x]:
+            table[q, n + i] = table[q, n + i - 1]
             i -= 1
-        nodes[q, n + i] = x
+        table[q, n + i] = x
     return int(split)
 
 
 @part
 def load_child(q: int, t: int, piece: Block, nodes: Nodes, matching: Matching) -> None:
-    """Solution and potentials of node ``q``, with its first ``t`` rows and their columns out."""
+    """Read solution and potentials of node ``q`` into the matching.
+
+    Its first ``t`` rows and their columns are out.
+    """
     match, owner, u, v, row_out, column_out = matching
     n = piece.n
-    pair_local = piece.column
+    column = piece.pair_column
     table = nodes.table
     potentials = nodes.potentials
     for y in range(piece.m):
@@ -155,38 +173,41 @@ def load_child(q: int, t: int, piece: Block, nodes: Nodes, matching: Matching) -
         u[x] = potentials[q, x]
         row_out[x] = False
         if match[x] >= 0:
-            owner[pair_local[match[x]]] = x
+            owner[column[match[x]]] = x
     for i in range(t):
         x = table[q, n + i]
         row_out[x] = True
         if match[x] >= 0:
-            column_out[pair_local[match[x]]] = True
+            column_out[column[match[x]]] = True
 
 
 @part
 def save_child(
     q: int,
     t: int,
-    new: int,
+    child: int,
     piece: Block,
     nodes: Nodes,
     matching: Matching,
     cost: float,
 ) -> None:
-    """Write child ``t`` of node ``q`` as node ``new``; its rows after number ``t`` in any order."""
+    """Write child ``t`` of node ``q`` as node ``child``.
+
+    Its rows after number ``t`` come in any order.
+    """
     n = piece.n
     m = piece.m
     table = nodes.table
     potentials = nodes.potentials
     for x in range(n):
-        table[new, x], table[new, n + x], potentials[new, x] = (
-            matching.match[x],
-            table[q, n + x],
-            matching.u[x],
-        )
+        table[child, x] = matching.match[x]
+        table[child, n + x] = table[q, n + x]
+        potentials[child, x] = matching.u[x]
     for y in range(m):
-        potentials[new, n + y] = matching.v[y]
-    table[new, 2 * n], table[new, 2 * n + 1], potentials[new, n + m] = t, q, cost
+        potentials[child, n + y] = matching.v[y]
+    table[child, 2 * n] = t
+    table[child, 2 * n + 1] = q
+    potentials[child, n + m] = cost
 
 
 @part
@@ -195,16 +216,17 @@ def split_node(
     piece: Block,
     nodes: Nodes,
     slacks: Slacks,
-    spare: float,
+    max_rise: float,
     key: float,
     queue: SearchQueue,
     entries: int,
     size: int,
 ) -> tuple[int, int]:
-    """Queue the children of node ``q`` that can matter, with their lower bounds; new numbers of entries and keys.
+    """Queue the children of a node that can matter.
 
-    ``spare``: by how much they may be dearer than the node's solution, which costs ``key``.
-    ``slacks`` [n] and [m] is workspace; ``entries`` and ``size``: entries of the queue so far, and keys of its heap.
+    ``max_rise``: by how much they may be dearer than the node's solution, which costs
+    ``key``. ``slacks`` [n] and [m] is workspace; ``entries`` and ``size``: entries of
+    the queue so far, and keys of its heap. Returns the new numbers of both.
     """
     n = piece.n
     table = nodes.table
@@ -216,16 +238,15 @@ def split_node(
     lower_bounds(q, piece, hub_banned, nodes, slacks)
     if not is_root:
         ban(table, q, depth, n, piece.banned, False)
-    split = sort_rows(q, n, table, slacks.leave, spare)
+    split = sort_rows(q, n, table, slacks.leave, max_rise)
     for t in range(depth, n):
-        lower = slacks.leave[table[q, n + t]]
-        if (
-            (t >= split or (t == depth and not is_root))
-            and lower <= spare
-            and lower < np.inf
-        ):
-            queue.node[entries], queue.child[entries] = q, t
-            size = push(queue.keys, queue.names, size, key + max(lower, 0.0), entries)
+        if t < split and (t > depth or is_root):
+            continue
+        rise = slacks.leave[table[q, n + t]]
+        if rise <= max_rise and rise < np.inf:
+            queue.node[entries] = q
+            queue.child[entries] = t
+            size = push(queue.keys, queue.names, size, key + max(rise, 0.0), entries)
             entries += 1
     return entries, size
 
@@ -234,29 +255,58 @@ def split_node(
 def solve_child(
     q: int,
     t: int,
-    spare: float,
+    max_rise: float,
     piece: Block,
     nodes: Nodes,
     matching: Matching,
     path: Path,
 ) -> bool:
-    """True if child ``t`` of node ``q`` has a solution dearer by at most ``spare``, written to the matching."""
+    """Find a child's solution and return whether it can matter.
+
+    It is child ``t`` of node ``q``. The solution is written to the matching if it is
+    dearer by at most ``max_rise``.
+    """
     n = piece.n
-    pair_local = piece.column
+    column = piece.pair_column
     load_child(q, t, piece, nodes, matching)
     source = nodes.table[q, n + t]
     target = HUB
     if matching.match[source] >= 0:
-        target = pair_local[matching.match[source]]
+        target = column[matching.match[source]]
         matching.owner[target] = HUB
     hub_banned = ban(nodes.table, q, t, n, piece.banned, True)
-    length, far = find_path(source, target, spare, hub_banned, piece, matching, path)
+    length, hub_distance = find_path(
+        source, target, max_rise, hub_banned, piece, matching, path
+    )
     ban(nodes.table, q, t, n, piece.banned, False)
     if length < np.inf:
-        change_potentials(source, length, far, piece, matching, path)
-        flip_path(source, target, pair_local, matching, path)
+        change_potentials(source, length, hub_distance, piece, matching, path)
+        flip_path(source, target, column, matching, path)
     forget_path(path)
     return bool(length < np.inf)
+
+
+@part
+def new_nodes(piece: Block, matching: Matching, root_cost: float) -> Nodes:
+    """Make room for nodes, the first of them the root."""
+    n = piece.n
+    table = np.empty((16, 2 * n + 2), np.int64)
+    for x in range(n):
+        table[0, n + x] = x
+    nodes = Nodes(table, np.empty((16, n + piece.m + 1)))
+    save_child(0, 0, 0, piece, nodes, matching, root_cost)
+    table[0, 2 * n + 1] = -1
+    return nodes
+
+
+@part
+def rank_node(q: int, count: int, piece: Block, nodes: Nodes, ranking: Ranking) -> None:
+    """Append the solution of a node to a ranking of ``count``."""
+    n = piece.n
+    ranking.order[count] = count
+    ranking.cost[count] = nodes.potentials[q, n + piece.m]
+    for x in range(n):
+        ranking.pairs[ranking.start + count * n + x] = nodes.table[q, x]
 
 
 @part
@@ -266,29 +316,25 @@ def search_solutions(
     bound: Bound,
     matching: Matching,
     path: Path,
-    kept: Kept,
+    ranking: Ranking,
 ) -> int:
-    """As `enumeration.enumerate_solutions`, for pieces of any size; ``matching``: the cheapest solution."""
+    """Rank solutions as `enumeration.enumerate_solutions`, for pieces of any size.
+
+    ``matching``: the cheapest solution, which costs ``root_cost``.
+    """
     n = piece.n
     m = piece.m
-    k = len(kept.order)
-    nodes = Nodes(np.empty((16, 2 * n + 2), np.int64), np.empty((16, n + m + 1)))
+    k = len(ranking.order)
+    nodes = new_nodes(piece, matching, root_cost)
     slacks = Slacks(np.empty(n), np.empty(m))
-    most = 2 * k * n + 2
-    queue = SearchQueue(
-        np.empty(most),
-        np.empty(most, np.int64),
-        np.empty(most, np.int64),
-        np.empty(most, np.int64),
-    )
-    for x in range(n):
-        nodes.table[0, n + x] = x
-    save_child(0, 0, 0, piece, nodes, matching, root_cost)
-    nodes.table[0, 2 * n + 1] = -1
-    queue.node[0], queue.child[0], queue.keys[0], queue.names[0] = 0, -1, root_cost, 0
-    used = 1
+    max_entries = 2 * k * n + 2
+    numbers = np.empty((3, max_entries), np.int64)
+    queue = SearchQueue(np.empty(max_entries), numbers[0], numbers[1], numbers[2])
+    queue.node[0] = 0
+    queue.child[0] = -1
+    size = push(queue.keys, queue.names, 0, root_cost, 0)
     entries = 1
-    size = 1
+    node_count = 1
     count = 0
     while size > 0 and count < k:
         size = pop(queue.keys, queue.names, size)
@@ -297,40 +343,30 @@ def search_solutions(
         limit = limit_of(bound)
         q = queue.node[entry]
         t = queue.child[entry]
-        spare = limit - (key - root_cost)
-        if spare < 0.0:
+        max_rise = limit - (key - root_cost)
+        if max_rise < 0.0:
             break
         if t < 0:
-            kept.order[count], kept.cost[count] = count, nodes.potentials[q, n + m]
-            for x in range(n):
-                kept.pairs[kept.at + count * n + x] = nodes.table[q, x]
+            rank_node(q, count, piece, nodes, ranking)
             count += 1
             if count < k:
                 entries, size = split_node(
-                    q, piece, nodes, slacks, spare, key, queue, entries, size
+                    q, piece, nodes, slacks, max_rise, key, queue, entries, size
                 )
             continue
-        if not solve_child(
-            q,
-            t,
-            limit - (nodes.potentials[q, n + m] - root_cost),
-            piece,
-            nodes,
-            matching,
-            path,
-        ):
+        max_rise = limit - (nodes.potentials[q, n + m] - root_cost)
+        if not solve_child(q, t, max_rise, piece, nodes, matching, path):
             continue
-        if used == len(nodes.table):
+        if node_count == len(nodes.table):
             nodes = Nodes(twice_as_long(nodes.table), twice_as_long(nodes.potentials))
-        cost = cost_of(matching.match, piece.cost, n)
-        save_child(q, t, used, piece, nodes, matching, cost)
-        note(bound.best, bound.totals, bound.size, cost - root_cost)
-        queue.node[entries], queue.child[entries] = used, -1
+        cost = cost_of(matching.match, piece.pair_cost, n)
+        save_child(q, t, node_count, piece, nodes, matching, cost)
+        note(bound.best, bound.totals, bound.parent_count, cost - root_cost)
+        queue.node[entries] = node_count
+        queue.child[entries] = -1
         size = push(queue.keys, queue.names, size, max(cost, key), entries)
-        used += 1
+        node_count += 1
         entries += 1
-    for x in range(n):
-        matching.row_out[x] = False
-    for y in range(m):
-        matching.column_out[y] = False
+    matching.row_out[:n] = False
+    matching.column_out[:m] = False
     return count

@@ -1,4 +1,7 @@
-"""The solutions of all pieces: all those of small pieces first, then those of the others below a falling bound."""
+"""The solutions of all pieces, as many as can matter.
+
+All those of small pieces come first, then those of the others below a falling bound.
+"""
 
 from typing import NamedTuple
 
@@ -14,27 +17,31 @@ from .tables import (
     Block,
     Bound,
     Choices,
-    Kept,
     Matching,
     Path,
     Pieces,
     Problem,
+    Ranking,
     Solutions,
 )
 
-AT_ONCE = 40  # choices of a piece: up to here all its solutions are found, before a bound is known
-MOST_CHOICES = 10**7  # of a piece that is enumerated as long as patience lasts
-PATIENCE = 3600  # partial choices to look at, and
-PATIENCE_PER_SOLUTION = (
-    100  # more per solution asked for; Murty's search costs about as much
-)
+# choices of a piece, up to which all its solutions are found before a bound is known
+MAX_CHOICES_AT_ONCE = 40
+# choices of a piece, up to which it is enumerated as long as patience lasts
+MAX_CHOICES = 10**7
+# partial choices to look at, and more per solution asked for: Murty's search costs
+# about as much
+PATIENCE = 3600
+PATIENCE_PER_SOLUTION = 100
+# of the sum of all costs, which no total exceeds
+_ROUNDING_SHARE = 1e-12
 
 
 class Workspace(NamedTuple):
     """Arrays for one piece at a time."""
 
-    first: Ints
-    last: Ints
+    pair_start: Ints
+    pair_end: Ints
     banned: Bools
     matching: Matching
     path: Path
@@ -55,12 +62,12 @@ class Roots(NamedTuple):
 
 @part
 def new_workspace(problem: Problem, pieces: Pieces, k: int) -> Workspace:
-    """Workspace for the largest piece; few arrays, since each takes time to make."""
+    """Make few arrays for the largest piece, since each takes time."""
     n = 1
     m = 1
     for q in range(len(pieces.component)):
-        n = max(n, pieces.begin[q + 1] - pieces.begin[q])
-        m = max(m, problem.width[pieces.component[q]])
+        n = max(n, pieces.row_start[q + 1] - pieces.row_start[q])
+        m = max(m, problem.column_count[pieces.component[q]])
     rows = np.empty((4, n), np.int64)
     columns = np.empty((4, m), np.int64)
     row_sums = np.zeros((3, n + 1))
@@ -72,7 +79,7 @@ def new_workspace(problem: Problem, pieces: Pieces, k: int) -> Workspace:
     return Workspace(
         rows[0],
         rows[1],
-        np.zeros(len(problem.cost), np.bool_),
+        np.zeros(len(problem.pair_cost), np.bool_),
         Matching(rows[2], columns[0], row_sums[0], column_sums[0], row_out, column_out),
         Path(column_sums[1], columns[1], columns[2], columns[3], np.zeros(3, np.int64)),
         Choices(column_out, rows[3], row_sums[1], row_sums[2]),
@@ -83,15 +90,15 @@ def new_workspace(problem: Problem, pieces: Pieces, k: int) -> Workspace:
 
 @part
 def new_roots(problem: Problem, pieces: Pieces) -> Roots:
-    """Arrays for the cheapest solution of every piece, to be filled in."""
+    """Make arrays for the cheapest solution of every piece."""
     Q = len(pieces.component)
-    rows = len(pieces.places)
+    row_count = len(pieces.places)
     v_start = np.zeros(Q + 1, np.int64)
     for q in range(Q):
-        v_start[q + 1] = v_start[q] + problem.width[pieces.component[q]]
+        v_start[q + 1] = v_start[q] + problem.column_count[pieces.component[q]]
     return Roots(
-        np.empty(rows, np.int64),
-        np.empty(rows),
+        np.empty(row_count, np.int64),
+        np.empty(row_count),
         np.empty(v_start[Q]),
         v_start,
         np.empty(Q),
@@ -99,79 +106,99 @@ def new_roots(problem: Problem, pieces: Pieces) -> Roots:
 
 
 @inlined
-def load_piece(
-    q: int, problem: Problem, pieces: Pieces, first: Ints, last: Ints, banned: Bools
-) -> Block:
-    """Piece ``q``, with its rows and columns numbered from 0."""
-    low = pieces.begin[q]
-    high = pieces.begin[q + 1]
-    for i in range(low, high):
+def load_piece(q: int, problem: Problem, pieces: Pieces, space: Workspace) -> Block:
+    """Number the rows and columns of piece ``q`` from 0."""
+    start = pieces.row_start[q]
+    end = pieces.row_start[q + 1]
+    pair_start = space.pair_start
+    pair_end = space.pair_end
+    for i in range(start, end):
         place = pieces.places[i]
-        first[i - low] = problem.first[place]
-        last[i - low] = problem.first[place + 1]
+        pair_start[i - start] = problem.pair_start[place]
+        pair_end[i - start] = problem.pair_start[place + 1]
     return Block(
-        high - low,
-        problem.width[pieces.component[q]],
-        first,
-        last,
-        problem.column,
-        problem.cost,
-        banned,
+        end - start,
+        problem.column_count[pieces.component[q]],
+        pair_start,
+        pair_end,
+        problem.pair_column,
+        problem.pair_cost,
+        space.banned,
     )
 
 
 @part
 def count_choices(problem: Problem, pieces: Pieces, choices: Floats, k: int) -> int:
-    """Write the number of choices of every piece, 0 where all solutions are found at once; pairs of all solutions."""
-    pairs = 0
+    """Count the choices of pieces and the pairs of all solutions.
+
+    Returns the number of pairs. The number of choices is 0 where all solutions are
+    found at once.
+    """
+    pair_count = 0
     for q in range(len(choices)):
-        low = pieces.begin[q]
-        high = pieces.begin[q + 1]
+        start = pieces.row_start[q]
+        end = pieces.row_start[q + 1]
         product = 1
-        for place in pieces.places[low:high]:
-            product *= problem.first[place + 1] - problem.first[place] + 1
-            if product > MOST_CHOICES and high - low > 1:
-                product = MOST_CHOICES + 1
+        for place in pieces.places[start:end]:
+            product *= problem.pair_start[place + 1] - problem.pair_start[place] + 1
+            if product > MAX_CHOICES and end - start > 1:
+                product = MAX_CHOICES + 1
         choices[q] = product
-        if product <= AT_ONCE or high - low == 1:
+        solution_count = k
+        if product <= MAX_CHOICES_AT_ONCE or end - start == 1:
             choices[q] = 0.0
-        pairs += (k if choices[q] > 0.0 else product) * (high - low)
-    return pairs
+            solution_count = product
+        pair_count += solution_count * (end - start)
+    return pair_count
 
 
 @inlined
 def record(
-    q: int, n: int, count: int, kept: Kept, next_solution: int, solutions: Solutions
+    q: int,
+    n: int,
+    count: int,
+    ranking: Ranking,
+    next_solution: int,
+    solutions: Solutions,
 ) -> None:
-    """Enter the ``count`` solutions kept of piece ``q``, of ``n`` rows."""
+    """Enter the ``count`` solutions ranked of piece ``q``, of ``n`` rows."""
     rise = 0.0
-    cost = kept.cost
-    order = kept.order
-    solutions.begin[q], solutions.size[q] = next_solution, count
+    cost = ranking.cost
+    order = ranking.order
+    solutions.first[q] = next_solution
+    solutions.solution_count[q] = count
     for r in range(count):
         rise = max(rise, cost[order[r]] - cost[order[0]])
         solutions.gap[next_solution + r] = rise
-        solutions.pair_at[next_solution + r] = kept.at + order[r] * n
+        solutions.pair_start[next_solution + r] = ranking.start + order[r] * n
 
 
 @inlined
 def rank_row(
-    first: int, last: int, pair_cost: Floats, k: int, cost: Floats, pair: Ints
+    start: int, end: int, pair_cost: Floats, k: int, cost: Floats, pair: Ints
 ) -> int:
-    """Write the at most k best choices of a single row, cheapest first, with their costs; how many."""
+    """Write the best choices of a single row and count them.
+
+    There are at most k. Its pairs are those from ``start`` to ``end``. The choices come
+    with their ``cost``, cheapest first.
+    """
     count = 0
-    for e in range(first, last + 1):
-        price = pair_cost[e] if e < last else 0.0
+    for e in range(start, end + 1):
+        choice_pair = -1
+        choice_cost = 0.0
+        if e < end:
+            choice_pair = e
+            choice_cost = pair_cost[e]
         i = count
-        while i > 0 and cost[i - 1] > price:
+        while i > 0 and cost[i - 1] > choice_cost:
             if i < k:
                 cost[i] = cost[i - 1]
                 pair[i] = pair[i - 1]
             i -= 1
         if i < k:
-            cost[i] = price
-            pair[i] = e if e < last else -1
-            count += 1 if count < k else 0
+            cost[i] = choice_cost
+            pair[i] = choice_pair
+        count = min(count + 1, k)
     return count
 
 
@@ -184,79 +211,86 @@ def solve_small(
     root_cost: Floats,
     solutions: Solutions,
 ) -> tuple[int, int]:
-    """Solutions, at most the k best, of the pieces without choices; how many, and how many pairs they have."""
+    """Find the solutions of the pieces without choices.
+
+    They are at most the k best. Returns how many there are, and how many pairs they
+    have.
+    """
     no_bound = Bound(np.full(len(space.order), np.inf), np.zeros(1), 0, 0.0)
-    first = space.first
-    last = space.last
-    banned = space.banned
     matching = space.matching
     choice = space.choice
     order = space.order
-    kept_cost = space.cost
     pairs = solutions.pairs
     next_solution = 0
-    used = 0
+    next_pair = 0
     for q in range(len(choices)):
         if choices[q] > 0.0:
             continue
-        begin = pieces.begin[q]
-        if pieces.begin[q + 1] - begin == 1:  # most pieces
-            low = problem.first[pieces.places[begin]]
-            high = problem.first[pieces.places[begin] + 1]
+        row_start = pieces.row_start[q]
+        if pieces.row_start[q + 1] - row_start == 1:  # most pieces
+            place = pieces.places[row_start]
+            start = problem.pair_start[place]
+            end = problem.pair_start[place + 1]
             cost = solutions.gap[next_solution:]
-            pair = pairs[used:]
-            count = rank_row(low, high, problem.cost, len(order), cost, pair)
-            root_cost[q], solutions.begin[q], solutions.size[q] = (
-                cost[0],
-                next_solution,
-                count,
-            )
+            pair = pairs[next_pair:]
+            count = rank_row(start, end, problem.pair_cost, len(order), cost, pair)
+            root_cost[q] = cost[0]
+            solutions.first[q] = next_solution
+            solutions.solution_count[q] = count
             for r in range(count):
                 solutions.gap[next_solution + r] -= root_cost[q]
-                solutions.pair_at[next_solution + r] = used + r
+                solutions.pair_start[next_solution + r] = next_pair + r
             next_solution += count
-            used += count
+            next_pair += count
             continue
-        piece = load_piece(q, problem, pieces, first, last, banned)
-        kept = Kept(order, kept_cost, pairs, used)
+        piece = load_piece(q, problem, pieces, space)
+        ranking = Ranking(order, space.cost, pairs, next_pair)
         count = enumerate_solutions(
-            piece, matching, 0.0, no_bound, choice, kept, PATIENCE
+            piece, matching, 0.0, no_bound, choice, ranking, PATIENCE
         )
-        record(q, piece.n, count, kept, next_solution, solutions)
-        root_cost[q] = kept_cost[order[0]]
+        record(q, piece.n, count, ranking, next_solution, solutions)
+        root_cost[q] = ranking.cost[order[0]]
         next_solution += count
-        used += count * piece.n
-    return next_solution, used
+        next_pair += count * piece.n
+    return next_solution, next_pair
+
+
+@part
+def solve_row_root(q: int, problem: Problem, pieces: Pieces, roots: Roots) -> None:
+    """Find the cheapest choice of the single row of piece ``q``.
+
+    It is needed where k is 1, and without potentials.
+    """
+    x = pieces.row_start[q]
+    place = pieces.places[x]
+    roots.cost[q] = 0.0
+    roots.pair[x] = -1
+    for e in range(problem.pair_start[place], problem.pair_start[place + 1]):
+        if problem.pair_cost[e] < roots.cost[q]:
+            roots.cost[q] = problem.pair_cost[e]
+            roots.pair[x] = e
 
 
 @part
 def solve_roots(
     problem: Problem, pieces: Pieces, choices: Floats, space: Workspace, roots: Roots
 ) -> None:
-    """The cheapest solution of every piece with choices: its pairs, its potentials and its cost."""
-    first = space.first
-    last = space.last
-    banned = space.banned
+    """Find the cheapest solution of every piece with choices."""
     matching = space.matching
     path = space.path
     for q in range(len(choices)):
         if choices[q] == 0.0:
             continue
-        begin = pieces.begin[q]
-        if (
-            pieces.begin[q + 1] - begin == 1
-        ):  # only where k is 1, and without potentials
-            place = pieces.places[begin]
-            roots.cost[q], roots.pair[begin] = 0.0, -1
-            for e in range(problem.first[place], problem.first[place + 1]):
-                if problem.cost[e] < roots.cost[q]:
-                    roots.cost[q], roots.pair[begin] = problem.cost[e], e
+        row_start = pieces.row_start[q]
+        if pieces.row_start[q + 1] - row_start == 1:
+            solve_row_root(q, problem, pieces, roots)
             continue
-        piece = load_piece(q, problem, pieces, first, last, banned)
+        piece = load_piece(q, problem, pieces, space)
         solve_root(piece, matching, path)
-        roots.cost[q] = cost_of(matching.match, piece.cost, piece.n)
+        roots.cost[q] = cost_of(matching.match, piece.pair_cost, piece.n)
         for x in range(piece.n):
-            roots.pair[begin + x], roots.u[begin + x] = matching.match[x], matching.u[x]
+            roots.pair[row_start + x] = matching.match[x]
+            roots.u[row_start + x] = matching.u[x]
         for y in range(piece.m):
             roots.v[roots.v_start[q] + y] = matching.v[y]
 
@@ -270,50 +304,57 @@ def solve_large(
     space: Workspace,
     roots: Roots,
     bound: Bound,
-    kept: Kept,
+    ranking: Ranking,
 ) -> int:
-    """Number of solutions kept of piece ``q``: by enumeration or, if that takes too long, by Murty's search."""
+    """Rank a piece's solutions that can matter and count them.
+
+    They are enumerated or, if that takes too long, found by Murty's search.
+    """
     matching = space.matching
-    begin = pieces.begin[q]
-    k = len(kept.order)
-    piece = load_piece(q, problem, pieces, space.first, space.last, space.banned)
+    row_start = pieces.row_start[q]
+    k = len(ranking.order)
+    piece = load_piece(q, problem, pieces, space)
     for x in range(piece.n):
-        matching.match[x], matching.u[x] = roots.pair[begin + x], roots.u[begin + x]
+        matching.match[x] = roots.pair[row_start + x]
+        matching.u[x] = roots.u[row_start + x]
     for y in range(piece.m):
         matching.v[y] = roots.v[roots.v_start[q] + y]
-    if choices <= MOST_CHOICES:
-        saved = bound.best.copy()
+    if choices <= MAX_CHOICES:
+        saved_best = bound.best.copy()
         patience = PATIENCE + PATIENCE_PER_SOLUTION * k
         count = enumerate_solutions(
-            piece, matching, roots.cost[q], bound, space.choice, kept, patience
+            piece, matching, roots.cost[q], bound, space.choice, ranking, patience
         )
         if count >= 0:
             return count
-        for j in range(k):
-            bound.best[j] = saved[j]
-    return search_solutions(piece, roots.cost[q], bound, matching, space.path, kept)
+        bound.best[:] = saved_best
+    return search_solutions(piece, roots.cost[q], bound, matching, space.path, ranking)
 
 
 @part
-def totals_of(of_parent: Ints, base: Floats, root_cost: Floats) -> Floats:
-    """Cost of the cheapest solution of each parent, [P]."""
-    total = base.copy()
+def totals_of(of_parent: Ints, base_cost: Floats, root_cost: Floats) -> Floats:
+    """Sum the cost of the cheapest solution of each parent [P]."""
+    totals = base_cost.copy()
     for p in range(of_parent.shape[0]):
         for c in range(of_parent.shape[1]):
             if of_parent[p, c] >= 0:
-                total[p] += root_cost[of_parent[p, c]]
-    return total
+                totals[p] += root_cost[of_parent[p, c]]
+    return totals
 
 
 @inlined
 def write_totals(
-    q: int, component: int, of_parent: Ints, ranked: Ints, total: Floats, totals: Floats
+    q: int, pieces: Pieces, ranked: Ints, totals: Floats, piece_totals: Floats
 ) -> int:
-    """Write the totals of the parents of piece ``q``, increasing, into ``totals``; how many there are."""
+    """Write the totals of a piece's parents and count them.
+
+    Parents are ``ranked`` [P] by their ``totals`` [P].
+    """
+    component = pieces.component[q]
     size = 0
     for p in ranked:
-        if of_parent[p, component] == q:
-            totals[size] = total[p]
+        if pieces.of_parent[p, component] == q:
+            piece_totals[size] = totals[p]
             size += 1
     return size
 
@@ -321,87 +362,97 @@ def write_totals(
 @inlined
 def note_small(
     gap: Floats,
-    begin: int,
-    size: int,
+    first: int,
+    count: int,
     best: Floats,
     totals: Floats,
-    parents: int,
+    parent_count: int,
     slack: float,
 ) -> int:
-    """Lower the bound by the solutions of a piece solved at once; how many of them can matter."""
-    mattering = 1
-    while mattering < size and totals[0] + gap[begin + mattering] <= best[-1] + slack:
-        note(best, totals, parents, gap[begin + mattering])
-        mattering += 1
-    return mattering
+    """Lower the bound by the solutions of a small piece.
+
+    Returns how many of them can matter.
+    """
+    r = 1
+    while r < count and totals[0] + gap[first + r] <= best[-1] + slack:
+        note(best, totals, parent_count, gap[first + r])
+        r += 1
+    return r
+
+
+@part
+def rounding_slack(pair_cost: Floats, base_cost: Floats) -> float:
+    """Bound the rounding of totals by the sum of all costs."""
+    cost_sum = 0.0
+    max_base_cost = 0.0
+    for cost in pair_cost:
+        cost_sum += abs(cost)
+    for cost in base_cost:
+        max_base_cost = max(max_base_cost, abs(cost))
+    return _ROUNDING_SHARE * (cost_sum + max_base_cost)
 
 
 @inlined
 def solve_pieces(
-    problem: Problem, pieces: Pieces, base: Floats, k: int
+    problem: Problem, pieces: Pieces, base_cost: Floats, k: int
 ) -> tuple[Solutions, Floats, float]:
-    """The solutions of every piece that can be among the k best of all.
+    """Find the solutions of every piece that can matter.
 
-    Returns with them the cost of each parent's cheapest solution [P], and a limit that the k-th best does not exceed.
-    ``base`` [P]: cost of the parents.
+    They can be among the k best of all. Returns with them the cost of each parent's
+    cheapest solution [P], and a limit that the k-th best does not exceed. ``base_cost``
+    [P]: of the parents.
     """
-    component = pieces.component
-    begin = pieces.begin
     of_parent = pieces.of_parent
     Q = len(pieces.component)
-    paired = 0.0
-    most = 0.0
-    for price in problem.cost:
-        paired += abs(price)
-    for price in base:
-        most = max(most, abs(price))
-    slack = 1e-12 * (paired + most)  # of what no total exceeds
+    slack = rounding_slack(problem.pair_cost, base_cost)
     space = new_workspace(problem, pieces, k)
     roots = new_roots(problem, pieces)
     choices = np.ones(Q)
     if k == 1:
         solve_roots(problem, pieces, choices, space, roots)
-        total = totals_of(of_parent, base, roots.cost)
+        totals = totals_of(of_parent, base_cost, roots.cost)
         cheapest = Solutions(
-            np.arange(Q), np.ones(Q, np.int64), np.zeros(Q), begin, roots.pair
+            np.arange(Q),
+            np.ones(Q, np.int64),
+            np.zeros(Q),
+            pieces.row_start,
+            roots.pair,
         )
-        return cheapest, total, total[sorted_numbers(total, len(total))[0]] + slack
+        return cheapest, totals, totals[sorted_numbers(totals, len(totals))[0]] + slack
     pairs: Ints = np.empty(count_choices(problem, pieces, choices, k), np.int64)
     numbers = np.empty((2, Q), np.int64)
-    gap = np.empty(Q * k)
-    pair_at = np.empty(Q * k, np.int64)
-    solutions = Solutions(numbers[0], numbers[1], gap, pair_at, pairs)
-    next_solution, used = solve_small(
+    pair_start = np.empty(Q * k, np.int64)
+    solutions = Solutions(numbers[0], numbers[1], np.empty(Q * k), pair_start, pairs)
+    next_solution, next_pair = solve_small(
         problem, pieces, choices, space, roots.cost, solutions
     )
     solve_roots(problem, pieces, choices, space, roots)
-    total = totals_of(of_parent, base, roots.cost)
-    ranked = sorted_numbers(total, len(total))
+    totals = totals_of(of_parent, base_cost, roots.cost)
+    ranked = sorted_numbers(totals, len(totals))
     best = np.full(k, np.inf)
-    totals = np.empty(len(base))
-    for i in range(min(k, len(total))):
-        best[i] = total[ranked[i]]
+    for i in range(min(k, len(totals))):
+        best[i] = totals[ranked[i]]
+    piece_totals = np.empty(len(base_cost))
     for q in range(Q):
         if choices[q] == 0.0:
-            parents = write_totals(q, component[q], of_parent, ranked, total, totals)
-            numbers[1, q] = note_small(
-                gap, numbers[0, q], numbers[1, q], best, totals, parents, slack
+            parent_count = write_totals(q, pieces, ranked, totals, piece_totals)
+            first = solutions.first[q]
+            count = solutions.solution_count[q]
+            solutions.solution_count[q] = note_small(
+                solutions.gap, first, count, best, piece_totals, parent_count, slack
             )
-    for q in sorted_numbers(
-        choices, Q
-    ):  # the bound has fallen when the costly ones come
+    # the bound has fallen when the costly pieces come
+    for q in sorted_numbers(choices, Q):
         if choices[q] == 0.0:
             continue
-        parents = write_totals(q, component[q], of_parent, ranked, total, totals)
-        n = begin[q + 1] - begin[q]
-        kept = Kept(space.order, space.cost, pairs, used)
-        bound = Bound(best, totals, parents, slack)
-        count = solve_large(q, choices[q], problem, pieces, space, roots, bound, kept)
-        record(q, n, count, kept, next_solution, solutions)
+        parent_count = write_totals(q, pieces, ranked, totals, piece_totals)
+        n = pieces.row_start[q + 1] - pieces.row_start[q]
+        ranking = Ranking(space.order, space.cost, pairs, next_pair)
+        bound = Bound(best, piece_totals, parent_count, slack)
+        count = solve_large(
+            q, choices[q], problem, pieces, space, roots, bound, ranking
+        )
+        record(q, n, count, ranking, next_solution, solutions)
         next_solution += count
-        used += count * n
-    return (
-        Solutions(numbers[0], numbers[1], gap, pair_at, pairs),
-        total,
-        best[k - 1] + slack,
-    )
+        next_pair += count * n
+    return solutions, totals, best[k - 1] + slack

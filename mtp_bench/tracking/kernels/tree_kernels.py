@@ -1,6 +1,8 @@
-"""The tree of shared tracks, frame by frame: which leaves the hypotheses of a frame need, and what these remember.
+"""The tree of shared tracks, frame by frame.
 
-A leaf is a distinct track state after a frame; it belongs to all hypotheses that took the same detections for it.
+Which leaves the hypotheses of a frame need, and what these remember. A leaf is a
+distinct track state after a frame; it belongs to all hypotheses that took the same
+detections for it.
 """
 
 from typing import NamedTuple
@@ -12,17 +14,16 @@ from .compile import kernel, part
 
 # rows of a memory: class, identity, detections taken, frames since the last one
 CLASS, ID, HITS, AGE = range(4)
-_UNSEEN = -1
-_SEEN = -2
+_UNUSED = -1
+_USED = -2
 
 
 @part
-def _mixed(leaf: int) -> int:
-    """A number for a leaf, such that sums of the numbers of different leaves hardly ever agree."""
+def _leaf_number(leaf: int) -> int:
+    """Hash a leaf: sums of different leaves hardly ever agree."""
     mixed = (leaf + 1) * 40503 % 65537
-    return (
-        mixed * mixed * mixed % 4294967291
-    )  # never beyond 64 bits, so that plain Python agrees
+    # never beyond 64 bits, so that plain Python agrees
+    return mixed * mixed * mixed % 4294967291
 
 
 @part
@@ -37,20 +38,58 @@ def _sort(values: Ints, n: int) -> None:
         values[j + 1] = value
 
 
-class _Taken(NamedTuple):
+class _TakenDetections(NamedTuple):
     """Detections that the new hypotheses took."""
 
-    choice: Ints  # [N, K] detection of each old leaf, from 1 on; 0: none; negative: not in the hypothesis
-    by_any: Bools  # [K, D] whether any leaf of the hypothesis took the detection
-    takers: Ints  # [D] how many hypotheses took it
+    # [N, K] detection of each old leaf, from 1 on; 0: none; -1: not in the
+    # hypothesis
+    choice: Ints
+    by_hypothesis: Bools  # [K, D] whether any leaf of it took the detection
+    taker_count: Ints  # [D] hypotheses that took it
 
 
 class _Leaves(NamedTuple):
-    """The new leaves: first those of each old leaf, from ``start[i]`` to ``start[i + 1]``, then new tracks."""
+    """The new leaves: those of old leaf i from ``start[i]`` on, then new tracks."""
 
     leaf: Ints  # old leaf, -1: a new track
     detection: Ints  # -1: none
     start: Ints  # [N + 1]
+
+
+@part
+def _write_choices(
+    i: int, column: Ints, parent: Ints, member: Bools, detections: _TakenDetections
+) -> None:
+    """Write the choice of old leaf ``i`` in each hypothesis."""
+    choice, by_hypothesis, taker_count = detections
+    for h in range(len(parent)):
+        if not member[parent[h], i]:
+            choice[i, h] = _UNUSED
+            continue
+        d = column[h, i]
+        choice[i, h] = d + 1
+        if d >= 0:
+            by_hypothesis[h, d] = True
+            taker_count[d] += 1
+
+
+@part
+def _distinct_choices(choice: Ints, mark: Ints, distinct: Ints) -> int:
+    """Write the sorted distinct choices and return their number.
+
+    Negative values of ``choice`` [K] are left out. ``mark`` [D + 1] is unused before
+    and after.
+    """
+    n = 0
+    for value in choice:
+        if value >= 0 and mark[value] == _UNUSED:
+            mark[value] = _USED
+            distinct[n] = value
+            n += 1
+    _sort(distinct, n)
+    for j in range(n):
+        mark[distinct[j]] = _UNUSED
+    return n
 
 
 @part
@@ -60,137 +99,135 @@ def _spread(
     member: Bools,
     age: Ints,
     max_age: Ints,
-    taken: _Taken,
-    new: _Leaves,
+    detections: _TakenDetections,
+    leaves: _Leaves,
 ) -> int:
-    """Write the choices, and the new leaves of each old one: a leaf per choice; returns their number.
+    """Write a leaf per choice of old leaves and count them.
 
     Arguments as for `grow`.
     """
-    choice, by_any, takers = taken
-    leaf, detection, start = new
-    place = np.full(
-        len(takers) + 1, _UNSEEN
-    )  # whether the present old leaf has had a choice before
-    choices = np.empty(len(parent), np.int64)
+    choice = detections.choice
+    mark = np.full(len(detections.taker_count) + 1, _UNUSED)
+    distinct = np.empty(len(parent), np.int64)
     count = 0
     for i in range(len(age)):
-        n = 0
-        start[i] = count
-        for h in range(len(parent)):
-            if not member[parent[h], i]:
-                choice[i, h] = _UNSEEN
-                continue
-            d = column[h, i]
-            choice[i, h] = d + 1
-            if d >= 0:
-                by_any[h, d] = True
-                takers[d] += 1
-            if place[d + 1] == _UNSEEN:
-                place[d + 1] = _SEEN
-                choices[n] = d + 1
-                n += 1
-        _sort(choices, n)
+        leaves.start[i] = count
+        _write_choices(i, column, parent, member, detections)
+        n = _distinct_choices(choice[i], mark, distinct)
         for j in range(n):
-            place[choices[j]] = _UNSEEN
-            if choices[j] > 0 or age[i] + 1 < max_age[i]:
-                leaf[count] = i
-                detection[count] = choices[j] - 1
+            if distinct[j] > 0 or age[i] + 1 < max_age[i]:
+                leaves.leaf[count] = i
+                leaves.detection[count] = distinct[j] - 1
                 count += 1
-    start[len(age)] = count
+    leaves.start[len(age)] = count
     return count
 
 
 @part
-def _hold(taken: _Taken, new: _Leaves, member: Bools, name: Ints) -> None:
-    """Let each hypothesis hold its leaves, and name it by the sum of their numbers."""
-    choice, by_any, takers = taken
-    _, detection, start = new
-    leaves = len(choice)
+def _hold(
+    detections: _TakenDetections, leaves: _Leaves, member: Bools, name: Ints
+) -> None:
+    """Let each hypothesis hold its leaves, and name it.
+
+    The name is the sum of their `_leaf_number`s.
+    """
+    choice, by_hypothesis, taker_count = detections
+    _, detection, start = leaves
+    old_count = len(choice)
     count = member.shape[1]
-    place = np.full(len(takers) + 1, _UNSEEN)
+    # the last one, for choice -1, stays unused
+    leaf_of_choice = np.full(len(taker_count) + 2, _UNUSED)
     number = np.empty(count, np.int64)
     for e in range(count):
-        number[e] = _mixed(e)
-    for i in range(leaves):
+        number[e] = _leaf_number(e)
+    for i in range(old_count):
         for e in range(start[i], start[i + 1]):
-            place[detection[e] + 1] = e  # new leaf of each choice of this old one
+            leaf_of_choice[detection[e] + 1] = e
         for h in range(len(name)):
-            e = place[choice[i, h]] if choice[i, h] >= 0 else _UNSEEN
+            e = leaf_of_choice[choice[i, h]]
             if e >= 0:
                 member[h, e] = True
                 name[h] += number[e]
         for e in range(start[i], start[i + 1]):
-            place[detection[e] + 1] = _UNSEEN
-    for e in range(start[leaves], count):  # new tracks
+            leaf_of_choice[detection[e] + 1] = _UNUSED
+    for e in range(start[old_count], count):  # new tracks
         for h in range(len(name)):
-            if not by_any[h, detection[e]]:
+            if not by_hypothesis[h, detection[e]]:
                 member[h, e] = True
                 name[h] += number[e]
 
 
 @kernel(
-    "Tuple((i8[::1], i8[::1], b1[:, ::1], i8[::1]))(i8[:, ::1], i8[::1], b1[:, ::1], i8[::1], i8[::1], i8)"
+    "Tuple((i8[::1], i8[::1], b1[:, ::1], i8[::1]))"
+    "(i8[:, ::1], i8[::1], b1[:, ::1], i8[::1], i8[::1], i8)"
 )
 def grow(
-    column: Ints,  # [K, N] detection that each leaf takes in each new hypothesis, -1: none
+    column: Ints,  # [K, N] detection of each leaf in each new hypothesis, -1: none
     parent: Ints,  # [K] old hypothesis that each new one comes from
     member: Bools,  # [H, N]
     age: Ints,  # [N] frames since the last detection
     max_age: Ints,  # [N] a track ends after this many
     detections: int,  # D
 ) -> tuple[Ints, Ints, Bools, Ints]:
-    """The distinct leaves [E] that the new hypotheses hold: old leaf, detection (-1: none); membership; its names.
+    """Find the distinct leaves [E] that the new hypotheses hold.
 
-    First the old leaves in their order, each with its choices, "none" before the detections; then the new tracks (old
-    leaf -1) of detections that some hypothesis leaves over. A track without a detection for too long is left out.
-    Membership is [K, E]; hypotheses that hold the same leaves have the same name [K].
+    First the old leaves in their order, each with its choices, "none" before the
+    detections; then the new tracks (old leaf -1) of detections that some hypothesis
+    leaves over. A track without a detection for too long is left out.
+
+    Returns the old leaf and the detection (-1: none) of each, the membership [K, E],
+    and names [K]: hypotheses that hold the same leaves have the same name.
     """
-    hypotheses, leaves = column.shape
-    most = min(hypotheses, detections + 1) * leaves + detections
-    taken = _Taken(
-        np.empty((leaves, hypotheses), np.int64),
+    hypotheses, old_count = column.shape
+    max_count = min(hypotheses, detections + 1) * old_count + detections
+    taken_detections = _TakenDetections(
+        np.empty((old_count, hypotheses), np.int64),
         np.zeros((hypotheses, detections), np.bool_),
         np.zeros(detections, np.int64),
     )
-    new = _Leaves(
-        np.empty(most, np.int64),
-        np.empty(most, np.int64),
-        np.empty(leaves + 1, np.int64),
+    leaves = _Leaves(
+        np.empty(max_count, np.int64),
+        np.empty(max_count, np.int64),
+        np.empty(old_count + 1, np.int64),
     )
-    count = _spread(column, parent, member, age, max_age, taken, new)
+    count = _spread(column, parent, member, age, max_age, taken_detections, leaves)
     for d in range(detections):
-        if taken.takers[d] < hypotheses:
-            new.leaf[count], new.detection[count] = -1, d
+        if taken_detections.taker_count[d] < hypotheses:
+            leaves.leaf[count] = -1
+            leaves.detection[count] = d
             count += 1
-    now = np.zeros((hypotheses, count), np.bool_)
+    new_member = np.zeros((hypotheses, count), np.bool_)
     name = np.zeros(hypotheses, np.int64)
-    _hold(taken, new, now, name)
-    return new.leaf[:count].copy(), new.detection[:count].copy(), now, name
+    _hold(taken_detections, leaves, new_member, name)
+    return leaves.leaf[:count].copy(), leaves.detection[:count].copy(), new_member, name
 
 
 @kernel("i8[::1](b1[:, ::1], i8[::1])")
 def distinct_rows(member: Bools, name: Ints) -> Ints:
-    """Rows [H'] of a membership [H, N] that are not equal to an earlier one; equal rows have equal names [H]."""
-    kept = np.empty(len(name), np.int64)
+    """Find the rows that equal no earlier one.
+
+    They are rows [H'] of a membership [H, N]. Equal rows have equal names [H].
+    """
+    rows = np.empty(len(name), np.int64)
     count = 0
     for h in range(len(name)):
-        fresh = True
+        is_distinct = True
         for j in range(count):
-            if name[kept[j]] != name[h]:
+            if name[rows[j]] != name[h]:
                 continue
-            same = True
+            is_equal = True
             for i in range(member.shape[1]):
-                same &= member[kept[j], i] == member[h, i]
-            fresh &= not same
-        if fresh:
-            kept[count] = h
+                is_equal &= member[rows[j], i] == member[h, i]
+            is_distinct &= not is_equal
+        if is_distinct:
+            rows[count] = h
             count += 1
-    return kept[:count].copy()
+    return rows[:count].copy()
 
 
 @kernel(
-    "i8(i8[::1], i8[::1], i8[:, ::1], f8[::1], i8[::1], f8[::1], i8, i8[:, ::1], f8[::1])"
+    "i8(i8[::1], i8[::1], i8[:, ::1], f8[::1], i8[::1], f8[::1], i8, "
+    "i8[:, ::1], f8[::1])"
 )
 def descend(
     leaf: Ints,  # [E] old leaf of each new one, -1: a new track
@@ -203,63 +240,59 @@ def descend(
     new_memory: Ints,  # [4, E], written
     new_score: Floats,  # [E], written
 ) -> int:
-    """Write the memories of the new leaves; returns the next free identity."""
+    """Write the memories of new leaves and return the next identity."""
     for e in range(len(leaf)):
         i = leaf[e]
         d = detection[e]
         if i < 0:
-            new_memory[CLASS, e], new_memory[ID, e], new_score[e] = (
-                box_class[d],
-                next_id,
-                0.0,
-            )
-            new_memory[HITS, e], new_memory[AGE, e] = 1, 0
+            new_memory[CLASS, e] = box_class[d]
+            new_memory[ID, e] = next_id
+            new_memory[HITS, e] = 0
+            new_score[e] = 0.0
             next_id += 1
         else:
-            new_memory[CLASS, e], new_memory[ID, e], new_score[e] = (
-                memory[CLASS, i],
-                memory[ID, i],
-                score[i],
-            )
-            new_memory[HITS, e] = memory[HITS, i] + (1 if d >= 0 else 0)
-            new_memory[AGE, e] = 0 if d >= 0 else memory[AGE, i] + 1
+            new_memory[CLASS, e] = memory[CLASS, i]
+            new_memory[ID, e] = memory[ID, i]
+            new_memory[HITS, e] = memory[HITS, i]
+            new_memory[AGE, e] = memory[AGE, i] + 1
+            new_score[e] = score[i]
         if d >= 0:
+            new_memory[HITS, e] += 1
+            new_memory[AGE, e] = 0
             new_score[e] += box_score[d]
     return next_id
 
 
 @kernel(
-    "Tuple((f8[:, :, ::1], i8[:, ::1]))(i8[::1], f8[:, :, ::1], i8[:, ::1], i8[:, ::1], i8, i8)"
+    "Tuple((f8[:, :, ::1], i8[:, ::1]))"
+    "(i8[::1], f8[:, :, ::1], i8[:, ::1], i8[:, ::1], i8, i8)"
 )
 def histories(
     leaf: Ints,  # [n] of the last layer
     measured: Floats,  # [P, capacity, 7] a ring of the last layers of the tree
     detection: Ints,  # [P, capacity]
     parent: Ints,  # [P, capacity] leaf of the layer before, -1 at birth
-    last: int,  # place of the last layer in the ring
-    filled: int,  # layers in the ring
+    last_layer: int,  # its place in the ring
+    layer_count: int,  # of those filled in the ring
 ) -> tuple[Floats, Ints]:
-    """Boxes of the last P frames along the branches that end in ``leaf`` [n, P, 7], and the detections taken [n, P].
+    """Return boxes and detections of the last P frames.
 
-    The detection is -1 where none was taken, and `UNBORN` before birth, where the box is 0.
+    They lie along the branches that end in ``leaf``. The boxes are [n, P, 7]. The
+    detection [n, P] is -1 where
+    none was taken, and `UNBORN` before birth, where the box is 0.
     """
     layers = len(measured)
-    past = np.empty((len(leaf), layers, 7))
-    taken = np.empty((len(leaf), layers), np.int64)
+    past = np.zeros((len(leaf), layers, 7))
+    past_detection = np.full((len(leaf), layers), UNBORN)
     for n in range(len(leaf)):
-        at = leaf[n]
-        layer = last + 1
-        for back in range(layers):
-            if at < 0 or back >= filled:
-                taken[n, layers - 1 - back] = UNBORN
-                for k in range(7):
-                    past[n, layers - 1 - back, k] = 0.0
-                continue
+        branch_leaf = leaf[n]
+        layer = last_layer
+        frame = layers - 1
+        while branch_leaf >= 0 and frame >= layers - layer_count:
+            for k in range(7):
+                past[n, frame, k] = measured[layer, branch_leaf, k]
+            past_detection[n, frame] = detection[layer, branch_leaf]
+            branch_leaf = parent[layer, branch_leaf]
             layer = layer - 1 if layer > 0 else layers - 1
-            box = measured[layer, at]
-            into = past[n, layers - 1 - back]
-            into[0], into[1], into[2], into[3] = box[0], box[1], box[2], box[3]
-            into[4], into[5], into[6] = box[4], box[5], box[6]
-            taken[n, layers - 1 - back] = detection[layer, at]
-            at = parent[layer, at]
-    return past, taken
+            frame -= 1
+    return past, past_detection
