@@ -1,4 +1,4 @@
-"""``mtp-bench data``."""
+"""``mtp-bench envs`` and ``mtp-bench data``."""
 
 from typing import Annotated
 
@@ -7,9 +7,19 @@ from typer import BadParameter, Option
 from ..cards import load_card, with_split
 from ..core import MtpBenchError, card_ids, long_work
 from ..running import read_status
-from ..viz import data_lines, show, show_table, status_json, status_table
+from ..viz import data_lines, env_table, show, show_table, status_json, status_table
 from .options import DataOption, JsonOption, SplitOption, env_ids
 from .output import write_json
+
+
+def envs(json_file: JsonOption = None) -> None:
+    """List the environments."""
+    cards = [load_card(env_id) for env_id in card_ids()]
+    content = {}
+    for card in cards:
+        content[card.id] = {**card.model_dump(mode="json"), "digest": card.digest}
+    write_json(json_file, content)
+    show_table(env_table(cards))
 
 
 def data(

@@ -1,4 +1,4 @@
-"""``mtp-bench train``: fits of the parameters of baselines on training splits."""
+"""``mtp-bench train`` and ``fit-noise``: fits of parameters on training splits."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,6 +9,7 @@ from typer import Argument, Option, Typer
 
 from ..core import MtpBenchError, long_work
 from ..running import Fold, RunOptions
+from ..training import fit_noise as fit
 from .options import (
     EnvScenes,
     JobsOption,
@@ -262,3 +263,41 @@ train = Typer(
 train.command("motion-noise")(opened(motion_noise))
 train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))
+
+
+def fit_noise(
+    on: EnvScenes,
+    min_score: Annotated[
+        list[str] | None,
+        Option(help="Operating point: a number, or class=number; repeatable."),
+    ] = None,
+    alike: Annotated[
+        list[str] | None, Option(help="bus=car: fit both classes together; repeatable.")
+    ] = None,
+    name: Annotated[
+        str | None,
+        Option(
+            help="Name of the profile; agents use the settings of its part before "
+            "the first hyphen."
+        ),
+    ] = None,
+    reach: Annotated[
+        float | None, Option(min=1, max=1000, help="Reach of the detector, metres.")
+    ] = None,
+    field_of_view: Annotated[
+        float | None, Option(min=1, max=360, help="Degrees around the heading.")
+    ] = None,
+    output: TextOption = None,
+) -> None:
+    """Fit the noise of a simulated detector to the detections of an environment.
+
+    The output is a section of a card.
+    """
+    options = on.options()
+    prepare(on.env, options)
+    with long_work("reading scenes, then fitting the noise") as progress:
+        options = replace(options, progress=progress)
+        text = fit(
+            on.env, options, min_score or (), alike or (), name, reach, field_of_view
+        )
+    print_or_write(output, text)

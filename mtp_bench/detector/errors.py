@@ -17,8 +17,7 @@ from .draws import (
     parts,
     stationary,
 )
-from .grid import Grid, Shares, shares_of
-from .neighbours import Neighbours
+from .grid import Grid, Neighbours, Shares, shares_of
 from .profile import ClassNoise
 
 # a larger position error would turn it into another object's detection

@@ -10,7 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core import Floats, Ints, Ragged, select, starts_of, wrap_angle
-from .draws import Draws, NoiseKind, NoiseSubject, decayed, exponential, skewed
+from .draws import (
+    Draws,
+    NoiseKind,
+    NoiseSubject,
+    decayed,
+    exponential,
+    remembered,
+    skewed,
+)
 from .errors import BoxErrors, draw_errors
 from .false_positives import (
     DetectedRows,
@@ -21,7 +29,6 @@ from .false_positives import (
     spread_sizes,
 )
 from .grid import Grid
-from .memory import remembered
 from .profile import ClassNoise, FreeFalsePositives
 from .quality import best_ranks, score_by_rank
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core import Detections, Floats, Truth, require_shape, select
-from .draws import Draws
+from .draws import Draws, Memory, remembered
 from .errors import detected_boxes, draw_errors
 from .false_positives import (
     DetectedRows,
@@ -18,7 +18,6 @@ from .false_positives import (
 )
 from .free import free_false_positives
 from .grid import truth_grid, truth_neighbours
-from .memory import Memory, remembered
 from .near import classes_of_same_noise, near_false_positives
 from .profile import Profile
 from .quality import draw_qualities

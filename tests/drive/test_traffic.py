@@ -10,9 +10,9 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.sources.cache import content_hash
-from mtp_bench.traffic.drive.scenes import DrivenScene, whole_scene
+from mtp_bench.traffic.drive_episode import DrivenScene, whole_scene
 from mtp_bench.traffic.highway.driven import DrivenTraffic, hit_from_behind, is_at_fault
-from mtp_bench.traffic.highway.store import pack
+from mtp_bench.traffic.highway.source import pack
 from mtp_bench.traffic.highway.world import RATE, Traffic
 
 TRAFFIC = Traffic("intersection", "ego", 8.0, 8, 10, 20)

@@ -34,8 +34,18 @@ from ..base import (
 from ..motion import backward_velocity, unknown_velocity
 from ..readers import read_named_table
 from ..tables import RowTable
-from .checks import check_boxes, check_frames, check_objects, frame_index, scene_frames
-from .columns import BOX, COLUMNS, FORMS, PICTURES, TABLES
+from .columns import (
+    BOX,
+    COLUMNS,
+    FORMS,
+    PICTURES,
+    TABLES,
+    check_boxes,
+    check_frames,
+    check_objects,
+    frame_index,
+    scene_frames,
+)
 from .pictures import images_of, lanes_of
 from .save import scene_tables
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from ...core import Bools, Floats, Ints
 from .driving import swept_sides
-from .lanes import LaneGeometry, Route, RouteTable, lane_points
-from .road_map import Crossing, RoadMap
+from .lanes import Crossing, LaneGeometry, RoadMap, Route, RouteTable, lane_points
 
 _SAMPLE_STEP_M = 0.5
 _SIDE_MARGIN_M = 0.15  # free space on each side

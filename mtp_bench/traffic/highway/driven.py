@@ -9,14 +9,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...core import DataError, Floats, Ints, unit_vectors
-from .lanes import NO_LANE, RouteTable, lane_points
-from .overlap import boxes_meet
-from .recording import Recording
-from .road_map import RoadMap
+from ...core import DataError, Floats, Ints, boxes_meet, unit_vectors
+from .lanes import NO_LANE, RoadMap, RouteTable, lane_points
 from .simulate import ATTEMPTS, MAX_BRAKING_MPS2, Attempt
 from .vehicles import Driver
-from .world import CLASSES, RATE, WARM_UP, Traffic, World
+from .world import CLASSES, RATE, WARM_UP, Recording, Traffic, World
 
 _POINT_STEP_M = 0.5  # between two points of a way
 # from the start of a road, where a way changes to the lane that goes on

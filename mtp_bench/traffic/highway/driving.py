@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core import Bools, Floats, Ints
-from .lanes import NO_LANE, LaneGeometry, RouteTable
-from .road_map import RoadMap
+from .lanes import NO_LANE, LaneGeometry, RoadMap, RouteTable
 from .vehicles import Driver
 
 # columns of a driving style

@@ -12,8 +12,7 @@ import numpy as np
 
 from ...core import Bools, Floats
 from .driving import POLITENESS, RoadState, braking, free_acceleration
-from .lanes import NO_LANE, RouteTable
-from .road_map import RoadMap
+from .lanes import NO_LANE, RoadMap, RouteTable
 
 _DECISION_PERIOD_S = 0.8
 # from a vehicle's place in the lane: the last change is finished

@@ -1,4 +1,7 @@
-"""Lanes of a road network: their geometry, all at once, and the routes through them."""
+"""Lanes of a road network and the routes through them, and pieces of a road map.
+
+The geometry of all lanes is computed at once. The frame is highway-env's (y down).
+"""
 
 import math
 from dataclasses import dataclass
@@ -269,3 +272,65 @@ def _paths(following: Ints, length_m: Floats) -> tuple[Ints, Floats]:
         path[..., k] = np.where(goes_on, next_lane, NO_LANE)
         start[..., k] = np.where(goes_on, start[..., k - 1] + length_m[lane], 0.0)
     return path, start
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A zebra crossing over an arm.
+
+    Its axis runs from ``origin`` in ``direction`` over ``span`` metres of road.
+    """
+
+    origin: tuple[float, float]
+    direction: tuple[float, float]
+    span: float
+    width: float
+
+
+@dataclass(frozen=True)
+class Pavement:
+    """Pavement beside two roads that cross at (0, 0) along the axes.
+
+    The kerbs bend around the corners.
+    """
+
+    corner: float  # m, the middle of a kerb's bend is at (+-corner, +-corner)
+    radius: float  # m, of the bend
+
+    @property
+    def kerb(self) -> float:
+        """Distance in m from the middle of a road to its straight kerbs."""
+        return self.corner - self.radius
+
+
+@dataclass(frozen=True)
+class Kerb:
+    """A straight kerb where cars park.
+
+    It is to the right of the way from ``start`` in ``direction``.
+    """
+
+    start: tuple[float, float]
+    direction: tuple[float, float]
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class RoadMap:
+    """A road network with its routes."""
+
+    network: Any  # a RoadNetwork
+    geometry: LaneGeometry
+    routes: tuple[Route, ...]
+    sensor: tuple[float, float, float]  # x, y, z of a roadside sensor
+    regulated: bool  # vehicles give way by conflicts of routes; else they overtake
+    # False: vehicles may also go before one that is far away
+    first_in_first_out: bool = True
+    crossings: tuple[Crossing, ...] = ()
+    pavement: Pavement | None = None
+    kerbs: tuple[Kerb, ...] = ()
+
+    @property
+    def overtaking(self) -> bool:
+        """Whether vehicles change lanes."""
+        return not self.regulated

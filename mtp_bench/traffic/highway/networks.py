@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from ...core import Floats
-from .lanes import LaneGeometry, Route
+from .lanes import Crossing, Kerb, LaneGeometry, Pavement, RoadMap, Route
 from .library import CircularLane, RoadNetwork, SineLane, StraightLane
-from .road_map import Crossing, Kerb, Pavement, RoadMap
 from .world import APPROACH_M, ARM_WEIGHTS, STRIP_M, ScenarioName
 
 # frequency of left turns, straight on and right turns at the intersection

@@ -12,9 +12,9 @@ import numpy as np
 from ...core import Bools, Floats, wrap_angle
 from . import walking
 from .behaviour import PedestrianBehaviour
+from .lanes import Pavement, RoadMap
 from .person import ARRIVING, CROSSING, LEAVING, WAITING, Person
 from .right_of_way import CrossingPedestrian
-from .road_map import Pavement, RoadMap
 from .world import ARM_WEIGHTS
 
 _MAX_GROUP = 4

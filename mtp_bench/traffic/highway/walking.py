@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...core import Bools, Floats
-from .road_map import Crossing, Pavement
+from .lanes import Crossing, Pavement
 from .world import STRIP_M
 
 APART_M = 0.8  # between two centres

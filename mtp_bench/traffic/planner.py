@@ -19,9 +19,9 @@ from math import ceil
 import numpy as np
 from scipy.spatial import KDTree
 
-from ...cards import PlannerSection
-from ...core import NO_ROWS, Bools, Floats, Ints
-from ..highway.driven import Way
+from ..cards import PlannerSection
+from ..core import NO_ROWS, Bools, Floats, Ints
+from .highway.driven import Way
 
 _FIRST_MPS2 = np.array([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5])
 _LATER_MPS2 = np.array([-4.0, -2.0, 0.0, 1.5])
