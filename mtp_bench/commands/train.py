@@ -189,13 +189,12 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     for agent in agents:
         network_names |= dict.fromkeys(load_submission(agent).networks)
     states = states_of(network_names, card.id, card.weights_of)
-    missing = [state for state in states if state.missing]
-    if not missing:
+    plan = {state: state.minutes or 0 for state in states if state.missing}
+    if not plan:
         return
-    missing.sort(key=lambda state: state.minutes or 0)
+    missing = sorted(plan, key=plan.__getitem__)
     networks = ", ".join(state.network for state in missing)
-    minutes = sum(state.minutes or 0 for state in missing)
-    say(f"training {networks} first: about {minutes} min on two cores")
+    say(f"training {networks} first: about {sum(plan.values())} min on two cores")
     training = RunOptions(options.data, split="train", workers=options.workers)
     training = _with_default_scenes(training, card)
     for state in missing:
@@ -203,7 +202,7 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
         source = env if state.env_id == card.id else state.env_id
         prepare(source, training)
         request = TrainingRequest(network_name, source, pasts)
-        path, _ = _train(request, training, minutes=state.minutes or 0)
+        path, _ = _train(request, training, minutes=plan[state])
         say(f"{state.network}: {path}")
 
 

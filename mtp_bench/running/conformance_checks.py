@@ -69,20 +69,24 @@ def check_agent(
     suite = Suite(make_agent, env_id, keywords, seed, env, scene_names)
     findings: list[Finding] = []
     for check_name, check, passed_text in _CHECKS:
-        results: list[Finding] = []
-        raised = False
-        try:
-            for finding in check(suite):  # those before an error stay
-                results.append(finding)
-        except AgentError as error:
-            results.append(error.finding)
-            raised = True
+        results, raised = _results_of(check(suite))
         if not results:
             results = [Finding("ok", "", passed_text)]
         findings += [replace(finding, check=check_name) for finding in results]
         if raised and check_name in ("build", "contract"):
             break  # all other checks would fail likewise
     return findings
+
+
+def _results_of(check: Findings) -> tuple[list[Finding], bool]:
+    """Return the findings of a check, and whether an error of the agent ended it."""
+    results: list[Finding] = []
+    try:
+        for finding in check:  # those before an error stay
+            results.append(finding)
+    except AgentError as error:
+        return [*results, error.finding], True
+    return results, False
 
 
 def _builds(suite: Suite) -> Findings:
