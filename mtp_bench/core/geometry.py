@@ -15,7 +15,7 @@ from .arrays import Bools, Floats, Ints
 # in the j-th quadrant.
 _ALONG = np.array([1.0, -1.0, -1.0, 1.0]) / 2
 _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]) / 2
-_NEXT = np.array([1, 2, 3, 0])
+_NEXT_CORNER = np.array([1, 2, 3, 0])
 # share of the smallest side: far above rounding, far below what matters
 _SHRINK_SHARE = 1e-8
 _PARALLEL = 1e-3  # sine or cosine of the angle between two boxes
@@ -147,8 +147,8 @@ def _edges_inside(
 
     The edges are those of polygons ``[R, 4]``.
     """
-    dx = x[..., _NEXT] - x
-    dy = y[..., _NEXT] - y
+    dx = x[..., _NEXT_CORNER] - x
+    dy = y[..., _NEXT_CORNER] - y
     lower = np.zeros_like(x)
     upper = np.ones_like(x)
     half_length = length[..., None] / 2
@@ -164,15 +164,15 @@ def _edges_inside(
     return np.maximum(upper - lower, 0.0), x * dy - y * dx
 
 
-def overlapping(box: Floats, still: int = 0) -> Ints:
+def overlapping(box: Floats, unmoved_count: int = 0) -> Ints:
     """Return pairs [n, 2] of rows of boxes [N, 7] that overlap.
 
-    The last ``still`` boxes do not overlap each other.
+    The last ``unmoved_count`` boxes do not overlap each other.
     """
     x = box[:, 0]
     y = box[:, 1]
     reach = np.hypot(box[:, 4], box[:, 5]) / 2
-    moving = slice(len(box) - still)
+    moving = slice(len(box) - unmoved_count)
     dx = x[moving, None] - x
     dy = y[moving, None] - y
     candidates = dx * dx + dy * dy < (reach[moving, None] + reach) ** 2

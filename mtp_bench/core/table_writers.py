@@ -330,8 +330,8 @@ def _block(
     """Yield the lines of cells beside each other."""
     for texts in zip_longest(*cells, fillvalue=""):
         aligned = [
-            text.ljust(width) if left else text.rjust(width)
-            for text, width, left in zip(texts, widths, is_left, strict=True)
+            text.ljust(width) if to_left else text.rjust(width)
+            for text, width, to_left in zip(texts, widths, is_left, strict=True)
         ]
         yield " ".join(aligned).rstrip()
 

@@ -27,7 +27,7 @@ _SHIFTS_AND_FACTORS = (
 _FINAL_SHIFT = np.uint64(31)
 _LOW_BITS = np.uint64(11)  # more than a float can hold
 _VERSION = 2  # of the hashed numbers
-_TINY = 1e-300
+_MIN_DIVISOR = 1e-300
 _HALVINGS = 60  # of an interval of quantiles
 # tolerance of a whole number: frame periods are quotients of decimal numbers
 _WHOLE_TOLERANCE = 1e-6
@@ -61,7 +61,7 @@ class NoiseSubject(IntEnum):
     """Boxes that noise is drawn for; the values are part of every hash."""
 
     OBJECTS = 0
-    NEAR = 1  # false positives near objects
+    NEAR_OBJECTS = 1  # false positives near objects
     FREE = 2  # other false positives
 
 
@@ -71,7 +71,7 @@ class Component(IntEnum):
     BIAS = 0
     PUSH = 1
     WHITE = 2
-    OTHER = 3
+    SECOND = 3
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def stationary(after_no: Floats, after_yes: Floats) -> Floats:
 
     It has these chances of "yes" after a "no" and after a "yes".
     """
-    return after_no / np.maximum(1.0 - after_yes + after_no, _TINY)
+    return after_no / np.maximum(1.0 - after_yes + after_no, _MIN_DIVISOR)
 
 
 def at_period(

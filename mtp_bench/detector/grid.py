@@ -71,9 +71,11 @@ class Neighbours:
         if not len(self.row):
             return value
         weight = share.take(self.row, axis=1) * self.weight
-        others = self._sums(weight * value.take(self.other, axis=1), value.shape[1])
+        neighbour_sum = self._sums(
+            weight * value.take(self.other, axis=1), value.shape[1]
+        )
         variance = self._sums(weight**2, value.shape[1])
-        return np.asarray((value + others) / np.sqrt(1.0 + variance))
+        return np.asarray((value + neighbour_sum) / np.sqrt(1.0 + variance))
 
     def _sums(self, terms: Floats, rows: int) -> Floats:
         """Add terms [m, Q] over the pairs of each row, [m, R].
@@ -88,7 +90,7 @@ class Neighbours:
 Parameter = str | Callable[[ClassNoise], Any]
 Kinds = tuple[NoiseKind, ...]
 Shares = tuple[float, float, float, float]  # see `shares_of`
-_TINY = 1e-12
+_MIN_DIVISOR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,12 +218,12 @@ class Grid:
         frame, column = self.cells
         return extended_key(self.object_keys[column], frame)
 
-    def on_grid(self, value: Floats, other: float = 0.0) -> Floats:
+    def on_grid(self, value: Floats, elsewhere: float = 0.0) -> Floats:
         """Return numbers of the `cells` on the whole grid ``[..., F, J]``.
 
-        ``value``: ``[..., cells]``; ``other``: number elsewhere.
+        ``value``: ``[..., cells]``; ``elsewhere``: number of the other cells.
         """
-        grid = np.full((*value.shape[:-1], self.frames, len(self.ids)), other)
+        grid = np.full((*value.shape[:-1], self.frames, len(self.ids)), elsewhere)
         frame, column = self.cells
         grid[..., frame, column] = value
         return grid
@@ -294,7 +296,7 @@ def shares_of(memory: SharedMemory) -> Shares:
     """
     # the rounded shares of a profile may not sum to 1
     lasting = memory.bias + memory.ar
-    constant_share = memory.bias / max(lasting, _TINY)
+    constant_share = memory.bias / max(lasting, _MIN_DIVISOR)
     new_share = memory.white / (lasting + memory.white)
     return constant_share, memory.phi, memory.shared, new_share
 

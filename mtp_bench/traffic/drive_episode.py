@@ -45,7 +45,7 @@ class DrivenScene:
         self._detector = ""
         self._open_scene: OpenScene | None = None
 
-    def now(self, world: World) -> Scene:
+    def current(self, world: World) -> Scene:
         """Return the last frame of the world as a scene with detections."""
         scene = _scene(world, self._card, self._name, stride=1)
         frame = len(self._ego)
@@ -60,13 +60,15 @@ class DrivenScene:
             ego=np.array(self._ego),
             truth=replace(scene.truth, start=start),
         )
-        seen = detected(until_now, self._card, going_on=self._open_scene)
-        self._detector = seen.detector
-        detections = replace(seen.detections, start=seen.detections.start[-2:])
+        detected_scene = detected(until_now, self._card, going_on=self._open_scene)
+        self._detector = detected_scene.detector
+        detections = replace(
+            detected_scene.detections, start=detected_scene.detections.start[-2:]
+        )
         self._detections.append(detections)
         return replace(scene, detections=detections, simulated=True)
 
-    def whole(self, world: World) -> Scene:
+    def recording(self, world: World) -> Scene:
         """Return `whole_scene` of the frames of ``world``, all of which were shown."""
         scene = _scene(world, self._card, self._name)
         shown = self._detections[: scene.frames]
@@ -146,7 +148,7 @@ class DrivenEpisode:
         settings = traffic_of(section_of(card, HighwaySource))
         traffic = DrivenTraffic(settings, int(name.rsplit("-", 1)[1]))
         shown = DrivenScene(card, name)
-        scene = shown.now(traffic.world(last=True))
+        scene = shown.current(traffic.world(last_only=True))
         frame = LocalFrame.of(scene, rng)
         section = card.drive or DriveSection()
         planner = Planner(traffic.way, traffic.size, section.planner)
@@ -203,7 +205,7 @@ class DrivenEpisode:
         """Return the frames so far and the observations of them."""
         scene = self.scene
         if not self.over:
-            scene = self.shown.whole(self._world_of(max(self.t, 1)))
+            scene = self.shown.recording(self._world_of(max(self.t, 1)))
         return scene, make_feed(scene, self.frame, self.task, self.card)
 
     def record(self) -> Drive | None:
@@ -219,8 +221,8 @@ class DrivenEpisode:
         self.actions.append(action)
         self.dropped_counts.append(int(self.feed.dropped[0]))
         ego = self.traffic.ego
-        seen = obstacles(action, self.task.dt)
-        plan = self.planner.decide(ego.s, float(ego.speed), seen)
+        forecast_obstacles = obstacles(action, self.task.dt)
+        plan = self.planner.decide(ego.s, float(ego.speed), forecast_obstacles)
         self.plans.append(plan)
         for _ in range(round(RATE * self.task.dt)):
             if not self.traffic.over:
@@ -228,7 +230,7 @@ class DrivenEpisode:
         if self.traffic.over or self.t == horizon(self.card) - 1:
             self._finish()
         else:
-            self.scene = self.shown.now(self.traffic.world(last=True))
+            self.scene = self.shown.current(self.traffic.world(last_only=True))
             self.feed = make_feed(self.scene, self.frame, self.task, self.card)
         at_fault = self.drive is not None and self.drive.at_fault
         return self.stations[-1] - start - CRASH * at_fault
@@ -250,7 +252,7 @@ class DrivenEpisode:
     def _finish(self) -> None:
         world = self._world_of(self.t)
         ending = rows_from(self.traffic.world().truth, len(world.time))
-        self.scene = self.shown.whole(world)
+        self.scene = self.shown.recording(world)
         self.drive = replace(self._recorded(), world={**pack(world), "ending": ending})
 
     def _recorded(self) -> Drive:

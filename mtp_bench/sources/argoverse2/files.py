@@ -71,8 +71,8 @@ def log_folders(root: Path, split: str) -> dict[str, Path]:
     folder = root / "sensor" / split
     paths = sorted(folder.glob("*/annotations.feather"))
     if not paths:
-        others = root.glob(f"{LOGS}/*/annotations.feather")
-        splits = sorted({path.parents[1].name for path in others})
+        annotation_files = root.glob(f"{LOGS}/*/annotations.feather")
+        splits = sorted({path.parents[1].name for path in annotation_files})
         raise DataError(
             f"{folder} has no folder with annotations.feather; splits with logs: "
             f"{', '.join(splits) or 'none'}"

@@ -293,19 +293,19 @@ def check_boxes(table: RowTable, frame: Ints, frames: int, true: bool) -> None:
 
 def check_ranges(table: RowTable, true: bool = True) -> None:
     """Raise DataError for the first number outside of its range."""
-    for column, (least, largest, expected) in _RANGES.items():
+    for column, (smallest, largest, expected) in _RANGES.items():
         if column not in table:
             continue
         may_be_negative = column in "lwh" and not true
-        low = -LIMIT if may_be_negative else least
+        low = -LIMIT if may_be_negative else smallest
         _check_range(table, column, low, largest, expected)
 
 
 def _check_range(
-    table: RowTable, column: str, least: float, largest: float, expected: str
+    table: RowTable, column: str, smallest: float, largest: float, expected: str
 ) -> None:
     values = table[column]
-    is_sound = (values >= least) & (values <= largest)
+    is_sound = (values >= smallest) & (values <= largest)
     if column in ("vx", "vy"):
         is_sound |= np.isnan(values)
     table.refuse(~is_sound, lambda row: f"{values[row]:.10g}, {expected}", column)

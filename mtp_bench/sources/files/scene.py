@@ -271,9 +271,9 @@ def _usable_rows(
         )
     skipped: dict[str, int] = {}
     other_kinds, counts = np.unique(class_names[~is_used], return_counts=True)
-    for other, count in zip(other_kinds.tolist(), counts.tolist(), strict=True):
-        reason = f"{name} of class {other!r}, which the task does not have"
-        if hint := class_hint(other, classes):
+    for other_kind, count in zip(other_kinds.tolist(), counts.tolist(), strict=True):
+        reason = f"{name} of class {other_kind!r}, which the task does not have"
+        if hint := class_hint(other_kind, classes):
             reason += f": {hint}"
         skipped[reason] = count
     return sorted_rows(frame, is_used), skipped

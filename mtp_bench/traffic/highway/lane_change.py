@@ -121,8 +121,8 @@ class LaneChanges:
         needed = routes.changes[route, lane]
         room_m = routes.room[route, lane] - state.s[i]
         for lane_side, bonus_mps2 in (
-            (routes.left, 0.0),
-            (routes.right, _RIGHT_BONUS_MPS2),
+            (routes.left_lane, 0.0),
+            (routes.right_lane, _RIGHT_BONUS_MPS2),
         ):
             target = int(lane_side[route, lane])
             if target == NO_LANE:

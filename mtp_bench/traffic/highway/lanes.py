@@ -189,14 +189,14 @@ class RouteTable:
     """
 
     following: Ints  # the next lane
-    left: Ints
-    right: Ints
+    left_lane: Ints
+    right_lane: Ints
     # lane changes needed to stay on the route; inf: the lane is not part of it
     changes: Floats
     # m from the lane's start to the place where a lane change must be done; inf: none
     room: Floats
     start: Floats  # m from the start of the route
-    last: Bools  # the lane belongs to the last road of the route
+    on_last_road: Bools  # the lane belongs to the last road of the route
     path: Ints  # [routes, lanes, LOOKAHEAD] the lanes ahead, the lane itself first
     path_start: Floats  # [routes, lanes, LOOKAHEAD] m from the lane's start to theirs
 
@@ -204,7 +204,7 @@ class RouteTable:
 def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable:
     """Return the table of ``routes`` through the lanes of ``geometry``."""
     shape = (len(routes), len(geometry))
-    following, left, right = np.full((3, *shape), NO_LANE)
+    following, left_lane, right_lane = np.full((3, *shape), NO_LANE)
     last_road = np.zeros(shape, dtype=bool)
     start = np.zeros(shape)
     starts = np.array([lane.position(0.0, 0.0) for lane in geometry.lanes])
@@ -212,8 +212,8 @@ def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable
     for route_index, route in enumerate(routes):
         last_road[route_index, list(route.roads[-1])] = True
         for road_lanes in route.roads:
-            left[route_index, list(road_lanes[1:])] = road_lanes[:-1]
-            right[route_index, list(road_lanes[:-1])] = road_lanes[1:]
+            left_lane[route_index, list(road_lanes[1:])] = road_lanes[:-1]
+            right_lane[route_index, list(road_lanes[:-1])] = road_lanes[1:]
         for k, road_lanes in enumerate(route.roads[:-1]):
             for lane in road_lanes:
                 for next_lane in reversed(route.roads[k + 1]):
@@ -225,7 +225,15 @@ def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable
     changes, room = _needed_changes(routes, geometry, following)
     path, path_start = _paths(following, geometry.length)
     return RouteTable(
-        following, left, right, changes, room, start, last_road, path, path_start
+        following,
+        left_lane,
+        right_lane,
+        changes,
+        room,
+        start,
+        last_road,
+        path,
+        path_start,
     )
 
 
@@ -253,9 +261,9 @@ def _needed_changes(
             numbers = list(road_lanes)
             for _ in numbers:  # spreads from lane to lane
                 sides = np.pad(changes[route_index, numbers], 1, constant_values=np.inf)
-                beside = np.minimum(sides[:-2], sides[2:]) + 1
+                half_turns = np.minimum(sides[:-2], sides[2:]) + 1
                 changes[route_index, numbers] = np.minimum(
-                    changes[route_index, numbers], beside
+                    changes[route_index, numbers], half_turns
                 )
     return changes, room
 

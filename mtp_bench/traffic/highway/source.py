@@ -349,6 +349,6 @@ def ever_seen(truth: Truth, visible: Floats) -> Bools:
     object_id = truth.object_id[order]
     first = np.searchsorted(object_id, object_id)
     views = starts_of(visible[order] >= _MIN_VISIBLE_SHARE)
-    seen = np.empty(len(order), dtype=bool)
-    seen[order] = views[1:] > views[first]
-    return seen
+    in_view = np.empty(len(order), dtype=bool)
+    in_view[order] = views[1:] > views[first]
+    return in_view
