@@ -28,7 +28,7 @@ import numpy as np
 from mtp_bench import load_card
 from mtp_bench.judge.gateway.layout import compiled_kernels
 from mtp_bench.judge.gateway.run import run_isolated_scenes
-from mtp_bench.running.kernels import compile_kernels
+from mtp_bench.running.playing import compile_kernels
 from mtp_bench.sources import camera_images, open_source
 from mtp_bench.sources.cache import scene_digest
 from tests.support.camera_images import write_cameras

@@ -46,7 +46,7 @@ from mtp_bench.scoring.driving import (
 )
 from mtp_bench.scoring.statistics import paired_difference
 from mtp_bench.scoring.table import AgentTable, agent_table
-from mtp_bench.scoring.weights_file import read_reference, write_reference
+from mtp_bench.scoring.weights import read_reference, write_reference
 
 REFERENCES = (
     TRUTH,

@@ -31,7 +31,7 @@ from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.settings import setting_of
 from mtp_bench.scoring import SceneScore, evaluated, score_scene
 from mtp_bench.scoring.weights import EVENTS, tracking_events
-from mtp_bench.traffic.drive.record import near_misses, occupied
+from mtp_bench.traffic.drive_record import near_misses, occupied
 from mtp_bench.traffic.highway.world import RATE
 
 TRUTH, STP = "gt_tracks", "stp"

@@ -95,7 +95,7 @@ print("MS", min(play() for _ in range(3)))
 """
 KERNELS = """
 try:
-    from mtp_bench.running.kernels import compile_kernels
+    from mtp_bench.running.playing import compile_kernels
     given = 2
 except ImportError:  # of a commit in which the gateway had them
     from mtp_bench.judge.gateway.layout import compile_kernels

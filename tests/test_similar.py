@@ -2,8 +2,7 @@
 
 import pytest
 
-from mtp_bench.core.errors import UnknownNameError
-from mtp_bench.core.similar import class_hint, similar_class
+from mtp_bench.core.errors import UnknownNameError, class_hint, similar_class
 from mtp_bench.prediction.kalman import stored_noise
 from mtp_bench.tracking.parameters import detector_parameters
 from tests.support.tracking_scenes import kitti_task

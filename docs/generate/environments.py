@@ -13,7 +13,7 @@ from mtp_bench.cards.card import LaneSection
 from mtp_bench.env.spaces import action_numbers, observation_space
 from mtp_bench.scoring import DEFINITIONS
 from mtp_bench.sources import describe
-from mtp_bench.traffic.drive.episode import CRASH
+from mtp_bench.traffic.drive_episode import CRASH
 from mtp_bench.traffic.highway.world import HighwaySource
 
 from . import recordings

@@ -90,7 +90,7 @@ GROUPS = (
         "testing",
         ("running.conformance",),
         intro="Checks that an agent or a card keeps the contract.",
-        beside=("mtp_bench.running.conformance.playing.Finding",),
+        beside=("mtp_bench.running.conformance_playing.Finding",),
     ),
     Group(
         "Errors",

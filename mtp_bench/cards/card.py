@@ -109,7 +109,7 @@ class LaneSection(Section):
 class PlannerSection(Section):
     """Weights of the planner that drives the ego, fitted on training seeds.
 
-    See `mtp_bench.traffic.drive.planner`.
+    See `mtp_bench.traffic.planner`.
     """
 
     caution: Annotated[float, Field(ge=0)] = (

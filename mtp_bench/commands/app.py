@@ -26,6 +26,7 @@ INTERRUPTED = 130  # exit status, as shells have it
 _TEXT_FILE = Path(__file__).with_name("commands.toml")
 _TEXTS = tomllib.loads(_TEXT_FILE.read_text(encoding="utf-8"))
 SUMMARIES = _TEXTS["summaries"]  # by command
+MODULES = _TEXTS["modules"]  # by command, where the file has another name
 INTERRUPTED_NOTES = _TEXTS["interrupted"]  # by command
 
 
@@ -36,9 +37,9 @@ class InterruptedCommandError(Exception):
 class Commands(TyperGroup):
     """All commands, imported when they are used, so that ``--help`` starts at once.
 
-    The command ``x-y`` is the function, or the group, ``x_y`` of the module
-    ``mtp_bench.commands.x_y``. An interruption is reported in one line, and wrong usage
-    with the value that was got.
+    The command ``x-y`` is the function, or the group, ``x_y`` of the module ``x_y``,
+    or of the one that ``commands.toml`` names. An interruption is reported in one line,
+    and wrong usage with the value that was got.
     """
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
@@ -51,12 +52,12 @@ class Commands(TyperGroup):
         """Import a command; None for an unknown name."""
         if cmd_name not in SUMMARIES:
             return None
-        module_name = cmd_name.replace("-", "_")
-        if keyword.iskeyword(module_name):
-            module_name += "_"
-        content = getattr(
-            importlib.import_module(f"mtp_bench.commands.{module_name}"), module_name
-        )
+        module_name = MODULES.get(cmd_name, cmd_name)
+        module = importlib.import_module(f"mtp_bench.commands.{module_name}")
+        function_name = cmd_name.replace("-", "_")
+        if keyword.iskeyword(function_name):
+            function_name += "_"
+        content = getattr(module, function_name)
         if isinstance(content, Typer):
             return get_command(content)
         from .options import opened

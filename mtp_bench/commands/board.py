@@ -1,14 +1,14 @@
 """``mtp-bench board``: records with their ranks, as tables, as a page and as files."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 from typer import Option
 
 from ..cards import load_card
-from ..core import MtpBenchError, Progress, RecordError, bundled, long_work
+from ..core import MtpBenchError, Progress, RecordError, Table, bundled, long_work
 from ..judge import (
     RECORDS,
     Record,
@@ -42,7 +42,7 @@ from .output import write_json, write_table
 
 
 def board(
-    further: Annotated[
+    added_records: Annotated[
         list[Path] | None,
         Option("--with", help="A record to place among the others; repeatable."),
     ] = None,
@@ -67,152 +67,181 @@ def board(
     json_file: JsonOption = None,
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
+    subsets: Sequence[Subset] = ("all",)  # tables show no other
     if output is not None:
         require_parts(output)
+        subsets = SUBSETS
+    added_paths = added_records or ()
     with long_work("reading records") as progress:
-        subsets: Sequence[Subset] = (
-            ("all",) if output is None else SUBSETS
-        )  # tables show no other
         entries, refused, notes = read_board(
-            records, further or (), env, output, trusted(base), progress, subsets
+            records, added_paths, env, output, trusted(base), progress, subsets
         )
     tables = board_tables(entries)
     if json_file is not None:
         write_json(json_file, board_json(entries))
-    write_table(
-        table_file,
-        [table for table, _ in tables],
-        board_table(entries, env or "leaderboard"),
-    )
-    for table, below in tables:
-        show_table(
-            table,
-            style=lambda entry: (
-                "bold green" if entry.added else "" if entry.compared else "dim"
-            ),
-        )
-        show("")
-        show_lines(below)
-    show_lines([*notes, *(f"refused: {text}" for text in refused)])
-    if not entries:
-        show(
-            "no record"
-            + (f" of {env}" if env else "")
-            + " yet; `mtp-bench submit` makes one"
-        )
+    data_table = board_table(entries, env or "leaderboard")
+    write_table(table_file, [table for table, _ in tables], data_table)
+    _show_tables(tables, env)
+    show_lines([*notes, *map("refused: {}".format, refused)])
     if output is not None:
-        leaderboard = _folder(records).absolute().parent
-        pages = (
-            leaderboard / "SUBMITTING.md",
-            leaderboard.parent / "docs" / "definitions" / "index.md",
-        )
-        addresses = Pages(*(_link(page, output) for page in pages))
-        write_board(output, board_files(entries, parts_folder(output).name, addresses))
-        show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
+        _write_page(output, _records_folder(records), entries)
     if strict and refused:
         raise RecordError(
             f"{counted(len(refused), 'record')} refused, the first: {refused[0]}"
         )
 
 
+def _show_tables(tables: Sequence[tuple[Table, list[str]]], env: str | None) -> None:
+    for table, lines_below in tables:
+        show_table(table, style=_row_style)
+        show("")
+        show_lines(lines_below)
+    if not tables:
+        place = f" of {env}" if env else ""
+        show(f"no record{place} yet; `mtp-bench submit` makes one")
+
+
+def _row_style(entry: Entry) -> str:
+    if entry.added:
+        return "bold green"
+    return "" if entry.compared else "dim"
+
+
+def _write_page(output: Path, folder: Path, entries: Sequence[Entry]) -> None:
+    leaderboard = folder.absolute().parent
+    submitting = leaderboard / "SUBMITTING.md"
+    definitions = leaderboard.parent / "docs" / "definitions" / "index.md"
+    addresses = Pages(_link(submitting, output), _link(definitions, output))
+    write_board(output, board_files(entries, parts_folder(output).name, addresses))
+    show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
+
+
 def read_board(
     folder: Path | None,
-    further: Sequence[Path],
+    added_paths: Sequence[Path],
     env: str | None,
     page: Path | None,
     trust: Trust,
     progress: Progress,
     subsets: Sequence[Subset] = SUBSETS,
 ) -> tuple[list[Entry], list[str], list[str]]:
-    """Entries in the order of the leaderboard, why records are broken, and notes on levels that are not shown.
+    """Read entries in the order of the leaderboard, refusals and notes.
 
-    Those of ``further`` that are not in the folder are marked as added. They take the place of the folder's record of
-    that submission, environment and split, as the files would. Of copies of one record the first with a signed level
-    is taken; a note names the others. Of one environment only its own files are read: a record is named after its
-    environment.
+    Refusals say why records are broken, notes which levels are not shown. Records of
+    ``added_paths`` that are not in the folder are marked as added. They take the place
+    of the folder's record of that submission, environment and split, as the files
+    would. Of copies of one record the first with a signed level is shown, and a note
+    names the others. Of one environment only its own files are read: a record is named
+    after its environment.
 
-    ``page`` is the file that links start from; without one there are no links. A broken record of the folder is refused
-    and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is
-    broken, UnknownNameError for an env without a record that is not a card either.
+    ``page`` is the file that links start from; without one there are no links. A broken
+    record of the folder is refused and stops no other. Raises MtpBenchError where the
+    folder is missing, RecordError where a record of ``added_paths`` is broken,
+    UnknownNameError for an env without a record that is not a card either.
     """
-    folder = _folder(folder)
-    if not folder.is_dir():
-        raise MtpBenchError(
-            f"{folder}: no such folder of records; name one with --records: a checkout has it"
-        )
+    folder = _records_folder(folder)
     baselines = folder.absolute().parent.parent / "baselines"
 
     def read(path: Path, added: bool) -> LinkedRecord:
         record = load_record(path)
-        if (
-            not added and path.stem != record.env.id
-        ):  # else its table would depend on --env
+        # else its table would depend on --env
+        if not added and path.stem != record.env.id:
             raise RecordError(
-                f"{path}: holds a record on {record.env.id}, expected {path.stem}: rename the file"
+                f"{path}: holds a record on {record.env.id}, expected {path.stem}: "
+                "rename the file"
             )
         signed, note = read_level(path, record, trust)
         code = baselines / record.submission.name if is_baseline(record) else None
-        return LinkedRecord(record, signed, _link(path, page), added, note, _link(code, page))
+        return LinkedRecord(
+            record, signed, _link(path, page), added, note, _link(code, page)
+        )
 
-    given = [read(path, added=True) for path in further]  # before the long work
+    added_records = [read(path, added=True) for path in added_paths]
     refused: list[str] = []
-    stored: list[tuple[Path, LinkedRecord]] = []
+    stored: dict[Path, LinkedRecord] = {}
     paths = record_paths(folder, env or "")
     progress.started(len(paths))
     for path in paths:
         try:
-            stored.append((path, read(path, added=False)))
+            stored[path] = read(path, added=False)
         except RecordError as error:
             refused.append(str(error))
         progress.done(path.parent.name)
-    found: dict[str, LinkedRecord] = {}
-    files: dict[str, Path] = {}
-    notes = []
-    for path, each in sorted(stored, key=lambda pair: pair[1].signed is None):
-        taken = files.setdefault(each.record.digest, path)
-        if taken == path:
-            found[each.record.digest] = each
-        else:
-            notes.append(f"{path}: a copy of {taken}, which is shown")
-    for each in given:
-        other = found.get(each.record.digest)
-        if other is None or (each.signed is not None and other.signed is None):
-            place = _place(each.record)
-            found = {
-                digest: other
-                for digest, other in found.items()
-                if _place(other.record) != place
-            }
-            found[each.record.digest] = each
-    listed = [
-        each for each in found.values() if env is None or each.record.env.id == env
-    ]
+    shown, notes = _without_copies(stored)
+    for record in added_records:
+        shown = _with_added(shown, record)
+    listed = [entry for entry in shown.values() if env in (None, entry.record.env.id)]
     if env is not None and not listed:
-        load_card(
-            env
-        )  # an env without a submission is fine as long as there is such an env
-    notes += [
-        f"{each.record.submission.name} on {each.record.env.id}: {each.note}"
-        for each in listed
-        if each.note
-    ]
-    return entries_of(listed, subsets), refused, notes
+        load_card(env)  # no record is fine, as long as there is such an env
+    return entries_of(listed, subsets), refused, notes + _level_notes(listed)
 
 
-def _folder(given: Path | None) -> Path:
-    ships = (
-        bundled("leaderboard") / "records"
-    )  # of the checkout: an installed wheel has none
-    return given or (ships if ships.is_dir() else RECORDS)
+def _level_notes(listed: Sequence[LinkedRecord]) -> list[str]:
+    """Return why signed levels are not shown."""
+    notes = []
+    for entry in listed:
+        if entry.note:
+            record_name = f"{entry.record.submission.name} on {entry.record.env.id}"
+            notes.append(f"{record_name}: {entry.note}")
+    return notes
+
+
+def _without_copies(
+    stored: Mapping[Path, LinkedRecord],
+) -> tuple[dict[str, LinkedRecord], list[str]]:
+    """Return a record per digest, one with a signed level if any, and notes."""
+    shown: dict[str, LinkedRecord] = {}
+    shown_paths: dict[str, Path] = {}
+    notes = []
+    for path in sorted(stored, key=lambda path: stored[path].signed is None):
+        digest = stored[path].record.digest
+        if digest in shown:
+            notes.append(f"{path}: a copy of {shown_paths[digest]}, which is shown")
+        else:
+            shown[digest] = stored[path]
+            shown_paths[digest] = path
+    return shown, notes
+
+
+def _with_added(
+    shown: dict[str, LinkedRecord], added: LinkedRecord
+) -> dict[str, LinkedRecord]:
+    """Return the shown records with an added one in its place."""
+    copy = shown.get(added.record.digest)
+    if copy is not None and (added.signed is None or copy.signed is not None):
+        return shown
+    place = _place(added.record)
+    remaining: dict[str, LinkedRecord] = {}
+    for digest, entry in shown.items():
+        if _place(entry.record) != place:
+            remaining[digest] = entry
+    return {**remaining, added.record.digest: added}
+
+
+def _records_folder(folder: Path | None) -> Path:
+    """Return the folder of records; raises MtpBenchError where it is missing."""
+    if folder is None:
+        folder = bundled("leaderboard") / "records"
+        if not folder.is_dir():  # an installed wheel has none
+            folder = RECORDS
+    if not folder.is_dir():
+        raise MtpBenchError(
+            f"{folder}: no such folder of records; name one with --records: "
+            "a checkout has it"
+        )
+    return folder
 
 
 def _place(record: Record) -> tuple[str, ...]:
-    """The parts of the file name of a record in the folder of all."""
+    """Return the parts of a record's file name in the folder of all."""
     return record.submission.name, record.env.id, record.env.split
 
 
 def _link(path: Path | None, page: Path | None) -> str | None:
-    """Relative address of a file or folder; None without a page, and where the file is missing."""
+    """Return the relative address of a file or folder.
+
+    None without a page, and where the file is missing.
+    """
     if path is None or page is None or not path.exists():
         return None
     try:

@@ -1,17 +1,37 @@
-"""``mtp-bench check``."""
+"""``mtp-bench new`` and ``mtp-bench check``."""
 
+import shlex
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Annotated
 
-from typer import Option
+from typer import Argument, Option
 
-from ..agent import load_submission
+from ..agent import load_submission, new_submission
 from ..core import Column, SubmissionError, Table, Workers, cores, long_work
 from ..judge import SCENES, check_submission
 from ..running import Finding, RunOptions
 from ..viz import command_line, counted, show, show_table
 from .options import DataOption, JsonOption, SubmissionArgument, TracksOption, absolute
 from .output import prepare, write_json
+
+
+def new(
+    name: Annotated[str, Argument(help="Name of the submission: lower case.")],
+    folder: Annotated[Path, Option(help="Where its folder is made.")] = Path(),
+) -> None:
+    """Begin a submission: a folder with an agent that works."""
+    path = new_submission(name, folder)
+    word = shlex.quote(str(path))
+    lines = (
+        f"{path}: submission.toml, agent.py (an agent that works), README.md",
+        "1. put your name into submission.toml, and your idea into agent.py",
+        f"2. mtp-bench check {word}",
+        f"3. mtp-bench compare {word} --env MTP-Intersection-v0 --scenes 5",
+        f"4. mtp-bench submit {word} --env MTP-Intersection-v0",
+    )
+    show("\n".join(lines))
+
 
 _ROW_STYLES = {"error": "bold red", "warning": "yellow", "ok": ""}
 

@@ -1,5 +1,6 @@
-"""``mtp-bench data``."""
+"""``mtp-bench envs`` and ``mtp-bench data``."""
 
+from collections.abc import Mapping
 from typing import Annotated
 
 from typer import BadParameter, Option
@@ -7,9 +8,20 @@ from typer import BadParameter, Option
 from ..cards import load_card, with_split
 from ..core import MtpBenchError, card_ids, long_work
 from ..running import read_status
-from ..viz import data_lines, show, show_table, status_json, status_table
+from ..sources import DataStatus
+from ..viz import data_lines, env_table, show, show_table, status_json, status_table
 from .options import DataOption, JsonOption, SplitOption, env_ids
 from .output import write_json
+
+
+def envs(json_file: JsonOption = None) -> None:
+    """List the environments."""
+    cards = [load_card(env_id) for env_id in card_ids()]
+    content = {}
+    for card in cards:
+        content[card.id] = {**card.model_dump(mode="json"), "digest": card.digest}
+    write_json(json_file, content)
+    show_table(env_table(cards))
 
 
 def data(
@@ -43,9 +55,14 @@ def data(
     write_json(json_file, content)
     show_table(status_table(statuses))
     show("\n".join(data_lines(statuses)))
+    _require_complete(statuses, is_needed=env is not None)
+
+
+def _require_complete(statuses: Mapping[str, DataStatus], is_needed: bool) -> None:
+    """Raise MtpBenchError for broken data, and for missing data that is needed."""
     incomplete: list[str] = []
     for env_id, status in statuses.items():
-        if status.problems or (env and not status.usable):
+        if status.problems or (is_needed and not status.usable):
             incomplete.append(env_id)
     if incomplete:
         raise MtpBenchError(

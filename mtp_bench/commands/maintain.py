@@ -11,9 +11,9 @@ from ..judge import (
     COMMITMENT,
     LEAST_HIDDEN,
     SEALS,
-    seal_path,
     retire as retire_seal,
     seal as make_seal,
+    seal_path,
     take_in,
     trusted,
 )

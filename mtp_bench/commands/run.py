@@ -1,15 +1,34 @@
-"""``mtp-bench run``."""
+"""``mtp-bench run``, ``score`` and ``export``: stored runs."""
 
 from pathlib import Path
 from typing import Annotated
 
 from typer import Option
 
-from ..running import require_free, run as run_agent, skipped_line
-from ..scoring import rejected_line
+from ..core import Column, Table, columns_of
+from ..running import (
+    RunOptions,
+    export_tracks,
+    open_run,
+    require_free,
+    run as run_agent,
+    score as score_run,
+    skipped_line,
+)
+from ..scoring import Report, Row, rejected_line
 from ..viz import command_line, counted, show
-from .options import AgentScenes, SubmissionArgument, WorkerChoice
-from .output import prepare
+from .options import (
+    AgentScenes,
+    DataOption,
+    FolderArgument,
+    JsonOption,
+    RunCardOption,
+    SubmissionArgument,
+    WorkerChoice,
+    file_option,
+)
+from .output import prepare, write_json, write_table
+from .shown import Shown, show_report
 
 
 def run(
@@ -35,3 +54,61 @@ def run(
     scenes = counted(stored.scenes, "scene")
     score = command_line("score", str(output), data=on.data)
     show(f"{scenes} of {on.env} by {agent} in {output}; score with `{score}`")
+
+
+def score(
+    folder: FolderArgument,
+    shown: Shown,
+    root: DataOption = None,
+    env: RunCardOption = None,
+    json_file: JsonOption = None,
+    per_scene: Annotated[
+        Path | None,
+        file_option(
+            "--per-scene",
+            suffixes=(".csv", ".json"),
+            text="Write a row per scene to this file.",
+        ),
+    ] = None,
+) -> None:
+    """Score stored rollouts."""
+    scored = score_run(folder, RunOptions(root), env)
+    report = scored.report
+    content = report.to_json("condition", "details")
+    write_json(json_file, {**content, "skipped": scored.skipped})
+    write_table(per_scene, [], _scene_table(report, f"Scenes of {folder.name}"))
+    show_report(report, folder.name, scored.skipped, shown)
+
+
+def _scene_table(report: Report, title: str) -> Table:
+    """Return a row per scene, with the columns of a report's row where they fit."""
+    rows = report.per_scene()
+    row_columns = {column.key: column for column in columns_of(Row)}
+    keys = dict.fromkeys(key for row in rows for key in row)
+    columns = [row_columns.get(key, Column(key=key)) for key in keys]
+    return Table("scenes", title, "", rows, columns)
+
+
+def export(
+    folder: FolderArgument,
+    output: Annotated[
+        Path,
+        Option(
+            "-o",
+            "--output",
+            help="nuScenes: a file (.json); Argoverse 2: a .feather file; "
+            "else a folder.",
+        ),
+    ],
+    table: Annotated[
+        bool, Option("--table", help="Tables: a folder with a .csv for each scene.")
+    ] = False,
+    root: DataOption = None,
+    env: RunCardOption = None,
+) -> None:
+    """Write the tracks of a stored run in the formats of other benchmarks.
+
+    These are result files of KITTI, nuScenes or Argoverse 2, or tables.
+    """
+    boxes = export_tracks(open_run(folder, root, env), output, table)
+    show(f"{output}: {counted(boxes, 'tracked position')}")

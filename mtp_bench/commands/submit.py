@@ -21,8 +21,8 @@ from ..core import (
     long_work,
 )
 from ..judge import (
-    RecordPiece,
     Record,
+    RecordPiece,
     inventory,
     record_path,
     require_target,
@@ -260,7 +260,9 @@ class Line:
 
 
 def make_all(
-    pieces: Sequence[RecordPiece], options: RunOptions, make: Callable[[RecordPiece], Record]
+    pieces: Sequence[RecordPiece],
+    options: RunOptions,
+    make: Callable[[RecordPiece], Record],
 ) -> list[Line]:
     """Make the missing records; the failure of one does not stop the others.
 
@@ -292,7 +294,9 @@ def _make_one(
     return _line(record, piece, "made", time.monotonic() - begin)
 
 
-def _line(record: Record, piece: RecordPiece, outcome: Outcome, seconds: float = 0.0) -> Line:
+def _line(
+    record: Record, piece: RecordPiece, outcome: Outcome, seconds: float = 0.0
+) -> Line:
     """Return the outcome by a record, made now or before.
 
     It is a failure unless its agent finished every scene that was run.

@@ -1,4 +1,4 @@
-"""``mtp-bench train``: fits of the parameters of baselines on training splits."""
+"""``mtp-bench train`` and ``fit-noise``: fits of parameters on training splits."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,6 +9,7 @@ from typer import Argument, Option, Typer
 
 from ..core import MtpBenchError, long_work
 from ..running import Fold, RunOptions
+from ..training import fit_noise as fit
 from .options import (
     EnvScenes,
     JobsOption,
@@ -188,13 +189,12 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     for agent in agents:
         network_names |= dict.fromkeys(load_submission(agent).networks)
     states = states_of(network_names, card.id, card.weights_of)
-    missing = [state for state in states if state.missing]
-    if not missing:
+    plan = {state: state.minutes or 0 for state in states if state.missing}
+    if not plan:
         return
-    missing.sort(key=lambda state: state.minutes or 0)
+    missing = sorted(plan, key=plan.__getitem__)
     networks = ", ".join(state.network for state in missing)
-    minutes = sum(state.minutes or 0 for state in missing)
-    say(f"training {networks} first: about {minutes} min on two cores")
+    say(f"training {networks} first: about {sum(plan.values())} min on two cores")
     training = RunOptions(options.data, split="train", workers=options.workers)
     training = _with_default_scenes(training, card)
     for state in missing:
@@ -202,7 +202,7 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
         source = env if state.env_id == card.id else state.env_id
         prepare(source, training)
         request = TrainingRequest(network_name, source, pasts)
-        path, _ = _train(request, training, minutes=state.minutes or 0)
+        path, _ = _train(request, training, minutes=plan[state])
         say(f"{state.network}: {path}")
 
 
@@ -262,3 +262,41 @@ train = Typer(
 train.command("motion-noise")(opened(motion_noise))
 train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))
+
+
+def fit_noise(
+    on: EnvScenes,
+    min_score: Annotated[
+        list[str] | None,
+        Option(help="Operating point: a number, or class=number; repeatable."),
+    ] = None,
+    alike: Annotated[
+        list[str] | None, Option(help="bus=car: fit both classes together; repeatable.")
+    ] = None,
+    name: Annotated[
+        str | None,
+        Option(
+            help="Name of the profile; agents use the settings of its part before "
+            "the first hyphen."
+        ),
+    ] = None,
+    reach: Annotated[
+        float | None, Option(min=1, max=1000, help="Reach of the detector, metres.")
+    ] = None,
+    field_of_view: Annotated[
+        float | None, Option(min=1, max=360, help="Degrees around the heading.")
+    ] = None,
+    output: TextOption = None,
+) -> None:
+    """Fit the noise of a simulated detector to the detections of an environment.
+
+    The output is a section of a card.
+    """
+    options = on.options()
+    prepare(on.env, options)
+    with long_work("reading scenes, then fitting the noise") as progress:
+        options = replace(options, progress=progress)
+        text = fit(
+            on.env, options, min_score or (), alike or (), name, reach, field_of_view
+        )
+    print_or_write(output, text)

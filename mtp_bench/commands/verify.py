@@ -160,7 +160,7 @@ def verify(
     if len(results) > 1:
         show_table(_summary(results))
     write_json(json_file, {"records": [result.verdict for result in results]})
-    failures = [result.failure for result in results if result.failure]
+    failures = list(filter(None, (result.failure for result in results)))
     if failures:
         raise RecordError(some_of(failures))
 

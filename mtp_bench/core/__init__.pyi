@@ -12,6 +12,7 @@ from .arrays import (
     starts_of_sorted as starts_of_sorted,
 )
 from .bundle import (
+    __version__ as __version__,
     baseline_names as baseline_names,
     bundled as bundled,
     card_ids as card_ids,
@@ -27,12 +28,15 @@ from .errors import (
     ShapeError as ShapeError,
     SubmissionError as SubmissionError,
     UnknownNameError as UnknownNameError,
+    class_hint as class_hint,
     closest as closest,
     describe_problem as describe_problem,
     nearest as nearest,
+    of_kind as of_kind,
     require_finite as require_finite,
     require_known as require_known,
     require_shape as require_shape,
+    similar_class as similar_class,
 )
 from .files import (
     ABSENT as ABSENT,
@@ -64,8 +68,10 @@ from .files import (
 )
 from .geometry import (
     bev_corners as bev_corners,
+    boxes_meet as boxes_meet,
     center_distance as center_distance,
     iou_3d as iou_3d,
+    overlapping as overlapping,
     rotate as rotate,
     transform_boxes as transform_boxes,
     unit_vectors as unit_vectors,
@@ -111,11 +117,7 @@ from .scenes import (
     Scene as Scene,
     StoredTracks as StoredTracks,
     Truth as Truth,
-)
-from .similar import (
-    class_hint as class_hint,
-    of_kind as of_kind,
-    similar_class as similar_class,
+    pieces_of as pieces_of,
 )
 from .strict import (
     Section as Section,
@@ -155,7 +157,6 @@ from .task import (
     SCORES as SCORES,
     Task as Task,
 )
-from .time_holes import pieces_of as pieces_of
 from .tracks import (
     UNBORN as UNBORN,
     Affinity as Affinity,
@@ -163,4 +164,3 @@ from .tracks import (
     Tracks as Tracks,
     group as group,
 )
-from .version import __version__ as __version__

@@ -1,10 +1,14 @@
-"""Folders of the bundled cards, baselines, keys and seals.
+"""The version of the package, and the folders of what is bundled with it.
 
-They are those of the checkout or, once installed, of the wheel.
+Folders of cards, baselines, keys and seals are those of the checkout or, once
+installed, of the wheel.
 """
 
 from functools import cache
 from pathlib import Path
+
+__version__ = "0.3.0"
+
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 

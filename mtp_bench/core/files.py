@@ -198,22 +198,24 @@ def describe_write_error(error: OSError) -> str:
 
 
 def read_bounded(
-    path: Path, most: int, error: type[MtpBenchError], absent: str = ABSENT
+    path: Path, max_bytes: int, error: type[MtpBenchError], absent: str = ABSENT
 ) -> str:
     """Read the text of a small UTF-8 file.
 
     Raises ``error`` naming the file if it is missing (described by ``absent``), is not
-    a regular file, has more than ``most`` bytes or is not valid UTF-8.
+    a regular file, has more than ``max_bytes`` bytes or is not valid UTF-8.
     """
     try:
         with open_regular(path) as stream:
-            content = stream.read(most + 1)
+            content = stream.read(max_bytes + 1)
     except FileNotFoundError:
         raise error(f"{path}: {absent}") from None
     except OSError as cause:
         raise error(f"{path}: cannot be read: {cause.strerror or cause}") from None
-    if len(content) > most:
-        raise error(f"{path}: larger than {most >> 10} KiB, the limit for such a file")
+    if len(content) > max_bytes:
+        raise error(
+            f"{path}: larger than {max_bytes >> 10} KiB, the limit for such a file"
+        )
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError as cause:
@@ -257,10 +259,10 @@ def file_kind(mode: int) -> str:
     return _FILE_KINDS.get(stat.S_IFMT(mode), "link")
 
 
-def file_digest(path: Path, most: int | None = None) -> str:
+def file_digest(path: Path, max_bytes: int | None = None) -> str:
     """Return the hex sha256 of a regular file.
 
-    Raises OSError, also for more than ``most`` bytes.
+    Raises OSError, also for more than ``max_bytes`` bytes.
     """
     digest = hashlib.sha256()
     size = 0
@@ -268,9 +270,10 @@ def file_digest(path: Path, most: int | None = None) -> str:
         while chunk := stream.read(_CHUNK_BYTES):
             digest.update(chunk)
             size += len(chunk)
-            if most is not None and size > most:
+            if max_bytes is not None and size > max_bytes:
                 raise OSError(
-                    errno.EFBIG, f"it has more than {most} bytes, and may be growing"
+                    errno.EFBIG,
+                    f"it has more than {max_bytes} bytes, and may be growing",
                 )
     return digest.hexdigest()
 
@@ -310,16 +313,16 @@ def file_stem(name: str) -> str:
     return f"%2E{stem[1:]}" if stem.startswith(".") else stem
 
 
-def clean_text(text: str, most: int) -> str:
+def clean_text(text: str, max_length: int) -> str:
     """Return ``text`` as one line that is safe to print.
 
     Controls, escapes, direction marks and lone surrogates become U+FFFD, line ends
     become blanks.
     """
-    line = " ".join(text[: 4 * most].splitlines())
+    line = " ".join(text[: 4 * max_length].splitlines())
     clean = "".join("\ufffd" if unseen(letter) else letter for letter in line)
-    if len(clean) > most:
-        clean = clean[: most - 1] + "…"
+    if len(clean) > max_length:
+        clean = clean[: max_length - 1] + "…"
     return clean
 
 

@@ -9,13 +9,13 @@ box of a pair, so that coordinates of any size keep their precision.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Floats
+from .arrays import Bools, Floats, Ints
 
 # Signs of the corners, counter-clockwise from front left: corner j is the farthest one
 # in the j-th quadrant.
 _ALONG = np.array([1.0, -1.0, -1.0, 1.0]) / 2
 _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]) / 2
-_NEXT = np.array([1, 2, 3, 0])
+_NEXT_CORNER = np.array([1, 2, 3, 0])
 # share of the smallest side: far above rounding, far below what matters
 _SHRINK_SHARE = 1e-8
 _PARALLEL = 1e-3  # sine or cosine of the angle between two boxes
@@ -147,8 +147,8 @@ def _edges_inside(
 
     The edges are those of polygons ``[R, 4]``.
     """
-    dx = x[..., _NEXT] - x
-    dy = y[..., _NEXT] - y
+    dx = x[..., _NEXT_CORNER] - x
+    dy = y[..., _NEXT_CORNER] - y
     lower = np.zeros_like(x)
     upper = np.ones_like(x)
     half_length = length[..., None] / 2
@@ -162,3 +162,43 @@ def _edges_inside(
         lower = np.maximum(lower, np.minimum(enter, leave))
         upper = np.minimum(upper, np.maximum(enter, leave))
     return np.maximum(upper - lower, 0.0), x * dy - y * dx
+
+
+def overlapping(box: Floats, unmoved_count: int = 0) -> Ints:
+    """Return pairs [n, 2] of rows of boxes [N, 7] that overlap.
+
+    The last ``unmoved_count`` boxes do not overlap each other.
+    """
+    x = box[:, 0]
+    y = box[:, 1]
+    reach = np.hypot(box[:, 4], box[:, 5]) / 2
+    moving = slice(len(box) - unmoved_count)
+    dx = x[moving, None] - x
+    dy = y[moving, None] - y
+    candidates = dx * dx + dy * dy < (reach[moving, None] + reach) ** 2
+    first, second = np.nonzero(candidates)
+    pairs = np.stack([first, second], axis=1)[first < second]
+    if len(pairs) == 0:
+        return pairs
+    return pairs[boxes_meet(box[pairs[:, 0]], box[pairs[:, 1]])]
+
+
+def boxes_meet(a: Floats, b: Floats) -> Bools:
+    """Mark pairs [n] of boxes a and b [n, 7] that overlap."""
+    meets = ~_separated(a, b)
+    meets[meets] = ~_separated(b[meets], a[meets])
+    return meets
+
+
+def _separated(a: Floats, b: Floats) -> Bools:
+    """Mark boxes a [n, 7] with an axis that separates b."""
+    cos = np.cos(a[:, 3])
+    sin = np.sin(a[:, 3])
+    x = b[:, 0] - a[:, 0]
+    y = b[:, 1] - a[:, 1]
+    turn = b[:, 3] - a[:, 3]
+    cos_turn = np.abs(np.cos(turn))
+    sin_turn = np.abs(np.sin(turn))
+    along = (a[:, 4] + cos_turn * b[:, 4] + sin_turn * b[:, 5]) / 2
+    across = (a[:, 5] + sin_turn * b[:, 4] + cos_turn * b[:, 5]) / 2
+    return (np.abs(cos * x + sin * y) > along) | (np.abs(cos * y - sin * x) > across)

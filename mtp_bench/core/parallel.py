@@ -11,8 +11,8 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from .bundle import __version__
 from .errors import MtpBenchError
-from .version import __version__
 
 Calls = Sequence[tuple[Any, ...]]  # the arguments of each
 _CONNECT_SECONDS = 10  # wait for the scheduler

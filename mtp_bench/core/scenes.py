@@ -1,4 +1,7 @@
-"""Scenes: logs with their true boxes, detections, tracks and lanes."""
+"""Scenes: logs with their true boxes, detections, tracks and lanes.
+
+No past, future or velocity crosses a hole in their time.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -143,3 +146,24 @@ class Scene:
             if sum(text.startswith(prefix) for text in all_names) == 1:
                 return prefix
         return f"#{object_id}"
+
+
+_LONGEST_STEP = 1.5  # frame periods of the task between two frames without a hole
+_ROUNDING_S = 1e-6
+
+
+def longest_step(period: float) -> float:
+    """Return the longest step without a hole, s.
+
+    ``period``: nominal time between two frames, s.
+    """
+    return _LONGEST_STEP * period + _ROUNDING_S
+
+
+def pieces_of(time: Floats, period: float) -> Ints:
+    """Number the pieces of time [F] between holes, for each frame.
+
+    ``time`` [F] s; ``period``: nominal time between two frames, s.
+    """
+    steps = np.diff(time, prepend=time[:1])
+    return np.cumsum(steps > longest_step(period), dtype=int)

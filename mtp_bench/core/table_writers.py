@@ -224,21 +224,32 @@ def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
     columns = [column for column, _ in table.pairs]
     if not columns:
         return
-    heads = [_head_lines(column) for column in columns]
+    heads = list(map(_head_lines, columns))
     cells = [[_cell(*pair, row) for pair in table.pairs] for row in table.rows]
     is_left = [place == 0 or table.is_text(c) for place, c in enumerate(columns)]
     widths = _fit(columns, heads, cells, is_left, width)
-    height = max(map(len, heads))
-    heads = [[""] * (height - len(head)) + head for head in heads]
-    group_line = _group_line(columns, widths)
-    if any(column.group for column in columns):
-        yield None, group_line
-    for text in _block(heads, widths, is_left):
+    for text in _lines_above(columns, heads, widths, is_left):
         yield None, text
-    yield None, "─" * _total(widths)
     for row, line in zip(table.rows, cells, strict=True):
         for text in _block(line, widths, is_left):
             yield row, text
+
+
+def _lines_above(
+    columns: Sequence[Column],
+    heads: Sequence[Lines],
+    widths: list[int],
+    is_left: Sequence[bool],
+) -> Iterator[str]:
+    """Yield headings of groups and columns, and the line below them."""
+    group_line = _group_line(columns, widths)
+    if any(column.group for column in columns):
+        yield group_line
+    height = max(map(len, heads))
+    yield from _block(
+        [[""] * (height - len(head)) + head for head in heads], widths, is_left
+    )
+    yield "─" * _total(widths)
 
 
 def _fit(
@@ -319,8 +330,8 @@ def _block(
     """Yield the lines of cells beside each other."""
     for texts in zip_longest(*cells, fillvalue=""):
         aligned = [
-            text.ljust(width) if left else text.rjust(width)
-            for text, width, left in zip(texts, widths, is_left, strict=True)
+            text.ljust(width) if to_left else text.rjust(width)
+            for text, width, to_left in zip(texts, widths, is_left, strict=True)
         ]
         yield " ".join(aligned).rstrip()
 

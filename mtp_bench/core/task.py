@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .arrays import Observation
-from .time_holes import longest_step
+from .scenes import longest_step
 
 SCORES = "scores"  # a `Task.presence`: the last detection's score is the confidence
 # log-weights below, such as -inf, mean an absent sample or hypothesis

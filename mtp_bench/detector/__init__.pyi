@@ -1,5 +1,6 @@
 from .draws import (
     Draws as Draws,
+    Memory as Memory,
     skewed_cdf as skewed_cdf,
     skewed_density as skewed_density,
 )
@@ -11,16 +12,15 @@ from .false_positives import (
 from .free import free_false_positives as free_false_positives
 from .grid import (
     Grid as Grid,
+    Neighbours as Neighbours,
     truth_grid as truth_grid,
     truth_neighbours as truth_neighbours,
 )
-from .memory import Memory as Memory
 from .near import (
     BESIDE as BESIDE,
     classes_of_same_noise as classes_of_same_noise,
     near_false_positives as near_false_positives,
 )
-from .neighbours import Neighbours as Neighbours
 from .profile import (
     EVEN_RANKS as EVEN_RANKS,
     RANKS as RANKS,

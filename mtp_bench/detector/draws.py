@@ -4,10 +4,11 @@ A number is a hash of the seed, the kind of noise, the object and the frame, wha
 other objects there are.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ _SHIFTS_AND_FACTORS = (
 _FINAL_SHIFT = np.uint64(31)
 _LOW_BITS = np.uint64(11)  # more than a float can hold
 _VERSION = 2  # of the hashed numbers
-_TINY = 1e-300
+_MIN_DIVISOR = 1e-300
 _HALVINGS = 60  # of an interval of quantiles
 # tolerance of a whole number: frame periods are quotients of decimal numbers
 _WHOLE_TOLERANCE = 1e-6
@@ -60,7 +61,7 @@ class NoiseSubject(IntEnum):
     """Boxes that noise is drawn for; the values are part of every hash."""
 
     OBJECTS = 0
-    NEAR = 1  # false positives near objects
+    NEAR_OBJECTS = 1  # false positives near objects
     FREE = 2  # other false positives
 
 
@@ -70,7 +71,7 @@ class Component(IntEnum):
     BIAS = 0
     PUSH = 1
     WHITE = 2
-    OTHER = 3
+    SECOND = 3
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ def stationary(after_no: Floats, after_yes: Floats) -> Floats:
 
     It has these chances of "yes" after a "no" and after a "yes".
     """
-    return after_no / np.maximum(1.0 - after_yes + after_no, _TINY)
+    return after_no / np.maximum(1.0 - after_yes + after_no, _MIN_DIVISOR)
 
 
 def at_period(
@@ -251,3 +252,60 @@ def skewed_quantile(chance: float, share: float) -> float:
         else:
             high_value = middle_value
     return (low_value + high_value) / 2
+
+
+ResultT = TypeVar("ResultT")
+
+
+@dataclass(eq=False)
+class Memory:
+    """State of a scene that is detected frame by frame.
+
+    With it no number is drawn twice.
+    """
+
+    frame: int = -1  # the one that is detected
+    # column, first frame, class index, by id
+    objects: dict[int, tuple[int, int, int]] = field(default_factory=dict)
+    # last numbers, by column, of subjects and kinds
+    series: dict[Any, Floats] = field(default_factory=dict)
+    # results that do not change, by name
+    results: dict[Any, Any] = field(default_factory=dict)
+
+    def previous(self, name: Any, shape: tuple[int, ...]) -> Floats:
+        """Return the numbers of ``name`` in the frame before.
+
+        They are filled up to ``shape`` with 0 for new columns.
+        """
+        numbers = np.zeros(shape)
+        if name in self.series:
+            stored = self.series[name]
+            numbers[..., : stored.shape[-1]] = stored
+        return numbers
+
+    def grown(self, name: Any, keys: Keys, make: Callable[[Keys], Floats]) -> Floats:
+        """Return numbers of objects, on the last axis.
+
+        ``make`` draws them by the keys of objects [J], of new objects alone.
+        """
+        numbers = remembered(self, name, lambda: make(keys))
+        count = numbers.shape[-1]
+        if count < len(keys):
+            numbers = np.concatenate([numbers, make(keys[count:])], axis=-1)
+            self.results[name] = numbers
+        return numbers
+
+
+def remembered(
+    memory: Memory | None, name: Any, make: Callable[[], ResultT]
+) -> ResultT:
+    """Return the result of ``make``.
+
+    With a memory it is made once under this name.
+    """
+    if memory is None:
+        return make()
+    if name not in memory.results:
+        memory.results[name] = make()
+    result: ResultT = memory.results[name]
+    return result

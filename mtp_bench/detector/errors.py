@@ -17,8 +17,7 @@ from .draws import (
     parts,
     stationary,
 )
-from .grid import Grid, Shares, shares_of
-from .neighbours import Neighbours
+from .grid import Grid, Neighbours, Shares, shares_of
 from .profile import ClassNoise
 
 # a larger position error would turn it into another object's detection
@@ -33,7 +32,7 @@ _NEW_KINDS = (*_POSITION_KINDS, NoiseKind.Z, NoiseKind.HEADING)
 _OF_ROWS = (
     *parts(Component.WHITE, *_NEW_KINDS),
     *parts(Component.PUSH, NoiseKind.HEADING),
-    *parts(Component.OTHER, NoiseKind.HEADING),
+    *parts(Component.SECOND, NoiseKind.HEADING),
 )
 _OF_AXES = parts(Component.WHITE, NoiseKind.SIZE, NoiseKind.VELOCITY)
 _SCALES = (
@@ -124,7 +123,7 @@ def detected_boxes(
     )
     offset_m = scale_m * errors.tail[:, None] * errors.latent
     offset_m = np.clip(offset_m, -_MAX_OFFSET_M, _MAX_OFFSET_M)
-    offset_m, turned = rotate(np.array([offset_m, errors.velocity]), direction)
+    offset_m, turned_velocity = rotate(np.array([offset_m, errors.velocity]), direction)
     size = box[:, 4:]
     min_size = np.maximum(_MIN_SIZE_M, _MIN_SIZE_SHARE * size)
     detected = box.copy()
@@ -132,7 +131,7 @@ def detected_boxes(
     detected[:, 2] += errors.z
     detected[:, 3] = wrap_angle(detected[:, 3] + errors.turn)
     detected[:, 4:] = np.maximum(size + errors.size, np.minimum(size, min_size))
-    return detected, velocity + turned
+    return detected, velocity + turned_velocity
 
 
 def _tail_factors(grid: Grid, latent_numbers: Floats) -> Floats:
@@ -182,7 +181,7 @@ def _flips(grid: Grid, draws: Draws) -> Bools:
         flip_state = uniform < flip_chance
         grid.memory.series[name] = flip_state.astype(np.float64)
         return np.asarray(flip_state[grid.column])
-    uniform = grid.on_grid(uniform, other=1.0)
+    uniform = grid.on_grid(uniform, elsewhere=1.0)
     begins = np.arange(grid.frames)[:, None] == grid.span[0] % grid.frames
     states = uniform < np.where(begins, first_chance, after_no)
     if_yes = uniform < np.where(begins, first_chance, after_yes)

@@ -15,8 +15,8 @@ from ..core import (
     starts_of,
     unit_vectors,
 )
+from .draws import Memory
 from .errors import BoxErrors, detected_boxes
-from .memory import Memory
 from .profile import EVEN_RANKS, ClassNoise
 from .visibility import Sensor, polar
 

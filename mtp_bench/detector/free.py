@@ -10,7 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core import Floats, Ints, Ragged, select, starts_of, wrap_angle
-from .draws import Draws, NoiseKind, NoiseSubject, decayed, exponential, skewed
+from .draws import (
+    Draws,
+    NoiseKind,
+    NoiseSubject,
+    decayed,
+    exponential,
+    remembered,
+    skewed,
+)
 from .errors import BoxErrors, draw_errors
 from .false_positives import (
     DetectedRows,
@@ -21,7 +29,6 @@ from .false_positives import (
     spread_sizes,
 )
 from .grid import Grid
-from .memory import remembered
 from .profile import ClassNoise, FreeFalsePositives
 from .quality import best_ranks, score_by_rank
 
@@ -69,16 +76,16 @@ def free_false_positives(
     parameters = noise.free
     assert parameters is not None  # as `reported_classes` has seen
     draws = Draws(seed, NoiseSubject.FREE, number)
-    seen = remembered(
+    shown_members = remembered(
         scene.memory,
         ("free", number),
         lambda: _appearances(noise, parameters, classes, scene, draws),
     )
-    members = seen.members
-    rows = np.arange(len(seen.member))
+    members = shown_members.members
+    rows = np.arange(len(shown_members.member))
     if scene.memory is not None:
-        rows = np.flatnonzero(seen.frame == scene.memory.frame)
-    used_members, used_row = np.unique(seen.member[rows], return_inverse=True)
+        rows = np.flatnonzero(shown_members.frame == scene.memory.frame)
+    used_members, used_row = np.unique(shown_members.member[rows], return_inverse=True)
     birth_frame = members.birth[used_members]
     family_number = members.family[used_members]
     ego = scene.ego[birth_frame]
@@ -102,13 +109,13 @@ def free_false_positives(
     rows = rows[shown]
     used_row = used_row[shown]
     detected = DetectedRows(
-        seen.frame[rows],
+        shown_members.frame[rows],
         box[used_row],
         np.zeros((len(rows), 2)),
         members.class_id[used_members[used_row]],
-        seen.score[rows],
+        shown_members.score[rows],
     )
-    return select(seen.errors, rows), detected
+    return select(shown_members.errors, rows), detected
 
 
 def _appearances(

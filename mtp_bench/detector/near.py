@@ -21,9 +21,9 @@ BESIDE = (0.75, 1.5)
 # distance, angle, and two numbers that decide the class
 _PLACE = (
     *parts(Component.BIAS, NoiseKind.PLACE),
-    *parts(Component.OTHER, NoiseKind.PLACE),
+    *parts(Component.SECOND, NoiseKind.PLACE),
     *parts(Component.BIAS, NoiseKind.CLASS),
-    *parts(Component.OTHER, NoiseKind.CLASS),
+    *parts(Component.SECOND, NoiseKind.CLASS),
 )
 _NONE = NearFalsePositives(
     bias=0,
@@ -49,31 +49,35 @@ def near_false_positives(
     ``grid`` and ``qualities``: of the true boxes; ``similar``: see
     `classes_of_same_noise`. A duplicate appears only beside a detected object.
     """
-    draws = Draws(seed, NoiseSubject.NEAR)
+    draws = Draws(seed, NoiseSubject.NEAR_OBJECTS)
     slots = _slots_of(grid)
     true_row = np.repeat(np.arange(len(grid.frame)), SLOTS)
     visible, quality_rank = _visible(slots, qualities.random[true_row], draws)
-    seen = slots.select(visible)
+    visible_slots = slots.select(visible)
     true_row = true_row[visible]
-    place_uniforms = seen.constant(
+    place_uniforms = visible_slots.constant(
         draws, "place", lambda keys: draws.uniforms(_PLACE, keys)
     )
-    distance, angle, same_uniform, other_uniform = place_uniforms[:, seen.column]
+    distance, angle, same_uniform, other_uniform = place_uniforms[
+        :, visible_slots.column
+    ]
     true_class = scene.truth.class_id[true_row]
-    offset_m = _offsets(seen, distance)
+    offset_m = _offsets(visible_slots, distance)
     class_id = _classes(
-        seen, true_class, offset_m, same_uniform, other_uniform, similar
+        visible_slots, true_class, offset_m, same_uniform, other_uniform, similar
     )
     of_object = class_id == true_class
-    slot_scores = _scores(seen, quality_rank, of_object & (offset_m < BESIDE[0]))
+    slot_scores = _scores(
+        visible_slots, quality_rank, of_object & (offset_m < BESIDE[0])
+    )
     needs_object = of_object & (offset_m < BESIDE[1])
-    is_reported = slot_scores >= seen.of_rows("quality.floor")
+    is_reported = slot_scores >= visible_slots.of_rows("quality.floor")
     is_reported &= ~(needs_object & ~qualities.detected[true_row])
     reported_rows = np.flatnonzero(is_reported)
-    seen = seen.select(reported_rows)
+    visible_slots = visible_slots.select(reported_rows)
     true_row = true_row[reported_rows]
     box = _boxes(
-        seen,
+        visible_slots,
         scene.truth.box[true_row],
         offset_m[reported_rows],
         2 * np.pi * angle[reported_rows],
@@ -81,7 +85,11 @@ def near_false_positives(
     )
     velocity = scene.truth.velocity[true_row]
     rows = DetectedRows(
-        seen.frame, box, velocity, class_id[reported_rows], slot_scores[reported_rows]
+        visible_slots.frame,
+        box,
+        velocity,
+        class_id[reported_rows],
+        slot_scores[reported_rows],
     )
     return draw_errors(slots, None, draws, visible[reported_rows]), rows
 
@@ -118,9 +126,9 @@ def _parameters(noise: ClassNoise) -> NearFalsePositives:
 
 
 def _numbers(noise: ClassNoise) -> tuple[float, ...]:
-    near = _parameters(noise)
-    ar = near.ar / max(1 - near.bias, 1e-12)
-    return near.bias, ar, near.phi, near.parent, *near.same
+    parameters = _parameters(noise)
+    ar = parameters.ar / max(1 - parameters.bias, 1e-12)
+    return parameters.bias, ar, parameters.phi, parameters.parent, *parameters.same
 
 
 def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, Floats]:
@@ -139,8 +147,10 @@ def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, F
     quality = skewed(normal, exponential(constant)[slots.column], bias)
     quality_rank = np.full(len(quality), np.nan)
     for noise, rows in slots.by_noise():
-        near = _parameters(noise)
-        reported_rows, index_rank = best_ranks(quality[rows], near.bias, near.chance)
+        parameters = _parameters(noise)
+        reported_rows, index_rank = best_ranks(
+            quality[rows], parameters.bias, parameters.chance
+        )
         quality_rank[rows[reported_rows]] = index_rank
     visible = np.flatnonzero(np.isfinite(quality_rank))
     return visible, quality_rank[visible]
@@ -162,11 +172,13 @@ def _scores(slots: Grid, quality_rank: Floats, duplicate: Bools) -> Floats:
     """
     slot_scores = np.zeros(len(quality_rank))
     for noise, rows in slots.by_noise():
-        near = _parameters(noise)
-        slot_scores[rows] = score_by_rank(quality_rank[rows], near.score)
-        if near.duplicates is not None:
+        parameters = _parameters(noise)
+        slot_scores[rows] = score_by_rank(quality_rank[rows], parameters.score)
+        if parameters.duplicates is not None:
             doubled = rows[duplicate[rows]]
-            slot_scores[doubled] = score_by_rank(quality_rank[doubled], near.duplicates)
+            slot_scores[doubled] = score_by_rank(
+                quality_rank[doubled], parameters.duplicates
+            )
     return slot_scores
 
 
@@ -182,7 +194,7 @@ def _boxes(
     normal = slots.constant(
         draws,
         "side",
-        lambda keys: draws.normal(NoiseKind.SIZE, Component.OTHER, of_axes(keys)).T,
+        lambda keys: draws.normal(NoiseKind.SIZE, Component.SECOND, of_axes(keys)).T,
     )
     box[:, 4:] = spread_sizes(box[:, 4:], normal.T[slots.column])
     box[:, 2] += (box[:, 6] - true_box[:, 6]) / 2

@@ -101,8 +101,8 @@ def _without_memory(noise: ClassNoise) -> dict[str, Any]:
 
 
 def _harder(noise: ClassNoise) -> dict[str, Any]:
-    first, *others = noise.quality.location
-    location = (first - _HARD_QUALITY_LOSS, *others)
+    first, *other_levels = noise.quality.location
+    location = (first - _HARD_QUALITY_LOSS, *other_levels)
     changes: dict[str, Any] = {"quality": _with(noise.quality, location=location)}
     for name in ("radial", "tangential"):
         axis = getattr(noise, name)
@@ -135,12 +135,12 @@ def profile_text(profile: Profile) -> str:
     """
     content = profile.model_dump(exclude_none=True)
     classes = content.pop("classes")
-    alike = content.pop("alike")
+    classes_alike = content.pop("alike")
     if not content["stands_for"]:
         del content["stands_for"]
     lines = toml_values(content)
-    if alike:
-        lines += toml_table("alike", alike)
+    if classes_alike:
+        lines += toml_table("alike", classes_alike)
     for name, noise in classes.items():
         lines += toml_table(f"classes.{_key(name)}", noise)
     return "\n".join(lines) + "\n"

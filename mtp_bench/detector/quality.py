@@ -14,8 +14,7 @@ from .draws import (
     skewed_cdf,
     skewed_quantile,
 )
-from .grid import Grid, Shares, shares_of
-from .neighbours import Neighbours
+from .grid import Grid, Neighbours, Shares, shares_of
 from .profile import RANKS, ClassNoise
 from .visibility import HIDDEN, LARGELY, PARTLY, Visibility
 

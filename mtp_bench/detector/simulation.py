@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core import Detections, Floats, Truth, require_shape, select
-from .draws import Draws
+from .draws import Draws, Memory, remembered
 from .errors import detected_boxes, draw_errors
 from .false_positives import (
     DetectedRows,
@@ -18,7 +18,6 @@ from .false_positives import (
 )
 from .free import free_false_positives
 from .grid import truth_grid, truth_neighbours
-from .memory import Memory, remembered
 from .near import classes_of_same_noise, near_false_positives
 from .profile import Profile
 from .quality import draw_qualities
@@ -30,7 +29,7 @@ class OpenScene:
     """A scene that goes on: detections of a frame do not depend on later frames."""
 
     frames: int  # at most
-    known: Truth  # true boxes whose classes and sizes false positives have
+    known_truth: Truth  # true boxes whose classes and sizes false positives have
     level: float = 0.0  # m, of the ground
     # of the frames before, if only the last frame has boxes
     memory: Memory | None = None
@@ -84,13 +83,13 @@ def simulate(
         grid.frame[hit], box, velocity, truth.class_id[hit], qualities.score[hit]
     )
 
-    known = truth if going_on is None else going_on.known
+    known_truth = truth if going_on is None else going_on.known_truth
     similar, reported = remembered(
         memory,
         "classes",
         lambda: (
-            classes_of_same_noise(known, noise_names),
-            _reported_classes(known, classes, noise_names, profile),
+            classes_of_same_noise(known_truth, noise_names),
+            _reported_classes(known_truth, classes, noise_names, profile),
         ),
     )
     false = [near_false_positives(grid, scene, qualities, similar, seed)]
@@ -107,11 +106,11 @@ def simulate(
 
 
 def _reported_classes(
-    known: Truth, classes: Sequence[str], noise_names: list[str], profile: Profile
+    known_truth: Truth, classes: Sequence[str], noise_names: list[str], profile: Profile
 ) -> list[ReportedClasses | None]:
     """Return the classes of free false positives of each noise."""
     return [
-        reported_classes(known, classes, noise_names, name, noise)
+        reported_classes(known_truth, classes, noise_names, name, noise)
         for name, noise in profile.classes.items()
     ]
 

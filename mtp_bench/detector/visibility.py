@@ -12,7 +12,7 @@ VISIBLE = (0.8, 0.4, 0.05)
 PARTLY = 1
 LARGELY = 2
 HIDDEN = 3
-_TINY = 1e-12
+_MIN_DIVISOR = 1e-12
 _ANGLE_MARGIN_RAD = 1e-6  # far above rounding
 _FULL_TURN = 2 * np.pi
 _FRAME_OFFSET = 8.0  # rad between the angles of two frames, more than a turn
@@ -188,7 +188,7 @@ def _first_in_sectors(
     angle_rad = np.bincount(
         sector_owner[used], weights=sector_width[used], minlength=len(box)
     )
-    return np.minimum(angle_rad / np.maximum(2 * half_rad, _TINY), 1.0)
+    return np.minimum(angle_rad / np.maximum(2 * half_rad, _MIN_DIVISOR), 1.0)
 
 
 def _entry_distance(
@@ -205,7 +205,9 @@ def _entry_distance(
         (along, np.cos(turn_rad), box[:, 4]),
         (across, np.sin(turn_rad), box[:, 5]),
     ):
-        inverse = 1.0 / np.where(np.abs(ray_step) < _TINY, _TINY, ray_step)
+        inverse = 1.0 / np.where(
+            np.abs(ray_step) < _MIN_DIVISOR, _MIN_DIVISOR, ray_step
+        )
         half_depth = np.abs(inverse) * (size[box_owner] / 2)
         entry_m = np.maximum(entry_m, -start[box_owner] * inverse - half_depth)
     return entry_m

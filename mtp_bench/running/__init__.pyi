@@ -4,19 +4,13 @@ from .comparison import (
     compare as compare,
     control_names as control_names,
 )
-from .conformance.agent_checks import check_agent as check_agent
-from .conformance.card_checks import check_card as check_card
-from .conformance.playing import Finding as Finding
+from .conformance_checks import check_agent as check_agent, check_card as check_card
+from .conformance_playing import Finding as Finding
 from .drives import compare_driving as compare_driving
 from .evaluation import (
     EnvEvaluation as EnvEvaluation,
     evaluate as evaluate,
     scores_of as scores_of,
-)
-from .kernels import (
-    PLAYERS as PLAYERS,
-    all_kernels as all_kernels,
-    compile_kernels as compile_kernels,
 )
 from .options import (
     DEFAULTS as DEFAULTS,
@@ -30,7 +24,10 @@ from .options import (
     resolve_options as resolve_options,
 )
 from .playing import (
+    PLAYERS as PLAYERS,
     agent_task as agent_task,
+    all_kernels as all_kernels,
+    compile_kernels as compile_kernels,
     derived_seed as derived_seed,
     jobs_of as jobs_of,
     library_versions as library_versions,

@@ -1,6 +1,10 @@
-"""Runs of agents through scenes, one after the other or in parallel."""
+"""Runs of agents through scenes, one after the other or in parallel.
+
+Before them the user's cache is filled with the compiled kernels of trackers.
+"""
 
 import hashlib
+import importlib
 import importlib.metadata
 import platform
 import time
@@ -14,6 +18,7 @@ import numpy as np
 from ..agent import Agent, Submission, SubmissionFactory
 from ..cards import Card
 from ..core import (
+    SERIAL,
     MtpBenchError,
     Rollout,
     Scene,
@@ -24,11 +29,53 @@ from ..core import (
     __version__,
     clean_text,
     long_work,
+    parallel_map,
     unordered_map,
 )
 from ..env import MTPEnv
-from .kernels import compile_kernels
 from .options import DEFAULTS, RunOptions
+
+# Rooms whose modules register all kernels.
+PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")
+
+
+def all_kernels() -> list[Any]:
+    """Import and return all kernels.
+
+    The judge itself does not import trackers and predictors.
+    """
+    for room in PLAYERS:
+        facade = importlib.import_module(room)
+        for name in facade.__all__:  # each is imported when it is first used
+            getattr(facade, name)
+    module = importlib.import_module("mtp_bench.tracking.kernels.compile")
+    kernels: list[Any] = module.KERNELS
+    return kernels
+
+
+def compile_kernels(workers: Workers = SERIAL) -> None:
+    """Compile the kernels that the user's cache lacks, in processes of this machine.
+
+    To be called before workers start, which print nothing, and before sandboxes, which
+    cannot write to the cache.
+    """
+    missing = [kernel for kernel in all_kernels() if not kernel.is_cached]
+    if not missing or not missing[0].can_be_cached():
+        return
+    functions = [kernel.function for kernel in missing]
+    calls = [(function.__module__, function.__qualname__) for function in functions]
+    if workers.count == 1 or len(missing) == 1:  # each kernel shows its own progress
+        parallel_map(_compile, calls)
+        return
+    seconds = [kernel.seconds for kernel in missing]
+    text = "compiling kernels of trackers and samplers, once per installation"
+    with long_work(text, max(*seconds, sum(seconds) / workers.count)):
+        parallel_map(_compile, calls, Workers(workers.count))
+
+
+def _compile(module: str, name: str) -> None:
+    getattr(importlib.import_module(module), name).compile()
+
 
 MakeAgent = Callable[[Task], Agent]
 Finish = Callable[[Scene, Rollout, Card], Any]

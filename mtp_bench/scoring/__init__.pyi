@@ -69,10 +69,6 @@ from .matching import (
     match as match,
     match_sticky as match_sticky,
 )
-from .neutral import (
-    evaluated as evaluated,
-    neutral_places as neutral_places,
-)
 from .pairs import (
     Pairs as Pairs,
     box_pairs as box_pairs,
@@ -167,9 +163,11 @@ from .table import (
 )
 from .targets import (
     absent_causes as absent_causes,
+    evaluated as evaluated,
     find_targets as find_targets,
     left_out as left_out,
     live_frames as live_frames,
+    neutral_places as neutral_places,
 )
 from .weights import (
     COUNTED as COUNTED,
@@ -178,10 +176,8 @@ from .weights import (
     Reference as Reference,
     SceneWeights as SceneWeights,
     count_runs as count_runs,
+    read_reference as read_reference,
     scene_key as scene_key,
     tracking_events as tracking_events,
-)
-from .weights_file import (
-    read_reference as read_reference,
     write_reference as write_reference,
 )

@@ -16,9 +16,8 @@ from .definitions import CURVE_KS
 from .displacements import displacement, floored, k_curve, sample_errors
 from .incremental_matching import NEVER, Additions, add_in_order, final_match
 from .matching import Matched, columns_to_rows, match
-from .neutral import neutral_places
 from .pairs import Pairs, Rows, box_pairs
-from .targets import Targets
+from .targets import Targets, neutral_places
 
 _CHUNK = 1 << 19  # sample points held at a time
 

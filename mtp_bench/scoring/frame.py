@@ -16,8 +16,7 @@ from .forecasts import (
     target_errors,
 )
 from .incremental_matching import last_of
-from .neutral import evaluated
-from .targets import find_targets, live_frames
+from .targets import evaluated, find_targets, live_frames
 
 
 @dataclass(frozen=True)

@@ -30,13 +30,13 @@ class Hypotheses:
     best: Ints  # [F] heaviest; the lowest index among equals
     parent: Ints  # [F, H] hypothesis of the frame before; 0 in frame 0
     # [F, H] True if the parent is stated or there is no choice; else it is guessed
-    stated: Bools
+    parent_stated: Bools
 
     @property
     def guessed(self) -> int:
         """Number of frames in which a parent was guessed among several hypotheses."""
         has_choice = self.alive[:-1].sum(axis=1) > 1
-        unstated = (self.alive & ~self.stated)[1:].any(axis=1)
+        unstated = (self.alive & ~self.parent_stated)[1:].any(axis=1)
         return int((unstated & has_choice).sum())
 
     def seen_from(self, t: int) -> Ints:
@@ -182,7 +182,7 @@ def lineage_events(
     """
     shape = matched.shape
     ids = np.zeros(shape, dtype=bool)
-    lost = ids.copy()
+    is_lost = ids.copy()
     wrong = ids.copy()
     reacquired = ids.copy()
     last_track = np.full(shape, -1, dtype=np.intp)
@@ -206,13 +206,13 @@ def lineage_events(
         other_id = track_id[previous_track] != track_id[track]
         last_track[rows] = old_track
         ids[rows] = was_matched & is_matched & other_id
-        lost[rows] = was_matched & ~is_matched
+        is_lost[rows] = was_matched & ~is_matched
         reacquired[rows] = is_matched & (old_track >= 0) & ~was_matched
-        if lost[rows].any():
+        if is_lost[rows].any():
             tracks = rollout.tracks.rows(t)
             output = rollout.track_id[tracks][:, None, None] == track_id[previous_track]
             output &= lineage.member[tracks][:, None]
-            wrong[rows] = lost[rows] & output.any(axis=0)
+            wrong[rows] = is_lost[rows] & output.any(axis=0)
         # forget objects that are absent in this frame
         previous = np.full_like(previous, -1)
         latest = previous.copy()
@@ -220,7 +220,7 @@ def lineage_events(
         latest[index] = np.where(is_matched, track, old_track)
     # absent hypotheses have no events
     alive = lineage.alive[truth.frame_of_rows]
-    return LineageEvents(ids, lost & alive, wrong & alive, reacquired, last_track)
+    return LineageEvents(ids, is_lost & alive, wrong & alive, reacquired, last_track)
 
 
 def in_all(

@@ -14,7 +14,7 @@ from .definitions import DEFINITIONS, Subset
 from .details import details
 from .parts import ReferenceErrors, mean_costs, reference_errors
 from .rank import (
-    ALONE,
+    ALONE_TEXT,
     GapPairs,
     Place,
     References,
@@ -293,5 +293,5 @@ def _places(
     if len(tables) == 1:
         # alone, even an agent that predicts nothing would be the first
         for subset, place in places[0].items():
-            places[0][subset] = Place(why=place.why or ALONE)
+            places[0][subset] = Place(why=place.why or ALONE_TEXT)
     return places

@@ -112,13 +112,13 @@ class Report:
         """
         return list(rows_per_scene(self.tables))
 
-    def to_json(self, *further: str) -> dict[str, Any]:
+    def to_json(self, *field_names: str) -> dict[str, Any]:
         """Return the content of ``compare --json``.
 
-        It has env, definitions, rows, and the ``further`` fields that are named.
+        It has env, definitions, rows, and the fields ``field_names``.
         """
         content: dict[str, Any] = {"env": self.env, "definitions": self.definitions}
-        for name in ("rows", *further):
+        for name in ("rows", *field_names):
             part = getattr(self, name)
             if name not in ("condition", "failures"):
                 part = [row.model_dump(mode="json") for row in part]

@@ -20,10 +20,16 @@ from .forecasts import (
 )
 from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
-from .neutral import evaluated
 from .statistics import ratio
 from .stream import StreamCounts, stream_counts
-from .targets import absent_causes, find_targets, left_out, live_frames, units
+from .targets import (
+    absent_causes,
+    evaluated,
+    find_targets,
+    left_out,
+    live_frames,
+    units,
+)
 
 _MAX = np.finfo(np.float64).max
 _GRID_M = 1e7  # between two frames or classes, where all are searched at once

@@ -177,12 +177,12 @@ class UnitSums:
     error: Floats  # [U] m, weighted bADE
     effective_objects: float
 
-    def minus(self, other: "UnitSums") -> PairedDifference | None:
-        """Return bADE minus that of ``other`` on the same targets, metres.
+    def minus(self, subtracted: "UnitSums") -> PairedDifference | None:
+        """Return bADE minus that of ``subtracted`` on the same targets, metres.
 
         None without targets.
         """
-        return paired_difference(self.error, other.error, self.weight)
+        return paired_difference(self.error, subtracted.error, self.weight)
 
 
 def beyond_rounding(a: Floats, b: Floats) -> Floats:
@@ -204,19 +204,19 @@ def ratio(numerator: float, denominator: float) -> float | None:
     return float(numerator / denominator) if denominator > 0 else None
 
 
-def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | None:
-    """Return the percentile interval (95 %) of sum(part) / sum(whole) over units.
+def share_interval(part: ArrayLike, total: ArrayLike) -> tuple[float, float] | None:
+    """Return the percentile interval (95 %) of sum(part) / sum(total) over units.
 
-    ``part`` and ``whole`` [U] may be of either sign. None with fewer than three units,
-    or if the whole is not above 0 in nearly all resamples.
+    ``part`` and ``total`` [U] may be of either sign. None with fewer than three units,
+    or if the total is not above 0 in nearly all resamples.
     """
     part_sums = as_sums("part", part)
-    whole_sums = as_sums("whole", whole)
-    require_shape("whole", whole_sums, part_sums.shape)
-    if len(whole_sums) < MIN_UNITS:
+    total_sums = as_sums("total", total)
+    require_shape("total", total_sums, part_sums.shape)
+    if len(total_sums) < MIN_UNITS:
         return None
-    counts = _resamples(len(whole_sums))
-    total = counts @ whole_sums
+    counts = _resamples(len(total_sums))
+    total = counts @ total_sums
     if (total <= 0).mean() > (1 - LEVEL) / 2:
         return None
     positive = total > 0

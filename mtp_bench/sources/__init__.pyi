@@ -1,4 +1,4 @@
-from .argoverse2.layout import Argoverse2Source as Argoverse2Source
+from .argoverse2.files import Argoverse2Source as Argoverse2Source
 from .argoverse2.submission import tracking_submission as tracking_submission
 from .base import (
     CameraImage as CameraImage,
@@ -25,11 +25,10 @@ from .dataset import (
 )
 from .files.columns import BOX as BOX
 from .files.save import save_scene as save_scene
-from .kitti.layout import TYPES as TYPES, KittiSource as KittiSource
-from .kitti.tracks import poses_of as poses_of, result_lines as result_lines
+from .kitti.files import TYPES as TYPES, KittiSource as KittiSource
+from .kitti.source import poses_of as poses_of, result_lines as result_lines
 from .nuscenes.layout import NuScenesSource as NuScenesSource
-from .nuscenes.source import NuScenes as NuScenes
-from .nuscenes.tracks import submission_box as submission_box
+from .nuscenes.source import NuScenes as NuScenes, submission_box as submission_box
 from .opening import (
     Note as Note,
     camera_images as camera_images,

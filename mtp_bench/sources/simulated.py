@@ -48,13 +48,8 @@ def detected(
     visible = scene.visible
     if visible is None:
         visible = visible_fractions(scene.truth, scene.ego)
-    truth = scene.truth
     period_s = 1.0 / card.task.rate
-    if card.velocity and traits.velocity_ahead:
-        truth = looking_back(truth, scene.time, period_s)
-    world = in_world(replace(scene, truth=truth))
-    if card.velocity:
-        world = _with_measured_velocity(world, scene.world is not None, period_s)
+    truth, world = _measured_world(scene, card, period_s)
     scene_seed = _scene_seed(card.detector.seed, scene.name) if seed is None else seed
     noise = card.task.classes, profile, sensor, scene_seed, period_s
 
@@ -80,6 +75,17 @@ def detected(
         skipped={},
         visible=visible,
     )
+
+
+def _measured_world(scene: Scene, card: Card, period_s: float) -> tuple[Truth, Scene]:
+    """Return the truth, and the scene in the world, with velocities as measured."""
+    truth = scene.truth
+    if card.velocity and card.source.traits.velocity_ahead:
+        truth = looking_back(truth, scene.time, period_s)
+    world = in_world(replace(scene, truth=truth))
+    if card.velocity:
+        world = _with_measured_velocity(world, scene.world is not None, period_s)
+    return truth, world
 
 
 def _sensor(section: DetectorSection, scene: Scene, bounded_by_truth: bool) -> Sensor:

@@ -34,8 +34,7 @@ from .base import (
     TrackForm,
     names_by_number,
 )
-from .files.checks import check_boxes
-from .files.columns import FORMS, TRACKS
+from .files.columns import FORMS, TRACKS, check_boxes
 from .files.save import box_columns
 from .files.scene import (
     boxes_of,

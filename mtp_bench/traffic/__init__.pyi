@@ -1,6 +1,5 @@
-from .drive.episode import DrivenEpisode as DrivenEpisode
-from .drive.scenes import whole_scene as whole_scene
-from .highway.store import unpack as unpack
+from .drive_episode import DrivenEpisode as DrivenEpisode, whole_scene as whole_scene
+from .highway.source import unpack as unpack
 from .highway.world import (
     RATE as RATE,
     SECRET_SEEDS as SECRET_SEEDS,

@@ -131,7 +131,9 @@ def windows(
         "truth" if isinstance(track_with, TruthTracker) else "detections"
     )
     calls = [(opened.card, options.data, task, track_with, name) for name in names]
-    with long_work(f"reading windows of {env_id}", progress=options.progress) as progress:
+    with long_work(
+        f"reading windows of {env_id}", progress=options.progress
+    ) as progress:
         progress.started(len(names))
         parts = parallel_map(
             _load_windows,

@@ -9,7 +9,7 @@ from mtp_bench.core.errors import CardError, DataError
 from mtp_bench.detector import load_profile
 from mtp_bench.detector.profile_file import profile_text
 from mtp_bench.sources.nuscenes.layout import NuScenesSource
-from mtp_bench.sources.wildtrack.source import WildtrackSource
+from mtp_bench.sources.wildtrack import WildtrackSource
 from tests.cards.test_cards import put, simulated_content
 
 

@@ -25,8 +25,7 @@ from mtp_bench.running.stored import open_run
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import content_hash
 from mtp_bench.traffic.highway.driven import DrivenTraffic
-from mtp_bench.traffic.highway.source import traffic_of
-from mtp_bench.traffic.highway.store import pack
+from mtp_bench.traffic.highway.source import pack, traffic_of
 from mtp_bench.traffic.highway.world import HighwaySource
 from tests.drive.test_traffic import elsewhere
 from tests.support.command_line import CommandLine, write_submission

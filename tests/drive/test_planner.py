@@ -8,11 +8,10 @@ import pytest
 from numpy.typing import ArrayLike
 
 from mtp_bench.cards.card import PlannerSection
-from mtp_bench.core import Floats
-from mtp_bench.traffic.drive.episode import obstacles
-from mtp_bench.traffic.drive.planner import Obstacles, Planner, contact_severity
+from mtp_bench.core import Floats, boxes_meet
+from mtp_bench.traffic.drive_episode import obstacles
 from mtp_bench.traffic.highway.driven import Way
-from mtp_bench.traffic.highway.overlap import boxes_meet
+from mtp_bench.traffic.planner import Obstacles, Planner, contact_severity
 from tests.support.small_scenes import decode, full_action, task
 
 SIZE, LIMIT = (4.5, 1.8), 10.0  # m, m/s

@@ -10,9 +10,9 @@ from scipy.signal import savgol_filter
 from mtp_bench.core import Drive, Floats, Truth, starts_of
 from mtp_bench.scoring.driving import AgentDrives, driving_rows, fault_interval, scene_score, score_interval
 from mtp_bench.scoring.statistics import bootstrap_interval, paired_difference
-from mtp_bench.traffic.drive.planner import Decision
-from mtp_bench.traffic.drive.record import is_comfortable, record_of, smoothed_jerk
+from mtp_bench.traffic.drive_record import is_comfortable, record_of, smoothed_jerk
 from mtp_bench.traffic.highway.world import CLASSES, World
+from mtp_bench.traffic.planner import Decision
 from tests.drive.test_planner import SIZE, WAY, car
 
 STEPS = 40

@@ -10,9 +10,9 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.sources.cache import content_hash
-from mtp_bench.traffic.drive.scenes import DrivenScene, whole_scene
+from mtp_bench.traffic.drive_episode import DrivenScene, whole_scene
 from mtp_bench.traffic.highway.driven import DrivenTraffic, hit_from_behind, is_at_fault
-from mtp_bench.traffic.highway.store import pack
+from mtp_bench.traffic.highway.source import pack
 from mtp_bench.traffic.highway.world import RATE, Traffic
 
 TRAFFIC = Traffic("intersection", "ego", 8.0, 8, 10, 20)
@@ -48,14 +48,17 @@ def test_detections_frame_by_frame_are_those_of_the_whole_scene(env_id: str) -> 
         if step:
             traffic.step(gain)
         if step % round(RATE / card.task.rate) == 0:
-            frames.append(scenes.now(traffic.world(last=True)))
+            frames.append(scenes.current(traffic.world(last_only=True)))
     whole = whole_scene(traffic.world(), card, "of-5")
     assert len(frames) == whole.frames
-    assert len(scenes.whole(traffic.world()).detections.score) == len(whole.detections.score) > 20
-    for t, now in enumerate(frames):
-        np.testing.assert_array_equal(now.ego[0], whole.ego[t])
-        for mine, rows, last in ((now.detections, whole.detections, "score"), (now.truth, whole.truth, "object_id")):
-            for name in ("box", "velocity", "class_id", last):
+    assert len(scenes.recording(traffic.world()).detections.score) == len(whole.detections.score) > 20
+    for t, current in enumerate(frames):
+        np.testing.assert_array_equal(current.ego[0], whole.ego[t])
+        for mine, rows, last_only in (
+            (current.detections, whole.detections, "score"),
+            (current.truth, whole.truth, "object_id"),
+        ):
+            for name in ("box", "velocity", "class_id", last_only):
                 np.testing.assert_array_equal(getattr(mine, name), getattr(rows, name)[rows.rows(t)], name)
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.running.kernels import compile_kernels
+from mtp_bench.running.playing import compile_kernels
 from tests.support.hostile import Court
 
 

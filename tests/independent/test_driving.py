@@ -10,18 +10,17 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from mtp_bench import load_card
-from mtp_bench.core import Drive, Lane, Truth, starts_of_sorted
+from mtp_bench.core import Drive, Lane, Truth, boxes_meet, starts_of_sorted
 from mtp_bench.core.bundle import bundled
 from mtp_bench.env.rollouts import drive_arrays
 from mtp_bench.running.reference import frozen_reference
 from mtp_bench.running.stored import open_run
 from mtp_bench.scoring.driving import scene_score
-from mtp_bench.traffic.drive.planner import Decision
-from mtp_bench.traffic.drive.record import record_of, rows_from
+from mtp_bench.traffic.drive_record import record_of, rows_from
 from mtp_bench.traffic.highway.driven import Way, hit_from_behind
-from mtp_bench.traffic.highway.overlap import boxes_meet
-from mtp_bench.traffic.highway.store import pack
+from mtp_bench.traffic.highway.source import pack
 from mtp_bench.traffic.highway.world import World
+from mtp_bench.traffic.planner import Decision
 from tests.independent.driving import Numbers, from_behind, meet, numbers_of
 from tests.support.command_line import CommandLine
 

@@ -14,15 +14,14 @@ import pytest
 from numpy.typing import NDArray
 
 from mtp_bench.core import Task, parallel as _cluster
+from mtp_bench.core.bundle import __version__
 from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.core.notice import Progress
 from mtp_bench.core.parallel import SERIAL, Workers, parallel_map
-from mtp_bench.core.version import __version__
 from mtp_bench.env.rollouts import digest
 from mtp_bench.judge import run_isolated_scenes
-from mtp_bench.running.kernels import compile_kernels
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.playing import Job, run_jobs
+from mtp_bench.running.playing import Job, compile_kernels, run_jobs
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
 
 Done = Callable[[str], object]

@@ -28,8 +28,7 @@ from mtp_bench.running.reference import (
 )
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.bade import ONE_PER_TARGET, CardBudget
-from mtp_bench.scoring.weights import WEIGHED, scene_key, tracking_events
-from mtp_bench.scoring.weights_file import read_reference, write_reference
+from mtp_bench.scoring.weights import WEIGHED, read_reference, scene_key, tracking_events, write_reference
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import CARD, write_card
 

@@ -10,7 +10,7 @@ import pytest
 
 from mtp_bench.core.errors import DataError, RolloutError
 from mtp_bench.scoring import DEFINITIONS, SUBSETS, AgentScores, Report, SceneScore, score_scene, summarise
-from mtp_bench.scoring.rank import ALONE, References
+from mtp_bench.scoring.rank import ALONE_TEXT, References
 from mtp_bench.scoring.report import paired_row
 from mtp_bench.scoring.rows import PairedRow, Row
 from mtp_bench.scoring.table import agent_table
@@ -151,7 +151,7 @@ def test_min_ade_is_compared_over_targets_that_both_cover() -> None:
 def test_one_agent_alone_is_not_ranked(seen: bool) -> None:
     report = summarise([agent("a", run(0.6, seen=seen))], CARD, ALIKE)
     for subset in ("all", "ids", "reacquired"):
-        assert (row(report, subset).place, row(report, subset).unranked_because) == (None, ALONE)
+        assert (row(report, subset).place, row(report, subset).unranked_because) == (None, ALONE_TEXT)
     assert row(report, "lost").unranked_because == "shown only"
     truth = summarise([agent("gt_tracks", run(0.6, seen=seen))], CARD, ALIKE)
     assert row(truth).unranked_because == "saw the truth"

@@ -11,8 +11,16 @@ import pytest
 
 from mtp_bench.core.errors import DataError
 from mtp_bench.scoring.definitions import WEIGHTS_DEFINITIONS
-from mtp_bench.scoring.weights import WEIGHED, Reference, SceneWeights, count_runs, scene_key, tracking_events
-from mtp_bench.scoring.weights_file import read_reference, write_reference
+from mtp_bench.scoring.weights import (
+    WEIGHED,
+    Reference,
+    SceneWeights,
+    count_runs,
+    read_reference,
+    scene_key,
+    tracking_events,
+    write_reference,
+)
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene
 
 CARD = make_card(future=1)

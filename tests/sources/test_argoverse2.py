@@ -21,7 +21,7 @@ from mtp_bench.scoring import find_targets
 from mtp_bench.scoring.weights import tracking_events as events_of
 from mtp_bench.sources import open_source, with_tracks
 from mtp_bench.sources.argoverse2 import PACKAGE
-from mtp_bench.sources.argoverse2.feather import ANNOTATIONS, BOX, Sweeps, read_feather
+from mtp_bench.sources.argoverse2.files import ANNOTATIONS, BOX, Sweeps, read_feather
 from mtp_bench.sources.argoverse2.source import Argoverse2
 
 LOG, FRAMES, CITY = "a-log", 24, np.array([1000.0, 2000.0, 50.0])

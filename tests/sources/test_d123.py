@@ -15,7 +15,7 @@ from mtp_bench.cards import load_card, with_detector, with_files
 from mtp_bench.core import Scene
 from mtp_bench.core.errors import DataError
 from mtp_bench.sources import load_scenes
-from mtp_bench.sources.argoverse2.road import scene_lanes
+from mtp_bench.sources.argoverse2.source import scene_lanes
 from mtp_bench.sources.d123.logs import LABELS, import_logs
 from tests.support.command_line import CommandLine
 from tests.support.own_scenes import assert_same

@@ -7,15 +7,14 @@ from highway_env.vehicle import kinematics, objects
 from shapely import STRtree
 from shapely.geometry import Polygon
 
-from mtp_bench.core import Floats
+from mtp_bench.core import Floats, overlapping
 from mtp_bench.core.errors import DataError
 from mtp_bench.core.geometry import bev_corners, wrap_angle
 from mtp_bench.sources.cache import content_hash
 from mtp_bench.traffic.highway import library, simulate
 from mtp_bench.traffic.highway.networks import build_map
-from mtp_bench.traffic.highway.overlap import overlapping
 from mtp_bench.traffic.highway.simulate import simulate_world
-from mtp_bench.traffic.highway.store import pack
+from mtp_bench.traffic.highway.source import pack
 from mtp_bench.traffic.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
 
 CASES = {

@@ -17,8 +17,7 @@ from mtp_bench.core.errors import UnknownNameError
 from mtp_bench.running.reading import read_status
 from mtp_bench.sources import describe, load_scenes, open_source
 from mtp_bench.sources.files.save import save_scene
-from mtp_bench.sources.kitti.files import read_imu_to_camera, read_labels
-from mtp_bench.sources.kitti.layout import VALIDATION
+from mtp_bench.sources.kitti.files import VALIDATION, read_imu_to_camera, read_labels
 from mtp_bench.sources.kitti.poses import FRAME_PERIOD
 from tests.support.small_scenes import empty_action
 from tests.support.source_files import card_of, write

@@ -11,8 +11,7 @@ from mtp_bench.cards import load_card, with_detections, with_split
 from mtp_bench.core import Floats, Ints, Scene
 from mtp_bench.scoring import evaluated, find_targets
 from mtp_bench.sources import camera_images, load_scenes, open_source
-from mtp_bench.sources.kitti.files import read_imu_to_camera, read_labels, read_oxts
-from mtp_bench.sources.kitti.layout import TYPES, VALIDATION
+from mtp_bench.sources.kitti.files import TYPES, VALIDATION, read_imu_to_camera, read_labels, read_oxts
 from mtp_bench.sources.kitti.poses import BOX_SIZES, FRAME_PERIOD, Poses, integrated_poses, read_poses
 from mtp_bench.viz.photo import projected
 from tests.support.camera_images import write_image

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.sources import CameraImage, camera_images
-from mtp_bench.sources.nuscenes import cameras
+from mtp_bench.sources.nuscenes import pictures
 from tests.support.camera_images import CAMERAS, PIXELS, read, write_cameras
 from tests.support.nuscenes_root import VERSION, nuscenes_card, scene, write_json
 
@@ -54,7 +54,7 @@ def test_the_tables_are_read_once(seen: Path, own_cache: Path, monkeypatch: pyte
     images(seen)
     assert len(list(own_cache.glob("*-cameras*/*.npz"))) == 3
 
-    monkeypatch.delattr(cameras, "_read_cameras")
+    monkeypatch.delattr(pictures, "_read_cameras")
     assert len(images(seen, name="scene-0301")) == 8
 
 

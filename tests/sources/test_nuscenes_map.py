@@ -16,8 +16,8 @@ from mtp_bench.core import Lane
 from mtp_bench.core.errors import DataError, MissingDataError
 from mtp_bench.sources import describe, with_map
 from mtp_bench.sources.base import HALF_LANE
-from mtp_bench.sources.nuscenes import road
-from mtp_bench.sources.nuscenes.road import read_lanes
+from mtp_bench.sources.nuscenes import pictures
+from mtp_bench.sources.nuscenes.pictures import read_lanes
 from tests.support.command_line import CommandLine
 from tests.support.map_expansion import Record, make_map, write_map
 from tests.support.nuscenes_root import VERSION, edited, nuscenes_card, scene, write_json
@@ -55,7 +55,7 @@ def test_lanes_are_where_they_were_drawn(mapped: Path) -> None:
     np.testing.assert_allclose(np.hypot(*(bend.left - bend.center).T), HALF_LANE)
     for lane in (own, other, bend):
         assert lane.left.shape == lane.right.shape == lane.center.shape
-        assert 0.01 < np.hypot(*np.diff(lane.center, axis=0).T).max() <= road.MAX_STEP_M + 1e-9
+        assert 0.01 < np.hypot(*np.diff(lane.center, axis=0).T).max() <= pictures.MAX_STEP_M + 1e-9
 
 
 def test_without_the_expansion_nothing_is_read(data: Path) -> None:

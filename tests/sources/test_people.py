@@ -9,7 +9,7 @@ from mtp_bench.cards import Card, load_card, parse_card, with_split
 from mtp_bench.core.errors import DataError
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources import open_source
-from mtp_bench.sources.people.source import RECORDINGS, SPLITS, TESTS
+from mtp_bench.sources.people import RECORDINGS, SPLITS, TESTS
 from tests.support.source_files import assert_one_error, write
 
 FOLDER = "eth_ucy"

@@ -13,9 +13,9 @@ from mtp_bench.core.errors import DataError
 from mtp_bench.sources.base import usable
 from mtp_bench.sources.files.columns import COLUMNS
 from mtp_bench.sources.kitti.files import DETECTION, LABEL, ODOMETRY as POSES, OXTS, RESULT
-from mtp_bench.sources.mot3d.source import COLUMNS as MOT
+from mtp_bench.sources.mot3d import COLUMNS as MOT
 from mtp_bench.sources.readers import TableColumn, read_named_table, read_table
-from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS
+from mtp_bench.sources.wildtrack import ANNOTATIONS, DETECTIONS
 from tests.sources import test_kitti as kitti, test_mot3d as mot3d, test_wildtrack as wildtrack
 from tests.support.source_files import assert_one_error, write
 

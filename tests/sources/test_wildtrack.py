@@ -10,7 +10,7 @@ import pytest
 from mtp_bench.cards import Card
 from mtp_bench.core import Detections, Scene
 from mtp_bench.sources.motion import as_places
-from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack
+from mtp_bench.sources.wildtrack import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack
 from tests.support.source_files import with_source, write
 
 LAST = 1800  # number of the first frame with stored detections

@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from mtp_bench.cards import load_card, with_split
 from mtp_bench.core import Detections, Scene, Truth
 from mtp_bench.scoring import find_targets
-from mtp_bench.sources.wildtrack.source import SCENES, SPLITS, STORED, Wildtrack
+from mtp_bench.sources.wildtrack import SCENES, SPLITS, STORED, Wildtrack
 
 pytestmark = pytest.mark.data
 

@@ -16,8 +16,7 @@ from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import content_hash
 from mtp_bench.traffic.highway import simulate
-from mtp_bench.traffic.highway.source import _simulate, ever_seen, traffic_of
-from mtp_bench.traffic.highway.store import WorldStore, pack, unpack
+from mtp_bench.traffic.highway.source import WorldStore, _simulate, ever_seen, pack, traffic_of, unpack
 from mtp_bench.traffic.highway.world import CLASSES, SECRET_SEEDS, HighwaySource, Traffic, World
 from tests.support.detector_scenes import grid_truth
 from tests.support.source_files import card_of

@@ -14,8 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from mtp_bench.core import Bools, Floats, Ints, Scene
 from mtp_bench.core.geometry import iou_3d
 from mtp_bench.running import track_export
-from mtp_bench.sources.kitti.files import LabelRows, read_detections, read_labels
-from mtp_bench.sources.kitti.layout import TYPES
+from mtp_bench.sources.kitti.files import TYPES, LabelRows, read_detections, read_labels
 from mtp_bench.sources.kitti.poses import read_poses
 from mtp_bench.sources.kitti.source import NEIGHBOURS
 from tests.support.plain_affinity import pairwise

@@ -13,7 +13,7 @@ import pytest
 
 from mtp_bench.core import notice
 from mtp_bench.core.parallel import Workers
-from mtp_bench.running.kernels import compile_kernels
+from mtp_bench.running.playing import compile_kernels
 from mtp_bench.tracking.kernels import cache
 from mtp_bench.tracking.kernels.compile import Kernel, part
 from mtp_bench.tracking.kernels.tree_kernels import distinct_rows
@@ -92,7 +92,7 @@ def test_read_only_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
     (tmp_path / "file").write_text("a file, not a folder", encoding="utf-8")
     load(tmp_path / "file" / "cache", monkeypatch)
     assert "set NUMBA_CACHE_DIR" in capsys.readouterr().err
-    monkeypatch.setattr("mtp_bench.running.kernels.parallel_map", lambda *_: pytest.fail("they would compile in vain"))
+    monkeypatch.setattr("mtp_bench.running.playing.parallel_map", lambda *_: pytest.fail("they would compile in vain"))
     compile_kernels(Workers(2))
 
 

@@ -1,9 +1,8 @@
 """Argoverse 2 sensor dataset: the official Feather files and maps, read into scenes."""
 
 from ..base import SourcePackage
-from .layout import DATASET, LOGS, Argoverse2Source as Argoverse2Source
-from .road import scene_lanes
-from .source import Argoverse2
+from .files import DATASET, LOGS, Argoverse2Source as Argoverse2Source
+from .source import Argoverse2, scene_lanes
 from .submission import FORM
 
 PACKAGE = SourcePackage(

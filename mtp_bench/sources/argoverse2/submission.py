@@ -31,8 +31,16 @@ from ..base import (
 from ..motion import unknown_velocity
 from ..stored_tracks import FEWER, with_stored
 from ..tables import RowTable
-from .feather import BOX, TIME, Sweeps, read_feather
-from .layout import CATEGORIES, NEUTRAL, Argoverse2Source, log_folder
+from .files import (
+    BOX,
+    CATEGORIES,
+    NEUTRAL,
+    TIME,
+    Argoverse2Source,
+    Sweeps,
+    log_folder,
+    read_feather,
+)
 
 
 @dataclass(frozen=True, eq=False)

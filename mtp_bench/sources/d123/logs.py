@@ -11,16 +11,14 @@ from numpy.typing import NDArray
 
 from ...core import Bools, DataError, Floats, Ints, file_stem, new_folder, wrap_angle
 from ..argoverse2.source import first_frames
-from ..files.checks import PERIOD_TOLERANCE
-from ..files.columns import BOX
+from ..files.columns import BOX, PERIOD_TOLERANCE
 from ..files.pictures import lane_columns
 from ..files.save import Columns
 from ..readers import write_table
 from ..rotation import require_rotations, yaw_of
 from ..tables import refuse
 from ..text import reading
-from .arrow import FORM, read_arrow
-from .road import read_lanes
+from .files import FORM, read_arrow, read_lanes
 
 SECOND_US = 1e6
 ROUNDING_US = 1  # by which a time of the ego may be off

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from ...core import DataError, Ints, Lane
 from ..base import CameraImage, lane_around
 from ..tables import RowTable
-from .checks import check_ranges, frame_index
-from .columns import BORDERS, PROJECTION
+from .columns import BORDERS, PROJECTION, check_ranges, frame_index
 
 MAX_PIXELS = 10_000
 

@@ -96,9 +96,9 @@ def _require_free(folder: Path) -> None:
         raise MtpBenchError(f"{folder} is a file, {_ADVICE}")
     names = (*TABLES, "lanes")
     tables = {f"{name}.{form}" for name in names for form in FORMS}
-    others = {path.name for path in folder.iterdir()} - tables - {".DS_Store"}
-    if others:
-        raise MtpBenchError(f"{folder} has {min(others)!r}, {_ADVICE}")
+    other_files = {path.name for path in folder.iterdir()} - tables - {".DS_Store"}
+    if other_files:
+        raise MtpBenchError(f"{folder} has {min(other_files)!r}, {_ADVICE}")
 
 
 def check_scene_name(name: object, where: str = "") -> None:

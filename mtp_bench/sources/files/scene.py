@@ -34,8 +34,18 @@ from ..base import (
 from ..motion import backward_velocity, unknown_velocity
 from ..readers import read_named_table
 from ..tables import RowTable
-from .checks import check_boxes, check_frames, check_objects, frame_index, scene_frames
-from .columns import BOX, COLUMNS, FORMS, PICTURES, TABLES
+from .columns import (
+    BOX,
+    COLUMNS,
+    FORMS,
+    PICTURES,
+    TABLES,
+    check_boxes,
+    check_frames,
+    check_objects,
+    frame_index,
+    scene_frames,
+)
 from .pictures import images_of, lanes_of
 from .save import scene_tables
 
@@ -261,9 +271,9 @@ def _usable_rows(
         )
     skipped: dict[str, int] = {}
     other_kinds, counts = np.unique(class_names[~is_used], return_counts=True)
-    for other, count in zip(other_kinds.tolist(), counts.tolist(), strict=True):
-        reason = f"{name} of class {other!r}, which the task does not have"
-        if hint := class_hint(other, classes):
+    for other_kind, count in zip(other_kinds.tolist(), counts.tolist(), strict=True):
+        reason = f"{name} of class {other_kind!r}, which the task does not have"
+        if hint := class_hint(other_kind, classes):
             reason += f": {hint}"
         skipped[reason] = count
     return sorted_rows(frame, is_used), skipped

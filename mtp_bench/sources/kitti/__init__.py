@@ -1,10 +1,9 @@
 """KITTI tracking: the official folders, read into scenes."""
 
 from ..base import SourcePackage
-from .layout import DATASET, LABELS, KittiSource as KittiSource
+from .files import DATASET, LABELS, KittiSource as KittiSource
 from .poses import scene_images
-from .source import KittiTracking
-from .tracks import FORM
+from .source import FORM, KittiTracking
 
 PACKAGE = SourcePackage(
     KittiTracking,

@@ -15,14 +15,18 @@ from ...cards import Card
 from ...core import DataError, Floats, ImageField, Ints, Scene, unit_vectors
 from ..base import CameraImage, DataRoot, section_of
 from .files import (
+    DATASET,
+    IMAGES,
+    LABELS,
+    RENAME,
     SENSOR_FROM_CAMERA,
+    KittiSource,
     Oxts,
     read_calibration,
     read_imu_to_camera,
     read_odometry,
     read_oxts,
 )
-from .layout import DATASET, IMAGES, LABELS, RENAME, KittiSource
 
 FRAME_PERIOD = 0.1036
 """Seconds between images. The benchmark gives no time stamps and calls it 10 Hz; 0.1036

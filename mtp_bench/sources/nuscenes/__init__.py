@@ -1,11 +1,9 @@
 """nuScenes: official tables and detections in the submission form, as scenes."""
 
 from ..base import SourcePackage
-from .cameras import scene_images
 from .layout import DATASET, VERSIONS, NuScenesSource as NuScenesSource
-from .road import scene_lanes
-from .source import NuScenes, prepare_nuscenes
-from .tracks import FORM
+from .pictures import scene_images, scene_lanes
+from .source import FORM, NuScenes, prepare_nuscenes
 
 PACKAGE = SourcePackage(
     open=NuScenes,

@@ -14,9 +14,8 @@ import numpy as np
 
 from ...core import CardError, DataError, MtpBenchError
 from ..highway.lanes import lane_map
-from ..highway.recording import Recording, course_velocity
 from ..highway.vehicles import round_states
-from ..highway.world import CLASSES, World
+from ..highway.world import CLASSES, Recording, World, course_velocity
 from .source import GymTraffic
 
 _HEIGHT_M = {"motorcycle": 1.5, "car": 1.6, "truck": 3.2}

@@ -9,8 +9,7 @@ import numpy as np
 
 from ...core import Bools, Floats, Ints
 from .driving import swept_sides
-from .lanes import LaneGeometry, Route, RouteTable, lane_points
-from .road_map import Crossing, RoadMap
+from .lanes import Crossing, LaneGeometry, RoadMap, Route, RouteTable, lane_points
 
 _SAMPLE_STEP_M = 0.5
 _SIDE_MARGIN_M = 0.15  # free space on each side
@@ -165,12 +164,12 @@ def _zone(
         first_other = float(b.s[np.flatnonzero(close_pairs[index_run[0]])[0]])
         other_start = max(other_end - (end_m - start_m), first_other)
         return ConflictZone(start_m, end_m, other_start, other_end, merging=True)
-    other = b.s[close_pairs[index_run].any(axis=0)]
+    shared_stations = b.s[close_pairs[index_run].any(axis=0)]
     return ConflictZone(
         start_m,
         float(a.s[index_run[-1]]),
-        float(other[0]),
-        float(other[-1]),
+        float(shared_stations[0]),
+        float(shared_stations[-1]),
         merging=False,
     )
 

@@ -9,14 +9,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...core import DataError, Floats, Ints, unit_vectors
-from .lanes import NO_LANE, RouteTable, lane_points
-from .overlap import boxes_meet
-from .recording import Recording
-from .road_map import RoadMap
+from ...core import DataError, Floats, Ints, boxes_meet, unit_vectors
+from .lanes import NO_LANE, RoadMap, RouteTable, lane_points
 from .simulate import ATTEMPTS, MAX_BRAKING_MPS2, Attempt
 from .vehicles import Driver
-from .world import CLASSES, RATE, WARM_UP, Traffic, World
+from .world import CLASSES, RATE, WARM_UP, Recording, Traffic, World
 
 _POINT_STEP_M = 0.5  # between two points of a way
 # from the start of a road, where a way changes to the lane that goes on
@@ -147,13 +144,13 @@ class DrivenTraffic:
             vehicles.append(self.ego)
         self._record()
 
-    def world(self, last: bool = False, frames: int | None = None) -> World:
+    def world(self, last_only: bool = False, frames: int | None = None) -> World:
         """Return the frames so far.
 
-        ``frames``: only as many; ``last``: only the last one. Objects keep their
+        ``frames``: only as many; ``last_only``: only the last one. Objects keep their
         numbers.
         """
-        part = slice(-1, None) if last else slice(frames)
+        part = slice(-1, None) if last_only else slice(frames)
         return self._recording.seen_from(
             self.ego.number, self.lanes, part, renumbered=False
         )
@@ -317,21 +314,21 @@ def way_of(road_map: RoadMap, routes: RouteTable, route: int) -> Way:
     return Way(s, xy, heading, limit_mps, number)
 
 
-def is_at_fault(ego: Floats, speed_mps: float, other: Floats) -> bool:
+def is_at_fault(ego: Floats, speed_mps: float, other_box: Floats) -> bool:
     """Return True if the ego is at fault for a contact.
 
-    ``ego`` and ``other``: boxes [7]. It is, at ``speed_mps`` m/s, unless it stood or
+    ``ego`` and ``other_box``: boxes [7]. It is, at ``speed_mps`` m/s, unless it stood or
     was hit from behind.
     """
-    return speed_mps > STANDING and not hit_from_behind(ego, other)
+    return speed_mps > STANDING and not hit_from_behind(ego, other_box)
 
 
-def hit_from_behind(ego: Floats, other: Floats) -> bool:
-    """Return True if the ``other`` box [7] touches the rear alone."""
-    ahead_m = (other[:2] - ego[:2]) @ unit_vectors(ego[3])
-    turn_rad = other[3] - ego[3]
+def hit_from_behind(ego: Floats, other_box: Floats) -> bool:
+    """Return True if ``other_box`` [7] touches the rear alone."""
+    ahead_m = (other_box[:2] - ego[:2]) @ unit_vectors(ego[3])
+    turn_rad = other_box[3] - ego[3]
     rear_reach_m = (
-        abs(np.cos(turn_rad)) * other[4] + abs(np.sin(turn_rad)) * other[5]
+        abs(np.cos(turn_rad)) * other_box[4] + abs(np.sin(turn_rad)) * other_box[5]
     ) / 2
     touches_rear = ahead_m < 0 and ahead_m + rear_reach_m < ego[4] / 2
     return bool(touches_rear and np.cos(turn_rad) > 0.5)

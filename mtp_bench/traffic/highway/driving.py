@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core import Bools, Floats, Ints
-from .lanes import NO_LANE, LaneGeometry, RouteTable
-from .road_map import RoadMap
+from .lanes import NO_LANE, LaneGeometry, RoadMap, RouteTable
 from .vehicles import Driver
 
 # columns of a driving style
@@ -84,7 +83,7 @@ class RoadState:
         self.progress = routes.start[self.route, self.lane] + self.s
         # [N] at the end of the route
         at_end = self.s > geometry.length[self.lane] - 1.0
-        self.finished = routes.last[self.route, self.lane] & at_end
+        self.finished = routes.on_last_road[self.route, self.lane] & at_end
 
     def __len__(self) -> int:
         return len(self.vehicles)

@@ -12,8 +12,7 @@ import numpy as np
 
 from ...core import Bools, Floats
 from .driving import POLITENESS, RoadState, braking, free_acceleration
-from .lanes import NO_LANE, RouteTable
-from .road_map import RoadMap
+from .lanes import NO_LANE, RoadMap, RouteTable
 
 _DECISION_PERIOD_S = 0.8
 # from a vehicle's place in the lane: the last change is finished
@@ -122,8 +121,8 @@ class LaneChanges:
         needed = routes.changes[route, lane]
         room_m = routes.room[route, lane] - state.s[i]
         for lane_side, bonus_mps2 in (
-            (routes.left, 0.0),
-            (routes.right, _RIGHT_BONUS_MPS2),
+            (routes.left_lane, 0.0),
+            (routes.right_lane, _RIGHT_BONUS_MPS2),
         ):
             target = int(lane_side[route, lane])
             if target == NO_LANE:

@@ -1,4 +1,7 @@
-"""Lanes of a road network: their geometry, all at once, and the routes through them."""
+"""Lanes of a road network and the routes through them, and pieces of a road map.
+
+The geometry of all lanes is computed at once. The frame is highway-env's (y down).
+"""
 
 import math
 from dataclasses import dataclass
@@ -186,14 +189,14 @@ class RouteTable:
     """
 
     following: Ints  # the next lane
-    left: Ints
-    right: Ints
+    left_lane: Ints
+    right_lane: Ints
     # lane changes needed to stay on the route; inf: the lane is not part of it
     changes: Floats
     # m from the lane's start to the place where a lane change must be done; inf: none
     room: Floats
     start: Floats  # m from the start of the route
-    last: Bools  # the lane belongs to the last road of the route
+    on_last_road: Bools  # the lane belongs to the last road of the route
     path: Ints  # [routes, lanes, LOOKAHEAD] the lanes ahead, the lane itself first
     path_start: Floats  # [routes, lanes, LOOKAHEAD] m from the lane's start to theirs
 
@@ -201,7 +204,7 @@ class RouteTable:
 def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable:
     """Return the table of ``routes`` through the lanes of ``geometry``."""
     shape = (len(routes), len(geometry))
-    following, left, right = np.full((3, *shape), NO_LANE)
+    following, left_lane, right_lane = np.full((3, *shape), NO_LANE)
     last_road = np.zeros(shape, dtype=bool)
     start = np.zeros(shape)
     starts = np.array([lane.position(0.0, 0.0) for lane in geometry.lanes])
@@ -209,8 +212,8 @@ def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable
     for route_index, route in enumerate(routes):
         last_road[route_index, list(route.roads[-1])] = True
         for road_lanes in route.roads:
-            left[route_index, list(road_lanes[1:])] = road_lanes[:-1]
-            right[route_index, list(road_lanes[:-1])] = road_lanes[1:]
+            left_lane[route_index, list(road_lanes[1:])] = road_lanes[:-1]
+            right_lane[route_index, list(road_lanes[:-1])] = road_lanes[1:]
         for k, road_lanes in enumerate(route.roads[:-1]):
             for lane in road_lanes:
                 for next_lane in reversed(route.roads[k + 1]):
@@ -222,7 +225,15 @@ def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable
     changes, room = _needed_changes(routes, geometry, following)
     path, path_start = _paths(following, geometry.length)
     return RouteTable(
-        following, left, right, changes, room, start, last_road, path, path_start
+        following,
+        left_lane,
+        right_lane,
+        changes,
+        room,
+        start,
+        last_road,
+        path,
+        path_start,
     )
 
 
@@ -250,9 +261,9 @@ def _needed_changes(
             numbers = list(road_lanes)
             for _ in numbers:  # spreads from lane to lane
                 sides = np.pad(changes[route_index, numbers], 1, constant_values=np.inf)
-                beside = np.minimum(sides[:-2], sides[2:]) + 1
+                half_turns = np.minimum(sides[:-2], sides[2:]) + 1
                 changes[route_index, numbers] = np.minimum(
-                    changes[route_index, numbers], beside
+                    changes[route_index, numbers], half_turns
                 )
     return changes, room
 
@@ -269,3 +280,65 @@ def _paths(following: Ints, length_m: Floats) -> tuple[Ints, Floats]:
         path[..., k] = np.where(goes_on, next_lane, NO_LANE)
         start[..., k] = np.where(goes_on, start[..., k - 1] + length_m[lane], 0.0)
     return path, start
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A zebra crossing over an arm.
+
+    Its axis runs from ``origin`` in ``direction`` over ``span`` metres of road.
+    """
+
+    origin: tuple[float, float]
+    direction: tuple[float, float]
+    span: float
+    width: float
+
+
+@dataclass(frozen=True)
+class Pavement:
+    """Pavement beside two roads that cross at (0, 0) along the axes.
+
+    The kerbs bend around the corners.
+    """
+
+    corner: float  # m, the middle of a kerb's bend is at (+-corner, +-corner)
+    radius: float  # m, of the bend
+
+    @property
+    def kerb(self) -> float:
+        """Distance in m from the middle of a road to its straight kerbs."""
+        return self.corner - self.radius
+
+
+@dataclass(frozen=True)
+class Kerb:
+    """A straight kerb where cars park.
+
+    It is to the right of the way from ``start`` in ``direction``.
+    """
+
+    start: tuple[float, float]
+    direction: tuple[float, float]
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class RoadMap:
+    """A road network with its routes."""
+
+    network: Any  # a RoadNetwork
+    geometry: LaneGeometry
+    routes: tuple[Route, ...]
+    sensor: tuple[float, float, float]  # x, y, z of a roadside sensor
+    regulated: bool  # vehicles give way by conflicts of routes; else they overtake
+    # False: vehicles may also go before one that is far away
+    first_in_first_out: bool = True
+    crossings: tuple[Crossing, ...] = ()
+    pavement: Pavement | None = None
+    kerbs: tuple[Kerb, ...] = ()
+
+    @property
+    def overtaking(self) -> bool:
+        """Whether vehicles change lanes."""
+        return not self.regulated

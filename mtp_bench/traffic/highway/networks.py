@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from ...core import Floats
-from .lanes import LaneGeometry, Route
+from .lanes import Crossing, Kerb, LaneGeometry, Pavement, RoadMap, Route
 from .library import CircularLane, RoadNetwork, SineLane, StraightLane
-from .road_map import Crossing, Kerb, Pavement, RoadMap
 from .world import APPROACH_M, ARM_WEIGHTS, STRIP_M, ScenarioName
 
 # frequency of left turns, straight on and right turns at the intersection
@@ -61,14 +60,14 @@ def build_map(scenario: ScenarioName, seconds: float) -> RoadMap:
     return _merge(seconds) if scenario == "merge" else _highway(seconds)
 
 
-def _turned(arm: int, x: float, y: float) -> Floats:
+def _rotated(arm: int, x: float, y: float) -> Floats:
     """Turn a point or direction of the first arm."""
     cos, sin = _QUARTER_TURNS[arm % 4]
     return np.array([cos * x - sin * y, sin * x + cos * y], dtype=np.float64)
 
 
 def _pair(arm: int, x: float, y: float) -> tuple[float, float]:
-    x, y = _turned(arm, x, y).tolist()
+    x, y = _rotated(arm, x, y).tolist()
     return x, y
 
 
@@ -134,31 +133,33 @@ def _add_intersection_arm(network: Any, arm: int) -> None:
     """Add the lanes of an arm, and those through the junction."""
     quarter_rad = np.pi / 2 * arm
     into = f"m{arm}"
-    left, ahead, right = (f"w{(arm + turn) % 4}" for turn in (1, 2, 3))
+    left_arm, ahead_arm, right_arm = (f"w{(arm + turn) % 4}" for turn in (1, 2, 3))
     far_y = _MOUTH_M + APPROACH_M
     for k in range(_ARM_LANES):
         x = _LANE_WIDTH_M * (k + 0.5)
         for origin, target, side, start_m, end_m in (
             (f"o{arm}", into, x, far_y, _MOUTH_M),
-            (into, ahead, x, _MOUTH_M, -_MOUTH_M),
+            (into, ahead_arm, x, _MOUTH_M, -_MOUTH_M),
             (f"w{arm}", f"x{arm}", -x, _MOUTH_M, far_y),
         ):
             lane = _street(arm, (side, start_m), (side, end_m), _LANE_WIDTH_M)
             network.add_lane(origin, target, lane)
     inner = _MOUTH_M + _LANE_WIDTH_M / 2
     outer = _MOUTH_M - _LANE_WIDTH_M * (_ARM_LANES - 0.5)
-    center = _turned(arm, _MOUTH_M, _MOUTH_M)
+    center = _rotated(arm, _MOUTH_M, _MOUTH_M)
     phase_range = (quarter_rad + np.pi, quarter_rad + 1.5 * np.pi)
-    network.add_lane(into, right, _arc(center, outer, phase_range, _RIGHT_LIMIT_MPS))
-    center = _turned(arm, -_MOUTH_M, _MOUTH_M)
+    network.add_lane(
+        into, right_arm, _arc(center, outer, phase_range, _RIGHT_LIMIT_MPS)
+    )
+    center = _rotated(arm, -_MOUTH_M, _MOUTH_M)
     phase_range = (quarter_rad, quarter_rad - np.pi / 2)
-    network.add_lane(into, left, _arc(center, inner, phase_range, _LEFT_LIMIT_MPS))
+    network.add_lane(into, left_arm, _arc(center, inner, phase_range, _LEFT_LIMIT_MPS))
 
 
 def _street(
     arm: int, start_m: tuple[float, float], end_m: tuple[float, float], width_m: float
 ) -> Any:
-    points = (_turned(arm, *start_m), _turned(arm, *end_m))
+    points = (_rotated(arm, *start_m), _rotated(arm, *end_m))
     return StraightLane(*points, width_m, speed_limit=_STREET_LIMIT_MPS)
 
 
@@ -212,9 +213,9 @@ def _add_roundabout_arm(network: Any, arm: int) -> None:
     # where the entry touches the ring; the exit mirrors it
     touch_rad = float(np.arctan2(_ROUND_MOUTH_M, _ROUND_ASIDE_M))
     far_y = _ROUND_MOUTH_M + APPROACH_M
-    entry = _turned(arm, _ROUND_ASIDE_M, _ROUND_MOUTH_M)
-    leave = _turned(arm, -_ROUND_ASIDE_M, _ROUND_MOUTH_M)
-    middle = _turned(arm, 0.0, 0.0)
+    entry = _rotated(arm, _ROUND_ASIDE_M, _ROUND_MOUTH_M)
+    leave = _rotated(arm, -_ROUND_ASIDE_M, _ROUND_MOUTH_M)
+    middle = _rotated(arm, 0.0, 0.0)
 
     def straight(x: float, start_m: float, end_m: float) -> Any:
         return _street(arm, (x, start_m), (x, end_m), _ROUND_LANE_WIDTH_M)

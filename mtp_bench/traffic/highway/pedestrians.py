@@ -12,9 +12,9 @@ import numpy as np
 from ...core import Bools, Floats, wrap_angle
 from . import walking
 from .behaviour import PedestrianBehaviour
+from .lanes import Pavement, RoadMap
 from .person import ARRIVING, CROSSING, LEAVING, WAITING, Person
 from .right_of_way import CrossingPedestrian
-from .road_map import Pavement, RoadMap
 from .world import ARM_WEIGHTS
 
 _MAX_GROUP = 4
@@ -89,8 +89,8 @@ class Crowd:
             crossing = np.array([p.crossing for p in self.people], dtype=np.int64)
             axes = self._axes[crossing].transpose(1, 2, 0)
             origin = self._origins[crossing].T
-            turned, velocity = local[:, :1] * axes[0] + local[:, 1:] * axes[1]
-            self._state = _CrowdState(local, axes, origin, origin + turned, velocity)
+            offset, velocity = local[:, :1] * axes[0] + local[:, 1:] * axes[1]
+            self._state = _CrowdState(local, axes, origin, origin + offset, velocity)
         return self._state
 
     def boxes(self) -> Floats:
@@ -181,12 +181,12 @@ class Crowd:
         crossing = int(rng.choice(len(self._crossings), p=quiet / quiet.sum()))
         size = int(rng.choice(_MAX_GROUP, p=_GROUP_SHARES) + 1)
         size = min(size, self._target - len(self.people))
-        aside = (-0.8, 0.8) if size == 1 else (-0.95, 0.05)
+        middle_range_m = (-0.8, 0.8) if size == 1 else (-0.95, 0.05)
         way = walking.Footway(
             self._crossings[crossing],
             pavement,
             direction=1.0 if rng.uniform() < 0.5 else -1.0,
-            middle=float(rng.uniform(*aside)),
+            middle=float(rng.uniform(*middle_range_m)),
             coming=walking.draw_sidewalk(True, rng),
             going=walking.draw_sidewalk(False, rng),
         )
@@ -260,10 +260,10 @@ class Crowd:
         groups = np.array([p.group for p in self.people])
         friends = groups[:, None] == groups
         np.fill_diagonal(friends, False)
-        beside = stage != CROSSING
+        is_off_road = stage != CROSSING
         pace_mps = np.array([p.pace for p in self.people])
         way, pace_mps = self._behaviour.walk(
-            goal_xy - place, pace_mps, numbers, groups, ~beside
+            goal_xy - place, pace_mps, numbers, groups, ~is_off_road
         )
         pairs = walking.pairs_of(place)
         outlines = walking.Outlines(vehicles, place)
@@ -272,12 +272,12 @@ class Crowd:
         new_velocity = walking.slow_before_others(
             place, pairs, new_velocity, outlines, step_s
         )
-        new_velocity = walking.slow_at_kerb(place, new_velocity, pavement, beside)
+        new_velocity = walking.slow_at_kerb(place, new_velocity, pavement, is_off_road)
         change = walking.limit_length(
             new_velocity - velocity, _MAX_ACCELERATION_MPS2 * step_s
         )
         moved_xy = walking.push_apart(place + step_s * (velocity + change))
-        moved_xy = walking.keep_off_road(moved_xy, pavement, beside)
+        moved_xy = walking.keep_off_road(moved_xy, pavement, is_off_road)
         moved_xy = walking.keep_out_of_vehicles(place, moved_xy, outlines)
         new_velocity = (moved_xy - place) / step_s
         states = np.array([moved_xy - origin, new_velocity])
@@ -315,5 +315,5 @@ def _turned_headings(
     walks = np.hypot(*velocity) > _MIN_WALKING_MPS
     x, y = np.where(walks, velocity, to_goal)
     turn = wrap_angle(np.arctan2(y, x) - heading)
-    turned = wrap_angle(heading + np.where(walks, 0.35, 0.1) * turn)
-    return np.where(walks | ~waiting, turned.round(6) + 0.0, heading)
+    new_heading = wrap_angle(heading + np.where(walks, 0.35, 0.1) * turn)
+    return np.where(walks | ~waiting, new_heading.round(6) + 0.0, heading)

@@ -8,21 +8,26 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...core import DataError, Floats, Lane
+from ...core import DataError, Floats, Lane, overlapping
 from .behaviour import DriverBehaviour, PedestrianBehaviour
 from .conflicts import Passage, find_passages
 from .driving import RoadState, braking, desired_speed, find_leaders, steering_angles
-from .entries import Entries, draw_parked_boxes
 from .lane_change import LaneChanges
-from .lanes import RouteTable, lane_map, route_table
+from .lanes import RoadMap, RouteTable, lane_map, route_table
 from .networks import build_map
-from .overlap import overlapping
 from .pedestrians import Crowd
-from .recording import Recording, course_velocity
 from .right_of_way import RightOfWay
-from .road_map import RoadMap
-from .vehicles import Driver, move_vehicles, vehicle_boxes
-from .world import CLASSES, RATE, WARM_UP, ScenarioName, Traffic, World
+from .vehicles import Driver, Entries, draw_parked_boxes, move_vehicles, vehicle_boxes
+from .world import (
+    CLASSES,
+    RATE,
+    WARM_UP,
+    Recording,
+    ScenarioName,
+    Traffic,
+    World,
+    course_velocity,
+)
 
 ATTEMPTS = 50
 MAX_BRAKING_MPS2 = 8.0  # emergency braking

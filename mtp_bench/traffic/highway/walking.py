@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...core import Bools, Floats
-from .road_map import Crossing, Pavement
+from .lanes import Crossing, Pavement
 from .world import STRIP_M
 
 APART_M = 0.8  # between two centres
@@ -43,7 +43,7 @@ _OUTLINE_M = 0.42
 _STOP_M = 0.65
 _BRAKING_MPS2 = 2.5  # of people before each other and before vehicles
 _MAX_FORCE_MPS2 = 3.0
-_TINY = 1e-9
+_MIN_DIVISOR = 1e-9
 Pairs = tuple[Floats, Floats, Floats]  # as `pairs_of`
 
 
@@ -52,7 +52,7 @@ class SidewalkUse:
     """Sidewalk of a group before or after its crossing."""
 
     around: bool  # beside the other road of the corner instead of the crossed one
-    far: float  # m from the middle of the junction to its end
+    end_m: float  # m from the middle of the junction to its end
     kerb: float  # m from the kerb
 
 
@@ -110,10 +110,10 @@ class Footway:
 
         It is along one road, around the corner and along the other.
         """
-        other = replace(self.coming, around=not self.coming.around)
+        other_road = replace(self.coming, around=not self.coming.around)
         return [
             *self._along(self.coming, -1, member_index),
-            *reversed(self._along(other, -1, member_index)),
+            *reversed(self._along(other_road, -1, member_index)),
         ]
 
     def _kerb(self, end: int) -> float:
@@ -128,7 +128,7 @@ class Footway:
         # m from the junction's middle
         junction_m = float(np.hypot(x, y) ** 2 - kerb_m**2) ** 0.5
         aside_m = sidewalk.kerb + _BESIDE_M * (member_index % 2)
-        far_m = sidewalk.far + _BEHIND_M * (member_index // 2)
+        far_m = sidewalk.end_m + _BEHIND_M * (member_index // 2)
         outward = end * self.direction
         if sidewalk.around:
             places = (far_m, self.pavement.corner + 1.0)
@@ -193,7 +193,9 @@ def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
     excess_mps = np.maximum(pavement.corner - np.abs(place), 0.0)
     distance = np.hypot(*excess_mps)
     outwards = (
-        -np.where(place < 0, -1.0, 1.0) * excess_mps / np.maximum(distance, _TINY)
+        -np.where(place < 0, -1.0, 1.0)
+        * excess_mps
+        / np.maximum(distance, _MIN_DIVISOR)
     )
     return outwards, pavement.radius - _SIDEWALK_EDGE_M - distance
 
@@ -208,9 +210,9 @@ def social_force(
     """
     goal_m = np.hypot(*to_goal)
     desired_mps = np.minimum(pace, goal_m / _SLOWING_S)
-    desired_velocity = to_goal / np.maximum(goal_m, _TINY) * desired_mps
+    desired_velocity = to_goal / np.maximum(goal_m, _MIN_DIVISOR) * desired_mps
     between_vectors, gap_m, unit = pairs
-    ahead = desired_velocity / np.maximum(np.hypot(*desired_velocity), _TINY)
+    ahead = desired_velocity / np.maximum(np.hypot(*desired_velocity), _MIN_DIVISOR)
     facing_cosine = -_dot(ahead, unit)
     push_strength = (
         _PUSH_MPS2 * np.exp((APART_M - gap_m) / _PUSH_RANGE_M) * (gap_m < _SIGHT_M)
@@ -234,7 +236,7 @@ def pairs_of(place: Floats) -> Pairs:
     """
     between_vectors = place[:, None, :] - place[:, :, None]
     gap_m = np.hypot(*between_vectors)
-    unit = between_vectors / np.maximum(gap_m, _TINY)  # 0 to oneself
+    unit = between_vectors / np.maximum(gap_m, _MIN_DIVISOR)  # 0 to oneself
     np.fill_diagonal(gap_m, np.inf)
     return between_vectors, gap_m, unit
 
@@ -245,7 +247,9 @@ def _dot(a: Floats, b: Floats) -> Floats:
 
 def limit_length(vector: Floats, limit: Floats | float) -> Floats:
     """Return vectors [2, M] shortened to at most ``limit``."""
-    remaining_share = np.minimum(1.0, limit / np.maximum(np.hypot(*vector), _TINY))
+    remaining_share = np.minimum(
+        1.0, limit / np.maximum(np.hypot(*vector), _MIN_DIVISOR)
+    )
     return np.asarray(vector * remaining_share)
 
 
@@ -261,7 +265,7 @@ def slow_before_others(
     allowed_mps = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(gap_m - APART_M, 0.0))
     excess_mps = np.maximum(approach_mps + approach_mps.T - allowed_mps, 0.0)
     closing_mps = np.maximum(approach_mps, 0.0)
-    excess_mps *= closing_mps / np.maximum(closing_mps + closing_mps.T, _TINY)
+    excess_mps *= closing_mps / np.maximum(closing_mps + closing_mps.T, _MIN_DIVISOR)
     worst = excess_mps.argmax(axis=0)
     people = np.arange(len(gap_m))
     velocity = velocity + excess_mps[worst, people] * unit[:, worst, people]
@@ -269,7 +273,9 @@ def slow_before_others(
     coming_mps = (clearance - vehicles.clearance(place + step_s * velocity)) / step_s
     allowed_mps = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(clearance - _STOP_M, 0.0))
     remaining_share = np.where(
-        coming_mps > allowed_mps, allowed_mps / np.maximum(coming_mps, _TINY), 1.0
+        coming_mps > allowed_mps,
+        allowed_mps / np.maximum(coming_mps, _MIN_DIVISOR),
+        1.0,
     )
     return np.asarray(velocity * remaining_share.min(axis=1, initial=1.0))
 

@@ -4,10 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...core import HARD_BRAKING, Bools, Drive, Floats, Ints, Truth, unit_vectors
-from ..highway.driven import STANDING, DrivenTraffic, Way
-from ..highway.overlap import boxes_meet
-from ..highway.world import CLASSES, RATE, World
+from ..core import (
+    HARD_BRAKING,
+    Bools,
+    Drive,
+    Floats,
+    Ints,
+    Truth,
+    boxes_meet,
+    unit_vectors,
+)
+from .highway.driven import STANDING, DrivenTraffic, Way
+from .highway.world import CLASSES, RATE, World
 from .planner import Decision
 
 COLLISION_TIME = 0.95  # s: a shorter time to collision is a near miss (nuPlan)

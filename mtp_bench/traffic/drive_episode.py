@@ -1,21 +1,102 @@
-"""Episode of a closed loop: the ego plans on every action, and the world moves on."""
+"""Episode of a closed loop: the ego plans on every action, and the world moves on.
+
+Its scenes are the present frame while it is driven, and then the recording.
+"""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ...cards import Card, DriveSection
-from ...core import Drive, Ints, Observation, Scene, Task, to_metres
-from ...env import Feed, LocalFrame, RecordedAction, make_feed
-from ...sources import section_of
-from ..highway.driven import DrivenTraffic
-from ..highway.source import traffic_of
-from ..highway.store import pack
-from ..highway.world import RATE, HighwaySource, World
+from ..cards import Card, DriveSection
+from ..core import (
+    Detections,
+    Drive,
+    Floats,
+    Ints,
+    Observation,
+    Scene,
+    Task,
+    joined,
+    starts_of,
+    to_metres,
+)
+from ..detector import Memory, OpenScene, visible_fractions
+from ..env import Feed, LocalFrame, RecordedAction, make_feed
+from ..sources import detected, section_of
+from .drive_record import record_of, rows_from
+from .highway.driven import DrivenTraffic
+from .highway.source import pack, scene_of, traffic_of
+from .highway.world import RATE, HighwaySource, World
 from .planner import Decision, Obstacles, Planner
-from .record import record_of, rows_from
-from .scenes import DrivenScene, horizon
+
+
+class DrivenScene:
+    """Frames of one drive, shown one after the other.
+
+    The detections are those of the whole scene at once.
+    """
+
+    def __init__(self, card: Card, name: str) -> None:
+        self._card = card
+        self._name = name
+        self._ego: list[Floats] = []
+        self._detections: list[Detections] = []
+        self._detector = ""
+        self._open_scene: OpenScene | None = None
+
+    def current(self, world: World) -> Scene:
+        """Return the last frame of the world as a scene with detections."""
+        scene = _scene(world, self._card, self._name, stride=1)
+        frame = len(self._ego)
+        self._ego.append(scene.ego[0])
+        if self._open_scene is None:
+            frames = horizon(self._card)
+            self._open_scene = OpenScene(frames, scene.truth, memory=Memory())
+        start = starts_of([0] * frame + [len(scene.truth.box)])
+        until_now = replace(
+            scene,
+            time=np.arange(frame + 1) / self._card.task.rate,
+            ego=np.array(self._ego),
+            truth=replace(scene.truth, start=start),
+        )
+        detected_scene = detected(until_now, self._card, going_on=self._open_scene)
+        self._detector = detected_scene.detector
+        detections = replace(
+            detected_scene.detections, start=detected_scene.detections.start[-2:]
+        )
+        self._detections.append(detections)
+        return replace(scene, detections=detections, simulated=True)
+
+    def recording(self, world: World) -> Scene:
+        """Return `whole_scene` of the frames of ``world``, all of which were shown."""
+        scene = _scene(world, self._card, self._name)
+        shown = self._detections[: scene.frames]
+        start = starts_of([len(detections.score) for detections in shown])
+        return replace(
+            scene,
+            detections=replace(joined(shown), start=start),
+            detector=self._detector,
+            simulated=True,
+        )
+
+
+def whole_scene(world: World, card: Card, name: str) -> Scene:
+    """Return the recording of a drive with the detections then shown."""
+    scene = _scene(world, card, name)
+    return detected(scene, card, going_on=OpenScene(horizon(card), scene.truth.only(0)))
+
+
+def _scene(world: World, card: Card, name: str, stride: int | None = None) -> Scene:
+    world = replace(world, visible=visible_fractions(world.truth, world.ego))
+    return scene_of(name, world, card, stride or round(RATE / card.task.rate))
+
+
+def horizon(card: Card) -> int:
+    """Return the frames of the longest drive."""
+    seconds = float(card.source.traits.scene_seconds or 0)
+    return round(seconds * card.task.rate) + 1
+
 
 CRASH = 100.0  # m of way that a collision at fault costs as reward
 _SPEED_SECONDS = 0.3  # in which the allowed speed is taken up
@@ -67,7 +148,7 @@ class DrivenEpisode:
         settings = traffic_of(section_of(card, HighwaySource))
         traffic = DrivenTraffic(settings, int(name.rsplit("-", 1)[1]))
         shown = DrivenScene(card, name)
-        scene = shown.now(traffic.world(last=True))
+        scene = shown.current(traffic.world(last_only=True))
         frame = LocalFrame.of(scene, rng)
         section = card.drive or DriveSection()
         planner = Planner(traffic.way, traffic.size, section.planner)
@@ -124,7 +205,7 @@ class DrivenEpisode:
         """Return the frames so far and the observations of them."""
         scene = self.scene
         if not self.over:
-            scene = self.shown.whole(self._world_of(max(self.t, 1)))
+            scene = self.shown.recording(self._world_of(max(self.t, 1)))
         return scene, make_feed(scene, self.frame, self.task, self.card)
 
     def record(self) -> Drive | None:
@@ -140,8 +221,8 @@ class DrivenEpisode:
         self.actions.append(action)
         self.dropped_counts.append(int(self.feed.dropped[0]))
         ego = self.traffic.ego
-        seen = obstacles(action, self.task.dt)
-        plan = self.planner.decide(ego.s, float(ego.speed), seen)
+        forecast_obstacles = obstacles(action, self.task.dt)
+        plan = self.planner.decide(ego.s, float(ego.speed), forecast_obstacles)
         self.plans.append(plan)
         for _ in range(round(RATE * self.task.dt)):
             if not self.traffic.over:
@@ -149,7 +230,7 @@ class DrivenEpisode:
         if self.traffic.over or self.t == horizon(self.card) - 1:
             self._finish()
         else:
-            self.scene = self.shown.now(self.traffic.world(last=True))
+            self.scene = self.shown.current(self.traffic.world(last_only=True))
             self.feed = make_feed(self.scene, self.frame, self.task, self.card)
         at_fault = self.drive is not None and self.drive.at_fault
         return self.stations[-1] - start - CRASH * at_fault
@@ -171,7 +252,7 @@ class DrivenEpisode:
     def _finish(self) -> None:
         world = self._world_of(self.t)
         ending = rows_from(self.traffic.world().truth, len(world.time))
-        self.scene = self.shown.whole(world)
+        self.scene = self.shown.recording(world)
         self.drive = replace(self._recorded(), world={**pack(world), "ending": ending})
 
     def _recorded(self) -> Drive:

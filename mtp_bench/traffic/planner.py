@@ -19,9 +19,9 @@ from math import ceil
 import numpy as np
 from scipy.spatial import KDTree
 
-from ...cards import PlannerSection
-from ...core import NO_ROWS, Bools, Floats, Ints
-from ..highway.driven import Way
+from ..cards import PlannerSection
+from ..core import NO_ROWS, Bools, Floats, Ints
+from .highway.driven import Way
 
 _FIRST_MPS2 = np.array([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5])
 _LATER_MPS2 = np.array([-4.0, -2.0, 0.0, 1.5])
@@ -187,15 +187,20 @@ class Planner:
             )
         return stations_m.T, speeds_mps.T
 
-    def decide(self, s: float, speed: float, seen: Obstacles) -> Decision:
+    def decide(self, s: float, speed: float, obstacles: Obstacles) -> Decision:
         """Choose the best profile at ``s`` m with ``speed`` m/s."""
-        rows = self._relevant(seen)
+        rows = self._relevant(obstacles)
         forecast = _resampled(
-            Obstacles(seen.box[rows], seen.path[rows], seen.weight[rows], seen.dt)
+            Obstacles(
+                obstacles.box[rows],
+                obstacles.path[rows],
+                obstacles.weight[rows],
+                obstacles.dt,
+            )
         )
         steps = forecast.path.shape[2]
         stations_m, speeds_mps = self.profiles(s, speed, forecast.dt, steps)
-        box_station, aside_m, tangent = self._beside(*forecast.box.T[:2])
+        box_station, aside_m, tangent = self._along_route(*forecast.box.T[:2])
         in_lane = aside_m < (self._size[1] + forecast.box[:, 5]) / 2
         turn = forecast.box[:, 3] - tangent
         follows = (box_station < s) & in_lane & (np.cos(turn) > _SAME_DIRECTION_COSINE)
@@ -212,24 +217,24 @@ class Planner:
         if best != free and share[free].any():
             cause = int(rows[object_row[share[free].argmax()]])
         risk = 1.0 - float((1.0 - share[best]).prod())
-        time = seen.dt * np.arange(seen.path.shape[2] + 1)
+        time = obstacles.dt * np.arange(obstacles.path.shape[2] + 1)
         shown = np.interp(time, forecast.dt * np.arange(steps + 1), stations_m[best])
         return Decision(float(self._first_mps2[best]), risk, cause, shown)
 
-    def _relevant(self, seen: Obstacles) -> Ints:
+    def _relevant(self, obstacles: Obstacles) -> Ints:
         """Return rows of objects whose forecasts reach the rectangle around the way.
 
         At a junction only a few do. Dense forecasts, which are thinned out, keep all.
         """
-        reaches = np.ones(len(seen.box), dtype=bool)
-        if seen.dt > _MAX_STEP_S:
+        reaches = np.ones(len(obstacles.box), dtype=bool)
+        if obstacles.dt > _MAX_STEP_S:
             margin_m = _REACH_M + 2 * _CELL_M
             # missing samples may be NaN, which fmax and fmin leave out
             high_corner = np.fmax(
-                np.fmax.reduce(seen.path, axis=(1, 2)), seen.box[:, :2]
+                np.fmax.reduce(obstacles.path, axis=(1, 2)), obstacles.box[:, :2]
             )
             low_corner = np.fmin(
-                np.fmin.reduce(seen.path, axis=(1, 2)), seen.box[:, :2]
+                np.fmin.reduce(obstacles.path, axis=(1, 2)), obstacles.box[:, :2]
             )
             reaches &= (high_corner > self._way.xy.min(axis=0) - margin_m).all(axis=1)
             reaches &= (low_corner < self._way.xy.max(axis=0) + margin_m).all(axis=1)
@@ -301,7 +306,9 @@ class Planner:
         along = _DISC_PLACES * length_m[object_row, None]  # [n, discs]
         disc_x = x[path_row, None] + along * np.cos(heading)[:, None]
         disc_y = y[path_row, None] + along * np.sin(heading)[:, None]
-        disc_station, aside_m, tangent = self._beside(disc_x.ravel(), disc_y.ravel())
+        disc_station, aside_m, tangent = self._along_route(
+            disc_x.ravel(), disc_y.ravel()
+        )
         radius_m = np.hypot(width_m / 2, length_m / (2 * _DISCS))[object_row]
         margin_m = self._weights.margin
         grown_m = margin_m + self._weights.growth * forecast.dt * (forecast_step + 1)
@@ -345,7 +352,7 @@ class Planner:
             cells.append(cell.astype(np.int64))
         return np.asarray(grid[cells[0], cells[1]])
 
-    def _beside(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+    def _along_route(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
         """Return stations, distances to the way and its headings for places [n].
 
         The distance is inf beyond reach.

@@ -10,17 +10,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...agent import ActionProblem, Agent, check_action
-from ...core import MtpBenchError, Observation, Task, describe_problem
-from ...env import MTPEnv, RecordedAction, record_action
-from ..playing import MakeAgent, agent_task, derived_seed
+from ..agent import ActionProblem, Agent, check_action
+from ..core import MtpBenchError, Observation, Task, describe_problem
+from ..env import MTPEnv, RecordedAction, record_action
+from .playing import MakeAgent, agent_task, derived_seed
 
 # Yields description and observation of each step, then None; receives the action.
 Steps = Generator[tuple[str, Observation] | None, Any, None]
 Level = Literal["ok", "warning", "error"]
 
 _FOLDER = Path(__file__).resolve().parent  # frames of these files are not the agent's
-_AGENT_ROOM = _FOLDER.parents[1] / "agent"
+_AGENT_ROOM = _FOLDER.parent / "agent"
 _LOADERS = {_AGENT_ROOM / name for name in ("loader.py", "submission_files.py")}
 _LOADERS |= {Path(importlib.__file__).resolve()}
 _TRACEBACK_LINES = 4

@@ -1,1 +1,0 @@
-"""Closed loop: forecasts of an agent drive the ego of simulated traffic."""
