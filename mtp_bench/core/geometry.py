@@ -90,7 +90,7 @@ def bev_intersection_area(a: Floats, b: Floats) -> Floats:
     dy = b[..., 1] - a[..., 1]
     cos_a = np.cos(a[..., 3])
     sin_a = np.sin(a[..., 3])
-    # of b in the frame of a
+    # heading and centre of b in the frame of a
     turn = b[..., 3] - a[..., 3]
     x = cos_a * dx + sin_a * dy
     y = cos_a * dy - sin_a * dx

@@ -17,7 +17,7 @@ from ..core import Floats, Ints
 
 Keys = NDArray[np.uint64]  # what numbers are drawn for
 
-# of SplitMix64
+# constants of SplitMix64
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _SHIFTS_AND_FACTORS = (
     (np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)),
@@ -25,7 +25,7 @@ _SHIFTS_AND_FACTORS = (
 )
 _FINAL_SHIFT = np.uint64(31)
 _LOW_BITS = np.uint64(11)  # more than a float can hold
-_VERSION = 2  # of the hashed numbers
+_VERSION = 2  # version of the hash, part of each key
 _TINY = 1e-300
 _HALVINGS = 60  # of an interval of quantiles
 # tolerance of a whole number: frame periods are quotients of decimal numbers
@@ -114,9 +114,9 @@ class Draws:
 
 
 def parts(component: int, *kinds: NoiseKind) -> tuple[int, ...]:
-    """Return the numbers of a component of several kinds of noise.
+    """Return the hash constants of one component, one per kind of noise.
 
-    They enter the hash, and can be drawn at once.
+    `Draws.uniforms` draws the numbers of all of them at once.
     """
     return tuple([64 * int(kind) + int(component) + 1 for kind in kinds])
 
@@ -205,8 +205,9 @@ def exponential(latent: Floats) -> Floats:
 def skewed(normal: Floats, positive: Floats, share: Floats | float) -> Floats:
     """Return skewed numbers of variance 1.
 
-    They are made of standard normal ones and ``positive``, exponential ones of mean 1;
-    ``share``: of the variance, the exponential number's.
+    They are made of standard normal numbers ``normal`` and of exponential numbers
+    ``positive`` of mean 1. ``share``: share of the variance that the exponential number
+    has.
     """
     return np.asarray(np.sqrt(1.0 - share) * normal + np.sqrt(share) * (positive - 1.0))
 

@@ -160,9 +160,10 @@ class Grid:
         return extended_key(self.object_keys[column], frame)
 
     def on_grid(self, value: Floats, other: float = 0.0) -> Floats:
-        """Return numbers of the `cells` on the whole grid ``[..., F, J]``.
+        """Spread values of the `cells` over the whole grid ``[..., F, J]``.
 
-        ``value``: ``[..., cells]``; ``other``: number elsewhere.
+        ``value``: one number per cell, ``[..., cells]``. ``other``: number outside of
+        the cells.
         """
         grid = np.full((*value.shape[:-1], self.frames, len(self.ids)), other)
         frame, column = self.cells
@@ -250,7 +251,8 @@ def truth_grid(
 ) -> Grid:
     """Return the grid of a truth.
 
-    ``noise``: of each class index; ``memory``: of the last frame, which alone has rows.
+    ``noise``: noise of each class index. ``memory``: state of the frames before,
+    if only the last frame has rows.
     """
     distinct, number = remembered(memory, "noise", lambda: _distinct(noise))
     if memory is None:

@@ -16,7 +16,7 @@ ResultT = TypeVar("ResultT")
 class Memory:
     """State of a scene that is detected frame by frame.
 
-    With it no number is drawn twice.
+    It keeps the random numbers of earlier frames, so that they are drawn only once.
     """
 
     frame: int = -1  # the one that is detected
@@ -56,7 +56,7 @@ def remembered(
 ) -> ResultT:
     """Return the result of ``make``.
 
-    With a memory it is made once under this name.
+    A memory stores it under ``name``, so that later calls do not make it again.
     """
     if memory is None:
         return make()

@@ -103,9 +103,10 @@ def jobs_of(
 ) -> list[Job]:
     """Return the jobs of a submission on ``scenes`` of an env, in evaluation mode.
 
-    ``env``: id, path of a card, or card. ``keywords``: of `MTPEnv`; without ``observe``
-    the env observes what the manifest states. ``parameters``: of the agent, else those
-    of the manifest. ``label``: name of the agent in errors, else the submission's.
+    ``env``: id, path of a card, or card. ``keywords``: keywords of `MTPEnv`; without
+    ``observe`` the env has the mode of the manifest. ``parameters``: parameters of the
+    agent; None: those of the manifest. ``label``: name of the agent in errors; None:
+    name of the submission.
     """
     if parameters is None:
         parameters = submission.parameters

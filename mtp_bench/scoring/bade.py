@@ -63,7 +63,7 @@ class Cuts:
     def false_costs(self, min_confidence: float, cost: Floats) -> float:
         """Return the cost of false forecasts of ``min_confidence`` and more.
 
-        ``cost`` [C]: by class.
+        ``cost`` [C]: cost of a false forecast of each class.
         """
         counted = self.false & (self.confidence >= min_confidence)
         return float(cost[self.class_id[counted]].sum())
@@ -77,7 +77,7 @@ class Budgets:
     """
 
     all: Floats  # bADE of "all" is the mean over these
-    subsets: float  # of the event subsets
+    subsets: float  # the one budget of the event subsets
     false_known: bool = True
 
 
@@ -156,8 +156,9 @@ def errors_at(
 ) -> BudgetErrors:
     """Return the errors of one run at each of the ``budgets``.
 
-    ``cuts``: of all its scenes. ``live_frames``: of the run, if a budget is a number of
-    forecasts per live frame; None: of false forecasts.
+    ``cuts``: cuts of each scene of the run. ``live_frames``: number of live frames of
+    the run, if a budget is a number of forecasts per live frame. None: a budget is a
+    number of false forecasts.
     """
 
     def scene_errors(scene: int, min_confidence: float) -> Floats:

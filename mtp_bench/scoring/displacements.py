@@ -130,7 +130,7 @@ def k_curve(errors: ArrayLike, ks: Sequence[int]) -> NDArray[np.float64]:
 def _probability_of_min(m: int, k: int) -> NDArray[np.float64]:
     """Return the probability [m] that the j-th smallest is the least of a k-subset.
 
-    Of m samples: C(m-1-j, k-1) / C(m, k).
+    There are m samples, so it is C(m-1-j, k-1) / C(m, k).
     """
     probability = np.zeros(m)
     value = k / m

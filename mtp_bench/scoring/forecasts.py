@@ -36,7 +36,7 @@ class ObjectMatch:
 class ForecastErrors:
     """Errors per target with every forecast kept.
 
-    For uncovered targets they are inf and ``miss`` is True.
+    An uncovered target has the error inf, and its ``miss`` is True.
     """
 
     # [n] has a matched object with at least one sample, all samples finite

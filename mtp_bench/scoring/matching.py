@@ -16,8 +16,8 @@ from ..core import Bools, Floats, Ints
 from .pairs import Pairs, Rows
 
 Matched = NDArray[np.intp]
-# of a dense table of costs: a few boxes that touch many objects must not choose the
-# memory
+# largest dense table of costs: a few boxes that touch many objects would otherwise
+# take all memory
 _MAX_CELLS = 1 << 20
 
 

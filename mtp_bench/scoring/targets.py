@@ -34,8 +34,8 @@ from .events import (
 from .neutral import evaluated
 from .pairs import near_pairs
 
-# of BLOCK_SECONDS, by which the blocks of a scene may exceed it together, for 41 frames
-# at 2 Hz
+# share of BLOCK_SECONDS by which all blocks of a scene together may be longer: a scene
+# of 41 frames at 2 Hz is one block
 _EXCESS = 0.05
 
 
@@ -123,7 +123,7 @@ def _past(scene: Scene, card: Card) -> int:
 class AbsentCause(IntEnum):
     """Why a target may have no forecast: the first cause that holds.
 
-    As its detections tell, not the agent.
+    The detections decide on it; what the agent did with them does not count.
     """
 
     NO_FORECAST = 0  # a detection of its class lies inside the forecast gate
@@ -221,7 +221,7 @@ def _heading_change(scene: Scene, end: Ints, present: Ints) -> Floats:
 
 
 def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
-    """Return the first places [n] of ``length`` consecutive frames of one object."""
+    """Return the first rows [n] of ``length`` consecutive frames of one object."""
     if len(ids) < length:
         return np.zeros(0, dtype=np.intp)
     start = slice(0, len(ids) - length + 1)

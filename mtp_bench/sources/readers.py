@@ -14,7 +14,7 @@ from ..core import DataError, Floats, nearest, open_regular
 from .tables import RowTable
 from .text import LIMIT, read_text, reading
 
-# of a word: an array has room for the longest in every row
+# longest word: an array has room for the longest one in every row
 MAX_WORD_LETTERS = 200
 MAX_FILE_BYTES = 1 << 30
 _BLANK = " "

@@ -66,7 +66,7 @@ class BirdsEye:
     def centres(self, rectangle: Floats) -> Floats:
         """Return centres [N, 2] x y, metres, of rectangles [N, 4] in pixels.
 
-        They are those of the boxes inside.
+        A rectangle and the box inside it have the same centre.
         """
         return (rectangle[..., :2] + rectangle[..., 2:]) / (2 * self.scale)
 
@@ -127,8 +127,8 @@ class OnlineTracker:
     rectangle. For a rectangle the track has the whole box of its detection, or its last
     box, moved to the rectangle's centre. A track that takes no detection (coasts) is
     kept as long as the tracker names it; one that never took any has no class, and is
-    left out. ``score``: of the track; it counts only until the track takes a detection,
-    whose scores are remembered instead.
+    left out. ``score``: score of the track. It counts only until the track takes a
+    detection: from then on the scores of its detections count.
 
     ``per_class``: a tracker for each class of the task, which sees the detections of
     that class alone. ``view``: how rectangles are drawn. ``gate``: m, BEV, up to which
@@ -223,7 +223,8 @@ class OnlineTracker:
     ) -> list[TrackReport]:
         """Return the rows of one tracker with their classes.
 
-        ``keys``: of the tracks; ``rows`` [D]: of the detections in the observation.
+        ``keys``: keys of the tracks. ``rows`` [D]: row in the observation of each
+        detection.
         """
         reports = []
         taken_rows = self._taken_rows(answer, keys, detections).tolist()

@@ -48,8 +48,8 @@ def family_of(detector: str) -> str:
 def recommended_parameters(task: Task) -> tuple[ClassParameters, ...]:
     """Return the parameters of each class of the task.
 
-    They are those of its card, else of its detector. A class without parameters takes
-    those of a similar one, see `similar_class`. Raises UnknownNameError for a detector
+    The card may state them; otherwise they belong to the detector. A class without
+    parameters takes those of a similar one, see `similar_class`. Raises UnknownNameError for a detector
     without parameters, and for a class that looks misspelt.
     """
     if not task.tracker:

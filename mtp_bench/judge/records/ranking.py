@@ -57,7 +57,7 @@ class Standing:
     association_gaps: Mapping[Subset, float] = field(default_factory=dict)
     gap_blank: str = UNSTATED  # why one of the ``gaps`` is missing
     association_gap_blank: str = UNSTATED
-    # of bADE, to STP's
+    # difference of bADE to STP's
     differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)
 
 

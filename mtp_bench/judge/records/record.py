@@ -114,7 +114,8 @@ class ScorerPart(Section):
     """The scorer: version of the definitions, digest."""
 
     definitions: Name
-    # of the version of the definitions and the golden results, see `scorer_digest`
+    # digest of the version of the definitions and of the golden results, see
+    # `scorer_digest`
     source_digest: Sha256
 
 

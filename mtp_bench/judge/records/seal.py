@@ -101,8 +101,8 @@ class Sealed:
 
     seeds: SecretSeeds
     commitment: str
-    # file of the event weights, as secret as the seeds: its keys are hashes of the names
-    # of scenes, which tell them
+    # file of the event weights. It is as secret as the seeds: its keys are hashes of
+    # scene names, from which the seeds can be found
     weights: Path
 
     def card(self, card: Card) -> Card:
@@ -205,8 +205,8 @@ def open_seal(
     is_retired = published is not None and bool(published.retired)
     if is_retired or beside(path, RETIRED).exists():
         raise RetiredSealError(
-            f"{path}: this seal is retired, its scenes are public: draw another with "
-            "`mtp-bench maintain seal`"
+            f"{path}: this seal is retired, so its scenes are public; "
+            "draw another seal with `mtp-bench maintain seal`"
         )
     return Sealed(seeds, commitment.commitment, beside(path, WEIGHTS))
 

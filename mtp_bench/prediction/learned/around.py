@@ -162,8 +162,8 @@ def fitted_velocity(
 ) -> Array:
     """Return velocities [n, 2] m/s: slopes of straight lines through the origin now.
 
-    ``age`` [n, S] s, ``position`` [n, S, 2] m, ``weight`` [n, S]: of the positions;
-    ``prior`` [n, 2] m/s, for objects without positions.
+    Each object has S positions: ``age`` [n, S] s, ``position`` [n, S, 2] m, ``weight``
+    [n, S]. ``prior`` [n, 2] m/s is the velocity of an object without positions.
     """
     total = 1 + weight.sum(1)  # the origin has the weight 1
     middle = (weight * age).sum(1) / total

@@ -104,7 +104,8 @@ class Ptp:
     ) -> Arrays:
         """Return random layers and the statistics of the training data.
 
-        The sampling function starts as k draws of the prior, for every context.
+        At first the sampling function returns the same k draws of the prior for every
+        object.
         """
         rng = np.random.default_rng(seed)
         weights = initial(_trained_shapes(sizes), rng)
@@ -113,7 +114,7 @@ class Ptp:
         weights["sampler.1.weight"] *= np.float32(0.1)
         past = _steps(inputs, sizes)[inputs["alive"] > 0]
         past_spread = np.sqrt((past**2).mean(axis=0))
-        # of corrections of constant velocity
+        # the network predicts steps of the correction to constant velocity
         step = np.diff(future - straight(inputs, sizes), axis=1, prepend=0)
         known_before = np.concatenate([is_known[:, :1], is_known[:, :-1]], axis=1)
         return {

@@ -148,9 +148,9 @@ class Sweeps:
         return np.column_stack([place, yaw, table.matrix(SIZE)])
 
     def to_ego(self, frame: Ints, box: Floats) -> tuple[Floats, Floats]:
-        """Return places [R, 3] and quaternions [R, 4] in the ego frame.
+        """Return centres [R, 3] and quaternions [R, 4] of boxes in the ego frame.
 
-        They are those of boxes [R, 7]: the inverse of `boxes`.
+        ``box`` [R, 7] is in the frame of the scene. It is the inverse of `boxes`.
         """
         sweep = frame * self.stride
         inverse = self.rotation[sweep] * _INVERSE

@@ -32,8 +32,8 @@ class Argoverse2Source(DetectionsSection):
 
     splits = ("train", "val", "test")
 
-    # of the files of detections: one whose settings agents know, a hyphen and a word;
-    # None: simulated everywhere
+    # name of the detector that wrote the files: one whose settings agents know, a
+    # hyphen and a word; None: simulated everywhere
     detector: Annotated[str, Field(pattern=STORED_DETECTOR)] | None = "megvii-av2"
     stride: Annotated[int, Field(ge=1, le=20)] = 5  # keep every n-th sweep of 10 Hz
     # m from the ego: what lies beyond is neither true nor detected

@@ -39,7 +39,8 @@ from .columns import BOX, COLUMNS, FORMS, PICTURES, TABLES
 from .pictures import images_of, lanes_of
 from .save import scene_tables
 
-# of file names: `detection` and `lane`, not `detections_old`
+# file names so similar are taken for misspelt: `detection` and `lane`, not
+# `detections_old`
 _MIN_SIMILARITY = 0.85
 
 
@@ -303,9 +304,10 @@ def class_ids_of(table: RowTable, classes: Sequence[str]) -> Ints:
 
 
 def ids_of(table: RowTable) -> Ints:
-    """Return numbers of the objects [R]: those of the table, or of the sorted words.
+    """Return the number [R] of the object in each row.
 
-    If one id is not a whole number from 0 to `ID_LIMIT`, all are words.
+    If one id is not a whole number from 0 to `ID_LIMIT`, all count as words: each gets
+    its index among the sorted ones.
     """
     words = table["id"]
     if not len(words):

@@ -108,8 +108,8 @@ def integrated_poses(
 def read_poses(root: Path, name: str) -> Poses:
     """Read the poses of one sequence.
 
-    They are those of odometry if ``poses_orbslam3`` has it (0019: bad GPS), else of
-    OXTS.
+    They come from odometry if the sequence has a file in ``poses_orbslam3``, otherwise
+    from the GPS and inertial unit (OXTS). Sequence 0019 has bad GPS and needs the file.
     """
     oxts_path = root / f"training/oxts/{name}.txt"
     odometry_path = root / f"poses_orbslam3/{name}.txt"

@@ -230,7 +230,7 @@ def open_detections(
 def _coverage_problem(
     stores: Sequence[DetectionStore], tables: TableStore, row: int, coverage: str
 ) -> str:
-    """Return the message about a sample that two files or none of them have."""
+    """Return the message about a sample that is in two files or in none."""
     scene = tables.scenes[int(np.searchsorted(tables.start, row, side="right")) - 1]
     sample = f"sample {tables.tokens.item(row).decode()!r} of {scene}"
     holders = sorted(str(store.path) for store in stores if store.covered[row])

@@ -28,7 +28,7 @@ _LATER_MPS2 = np.array([-4.0, -2.0, 0.0, 1.5])
 _FIRST_SECONDS = 1.0
 _MAX_STEP_S = 0.3  # between two forecast places that count
 _MIN_SAMPLE_WEIGHT = 0.002  # of a sample that counts
-# of the grid that finds the station next to a place, and of the table of speeds
+# spacing of the grid that finds the station next to a place, and of the speed table
 _CELL_M = 1.0
 _REACH_M = 9.0  # from the way, beyond which no object is met
 _DISCS = 3  # that cover a box

@@ -32,8 +32,8 @@ class GymSource(SourceSection):
     # Python module that registers the id, if the id does not name it
     module: str | None = None
     config: dict[str, Any] = Field(default_factory=dict)  # of the environment
-    # of the vehicle with the sensor: "idm", "idle", or "my_module:function" of the
-    # observation
+    # driver of the vehicle with the sensor: "idm", "idle", or "my_module:function", a
+    # function of the observation
     policy: Annotated[str, _POLICY] = "idm"
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
     seeds: SeedRanges = SeedRanges(

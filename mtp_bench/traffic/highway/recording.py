@@ -15,7 +15,7 @@ _EGO_HEIGHT_M = 1.7
 _LARGEST_ANGLE = 3.141592  # rad, of six decimals
 # columns of a row: x y z yaw l w h, velocity x y, class, number; then its frame
 _NUMBER = 10
-# of the first nine columns, from y down to y up
+# factors of the first nine columns, from y down to y up
 _MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0])
 
 

@@ -218,7 +218,7 @@ def social_force(
     push_strength = push_strength * np.where(friends, _FRIEND_PUSH, 1.0)
     push_strength *= _REAR_PUSH + (1 - _REAR_PUSH) * (1 + facing_cosine) / 2
     push_force = (push_strength * unit).sum(axis=1)
-    # of the group
+    # vector to the middle of the group
     to_middle = -(between_vectors * friends).sum(axis=1) / np.maximum(
         friends.sum(axis=0), 1
     )
