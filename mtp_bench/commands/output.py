@@ -50,7 +50,7 @@ def prepare(
 def said_of(error: MtpBenchError | OSError) -> str:
     """Return the text of an error.
 
-    For an OSError, such as a full disk, with the file and what to do.
+    That of an OSError, such as a full disk, names the file and says what to do.
     """
     text = str(error)
     if not isinstance(error, MtpBenchError):

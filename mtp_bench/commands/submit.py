@@ -114,7 +114,7 @@ def submit(
 ) -> None:
     """Run a submission behind the gateway and write its records.
 
-    With ``--all`` every baseline.
+    With ``--all`` it runs every baseline.
     """
     arguments = entry.arguments()
     seeds = range(entry.seeds)

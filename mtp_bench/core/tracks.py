@@ -153,9 +153,9 @@ def _detections(tracks: Tracks) -> int:
 
 
 def _move_coasting(tracks: Tracks, leaf: Ints) -> None:
-    """Let tracks without detection stand for their identity's object.
+    """Let tracks without detection stand for the object with their identity.
 
-    They do where that object has no track.
+    They do so in hypotheses in which the object has no other track.
     """
     detections = _detections(tracks)
     with_detection = np.flatnonzero(tracks.detection >= 0)

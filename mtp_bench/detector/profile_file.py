@@ -149,7 +149,7 @@ def profile_text(profile: Profile) -> str:
 def toml_table(heading: str, content: dict[str, Any]) -> list[str]:
     """Return TOML lines of a table and its sub-tables.
 
-    Lists must be tuples.
+    Sequences in ``content`` must be tuples, not lists.
     """
     tables = {key: value for key, value in content.items() if isinstance(value, dict)}
     values = {key: value for key, value in content.items() if key not in tables}

@@ -264,7 +264,8 @@ def blocks_of(report: Report) -> Iterator[Mapping[Subset, Row]]:
 def main_settings(report: Report) -> dict[str, Mapping[Subset, Row]]:
     """Return the rows by subset of each agent's main setting.
 
-    It has equal k, the agent's own parameters, and then the most hypotheses.
+    Settings with equal k come before others, then those with the agent's own
+    parameters, then those with the most hypotheses.
     """
 
     def sort_key(rows: Mapping[Subset, Row]) -> tuple[bool, bool, int]:

@@ -33,8 +33,8 @@ class Dataset:
     """Facts about a dataset, of ``dataset.toml`` in the package of its source."""
 
     name: str
-    # folders of the data root in which it may lie, best first; the data root itself may
-    # be the data set, too
+    # folders of the data root that may hold its files, best first; the data root itself
+    # may hold them, too
     folders: tuple[str, ...]
     layout: str
     licence: str

@@ -124,9 +124,9 @@ class Entries:
     def _entry_speed(
         self, traits: VehicleTraits, lane: int, station_m: float, room_m: float
     ) -> float | None:
-        """Return the speed, m/s, to enter with.
+        """Return the speed at which a vehicle can enter, m/s.
 
-        None without room.
+        None if there is no room for it.
         """
         road_lane = self._map.geometry.lanes[lane]
         limit_mps = float(self._map.geometry.limit[lane])
@@ -138,13 +138,13 @@ class Entries:
             half_lengths = (other_vehicle.traits.length + traits.length) / 2
             gap_m = abs(other_station - station_m) - half_lengths
             is_ahead = other_station > station_m
-            time_gap = _ENTRY_GAP_SHARE * traits.time_gap if is_ahead else 0.0
-            if gap_m < room_m + time_gap * speed_mps:
+            time_gap_s = _ENTRY_GAP_SHARE * traits.time_gap if is_ahead else 0.0
+            if gap_m < room_m + time_gap_s * speed_mps:
                 return None
-            if is_ahead:  # slow enough to brake behind the leader
-                braking_room = max(gap_m - room_m, 0.0)
-                safe_speed = float(np.sqrt(other_vehicle.speed**2 + 2.0 * braking_room))
-                speed_mps = min(speed_mps, safe_speed)
+            if is_ahead:  # slow enough to brake behind the leader with 1 m/s2
+                braking_m = max(gap_m - room_m, 0.0)
+                safe_mps = float(np.sqrt(other_vehicle.speed**2 + 2.0 * braking_m))
+                speed_mps = min(speed_mps, safe_mps)
         return speed_mps
 
 

@@ -10,13 +10,13 @@ from .lanes import LaneGeometry, Route
 class Crossing:
     """A zebra crossing over an arm.
 
-    Its axis runs from ``origin`` in ``direction`` over ``span`` metres of road.
+    Its axis begins at ``origin`` and runs along ``direction``, across the whole road.
     """
 
-    origin: tuple[float, float]
-    direction: tuple[float, float]
-    span: float
-    width: float
+    origin: tuple[float, float]  # m
+    direction: tuple[float, float]  # unit vector
+    span: float  # m, width of the road
+    width: float  # m, along the road
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class Pavement:
 class Kerb:
     """A straight kerb where cars park.
 
-    It is to the right of the way from ``start`` in ``direction``.
+    It begins at ``start`` and runs along ``direction``, to the right of the traffic.
     """
 
-    start: tuple[float, float]
-    direction: tuple[float, float]
-    length: float
+    start: tuple[float, float]  # m
+    direction: tuple[float, float]  # unit vector
+    length: float  # m
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +54,10 @@ class RoadMap:
     network: Any  # a RoadNetwork
     geometry: LaneGeometry
     routes: tuple[Route, ...]
-    sensor: tuple[float, float, float]  # x, y, z of a roadside sensor
-    regulated: bool  # vehicles give way by conflicts of routes; else they overtake
-    # False: vehicles may also go before one that is far away
+    sensor: tuple[float, float, float]  # m, x y z of a roadside sensor
+    # True: vehicles give way where routes cross; False: they change lanes to overtake
+    regulated: bool
+    # True: who asks first goes first; False: vehicles may go before a distant one
     first_in_first_out: bool = True
     crossings: tuple[Crossing, ...] = ()
     pavement: Pavement | None = None
@@ -64,5 +65,5 @@ class RoadMap:
 
     @property
     def overtaking(self) -> bool:
-        """Whether vehicles change lanes."""
+        """True if vehicles change lanes."""
         return not self.regulated

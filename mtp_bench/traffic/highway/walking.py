@@ -143,24 +143,19 @@ class Footway:
 
 
 def remaining_way(points: list[Floats], remaining_share: float) -> list[Floats]:
-    """Return the last ``remaining_share`` of a way.
+    """Return the points of the last ``remaining_share`` of a way.
 
-    The first point is its start.
+    The first point is where this part begins.
     """
     step_lengths = [float(np.hypot(*(b - a))) for a, b in pairwise(points)]
     passed_m = (1.0 - remaining_share) * sum(step_lengths)
-    member_index = 0
-    while (
-        member_index + 1 < len(step_lengths) and passed_m > step_lengths[member_index]
-    ):
-        passed_m -= step_lengths[member_index]
-        member_index += 1
-    step_share = min(passed_m / step_lengths[member_index], 1.0)
-    start = (
-        points[member_index]
-        + (points[member_index + 1] - points[member_index]) * step_share
-    )
-    return [start, *points[member_index + 1 :]]
+    step = 0
+    while step + 1 < len(step_lengths) and passed_m > step_lengths[step]:
+        passed_m -= step_lengths[step]
+        step += 1
+    step_share = min(passed_m / step_lengths[step], 1.0)
+    start = points[step] + (points[step + 1] - points[step]) * step_share
+    return [start, *points[step + 1 :]]
 
 
 def slow_at_kerb(
@@ -203,7 +198,7 @@ def social_force(
 ) -> Floats:
     """Return accelerations [2, M], m/s2, of people on foot.
 
-    ``pairs``: of their places; ``velocity`` [2, M] m/s; ``to_goal`` [2, M]: vector to
+    ``pairs``: `pairs_of` their places; ``velocity`` [2, M] m/s; ``to_goal`` [2, M]: vector to
     the goal; ``pace`` [M]: desired speed; ``friends`` [M, M]: others of the same group.
     """
     goal_m = np.hypot(*to_goal)
@@ -228,9 +223,10 @@ def social_force(
 
 
 def pairs_of(place: Floats) -> Pairs:
-    """Return vectors [2, M, M] from others to each person (last axis).
+    """Return vectors, lengths and unit vectors from others to each person.
 
-    Beside them lengths [M, M], inf to oneself, and unit vectors [2, M, M].
+    Vectors [2, M, M] and unit vectors [2, M, M] have the person on the last axis. A
+    length [M, M] is inf from a person to itself.
     """
     between_vectors = place[:, None, :] - place[:, :, None]
     gap_m = np.hypot(*between_vectors)
@@ -254,7 +250,8 @@ def slow_before_others(
 ) -> Floats:
     """Return velocities [2, M] at which people can stop in time.
 
-    They stop before each other and before ``vehicles``; ``pairs``: of ``place``.
+    They stop before each other and before ``vehicles``. ``pairs`` are those that
+    `pairs_of` returns for ``place``.
     """
     _, gap_m, unit = pairs
     approach_mps = -_dot(velocity, unit)  # speed
