@@ -217,7 +217,7 @@ def to_text(table: Table, width: int = WIDTH) -> str:
 def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
     """Yield (row, line) for each line of a table.
 
-    The row is None for lines of the heading. Intervals stand below their numbers. Where
+    Lines of the heading come with None. Intervals stand below their numbers. Where
     the table would be wider than ``width``, columns of texts are folded, beginning with
     the last one. Numbers are never cut off.
     """

@@ -35,7 +35,7 @@ def load_profile(name: str) -> Profile:
 def profile_for(detector: str) -> str:
     """Return the shipped profile that replaces a stored detector.
 
-    It is an empty text if there is none.
+    Empty if no profile replaces it.
     """
     if detector in profile_names():
         return detector

@@ -125,7 +125,7 @@ def assignment_of(run: int) -> str:
 def _quantiles(values: Floats, of_class: Sequence[Bools], share: float) -> Floats:
     """Return the quantile of ``values`` [n] per class [C].
 
-    A class without values gets the quantile of all values, or 0 if there are none.
+    A class without values gets the quantile of all values, or 0 without any.
     ``of_class`` [C]: mask [n] of the values of each class.
     """
     overall = float(np.quantile(values, share)) if len(values) else 0.0

@@ -87,7 +87,7 @@ class Setting:
 
     @property
     def total_draws(self) -> int:
-        """How often k samples are drawn for an object, over all hypotheses."""
+        """Number of draws of k samples for an object, over all hypotheses."""
         draws = _count(self.submission, self.parameters, self.submission.compare.draws)
         return (self.hypotheses or 1) * (draws or 1)
 

@@ -86,7 +86,7 @@ def _counts(record: Record) -> Iterator[str]:
         yield f"seeds are {seeds}, expected whole numbers from 0 on, each once"
     runs = {key_of(scene, seed) for scene in scenes for seed in seeds}
     if others := record.missed.reasons.keys() - runs:
-        yield f"missed.reasons has {min(others)!r}, which is no run of the record"
+        yield f"missed.reasons has {min(others)!r}, which is not a run of the record"
     if record.drives is not None:
         counts = {len(scores) for scores in record.drives.scores}
         if counts != {len(seeds)}:

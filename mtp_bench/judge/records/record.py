@@ -263,7 +263,7 @@ class Results(Section):
         )
 
     def row_of(self, subset: Subset) -> Row:
-        """Return the row of one subset; fields that nothing here gives are None."""
+        """Return the row of one subset, with None in fields that the record lacks."""
         targets = self.targets.on(subset)
         errors = self.unit_error(subset)
         error = ratio(math.fsum(errors), math.fsum(targets.weight))

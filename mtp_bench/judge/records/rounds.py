@@ -55,7 +55,7 @@ class Round:
     def reached(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
         """Return the signed level of a record if this check can reach no higher one.
 
-        None if there is none, it is converted, or it is of another seal.
+        None without a level, for a converted one, and for one of another seal.
         """
         signed, _ = read_level(path, record, trust)
         if signed is None or signed.statement.converted:
