@@ -307,7 +307,7 @@ def padded(
 ) -> tuple[Floats, Floats]:
     """Return samples [o, S, T, 2] and log-weights [o, S] of pools.
 
-    Their entries have the rows and log-masses [o, E].
+    ``row`` and ``log_mass`` [o, E]: row and log-mass of each entry of a pool.
     """
     pools = len(row)
     pool = samples.take(row, axis=0).reshape(pools, -1, *samples.shape[2:])

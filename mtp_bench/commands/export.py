@@ -29,7 +29,7 @@ def export(
 ) -> None:
     """Write the tracks of a stored run in the formats of other benchmarks.
 
-    These are result files of KITTI, nuScenes or Argoverse 2, or tables.
+    The formats are result files of KITTI, nuScenes or Argoverse 2, and tables.
     """
     boxes = export_tracks(open_run(folder, root, env), output, table)
     show(f"{output}: {counted(boxes, 'tracked position')}")

@@ -31,7 +31,7 @@ def wrap_angle(angle: ArrayLike) -> Floats:
 def bev_corners(box: Floats) -> Floats:
     """Return the corners ``[..., 4, 2]`` of boxes ``[..., 7]`` in BEV.
 
-    They are front left, rear left, rear right, front right.
+    The order is front left, rear left, rear right, front right.
     """
     x, y, _, yaw, length, width = (box[..., column] for column in range(6))
     corners = _corners_at(x, y, np.cos(yaw), np.sin(yaw), length, width)

@@ -63,7 +63,8 @@ class Drive:
 class Rollout:
     """All actions of an agent on one scene, in the scene's frame of reference.
 
-    They are checked and quantised. Invalid rows are left out; ``invalid`` counts them.
+    Actions are checked and quantised. Invalid rows are left out; ``invalid`` counts
+    them.
     """
 
     scene: str

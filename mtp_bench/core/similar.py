@@ -36,8 +36,9 @@ def class_hint(name: str, names: Iterable[str]) -> str:
 def similar_class(name: str, names: Iterable[str]) -> str | None:
     """Return the class of ``names`` that is most like the class ``name``.
 
-    It is the class itself, else one of its kind (vehicles, two wheels, people), else
-    the first one. None where the name looks misspelt.
+    If ``names`` has the class itself, it is returned; otherwise one of its kind
+    (vehicles, two wheels, people); otherwise the first one. None where the name looks
+    misspelt.
     """
     names = tuple(names)
     if name in names:

@@ -94,7 +94,7 @@ class Draws:
     def uniforms(self, parts: tuple[int, ...], keys: Keys) -> Floats:
         """Return uniform numbers in (0, 1) [m, ...] for keys of `keys_of`.
 
-        There are numbers of m `parts` for each key.
+        Each key gets m numbers, one for each of the `parts`.
         """
         offsets = _offsets(self._key, parts).reshape(-1, *[1] * keys.ndim)
         hash_bits = _mixed(offsets + keys)
@@ -163,7 +163,7 @@ def _mixed(hash_state: Keys) -> Keys:
 def stationary(after_no: Floats, after_yes: Floats) -> Floats:
     """Return the long-run chance of "yes" in a chain.
 
-    It has these chances of "yes" after a "no" and after a "yes".
+    The arguments are the chances of "yes" after a "no" and after a "yes".
     """
     return after_no / np.maximum(1.0 - after_yes + after_no, _TINY)
 
@@ -197,7 +197,8 @@ def decayed(correlation: Floats, steps: float) -> Floats:
 def exponential(latent: Floats) -> Floats:
     """Return exponential numbers of mean 1.
 
-    They have the ranks of standard normal ones.
+    A number has the same rank in its distribution as the standard normal number from
+    which it is made.
     """
     return np.asarray(-log_ndtr(-latent))
 
@@ -233,8 +234,8 @@ def skewed_density(value: Floats, share: float) -> Floats:
 def _log_tail(value: Floats, normal: Any, tail: Any) -> Any:
     """Return the logarithm of the density of a sum, times ``tail``.
 
-    It is of a normal number of deviation ``normal`` and an exponential one of mean
-    ``tail``.
+    The summands are a normal number of deviation ``normal`` and an exponential number
+    of mean ``tail``.
     """
     ratio = normal / tail
     return -value / tail + 0.5 * ratio**2 + log_ndtr(value / normal - ratio)

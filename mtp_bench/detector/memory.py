@@ -30,7 +30,7 @@ class Memory:
     def previous(self, name: Any, shape: tuple[int, ...]) -> Floats:
         """Return the numbers of ``name`` in the frame before.
 
-        They are filled up to ``shape`` with 0 for new columns.
+        New columns, up to ``shape``, are filled with 0.
         """
         numbers = np.zeros(shape)
         if name in self.series:

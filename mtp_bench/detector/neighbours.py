@@ -12,7 +12,7 @@ from ..core import NO_ROWS, Floats, Ints
 class Neighbours:
     """Pairs of rows that share noise, each in both directions.
 
-    They are sorted by row and then by the other's object.
+    Pairs are sorted by row, then by the object of the other row.
     """
 
     row: Ints  # [Q]

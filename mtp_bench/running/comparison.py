@@ -152,8 +152,9 @@ def _reference_settings(
 ) -> _ReferenceSettings:
     """Return the settings beside which agents are measured.
 
-    Of several numbers of hypotheses under one label they are of the last. Unless
-    ``full``, they are the single hypothesis alone, which the guard of ranks takes.
+    If settings with several numbers of hypotheses have one label, the last of them
+    decides. Unless ``full``, only the single hypothesis is returned, which the guard of
+    ranks needs.
     """
     references: dict[str, dict[str, Setting]] = {}
     for setting in settings:

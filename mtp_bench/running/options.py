@@ -150,7 +150,8 @@ class RunOptions(CardChanges):
     def require_usable(self, submissions: Sequence[Submission]) -> None:
         """Raise MtpBenchError for submissions that cannot run under these options.
 
-        These are objects that the workers cannot get; see also `require_tracks_used`.
+        Objects that cannot be sent to the workers are such submissions; see also
+        `require_tracks_used`.
         """
         if self.workers != SERIAL:
             for submission in submissions:
@@ -189,7 +190,7 @@ def resolve_options(
 ) -> tuple[str | Card, RunOptions]:
     """Return the env and the options under `RunKeywords`.
 
-    Scenes of one's own among the keywords are then those of the env. Raises
+    If the keywords have scenes of one's own, they replace the scenes of the env. Raises
     UnknownNameError for other keywords, MtpBenchError for values that `RunOptions`
     refuses.
     """

@@ -99,7 +99,7 @@ class Perturbation:
 def matched_detections(scene: Scene, card: Card) -> MatchedDetections:
     """Return the detections matched one to one to evaluated objects.
 
-    They are inside the forecast gate of their object.
+    A matched detection is inside the forecast gate of its object.
     """
     truth = evaluated(scene).truth
     detections = scene.detections

@@ -48,7 +48,7 @@ class Cuts:
     def at(self, min_confidence: float) -> tuple[Floats, Floats]:
         """Return the error of each target [n], m, at the least kept confidence.
 
-        Beside it its part from targets without a forecast.
+        The second result is the part of it from targets without a forecast.
         """
         steps = np.searchsorted(-self.confidence, -min_confidence, side="right")
         changes = int(np.searchsorted(self.step, steps))
@@ -85,8 +85,9 @@ class Budgets:
 class CardBudget:
     """Constants of a card that set its budgets.
 
-    They are counts of the reference STP on the scored split. Budgets never depend on
-    what an agent is given: worse detections would widen them, and lower its error.
+    The constants are counts of the reference STP on the scored split. Budgets do not
+    depend on the detections that an agent gets. Otherwise worse detections would widen
+    the budgets and lower the error.
     """
 
     env: str = ""  # id of the card; empty: its scored split has no frozen counts
@@ -244,8 +245,8 @@ def fixed_parts(
 ) -> tuple[Floats, Floats, float, float]:
     """Return the parts of `fixed_error`, whose arguments it has, m.
 
-    They are the error of each target [n], its part from targets without a forecast, the
-    cost of the false forecasts, and that of the invalid objects.
+    The parts: the error of each target [n], the share of it from targets without a
+    forecast, the cost of false forecasts, the cost of invalid objects.
     """
     error, missed = cuts.at(SURE)
     class_cost = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())

@@ -70,9 +70,9 @@ def displacement(
 def floored(weights: NDArray[Any]) -> Floats:
     """Return weights [n, S] with 0 for samples below 1 % of the uniform weight.
 
-    They are absent in every number. So a sample that costs nothing in the energy score
-    earns nothing in minADE. Samples of weight 0 do not count as stated; what is below
-    the floor is dropped once.
+    Samples of weight 0 are left out of every metric. So a sample that costs nothing in
+    the energy score earns nothing in minADE. Samples of weight 0 do not count as
+    stated; what is below the floor is dropped once.
     """
     weight = np.asarray(weights, dtype=np.float64)
     sample_count = (weight > 0).sum(axis=1, keepdims=True)

@@ -151,7 +151,8 @@ class Candidates:
     ) -> tuple[ForecastErrors, Matched]:
         """Return the errors of every target with all forecasts kept.
 
-        Beside them the forecast of each true box [R], -1 for none.
+        The second result is the forecast object of each true box [R], -1 if it has
+        none.
         """
         targets = self.targets
         forecasts = self.forecasts

@@ -117,8 +117,8 @@ def named_parts(part: Floats) -> dict[str, float]:
 def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
     """Return the parts as text: "other class 5.0 m, predictor 3.1".
 
-    Those that round to 0 are left out; if all do, the first stands with two decimals.
-    The sum of names beyond the first ``most`` is called "others".
+    Parts that round to 0 are left out. If all round to 0, the first is printed with two
+    decimals. The sum of names beyond the first ``most`` is called "others".
     """
     shown = _shown(parts)
     if parts and not shown:
@@ -149,8 +149,8 @@ def by_fault(parts: Mapping[str, float]) -> dict[str, float]:
 def fault_of(parts: Mapping[str, float]) -> str:
     """Return the part of the stack that causes most of `named_parts`.
 
-    It stands with the largest of its causes; empty without an error. Confidence is
-    named only where nothing else has a part.
+    The text also names the largest of its causes. It is empty without an error.
+    Confidence is named only where nothing else has a part.
     """
     stages = [stage for stage, size in by_fault(parts).items() if size >= LEAST_SHOWN]
     if not stages:

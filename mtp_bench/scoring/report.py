@@ -189,7 +189,7 @@ def _paired_rows(
 def paired_row(table: AgentTable, control: AgentTable, subset: Subset) -> PairedRow:
     """Return differences table - control.
 
-    They are of bADE, and of minADE over targets that both cover.
+    One difference is in bADE, the other in minADE over targets that both cover.
     """
     weight = table.weight[subset]
     error, interval, p = numbers_of(

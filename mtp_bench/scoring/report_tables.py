@@ -211,8 +211,9 @@ def shipped_env(report: Report) -> str:
 def misstated_lines(report: Report) -> Iterator[str]:
     """Return the note about confidences that do not come true.
 
-    Only on other detections than the card's own. It is about the first agent: others
-    have the same presence model, unless a run names one (``--presence``).
+    There is a note only if the detections are not the card's own. The note is about the
+    first agent, since others have the same presence model unless a run names one
+    (``--presence``).
     """
     condition = report.condition
     if condition.get("presence") or not _has_other_detections(report):

@@ -200,9 +200,9 @@ def mean_plain_error(scores: Sequence[SceneScore]) -> float | None:
 def nearest_score(scene: Scene, forecasts: RecordedForecasts) -> Floats:
     """Return the score [S] of the nearest detection of each forecast.
 
-    Of the same frame and class, mapped to (-1, 1); -1 without one. In place of the
-    agent's own confidence it shows what that is worth (docs/definitions, "Controls, and
-    the gap closed").
+    The detection has the same frame and class; its score is mapped to (-1, 1), and is
+    -1 without a detection. In place of the agent's own confidence this score shows how
+    much that confidence is worth (docs/definitions, "Controls, and the gap closed").
     """
     from scipy.spatial import KDTree
 

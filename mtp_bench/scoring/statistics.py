@@ -91,7 +91,7 @@ def _mean_and_error(
 ) -> tuple[Floats, Floats]:
     """Return mean and standard error [B] of resamples.
 
-    They hold each unit ``counts`` [B, U] times.
+    A resample has each unit ``counts`` [B, U] times.
     """
     total_weight = counts @ weight
     mean = (counts @ sums) / total_weight

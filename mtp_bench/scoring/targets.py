@@ -62,12 +62,12 @@ class Targets(Ragged):
 def find_targets(scene: Scene, card: Card) -> Targets:
     """Return the targets of ``scene``.
 
-    They are eligible, not neutral, with P past frames (the current one included) and T
-    future ones. Objects that no label of an image could confirm are neutral. The P + T
-    frames are consecutive, without a hole in time, and the object may be neutral in all
-    but the current one. Targets of an official list need the T future frames only.
-    ``moving`` and ``turning`` are measured in the world also where every frame has its
-    own frame of reference; where headings are nominal, no target turns. Raises
+    A target is eligible, not neutral, and has P past frames (the current one included)
+    and T future ones. Objects that no label of an image could confirm are neutral. The
+    P + T frames are consecutive, without a hole in time, and the object may be neutral
+    in all but the current one. Targets of an official list need the T future frames
+    only. ``moving`` and ``turning`` are measured in the world also where every frame
+    has its own frame of reference; where headings are nominal, no target turns. Raises
     DataError where an object occurs twice in a frame.
     """
     truth = evaluated(scene).truth

@@ -260,7 +260,8 @@ class OnlineTracker:
     ) -> Ints:
         """Return the detection that each row took, -1 for none.
 
-        It is the stated one, else the nearest free one, one to one.
+        A row takes the detection that it states; otherwise the nearest one that is
+        free. No detection is taken twice.
         """
         stated = [-1 if row.detection is None else row.detection for row in answer]
         taken = np.array(stated, dtype=np.int64)

@@ -86,7 +86,8 @@ def score_thresholds(task: Task) -> dict[str, float]:
 def _tracker_table(detector: str) -> dict[str, ClassParameters]:
     """Return the parameters by class in the file of a detector.
 
-    They stand on top of those of ``tracker_like``. Empty without any.
+    The file's own parameters override those of the detector ``tracker_like``. Empty if
+    the file has neither.
     """
     content = read_detector(detector) or {}
     table: dict[str, ClassParameters] = {}

@@ -61,7 +61,8 @@ _MASKED_EQUAL = 7
 class _Comparison(ctypes.Structure):
     """A condition of a rule on an argument.
 
-    Its place, the operator, and a value, or a mask and a value.
+    It has the position of the argument, the operator, and a value or a mask and a
+    value.
     """
 
     _fields_ = (

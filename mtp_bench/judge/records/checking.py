@@ -51,7 +51,7 @@ def check_submission(
 def _is_dangerous(run: SceneRun) -> bool:
     """Return True for an agent that would take this process with it.
 
-    It hung, broke the rules or ended its process.
+    Such an agent hung, broke the rules or ended its process.
     """
     ended = run.reason.startswith("the process ")
     return ended or run.status in ("hung", "rejected")

@@ -88,10 +88,10 @@ class Parts:
 def open_parts(target: Path, plan: dict[str, Any], resume: bool) -> Iterator[Parts]:
     """Open the finished scenes of the record at ``target``.
 
-    They are removed if the block ends without an error. ``plan``: all that is decided
-    before the runs, as JSON. Raises MtpBenchError if another process writes this
-    record, RecordError if finished scenes are left of an earlier command and not to
-    ``resume``, or have another plan.
+    The files of finished scenes are removed if the block ends without an error.
+    ``plan``: all that is decided before the runs, as JSON. Raises MtpBenchError if
+    another process writes this record, RecordError if finished scenes are left of an
+    earlier command and not to ``resume``, or have another plan.
     """
     folder = target.with_suffix(PARTS)
     make_folder(folder)

@@ -198,7 +198,7 @@ def hashes(runs: Runs) -> HashesPart:
 def rollouts_hash(runs: Mapping[int, Sequence[Rollout]]) -> str:
     """Return the hash over the answers of each seed.
 
-    Their drives are left out: they are made again where a record is verified.
+    Drives are left out, since they are made again when a record is verified.
     """
     digests = {
         key_of(rollout.scene, seed): digest(replace(rollout, drive=None))

@@ -136,7 +136,7 @@ class Sealed:
     ) -> Reference:
         """Return the event weights of the hidden scenes of a card.
 
-        They are made once per seal and kept beside the secret.
+        The weights are made once per seal and stored beside the secret.
         """
         if self.weights.is_file():
             stored = read_reference(self.weights)

@@ -76,7 +76,8 @@ def parse_as(model: type[SectionT], text: str, where: str) -> SectionT:
 def content_digest(content: Mapping[str, Any]) -> str:
     """Return the hex sha256 of the canonical JSON of the content of a record.
 
-    Its digest, measurements, level and targets are left out: it names its targets.
+    Digest, measurements and level are left out. So are the targets, since the content
+    names them by their digest.
     """
     return digest_of(
         {name: value for name, value in content.items() if name not in _NOT_DIGESTED}

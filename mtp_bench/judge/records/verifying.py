@@ -182,7 +182,7 @@ def _score_again(
 ) -> Verification:
     """Check a record by scoring rollouts.
 
-    They are the stored ones, or those of another run, whose ``times_differ``.
+    The rollouts are the stored ones, or those of another run; then ``times_differ``.
     """
     answers = differences(
         "hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs)
@@ -258,7 +258,7 @@ def _made_here(
 ) -> Verification:
     """Check the public part of a record that a maintainer made.
 
-    It is scored again, or taken as it is where no rollouts are stored.
+    Stored rollouts are scored again; without them the numbers are taken as they are.
     """
     if path.with_suffix(ROLLOUTS).is_dir():
         return _score_stored(path, record, card, options, secret_runs)

@@ -28,12 +28,12 @@ def around_inputs(
 ) -> Arrays:
     """Return the M nearest detections of each of the last P frames, float32.
 
-    They are in the heading frame of the last box. ``moment`` [n]: the frame of each
-    window in ``surroundings``. Frames stand oldest first, detections nearest first. near
-    [n, P, M] 1 if it exists, else all is 0 · position [n, P, M, 2] m · velocity
-    [n, P, M, 2] m/s as measured · yaw [n, P, M] rad · score, same (class) [n, P, M] ·
-    ratio [n, P, M, 2] log of its length and width over the object's · size [n, 3] m ·
-    class_id [n].
+    Positions are in the heading frame of the last box. ``moment`` [n]: the frame of
+    each window in ``surroundings``. Frames stand oldest first, detections nearest
+    first. near [n, P, M] 1 if it exists, else all is 0 · position [n, P, M, 2] m ·
+    velocity [n, P, M, 2] m/s as measured · yaw [n, P, M] rad · score, same (class) [n,
+    P, M] · ratio [n, P, M, 2] log of its length and width over the object's · size [n,
+    3] m · class_id [n].
     """
     frames_ago = range(sizes.past - 1, -1, -1)
     rows = [nearest(windows, moment, surroundings, i, i * sizes.dt) for i in frames_ago]
@@ -69,8 +69,8 @@ def nearest(
 ) -> Ints:
     """Return rows [n, M] in ``surroundings`` of the detections within reach; -1: no more.
 
-    They are of the frame ``frames_ago``, ``age`` s, before. The nearest come first, as
-    the reach measures distance.
+    The detections are from ``frames_ago`` frames, ``age`` s, before. The nearest come
+    first, as the reach measures distance.
     """
     frame = np.maximum(moment - frames_ago, 0)
     count = np.where(

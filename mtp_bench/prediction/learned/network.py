@@ -100,7 +100,8 @@ class Network(Protocol):
     ) -> dict[str, Array]:
         """Return the output in the heading frame.
 
-        It is ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n, 2] m.
+        Its arrays: ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n,
+        2] m.
         """
         ...
 

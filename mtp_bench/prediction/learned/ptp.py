@@ -169,7 +169,7 @@ def _trained_shapes(sizes: Sizes) -> Shapes:
 def _steps(inputs: Inputs, sizes: Sizes) -> Array:
     """Return features [n, P, PER_STEP] of each past frame.
 
-    They are `history`, and the offset from a motion of constant velocity.
+    The features are `history` and the offset from a motion of constant velocity.
     """
     xp = namespace(inputs["position"])
     alive = inputs["alive"]
@@ -190,7 +190,7 @@ def _object(inputs: Inputs, sizes: Sizes) -> Array:
 def context_of(weights: Weights, inputs: Inputs, sizes: Sizes) -> Array:
     """Return the context [n, 2 TRACKLET] of each object.
 
-    It is the object's own past, and its past among the others.
+    The context encodes the object's own past, and the pasts of the objects around it.
     """
     xp = namespace(inputs["position"])
     alive = inputs["alive"]

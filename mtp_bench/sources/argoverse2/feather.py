@@ -139,7 +139,7 @@ class Sweeps:
     def boxes(self, table: RowTable, frame: Ints) -> Floats:
         """Return boxes x y z yaw l w h of rows in the frames ``frame`` [R].
 
-        They are in the city less the origin.
+        Coordinates are those of the city, minus the origin.
         """
         rotation = self.rotation[frame * self.stride]
         place = rotate_vectors(rotation, table.matrix(PLACE))

@@ -74,7 +74,8 @@ def log_folders(root: Path, split: str) -> dict[str, Path]:
 def detection_files(root: Path, card: Card) -> tuple[Path, ...]:
     """Return the files of detections of the card.
 
-    They are the one that it names, else all that there are; none for simulated ones.
+    A card may name one file; otherwise all files there are returned. Empty for
+    simulated detections.
     """
     own_file = own_detections(card)
     if own_file is not None:

@@ -49,8 +49,8 @@ def scene_frames(
 ) -> tuple[Ints, Floats]:
     """Return numbers [F], rising, and times [F] in s of the frames.
 
-    They are the rows of the ego table, else all numbers in use. ``rate_hz`` gives the
-    times without an ego table that has them. Raises DataError.
+    The frames are the rows of the ego table; without one they are all frame numbers in
+    use. Times that the table does not have follow from ``rate_hz``. Raises DataError.
     """
     if "ego" not in tables:
         frame_numbers = _numbers_in_use(where, tables)

@@ -152,7 +152,8 @@ def _refuse_misspelt(folder: Path) -> None:
 def _for_card(scene: Scene, card: Card, where: str, has_detections: bool) -> Scene:
     """Return the scene as the card says.
 
-    Its truth is complete or not, its detections are stored or to be simulated.
+    The card says if its truth is complete, and if its detections are stored or
+    simulated.
     """
     if not card.source.traits.truth_complete:
         scene = replace(scene, truth_complete=False)

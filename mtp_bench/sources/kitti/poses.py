@@ -156,7 +156,7 @@ def _from_first(rotation: Floats, position: Floats) -> Poses:
 def _rotations(attitude: Floats) -> Floats:
     """Return rotations [F, 3, 3] Rz(yaw) Ry(pitch) Rx(roll) of ``attitude`` [F, 3].
 
-    They are from forward, left, up to east, north, up.
+    A rotation turns the axes forward, left, up into east, north, up.
     """
     cr, cp, cy = np.cos(attitude).T
     sr, sp, sy = np.sin(attitude).T

@@ -72,8 +72,9 @@ class Wildtrack:
     The world is WILDTRACK's ground plane in metres, the ground at z = 0. People are
     upright boxes of one nominal size with yaw 0: only their places are annotated. No
     vehicle carries the cameras: the ego state is the middle of the annotated area in
-    all frames. Velocities are backward differences, NaN if a person was absent in the frame before.
-    Seven cameras all around see everybody: no line of sight from one point counts.
+    all frames. Velocities are backward differences, NaN if a person was absent in the
+    frame before. Seven cameras all around see everybody: no line of sight from one
+    point counts.
     """
 
     def __init__(self, card: Card, data: DataRoot = None) -> None:

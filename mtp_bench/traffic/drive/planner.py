@@ -165,8 +165,8 @@ class Planner:
     ) -> tuple[Floats, Floats]:
         """Return stations [C, T + 1] m and speeds of all profiles.
 
-        They begin now, at ``s`` m with ``speed`` m/s, and have values every ``step_s``
-        s.
+        The profiles begin now, at ``s`` m with ``speed`` m/s, and have values every
+        ``step_s`` s.
         """
         stations_m, speeds_mps = np.empty((2, steps + 1, len(self._first_mps2)))
         stations_m[0] = s

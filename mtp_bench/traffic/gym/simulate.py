@@ -175,8 +175,9 @@ def _kind_of(length_m: float) -> str:
 def _policy(env: Any, name: str) -> Callable[[Any], Any]:
     """Return the function from an observation to an action.
 
-    It is "module:function", else a function that does nothing. With "idm" all
-    controlled vehicles become like the others, IDM with MOBIL, which no action changes.
+    A policy "module:function" names it; for others it is a function that does nothing.
+    With "idm" all controlled vehicles become like the others, IDM with MOBIL, which no
+    action changes.
     """
     if ":" in name:
         policy: Callable[[Any], Any] = pkgutil.resolve_name(name)

@@ -204,7 +204,7 @@ def _warmed_up(traffic: Traffic, seed: int) -> tuple[Attempt, _Ego]:
 def _ego_after_warm_up(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
     """Simulate the warm-up, and on until a vehicle can be the ego.
 
-    None after a crash, or a wait of `_MAX_WAIT_S`.
+    None after a crash, or if `_MAX_WAIT_S` pass without such a vehicle.
     """
     for step in range(round((WARM_UP + _MAX_WAIT_S) * RATE)):
         boxes = attempt.boxes()

@@ -148,7 +148,7 @@ class RightOfWay:
     ) -> Floats:
         """Return free metres [N] to the places to wait at.
 
-        They are inf for a vehicle that need not wait. ``walks``: pedestrians on
+        The distance is inf for a vehicle that need not wait. ``walks``: pedestrians on
         crossings; ``claimed_crossings``: crossings where people have waited long
         enough, for which no vehicle gets the right of way.
         """

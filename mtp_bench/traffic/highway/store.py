@@ -65,7 +65,7 @@ class WorldStore:
     def path(self, seed: int) -> Path:
         """Return the file of one world.
 
-        Those of secret seeds have a folder apart.
+        Worlds of secret seeds are in a folder of their own.
         """
         folder = self.secret_folder if seed >= SECRET_SEEDS else self.folder
         return folder / f"{seed:06d}.npz"

@@ -108,7 +108,7 @@ class Footway:
     def stroll(self, member_index: int) -> list[Floats]:
         """Return points of the k-th person's way without a crossing.
 
-        It is along one road, around the corner and along the other.
+        The way leads along one road, around the corner and along the other road.
         """
         other = replace(self.coming, around=not self.coming.around)
         return [
@@ -313,7 +313,7 @@ class Outlines:
     def clearance(self, points: Floats) -> Floats:
         """Return distances [M, N] of points [2, M] to the outlines.
 
-        They are along the axes of the boxes, and negative inside.
+        Distances are measured along the axes of the boxes, and negative inside.
         """
         dx, dy = points[:, :, None] - self._center[:, None]
         along = np.abs(self._cos * dx + self._sin * dy) - self._half_length
