@@ -129,9 +129,9 @@ def json_alone(context: typer.Context, path: Path | None) -> Path | None:
 
 @contextmanager
 def _standard_output_apart() -> Iterator[TextIO]:
-    """Yield standard output of this process alone.
+    """Yield a standard output to which only this process writes.
 
-    The output of other processes goes to the error stream.
+    What other processes write to standard output goes to the error stream.
     """
     try:
         descriptor = sys.stdout.fileno()

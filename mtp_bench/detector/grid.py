@@ -99,7 +99,7 @@ class Grid:
         return self.memory.grown((draws.subject, name), self.object_keys, make)
 
     def by_noise(self) -> list[tuple[ClassNoise, Ints]]:
-        """Return each noise with its rows, without those that have none."""
+        """Return each noise that has rows, with its rows."""
         rows_of: list[tuple[ClassNoise, Ints]] = []
         for number, noise in enumerate(self.noise):
             rows = np.flatnonzero(self.row_noise == number)

@@ -28,7 +28,7 @@ _ROUNDING = 1e-6  # of the number of steps along a lane
 
 @dataclass(frozen=True, eq=False)
 class LaneFeed:
-    """Pieces of the lanes of a scene, A in all, from which each frame shows some.
+    """All A pieces of the lanes of a scene; a frame shows some of them.
 
     It is made once, at ``reset``; a frame then costs one distance for each point.
     """

@@ -109,7 +109,7 @@ class EnvEvaluation:
         return first_errors(jobs, self.options)
 
     def scores(self, settings: Sequence[Setting], caught: bool = True) -> list[Scores]:
-        """Return the scores of settings under all seeds, or the first error of one.
+        """Return the scores of each setting under all seeds, or its first error.
 
         Without ``caught`` the error is raised.
         """

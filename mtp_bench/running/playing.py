@@ -183,7 +183,7 @@ def _agent_outcomes(
     calls: Sequence[tuple[Any, ...]],
     workers: Workers,
 ) -> Iterator[tuple[int, Any]]:
-    """Yield index and result of each call of one agent, which may end its process."""
+    """Yield index and result of each call of an agent that may end its process."""
     remaining = dict.fromkeys(range(len(calls)))
     try:
         for index, result in unordered_map(function, calls, workers, own_process=True):

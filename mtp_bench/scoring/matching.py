@@ -45,7 +45,7 @@ class _Contested:
         )
 
     def parts(self) -> list[tuple[int, int]]:
-        """Return the first pair of each component, and the one after its last."""
+        """Return the start and end of each component in the pairs."""
         first = np.flatnonzero(np.diff(self.label, prepend=-1))
         return list(pairwise([*first.tolist(), len(self.label)]))
 
@@ -226,7 +226,7 @@ def _settle_square(contested: _Contested, matched: Matched) -> None:
 
 
 def _assign(row: Rows, column: Rows, cost: Floats) -> Rows:
-    """Return the chosen pairs of one component, or of what is left of it.
+    """Return the chosen pairs of one component or of a part of it.
 
     Rows and columns are its own numbers.
     """

@@ -99,9 +99,9 @@ class SceneScore(ForecastErrors):
 
     @property
     def centred(self) -> Floats:
-        """Error ``capped`` [n] with the present place of forecasts moved to the truth.
+        """Error ``capped`` [n], m, after a shift of the forecasts.
 
-        In metres.
+        Each forecast is shifted so that it begins at the true present position.
         """
         return capped_error(self.centred_ade, self.miss_error)
 

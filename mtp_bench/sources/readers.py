@@ -235,7 +235,7 @@ def _read_parquet(path: Path, stream: Any) -> Any:
 def _read_cells(
     path: Path, text: str, names: Sequence[str], delimiter: str, first_line: int = 1
 ) -> tuple[Any, NDArray[np.int64]]:
-    """Return the cells of a text as an Arrow table of words, and the line of each row.
+    """Return the cells of a text as an Arrow table, and the line of each row.
 
     ``first_line``: number of the first line of ``text``. Blank lines are left out.
     """

@@ -98,7 +98,7 @@ class Checked:
 
     @property
     def converted(self) -> bool:
-        """True if its level is that of an earlier form of the record."""
+        """True if the level was given to an earlier form of the record."""
         return self.signed is not None and self.signed.statement.converted
 
     @property

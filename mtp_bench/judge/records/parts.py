@@ -153,6 +153,7 @@ def _require_plan(folder: Path, plan: dict[str, Any]) -> None:
         if values[0] != values[1]:
             got, expected = (clean_text(json.dumps(value), 100) for value in values)
             raise RecordError(
-                f"{folder} was begun with another plan: {name} is {got}, there it is "
-                f"{expected}; submit as then, or delete that folder"
+                f"{folder} was begun with another plan: {name} is now {got}, but was "
+                f"{expected}; use the earlier submission and options, or delete that "
+                "folder"
             )

@@ -1,4 +1,4 @@
-"""The schema of a record, and of the results on hidden scenes of its signed level.
+"""Schema of a record and of its signed level, with results on hidden scenes.
 
 Both store facts alone: error sums per unit, and numbers that no sums give. All that
 follows from these facts is a property.

@@ -20,7 +20,7 @@ from .verifying import Verification, verify
 
 @dataclass(frozen=True)
 class Round:
-    """The same check of many records, each with its submission and its seal."""
+    """One kind of check for many records, each with its submission and seal."""
 
     rerun: bool = False
     # by env: with hidden scenes, which rank simulated envs

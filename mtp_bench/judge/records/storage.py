@@ -151,7 +151,7 @@ def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
 
 
 def seed_folder(folder: Path, seed: int) -> Path:
-    """Return the folder of one seed within that of the rollouts of all seeds."""
+    """Return the folder of one seed in the folder of all rollouts."""
     return folder / f"seed-{seed}"
 
 

@@ -57,7 +57,7 @@ class Recipe:
 
 
 class Network(Protocol):
-    """Futures of tracks as a function of weights; arrays of NumPy and tensors of torch alike."""
+    """Function from weights and tracks to futures, for NumPy and torch alike."""
 
     name: str  # also of its module in this folder, which holds it as NETWORK
     around: bool  # its input is the detections around an object, not its track

@@ -1,4 +1,4 @@
-"""The road of a log, of its own map: lanes, their middle lines and what continues them.
+"""Lanes in the map of a log, with middle lines and successors.
 
 The middle line is made as the official reader makes it: ten points of each border,
 evenly spaced along its length in three dimensions, and the middles of the pairs. Lanes

@@ -37,7 +37,7 @@ from .layout import CATEGORIES, NEUTRAL, Argoverse2Source, log_folder
 
 @dataclass(frozen=True, eq=False)
 class LogBoxes:
-    """Boxes of a log in the frames and of the classes of a card, neutral ones too."""
+    """Boxes of a log in frames and classes of a card, neutral ones included."""
 
     table: RowTable  # rows in the file
     frame: Ints  # [R]

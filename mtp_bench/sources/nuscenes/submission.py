@@ -68,7 +68,7 @@ class _File(msgspec.Struct):
 
 @dataclass(frozen=True, eq=False)
 class SubmittedBoxes:
-    """Boxes of those samples of a file that the tables have.
+    """Boxes of a file, without samples that the tables do not have.
 
     They are sorted by sample, otherwise in the order of the file.
     """

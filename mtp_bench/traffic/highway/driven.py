@@ -219,9 +219,9 @@ def _ego_after_warm_up(attempt: Attempt, rng: np.random.Generator) -> _Ego | Non
 
 
 def _choose_ego(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
-    """Replace a car that is about to meet others by the ego.
+    """Choose a car that is about to meet other road users, and make it the ego.
 
-    None without such a car.
+    None if there is no such car.
     """
     routes = attempt.map.routes
     candidates = _candidates(attempt)
