@@ -93,7 +93,7 @@ class CompareSection(Section):
     # the same of its association gap, if they are others: its own predictor with and
     # without perfect association
     association_references: dict[str, Value] | None = None
-    role: Role | None = None  # of a baseline that others are compared with
+    role: Role | None = None  # role as a baseline that others are compared with
 
 
 class Manifest(Section):

@@ -24,7 +24,7 @@ _MINUTES = {
 class NetworkState:
     """A network of a submission on an env: whether its weights exist, and how to train them."""
 
-    network: str  # with its training data, such as modes-truth
+    network: str  # name with its training data, such as modes-truth
     env_id: str  # the env whose training split it learns from
     trained: bool  # on this machine
     ships: bool

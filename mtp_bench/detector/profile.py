@@ -156,7 +156,7 @@ class FalsePositives(LatentMemory):
 
     # share of the frames of its life in which one is visible
     chance: Annotated[float, Field(gt=0, le=1)]
-    score: Quantiles  # of the visible ones, at the ranks `RANKS`
+    score: Quantiles  # quantiles of scores of the visible ones, at the ranks `RANKS`
 
 
 class FreeFalsePositives(FalsePositives):

@@ -27,7 +27,8 @@ def profile_names() -> tuple[str, ...]:
 def load_profile(name: str) -> Profile:
     """Load a shipped profile, or one from a TOML file.
 
-    Raises UnknownNameError or CardError.
+    ``name`` is a file if it ends in ".toml". Raises UnknownNameError if no profile of
+    that name ships, CardError for a wrong file.
     """
     return _read(Path(name)) if name.endswith(".toml") else _shipped(name)
 

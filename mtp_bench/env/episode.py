@@ -110,7 +110,7 @@ class Episode:
     """One pass through a scene, from frame ``first`` to the one before ``end``."""
 
     scene: Scene
-    number: int  # of the scene among `MTPEnv.scene_names`
+    number: int  # index of the scene in `MTPEnv.scene_names`
     frame: LocalFrame
     feed: Feed
     scorer: FrameScorer | None  # None in evaluation mode
@@ -118,8 +118,9 @@ class Episode:
     first: int = 0
     # one per frame, in the scene's frame of reference; empty ones before ``first``
     actions: list[RecordedAction] = field(default_factory=list)
-    scores: list[FrameScore] = field(default_factory=list)  # of the actions taken
-    drive: Drive | None = None  # of a closed loop that is over
+    # score of each action so far
+    scores: list[FrameScore] = field(default_factory=list)
+    drive: Drive | None = None  # the whole drive, after a closed loop
 
     @property
     def t(self) -> int:
@@ -240,7 +241,7 @@ class LiveEpisode:
     # actions in the frames until now, in the scene's frame of reference
     actions: Sequence[RecordedAction]
     dropped: Ints  # [F] detections that did not fit into the observation
-    drive: Drive | None = None  # of a closed loop, until now
+    drive: Drive | None = None  # the drive until now, in a closed loop
 
     @property
     def frame(self) -> int:

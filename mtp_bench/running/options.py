@@ -97,9 +97,9 @@ class RunOptions(CardChanges):
     # root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's data folder
     data: str | None = None
     scenes: int | None = None  # only the first scenes of the split; None: all
-    seeds: Sequence[int] = (0,)  # of the random draws, one run each
+    seeds: Sequence[int] = (0,)  # seeds of the random draws, one run each
     fold: Fold | None = None  # only the scenes of a fold of the split, such as (1, 4)
-    names: tuple[str, ...] | None = None  # of scenes; None: the first ``scenes``
+    names: tuple[str, ...] | None = None  # scene names; None: the first ``scenes``
     # file or folder of stored tracks, for submissions that observe them
     tracks: str | None = None
     workers: Workers = SERIAL  # processes of this machine, or a Dask cluster

@@ -49,14 +49,15 @@ class RunInfo(Section):
     split: str
     keywords: dict[str, Any]  # further settings of the env
     agent: str
-    folder: str = ""  # of its submission; empty: an object of a program
+    folder: str = ""  # folder of its submission; empty: an object of a program
     parameters: dict[str, Any]
-    hypotheses: int | None = None  # as declared; None: as many as the agent states
+    # number that its manifest declares; None: as many as its actions have
+    hypotheses: int | None = None
     submission_digest: str
     note: str = ""  # on training with scenes that are scored
     seed: int
     definitions: str  # version of the definitions that the run was made under
-    versions: dict[str, str]  # of the libraries
+    versions: dict[str, str]  # versions of the libraries
     card: dict[str, Any] | None = None  # with its changes; None: not kept
 
 

@@ -46,7 +46,8 @@ class Setting:
     submission: Submission
     parameters: dict[str, Any]
     budget: Budget
-    hypotheses: int | None  # as declared; None: as many as the agent states
+    # number that the manifest declares; None: as many as its actions have
+    hypotheses: int | None
     samples: int  # K
     observe: str = "detections"
 

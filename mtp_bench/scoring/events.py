@@ -148,9 +148,10 @@ def pieces(scene: Scene, card: Card) -> Ints:
 
 
 def separated(identity: Ints, piece: Ints) -> Ints:
-    """Return identities [R] that differ from one ``piece`` [R] to another.
+    """Return other identities [R] for the rows of each ``piece`` [R] of time.
 
-    Those of piece 0 stay as they are.
+    So an object counts as a new one after a hole in time. Rows of piece 0 keep their
+    identities.
     """
     ids = np.asarray(identity, dtype=np.int64)
     return np.asarray(ids + piece * (ids.max(initial=0) - ids.min(initial=0) + 1))

@@ -116,7 +116,7 @@ def guard(
 class Place(NamedTuple):
     """The place of an agent on one subset, and the ranks that the tests leave open."""
 
-    place: int | None = None  # by bADE, from 1 on; agents of equal bADE share it
+    place: int | None = None  # rank by bADE, from 1 on; agents of equal bADE share it
     # 1 + number of significantly better agents; n - number of worse ones
     span: tuple[int, int] | None = None
     why: str = ""  # it has no place

@@ -57,7 +57,7 @@ class SceneScore(ForecastErrors):
     truth_complete: bool
     detections: str  # the detector, in words
     classes: tuple[str, ...]
-    units: int  # of uncertainty in the scene
+    units: int  # number of units of resampling in the scene
     unit: Ints  # [n] index of the target's unit in the scene
     frame: Ints  # [n]
     object_id: Ints  # [n]
@@ -79,11 +79,11 @@ class SceneScore(ForecastErrors):
     own_events: dict[str, int]
     # frames whose lineage was guessed, since the agent does not state it
     guessed_parents: int
-    cuts: Cuts  # of the forecasts in live frames, by their confidence
+    cuts: Cuts  # cuts by the confidence of the forecasts in live frames
     score_cuts: Cuts  # the same by the score of the nearest detection
     outcome: Ints  # [A] values of `Outcome`, in the order of ``cuts``
     final_error: Floats  # [A] m, minFDE of forecasts of targets, else inf
-    fixed_error: float  # m, at the fixed operating point, summed
+    fixed_error: float  # m, error at the fixed operating point, summed over targets
     counts: StreamCounts
     invalid: Ints  # [3] rows rejected: tracks, hypotheses, objects
     dropped: int  # detections that did not fit into the observation

@@ -117,7 +117,7 @@ class PairedDifference(NamedTuple):
     """Difference of two means over the same targets, in their numerators' unit."""
 
     mean: float
-    p: float  # of the sign-flip test over units
+    p: float  # p-value of the sign-flip test over units
     units: tuple[bytes, bytes]  # differences and weights of the units that count
 
     @property

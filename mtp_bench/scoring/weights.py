@@ -41,9 +41,10 @@ class SceneWeights:
     # [n, 3] ids, lost, reacquired of the one run without cut or noise: the paper's
     # condition
     stp: Bools
-    stp_events: tuple[int, int, int]  # of that run, on all evaluated true boxes
-    false_forecasts: int  # of that run, in live frames
-    forecasts: int  # of that run, in live frames
+    # EVENTS of that run, on all evaluated true boxes
+    stp_events: tuple[int, int, int]
+    false_forecasts: int  # false forecasts of that run in live frames
+    forecasts: int  # all forecasts of that run in live frames
     # m that the ego of a closed loop drives with ground-truth tracks, in place of
     # events
     way: float | None = None

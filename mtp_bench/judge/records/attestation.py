@@ -71,7 +71,7 @@ class SignedLevel:
 
     statement: Statement
     signer: str
-    seal: ListedSeal | None = None  # of the hidden scenes
+    seal: ListedSeal | None = None  # seal of the hidden scenes
 
 
 @dataclass(frozen=True, eq=False)

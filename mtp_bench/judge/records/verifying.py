@@ -71,7 +71,7 @@ class Verification:
     differences: tuple[Difference, ...] = ()  # empty: the record holds
     notes: tuple[str, ...] = ()  # sentences
     hidden: HiddenPart | None = None  # results on hidden scenes
-    isolation: Isolation | None = None  # of the agent when it was run again
+    isolation: Isolation | None = None  # how the agent was isolated in the new run
 
     @property
     def holds(self) -> bool:

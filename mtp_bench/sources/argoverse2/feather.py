@@ -80,9 +80,9 @@ def rotations(table: RowTable) -> Floats:
 class Sweeps:
     """Times of all sweeps of a log, the frames among them, and the poses of the ego."""
 
-    folder: Path  # of the log
+    folder: Path  # folder of the log
     stamp: Ints  # [S] ns, increasing
-    stride: int  # of the frames of the scene
+    stride: int  # sweeps per frame of the scene
     # [S, 4] unit quaternions w x y z, from the ego frame to the city
     rotation: Floats
     place: Floats  # [S, 3] m, of the ego less the origin

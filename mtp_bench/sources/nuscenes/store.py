@@ -40,7 +40,7 @@ SAMPLES = "all.samples"
 class CachedFolder:
     """A folder of files of arrays, made from ``sources`` once per machine."""
 
-    prefix: str  # of its name
+    prefix: str  # beginning of its name
     sources: Mapping[str, Path]  # the files that it is made from, by what they are
     fill: Callable[[Path], None]  # writes the files of the folder
     path: Path

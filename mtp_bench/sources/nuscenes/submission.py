@@ -73,7 +73,7 @@ class SubmittedBoxes:
     They are sorted by sample, otherwise in the order of the file.
     """
 
-    samples: int  # in the file
+    samples: int  # number of samples in the file
     example: str  # a token of the file
     covered: Ints  # [n] rows of the tables' samples that the file has, sorted
     sample: Ints  # [R] row of the sample

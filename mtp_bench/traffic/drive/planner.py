@@ -80,7 +80,7 @@ class _Contacts:
 
     low: Floats  # m
     high: Floats  # m
-    step: Ints  # of the forecast
+    step: Ints  # step of the forecast
     sample: Ints  # object times K plus k, ascending
     leads: Bools  # the object drives ahead in the direction of the way
 

@@ -55,7 +55,7 @@ class Collision:
     """The first contact of the ego."""
 
     class_id: int  # index into `world.CLASSES`
-    number: int  # of the road user
+    number: int  # number of the road user
     # the ego moved, and was not hit from behind (docs/definitions/driving.md)
     at_fault: bool
 
