@@ -100,8 +100,8 @@ class FilesSource(SourceSection):
     sha256: str | None = None
     # the scenes themselves, in place of a folder
     scenes: Annotated[tuple[InstanceOf[Scene], ...] | None, Field(exclude=True)] = None
-    # name by which agents choose their settings: a detector that they know, a hyphen and
-    # a word of one's own
+    # name by which agents choose their settings: a detector that they know, a hyphen
+    # and a word of one's own
     detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii-own"
     # observations show the velocities of detections, if the files have them
     velocity: bool = False

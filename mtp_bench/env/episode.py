@@ -166,8 +166,8 @@ class Episode:
     def keep_target_frames(self, empty_action: RecordedAction) -> None:
         """Play only from the first frame with targets to the last.
 
-        ``empty_action``: recorded for the frames before. Raises DataError for a scene without
-        such a frame.
+        ``empty_action``: recorded for the frames before. Raises DataError for a scene
+        without such a frame.
         """
         frames = np.zeros(0, dtype=np.int64)
         if self.scorer is not None:

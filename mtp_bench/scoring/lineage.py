@@ -109,9 +109,9 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
 
 
 def _stated_parents(rollout: Rollout, alive: Bools) -> tuple[Rows, Bools]:
-    """Return stated parents [F, H], 0 where none is stated, and the mask of stated ones.
+    """Return stated parents [F, H] and their mask.
 
-    A parent that did not exist counts as not stated.
+    A parent is 0 where none is stated. A parent that did not exist counts as not stated.
     """
     parent = np.zeros(alive.shape, dtype=np.intp)
     is_stated = np.zeros(alive.shape, dtype=bool)

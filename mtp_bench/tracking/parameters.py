@@ -49,8 +49,9 @@ def recommended_parameters(task: Task) -> tuple[ClassParameters, ...]:
     """Return the parameters of each class of the task.
 
     The card may state them; otherwise they belong to the detector. A class without
-    parameters takes those of a similar one, see `similar_class`. Raises UnknownNameError for a detector
-    without parameters, and for a class that looks misspelt.
+    parameters takes those of a similar one, see `similar_class`. Raises
+    UnknownNameError for a detector without parameters, and for a class that looks
+    misspelt.
     """
     if not task.tracker:
         return detector_parameters(task.detector, task.classes)

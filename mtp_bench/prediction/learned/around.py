@@ -30,10 +30,14 @@ def around_inputs(
 
     Positions are in the heading frame of the last box. ``moment`` [n]: the frame of
     each window in ``surroundings``. Frames stand oldest first, detections nearest
-    first. near [n, P, M] 1 if it exists, else all is 0 · position [n, P, M, 2] m ·
-    velocity [n, P, M, 2] m/s as measured · yaw [n, P, M] rad · score, same (class) [n,
-    P, M] · ratio [n, P, M, 2] log of its length and width over the object's · size [n,
-    3] m · class_id [n].
+    first. The arrays of a detection are 0 where none exists:
+
+    - near [n, P, M]: 1 if the detection exists
+    - position [n, P, M, 2] m, velocity [n, P, M, 2] m/s as measured, yaw [n, P, M] rad
+    - score [n, P, M]; same [n, P, M]: 1 if it has the class of the object
+    - ratio [n, P, M, 2]: logarithm of its length and width over those of the object
+
+    Beside these there are size [n, 3] m and class_id [n] of the object.
     """
     frames_ago = range(sizes.past - 1, -1, -1)
     rows = [nearest(windows, moment, surroundings, i, i * sizes.dt) for i in frames_ago]

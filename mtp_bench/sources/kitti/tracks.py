@@ -27,9 +27,9 @@ def read_result(
 ) -> Scene:
     """Return the scene of every ``stride``-th frame with its tracks.
 
-    ``poses``: poses of all frames; None without a common frame. Rows of other classes and
-    other frames are left out; in a file with the columns of a label, scores are NaN.
-    DataError names the line that is wrong.
+    ``poses``: poses of all frames; None without a common frame. Rows of other classes
+    and other frames are left out; in a file with the columns of a label, scores are
+    NaN. DataError names the line that is wrong.
     """
     table = read_table(path, RESULT, words="type", optional="score")
     require_kinds(table)

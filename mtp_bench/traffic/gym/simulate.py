@@ -64,8 +64,8 @@ def _environment(traffic: GymTraffic) -> Any:
 def _restored_classes(traffic: GymTraffic) -> Iterator[None]:
     """Undo changes of the classes of vehicles.
 
-    Some environments change these classes, which would change later scenes. Raises DataError for an error of the environment, or of
-    a module that it needs.
+    Some environments change these classes, which would change later scenes. Raises
+    DataError for an error of the environment, or of a module that it needs.
     """
     attributes: dict[Any, dict[str, Any]] = {}
     try:

@@ -198,8 +198,9 @@ def social_force(
 ) -> Floats:
     """Return accelerations [2, M], m/s2, of people on foot.
 
-    ``pairs``: `pairs_of` their places; ``velocity`` [2, M] m/s; ``to_goal`` [2, M]: vector to
-    the goal; ``pace`` [M]: desired speed; ``friends`` [M, M]: others of the same group.
+    ``pairs``: `pairs_of` their places; ``velocity`` [2, M] m/s; ``to_goal`` [2, M]:
+    vector to the goal; ``pace`` [M]: desired speed; ``friends`` [M, M]: others of the
+    same group.
     """
     goal_m = np.hypot(*to_goal)
     desired_mps = np.minimum(pace, goal_m / _SLOWING_S)
