@@ -39,9 +39,9 @@ class Content:
 
     name: ContentName
     kinds: str  # accepted kinds of dtype, in numpy's letters
-    dtype: type[np.generic]  # of the action space
+    dtype: type[np.generic]  # type in the action space
     expected: str  # range of the entries of a present row
-    min_value: int = 0  # of classes and parents
+    min_value: int = 0  # least value, for classes and parents
 
 
 _ID = Content("id", "iu", np.int64, f"0 to {ID_LIMIT}")
@@ -81,7 +81,7 @@ class ActionField:
     shape: str  # letters and numbers, as in "O K T 2"
     content: Content
     meaning: str  # one sentence
-    fill: float = 0.0  # of absent rows
+    fill: float = 0.0  # value of absent rows
     optional: bool = False  # a missing field is full of ``fill``
 
     def shape_in(self, task: Task) -> tuple[int, ...]:

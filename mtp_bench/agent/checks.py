@@ -59,7 +59,7 @@ class ActionProblem:
     expected: str
     rows: int = 1
     example: str = ""  # the first such row
-    kind: str = ""  # of ROW_KINDS, if rows of it are taken out
+    kind: str = ""  # one of ROW_KINDS, if its rows are taken out
     level: Literal["warning", "error"] = "error"
     advice: str = ""
     # the action is outside the action space; False: the space cannot express it
@@ -68,7 +68,7 @@ class ActionProblem:
     def sentence(self, where: str = "", name: str = "") -> str:
         """Describe what was got and expected, the row and what to do.
 
-        ``name`` replaces the name of the field.
+        ``where`` names the frame or file, if any. ``name`` replaces the field's name.
         """
         got = f"{name or self.field}: {self.reason}"
         example = self.example

@@ -205,7 +205,7 @@ class ObjectSubmission(Submission):
 
     player: Any  # the agent, build function or class
     copied: bytes | None  # pickled; None: impossible
-    obstacle: str = ""  # that keeps it from being copied
+    obstacle: str = ""  # reason why it cannot be copied
 
     @classmethod
     def of(cls, player: object, name: str = "") -> "ObjectSubmission":

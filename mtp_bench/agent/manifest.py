@@ -80,7 +80,7 @@ class CompareSection(Section):
     sweep: dict[str, _Values] = Field(default_factory=dict)
     # k per object, or all drawn
     samples: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = ("equal",)
-    # of the env; only "detections" is ranked, and "associated" is for baselines alone
+    # mode of the env; only "detections" is ranked, "associated" is for baselines alone
     observe: Literal["detections", "truth", "associated", "tracks"] = "detections"
     # parameter for the number H of hypotheses; None: as many as the agent states
     hypotheses: str | None = None
@@ -93,7 +93,7 @@ class CompareSection(Section):
     # the same of its association gap, if they are others: its own predictor with and
     # without perfect association
     association_references: dict[str, Value] | None = None
-    role: Role | None = None  # of a baseline that others are compared with
+    role: Role | None = None  # role as a baseline that others are compared with
 
 
 class Manifest(Section):
@@ -108,10 +108,11 @@ class Manifest(Section):
         str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")
     ]
     description: Annotated[str, Field(max_length=2000), _Shown] = ""
-    source: _Url = ""  # of its code
-    commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")] = ""  # of its code
-    paper: _Url = ""  # that describes it
-    # as SPDX names it
+    source: _Url = ""  # address of its code
+    # commit of its code
+    commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")] = ""
+    paper: _Url = ""  # address of the paper that describes it
+    # SPDX identifier of its licence
     license: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .+()-]*$", max_length=100)] = ""
     training_data: Annotated[
         tuple[_Sentence, ...], Field(max_length=50, strict=False)

@@ -27,7 +27,7 @@ from .protocols import Forecasts, Frame, Predictor, Presence, Sampler, Tracker
 # objects
 _SAMPLES_PER_CALL = 2048
 _BELOW_LIMIT = 0.999  # share of the limit that a shortened offset has
-_SAMPLING_STREAM = 1  # of random numbers
+_SAMPLING_STREAM = 1  # stream of random numbers for sampling
 
 
 class Pipeline:
@@ -159,7 +159,7 @@ def _used_tracks(tracks: Tracks, objects: Objects) -> tuple[Tracks, Ints]:
 
     -1: none in this hypothesis.
     """
-    used = np.zeros(len(tracks.box) + 1, dtype=bool)  # the last one is of "none"
+    used = np.zeros(len(tracks.box) + 1, dtype=bool)  # -1 (no track) marks the last one
     used[objects.leaf] = True
     rows = np.flatnonzero(used[:-1])
     if len(rows) == len(tracks.box):
@@ -200,14 +200,16 @@ class Pools(NamedTuple):
 
 
 def make_pools(row: Ints, log_weight: Floats) -> Pools:
-    """Make the pools of O objects.
+    """Pool the rows of each of O objects over its hypotheses.
 
-    ``row`` [O, H] of each object in each hypothesis, -1: none; ``log_weight`` [H].
+    ``row`` [O, H]: row of each object in each hypothesis, -1 if it has none.
+    ``log_weight`` [H]: log-weights of the hypotheses.
     """
     owner, hypothesis = np.nonzero(row >= 0)
     entry_row = row[owner, hypothesis]
     key = owner * (entry_row.max(initial=0) + 1) + entry_row
-    # of equal ones the heaviest hypothesis stays first
+    # hypotheses are sorted by falling weight, and the sort is stable: among equal
+    # entries the one of the heaviest hypothesis comes first
     order = np.argsort(key, kind="stable")
     key = key[order]
     hypothesis = hypothesis[order]
@@ -305,7 +307,7 @@ def padded(
 ) -> tuple[Floats, Floats]:
     """Return samples [o, S, T, 2] and log-weights [o, S] of pools.
 
-    Their entries have the rows and log-masses [o, E].
+    ``row`` and ``log_mass`` [o, E]: row and log-mass of each entry of a pool.
     """
     pools = len(row)
     pool = samples.take(row, axis=0).reshape(pools, -1, *samples.shape[2:])

@@ -56,8 +56,8 @@ class Frame:
 
     number: int  # frames before this one in the scene
     tracks: Tracks  # N distinct tracks, with all that the tracker states of them
-    # of the last P frames at most, without a hole in time, oldest first; the last one
-    # is of this frame
+    # observations of at most the last P frames, without a hole in time, oldest first;
+    # the last one is that of this frame
     seen: tuple[Observation, ...]
 
 

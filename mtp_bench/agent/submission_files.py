@@ -161,7 +161,7 @@ class _SourceLoader(SourceFileLoader):
 
 
 class _Finder:
-    """Finder of the modules of all submissions."""
+    """Finder of the Python modules of submissions, for ``sys.meta_path``."""
 
     @staticmethod
     def find_spec(
@@ -203,9 +203,9 @@ def _entries(folder: Path, depth: int) -> Iterator[os.DirEntry[str]]:
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:
-    """Return True for a folder of the submission.
+    """Return True for a folder, False for a file.
 
-    Raises SubmissionError for an entry that a submission cannot hold.
+    Raises SubmissionError for an entry that a submission cannot hold, such as a link.
     """
     try:
         entry.name.encode()

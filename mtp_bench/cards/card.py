@@ -153,7 +153,7 @@ _CORNERS = rule(
 class DetectorSection(Section):
     """A simulated detector in place of stored detections.
 
-    It has the name of a shipped ``profile``, or its own ``noise``.
+    The card either names a shipped ``profile`` or states its ``noise``.
     """
 
     profile: Annotated[str, _SHIPPED] | None = None

@@ -201,7 +201,7 @@ def _detector_update(card: Card, name: str) -> dict[str, object] | None:
 
 
 def with_detections(card: Card, file: str | Path) -> Card:
-    """Return the card with stored detections of one's own.
+    """Return the card with the user's stored detections.
 
     On nuScenes and Argoverse 2 ``file`` is a file in the official submission form, on
     KITTI a folder of text files, one per sequence. It stands in for the card's
@@ -237,10 +237,11 @@ def with_detections(card: Card, file: str | Path) -> Card:
 
 
 def with_files(card: Card, folder: str | Path) -> Card:
-    """Return the card with the scenes of a folder of one's own (``docs/data/own.md``).
+    """Return the card with the user's scenes in ``folder`` (``docs/data/own.md``).
 
-    Task, sizes, the name by which agents choose their settings and a simulated detector
-    stay. With a simulated detector its detections take the place of those in the files.
+    Task, sizes, a simulated detector and the name by which agents choose their settings
+    remain those of the card. Detections of a simulated detector replace those in the
+    files.
     The digest covers the content of the files, not their path. Raises DataError if the
     folder is missing.
     """
@@ -256,15 +257,15 @@ def with_files(card: Card, folder: str | Path) -> Card:
 def with_scenes(card: Card, scenes: Sequence[Scene]) -> Card:
     """Return the card with `Scene` objects, whose ``class_id`` index ``task.classes``.
 
-    The rest stays as in `with_files`. Raises CardError for an object that is not a
-    scene, and for two scenes of one name.
+    `with_files` says what remains of the card. Raises CardError for an object that is
+    not a scene, and for two scenes of one name.
     """
     names: set[str] = set()
     for scene in scenes:
         if not isinstance(scene, Scene):
             raise CardError(
-                f"scenes holds {type(scene).__name__}, "
-                "expected Scene objects only, or names only"
+                f"scenes contains an object of type {type(scene).__name__}; "
+                "expected a list of Scene objects, or a list of names"
             )
         if scene.name in names:
             raise CardError(

@@ -37,7 +37,7 @@ def resolve_folder(section: FilesSource, base: Path, lanes: bool) -> FilesSource
 def split_folder(folder: Path, split: str) -> Path:
     """Return the folder of the scenes of a split.
 
-    It is the sub-folder of its name; for "all" the folder itself.
+    A split is the sub-folder of its name, and "all" is the folder itself.
     """
     return folder if split == "all" else folder / split
 
@@ -54,8 +54,8 @@ def own_digest(folder: Path, lanes: bool) -> str:
 def folder_digest(folder: Path, patterns: Sequence[str]) -> str:
     """Return the hex sha256 over matching files of a folder.
 
-    It is of their names and contents; hidden files are skipped. Raises DataError if a
-    file cannot be read.
+    Names and contents are hashed; hidden files are skipped. Raises DataError if a file
+    cannot be read.
     """
     digest = hashlib.sha256()
     for path in sorted({path for pattern in patterns for path in folder.glob(pattern)}):

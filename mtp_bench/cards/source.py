@@ -95,13 +95,15 @@ class FilesSource(SourceSection):
     splits = ("all", "train", "val", "test")
 
     split: str = "all"  # "all": the folder itself, else its sub-folder
-    folder: LocalPath = None  # of the scenes, relative to the card's file
-    sha256: str | None = None  # of the scenes' content; filled in when the card is read
-    # in place of a folder
+    folder: LocalPath = None  # folder of scenes, relative to the card's file
+    # digest of the scenes' content; filled in when the card is read
+    sha256: str | None = None
+    # the scenes themselves, in place of a folder
     scenes: Annotated[tuple[InstanceOf[Scene], ...] | None, Field(exclude=True)] = None
+    # name by which agents choose their settings: a detector that they know, a hyphen
+    # and a word of one's own
     detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii-own"
-    # agents choose their settings by it: a detector that they know, a hyphen and a word
-    # of one's own show the velocities of the detections, if the files have them
+    # observations show the velocities of detections, if the files have them
     velocity: bool = False
     ego_motion: bool = True  # False: every frame is in its own sensor frame
     ego: bool = True  # False: no vehicle carries the sensors
@@ -110,7 +112,7 @@ class FilesSource(SourceSection):
     view: Annotated[float, Field(gt=0, le=360)] = (
         360.0  # degrees around the heading that the truth covers
     )
-    # of a source with this trait; None: no, and in no digest
+    # True if the source has the trait of this name; None: no, and the digest omits it
     velocity_ahead: bool | None = None
     places_only: bool | None = None  # the same
     bounded_by_truth: bool | None = None  # the same

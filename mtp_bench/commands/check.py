@@ -48,9 +48,9 @@ def check(
     ] = SCENES,
     json_file: JsonOption = None,
 ) -> None:
-    """Check that a submission keeps the contract, on up to three scenes.
+    """Check a submission on up to three scenes.
 
-    Status 1 for errors.
+    The exit status is 1 if there are errors.
     """
     workers = Workers(cores())
     options = RunOptions(root, scenes, tracks=absolute(tracks), workers=workers)

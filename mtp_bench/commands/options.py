@@ -290,7 +290,7 @@ class AgentScenes(EnvScenes):
     def card(self) -> str | Card:
         """The env; for the folder of a run the card of its scenes.
 
-        Those of a closed loop are the scenes as they were driven.
+        The scenes of a closed loop are as the agent drove them.
         """
         from ..running import open_run
 

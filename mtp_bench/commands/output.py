@@ -50,7 +50,7 @@ def prepare(
 def said_of(error: MtpBenchError | OSError) -> str:
     """Return the text of an error.
 
-    For an OSError, such as a full disk, with the file and what to do.
+    That of an OSError, such as a full disk, names the file and says what to do.
     """
     text = str(error)
     if not isinstance(error, MtpBenchError):
@@ -129,9 +129,9 @@ def json_alone(context: typer.Context, path: Path | None) -> Path | None:
 
 @contextmanager
 def _standard_output_apart() -> Iterator[TextIO]:
-    """Yield standard output of this process alone.
+    """Yield a standard output to which only this process writes.
 
-    The output of other processes goes to the error stream.
+    What other processes write to standard output goes to the error stream.
     """
     try:
         descriptor = sys.stdout.fileno()

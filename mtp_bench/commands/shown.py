@@ -1,4 +1,4 @@
-"""What is shown of a report, and its options."""
+"""Tables of a report that a command shows, and their options."""
 
 import shutil
 import sys

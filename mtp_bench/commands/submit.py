@@ -114,7 +114,7 @@ def submit(
 ) -> None:
     """Run a submission behind the gateway and write its records.
 
-    With ``--all`` every baseline.
+    With ``--all`` it runs every baseline.
     """
     arguments = entry.arguments()
     seeds = range(entry.seeds)
@@ -213,8 +213,8 @@ def _make_record(
     card = load_card(env_id)
     if card.lanes is not None and not card.simulated:
         say(
-            f"{card.id} shows lanes, which tell the place of a recorded scene: "
-            "no random motion of the scene hides it."
+            f"{card.id} shows lanes, by which an agent can recognise a recorded scene "
+            "even after a random motion of it."
         )
     prepare(env_id, options)
     with long_work(f"running {submission.name} on {env_id}") as progress:

@@ -16,7 +16,7 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 def bundled(kind: str) -> Path:
     """Return the folder of ``kind``: "envs", "baselines" or "leaderboard".
 
-    It is that of the checkout, else the wheel's, which has no records.
+    A checkout has its own; otherwise it is part of the wheel, which has no records.
     """
     checkout = _PACKAGE.parent / kind
     if (_PACKAGE.parent / "pyproject.toml").is_file() and checkout.is_dir():

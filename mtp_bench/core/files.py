@@ -281,7 +281,7 @@ def file_digest(path: Path, max_bytes: int | None = None) -> str:
 def cache_root() -> Path:
     """Return the folder of files made once per machine.
 
-    It is that of MTP_BENCH_CACHE, else the user cache folder.
+    MTP_BENCH_CACHE names it; otherwise it is the user's cache folder.
     """
     if os.environ.get(CACHE):
         return Path(os.environ[CACHE]).expanduser()

@@ -31,7 +31,7 @@ def wrap_angle(angle: ArrayLike) -> Floats:
 def bev_corners(box: Floats) -> Floats:
     """Return the corners ``[..., 4, 2]`` of boxes ``[..., 7]`` in BEV.
 
-    They are front left, rear left, rear right, front right.
+    The order is front left, rear left, rear right, front right.
     """
     x, y, _, yaw, length, width = (box[..., column] for column in range(6))
     corners = _corners_at(x, y, np.cos(yaw), np.sin(yaw), length, width)
@@ -90,7 +90,7 @@ def bev_intersection_area(a: Floats, b: Floats) -> Floats:
     dy = b[..., 1] - a[..., 1]
     cos_a = np.cos(a[..., 3])
     sin_a = np.sin(a[..., 3])
-    # of b in the frame of a
+    # heading and centre of b in the frame of a
     turn = b[..., 3] - a[..., 3]
     x = cos_a * dx + sin_a * dy
     y = cos_a * dy - sin_a * dx

@@ -24,7 +24,7 @@ _MINUTES = {
 class NetworkState:
     """A network of a submission on an env: whether its weights exist, and how to train them."""
 
-    network: str  # with its training data, such as modes-truth
+    network: str  # name with its training data, such as modes-truth
     env_id: str  # the env whose training split it learns from
     trained: bool  # on this machine
     ships: bool
@@ -73,7 +73,7 @@ def states_of(
 def weights_folder() -> Path:
     """Return the folder of weights that were trained here.
 
-    It is that of MTP_BENCH_WEIGHTS, else in the user's data folder.
+    MTP_BENCH_WEIGHTS names it; otherwise it is in the user's data folder.
     """
     if os.environ.get(VARIABLE):
         return Path(os.environ[VARIABLE]).expanduser().absolute()
@@ -95,7 +95,7 @@ def network_files(
 ) -> list[Path]:
     """List the files of ``networks`` trained here for an env.
 
-    Also those for the env whose weights it shares.
+    ``weights_of``: another env whose weights it may use; their files are listed, too.
     """
     folder = weights_folder()
     paths: list[Path] = []

@@ -63,8 +63,8 @@ def long_work(
     """Show work while it lasts, and yield the callbacks that count its items.
 
     ``seconds``: about how long it takes; 0: not known. An empty ``text`` hides the
-    work around it, as while waiting for the user. ``progress``: of a caller that
-    counts the items of this work itself; nothing else is shown then.
+    work around it, as while waiting for the user. ``progress``: callbacks
+    of a caller that counts the items of this work itself; nothing else is shown then.
     """
     if progress is not NO_PROGRESS:
         yield progress

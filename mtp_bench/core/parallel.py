@@ -72,7 +72,7 @@ def parallel_map(
 ) -> list[Any]:
     """Return the results of ``function(*call)``, in the order of ``calls``.
 
-    They are the same for all kinds of workers. ``done`` is called with the index of
+    All kinds of workers give the same results. ``done`` is called with the index of
     every finished call, in the order of completion. For more than one worker function,
     arguments and results must pickle. Raises what a call raises, and as
     `unordered_map`.

@@ -63,7 +63,8 @@ class Drive:
 class Rollout:
     """All actions of an agent on one scene, in the scene's frame of reference.
 
-    They are checked and quantised. Invalid rows are left out; ``invalid`` counts them.
+    Actions are checked and quantised. Invalid rows are left out; ``invalid`` counts
+    them.
     """
 
     scene: str
@@ -87,7 +88,7 @@ class Rollout:
     malformed: Ints
     dropped: Ints  # [F] detections that did not fit into the observation
     seconds: Floats  # [F] time the agent took; not part of the digest
-    drive: Drive | None = None  # of a closed loop
+    drive: Drive | None = None  # how the ego drove, in a closed loop
 
     def __repr__(self) -> str:
         hypotheses = self.member.shape[1]

@@ -99,7 +99,8 @@ class Scene:
     visible: Floats | None = None
     # rows dropped while reading, by reason
     skipped: dict[str, int] = field(default_factory=dict)
-    # that the scene is cut from: objects keep their ids in all its scenes; empty: none
+    # recording that the scene is cut from: objects keep their ids in all of its scenes;
+    # empty: none
     recording: str = ""
     image: ImageField | None = None  # area that the labels cover; None: all around
     # [F, 4] x y z yaw of each frame's origin, if every frame has its own
@@ -108,11 +109,11 @@ class Scene:
     lanes: tuple[
         Lane, ...
     ] = ()  # the road map; observations show it where a card says so
-    # Names in the files by number, only where they differ; texts alone show them, and
-    # no digest counts them. Of true objects, all different:
+    # Names of true objects in the files, by their number and only where they differ
+    # from it. They are all different. Texts alone show names, and no digest has them.
     object_names: Mapping[int, str] = field(default_factory=dict, compare=False)
-    # of ``tracks``: an agent with ``observe="tracks"`` that keeps the ids it is shown
-    # answers these numbers as track_id
+    # the same for ``tracks``: an agent with ``observe="tracks"`` that keeps the ids it
+    # is shown answers these numbers as track_id
     track_names: Mapping[int, str] = field(default_factory=dict, compare=False)
 
     def __repr__(self) -> str:

@@ -23,7 +23,8 @@ class Column:
     heading: str = ""  # empty: the key with spaces
     unit: str = ""  # "m", "ms", "share"
     better: Better = ""  # which values are better
-    format: str = ""  # as of `format()`; empty: at most five characters, as by `short`
+    # format specification as in `format()`; empty: at most five characters, see `short`
+    format: str = ""
     help: str = ""  # one sentence
     group: str = ""  # heading above several columns
     optional: bool = False  # left out where no row has a value
@@ -144,7 +145,7 @@ class Table:
     Without ``columns`` it has those that the fields of the rows declare.
     """
 
-    name: str  # of its files
+    name: str  # name of its files
     title: str
     sentence: str  # what it shows
     rows: Sequence[Any]

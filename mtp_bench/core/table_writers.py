@@ -215,11 +215,11 @@ def to_text(table: Table, width: int = WIDTH) -> str:
 
 
 def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
-    """Yield the lines of a table, each with its row.
+    """Yield (row, line) for each line of a table.
 
-    None above the first row.
-    Intervals stand below their numbers. Where the table would be wider than ``width``,
-    columns of texts are folded, the first one last; numbers are never cut off.
+    Lines of the heading come with None. Intervals stand below their numbers. Where
+    the table would be wider than ``width``, columns of texts are folded, beginning with
+    the last one. Numbers are never cut off.
     """
     columns = [column for column, _ in table.pairs]
     if not columns:

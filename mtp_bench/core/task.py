@@ -34,13 +34,14 @@ class Task:
     observe: str = "detections"
     ego_motion: bool = True  # False: every frame is in its own ego frame
     velocity: bool = False  # detections carry a measured velocity
-    seed: int = 0  # of the agent's random draws; a hash of the run's seed and the scene
+    # seed of the agent's random draws: a hash of the run's seed and the scene
+    seed: int = 0
     lanes: int = 0  # L pieces of lanes in the observation; 0: it shows none
     lane_points: int = 0  # Q points of a piece
     # e.g. "KITTI", where objects move like here; agents choose their motion model by it
     motion_noise: str = ""
     weights_of: str = ""  # the env whose network weights serve here too; empty: none
-    # by class; empty: those of the detector
+    # by class; empty: those that the detector has
     tracker: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     # SCORES, or the file of a presence model; empty: agents choose it by the detector
     presence: str = ""

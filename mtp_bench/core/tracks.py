@@ -153,14 +153,14 @@ def _detections(tracks: Tracks) -> int:
 
 
 def _move_coasting(tracks: Tracks, leaf: Ints) -> None:
-    """Let tracks without detection stand for their identity's object.
+    """Let tracks without detection stand for the object with their identity.
 
-    They do where that object has no track.
+    They do so in hypotheses in which the object has no other track.
     """
     detections = _detections(tracks)
     with_detection = np.flatnonzero(tracks.detection >= 0)
     heaviest = tracks.member.argmax(axis=0)[with_detection]
-    # of an identity the track of the heaviest hypothesis comes last, and stays
+    # of equal ids the last row stays: that of the heaviest hypothesis
     rows = with_detection[np.argsort(heaviest, kind="stable")[::-1]]
     ids = tracks.track_id[rows].tolist()
     detection_of_id = dict(zip(ids, tracks.detection[rows].tolist(), strict=True))

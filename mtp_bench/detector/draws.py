@@ -18,7 +18,7 @@ from ..core import Floats, Ints
 
 Keys = NDArray[np.uint64]  # what numbers are drawn for
 
-# of SplitMix64
+# constants of SplitMix64
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _SHIFTS_AND_FACTORS = (
     (np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)),
@@ -95,7 +95,7 @@ class Draws:
     def uniforms(self, parts: tuple[int, ...], keys: Keys) -> Floats:
         """Return uniform numbers in (0, 1) [m, ...] for keys of `keys_of`.
 
-        There are numbers of m `parts` for each key.
+        Each key gets m numbers, one for each of the `parts`.
         """
         offsets = _offsets(self._key, parts).reshape(-1, *[1] * keys.ndim)
         hash_bits = _mixed(offsets + keys)
@@ -115,9 +115,9 @@ class Draws:
 
 
 def parts(component: int, *kinds: NoiseKind) -> tuple[int, ...]:
-    """Return the numbers of a component of several kinds of noise.
+    """Return the hash constants of one component, one per kind of noise.
 
-    They enter the hash, and can be drawn at once.
+    `Draws.uniforms` draws the numbers of all of them at once.
     """
     return tuple([64 * int(kind) + int(component) + 1 for kind in kinds])
 
@@ -164,7 +164,7 @@ def _mixed(hash_state: Keys) -> Keys:
 def stationary(after_no: Floats, after_yes: Floats) -> Floats:
     """Return the long-run chance of "yes" in a chain.
 
-    It has these chances of "yes" after a "no" and after a "yes".
+    The arguments are the chances of "yes" after a "no" and after a "yes".
     """
     return after_no / np.maximum(1.0 - after_yes + after_no, _MIN_DIVISOR)
 
@@ -198,7 +198,8 @@ def decayed(correlation: Floats, steps: float) -> Floats:
 def exponential(latent: Floats) -> Floats:
     """Return exponential numbers of mean 1.
 
-    They have the ranks of standard normal ones.
+    A number has the same rank in its distribution as the standard normal number from
+    which it is made.
     """
     return np.asarray(-log_ndtr(-latent))
 
@@ -206,8 +207,9 @@ def exponential(latent: Floats) -> Floats:
 def skewed(normal: Floats, positive: Floats, share: Floats | float) -> Floats:
     """Return skewed numbers of variance 1.
 
-    They are made of standard normal ones and ``positive``, exponential ones of mean 1;
-    ``share``: of the variance, the exponential number's.
+    They are made of standard normal numbers ``normal`` and of exponential numbers
+    ``positive`` of mean 1. ``share``: share of the variance that the exponential number
+    has.
     """
     return np.asarray(np.sqrt(1.0 - share) * normal + np.sqrt(share) * (positive - 1.0))
 
@@ -233,8 +235,8 @@ def skewed_density(value: Floats, share: float) -> Floats:
 def _log_tail(value: Floats, normal: Any, tail: Any) -> Any:
     """Return the logarithm of the density of a sum, times ``tail``.
 
-    It is of a normal number of deviation ``normal`` and an exponential one of mean
-    ``tail``.
+    The summands are a normal number of deviation ``normal`` and an exponential number
+    of mean ``tail``.
     """
     ratio = normal / tail
     return -value / tail + 0.5 * ratio**2 + log_ndtr(value / normal - ratio)

@@ -113,9 +113,9 @@ def detected_boxes(
 ) -> tuple[Floats, Floats]:
     """Return detected boxes [R, 7] and velocities [R, 2] of true ones.
 
-    They are at ``distance`` [R] m; ``direction`` [R] rad points from the sensor to
-    them; ``quality`` [R] is the random part of their quality. Velocities are NaN where
-    the class has none or the true one is unknown.
+    ``distance`` [R] m: distance of the true boxes from the sensor; ``direction`` [R]
+    rad points from the sensor to them; ``quality`` [R] is the random part of their
+    quality. Velocities are NaN where the class has none or the true one is unknown.
     """
     s0, s1, quality_gain = np.moveaxis(errors.scale, -1, 0)
     scale_m = (s0 + s1 * distance[:, None] / 10) * np.exp(
@@ -153,7 +153,7 @@ def _tail_factors(grid: Grid, latent_numbers: Floats) -> Floats:
 def _mixing_quantiles(nu: float) -> Floats:
     """Return the square root of nu over a chi-squared number.
 
-    It is at the ranks of `_LATENT` from above.
+    It is tabulated at the normal scores `_LATENT` and rises with them.
     """
     return np.asarray(np.sqrt(nu / chdtri(nu, ndtr(_LATENT))))
 
@@ -161,7 +161,7 @@ def _mixing_quantiles(nu: float) -> Floats:
 def _flips(grid: Grid, draws: Draws) -> Bools:
     """Return the mask [R] of headings that are turned by pi.
 
-    They are two-state Markov chains.
+    The headings of an object follow a two-state Markov chain.
     """
     flip, flip_again = grid.of_noise("heading.flip heading.flip_again").T
     after_no, after_yes = at_period(flip, flip_again, grid.steps)

@@ -54,7 +54,7 @@ class DetectedRows:
 def sorted_detections(parts: Sequence[DetectedRows], frames: int) -> Detections:
     """Return detections sorted by frame, descending score and x.
 
-    So their order does not show which are false.
+    This order does not show which detections are false.
     """
     rows = joined(parts)
     row_order = np.lexsort((rows.box[:, 0], -rows.score, rows.frame))
@@ -73,7 +73,7 @@ def detect_false_positives(
 ) -> DetectedRows:
     """Return detections of the visible false positives that the sensor covers.
 
-    They have the errors of objects of poor quality.
+    Their errors are those of true objects of poor quality.
     """
     errors = joined([part for part, _ in parts])
     visible = joined([rows for _, rows in parts])
@@ -99,9 +99,9 @@ def draw_places(
 ) -> Floats:
     """Draw places [B, 2] around sensor poses [B, 4].
 
-    Their distances have these quantiles. ``numbers``: new uniform ones [B, 2]. A place
-    outside the sensor's area gets a new bearing; if no bearing fits, also a new
-    distance.
+    Their distances from the sensor have the given quantiles. ``numbers`` returns new
+    uniform numbers [B, 2]. A place outside the sensor's area gets a new bearing; if no
+    bearing fits, also a new distance.
     """
     area = (-np.inf,) * 2 + (np.inf,) * 2 if sensor.area is None else sensor.area
     view_rad = min(sensor.field_of_view, 2 * np.pi)
@@ -124,8 +124,9 @@ def draw_places(
 def ground_height(place_xy: Floats, frame: Ints, scene: SensedScene) -> Floats:
     """Return the height of the ground at places [B, 2].
 
-    It is the underside of the nearest true box of the frame; in a frame without true
-    boxes, as high above the ego as the median underside in the scene.
+    The ground is where the nearest true box of the frame stands. In a frame without
+    true boxes it is as far above or below the ego as the median underside of boxes in
+    the scene.
     """
     if scene.level is not None:
         return np.full(len(place_xy), scene.level)
@@ -167,10 +168,10 @@ def reported_classes(
 ) -> ReportedClasses | None:
     """Return the ``classes`` that have the noise ``noise_name``.
 
-    They have shares in proportion to their true boxes in the scene. ``noise_names``: of
-    each class. Without such boxes: the class of that name, or the first one with this
-    noise, with the size of ``noise.free``. None if no class has the noise, and without
-    free false positives.
+    The share of a class is proportional to its number of true boxes in the scene.
+    ``noise_names``: name of the noise of each class. Without such boxes: the class of
+    that name, or the first one with this noise, with the size of ``noise.free``. None
+    if no class has the noise, and without free false positives.
     """
     free = noise.free
     candidates = np.flatnonzero(np.array(noise_names) == noise_name)

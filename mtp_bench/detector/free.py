@@ -182,7 +182,7 @@ def _latent(
 ) -> tuple[Floats, Floats]:
     """Return normal numbers that change over frames [R].
 
-    Beside them those behind the constant share [J].
+    The second result is a constant normal number of each object [J].
     """
     ar = parameters.ar / max(1 - parameters.bias, 1e-12)
     rng = draws.generator(class_number)  # hashing so many numbers would take long

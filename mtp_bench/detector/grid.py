@@ -158,7 +158,7 @@ class Grid:
         return self.memory.grown((draws.subject, name), self.object_keys, make)
 
     def by_noise(self) -> list[tuple[ClassNoise, Ints]]:
-        """Return each noise with its rows, without those that have none."""
+        """Return each noise that has rows, with its rows."""
         rows_of: list[tuple[ClassNoise, Ints]] = []
         for number, noise in enumerate(self.noise):
             rows = np.flatnonzero(self.row_noise == number)
@@ -233,8 +233,8 @@ class Grid:
     ) -> Floats:
         """Return autoregressive standard normal numbers [m, R] of m kinds.
 
-        They are made from such numbers ``push`` of all `cells`. ``phi`` [m, K]:
-        correlation between neighbouring frames of the profile, of every noise.
+        ``push``: independent numbers of all `cells`, from which they are made. ``phi``
+        [m, K]: correlation between neighbouring frames of the profile, of every noise.
         """
         frame, column = self.cells
         phi = decayed(phi, self.steps)
@@ -291,7 +291,7 @@ class Grid:
 def shares_of(memory: SharedMemory) -> Shares:
     """Return four parameters of a memory.
 
-    They are the constant share of the lasting part, phi, the weight of a neighbour at
+    In order: the constant share of the lasting part, phi, the weight of a neighbour at
     distance 0, and the share of the new part.
     """
     # the rounded shares of a profile may not sum to 1
@@ -309,7 +309,8 @@ def truth_grid(
 ) -> Grid:
     """Return the grid of a truth.
 
-    ``noise``: of each class index; ``memory``: of the last frame, which alone has rows.
+    ``noise``: noise of each class index. ``memory``: state of the frames before,
+    if only the last frame has rows.
     """
     distinct, number = remembered(memory, "noise", lambda: _distinct(noise))
     if memory is None:
@@ -353,7 +354,7 @@ def _distinct(noise: Sequence[ClassNoise]) -> tuple[tuple[ClassNoise, ...], Ints
 def truth_neighbours(grid: Grid, place: Floats, length: float) -> Neighbours:
     """Return neighbours within ``length`` m of rows at ``place`` [R, 2].
 
-    They are in the same frame and have the same noise.
+    Neighbours are in the same frame and have the same noise.
     """
     moment = grid.frame * len(grid.noise) + grid.noise_number[grid.column]
     return Neighbours.within(length, place, moment, grid.ids[grid.column])

@@ -46,7 +46,7 @@ def near_false_positives(
 ) -> tuple[BoxErrors, DetectedRows]:
     """Return visible false positives beside the true boxes, with their errors.
 
-    ``grid`` and ``qualities``: of the true boxes; ``similar``: see
+    ``grid`` and ``qualities`` belong to the true boxes. ``similar``: see
     `classes_of_same_noise`. A duplicate appears only beside a detected object.
     """
     draws = Draws(seed, NoiseSubject.NEAR_OBJECTS)

@@ -14,7 +14,7 @@ from ..core import Section, UnknownNameError, rule
 
 QUANTILES = 11  # of distances, at `EVEN_RANKS`: 0, 10, ..., 100 %
 EVEN_RANKS = np.linspace(0.0, 1.0, QUANTILES)
-# of scores: denser where scores are high
+# ranks at which scores are stored: denser where scores are high
 RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)
 SLOTS = 2  # places beside every true box at which a false positive can appear
 _SIMILAR = {  # for profiles without a class
@@ -71,7 +71,7 @@ class SharedMemory(LatentMemory):
 class Lapses(Section):
     """The skewed part of the quality: close to 0, or a large loss that lasts."""
 
-    # of the variance of the random part of the quality
+    # share of the variance of the random part of the quality
     share: Annotated[float, Field(ge=0, lt=1)]
     # share of the latent number that is constant over the object's life; the rest is
     # autoregressive
@@ -156,7 +156,7 @@ class FalsePositives(LatentMemory):
 
     # share of the frames of its life in which one is visible
     chance: Annotated[float, Field(gt=0, le=1)]
-    score: Quantiles  # of the visible ones, at the ranks `RANKS`
+    score: Quantiles  # quantiles of scores of the visible ones, at the ranks `RANKS`
 
 
 class FreeFalsePositives(FalsePositives):

@@ -27,7 +27,8 @@ def profile_names() -> tuple[str, ...]:
 def load_profile(name: str) -> Profile:
     """Load a shipped profile, or one from a TOML file.
 
-    Raises UnknownNameError or CardError.
+    ``name`` is a file if it ends in ".toml". Raises UnknownNameError if no profile of
+    that name ships, CardError for a wrong file.
     """
     return _read(Path(name)) if name.endswith(".toml") else _shipped(name)
 
@@ -35,7 +36,7 @@ def load_profile(name: str) -> Profile:
 def profile_for(detector: str) -> str:
     """Return the shipped profile that replaces a stored detector.
 
-    It is an empty text if there is none.
+    Empty if no profile replaces it.
     """
     if detector in profile_names():
         return detector
@@ -149,7 +150,7 @@ def profile_text(profile: Profile) -> str:
 def toml_table(heading: str, content: dict[str, Any]) -> list[str]:
     """Return TOML lines of a table and its sub-tables.
 
-    Lists must be tuples.
+    Sequences in ``content`` must be tuples, not lists.
     """
     tables = {key: value for key, value in content.items() if isinstance(value, dict)}
     values = {key: value for key, value in content.items() if key not in tables}

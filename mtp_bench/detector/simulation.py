@@ -31,7 +31,7 @@ class OpenScene:
     frames: int  # at most
     known_truth: Truth  # true boxes whose classes and sizes false positives have
     level: float = 0.0  # m, of the ground
-    # of the frames before, if only the last frame has boxes
+    # state after the frames before, if only the last frame has boxes
     memory: Memory | None = None
 
 
@@ -52,9 +52,9 @@ def simulate(
     ``class_id`` an index into ``classes``; ``ego`` [F, 4]: x y z (m) and yaw (rad) of
     the sensor, in the frame of the truth; ``seed``: not negative; ``dt``: s between
     frames, by which the memory of the profile decays; ``visibility``: `visibility_of`
-    the truth, if known; ``going_on``: of a closed loop. Rows of a frame are sorted by
-    descending score, then by x. Raises ShapeError for another shape of ``ego``, and
-    UnknownNameError for a class that the profile does not have.
+    the truth, if known; ``going_on``: state of a closed loop. Rows of a frame are
+    sorted by descending score, then by x. Raises ShapeError for another shape of
+    ``ego``, and UnknownNameError for a class that the profile does not have.
     """
     require_shape("ego", ego, (truth.frames, 4))
     if visibility is None:

@@ -180,7 +180,7 @@ def _first_in_sectors(
     distance_m = _entry_distance(ray_angle[sector_index], box_owner, box, sensor)
     nearest_m = np.full(len(ray_angle), np.inf)
     np.minimum.at(nearest_m, sector_index, distance_m)
-    # of equally near boxes the first one
+    # among equally near boxes the first one counts
     first_hit = np.flatnonzero(distance_m == nearest_m[sector_index])[::-1]
     sector_owner = np.full(len(ray_angle), -1)
     sector_owner[sector_index[first_hit]] = box_owner[first_hit]

@@ -117,8 +117,9 @@ def require_training(card: Card, values: Mapping[str, Any]) -> None:
 def chosen_sizes(
     values: Mapping[str, Any], card_sizes: Mapping[str, int]
 ) -> dict[str, int]:
-    """Return the sizes of the spaces: those of the keywords, else of the card.
+    """Return the sizes of the spaces.
 
+    A size that no keyword states is that of the card.
     Raises MtpBenchError unless each is a positive whole number.
     """
     sizes: dict[str, int] = {}
@@ -141,7 +142,8 @@ def chosen_sizes(
 def require_room(env_id: str, sizes: Mapping[str, int], kind: str, count: int) -> None:
     """Raise MtpBenchError if an action or observation would be too large.
 
-    ``kind``: which of both. ``count``: of its numbers, 8 bytes each.
+    ``kind``: "action" or "observation". ``count``: how many numbers it holds, of 8
+    bytes each.
     """
     if 8 * count > MAX_BYTES:
         stated_sizes = ", ".join(f"{name} {value}" for name, value in sizes.items())

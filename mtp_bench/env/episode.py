@@ -31,7 +31,7 @@ class EpisodeLike(Protocol):
     def scene(self) -> Scene:
         """Scene that is played.
 
-        Of a closed loop, the frame of now until its end.
+        In a closed loop it has the present frame alone until the loop ends.
         """
 
     @property
@@ -82,9 +82,8 @@ def start_drive(
 ) -> EpisodeLike:
     """Start a closed loop.
 
-    Its scene is made while it is driven.
-    ``number``: of the scene among `MTPEnv.scene_names`; ``rng`` moves the local frame
-    at random.
+    Its scene is made while it is driven. ``number``: index of the scene in
+    `MTPEnv.scene_names`. ``rng`` moves the local frame at random.
     """
     start_episode: Callable[..., EpisodeLike] = resolve_name(_START_DRIVE)
     return start_episode(card, task, scene, number, rng)
@@ -111,7 +110,7 @@ class Episode:
     """One pass through a scene, from frame ``first`` to the one before ``end``."""
 
     scene: Scene
-    number: int  # of the scene among `MTPEnv.scene_names`
+    number: int  # index of the scene in `MTPEnv.scene_names`
     frame: LocalFrame
     feed: Feed
     scorer: FrameScorer | None  # None in evaluation mode
@@ -119,8 +118,9 @@ class Episode:
     first: int = 0
     # one per frame, in the scene's frame of reference; empty ones before ``first``
     actions: list[RecordedAction] = field(default_factory=list)
-    scores: list[FrameScore] = field(default_factory=list)  # of the actions taken
-    drive: Drive | None = None  # of a closed loop that is over
+    # score of each action so far
+    scores: list[FrameScore] = field(default_factory=list)
+    drive: Drive | None = None  # the whole drive, after a closed loop
 
     @property
     def t(self) -> int:
@@ -166,8 +166,8 @@ class Episode:
     def keep_target_frames(self, empty_action: RecordedAction) -> None:
         """Play only from the first frame with targets to the last.
 
-        ``empty_action``: of the frames before. Raises DataError for a scene without
-        such a frame.
+        ``empty_action``: recorded for the frames before. Raises DataError for a scene
+        without such a frame.
         """
         frames = np.zeros(0, dtype=np.int64)
         if self.scorer is not None:
@@ -238,10 +238,10 @@ class LiveEpisode:
     # its detections are those that the agent is shown; its truth is empty if it must
     # not be seen
     scene: Scene
-    # of the frames until now, in the scene's frame of reference
+    # actions in the frames until now, in the scene's frame of reference
     actions: Sequence[RecordedAction]
     dropped: Ints  # [F] detections that did not fit into the observation
-    drive: Drive | None = None  # of a closed loop, until now
+    drive: Drive | None = None  # the drive until now, in a closed loop
 
     @property
     def frame(self) -> int:

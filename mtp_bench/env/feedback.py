@@ -20,7 +20,7 @@ from ..core import ActionError, Floats, Task
 RANDOM_BEYOND = 1e4
 # an agent that never wraps its angles may be some way beyond one turn
 _MAX_YAW_RAD = 4 * np.pi
-# of the origin: positions and offsets cannot be told apart there
+# closer to the origin positions and offsets cannot be told apart
 _MIN_DISTANCE_M = 5.0
 _MAX_SPEED_MPS = 75.0  # no forecast object moves as fast
 # fewer objects may lie by chance where they would if the offsets were positions

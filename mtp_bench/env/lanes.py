@@ -28,7 +28,7 @@ _ROUNDING = 1e-6  # of the number of steps along a lane
 
 @dataclass(frozen=True, eq=False)
 class LaneFeed:
-    """Pieces of the lanes of a scene, A in all, from which each frame shows some.
+    """All A pieces of the lanes of a scene; a frame shows some of them.
 
     It is made once, at ``reset``; a frame then costs one distance for each point.
     """
@@ -43,12 +43,12 @@ class LaneFeed:
     size: LaneSection
 
     def observe(self, t: int) -> Observation:
-        """Return fresh arrays of frame ``t``: pieces in reach, nearest first."""
+        """Return fresh arrays of the pieces in reach at frame ``t``, nearest first."""
         distance = np.linalg.norm(self.scene_point - self.sensor[t], axis=2)
         nearest = np.where(self.valid, distance, np.inf).min(axis=1)
         shown = np.argsort(nearest, kind="stable")[: self.size.pieces]
         shown = shown[nearest[shown] <= self.size.reach]
-        row = np.full(len(self.point) + 1, -1)  # the last one is of "none"
+        row = np.full(len(self.point) + 1, -1)  # successor -1 (none) reads the last one
         row[shown] = np.arange(len(shown))
         successors = row[self.following[shown]]
         pieces = self.size.pieces
@@ -78,7 +78,7 @@ def make_lane_feed(
     following = _successors(scene, first_piece)
     passed = valid & _within_reach(point, scene.ego[:, :2], size.reach)
     kept_piece = passed.any(axis=1)
-    # number of each piece among those kept; the last one is of "none"
+    # number of each piece among those kept; successor -1 (none) reads the last one
     number = np.append(np.where(kept_piece, np.cumsum(kept_piece) - 1, -1), -1)
     local = (rotate(point.reshape(-1, 2), yaw) + shift).reshape(point.shape)
     local = np.where(valid[..., None], local, 0.0).astype(np.float32)
@@ -143,7 +143,7 @@ def _resample(lane: Lane, step_m: float, where: str) -> Floats:
     if not is_line or not np.isfinite(center).all():
         raise DataError(
             f"{where}: center has shape {center.shape}, "
-            "expected [n, 2] finite metres of 2 or more points"
+            "expected 2 or more points [n, 2] of finite metres"
         )
     segments = np.linalg.norm(np.diff(center, axis=0), axis=1)
     station = np.append(0.0, np.cumsum(segments))

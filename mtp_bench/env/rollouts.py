@@ -93,9 +93,9 @@ def record_action(
     """Return the sound part of an action, in the scene's frame.
 
     It counts the rows that were taken out. ``frame`` is that of the observations;
-    without one, coordinates stay as they are. ``detections`` [C]: of each class in the
-    frame of the action. Never raises. All arrays are copies: an agent may go on writing
-    into its own.
+    without one, coordinates stay as they are. ``detections`` [C]: number of detections
+    of each class in the frame of the action. Never raises. All arrays are copies: an
+    agent may go on writing into its own.
     """
     arrays = checked.arrays
     sound = checked.sound

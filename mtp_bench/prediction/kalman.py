@@ -236,7 +236,7 @@ def noise_table(rows: Sequence[Noise]) -> NoiseTable:
 def observed(task: Task) -> str:
     """Return the name of the task's fit in its domain's file.
 
-    It states the source of the pasts, and the frame.
+    The name states the source of the pasts, and the frame.
     """
     pasts = "truth" if task.observe == "truth" else family_of(task.detector)
     return f"{pasts}-{'world' if task.ego_motion else 'ego'}"

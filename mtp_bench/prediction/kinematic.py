@@ -87,7 +87,7 @@ class KinematicPredictor:
     def _normal(self, frame: Frame, draws: int, samples: int) -> Floats:
         """Draw standard normal numbers [draws, samples, 7] of a frame.
 
-        They are the same for every agent with this seed. A single sample is the point
+        Every agent with this seed gets the same numbers. A single sample is the point
         forecast: all its numbers are 0, since a random future is worse than the mean.
         """
         if samples == 1:

@@ -43,12 +43,12 @@ _upper = lru_cache(np.triu_indices)
 class TrackHistory:
     """History of N tracks, from which features are computed."""
 
-    last_score: Floats  # [N] of the last detection
-    mean_score: Floats  # [N] of all detections
-    hits: Ints  # [N] detections
+    last_score: Floats  # [N] score of the last detection
+    mean_score: Floats  # [N] mean score of all detections
+    hits: Ints  # [N] number of detections
     age: Ints  # [N] frames since the first detection, this one included
     unseen: Ints  # [N] frames since the last detection
-    range: Floats  # [N] m to the ego
+    range: Floats  # [N] m, distance to the ego
     speed: Floats  # [N] m/s over the past that is kept
 
 

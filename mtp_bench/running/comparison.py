@@ -112,7 +112,7 @@ def _compare(
 
 
 def _without(names: Container[str], settings: Iterable[Setting]) -> list[Setting]:
-    """Return the settings of other submissions."""
+    """Return the settings of submissions that are not in ``names``."""
     return [setting for setting in settings if setting.submission.name not in names]
 
 
@@ -131,7 +131,8 @@ def _hidden_controls(roles: Sequence[Role], agents: Sequence[object]) -> set[str
 def _main_settings(settings: Sequence[Setting], hidden: set[str]) -> list[Setting]:
     """Return the setting of each submission that the main table shows.
 
-    It has k samples, the submission's own parameters and the most hypotheses.
+    Settings with k samples come before others, then those with the submission's own
+    parameters, then those with the most hypotheses.
     """
     shown = _without(hidden, settings)
 
@@ -140,6 +141,7 @@ def _main_settings(settings: Sequence[Setting], hidden: set[str]) -> list[Settin
         return preference(setting.budget, is_default, setting.hypotheses or 0)
 
     best: dict[str, Setting] = {}
+    # the last one, with the largest rank, stays
     for setting in sorted(shown, key=rank):
         best[setting.submission.name] = setting
     return [setting for setting in shown if best[setting.submission.name] is setting]
@@ -150,8 +152,9 @@ def _reference_settings(
 ) -> _ReferenceSettings:
     """Return the settings beside which agents are measured.
 
-    Of several numbers of hypotheses under one label they are of the last. Unless
-    ``full``, they are the single hypothesis alone, which the guard of ranks takes.
+    If settings with several numbers of hypotheses have one label, the last of them
+    decides. Unless ``full``, only the single hypothesis is returned, which the guard of
+    ranks needs.
     """
     references: dict[str, dict[str, Setting]] = {}
     for setting in settings:
@@ -166,7 +169,7 @@ def _reference_settings(
 def _distinct_runs(
     settings: Sequence[Setting], references: _ReferenceSettings
 ) -> dict[Key, Setting]:
-    """Return settings and references, each that runs the same once."""
+    """Return settings and references, only one of those that run the same."""
     runs: dict[Key, Setting] = {}
     for setting in settings:
         runs.setdefault(setting.key, setting)

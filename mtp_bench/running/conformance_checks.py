@@ -53,7 +53,7 @@ def check_agent(
     ``env_id``, or those named, several times: to the end, again, after another scene,
     with overwritten observations, turned and shifted, and frames without detections and
     full of them. Its exceptions become findings. ``env_keywords``: further keywords of
-    the env, such as ``data``; ``seed``: of the run.
+    the env, such as ``data``. ``seed``: seed of the run.
 
     Raises MtpBenchError for an unknown env, scene or keyword.
     """

@@ -147,7 +147,7 @@ def play(
 ) -> Played:
     """Run the agent on a ``scene`` of ``env``; raises AgentError.
 
-    ``seed``: of the run, from which those of env and agent are derived. ``scribble``:
+    The seeds of env and agent derive from ``seed``, that of the run. ``scribble``:
     overwrite every observation after the action, as an env with buffers would do.
     ``turn``: number of the rigid motion, in an env with rigid motions.
     """

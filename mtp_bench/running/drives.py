@@ -61,9 +61,10 @@ def compare_driving(
 ) -> DrivingComparison:
     """Let each agent drive in the scenes of a closed loop, beside the controls.
 
-    These are stp and ground-truth tracks; with ``full`` also the lower references,
-    every detection as standing and no objects. An agent that fails in any scene is
-    named in ``failures``; MtpBenchError if a control fails.
+    The controls are stp and ground-truth tracks. With ``full`` there are also the lower
+    references: one predicts that every detection stands still, the other sees no
+    objects. An agent that fails in any scene is named in ``failures``; MtpBenchError if
+    a control fails.
     """
     card = evaluation.card
     if evaluation.options.tracks is not None:

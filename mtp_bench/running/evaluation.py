@@ -77,8 +77,7 @@ class EnvEvaluation:
     ) -> Iterator["EnvEvaluation"]:
         """Yield the scenes that agents are ranked on, under the options of a call.
 
-        ``verb``: of what is done on the env, to show its progress. ``keywords``:
-        `RunKeywords`.
+        ``verb`` names the work in the display of progress. ``keywords``: `RunKeywords`.
         """
         env_id, options = resolve_options(env_id, options, keywords)
         env_name = env_id.id if isinstance(env_id, Card) else env_id
@@ -110,7 +109,7 @@ class EnvEvaluation:
         return first_errors(jobs, self.options)
 
     def scores(self, settings: Sequence[Setting], caught: bool = True) -> list[Scores]:
-        """Return the scores of settings under all seeds, or the first error of one.
+        """Return the scores of each setting under all seeds, or its first error.
 
         Without ``caught`` the error is raised.
         """
@@ -192,7 +191,7 @@ def scores_of(
 ) -> AgentScores:
     """Return the scores of a setting, a run per seed.
 
-    They have the name ``agent``, else the setting's label.
+    Their name is ``agent`` or, if that is empty, the setting's label.
     """
     return AgentScores(
         agent or setting.label,

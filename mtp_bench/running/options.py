@@ -97,9 +97,9 @@ class RunOptions(CardChanges):
     # root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's data folder
     data: str | None = None
     scenes: int | None = None  # only the first scenes of the split; None: all
-    seeds: Sequence[int] = (0,)  # of the random draws, one run each
+    seeds: Sequence[int] = (0,)  # seeds of the random draws, one run each
     fold: Fold | None = None  # only the scenes of a fold of the split, such as (1, 4)
-    names: tuple[str, ...] | None = None  # of scenes; None: the first ``scenes``
+    names: tuple[str, ...] | None = None  # scene names; None: the first ``scenes``
     # file or folder of stored tracks, for submissions that observe them
     tracks: str | None = None
     workers: Workers = SERIAL  # processes of this machine, or a Dask cluster
@@ -150,7 +150,8 @@ class RunOptions(CardChanges):
     def require_usable(self, submissions: Sequence[Submission]) -> None:
         """Raise MtpBenchError for submissions that cannot run under these options.
 
-        These are objects that the workers cannot get; see also `require_tracks_used`.
+        Objects that cannot be sent to the workers are such submissions; see also
+        `require_tracks_used`.
         """
         if self.workers != SERIAL:
             for submission in submissions:
@@ -189,7 +190,7 @@ def resolve_options(
 ) -> tuple[str | Card, RunOptions]:
     """Return the env and the options under `RunKeywords`.
 
-    Scenes of one's own among the keywords are then those of the env. Raises
+    If the keywords have scenes of one's own, they replace the scenes of the env. Raises
     UnknownNameError for other keywords, MtpBenchError for values that `RunOptions`
     refuses.
     """

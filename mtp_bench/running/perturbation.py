@@ -99,7 +99,7 @@ class Perturbation:
 def matched_detections(scene: Scene, card: Card) -> MatchedDetections:
     """Return the detections matched one to one to evaluated objects.
 
-    They are inside the forecast gate of their object.
+    A matched detection is inside the forecast gate of its object.
     """
     truth = evaluated(scene).truth
     detections = scene.detections
@@ -125,7 +125,8 @@ def assignment_of(run: int) -> str:
 def _quantiles(values: Floats, of_class: Sequence[Bools], share: float) -> Floats:
     """Return the quantile of ``values`` [n] per class [C].
 
-    It is that of all values for a class without any, and 0 without values.
+    A class without values gets the quantile of all values, or 0 without any.
+    ``of_class`` [C]: mask [n] of the values of each class.
     """
     overall = float(np.quantile(values, share)) if len(values) else 0.0
     quantiles = np.full(len(of_class), overall)

@@ -150,9 +150,10 @@ def jobs_of(
 ) -> list[Job]:
     """Return the jobs of a submission on ``scenes`` of an env, in evaluation mode.
 
-    ``env``: id, path of a card, or card. ``keywords``: of `MTPEnv`; without ``observe``
-    the env observes what the manifest states. ``parameters``: of the agent, else those
-    of the manifest. ``label``: name of the agent in errors, else the submission's.
+    ``env``: id, path of a card, or card. ``keywords``: keywords of `MTPEnv`; without
+    ``observe`` the env has the mode of the manifest. ``parameters``: parameters of the
+    agent; None: those of the manifest. ``label``: name of the agent in errors; None:
+    name of the submission.
     """
     if parameters is None:
         parameters = submission.parameters
@@ -229,7 +230,7 @@ def _agent_outcomes(
     calls: Sequence[tuple[Any, ...]],
     workers: Workers,
 ) -> Iterator[tuple[int, Any]]:
-    """Yield index and result of each call of one agent, which may end its process."""
+    """Yield index and result of each call of an agent that may end its process."""
     remaining = dict.fromkeys(range(len(calls)))
     try:
         for index, result in unordered_map(function, calls, workers, own_process=True):

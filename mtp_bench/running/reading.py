@@ -66,8 +66,8 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
     """Return the status of the data of ``card`` after reading all its scenes.
 
-    It has broken files, counts, and a note on skipped rows. Where all are sound, the
-    counts are kept in the cache until a file has another size or time.
+    The status lists broken files, counts, and a note on skipped rows. If no file is
+    broken, the counts are cached until the size or time of a file changes.
     """
     status = describe(card, data)
     if not status.usable or status.about.generated or status.root is None:

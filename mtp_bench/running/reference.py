@@ -151,9 +151,9 @@ def reference_for(
 ) -> Reference:
     """Return the frozen event weights of ``card``, or weights made from the scenes.
 
-    They are made if the frozen ones do not cover the scenes. ``card``: with all
-    changes. ``options``: data, workers and progress. Raises DataError if the frozen
-    file is broken.
+    Weights are made if the frozen ones do not cover the scenes. ``card``: the card with
+    all changes of the call. ``options``: data, workers and progress. Raises DataError
+    if the frozen file is broken.
     """
     frozen = frozen_reference(card)
     if frozen is not None and frozen.holds(scenes):
@@ -192,9 +192,9 @@ def make_reference(
 ) -> Reference:
     """Make event weights from runs of the card's reference baseline on ``scenes``.
 
-    There is one run per seed; budgets are theirs, too. ``seeds``: at most 255, counts
-    are bytes. Raises CardError unless that baseline takes the parameters ``assignment``
-    and ``forecasts``.
+    There is one run per seed, and the runs also give the budgets. ``seeds``: at most
+    255, since counts are bytes. Raises CardError unless that baseline takes the
+    parameters ``assignment`` and ``forecasts``.
     """
     if len(seeds) > _MAX_SEEDS:
         raise MtpBenchError(

@@ -28,7 +28,7 @@ _REFERENCE_ROLES: tuple[Role, ...] = (
 
 
 class Key(NamedTuple):
-    """Fields of settings that run the same; they may differ in their label."""
+    """Fields that decide how a setting runs: all but its label."""
 
     submission: str
     parameters: str
@@ -46,13 +46,14 @@ class Setting:
     submission: Submission
     parameters: dict[str, Any]
     budget: Budget
-    hypotheses: int | None  # as declared; None: as many as the agent states
+    # number that the manifest declares; None: as many as its actions have
+    hypotheses: int | None
     samples: int  # K
     observe: str = "detections"
 
     @property
     def key(self) -> Key:
-        """The same for settings that differ in their label alone."""
+        """Key that is equal for settings that differ only in their label."""
         parameters = repr(sorted(self.parameters.items()))
         return Key(
             self.submission.name,
@@ -65,10 +66,11 @@ class Setting:
 
     @property
     def gap_references(self) -> tuple["Setting", "Setting"] | tuple[()] | None:
-        """Reference pair of its gap: one hypothesis, and ground-truth tracks.
+        """Pair of references between which the gap of an agent lies.
 
-        Both have its own predictor. Empty: the controls are the pair. None: the
-        manifest does not state it.
+        One has one hypothesis, the other the ground-truth tracks; both have the agent's
+        own predictor. Empty: the controls are the pair. None: the manifest states no
+        pair.
         """
         pair_parameters = self.submission.compare.gap_references
         if pair_parameters == "controls":
@@ -86,7 +88,7 @@ class Setting:
 
     @property
     def total_draws(self) -> int:
-        """Number of times that k samples are drawn of an object."""
+        """Number of draws of k samples for an object, over all hypotheses."""
         draws = _count(self.submission, self.parameters, self.submission.compare.draws)
         return (self.hypotheses or 1) * (draws or 1)
 
@@ -98,7 +100,7 @@ class Setting:
         return keywords
 
     def with_draws(self, draws: int) -> "Setting":
-        """Return this setting with as many draws, if it has fewer and can have them."""
+        """Return the setting with more draws, if the agent has a parameter for them."""
         draws_name = self.submission.compare.draws
         if draws_name is None or draws <= self.total_draws:
             return self
@@ -113,8 +115,9 @@ def setting_of(
 ) -> Setting:
     """Return the setting of a submission with its own and ``chosen`` parameters.
 
-    The label names those that are not the default, or H. Raises SubmissionError unless
-    the parameters that the manifest names as counts are whole numbers.
+    The label names each chosen parameter that differs from the submission's own, except
+    the number of hypotheses H. Raises SubmissionError unless the parameters that the
+    manifest names as counts are whole numbers.
     """
     chosen = chosen or {}
     compare = submission.compare
@@ -141,9 +144,9 @@ def setting_of(
 
 
 def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
-    """Return the settings beside which an agent is measured.
+    """Return the settings of the reference runs of an agent.
 
-    Their keys are fields of `References`. Empty if its manifest states none.
+    The keys are fields of `References`. Empty if the manifest states no references.
     """
     pair = setting.gap_references
     if pair is None:
@@ -170,9 +173,10 @@ def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
 
 
 def kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
-    """Return references with the kinematic predictor: controls.
+    """Return the controls as references; they have the kinematic predictor.
 
-    They have one draw, or as many as their same samples.
+    If the agent has more draws than one, the references that split its error have the
+    number of draws of ``same_samples``.
     """
     role_names = controls()
     references: dict[str, Setting] = {}
@@ -192,7 +196,8 @@ def kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
 def expand(submission: Submission, card: Card) -> list[Setting]:
     """Return all settings of a submission, in the order of the manifest.
 
-    They are its sweep times its numbers of samples.
+    There is one for each combination of the values of its sweep with each of its
+    numbers of samples. Settings that would be the same appear once.
     """
     sweep = submission.compare.sweep
     settings: list[Setting] = []
@@ -243,7 +248,7 @@ def _numbered(
 def require_list(agents: object) -> None:
     """Raise MtpBenchError for one agent in place of a list.
 
-    The letters of a name would be taken as names.
+    Without this check each letter of a name would be taken for the name of an agent.
     """
     is_path = isinstance(agents, str | PathLike)
     if is_path or not isinstance(agents, Iterable):
@@ -257,8 +262,8 @@ def require_list(agents: object) -> None:
 def training_note(submission: Submission, card: Card) -> str | None:
     """Return the note on parts that were trained on the scenes that ``card`` scores.
 
-    None without any. Other splits, detections or scenes than those of the env that
-    ships are not the ones that the manifest names.
+    None without such parts. The manifest speaks of the env that ships, so a card with
+    another split, detections or scenes has no note.
     """
     return submission.note_on(card.id) if unchanged(card.id, card.digest) else None
 

@@ -205,7 +205,7 @@ def _samples(
 ) -> Iterator[tuple[str, list[dict[str, object]]]]:
     """Yield the boxes of each sample.
 
-    They have the velocity since the previous box of the track.
+    A box has the mean velocity since the previous box of its track.
     """
     previous: dict[int, tuple[float, Floats]] = {}  # by track: time and position
     start = starts_of_sorted(rows.frame, scene.frames)

@@ -48,7 +48,7 @@ class Cuts:
     def at(self, min_confidence: float) -> tuple[Floats, Floats]:
         """Return the error of each target [n], m, at the least kept confidence.
 
-        Beside it its part from targets without a forecast.
+        The second result is the part of it from targets without a forecast.
         """
         steps = np.searchsorted(-self.confidence, -min_confidence, side="right")
         changes = int(np.searchsorted(self.step, steps))
@@ -63,7 +63,7 @@ class Cuts:
     def false_costs(self, min_confidence: float, cost: Floats) -> float:
         """Return the cost of false forecasts of ``min_confidence`` and more.
 
-        ``cost`` [C]: by class.
+        ``cost`` [C]: cost of a false forecast of each class.
         """
         counted = self.false & (self.confidence >= min_confidence)
         return float(cost[self.class_id[counted]].sum())
@@ -77,7 +77,7 @@ class Budgets:
     """
 
     all: Floats  # bADE of "all" is the mean over these
-    subsets: float  # of the event subsets
+    subsets: float  # the one budget of the event subsets
     false_known: bool = True
 
 
@@ -85,8 +85,9 @@ class Budgets:
 class CardBudget:
     """Constants of a card that set its budgets.
 
-    They are counts of the reference STP on the scored split. Budgets never depend on
-    what an agent is given: worse detections would widen them, and lower its error.
+    The constants are counts of the reference STP on the scored split. Budgets do not
+    depend on the detections that an agent gets. Otherwise worse detections would widen
+    the budgets and lower the error.
     """
 
     env: str = ""  # id of the card; empty: its scored split has no frozen counts
@@ -156,8 +157,9 @@ def errors_at(
 ) -> BudgetErrors:
     """Return the errors of one run at each of the ``budgets``.
 
-    ``cuts``: of all its scenes. ``live_frames``: of the run, if a budget is a number of
-    forecasts per live frame; None: of false forecasts.
+    ``cuts``: cuts of each scene of the run. ``live_frames``: number of live frames of
+    the run, if a budget is a number of forecasts per live frame. None: a budget is a
+    number of false forecasts.
     """
 
     def scene_errors(scene: int, min_confidence: float) -> Floats:
@@ -243,8 +245,8 @@ def fixed_parts(
 ) -> tuple[Floats, Floats, float, float]:
     """Return the parts of `fixed_error`, whose arguments it has, m.
 
-    They are the error of each target [n], its part from targets without a forecast, the
-    cost of the false forecasts, and that of the invalid objects.
+    The parts: the error of each target [n], the share of it from targets without a
+    forecast, the cost of false forecasts, the cost of invalid objects.
     """
     error, missed = cuts.at(SURE)
     class_cost = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())

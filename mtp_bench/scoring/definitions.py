@@ -40,9 +40,10 @@ CURVE_BUDGETS = (
     5.0,
 )
 SURE = 0.5  # confidence from which the fixed operating point keeps a forecast
-# of the miss error c, per false forecast at the fixed operating point
+# cost of a false forecast at the fixed operating point, as a share of the miss error c
 FALSE_FORECAST_SHARE = 0.5
-# of a frame, at the fixed operating point, where false ones cannot be known
+# forecasts of a frame without cost at the fixed operating point, where false ones
+# cannot be known
 FREE_FORECASTS = 40
 SAMPLE_FLOOR = 0.01  # of the uniform weight; lighter samples are absent
 EPA_ALPHA = 0.5  # penalty of a false forecast in EPA

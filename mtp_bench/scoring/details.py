@@ -150,13 +150,13 @@ def calibration(confidence: Floats, matched: Bools) -> tuple[float, list[Reliabi
 def misstated(table: AgentTable) -> tuple[float, float] | None:
     """Return the mean confidence and the share that is of a true object.
 
-    Of the first seed, if they differ by more than `MAX_BIAS`, and by more than chance
-    (p < .01). Forecasts of one frame count as independent, and those of the next frames
-    as repetitions for a quarter of a unit, 5 s: the variance of the number of matches
-    is that of independent forecasts times these frames. On nuScenes mini a false
-    forecast of STP lasts 2.4 s (mean weighted by length). None if they agree, if false
-    forecasts are not known, and if no forecast is near a target, since the cause lies
-    elsewhere.
+    Only the first seed counts. None unless the two differ by more than `MAX_BIAS`, and
+    by more than chance (p < .01). Forecasts of one frame count as independent, and
+    those of the next frames as repetitions for a quarter of a unit, 5 s: the variance
+    of the number of matches is that of independent forecasts times these frames. On
+    nuScenes mini a false forecast of STP lasts 2.4 s (mean weighted by length). None
+    also if false forecasts cannot be known, and if no forecast is near a target, since
+    the cause lies elsewhere then.
     """
     run = table.setting.seeds[0]
     confidences = _confidences(table, run)

@@ -70,9 +70,9 @@ def displacement(
 def floored(weights: NDArray[Any]) -> Floats:
     """Return weights [n, S] with 0 for samples below 1 % of the uniform weight.
 
-    They are absent in every number. So a sample that costs nothing in the energy score
-    earns nothing in minADE. Samples of weight 0 do not count as stated; what is below
-    the floor is dropped once.
+    Samples of weight 0 are left out of every metric. So a sample that costs nothing in
+    the energy score earns nothing in minADE. Samples of weight 0 do not count as
+    stated; what is below the floor is dropped once.
     """
     weight = np.asarray(weights, dtype=np.float64)
     sample_count = (weight > 0).sum(axis=1, keepdims=True)
@@ -130,7 +130,7 @@ def k_curve(errors: ArrayLike, ks: Sequence[int]) -> NDArray[np.float64]:
 def _probability_of_min(m: int, k: int) -> NDArray[np.float64]:
     """Return the probability [m] that the j-th smallest is the least of a k-subset.
 
-    Of m samples: C(m-1-j, k-1) / C(m, k).
+    There are m samples, so it is C(m-1-j, k-1) / C(m, k).
     """
     probability = np.zeros(m)
     value = k / m

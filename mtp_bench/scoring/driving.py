@@ -95,9 +95,9 @@ class DrivingRow(Section):
 
 @dataclass(frozen=True, eq=False)
 class AgentDrives:
-    """Drives of an agent: for each scene one per seed.
+    """Drives of an agent, one per scene and seed.
 
-    ``scores``: of its forecasts in them, a run per seed.
+    ``scores``: scores of its forecasts in these drives, a run per seed.
     """
 
     agent: str

@@ -85,8 +85,8 @@ def find_events(objects: History, matched: Matched, track_id: Ints) -> Events:
     """Return the events of one stream of tracks.
 
     ``objects``: history of the true boxes [R]; ``matched`` [R]: row of the track of
-    each true box, -1 none; ``track_id``: ids by row. No event is found across frames
-    without the object.
+    each true box, -1 if none; ``track_id``: id of each track row. Where frames without
+    the object lie between two of its boxes, no event is counted.
     """
     column = matched[objects.order]
     is_matched = column >= 0
@@ -108,7 +108,8 @@ def clear_identity(
 ) -> tuple[Rows, Rows]:
     """Return the rows of CLEAR-IDS and of CLEAR-FRAG.
 
-    IDS: the id differs from the last matched one; FRAG: matched again after a gap.
+    IDS: the id of the track differs from that of the last match. FRAG: the object is
+    matched again after a gap.
     """
     column = matched[objects.order]
     place = np.flatnonzero(column >= 0)
@@ -123,7 +124,7 @@ def clear_identity(
 def _matched_again(follows: Bools, is_matched: Bools) -> Bools:
     """Return True for rows that are matched after a gap that followed a match.
 
-    All in the same run; ``follows`` [R] as in `counted_in_run`.
+    Match, gap and row are in the same run. ``follows`` [R]: see `counted_in_run`.
     """
     matched_before = counted_in_run(follows, is_matched) > is_matched
     after_gap = follows & ~np.roll(is_matched, 1)
@@ -131,9 +132,10 @@ def _matched_again(follows: Bools, is_matched: Bools) -> Bools:
 
 
 def counted_in_run(follows: Bools, flags: Bools) -> Ints:
-    """Return the number of ``flags`` [R] in each row's run, up to the row itself.
+    """Count the True ``flags`` [R] from the start of a run to each row.
 
-    ``follows`` [R]: the row continues the run of the row before.
+    A run is a series of rows; ``follows`` [R] is True for a row that continues the run
+    of the row before.
     """
     count = np.cumsum(flags)
     count_before_run = np.where(follows, 0, count - flags)
@@ -146,9 +148,10 @@ def pieces(scene: Scene, card: Card) -> Ints:
 
 
 def separated(identity: Ints, piece: Ints) -> Ints:
-    """Return identities [R] that differ from one ``piece`` [R] to another.
+    """Return other identities [R] for the rows of each ``piece`` [R] of time.
 
-    Those of piece 0 stay as they are.
+    So an object counts as a new one after a hole in time. Rows of piece 0 keep their
+    identities.
     """
     ids = np.asarray(identity, dtype=np.int64)
     return np.asarray(ids + piece * (ids.max(initial=0) - ids.min(initial=0) + 1))

@@ -35,7 +35,7 @@ class ObjectMatch:
 class ForecastErrors:
     """Errors per target with every forecast kept.
 
-    For uncovered targets they are inf and ``miss`` is True.
+    An uncovered target has the error inf, and its ``miss`` is True.
     """
 
     # [n] has a matched object with at least one sample, all samples finite
@@ -150,7 +150,8 @@ class Candidates:
     ) -> tuple[ForecastErrors, Matched]:
         """Return the errors of every target with all forecasts kept.
 
-        Beside them the forecast of each true box [R], -1 for none.
+        The second result is the forecast object of each true box [R], -1 if it has
+        none.
         """
         targets = self.targets
         forecasts = self.forecasts

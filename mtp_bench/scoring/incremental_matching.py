@@ -46,11 +46,12 @@ def add_in_order(
 ) -> Additions:
     """Extend the matching by each column at its ``step`` [columns].
 
-    It has maximum cardinality, then the surest columns, then least cost, then the
-    larger ``tie`` [E] of the pairs, m. Columns of equal ``confidence`` [columns] are
-    one group, in which cost decides. Steps are distinct and come by falling confidence,
-    so a matched column gives way to one of its own group alone; a column with step
-    NEVER is not added. Costs are rounded to micrometres.
+    The matching has the largest number of pairs. Among such matchings it has the surest
+    columns, then the least cost, then the larger ``tie`` [E] of the pairs, m. Columns
+    of equal ``confidence`` [columns] are one group, in which cost decides. Steps are
+    distinct and come by falling confidence, so a matched column gives way to one of its
+    own group alone; a column with step NEVER is not added. Costs are rounded to
+    micrometres.
     """
     if not len(pairs):
         no_changes = np.zeros(0, dtype=np.intp)

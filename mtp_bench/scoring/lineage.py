@@ -109,9 +109,9 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
 
 
 def _stated_parents(rollout: Rollout, alive: Bools) -> tuple[Rows, Bools]:
-    """Return stated parents [F, H] that existed, and where there is one.
+    """Return stated parents [F, H] and their mask.
 
-    0 where there is none.
+    A parent is 0 where none is stated. A parent that did not exist counts as not stated.
     """
     parent = np.zeros(alive.shape, dtype=np.intp)
     is_stated = np.zeros(alive.shape, dtype=bool)

@@ -16,8 +16,8 @@ from ..core import Bools, Floats, Ints
 from .pairs import Pairs, Rows
 
 Matched = NDArray[np.intp]
-# of a dense table of costs: a few boxes that touch many objects must not choose the
-# memory
+# largest dense table of costs: a few boxes that touch many objects would otherwise
+# take all memory
 _MAX_CELLS = 1 << 20
 
 
@@ -45,7 +45,7 @@ class _Contested:
         )
 
     def parts(self) -> list[tuple[int, int]]:
-        """Return the first pair of each component, and the one after its last."""
+        """Return the start and end of each component in the pairs."""
         first = np.flatnonzero(np.diff(self.label, prepend=-1))
         return list(pairwise([*first.tolist(), len(self.label)]))
 
@@ -226,7 +226,7 @@ def _settle_square(contested: _Contested, matched: Matched) -> None:
 
 
 def _assign(row: Rows, column: Rows, cost: Floats) -> Rows:
-    """Return the chosen pairs of one component, or of what is left of it.
+    """Return the chosen pairs of one component or of a part of it.
 
     Rows and columns are its own numbers.
     """

@@ -1,10 +1,14 @@
 """Parts of bADE per target, which add up to it.
 
-A target without a forecast costs c for one cause. The error of one with a forecast is
-split by two references with the agent's own predictor: perfect association of the same
-detections, and ground-truth tracks. Every part is linear in the error and in its share
-from targets without a forecast, so both are averaged over budgets and seeds before the
-split (docs/definitions, "Parts of the error").
+A target without a forecast costs the miss error c, which counts as one part: the cause
+why it has no forecast.
+
+The error of a target with a forecast is split by two reference runs, both with the
+agent's own predictor. One associates the same detections perfectly, the other has the
+ground-truth tracks.
+
+Errors are averaged over budgets and seeds before the split. This changes no part, as
+all are linear in the errors (docs/definitions, "Parts of the error").
 """
 
 from collections.abc import Mapping
@@ -33,8 +37,7 @@ PARTS = {
     "undetected_seen": "not detected now",
 }
 LEAST_SHOWN = 0.05  # m, of a part in a text
-# part of the stack -> parts of the error that it causes; what a forecast starts from is
-# measured
+# part of the stack -> parts of the error that it causes
 FAULTS = {
     "detector": (
         "localisation",
@@ -114,8 +117,8 @@ def named_parts(part: Floats) -> dict[str, float]:
 def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
     """Return the parts as text: "other class 5.0 m, predictor 3.1".
 
-    Those that round to 0 are left out; if all do, the first stands with two decimals.
-    The sum of names beyond the first ``most`` is called "others".
+    Parts that round to 0 are left out. If all round to 0, the first is printed with two
+    decimals. The sum of names beyond the first ``most`` is called "others".
     """
     shown = _shown(parts)
     if parts and not shown:
@@ -146,8 +149,8 @@ def by_fault(parts: Mapping[str, float]) -> dict[str, float]:
 def fault_of(parts: Mapping[str, float]) -> str:
     """Return the part of the stack that causes most of `named_parts`.
 
-    It stands with the largest of its causes; empty without an error. Confidence is
-    named only where nothing else has a part.
+    The text also names the largest of its causes. It is empty without an error.
+    Confidence is named only where nothing else has a part.
     """
     stages = [stage for stage, size in by_fault(parts).items() if size >= LEAST_SHOWN]
     if not stages:
@@ -162,7 +165,7 @@ def reference_errors(
 ) -> ReferenceErrors | None:
     """Return the errors of the references that split an agent's error.
 
-    None if one is missing or has not ``samples``, those of the agent.
+    None if one is missing, or does not have the agent's number of ``samples``.
     """
     if associated is None or tracks is None:
         return None
@@ -187,9 +190,9 @@ def error_parts(
 ) -> dict[str, Floats]:
     """Return the parts [n] of bADE on a subset, m, by the keys of `PARTS`.
 
-    Those that are unknown are left out. ``references``: with the agent's own predictor
-    and as many samples. Without them, and where one of them has no forecast, the error
-    of a forecast is its rest.
+    Unknown parts are left out. ``references``: runs with the agent's own predictor and
+    its number of samples. Without them the whole error of a forecast is its "rest"; so
+    it is for a target of which one of them has no forecast.
     """
     bade = table.bade(subset)
     absent = bade.missed - bade.below_threshold
@@ -217,15 +220,15 @@ def error_parts(
 def thresholds_of(table: AgentTable) -> Floats:
     """Return the least confidence [b] that each budget of all targets keeps.
 
-    inf: it keeps no forecast. Of the first seed. A budget keeps a part of the forecasts
-    between two cuts, so its threshold lies between them.
+    They are those of the first seed; inf if a budget keeps no forecast. A budget mostly
+    ends between two cuts, and its threshold is interpolated between theirs.
     """
     run = table.setting.seeds[0]
     budgets = table.budgets
     live_frames = None if budgets.false_known else sum(score.live for score in run)
 
     def threshold(scene: int, min_confidence: float) -> Floats:
-        # one number for all scenes
+        # all scenes have the same threshold, and the first one alone reports it
         return np.full((1, int(scene == 0)), min_confidence)
 
     cuts = [score.cuts for score in run]
@@ -237,7 +240,7 @@ def mean_costs(
 ) -> dict[str, Any]:
     """Return fields ``cost_*`` of a `Row`: means over the targets of a subset, m.
 
-    Those of unknown parts are missing.
+    Fields of unknown parts are missing.
     """
     weight = table.weight[subset]
     total = float(weight.sum())

@@ -49,8 +49,7 @@ NO_TARGETS = "no targets"
 def why_unranked(budget: Budget, samples: int, observe: str) -> str | None:
     """Return a short reason why an agent is not ranked.
 
-    None if it is.
-    ``samples``: per object; ``observe``: the mode of the env.
+    None if it is. ``samples``: number per object. ``observe``: mode of the env.
     """
     if observe in _UNRANKED_MODES:
         return _UNRANKED_MODES[observe]
@@ -62,8 +61,7 @@ def why_unranked(budget: Budget, samples: int, observe: str) -> str | None:
 def why_not_on(subset: Subset, sums: UnitSums) -> str | None:
     """Return a short reason why a subset does not rank agents.
 
-    None if it does.
-    ``sums``: of one of the agents, whose targets are those of all.
+    None if it does. ``sums``: sums of any agent, since all have the same targets.
     """
     if subset != "all" and subset not in RANKED_SUBSETS:
         return "shown only"
@@ -118,7 +116,7 @@ def guard(
 class Place(NamedTuple):
     """The place of an agent on one subset, and the ranks that the tests leave open."""
 
-    place: int | None = None  # by bADE, from 1 on; agents of equal bADE share it
+    place: int | None = None  # rank by bADE, from 1 on; agents of equal bADE share it
     # 1 + number of significantly better agents; n - number of worse ones
     span: tuple[int, int] | None = None
     why: str = ""  # it has no place
@@ -170,8 +168,8 @@ def places_on(
 ) -> list[dict[Subset, Place]]:
     """Return the places of agents with the same targets on each subset.
 
-    ``unranked``: reasons why agents have no place at all; ``guarded``: why they have
-    none on event subsets.
+    ``unranked``: for each agent the reason why it has no place on any subset.
+    ``guarded``: the reason why it has none on event subsets. None: no such reason.
     """
     places: list[dict[Subset, Place]] = [{} for _ in agents]
     if not agents:
@@ -194,7 +192,7 @@ def places_on(
 def _placed(sums: Sequence[UnitSums], reasons: Sequence[str | None]) -> Sequence[Place]:
     """Return the places of agents on one subset.
 
-    With a reason they have none.
+    An agent with a reason against its rank has no place.
     """
     ranked = [i for i, reason in enumerate(reasons) if reason is None]
     places = [Place(why=reason or "") for reason in reasons]
@@ -310,7 +308,7 @@ def pairs_of(
 ) -> GapPairs:
     """Return the pairs of an agent.
 
-    ``tables``: of all references, by the id of their scores.
+    ``tables``: tables of all references, by the id of their scores.
     """
     setting = table.setting
     if setting.agent not in references:

@@ -156,7 +156,11 @@ def _condition(
 
 
 def _detections_text(tables: Sequence[AgentTable], card: Card) -> str:
-    """Return the detectors with their numbers of scenes."""
+    """Return a text such as "a (3 scenes); b (1 scene)" for detectors a and b.
+
+    Detections of a user's own scenes are named as such: the stored name only says whose
+    settings agents take.
+    """
     scenes = tables[0].setting.seeds[0] if tables else ()
     detectors = Counter(score.detections for score in scenes)
     if isinstance(card.source, FilesSource):
@@ -185,7 +189,7 @@ def _paired_rows(
 def paired_row(table: AgentTable, control: AgentTable, subset: Subset) -> PairedRow:
     """Return differences table - control.
 
-    They are of bADE, and of minADE over targets that both cover.
+    One difference is in bADE, the other in minADE over targets that both cover.
     """
     weight = table.weight[subset]
     error, interval, p = numbers_of(

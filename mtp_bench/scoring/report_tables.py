@@ -211,8 +211,9 @@ def shipped_env(report: Report) -> str:
 def misstated_lines(report: Report) -> Iterator[str]:
     """Return the note about confidences that do not come true.
 
-    Only on other detections than the card's own. It is about the first agent: others
-    have the same presence model, unless a run names one (``--presence``).
+    There is a note only if the detections are not the card's own. The note is about the
+    first agent, since others have the same presence model unless a run names one
+    (``--presence``).
     """
     condition = report.condition
     if condition.get("presence") or not _has_other_detections(report):
@@ -264,7 +265,8 @@ def blocks_of(report: Report) -> Iterator[Mapping[Subset, Row]]:
 def main_settings(report: Report) -> dict[str, Mapping[Subset, Row]]:
     """Return the rows by subset of each agent's main setting.
 
-    It has equal k, the agent's own parameters, and then the most hypotheses.
+    Settings with equal k come before others, then those with the agent's own
+    parameters, then those with the most hypotheses.
     """
 
     def sort_key(rows: Mapping[Subset, Row]) -> tuple[bool, bool, int]:

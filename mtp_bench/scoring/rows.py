@@ -315,7 +315,7 @@ class Tracking(Section):
 
 
 class Reliability(Section):
-    """Forecasts of one range of confidence, and how many were of a true object."""
+    """Forecasts in a range of confidence, and how many match a true object."""
 
     confidence: Probability = described("Mean confidence.")
     matched: Probability = described("Share that is of a true object.")

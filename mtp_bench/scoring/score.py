@@ -63,7 +63,7 @@ class SceneScore(ForecastErrors):
     truth_complete: bool
     detections: str  # the detector, in words
     classes: tuple[str, ...]
-    units: int  # of uncertainty in the scene
+    units: int  # number of units of resampling in the scene
     unit: Ints  # [n] index of the target's unit in the scene
     frame: Ints  # [n]
     object_id: Ints  # [n]
@@ -85,11 +85,11 @@ class SceneScore(ForecastErrors):
     own_events: dict[str, int]
     # frames whose lineage was guessed, since the agent does not state it
     guessed_parents: int
-    cuts: Cuts  # of the forecasts in live frames, by their confidence
+    cuts: Cuts  # cuts by the confidence of the forecasts in live frames
     score_cuts: Cuts  # the same by the score of the nearest detection
     outcome: Ints  # [A] values of `Outcome`, in the order of ``cuts``
     final_error: Floats  # [A] m, minFDE of forecasts of targets, else inf
-    fixed_error: float  # m, at the fixed operating point, summed
+    fixed_error: float  # m, error at the fixed operating point, summed over targets
     counts: StreamCounts
     invalid: Ints  # [3] rows rejected: tracks, hypotheses, objects
     dropped: int  # detections that did not fit into the observation
@@ -105,9 +105,9 @@ class SceneScore(ForecastErrors):
 
     @property
     def centred(self) -> Floats:
-        """Error ``capped`` [n] with the present place of forecasts moved to the truth.
+        """Error ``capped`` [n], m, after a shift of the forecasts.
 
-        In metres.
+        Each forecast is shifted so that it begins at the true present position.
         """
         return capped_error(self.centred_ade, self.miss_error)
 
@@ -206,9 +206,9 @@ def mean_plain_error(scores: Sequence[SceneScore]) -> float | None:
 def nearest_score(scene: Scene, forecasts: RecordedForecasts) -> Floats:
     """Return the score [S] of the nearest detection of each forecast.
 
-    Of the same frame and class, mapped to (-1, 1); -1 without one. In place of the
-    agent's own confidence it shows what that is worth (docs/definitions, "Controls, and
-    the gap closed").
+    The detection has the same frame and class; its score is mapped to (-1, 1), and is
+    -1 without a detection. In place of the agent's own confidence this score shows how
+    much that confidence is worth (docs/definitions, "Controls, and the gap closed").
     """
     from scipy.spatial import KDTree
 

@@ -91,7 +91,7 @@ def _mean_and_error(
 ) -> tuple[Floats, Floats]:
     """Return mean and standard error [B] of resamples.
 
-    They hold each unit ``counts`` [B, U] times.
+    A resample has each unit ``counts`` [B, U] times.
     """
     total_weight = counts @ weight
     mean = (counts @ sums) / total_weight
@@ -117,7 +117,7 @@ class PairedDifference(NamedTuple):
     """Difference of two means over the same targets, in their numerators' unit."""
 
     mean: float
-    p: float  # of the sign-flip test over units
+    p: float  # p-value of the sign-flip test over units
     units: tuple[bytes, bytes]  # differences and weights of the units that count
 
     @property

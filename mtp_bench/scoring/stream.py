@@ -134,7 +134,7 @@ def _similar_pairs(
 ) -> tuple[Pairs, Floats, Bools]:
     """Return pairs of true boxes and the ``chosen`` tracks of similarity above 0.
 
-    Beside them their similarity, and which are in the gate.
+    The other results are the similarity of each pair, and whether it is in the gate.
     """
     gate = card.task.event_gate
     threshold = np.array(card.per_class(gate.threshold))

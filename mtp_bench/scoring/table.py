@@ -41,7 +41,7 @@ class Bade:
 
     error: Floats
     missed: Floats  # the part from targets without a forecast
-    # of that, the part of targets with a forecast of too little confidence
+    # the part of `missed` from targets whose forecast has too little confidence
     below_threshold: Floats
     # the error with the score of the nearest detection as the confidence
     by_score: Floats
@@ -304,7 +304,7 @@ def _events(
 ) -> dict[str, float | None]:
     """Return the expected events of a reference run on targets.
 
-    For the paper's subsets those of plain STP, on all boxes.
+    On the paper's subsets they are the events of plain STP, counted on all boxes.
     """
     events: dict[str, float | None] = dict.fromkeys(KNOWN_SUBSETS)
     if reference is None:

@@ -170,12 +170,12 @@ class Targets(Ragged):
 def find_targets(scene: Scene, card: Card) -> Targets:
     """Return the targets of ``scene``.
 
-    They are eligible, not neutral, with P past frames (the current one included) and T
-    future ones. Objects that no label of an image could confirm are neutral. The P + T
-    frames are consecutive, without a hole in time, and the object may be neutral in all
-    but the current one. Targets of an official list need the T future frames only.
-    ``moving`` and ``turning`` are measured in the world also where every frame has its
-    own frame of reference; where headings are nominal, no target turns. Raises
+    A target is eligible, not neutral, and has P past frames (the current one included)
+    and T future ones. Objects that no label of an image could confirm are neutral. The
+    P + T frames are consecutive, without a hole in time, and the object may be neutral
+    in all but the current one. Targets of an official list need the T future frames
+    only. ``moving`` and ``turning`` are measured in the world also where every frame
+    has its own frame of reference; where headings are nominal, no target turns. Raises
     DataError where an object occurs twice in a frame.
     """
     truth = evaluated(scene).truth
@@ -231,7 +231,7 @@ def _past(scene: Scene, card: Card) -> int:
 class AbsentCause(IntEnum):
     """Why a target may have no forecast: the first cause that holds.
 
-    As its detections tell, not the agent.
+    The detections decide on it; what the agent did with them does not count.
     """
 
     NO_FORECAST = 0  # a detection of its class lies inside the forecast gate
@@ -329,7 +329,7 @@ def _heading_change(scene: Scene, end: Ints, present: Ints) -> Floats:
 
 
 def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
-    """Return the first places [n] of ``length`` consecutive frames of one object."""
+    """Return the first rows [n] of ``length`` consecutive frames of one object."""
     if len(ids) < length:
         return np.zeros(0, dtype=np.intp)
     start = slice(0, len(ids) - length + 1)

@@ -58,9 +58,10 @@ class SceneWeights:
     # [n, 3] ids, lost, reacquired of the one run without cut or noise: the paper's
     # condition
     stp: Bools
-    stp_events: tuple[int, int, int]  # of that run, on all evaluated true boxes
-    false_forecasts: int  # of that run, in live frames
-    forecasts: int  # of that run, in live frames
+    # EVENTS of that run, on all evaluated true boxes
+    stp_events: tuple[int, int, int]
+    false_forecasts: int  # false forecasts of that run in live frames
+    forecasts: int  # all forecasts of that run in live frames
     # m that the ego of a closed loop drives with ground-truth tracks, in place of
     # events
     way: float | None = None
@@ -181,7 +182,7 @@ class Reference:
         return self.weight_in(self.of(scene), subset)
 
     def weight_in(self, scene: SceneWeights, subset: str) -> NDArray[np.float64]:
-        """Return the weights [n] of the targets of a scene, as `weight`."""
+        """Return the weights [n] of `weight` from the stored weights of the scene."""
         if subset == "paper_ids":
             return scene.stp[:, 0].astype(np.float64)
         if subset == "paper_frag":
@@ -206,9 +207,10 @@ def tracking_events(scene: Scene, rollout: Rollout, card: Card) -> Bools:
 
 
 def count_runs(events: Iterable[Bools], targets: int) -> NDArray[np.uint8]:
-    """Return the number of runs [targets, 4] with each kind of event, and with frag.
+    """Count the runs [targets, 4] with each kind of event, and with "frag".
 
-    ``events``: of each run [targets, 3].
+    ``events``: for each run, the kinds of event of each target [targets, 3].
+    "frag": lost or reacquired.
     """
     counts = np.zeros((targets, len(COUNTED)), dtype=np.uint8)
     for run in events:

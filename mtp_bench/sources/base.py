@@ -219,7 +219,7 @@ def require_rate(card: Card, dataset: str, rate_hz: float, stride: int = 1) -> N
 
 
 def class_ids(known_names: Sequence[str], classes: Sequence[str]) -> Ints:
-    """Return the index of each known class among those of a task, else -1."""
+    """Return the index in the task of each known class, -1 if it is not there."""
     class_index = {name: number for number, name in enumerate(classes)}
     return np.array([class_index.get(name, -1) for name in known_names], dtype=np.int64)
 

@@ -12,7 +12,7 @@ from ..core import Scene, open_regular, whole_file
 
 Arrays = dict[str, NDArray[Any]]
 
-# of what is hashed: machines differ in the last bits of simulated scenes
+# numbers are hashed with so many: machines differ in the last bits of simulated scenes
 DECIMALS = 6
 
 
@@ -62,9 +62,10 @@ def write_npz(path: Path, arrays: Arrays, level: int) -> None:
 
 
 def scene_digest(scene: Scene) -> str:
-    """Return the hex sha256 by which a result is compared with its scene.
+    """Return the hex sha256 of a scene.
 
-    It covers name, times, ego poses, truth and detections; lengths count to DECIMALS
+    A stored result has it, so that it is scored only with the same scene. It covers
+    name, times, ego poses, truth and detections, with numbers rounded to DECIMALS
     decimals.
     """
     fields = (scene.name, scene.frames, scene.truth_complete, scene.listed_targets)

@@ -17,7 +17,7 @@ DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data fo
 def data_root(data: DataRoot) -> tuple[Path, str]:
     """Return the data root and, for messages, where its name comes from.
 
-    It is the given one, else that of MTP_BENCH_DATA, else the user data folder.
+    It is the argument, else MTP_BENCH_DATA, else the user data folder.
     """
     if data is not None:
         return Path(data).expanduser(), "given as data root"
@@ -33,7 +33,8 @@ class Dataset:
     """Facts about a dataset, of ``dataset.toml`` in the package of its source."""
 
     name: str
-    # of the data root in which it may lie, best first; the data root may be that, too
+    # folders of the data root that may hold its files, best first; the data root itself
+    # may hold them, too
     folders: tuple[str, ...]
     layout: str
     licence: str

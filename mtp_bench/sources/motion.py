@@ -179,9 +179,8 @@ def middle(place: Floats) -> Floats:
 
 
 def as_places(detections: Detections) -> Detections:
-    """Return detections as boxes of the nominal person: only places are reported.
+    """Return detections with nominal sizes and headings, so that only places differ.
 
-    A simulated false positive has a heading and a size of its own, which would tell it
-    from a true one.
+    Otherwise the simulated size and heading of a false positive would give it away.
     """
     return replace(detections, box=person_boxes(detections.box[:, :2]))

@@ -24,7 +24,7 @@ Note = Callable[[str], object]
 
 @dataclass(frozen=True)
 class _Drives:
-    """Names of a closed loop's scenes: each agent drives in a world of its own."""
+    """Names of the scenes of a closed loop, whose content each agent changes."""
 
     env_id: str
     names: tuple[str, ...]

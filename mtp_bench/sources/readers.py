@@ -14,7 +14,7 @@ from ..core import DataError, Floats, nearest, open_regular
 from .tables import RowTable
 from .text import LIMIT, read_text, reading
 
-# of a word: an array has room for the longest in every row
+# longest word: an array has room for the longest one in every row
 MAX_WORD_LETTERS = 200
 MAX_FILE_BYTES = 1 << 30
 _BLANK = " "
@@ -235,7 +235,7 @@ def _read_parquet(path: Path, stream: Any) -> Any:
 def _read_cells(
     path: Path, text: str, names: Sequence[str], delimiter: str, first_line: int = 1
 ) -> tuple[Any, NDArray[np.int64]]:
-    """Return the cells of a text as an Arrow table of words, and the line of each row.
+    """Return the cells of a text as an Arrow table, and the line of each row.
 
     ``first_line``: number of the first line of ``text``. Blank lines are left out.
     """

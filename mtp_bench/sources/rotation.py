@@ -7,7 +7,8 @@ import numpy as np
 from ..core import Floats
 from .tables import refuse
 
-# of a quaternion's norm; smaller deviations are rounding and are normalised
+# largest deviation of a quaternion's norm from 1 that counts as rounding and is
+# normalised
 _NORM_TOLERANCE = 1e-2
 
 
@@ -24,7 +25,7 @@ def require_rotations(rotation: Floats, where: Callable[[int], str]) -> None:
 
 
 def yaw_of(rotation: Floats) -> Floats:
-    """Return headings [R] of quaternions [R, 4]: of the x axis on the ground."""
+    """Return headings [R] rad of the x axes that quaternions [R, 4] turn."""
     w, x, y, z = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
     return np.asarray(np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
 

@@ -11,7 +11,7 @@ import msgspec
 
 from ..core import DataError, MissingDataError, open_regular
 
-# of a number: far beyond metres, pixels, frames and identities
+# largest number in a file: far beyond metres, pixels, frames and identities
 LIMIT = 1e9
 Number = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LIMIT)]
 _NAN = re.compile(rb'(?<![\w"])NaN(?![\w"])')

@@ -98,8 +98,8 @@ class Histories:
         """Return boxes [N, P, 7] of the last P frames and the rows taken [N, P].
 
         Between two reports of an identity its box moves on a straight line. Before its
-        first report in the window the track counts as unborn. So it does if there was
-        an earlier report, since the motion from there is unknown.
+        first report in the window the track counts as unborn, even if there is an
+        older report: how the object moved since then is not known.
         """
         track_count = len(histories)
         past_box = np.zeros((track_count, self._past, 7))

@@ -66,7 +66,7 @@ class BirdsEye:
     def centres(self, rectangle: Floats) -> Floats:
         """Return centres [N, 2] x y, metres, of rectangles [N, 4] in pixels.
 
-        They are those of the boxes inside.
+        A rectangle and the box inside it have the same centre.
         """
         return (rectangle[..., :2] + rectangle[..., 2:]) / (2 * self.scale)
 
@@ -127,8 +127,8 @@ class OnlineTracker:
     rectangle. For a rectangle the track has the whole box of its detection, or its last
     box, moved to the rectangle's centre. A track that takes no detection (coasts) is
     kept as long as the tracker names it; one that never took any has no class, and is
-    left out. ``score``: of the track; it counts only until the track takes a detection,
-    whose scores are remembered instead.
+    left out. ``score``: score of the track. It counts only until the track takes a
+    detection: from then on the scores of its detections count.
 
     ``per_class``: a tracker for each class of the task, which sees the detections of
     that class alone. ``view``: how rectangles are drawn. ``gate``: m, BEV, up to which
@@ -223,7 +223,8 @@ class OnlineTracker:
     ) -> list[TrackReport]:
         """Return the rows of one tracker with their classes.
 
-        ``keys``: of the tracks; ``rows`` [D]: of the detections in the observation.
+        ``keys``: keys of the tracks. ``rows`` [D]: row in the observation of each
+        detection.
         """
         reports = []
         taken_rows = self._taken_rows(answer, keys, detections).tolist()
@@ -259,7 +260,8 @@ class OnlineTracker:
     ) -> Ints:
         """Return the detection that each row took, -1 for none.
 
-        It is the stated one, else the nearest free one, one to one.
+        A row takes the detection that it states; otherwise the nearest one that is
+        free. No detection is taken twice.
         """
         stated = [-1 if row.detection is None else row.detection for row in answer]
         taken = np.array(stated, dtype=np.int64)

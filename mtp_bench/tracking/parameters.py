@@ -48,9 +48,10 @@ def family_of(detector: str) -> str:
 def recommended_parameters(task: Task) -> tuple[ClassParameters, ...]:
     """Return the parameters of each class of the task.
 
-    They are those of its card, else of its detector. A class without parameters takes
-    those of a similar one, see `similar_class`. Raises UnknownNameError for a detector
-    without parameters, and for a class that looks misspelt.
+    The card may state them; otherwise they belong to the detector. A class without
+    parameters takes those of a similar one, see `similar_class`. Raises
+    UnknownNameError for a detector without parameters, and for a class that looks
+    misspelt.
     """
     if not task.tracker:
         return detector_parameters(task.detector, task.classes)
@@ -86,7 +87,8 @@ def score_thresholds(task: Task) -> dict[str, float]:
 def _tracker_table(detector: str) -> dict[str, ClassParameters]:
     """Return the parameters by class in the file of a detector.
 
-    They stand on top of those of ``tracker_like``. Empty without any.
+    The file's own parameters override those of the detector ``tracker_like``. Empty if
+    the file has neither.
     """
     content = read_detector(detector) or {}
     table: dict[str, ClassParameters] = {}

@@ -42,11 +42,12 @@ class HypothesisTracker:
 
     Args:
         hypotheses: number of global associations that are kept.
-        parameters: one per class of the task; None takes those of the task's card,
-            else of its detector.
+        parameters: one per class of the task. None: those that the task's card states,
+            otherwise those of its detector.
         temperature: turns costs into weights, exp(-cost / temperature).
-        assignment: with one hypothesis also "as_parameters", greedy for the classes
-            whose parameters say so, as in AB3DMOT, or "greedy" for all.
+        assignment: "hungarian" for the best assignments. With one hypothesis also
+            "as_parameters", which is greedy for the classes whose parameters say so, as
+            in AB3DMOT, or "greedy" for all classes.
         min_detection_score: detections with lower scores are ignored; a number, or one
             per class name.
 

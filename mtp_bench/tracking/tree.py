@@ -156,16 +156,17 @@ class HypothesisTree:
     def covariance(self, leaf: Ints) -> Floats:
         """Return covariances [n, 2, 2] of position (m) and velocity (m/frame).
 
-        They are per axis, of the leaves ``leaf`` [n].
+        ``leaf`` [n]: leaves of the tree. Each matrix holds for one axis, and both axes
+        have the same.
         """
         return self.state[leaf, 10:14].reshape(-1, 2, 2)
 
     def history(self, leaf: Ints) -> tuple[Floats, Ints]:
         """Return boxes [n, P, 7] of the last P frames, and the rows taken [n, P].
 
-        They lie along the branches that end in ``leaf`` [n]. Where a track took no
-        detection the row is -1 and the box that of its state; before its birth the row
-        is UNBORN and the box zeros.
+        The frames lie along the branches that end in ``leaf`` [n]. Where a track took
+        no detection the row is -1 and the box that of its state; before its birth the
+        row is UNBORN and the box zeros.
         """
         return histories(
             leaf,

@@ -115,7 +115,7 @@ class DrivenEpisode:
 
     card: Card
     task: Task
-    number: int  # of the scene among `MTPEnv.scene_names`
+    number: int  # index of the scene in `MTPEnv.scene_names`
     frame: LocalFrame
     traffic: DrivenTraffic
     shown: DrivenScene

@@ -82,7 +82,7 @@ def rows_from(truth: Truth, first: int) -> Floats:
 def near_misses(world: World, speed_mps: Floats, size: tuple[float, float]) -> Bools:
     """Return the mask [N] of the steps with a near miss.
 
-    There the time to collision with a road user ahead or beside is below
+    In such a step the time to collision with a road user ahead or beside is below
     `COLLISION_TIME`, at the ``speed_mps`` [N] m/s of an ego of this length and width.
     """
     rows, state = _rows_around(world, len(speed_mps))
@@ -137,7 +137,8 @@ def is_comfortable(
 ) -> bool:
     """Return True if a drive keeps within nuPlan's bounds.
 
-    They bound the accelerations along and across, and the jerk of the smoothed one.
+    There are bounds for the accelerations along and across, and for the jerk of the
+    smoothed acceleration.
     """
     comfortable = (acceleration_mps2 >= _MIN_ACCELERATION_MPS2).all()
     comfortable &= (acceleration_mps2 <= _MAX_ACCELERATION_MPS2).all()

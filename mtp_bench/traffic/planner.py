@@ -28,7 +28,7 @@ _LATER_MPS2 = np.array([-4.0, -2.0, 0.0, 1.5])
 _FIRST_SECONDS = 1.0
 _MAX_STEP_S = 0.3  # between two forecast places that count
 _MIN_SAMPLE_WEIGHT = 0.002  # of a sample that counts
-# of the grid that finds the station next to a place, and of the table of speeds
+# spacing of the grid that finds the station next to a place, and of the speed table
 _CELL_M = 1.0
 _REACH_M = 9.0  # from the way, beyond which no object is met
 _DISCS = 3  # that cover a box
@@ -80,7 +80,7 @@ class _Contacts:
 
     low: Floats  # m
     high: Floats  # m
-    step: Ints  # of the forecast
+    step: Ints  # step of the forecast
     sample: Ints  # object times K plus k, ascending
     leads: Bools  # the object drives ahead in the direction of the way
 
@@ -165,8 +165,8 @@ class Planner:
     ) -> tuple[Floats, Floats]:
         """Return stations [C, T + 1] m and speeds of all profiles.
 
-        They begin now, at ``s`` m with ``speed`` m/s, and have values every ``step_s``
-        s.
+        The profiles begin now, at ``s`` m with ``speed`` m/s, and have values every
+        ``step_s`` s.
         """
         stations_m, speeds_mps = np.empty((2, steps + 1, len(self._first_mps2)))
         stations_m[0] = s

@@ -100,7 +100,8 @@ class AssociationOnly(
         self._started = False
         if predictor is None:
             predictor = KinematicPredictor()
-        # the agent's tracks, and those of `nearest`
+        # the first one keeps the tracks of the agent, the second one, for a relative
+        # reward, those of the policy `nearest`
         self._players = [
             Associator(
                 self._inner.task,
@@ -112,8 +113,8 @@ class AssociationOnly(
             for _ in range(1 + relative)
         ]
         self._player = self._players[0]
-        self.shape = self._player.shape  # of the table
-        self.options = CONTINUE + choices  # choices of a detection
+        self.shape = self._player.shape  # shape of the table
+        self.options = CONTINUE + choices  # number of choices per detection
         self.observation_space = gymnasium.spaces.Box(
             -1.0, 1.0, (self.shape[0] * self.shape[1],), np.float32
         )
@@ -126,7 +127,7 @@ class AssociationOnly(
     ) -> tuple[Numbers, dict[str, Any]]:
         """Return the first frame.
 
-        It has no tracks unless the env has ``target_frames``.
+        There are no tracks in it unless the env has ``target_frames``.
         """
         observation, info = self._env.reset(seed=seed, options=options)
         self._started = True

@@ -323,7 +323,7 @@ def test_a_submission_that_changes_while_it_runs(cli: CommandLine, card: str, ki
     assert output.status == 1
     assert all(each in said for each in ("files", "changed while it"))
     assert not (tmp_path / "out" / f"{CARD_ID}.json").exists()
-    assert "begun with another plan: submission is" in refused(cli(*arguments, "--resume"))
+    assert "begun with another plan: submission is now" in refused(cli(*arguments, "--resume"))
 
 
 DEEP_HEAD = b'{"__metadata__": {"mtp_bench": "' + b"[" * 50_000 + b'"}}'

@@ -323,7 +323,7 @@ IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "another agent in a row": (lambda c: c["numbers"]["all"].update(agent="stp"), "agent"),
     "nothing costs much": (
         lambda c: c["targets"].update(nothing_predicted=1e3), "nothing_predicted is 1000.0, expected 0 to 4 m"),
-    "a reason of no run": (lambda c: c["missed"].update(reasons={"x|0": "y"}), "'x|0', which is no run of the record"),
+    "a reason of no run": (lambda c: c["missed"].update(reasons={"x|0": "y"}), "'x|0', which is not a run of the record"),
     "finished all the same": (lambda c: c.update(status="finished"), "unknown key 'status'"),
     "more scenes than there are": (lambda c: c["env"].update(scenes_of_split=2), "scenes is 4, the split has 2"),
     "a scene twice": (

@@ -281,13 +281,13 @@ def test_begun_work_is_not_lost_unasked(cli: CommandLine, command: list[str], be
 
 def test_another_plan_is_told(cli: CommandLine, command: list[str], begun: Path, tmp_path: Path) -> None:
     command[command.index("--seeds") + 1] = "1"
-    assert "begun with another plan: seeds is [0], there it is [0, 1]; " in cli(*command, "--resume").error
+    assert "begun with another plan: seeds is now [0], but was [0, 1]; " in cli(*command, "--resume").error
     command[command.index("--seeds") + 1] = "2"
-    assert ': commit is "0123abc", there it is ""; ' in cli(*command, "--resume", "--commit", "0123abc").error
+    assert ': commit is now "0123abc", but was ""; ' in cli(*command, "--resume", "--commit", "0123abc").error
     error = cli(*command, "--resume", "--scenes", 1).error
-    assert ': scenes is ["0001"], there it is ["0001", "0006", "0008"]; ' in error
+    assert ': scenes is now ["0001"], but was ["0001", "0006", "0008"]; ' in error
     command[1] = str(write_submission(tmp_path / "other"))
-    assert "begun with another plan: submission is " in cli(*command, "--resume").error
+    assert "begun with another plan: submission is now " in cli(*command, "--resume").error
     assert count_parts(begun) >= 2
 
 

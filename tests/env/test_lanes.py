@@ -95,8 +95,8 @@ def test_gymnasium_takes_an_env_with_lanes(make_env: Callable[..., MTPEnv]) -> N
     ("lanes", "message"),
     [
         ((), "has no lanes"),
-        ((lane((0, 0)),), "expected \\[n, 2\\] finite metres of 2 or more points"),
-        ((lane((0, 0), (np.nan, 0)),), "expected \\[n, 2\\] finite metres"),
+        ((lane((0, 0)),), "expected 2 or more points \\[n, 2\\] of finite metres"),
+        ((lane((0, 0), (np.nan, 0)),), "expected 2 or more points"),
         ((lane((0, 0), (1, 0), following=(1,)),), "expected lanes from 0 to 0"),
     ],
     ids=["none", "one point", "NaN", "unknown successor"],

@@ -74,5 +74,5 @@ def test_a_simulated_detector_on_own_truth(logs: Path, cli: CommandLine, tmp_pat
 def test_a_record_is_not_of_own_scenes(logs: Path) -> None:
     from mtp_bench.judge.records.running import plan_run
 
-    with pytest.raises(MtpBenchError, match="a record is of the scenes that its env names"):
+    with pytest.raises(MtpBenchError, match="a record uses the scenes of its env"):
         plan_run(mtp_bench.load_submission("stp"), ENV, RunOptions(files=str(logs)))

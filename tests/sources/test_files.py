@@ -400,7 +400,7 @@ def test_lists_of_scenes_in_memory(base: Card) -> None:
     scene = replace(make_scene(), detector="mine")
     with pytest.raises(CardError, match="two scenes are called 'one', expected different names"):
         with_scenes(base, [scene, scene])
-    with pytest.raises(CardError, match="scenes holds str, expected Scene objects only, or names only"):
+    with pytest.raises(CardError, match="scenes contains an object of type str; expected a list of Scene objects"):
         with_scenes(base, [scene, "one"])  # type: ignore[list-item]
     with pytest.raises(DataError, match="no scene in the list, expected at least one"):
         open_source(with_scenes(base, []))

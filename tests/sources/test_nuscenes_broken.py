@@ -44,7 +44,7 @@ TABLES: dict[str, tuple[str, Change, str]] = {  # table, change, what the error 
     "a sample comes twice": ("sample", repeat(T + "1"), f"token '{T}1', expected one"),
     "two samples have one time": ("sample", record(T + "1", timestamp=1_500_000_200_000_000), "at least 0 s; expected"),
     "a time is not finite": ("sample", record(T + "1", timestamp=NAN), "[9].timestamp: expected `float`"),
-    "times are in milliseconds": ("sample", scale_times(1000), "timestamp must be in microseconds"),
+    "times are in milliseconds": ("sample", scale_times(1000), "Check that timestamp is in microseconds"),
     "a scene has no samples": ("scene", repeat(S3, token="new", name="new"), "record 'new'"),
     "a scene has a name twice": ("scene", record(S3, name="scene-0001"), "several scenes 'scene-0001'"),
     "no lidar keyframe": ("sample_data", record(KEY, is_key_frame=False), f"LIDAR_TOP keyframe of sample '{T}2'"),

@@ -83,7 +83,7 @@ def test_agents_see_the_lanes_and_what_continues_them(mapped: Path, cli: Command
         MTPEnv(card, str(mapped))
     assert any("shows lanes" in line for line in describe(card, mapped).missing)
     said = cli("submit", "stp", "--env", "MTP-nuScenes-Lanes-v0", "--data", mapped).err
-    assert "lanes, which tell the place of a recorded scene: no random motion of the scene hides it" in said
+    assert "lanes, by which an agent can recognise a recorded scene even after a random motion" in said
 
 
 def changed(key: str, value: Any) -> Callable[[Record], Record]:

@@ -39,7 +39,7 @@ _RECURSIVE = 0x4000
 _PRIVATE = 0x40000
 _MOUNT_SETATTR = 442  # number of the call
 _AT_FDCWD = -100
-# of prctl
+# options of prctl
 _SECCOMP = 22
 _CAPBSET_DROP = 24
 _NO_NEW_PRIVS = 38
@@ -61,8 +61,8 @@ class _Program(ctypes.Structure):
 def main(child: Any, setup: dict[str, Any], descriptor: int) -> None:
     """Load the library, then fork for every request of the judge.
 
-    ``child``: the module `child`, which is the script that runs; ``descriptor``: of the
-    socket.
+    ``child``: the module `child`, which is the script that runs. ``descriptor``: number
+    of the socket's file descriptor.
     """
     resource.setrlimit(resource.RLIMIT_NOFILE, (_MAX_OPEN_FILES, _MAX_OPEN_FILES))
     # a number below the limit, so that forks close it

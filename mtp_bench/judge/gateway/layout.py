@@ -74,7 +74,7 @@ _MASKED = (
 )
 MASKED = tuple(f"/proc/{name}" for name in _MASKED)
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom")
-# of shared libraries
+# folders of shared libraries
 _SYSTEM = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib")
 LOADED = ("mtp_bench.agent", *PLAYERS)  # modules that a fork server imports
 _THREADS = (
@@ -243,7 +243,7 @@ def environment(
 ) -> dict[str, str]:
     """Return the environment variables of an agent's process.
 
-    Of the judge's own, only those that libraries need.
+    It takes over only those variables of the judge that libraries need.
 
     ``isolated``: it is sandboxed; else ``work`` is its temporary folder and
     ``networks`` the folder of its weights.

@@ -37,9 +37,9 @@ _EXIT_CODE_SECONDS = 2.0  # until it is known how a process ended
 _END_SECONDS = 5.0  # that the system may take to end a process
 _WATCH_SECONDS = 0.1  # between checks of the agent's processes while the judge waits
 _MAX_PROCESSES = 64
-# in its temporary folder: their names take memory that no limit counts
+# most files in its temporary folder: their names take memory that no limit counts
 _MAX_FILES = 10_000
-# of all its processes; the system's own limit does not hold for root
+# most threads in all its processes; the system's own limit does not hold for root
 MAX_THREADS = 1024
 Message = tuple[dict[str, Any], bytearray]
 _unsandboxed: set[int] = set()  # pids of the agents that run without a sandbox
@@ -68,7 +68,7 @@ class AgentProcess:
     """
 
     def __init__(self, limits: Limits, spec: SandboxSpec, most_bytes: int) -> None:
-        """``most_bytes``: of the body of a message."""
+        """Prepare a process; ``most_bytes`` limits the body of a message."""
         self._limits = limits
         self._spec = spec
         self.most_bytes = most_bytes
@@ -79,7 +79,7 @@ class AgentProcess:
         # without a sandbox; None: a fork of a fork server
         self._spawned: subprocess.Popen[bytes] | None = None
         self._pid: int | None = None
-        # of the process: its pid may be given to another one
+        # handle of the process, since its pid may be given to another one
         self._handle: int | None = None
 
     @property

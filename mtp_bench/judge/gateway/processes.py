@@ -173,7 +173,7 @@ def guard(on: bool) -> None:
 def adopted(own: Iterable[int]) -> list[int]:
     """Return running children in sessions of their own, but for ``own``.
 
-    Those that have ended are removed from the system.
+    Children that have ended are removed from the system.
     """
     pids: list[int] = []
     for pid in sorted({*children(os.getpid())} - {*own}):

@@ -39,19 +39,19 @@ _CALLS = toml_beside(__file__, "system_calls.toml")
 FORBIDDEN: dict[str, str] = _CALLS["forbidden"]
 PRETENDED: str = _CALLS["pretended"]
 _NUMBERS: dict[str, int] = _CALLS["numbers"]
-# of fcntl: copies and flags of descriptors, sizes of pipes; all others lock, lease or
-# mark a file
+# allowed commands of fcntl: copies and flags of descriptors, sizes of pipes; all others
+# lock, lease or mark a file
 _FILE_CONTROLS = (range(5), range(1030, 1033))
 _PRIVATE = 128  # of futex: a signal within one process, as all locks of threads are
-# of futex: wake, requeue, lock; waiting sends no signal
+# operations of futex that signal: wake, requeue, lock; waiting sends no signal
 _SIGNALS = (1, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13)
 _TAKEN_OUT = (20, 21)  # of madvise: pages of files that others read too
 _PARENT_DEATH = 1  # of prctl: an agent must not outlive the judge
-# the bits of an argument that the kernel reads of these two; a filter sees 64
+# the kernel reads 32 bits of the arguments of madvise and prctl; a filter sees 64
 _INT = 0xFFFFFFFF
 _NEW_NAMESPACES = 0x7E020000  # CLONE_NEW* of clone
 _UNKNOWN = range(470, 600)  # calls of future kernels
-# of <seccomp.h>; the error of a call is added to _FAIL
+# constants of <seccomp.h>; the error of a call is added to _FAIL
 _ALLOW = 0x7FFF0000
 _FAIL = 0x00050000
 _AT_LEAST = 5
@@ -61,7 +61,8 @@ _MASKED_EQUAL = 7
 class _Comparison(ctypes.Structure):
     """A condition of a rule on an argument.
 
-    Its place, the operator, and a value, or a mask and a value.
+    It has the position of the argument, the operator, and a value or a mask and a
+    value.
     """
 
     _fields_ = (
@@ -254,9 +255,10 @@ def _rules() -> Iterator[tuple[Any, ...]]:
 
 
 def _blocks(first: int, end: int) -> Iterator[tuple[int, int]]:
-    """Yield ``first`` to ``end`` - 1 as masks and values.
+    """Split the numbers from ``first`` to ``end`` - 1 into (mask, value) pairs.
 
-    A rule cannot compare with a range.
+    A number belongs to a pair if ``number & mask == value``. A rule can compare so, but
+    not with a range.
     """
     while first < end:
         size = first & -first

@@ -72,9 +72,9 @@ def arrays_of(
 ) -> dict[str, NDArray[Any] | None]:
     """Return the writable arrays of a message.
 
-    They are views of a writable body, else copies. Raises WireError if header and body
-    do not fit. With ``expected`` shapes, an array of another name or shape is replaced
-    by None without allocating memory.
+    Arrays are views if the body is writable, otherwise copies. Raises WireError if
+    header and body do not fit. With ``expected`` shapes, an array of another name or
+    shape is replaced by None without allocating memory.
     """
     entries = header.get("arrays")
     if not isinstance(entries, list) or len(entries) > _MAX_ARRAYS:

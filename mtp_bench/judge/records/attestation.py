@@ -72,7 +72,7 @@ class SignedLevel:
 
     statement: Statement
     signer: str
-    seal: ListedSeal | None = None  # of the hidden scenes
+    seal: ListedSeal | None = None  # seal of the hidden scenes
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class Checked:
 
     @property
     def converted(self) -> bool:
-        """True if its level is that of an earlier form of the record."""
+        """True if the level was given to an earlier form of the record."""
         return self.signed is not None and self.signed.statement.converted
 
     @property

@@ -53,7 +53,7 @@ def check_submission(
 def _is_dangerous(scene_run: SceneRun) -> bool:
     """Return True for an agent that would take this process with it.
 
-    It hung, broke the rules or ended its process.
+    Such an agent hung, broke the rules or ended its process.
     """
     ended = scene_run.reason.startswith("the process ")
     return ended or scene_run.status in ("hung", "rejected")

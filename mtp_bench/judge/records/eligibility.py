@@ -58,7 +58,7 @@ def why_unranked(
 def why_not_comparable(record: Record, ships: Ships = shipped) -> str | None:
     """Return the reason why the numbers of a record do not compare with others.
 
-    It has a few words; None if they compare.
+    The reason has a few words. None if the numbers compare.
     """
     return next(_reasons(record, ships(record.env.id)), None)
 
@@ -138,10 +138,11 @@ def taken_names(
 def held_back(entrant: Checked, truths: Sequence[Checked]) -> str | None:
     """Return the reason why a record that is better than ``truths`` is not ranked.
 
-    It is significantly better than each of them, all on one ranked subset: a table of
-    the public scenes could make such a record. ``truths``: prediction from ground-truth
-    tracks on the same units, with motion models and with the best network. A record on
-    hidden scenes, or that was looked at, is never held back.
+    "Better" means significantly better than each of them on one ranked subset. An agent
+    that stores the answers for the public scenes could make such a record. ``truths``:
+    prediction from ground-truth tracks on the same units, with motion models and with
+    the best network. A record on hidden scenes, or that was looked at, is never held
+    back.
     """
     looked_at = entrant.signed is not None and entrant.signed.statement.looked_at
     if entrant.on_hidden or looked_at or not truths:

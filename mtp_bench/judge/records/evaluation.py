@@ -44,7 +44,7 @@ class Evaluation:
     """The part of a record that follows from rollouts, card, data and scorer."""
 
     targets: Targets
-    fields: dict[str, Any]  # of a `Record` that follow from the rollouts
+    fields: dict[str, Any]  # fields of a `Record` that follow from the rollouts
     reference: Reference
     # of the data that was scored, in the order of scenes
     scene_digests: tuple[str, ...]
@@ -91,13 +91,14 @@ def evaluate(
     observe: str,
     subsets: Collection[Subset] = KNOWN_SUBSETS,
 ) -> Evaluation:
-    """Score the rollouts of each seed of one agent.
+    """Score an agent's rollouts, a run per seed.
 
     ``agent`` is its name, ``card`` the environment, ``reference`` the event weights of
     these scenes; ``options`` give data, number of processes and progress.
-    ``hypotheses`` as declared; None: as the answers state. ``observe``: the mode of the
-    env; ``subsets``: others get no numbers, as in older records. Raises RolloutError if
-    the rollouts do not fit the scenes, DataError if data is missing.
+    ``hypotheses``: number that the manifest declares; None: the actions state it.
+    ``observe``: mode of the env. ``subsets``: only these get numbers, since older
+    records have fewer. Raises RolloutError if the rollouts do not fit the scenes,
+    DataError if data is missing.
     """
     if card.drive is not None:
         return _evaluate_drives(agent, runs, reference, hypotheses)

@@ -41,9 +41,9 @@ class Intake:
 def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
     """Check the proposed leaderboard at ``folder`` against the trusted one.
 
-    It would be merged into that. Only records and names of the author, whose login is
-    ``owner``, are accepted. Raises RecordError if there is no such folder, or the
-    trusted leaderboard is broken.
+    The first would be merged into the second. Only records and names of the author,
+    whose login is ``owner``, are accepted. Raises RecordError if there is no such
+    folder, or the trusted leaderboard is broken.
     """
     if folder.is_symlink() or not folder.is_dir():
         raise RecordError(

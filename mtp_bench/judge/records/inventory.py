@@ -69,8 +69,8 @@ def standing_record(
 ) -> Record | None:
     """Return the record of a piece if it is complete and would be made equally again.
 
-    It is of the same submission, card, seeds, limits and versions. Its rollouts may be
-    missing, as in a checkout.
+    It would be made equally if submission, card, seeds, limits and versions are the
+    same. Its rollouts may be missing, as in a checkout.
     """
     plan = plan_run(piece.submission, piece.env, options)
     return finished_record(piece.target, plan_content(plan), rollouts=False)

@@ -90,10 +90,10 @@ def open_parts(
 ) -> Iterator[Parts]:
     """Open the finished scenes of the record at ``record_file``.
 
-    They are removed if the block ends without an error. ``plan``: all that is decided
-    before the runs, as JSON. Raises MtpBenchError if another process writes this
-    record, RecordError if finished scenes are left of an earlier command and not to
-    ``resume``, or have another plan.
+    The files of finished scenes are removed if the block ends without an error.
+    ``plan``: all that is decided before the runs, as JSON. Raises MtpBenchError if
+    another process writes this record, RecordError if finished scenes are left of an
+    earlier command and not to ``resume``, or have another plan.
     """
     parts_folder = record_file.with_suffix(PARTS)
     make_folder(parts_folder)
@@ -156,7 +156,7 @@ def _require_plan(parts_folder: Path, plan: dict[str, Any]) -> None:
         if values[0] != values[1]:
             got, expected = (clean_text(json.dumps(value), 100) for value in values)
             raise RecordError(
-                f"{parts_folder} was begun with another plan: {name} is {got}, there "
-                "it is "
-                f"{expected}; submit as then, or delete that folder"
+                f"{parts_folder} was begun with another plan: {name} is now {got}, but was "
+                f"{expected}; use the earlier submission and options, or delete that "
+                "folder"
             )

@@ -45,7 +45,7 @@ _OTHER_DATA = "other data, scenes or hidden scenes than the ranked ones"
 
 @dataclass(frozen=True)
 class Standing:
-    """Ranks of a record among those of its environment, its gaps and differences."""
+    """Ranks of a record in its environment, with its gaps and differences."""
 
     places: Mapping[Subset, Place]
     # part of the main ranking, even if that has too few recordings or waits for a round

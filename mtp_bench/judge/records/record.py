@@ -41,7 +41,7 @@ class SubmissionPart(Section):
     name: SubmissionName
     authors: Annotated[list[Name], Field(max_length=MAX_LIST)]
     description: Text
-    source: Url  # of its code
+    source: Url  # address of its code
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")]
     paper: Url
     license: Name
@@ -50,7 +50,7 @@ class SubmissionPart(Section):
     # weights outside the folder, trained where it ran: file -> its sha256
     networks: dict[Name, Sha256]
     parameters: dict[Text, Json]
-    # as declared by a parameter; None: the answers state them
+    # number that a parameter declares; None: the answers state it
     hypotheses: Count | None = None
     # reference pair: STP and ground-truth tracks, or others
     gap_references: Literal["controls", "own"] | None
@@ -74,7 +74,8 @@ class ScorerPart(Section):
     """The scorer: version of the definitions, digest."""
 
     definitions: Name
-    # of the version of the definitions and the golden results, see `scorer_digest`
+    # digest of the version of the definitions and of the golden results, see
+    # `scorer_digest`
     source_digest: Sha256
 
 
@@ -145,16 +146,16 @@ class MissedPart(Section):
 class HashesPart(Section):
     """Digests that another run must repeat, over all scenes and seeds."""
 
-    seals: Sha256  # of the hash chains over the answers
-    rollouts: Sha256  # of the digests of the rollouts
+    seals: Sha256  # digest of the hash chains over the answers
+    rollouts: Sha256  # digest of the digests of the rollouts
 
 
 class ConversionPart(Section):
     """An earlier form of a record, from which this one was converted without a run."""
 
-    digest: Sha256  # of the record in that form
+    digest: Sha256  # digest of the record in that form
     level: Level
-    date: Date | None = None  # of the level; None of "scored"
+    date: Date | None = None  # day of the level; None for "scored"
     signer: Name = ""
 
 
@@ -189,7 +190,8 @@ class Record(Results):
     curve: Annotated[list[_CurvePoint], Field(max_length=MAX_LIST)] = Field([])
     hashes: HashesPart
     measured: MeasuredPart
-    plan: OptionalSha256 = ""  # of all that was decided before the runs, see `parts`
+    # digest of all that was decided before the runs, see `parts`
+    plan: OptionalSha256 = ""
     converted_from: ConversionPart | None = None
     digest: OptionalSha256 = ""  # empty until the record is stored
     level: Annotated[None, BeforeValidator(lambda _: None)] = Field(None, exclude=True)

@@ -95,8 +95,8 @@ def worse_when_moved(
 ) -> Difference | None:
     """Return the first error that is larger among ``moved_errors``; None if none is.
 
-    It is compared with the mean over seeds, not with the worst: an agent with a table
-    for all seeds but one would pass.
+    A moved run is compared with the mean over seeds, not with the worst seed: an agent
+    with a table for all seeds but one would pass.
     """
     # further subsets are shown only
     for subset in SUBSETS:

@@ -20,7 +20,7 @@ from .verifying import Verification, verify
 
 @dataclass(frozen=True)
 class Round:
-    """The same check of many records, each with its submission and its seal."""
+    """One kind of check for many records, each with its submission and seal."""
 
     rerun: bool = False
     # by env: with hidden scenes, which rank simulated envs
@@ -53,7 +53,7 @@ class Round:
     def reached(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
         """Return the signed level of a record if this check can reach no higher one.
 
-        None if there is none, it is converted, or it is of another seal.
+        None without a level, for a converted one, and for one of another seal.
         """
         signed, _ = read_level(path, record, trust)
         if signed is None or signed.statement.converted:

@@ -37,7 +37,7 @@ class Plan:
     card: Card
     scenes: tuple[str, ...]
     scenes_of_split: int
-    keywords: dict[str, Any]  # of the env, beyond card and data
+    keywords: dict[str, Any]  # keywords of the env, beyond card and data
     options: RunOptions  # data, workers and progress
     image: Image  # the submission as it runs
 
@@ -83,13 +83,13 @@ def _require_own_scenes(submission: Submission, options: RunOptions) -> None:
     """Raise MtpBenchError for options that a record of an env cannot have."""
     if {options.detector, options.detections, options.presence} != {None}:
         raise MtpBenchError(
-            "a record is of the detections that its env names: no other detector can "
-            "be chosen, and no presence model"
+            "a record uses the detections of its env, so no other detector and no "
+            "presence model can be chosen"
         )
     if options.files is not None or options.split is not None:
         raise MtpBenchError(
-            "a record is of the scenes that its env names: no files and no split can "
-            "take their place"
+            "a record uses the scenes of its env, so no files and no split can be "
+            "chosen"
         )
     if submission.compare.observe == "tracks":
         raise MtpBenchError(
@@ -199,7 +199,7 @@ def hashes(runs: Runs) -> HashesPart:
 def rollouts_hash(runs: Mapping[int, Sequence[Rollout]]) -> str:
     """Return the hash over the answers of each seed.
 
-    Their drives are left out: they are made again where a record is verified.
+    Drives are left out, since they are made again when a record is verified.
     """
     digests = {
         key_of(rollout.scene, seed): digest(replace(rollout, drive=None))

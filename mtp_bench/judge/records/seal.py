@@ -101,8 +101,8 @@ class Sealed:
 
     seeds: SecretSeeds
     commitment: str
-    # file of the event weights, as secret as the seeds: its keys are hashes of the names
-    # of scenes, which tell them
+    # file of the event weights. It is as secret as the seeds: its keys are hashes of
+    # scene names, from which the seeds can be found
     weights: Path
 
     def card(self, card: Card) -> Card:
@@ -136,7 +136,7 @@ class Sealed:
     ) -> Reference:
         """Return the event weights of the hidden scenes of a card.
 
-        They are made once per seal and kept beside the secret.
+        The weights are made once per seal and stored beside the secret.
         """
         if self.weights.is_file():
             stored = read_reference(self.weights)

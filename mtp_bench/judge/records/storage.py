@@ -79,7 +79,8 @@ def parse_as(model: type[SectionT], text: str, where: str) -> SectionT:
 def content_digest(content: Mapping[str, Any]) -> str:
     """Return the hex sha256 of the canonical JSON of the content of a record.
 
-    Its digest, measurements, level and targets are left out: it names its targets.
+    Digest, measurements and level are left out. So are the targets, since the content
+    names them by their digest.
     """
     return digest_of(
         {name: value for name, value in content.items() if name not in _NOT_DIGESTED}
@@ -153,7 +154,7 @@ def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
 
 
 def seed_folder(folder: Path, seed: int) -> Path:
-    """Return the folder of one seed within that of the rollouts of all seeds."""
+    """Return the folder of one seed in the folder of all rollouts."""
     return folder / f"seed-{seed}"
 
 

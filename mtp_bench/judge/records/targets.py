@@ -35,7 +35,7 @@ class SubsetTargets(Section):
     objects: Count
     effective_objects: NotNegative
     events: NotNegative | None  # expected number in a run of the reference tracker
-    scenes: Count  # that have these targets
+    scenes: Count  # number of scenes that have these targets
 
 
 class Targets(Section):

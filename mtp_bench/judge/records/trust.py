@@ -169,8 +169,8 @@ class Trust:
 def sign(message: bytes, key: Path) -> str:
     """Sign ``message`` by the key in the file ``key``.
 
-    It is a private key, or a public one that an SSH agent serves. Raises MtpBenchError
-    if ssh-keygen is missing or refuses the key.
+    The file has a private key, or a public key whose private half an SSH agent has.
+    Raises MtpBenchError if ssh-keygen is missing or refuses the key.
     """
     if not key.is_file():
         raise MtpBenchError(

@@ -71,7 +71,7 @@ class Verification:
     differences: tuple[Difference, ...] = ()  # empty: the record holds
     notes: tuple[str, ...] = ()  # sentences
     hidden: HiddenPart | None = None  # results on hidden scenes
-    isolation: Isolation | None = None  # of the agent when it was run again
+    isolation: Isolation | None = None  # how the agent was isolated in the new run
 
     @property
     def holds(self) -> bool:
@@ -178,7 +178,7 @@ def _score_again(
 ) -> Verification:
     """Check a record by scoring rollouts.
 
-    They are the stored ones, or those of another run, whose ``times_differ``.
+    The rollouts are the stored ones, or those of another run; then ``times_differ``.
     """
     answers = differences(
         "hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs)

@@ -1,9 +1,11 @@
-"""Affinity: a past of soft assignments in place of a track.
+"""Prediction from detections with soft assignments in place of a track.
 
-It is found backwards from the present box. Every earlier detection is of the object with a
-learned probability (after Weng, Ivanovic, Kitani, Pavone 2022, AffiniPred: prediction from
-detections and affinities, without association). `modes` then takes the soft past as that of
-a track.
+The past of an object is built frame by frame, from its present box backwards. Each
+earlier detection belongs to the object with a learned probability, its affinity. The
+soft past is the mean of the detections, weighted by affinity. The network `modes`
+predicts from it as from the past of a track.
+
+After AffiniPred (Weng, Ivanovic, Kitani, Pavone 2022).
 """
 
 from typing import NamedTuple
@@ -28,13 +30,14 @@ from .network import Recipe, Sizes
 
 HIDDEN = 32
 PAIR = 18  # features of `_pairs` without those of the object
-# m from the expected position: before training, a detection there is of the object with
-# probability 1/2
+# m, distance from the expected position at which a detection has the affinity 1/2
+# before training
 GATE = 0.5
 # m/s by which this distance grows with age, while few detections determine the velocity
 SPEED = 6.0
 FADE = 2.0  # log-odds lost per such distance
-# weight of the expected position for the share of "none", beside that of a detection
+# weight of the expected position where no detection belongs to the object; a detection
+# has weight 1
 DOUBT = 0.1
 # inputs of each detection
 FRAME_INPUTS = ("near", "position", "velocity", "yaw", "score", "same", "ratio")
@@ -51,7 +54,7 @@ class AffinityNetwork:
     def shapes(self, sizes: Sizes) -> Shapes:
         """Return shapes of `modes`, of a perceptron for pairs, and of statistics.
 
-        A pair is an object with a detection.
+        A pair is one object and one detection near it.
         """
         score = {"score.mean": (1,), "score.spread": (1,)}
         return {**MODES.shapes(sizes), **_pair_shapes(sizes), **score}
@@ -64,7 +67,10 @@ class AffinityNetwork:
         sizes: Sizes,
         seed: int,
     ) -> Arrays:
-        """Return random layers; before training an affinity is mostly a distance."""
+        """Return random layers.
+
+        With them an affinity depends mostly on the distance.
+        """
         not_all_alike = np.array([0, 1], dtype=np.float32)
         score = np.append(inputs["score"][inputs["near"] > 0], not_all_alike)
         weights = initial(_pair_shapes(sizes), np.random.default_rng([seed, 1]))

@@ -28,12 +28,16 @@ def around_inputs(
 ) -> Arrays:
     """Return the M nearest detections of each of the last P frames, float32.
 
-    They are in the heading frame of the last box. ``moment`` [n]: the frame of each
-    window in ``surroundings``. Frames stand oldest first, detections nearest first. near
-    [n, P, M] 1 if it exists, else all is 0 · position [n, P, M, 2] m · velocity
-    [n, P, M, 2] m/s as measured · yaw [n, P, M] rad · score, same (class) [n, P, M] ·
-    ratio [n, P, M, 2] log of its length and width over the object's · size [n, 3] m ·
-    class_id [n].
+    Positions are in the heading frame of the last box. ``moment`` [n]: the frame of
+    each window in ``surroundings``. Frames stand oldest first, detections nearest
+    first. The arrays of a detection are 0 where none exists:
+
+    - near [n, P, M]: 1 if the detection exists
+    - position [n, P, M, 2] m, velocity [n, P, M, 2] m/s as measured, yaw [n, P, M] rad
+    - score [n, P, M]; same [n, P, M]: 1 if it has the class of the object
+    - ratio [n, P, M, 2]: logarithm of its length and width over those of the object
+
+    Beside these there are size [n, 3] m and class_id [n] of the object.
     """
     frames_ago = range(sizes.past - 1, -1, -1)
     rows = [nearest(windows, moment, surroundings, i, i * sizes.dt) for i in frames_ago]
@@ -69,8 +73,8 @@ def nearest(
 ) -> Ints:
     """Return rows [n, M] in ``surroundings`` of the detections within reach; -1: no more.
 
-    They are of the frame ``frames_ago``, ``age`` s, before. The nearest come first, as
-    the reach measures distance.
+    The detections are from ``frames_ago`` frames, ``age`` s, before. The nearest come
+    first, as the reach measures distance.
     """
     frame = np.maximum(moment - frames_ago, 0)
     count = np.where(
@@ -162,8 +166,8 @@ def fitted_velocity(
 ) -> Array:
     """Return velocities [n, 2] m/s: slopes of straight lines through the origin now.
 
-    ``age`` [n, S] s, ``position`` [n, S, 2] m, ``weight`` [n, S]: of the positions;
-    ``prior`` [n, 2] m/s, for objects without positions.
+    Each object has S positions: ``age`` [n, S] s, ``position`` [n, S, 2] m, ``weight``
+    [n, S]. ``prior`` [n, 2] m/s is the velocity of an object without positions.
     """
     total = 1 + weight.sum(1)  # the origin has the weight 1
     middle = (weight * age).sum(1) / total

@@ -158,7 +158,7 @@ def straight(inputs: Inputs, sizes: Sizes) -> Array:
 def spread_of(value: np.ndarray, is_known: np.ndarray) -> np.ndarray:
     """Return the root mean square [T, 1] of each step.
 
-    It is over the rows of ``value`` [n, T, ...] that are ``is_known`` [n, T].
+    The mean is over the rows of ``value`` [n, T, ...] where ``is_known`` [n, T].
     """
     spread = np.zeros(value.shape[1])
     for step in range(value.shape[1]):

@@ -57,7 +57,7 @@ class Recipe:
 
 
 class Network(Protocol):
-    """Futures of tracks as a function of weights; arrays of NumPy and tensors of torch alike."""
+    """Function from weights and tracks to futures, for NumPy and torch alike."""
 
     name: str  # also of its module in this folder, which holds it as NETWORK
     around: bool  # its input is the detections around an object, not its track
@@ -100,7 +100,8 @@ class Network(Protocol):
     ) -> dict[str, Array]:
         """Return the output in the heading frame.
 
-        It is ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n, 2] m.
+        Its arrays: ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n,
+        2] m.
         """
         ...
 

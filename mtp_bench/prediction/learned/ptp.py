@@ -104,7 +104,8 @@ class Ptp:
     ) -> Arrays:
         """Return random layers and the statistics of the training data.
 
-        The sampling function starts as k draws of the prior, for every context.
+        At first the sampling function returns the same k draws of the prior for every
+        object.
         """
         rng = np.random.default_rng(seed)
         weights = initial(_trained_shapes(sizes), rng)
@@ -113,7 +114,7 @@ class Ptp:
         weights["sampler.1.weight"] *= np.float32(0.1)
         past = _steps(inputs, sizes)[inputs["alive"] > 0]
         past_spread = np.sqrt((past**2).mean(axis=0))
-        # of corrections of constant velocity
+        # the network predicts steps of the correction to constant velocity
         step = np.diff(future - straight(inputs, sizes), axis=1, prepend=0)
         known_before = np.concatenate([is_known[:, :1], is_known[:, :-1]], axis=1)
         return {
@@ -168,7 +169,7 @@ def _trained_shapes(sizes: Sizes) -> Shapes:
 def _steps(inputs: Inputs, sizes: Sizes) -> Array:
     """Return features [n, P, PER_STEP] of each past frame.
 
-    They are `history`, and the offset from a motion of constant velocity.
+    The features are `history` and the offset from a motion of constant velocity.
     """
     xp = namespace(inputs["position"])
     alive = inputs["alive"]
@@ -189,7 +190,7 @@ def _object(inputs: Inputs, sizes: Sizes) -> Array:
 def context_of(weights: Weights, inputs: Inputs, sizes: Sizes) -> Array:
     """Return the context [n, 2 TRACKLET] of each object.
 
-    It is the object's own past, and its past among the others.
+    The context encodes the object's own past, and the pasts of the objects around it.
     """
     xp = namespace(inputs["position"])
     alive = inputs["alive"]

@@ -163,9 +163,9 @@ def rotations(table: RowTable) -> Floats:
 class Sweeps:
     """Times of all sweeps of a log, the frames among them, and the poses of the ego."""
 
-    folder: Path  # of the log
+    folder: Path  # folder of the log
     stamp: Ints  # [S] ns, increasing
-    stride: int  # of the frames of the scene
+    stride: int  # sweeps per frame of the scene
     # [S, 4] unit quaternions w x y z, from the ego frame to the city
     rotation: Floats
     place: Floats  # [S, 3] m, of the ego less the origin
@@ -222,7 +222,7 @@ class Sweeps:
     def boxes(self, table: RowTable, frame: Ints) -> Floats:
         """Return boxes x y z yaw l w h of rows in the frames ``frame`` [R].
 
-        They are in the city less the origin.
+        Coordinates are those of the city, minus the origin.
         """
         rotation = self.rotation[frame * self.stride]
         place = rotate_vectors(rotation, table.matrix(PLACE))
@@ -231,9 +231,9 @@ class Sweeps:
         return np.column_stack([place, yaw, table.matrix(SIZE)])
 
     def to_ego(self, frame: Ints, box: Floats) -> tuple[Floats, Floats]:
-        """Return places [R, 3] and quaternions [R, 4] in the ego frame.
+        """Return centres [R, 3] and quaternions [R, 4] of boxes in the ego frame.
 
-        They are those of boxes [R, 7]: the inverse of `boxes`.
+        ``box`` [R, 7] is in the frame of the scene. It is the inverse of `boxes`.
         """
         sweep = frame * self.stride
         inverse = self.rotation[sweep] * _INVERSE

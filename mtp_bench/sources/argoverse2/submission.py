@@ -45,7 +45,7 @@ from .files import (
 
 @dataclass(frozen=True, eq=False)
 class LogBoxes:
-    """Boxes of a log in the frames and of the classes of a card, neutral ones too."""
+    """Boxes of a log in frames and classes of a card, neutral ones included."""
 
     table: RowTable  # rows in the file
     frame: Ints  # [R]

@@ -23,7 +23,7 @@ def lanes_of(table: RowTable) -> tuple[Lane, ...]:
     """
     check_ranges(table)
     lane_names, first_row, lane_of_row, point_count = np.unique(
-        table["lane"], True, True, True
+        table["lane"], return_index=True, return_inverse=True, return_counts=True
     )
     is_single = (point_count == 1)[lane_of_row]
     table.refuse(is_single, "the only point of this lane, expected two or more", "lane")
@@ -51,7 +51,7 @@ def _lane(table: RowTable, rows: Ints, lane_numbers: Mapping[str, int]) -> Lane:
 def _following(
     table: RowTable, rows: Ints, lane_numbers: Mapping[str, int]
 ) -> tuple[int, ...]:
-    """Return the numbers of the lanes that any row of a lane names, each once."""
+    """Return the numbers of the lanes that continue a lane, each once."""
     following: list[int] = []
     for row in rows.tolist():
         for name in table["following"].item(row).split():
@@ -64,7 +64,7 @@ def _following(
 
 
 def lane_columns(lanes: Sequence[Lane]) -> dict[str, NDArray[Any]]:
-    """Return the columns of the table of at least one lane."""
+    """Return the columns of a table of lanes; there must be at least one lane."""
     count = [len(lane.center) for lane in lanes]
     names = [" ".join(map(str, lane.following)) for lane in lanes]
     points = np.concatenate(
@@ -83,7 +83,8 @@ def images_of(
 ) -> tuple[CameraImage, ...]:
     """Return the images of a scene in ``folder``, sorted by frame.
 
-    ``frame_numbers`` [F]: of the scene. DataError names the row that is wrong.
+    ``frame_numbers`` [F]: number in the table of each frame. DataError names the row
+    that is wrong.
     """
     frame = frame_index(table, frame_numbers)
     width = table.whole_numbers("width")

@@ -29,7 +29,7 @@ from .pictures import lane_columns
 
 Columns = dict[str, NDArray[Any]]
 TableForm = Literal["csv", "parquet"]
-# of a quoted name: files allow 255 bytes, and writers need some of them
+# longest quoted name: file names have at most 255 bytes, and writers need some
 MAX_NAME_LETTERS = 200
 # fields that tables do not have, with the value of a scene without them
 _EMPTY: dict[str, Any] = {
@@ -160,7 +160,7 @@ def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, Columns]:
 def box_columns(rows: Truth | Detections, names: NDArray[np.str_]) -> Columns:
     """Return the columns of boxes.
 
-    ``names``: of the class ids.
+    ``names``: name of each class id.
     """
     return {
         "frame": rows.frame_of_rows,

@@ -49,7 +49,8 @@ from .columns import (
 from .pictures import images_of, lanes_of
 from .save import scene_tables
 
-# of file names: `detection` and `lane`, not `detections_old`
+# file names so similar are taken for misspelt: `detection` and `lane`, not
+# `detections_old`
 _MIN_SIMILARITY = 0.85
 
 
@@ -161,7 +162,8 @@ def _refuse_misspelt(folder: Path) -> None:
 def _for_card(scene: Scene, card: Card, where: str, has_detections: bool) -> Scene:
     """Return the scene as the card says.
 
-    Its truth is complete or not, its detections are stored or to be simulated.
+    The card says if its truth is complete, and if its detections are stored or
+    simulated.
     """
     if not card.source.traits.truth_complete:
         scene = replace(scene, truth_complete=False)
@@ -313,9 +315,10 @@ def class_ids_of(table: RowTable, classes: Sequence[str]) -> Ints:
 
 
 def ids_of(table: RowTable) -> Ints:
-    """Return numbers of the objects [R]: those of the table, or of the sorted words.
+    """Return the number [R] of the object in each row.
 
-    If one id is not a whole number from 0 to `ID_LIMIT`, all are words.
+    If one id is not a whole number from 0 to `ID_LIMIT`, all count as words: each gets
+    its index among the sorted ones.
     """
     words = table["id"]
     if not len(words):

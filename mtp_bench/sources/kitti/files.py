@@ -41,7 +41,7 @@ KINDS = (
     "Misc",
     "DontCare",
 )
-# of the entries of a rotation, which may have few digits
+# tolerance of the entries of a rotation, which may have few digits
 ROUNDING = 1e-2
 SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 # names in files of the benchmark and of the raw data, and number of columns
@@ -186,9 +186,10 @@ def read_imu_to_camera(path: Path) -> Floats:
 
 
 def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats:
-    """Read a matrix of 3 rows, completed to [4, 4] by those of a unit matrix.
+    """Read a matrix of 3 rows, completed to [4, 4] with those of a unit matrix.
 
-    ``names``: of its line, one of which the file has. ``columns``: their number.
+    ``names``: names that its line may have; the file has one of them. ``columns``:
+    number of columns in the file.
     """
     cells_of_line: dict[str, list[str]] = {}
     for line in read_text(path).splitlines():

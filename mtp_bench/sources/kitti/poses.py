@@ -112,8 +112,8 @@ def integrated_poses(
 def read_poses(root: Path, name: str) -> Poses:
     """Read the poses of one sequence.
 
-    They are those of odometry if ``poses_orbslam3`` has it (0019: bad GPS), else of
-    OXTS.
+    They come from odometry if the sequence has a file in ``poses_orbslam3``, otherwise
+    from the GPS and inertial unit (OXTS). Sequence 0019 has bad GPS and needs the file.
     """
     oxts_path = root / f"training/oxts/{name}.txt"
     odometry_path = root / f"poses_orbslam3/{name}.txt"
@@ -160,7 +160,7 @@ def _from_first(rotation: Floats, position: Floats) -> Poses:
 def _rotations(attitude: Floats) -> Floats:
     """Return rotations [F, 3, 3] Rz(yaw) Ry(pitch) Rx(roll) of ``attitude`` [F, 3].
 
-    They are from forward, left, up to east, north, up.
+    A rotation turns the axes forward, left, up into east, north, up.
     """
     cr, cp, cy = np.cos(attitude).T
     sr, sp, sy = np.sin(attitude).T

@@ -143,10 +143,10 @@ class KittiTracking:
 
 @dataclass(frozen=True)
 class Frames:
-    """The frames of a scene among those of the sequence, and their poses."""
+    """Frames that a scene takes from its sequence, with their poses."""
 
-    length: int  # of the sequence
-    stride: int
+    length: int  # frames of the sequence
+    stride: int  # every n-th frame is taken
     poses: Poses | None  # None: every frame in its own sensor frame
 
     def select(self, frame: Ints, used: Bools) -> Ints:

@@ -117,7 +117,7 @@ def _read_targets(
 ) -> Ints:
     """Return the keys of the targets in scenes of these tables.
 
-    A key is instance x samples + sample; ``box_keys``: of all boxes.
+    A key is instance x samples + sample. ``box_keys``: keys of all boxes.
     """
     samples = len(keyframes.token)
     targets = read_json(path, dict[str, list[str]])

@@ -29,7 +29,7 @@ from .objects import TrueBoxes, read_annotations
 from .tables import Keyframes, read_keyframes
 
 FORMAT = 3  # of the arrays in the cache: a change gets a new number
-# of tables and detections, read and checked on a machine that is busy
+# speed at which a busy machine reads and checks tables and detections
 _BYTES_PER_SECOND = 2.3e7
 # no scene has a dot in its name
 INDEX = "all.index"
@@ -40,7 +40,7 @@ SAMPLES = "all.samples"
 class CachedFolder:
     """A folder of files of arrays, made from ``sources`` once per machine."""
 
-    prefix: str  # of its name
+    prefix: str  # beginning of its name
     sources: Mapping[str, Path]  # the files that it is made from, by what they are
     fill: Callable[[Path], None]  # writes the files of the folder
     path: Path
@@ -108,9 +108,10 @@ class CachedFolder:
 
 
 def _path(prefix: str, sources: Mapping[str, Path]) -> Path:
-    """Return the path of the folder by the state of the files.
+    """Return the path of the folder, named by a digest of the state of the files.
 
-    Programs can restore all of a state but its ``ctime``.
+    A state is path, size, inode and times. A program can restore the time of a changed
+    file (``mtime``), but not its ``ctime``.
     """
     states: list[list[str | int]] = []
     for name, path in sorted(sources.items()):

@@ -68,12 +68,12 @@ class _File(msgspec.Struct):
 
 @dataclass(frozen=True, eq=False)
 class SubmittedBoxes:
-    """Boxes of those samples of a file that the tables have.
+    """Boxes of a file, without samples that the tables do not have.
 
     They are sorted by sample, otherwise in the order of the file.
     """
 
-    samples: int  # in the file
+    samples: int  # number of samples in the file
     example: str  # a token of the file
     covered: Ints  # [n] rows of the tables' samples that the file has, sorted
     sample: Ints  # [R] row of the sample
@@ -230,7 +230,7 @@ def open_detections(
 def _coverage_problem(
     stores: Sequence[DetectionStore], tables: TableStore, row: int, coverage: str
 ) -> str:
-    """Return the message about a sample that two files or none of them have."""
+    """Return the message about a sample that is in two files or in none."""
     scene = tables.scenes[int(np.searchsorted(tables.start, row, side="right")) - 1]
     sample = f"sample {tables.tokens.item(row).decode()!r} of {scene}"
     holders = sorted(str(store.path) for store in stores if store.covered[row])

@@ -222,7 +222,7 @@ def _check_steps(
 ) -> None:
     """Raise DataError for a scene whose steps are not about half a second.
 
-    Its times have another unit.
+    Most likely its times have another unit than microseconds.
     """
     for name, first, end in zip(names, start[:-1], start[1:], strict=True):
         steps_s = np.diff(time[first:end]) / SECOND_US
@@ -234,8 +234,8 @@ def _check_steps(
             raise DataError(
                 f"{path}, record {tokens[row]!r}: the samples of {name} are "
                 f"{median_s:g} s apart (median), at least {steps_s.min():g} s; "
-                f"expected {MIN_STEP_S:g} to {MAX_STEP_S:g} s: timestamp must be in "
-                "microseconds"
+                f"expected {MIN_STEP_S:g} to {MAX_STEP_S:g} s. Check that timestamp is "
+                "in microseconds"
             )
 
 

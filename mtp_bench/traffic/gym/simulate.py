@@ -61,10 +61,10 @@ def _environment(traffic: GymTraffic) -> Any:
 
 @contextmanager
 def _restored_classes(traffic: GymTraffic) -> Iterator[None]:
-    """Undo changes of the classes of vehicles, which would change other scenes.
+    """Undo changes of the classes of vehicles.
 
-    Some environments make them. Raises DataError for an error of the environment, or of
-    a module that it needs.
+    Some environments change these classes, which would change later scenes. Raises
+    DataError for an error of the environment, or of a module that it needs.
     """
     attributes: dict[Any, dict[str, Any]] = {}
     try:
@@ -89,6 +89,7 @@ def _restored_classes(traffic: GymTraffic) -> Iterator[None]:
 
 
 def _restore(kind: Any, attributes: dict[str, Any]) -> None:
+    """Give the class ``kind`` exactly these ``attributes`` again."""
     for name, value in [*vars(kind).items()]:
         if name not in attributes:
             delattr(kind, name)
@@ -99,7 +100,7 @@ def _restore(kind: Any, attributes: dict[str, Any]) -> None:
 def simulate(traffic: GymTraffic, seed: int) -> World:
     """Return the world of a seed.
 
-    It has no frames if two vehicles crash or that with the sensor is removed.
+    It has no frames if two vehicles crash or the vehicle with the sensor is removed.
     """
     with _restored_classes(traffic):
         env = _environment(traffic)
@@ -173,8 +174,9 @@ def _kind_of(length_m: float) -> str:
 def _policy(env: Any, name: str) -> Callable[[Any], Any]:
     """Return the function from an observation to an action.
 
-    It is "module:function", else a function that does nothing. With "idm" all
-    controlled vehicles become like the others, IDM with MOBIL, which no action changes.
+    A policy "module:function" names it; for others it is a function that does nothing.
+    With "idm" all controlled vehicles become like the others, IDM with MOBIL, which no
+    action changes.
     """
     if ":" in name:
         policy: Callable[[Any], Any] = pkgutil.resolve_name(name)

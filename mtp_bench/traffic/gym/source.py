@@ -34,9 +34,10 @@ class GymSource(SourceSection):
     id: Annotated[str, Field(min_length=1)]
     # Python module that registers the id, if the id does not name it
     module: str | None = None
-    config: dict[str, Any] = Field(default_factory=dict)  # of the environment
-    # of the vehicle with the sensor: "idm", "idle", or "my_module:function" of the
-    # observation
+    # configuration of the environment
+    config: dict[str, Any] = Field(default_factory=dict)
+    # driver of the vehicle with the sensor: "idm", "idle", or "my_module:function", a
+    # function of the observation
     policy: Annotated[str, _POLICY] = "idm"
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
     seeds: SeedRanges = SeedRanges(

@@ -21,7 +21,7 @@ _PEDAL_MEMORY_S = 0.5
 _MAX_ACCELERATION_MPS2 = 2.7
 _FULL_PEDAL_SPEED_MPS = 3.0  # slower drivers move the pedals less
 _BRAKING_SURPLUS = 1.15  # of a late driver, times the needed braking
-# of one's speed; only slower leaders can be noticed late
+# share of the driver's own speed: only leaders slower than that can be noticed late
 _LATE_LEADER_SHARE = 0.5
 _MIN_LATE_SPEED_MPS = 2.7  # slower drivers are never late
 _LINE_GAP_M = 0.3  # to the place to stop at

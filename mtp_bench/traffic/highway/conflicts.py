@@ -58,10 +58,10 @@ class Passage:
 
     entry: int  # the lane at its start
     line: float  # place to wait at
-    end: float  # of the last conflict
+    end: float  # station where the last conflict ends
     cruise: float  # m/s, lowest limit between them
     stretches: tuple[CrossingStretch, ...]
-    zones: dict[int, tuple[ConflictZone, ...]]  # by the other route
+    zones: dict[int, tuple[ConflictZone, ...]]  # zones by number of the other route
 
 
 @dataclass(frozen=True, eq=False)

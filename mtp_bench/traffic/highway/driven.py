@@ -52,7 +52,7 @@ class Collision:
     """The first contact of the ego."""
 
     class_id: int  # index into `world.CLASSES`
-    number: int  # of the road user
+    number: int  # number of the road user
     # the ego moved, and was not hit from behind (docs/definitions/driving.md)
     at_fault: bool
 
@@ -201,7 +201,7 @@ def _warmed_up(traffic: Traffic, seed: int) -> tuple[Attempt, _Ego]:
 def _ego_after_warm_up(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
     """Simulate the warm-up, and on until a vehicle can be the ego.
 
-    None after a crash, or a wait of `_MAX_WAIT_S`.
+    None after a crash, or if `_MAX_WAIT_S` pass without such a vehicle.
     """
     for step in range(round((WARM_UP + _MAX_WAIT_S) * RATE)):
         boxes = attempt.boxes()
@@ -216,9 +216,9 @@ def _ego_after_warm_up(attempt: Attempt, rng: np.random.Generator) -> _Ego | Non
 
 
 def _choose_ego(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
-    """Replace a car that is about to meet others by the ego.
+    """Choose a car that is about to meet other road users, and make it the ego.
 
-    None without such a car.
+    None if there is no such car.
     """
     routes = attempt.map.routes
     candidates = _candidates(attempt)

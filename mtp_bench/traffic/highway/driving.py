@@ -110,7 +110,7 @@ class RoadState:
     def _cover(self, geometry: LaneGeometry, direction: Floats, people: Floats) -> None:
         """Find the lane coordinates of the discs.
 
-        ``direction`` [2, N]: of the vehicles.
+        ``direction`` [2, N]: unit vectors along the vehicles.
         """
         places = self.length[:, None] * _DISC_PLACES  # [N, discs] m along the axis
         discs = self.xy[:, :, None] + places * direction[:, :, None]
@@ -161,7 +161,7 @@ class Leaders:
 def find_leaders(state: RoadState, geometry: LaneGeometry) -> Leaders:
     """Find the nearest disc in the strip of each vehicle.
 
-    It is that of another vehicle or of a person.
+    The disc may belong to another vehicle or to a person.
     """
     # R lanes of all paths, in the order of the vehicles
     vehicle_row, path_index = np.nonzero(state.path >= 0)
@@ -211,10 +211,9 @@ def _swept_strip(
 def swept_sides(
     length: Floats, width: Floats, wheelbase: Floats, radius: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the reach of a box to both sides, m.
+    """Return the reach of a box to the outer and the inner side of a bend, m.
 
-    They are the outer and the inner side of a bend. The centre of the box follows the
-    bend.
+    The centre of the box follows the bend.
     """
     straight = np.isinf(radius)
     square = np.maximum(radius**2 - wheelbase**2 / 4, 0.0)

@@ -92,7 +92,7 @@ class LaneChanges:
     ) -> int:
         """Return the lane that vehicle i changes to.
 
-        It is `NO_LANE` for none.
+        `NO_LANE` if it stays in its lane.
         """
         best_lane = NO_LANE
         best_gain = _MIN_GAIN_MPS2
@@ -113,7 +113,7 @@ class LaneChanges:
     def _targets(self, state: RoadState, i: int) -> Iterator[tuple[int, float, bool]]:
         """Yield lanes that vehicle i may change to.
 
-        Beside each the bonus of a change, m/s2, and whether it is necessary.
+        With each lane come the bonus of the change, m/s2, and whether it is necessary.
         """
         routes = self._routes
         route = state.vehicles[i].route
@@ -195,7 +195,7 @@ class LaneChanges:
     def bounds(self, state: RoadState, desired: Floats) -> Floats:
         """Return upper bounds [N] of the acceleration, m/s2.
 
-        They are for vehicles ahead and for those that have to merge.
+        The bounds keep room for vehicles ahead and for vehicles that have to merge.
         """
         x = state.xy[0]
         middle_y = state.xy[1] - state.d

@@ -186,6 +186,7 @@ def _roundabout() -> RoadMap:
     for arm in range(4):
         _add_roundabout_arm(network, arm)
     geometry = LaneGeometry(network)
+    # nodes of an arm, see `_add_roundabout_arm`, in the order of travel around the ring
     ring = [node for k in range(4) for node in (f"n{-k % 4}", f"e{(-k - 1) % 4}")]
     routes = []
     for arm in range(4):
@@ -208,7 +209,11 @@ def _roundabout() -> RoadMap:
 
 
 def _add_roundabout_arm(network: Any, arm: int) -> None:
-    """Add entry, exit and ring at an arm."""
+    """Add entry, exit and ring at an arm.
+
+    Its nodes: o and a at the ends of the straight entry, n where it joins the ring, e
+    where the exit leaves the ring, z and x at the ends of the straight exit.
+    """
     quarter_rad = np.pi / 2 * arm
     # where the entry touches the ring; the exit mirrors it
     touch_rad = float(np.arctan2(_ROUND_MOUTH_M, _ROUND_ASIDE_M))

@@ -24,8 +24,8 @@ _PATIENCE_S = (3.0, 7.0)  # at the kerb
 _MAX_ACCELERATION_MPS2 = 3.8
 _MIN_WALKING_MPS = 0.3  # slower people stand
 _STROLL_SHARE = 0.55  # of the groups, which do not cross
-# of the first people: share that have crossed, largest passed share of the way of
-# others
+# people at the start of a scene: share that have crossed already, and the largest
+# share of the way that the others have passed
 _CROSSED_SHARE = 0.25
 _MAX_PASSED_SHARE = 0.8
 _ARRIVAL_S = 1.5  # mean time until a missing person comes

@@ -19,16 +19,16 @@ from .driving import ACCELERATION, Leaders, RoadState
 Orders = list[tuple[int, ConflictZone]]
 _ASK_DISTANCE_M = 14.0  # before the line, at which a vehicle asks, and more at speed
 _ASK_TIME_S = 4.0
-# between two vehicles at a shared stretch
+# time between two vehicles at a shared stretch
 _AFTER_S = 0.6
 _BEFORE_S = 0.5
-# of it that must remain, otherwise a vehicle with the right of way waits
+# part of _AFTER_S that must remain, otherwise a vehicle with the right of way waits
 _MIN_AFTER_S = 0.2
-# after which no conflicting vehicle gets the right of way first
+# waiting time after which no conflicting vehicle gets the right of way first
 _PATIENCE_S = 6.0
-# after which people who have just come to a crossing let a vehicle go first
+# waiting time after which people who just came to a crossing let a vehicle go first
 _COURTESY_S = 10.0
-# from the middle of a vehicle's path to a pedestrian outside of it
+# distance from the middle of a vehicle's path to a pedestrian outside of it
 _WALKER_GAP_M = 1.7
 _WALKER_GAP_S = 1.0  # between a vehicle and a pedestrian
 # a vehicle that stopped this far behind the line still waits
@@ -148,7 +148,7 @@ class RightOfWay:
     ) -> Floats:
         """Return free metres [N] to the places to wait at.
 
-        They are inf for a vehicle that need not wait. ``walks``: pedestrians on
+        The distance is inf for a vehicle that need not wait. ``walks``: pedestrians on
         crossings; ``claimed_crossings``: crossings where people have waited long
         enough, for which no vehicle gets the right of way.
         """
@@ -215,7 +215,7 @@ class RightOfWay:
             del self._asked_s[vehicle_number]
 
     def _first_waiting(self) -> list[int]:
-        """Return the first vehicle of every approach without the right of way."""
+        """Return the first vehicle on each approach that still waits at its line."""
         first_numbers: dict[int, int] = {}
         for vehicle_number, me in self._vehicles.items():
             if vehicle_number in self._granted or not me.behind_line:

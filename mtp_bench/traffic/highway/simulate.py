@@ -210,8 +210,8 @@ class Attempt:
 def _choose_ego(recording: Recording, rng: np.random.Generator) -> int | None:
     """Draw the number of a vehicle for the sensor.
 
-    It drives far and has many objects around it. It is present in all frames; None
-    without one.
+    It drives far, has many objects around it and is present in all frames. None if
+    there is no such vehicle.
     """
     rows = recording.rows()
     number = rows[:, 10]

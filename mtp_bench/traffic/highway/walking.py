@@ -108,7 +108,7 @@ class Footway:
     def stroll(self, member_index: int) -> list[Floats]:
         """Return points of the k-th person's way without a crossing.
 
-        It is along one road, around the corner and along the other.
+        The way leads along one road, around the corner and along the other road.
         """
         other_road = replace(self.coming, around=not self.coming.around)
         return [
@@ -143,24 +143,19 @@ class Footway:
 
 
 def remaining_way(points: list[Floats], remaining_share: float) -> list[Floats]:
-    """Return the last ``remaining_share`` of a way.
+    """Return the points of the last ``remaining_share`` of a way.
 
-    The first point is its start.
+    The first point is where this part begins.
     """
     step_lengths = [float(np.hypot(*(b - a))) for a, b in pairwise(points)]
     passed_m = (1.0 - remaining_share) * sum(step_lengths)
-    member_index = 0
-    while (
-        member_index + 1 < len(step_lengths) and passed_m > step_lengths[member_index]
-    ):
-        passed_m -= step_lengths[member_index]
-        member_index += 1
-    step_share = min(passed_m / step_lengths[member_index], 1.0)
-    start = (
-        points[member_index]
-        + (points[member_index + 1] - points[member_index]) * step_share
-    )
-    return [start, *points[member_index + 1 :]]
+    step = 0
+    while step + 1 < len(step_lengths) and passed_m > step_lengths[step]:
+        passed_m -= step_lengths[step]
+        step += 1
+    step_share = min(passed_m / step_lengths[step], 1.0)
+    start = points[step] + (points[step + 1] - points[step]) * step_share
+    return [start, *points[step + 1 :]]
 
 
 def slow_at_kerb(
@@ -205,8 +200,9 @@ def social_force(
 ) -> Floats:
     """Return accelerations [2, M], m/s2, of people on foot.
 
-    ``pairs``: of their places; ``velocity`` [2, M] m/s; ``to_goal`` [2, M]: vector to
-    the goal; ``pace`` [M]: desired speed; ``friends`` [M, M]: others of the same group.
+    ``pairs``: `pairs_of` their places; ``velocity`` [2, M] m/s; ``to_goal`` [2, M]:
+    vector to the goal; ``pace`` [M]: desired speed; ``friends`` [M, M]: others of the
+    same group.
     """
     goal_m = np.hypot(*to_goal)
     desired_mps = np.minimum(pace, goal_m / _SLOWING_S)
@@ -220,7 +216,7 @@ def social_force(
     push_strength = push_strength * np.where(friends, _FRIEND_PUSH, 1.0)
     push_strength *= _REAR_PUSH + (1 - _REAR_PUSH) * (1 + facing_cosine) / 2
     push_force = (push_strength * unit).sum(axis=1)
-    # of the group
+    # vector to the middle of the group
     to_middle = -(between_vectors * friends).sum(axis=1) / np.maximum(
         friends.sum(axis=0), 1
     )
@@ -230,9 +226,10 @@ def social_force(
 
 
 def pairs_of(place: Floats) -> Pairs:
-    """Return vectors [2, M, M] from others to each person (last axis).
+    """Return vectors, lengths and unit vectors from others to each person.
 
-    Beside them lengths [M, M], inf to oneself, and unit vectors [2, M, M].
+    Vectors [2, M, M] and unit vectors [2, M, M] have the person on the last axis. A
+    length [M, M] is inf from a person to itself.
     """
     between_vectors = place[:, None, :] - place[:, :, None]
     gap_m = np.hypot(*between_vectors)
@@ -258,7 +255,8 @@ def slow_before_others(
 ) -> Floats:
     """Return velocities [2, M] at which people can stop in time.
 
-    They stop before each other and before ``vehicles``; ``pairs``: of ``place``.
+    They stop before each other and before ``vehicles``. ``pairs`` are those that
+    `pairs_of` returns for ``place``.
     """
     _, gap_m, unit = pairs
     approach_mps = -_dot(velocity, unit)  # speed
@@ -322,7 +320,7 @@ class Outlines:
     def clearance(self, points: Floats) -> Floats:
         """Return distances [M, N] of points [2, M] to the outlines.
 
-        They are along the axes of the boxes, and negative inside.
+        Distances are measured along the axes of the boxes, and negative inside.
         """
         dx, dy = points[:, :, None] - self._center[:, None]
         along = np.abs(self._cos * dx + self._sin * dy) - self._half_length
