@@ -94,7 +94,7 @@ def _run_problems(record: Record) -> Iterator[str]:
         yield f"seeds are {seeds}, expected whole numbers from 0 on, each once"
     run_keys = set(starmap(key_of, product(scene_names, seeds)))
     if unknown_keys := record.missed.reasons.keys() - run_keys:
-        yield f"missed.reasons has {min(unknown_keys)!r}, which is no run of the record"
+        yield f"missed.reasons has {min(unknown_keys)!r}, which is not a run of the record"
     drives = record.drives
     if drives is not None and set(map(len, drives.scores)) != {len(seeds)}:
         yield f"drives.scores are not {len(seeds)} scores of each scene"
