@@ -199,11 +199,13 @@ def _require_converted(statement: Statement, record: Record, file_name: str) -> 
                 f"{file_name}: level 'scored' is signed, expected a higher one"
             )
     elif earlier is None or earlier.level != statement.level:
-        earlier_level = earlier and earlier.level
+        earlier_level = "none"
+        if earlier is not None:
+            earlier_level = repr(earlier.level)
         raise RecordError(
             f"{file_name}: level {statement.level!r} is converted, the earlier "
             "record had "
-            f"{earlier_level or 'none'}"
+            f"{earlier_level}"
         )
 
 
