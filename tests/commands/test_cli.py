@@ -1,13 +1,11 @@
 """The command line: what each command prints and writes, its exit status, and what the README says of it."""
 
 import json
-import os
 import re
 import shlex
 import subprocess
 import sys
 import tomllib
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -226,25 +224,6 @@ def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: s
     assert (set(fitted["pointrcnn-world"]["car"]), cli.ok(*common, "-o", tmp_path / "noise.toml")) == (fields, "")
     assert (tmp_path / "noise.toml").read_text() == printed
     assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["truth-world"]
-
-
-def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path, card: str, training: str) -> None:
-    terminal, side = pytest.importorskip("pty").openpty()
-    arguments = ["train", "motion-noise", "--env", card, "--data", training]
-    code = "from mtp_bench.core import notice; notice.SILENT_SECONDS = 0; "
-    code += "from mtp_bench.commands.app import main; main()"
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "200", "MTP_BENCH_QUIET": "0"}
-    done = python(code, *arguments, stdout=subprocess.PIPE, stderr=side, env=environment)
-    os.close(side)
-    written = bytearray()
-    with suppress(OSError):  # of a terminal that nobody has open any more, once all is read: at most 4 KB at a time
-        while part := os.read(terminal, 1 << 16):
-            written += part
-    os.close(terminal)
-    shown = written.decode()
-    assert list(tomllib.loads(done.stdout)) == ["pointrcnn-world"]
-    assert re.search("(reading scenes|preparing scenes|is working)[^\n]* ━", shown), "as fast as the machine is"
-    assert shown.endswith("\x1b[2K"), "the bar leaves no trace"
 
 
 def test_a_deleted_current_folder_is_named(cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

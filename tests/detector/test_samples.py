@@ -1,13 +1,11 @@
-"""Matching of detections to true boxes, and the statistics of a detector, on scenes that can be counted by hand."""
+"""Matching of detections to true boxes on scenes that can be counted by hand."""
 
 import numpy as np
 import pytest
 
-from mtp_bench.core import Detections, Floats, Scene, Truth
-from mtp_bench.detector.visibility import Sensor
+from mtp_bench.core import Detections, Floats, Truth
 from mtp_bench.training.detector_fit.samples import match_boxes
 from tests.support.detector_scenes import truth_of
-from tests.support.detector_statistics import ClassStatistics, detector_statistics
 
 CLASSES = ("car", "pedestrian")
 PLACES = list[tuple[float, float]]  # x, y
@@ -26,12 +24,6 @@ def detections(places: PLACES) -> Detections:
     return Detections(
         np.array([0, rows]), boxes(places), np.full((rows, 2), np.nan), np.zeros(rows, int), np.ones(rows)
     )
-
-
-def of_car(true: Truth, found: Detections) -> ClassStatistics:
-    """Statistics of a scene of one frame, seen ahead up to 50 m."""
-    scene = Scene("drawn", np.zeros(1), np.zeros((1, 4)), true, found)
-    return detector_statistics([scene], CLASSES, Sensor(reach=50.0, field_of_view=np.pi / 2))["car"]
 
 
 @pytest.mark.parametrize(
@@ -55,9 +47,5 @@ def test_what_counts_as_false() -> None:
     true, found = truth([(10, 0), (30, 0)]), detections([(10, 0), (30.1, 0), (31, 0)])
     true.neutral[1], true.eligible[1] = True, False
     assert not match_boxes(true, found, CLASSES).false.any()
-    statistics = of_car(true, found)
-    assert (statistics.boxes, statistics.recall, statistics.false_positives) == (1, 1.0, 0.0)
     matches = match_boxes(truth([(10, 0)]), detections([(10.1, 0), (10.3, 0), (11.5, 0)]), CLASSES)
     assert (matches.false.tolist(), matches.duplicate.tolist()) == ([False, True, True], [False, True, False])
-    covered = of_car(truth([(-10, 0), (60, 0), (10, 0)]), detections([(-20, 0), (70, 0), (20, 0), (10, 0)]))
-    assert (covered.boxes, covered.recall, covered.false_positives) == (1, 1.0, 1.0), "what the sensor covers alone"

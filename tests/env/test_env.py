@@ -1,12 +1,10 @@
 """The env on scenes in memory: what is shown, what is taken, what is never told."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 from typing import Any
 
-import gymnasium.spaces.utils as space_utils
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
@@ -226,13 +224,6 @@ def test_the_seed_chooses_the_scene_and_options_name_it(make_env: MakeEnv) -> No
             few.reset(options=options)
 
 
-def test_sizes_come_from_the_keywords_else_from_the_card(make_env: MakeEnv) -> None:
-    env = make_env(samples=9, max_tracks=11)
-    assert (env.task.samples, env.task.k, env.task.tracks, env.task.objects) == (9, 4, 11, 4)
-    assert env.action_space["forecast"].shape == (4, 9, 3, 2)  # type: ignore[index]
-    assert make_env(samples=2).task.k == 2
-
-
 # ---- what is taken
 def test_the_rollout_holds_the_answer_in_the_frame_of_the_scene(make_env: MakeEnv) -> None:
     env = make_env(make_scene())
@@ -396,18 +387,3 @@ def test_a_scene_elsewhere_and_at_another_time_looks_the_same(make_env: MakeEnv)
 
 
 # ---- flattening
-def test_observations_and_actions_can_be_flattened(make_env: MakeEnv) -> None:
-    env = make_env(make_scene())
-    observation, _ = env.reset()
-    flat: Any = space_utils.flatten(env.observation_space, observation)
-    assert space_utils.flatten_space(env.observation_space).contains(flat)
-    back = space_utils.unflatten(env.observation_space, flat)
-    for key in observation:
-        np.testing.assert_array_equal(back[key], observation[key])
-    env.action_space.seed(0)
-    action = env.action_space.sample()
-    back = space_utils.unflatten(env.action_space, space_utils.flatten(env.action_space, action))
-    (read,) = env.action_space.from_jsonable(json.loads(json.dumps(env.action_space.to_jsonable([action]))))
-    for key in action:
-        np.testing.assert_array_equal(back[key], action[key])
-        np.testing.assert_array_equal(read[key], action[key])

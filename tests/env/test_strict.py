@@ -167,18 +167,6 @@ def test_the_messages_in_the_documentation_are_these(make_env: MakeEnv, reposito
 
 
 # ---- no false alarm
-def test_nothing_is_said_of_an_action_from_the_action_space(make_env: MakeEnv) -> None:
-    """Also where few rows are claimed, and those happen to lie near: the others are far."""
-    env = make_env(scene(), max_tracks=3, max_objects=2, samples=2)
-    env.reset()
-    env.action_space.seed(0)
-    for _ in range(30):
-        action = env.action_space.sample()
-        for rows in ("track", "object"):
-            action[f"{rows}_valid"][1:] = 0
-            action[f"{rows}_box"][0, :2] = 50.0
-        env.step(action)
-        env.reset()
 
 
 def silent_play(agent: str, env: MTPEnv) -> int:

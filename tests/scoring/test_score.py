@@ -299,14 +299,6 @@ def test_events_in_every_hypothesis() -> None:
         assert score.own_frag.tolist() == score.all_h_frag.tolist() == [False, False, True]
 
 
-def test_iou_gate() -> None:
-    truth = [[Thing(1, 0, 0)]] * 4
-    tracks = [[Thing(1, 1.0, 0)]] * 2 + [[Thing(1, 1.4, 0)]] * 2  # IoU 3/5, then 2.6/5.4
-    score = score_scene(make_scene(truth), make_rollout(tracks, future=1), make_card(future=1, measure="iou_3d"))
-    assert (score.counts.tp[0], score.counts.cost[0]) == (2, pytest.approx(2 * 0.4))
-    assert (score.own_events["lost"], score.own_events["wrong"]) == (1, 1)
-
-
 def wrong(**changes: Any) -> tuple[Scene, Rollout]:
     scene, rollout = random_case(1)
     return scene, replace(rollout, **changes)
