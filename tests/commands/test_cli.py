@@ -226,13 +226,6 @@ def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: s
     assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["truth-world"]
 
 
-def test_a_deleted_current_folder_is_named(cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "gone").mkdir()
-    monkeypatch.chdir(tmp_path / "gone")
-    (tmp_path / "gone").rmdir()
-    assert cli("new", "mine").error == "the current folder does not exist any more: change to another one"
-
-
 def commands_of(text: str) -> list[list[str]]:
     """Arguments of every ``mtp-bench`` call in the shell blocks of a document."""
     blocks = re.findall(r"^```(?:sh|bash|console)\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)

@@ -51,19 +51,6 @@ def test_a_fitted_model_mends_confidences_that_do_not_come_true(cli: CommandLine
     assert stated == {"shipped": None, "fitted": str(model), "scores": "scores"}
 
 
-def test_detections_far_from_the_truth_are_not_said_to_need_another_model(cli: CommandLine, tmp_path: Path) -> None:
-    logs, run = write_log(tmp_path / "logs"), tmp_path / "run"
-    table = logs / "log" / "detections.csv"
-    head, *rows = [line.split(",") for line in table.read_text().splitlines()]
-    x = head.index("x")
-    moved = [[*row[:x], str(float(row[x]) + 500), *row[x + 1 :]] for row in rows]
-    table.write_text("\n".join(map(",".join, [head, *moved])) + "\n")
-    cli.ok("run", "stp", *ENV, "--files", logs, "-o", run)
-    printed = shown(cli.ok("score", run))
-    assert "no forecast is near a target" in printed
-    assert "presence was not fitted" not in printed
-
-
 def test_a_run_is_scored_without_the_file_of_its_model(cli: CommandLine, tmp_path: Path) -> None:
     logs, model, run = with_ghosts(tmp_path / "logs"), tmp_path / "mine.json", tmp_path / "run"
     model.write_text((MODELS / "default.json").read_text())

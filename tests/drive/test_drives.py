@@ -2,17 +2,12 @@
 
 import json
 import shutil
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.envs.registration import EnvSpec
-from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import SyncVectorEnv
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
@@ -92,22 +87,6 @@ def test_evaluation_shows_nothing_of_the_truth_and_has_pictures(drive_card: str)
     assert ways[1] < ways[0] / 2
     assert [picture.shape for picture in pictures if picture is not None] == [(720, 960, 3)] * 4
     assert not np.array_equal(pictures[0], pictures[1])  # type: ignore[arg-type]
-
-
-def test_gymnasium_checker_and_a_vector_env(drive_card: str) -> None:
-    spec = EnvSpec(
-        id="MTP-Drive-v0", entry_point="mtp_bench:MTPEnv", kwargs={"card": drive_card, "data": None, **SMALL}
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(gym.make(spec).unwrapped)
-    envs = SyncVectorEnv([lambda: gym.make(spec)] * 2)
-    envs.action_space.seed(0)
-    envs.reset(seed=[1, 2])
-    for _ in range(4):
-        observation, reward, *_ = envs.step(envs.action_space.sample())
-        assert envs.observation_space.contains(observation)
-        assert np.isfinite(reward).all()
 
 
 def test_a_stored_run(drive_card: str, tmp_path: Path, cli: CommandLine) -> None:

@@ -109,24 +109,13 @@ WRAPPERS: dict[str, Callable[[Any], gym.Env[Any, Any]]] = {
     "Autoreset": wrappers.Autoreset,
     "PassiveEnvChecker and OrderEnforcing": lambda env: wrappers.OrderEnforcing(wrappers.PassiveEnvChecker(env)),
     "RecordEpisodeStatistics": wrappers.RecordEpisodeStatistics,
-    "RenderCollection": wrappers.RenderCollection,
     "AddRenderObservation": lambda env: wrappers.AddRenderObservation(env, render_only=False),
-    "ClipReward": lambda env: wrappers.ClipReward(env, -1, 0),
-    "NormalizeReward": wrappers.NormalizeReward,
-    "TransformReward": lambda env: wrappers.TransformReward(env, lambda reward: 2 * float(reward)),
-    "FilterObservation": lambda env: wrappers.FilterObservation(env, ["detection_box", "detection_valid"]),
     "FlattenObservation": wrappers.FlattenObservation,
     "FrameStackObservation": lambda env: wrappers.FrameStackObservation(env, 3),
-    "DelayObservation": lambda env: wrappers.DelayObservation(wrappers.FlattenObservation(env), 1),
-    "NormalizeObservation": lambda env: wrappers.NormalizeObservation(wrappers.FlattenObservation(env)),
-    "DtypeObservation": lambda env: wrappers.DtypeObservation(wrappers.FlattenObservation(env), np.float32),
     "TimeAwareObservation": lambda env: wrappers.TimeAwareObservation(
         wrappers.TimeLimit(env, 99), flatten=False, dict_time_key="step"
     ),
-    "TransformAction": lambda env: wrappers.TransformAction(env, lambda action: action, env.action_space),
     "StickyAction": lambda env: wrappers.StickyAction(env, 0.5),
-    "RepeatAction": lambda env: wrappers.RepeatAction(env, 2),
-    "MaxAndSkipObservation": lambda env: wrappers.MaxAndSkipObservation(wrappers.FlattenObservation(env), 2),
 }
 
 

@@ -1,4 +1,4 @@
-"""Stored tracks scored as an agent: what it is shown, how its row is marked, and STP's own tracks there and back."""
+"""Stored tracks scored as an agent: what it is shown, how its row is marked."""
 
 import json
 import re
@@ -122,6 +122,3 @@ def test_stored_tracks_have_no_record(card: str, kitti: str, tracks: str, tmp_pa
     labels = write_submission(tmp_path / "echo", tables='[compare]\nobserve = "associated"\n')
     with pytest.raises(MtpBenchError, match=r"echo: observe = .* records of it are of baselines alone"):
         submit(labels, card, RunOptions(kitti, seeds=(0,)), tmp_path)
-
-
-# ---- STP's own tracks, there and back
