@@ -107,10 +107,3 @@ def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: 
         "old_id_in_file": None, "new_id_in_file": None, "cause": None, "at_fault": None,
     }  # fmt: skip
     assert (ghost["frame"], ghost["until"], ghost["object"], ghost["new_id"]) == (1, 3, None, 90)
-
-
-def test_a_run_for_another_card(cli: CommandLine, events_run: Path, kitti: str, tmp_path: Path, card: str) -> None:
-    other = Path(card).read_text().replace("miss_error = 2.0", "miss_error = 3.0")
-    (tmp_path / Path(card).name).write_text(other)
-    error = cli("events", events_run, "--env", tmp_path / Path(card).name, "--data", kitti).error
-    assert "run the agent again" in error
