@@ -1,4 +1,4 @@
-"""Couplings of a simulated detector: quality, score, error, misses, neighbours, false positives."""
+"""Couplings of a simulated detector that the fit does not find: recall with memory, floor, false positives."""
 
 import numpy as np
 import pytest

@@ -384,6 +384,3 @@ def test_a_scene_elsewhere_and_at_another_time_looks_the_same(make_env: MakeEnv)
     for (observation, _), (moved, _) in zip(seen, other, strict=True):
         for key in observation:
             np.testing.assert_allclose(observation[key], moved[key], atol=1e-4)
-
-
-# ---- flattening

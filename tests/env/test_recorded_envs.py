@@ -1,4 +1,4 @@
-"""The environments of nuScenes, WILDTRACK and 3DMOT2015 on real data, through the commands."""
+"""The environment of nuScenes on real data, through the commands."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""KITTI source on the real recordings: known counts, and evidence for the poses and the frame period."""
+"""KITTI source on the real recordings: known counts, detections of others, and where images show boxes."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A metric as a stranger adds it: one declared field, shown in every table; rows without it have a blank."""
+"""A metric as a stranger adds it: one declared field, shown on the board; rows without it have a blank."""
 
 import csv
 import io
@@ -22,10 +22,6 @@ class FurtherRow(Row):
     """A row with one more metric."""
 
     jerk: Annotated[float | None, Column("jerk", "m/s³", "lower", optional=True)] = None
-
-
-def further(row: Row, jerk: float | None) -> Row:
-    return FurtherRow.model_validate({**row.model_dump(), **({} if jerk is None else {"jerk": jerk})})
 
 
 def test_the_board_shows_it_and_records_without_it_load(monkeypatch: pytest.MonkeyPatch) -> None:
