@@ -41,12 +41,6 @@ def first_column(path: Path, prefix: str = "") -> set[str]:
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
-def test_python_blocks_compile(repository: Path, document: str) -> None:
-    for text in blocks(repository / document, "python"):
-        compile(text, document, "exec")
-
-
-@pytest.mark.parametrize("document", DOCUMENTS)
 def test_links_lead_somewhere(repository: Path, document: str) -> None:
     path = repository / document
     for target in re.findall(r"\]\(([^)]+)\)", path.read_text()):

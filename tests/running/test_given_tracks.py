@@ -1,27 +1,20 @@
-"""Stored tracks scored as an agent: what it is shown, how its row is marked, and STP's own tracks there and back."""
+"""Stored tracks scored as an agent: what it is shown, how its row is marked."""
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from mtp_bench import MTPEnv, Observation, Pipeline, Task, Tracks, load_submission
+from mtp_bench import MTPEnv
 from mtp_bench.core.errors import MtpBenchError, RolloutError
-from mtp_bench.env.observation import LocalFrame
 from mtp_bench.judge import submit
-from mtp_bench.prediction import KinematicPredictor, KMeansSampler, LearnedPresence
 from mtp_bench.running import stored
 from mtp_bench.running.comparison import compare
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.stored import open_run
-from mtp_bench.running.track_export import TrackRows, export_tracks, write_tracks
-from mtp_bench.scoring import SceneScore, score_scene
-from mtp_bench.tracking import HypothesisTracker, detector_parameters
+from mtp_bench.running.track_export import export_tracks
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.small_scenes import CARD_ID
 
@@ -129,71 +122,3 @@ def test_stored_tracks_have_no_record(card: str, kitti: str, tracks: str, tmp_pa
     labels = write_submission(tmp_path / "echo", tables='[compare]\nobserve = "associated"\n')
     with pytest.raises(MtpBenchError, match=r"echo: observe = .* records of it are of baselines alone"):
         submit(labels, card, RunOptions(kitti, seeds=(0,)), tmp_path)
-
-
-# ---- STP's own tracks, there and back
-class Reported:
-    """STP's tracks as files of tracks hold them: the detections that its tracks took, with their scores."""
-
-    def __init__(self) -> None:
-        self.rows: list[Tracks] = []
-        self.taken: list[tuple[Any, Any]] = []
-
-    def reset(self, task: Task) -> None:
-        """Every track is output from its first detection on, so that its whole life is in the file."""
-        rules = detector_parameters(task.detector, task.classes)
-        self._tracker = HypothesisTracker(parameters=tuple(replace(rule, min_hits=1) for rule in rules))
-        self._tracker.reset(task)
-
-    def step(self, observation: Observation) -> Tracks:
-        """Tracks that took a detection, and are where it is."""
-        tracks = self._tracker.step(observation)
-        seen = np.flatnonzero(tracks.detection >= 0)
-        row = tracks.detection[seen]
-        self.taken.append((observation["detection_box"][row].astype(np.float64), observation["detection_score"][row]))
-        self.rows.append(replace(tracks.select(seen), box=self.taken[-1][0]))
-        return self.rows[-1]
-
-
-def scored(env: MTPEnv, scene: str, agent: Any) -> SceneScore:
-    rollout = run_scene(agent, env, scene, 0)
-    return score_scene(env.scene, rollout, env.card)
-
-
-def events_of(score: SceneScore) -> dict[str, Any]:
-    counts = score.counts
-    return {**score.own_events, **{name: list(getattr(counts, name)) for name in ("tp", "fp", "fn", "ids", "frag")}}
-
-
-SCENES = [("MTP-nuScenes-mini-v0", "scene-0103"), ("MTP-KITTI-v0", "0006"), ("MTP-KITTI-noego-v0", "0006")]
-
-
-@pytest.mark.data
-@pytest.mark.parametrize(("env_id", "scene"), SCENES)
-def test_stored_detections_of_tracks_score_alike(env_id: str, scene: str, data_root: Path, tmp_path: Path) -> None:
-    """Nothing that counts is lost in the file: events are equal, errors too but for its decimals."""
-    env = MTPEnv(env_id, str(data_root), evaluation=True)
-    tracker = Reported()
-    pipeline = Pipeline(tracker, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence())
-    direct = scored(env, scene, pipeline)
-    frame = LocalFrame.of(env.scene)
-    rows = TrackRows(
-        frame=np.repeat(np.arange(len(tracker.rows)), [len(each.track_id) for each in tracker.rows]),
-        track_id=np.concatenate([each.track_id for each in tracker.rows]),
-        class_id=np.concatenate([each.class_id for each in tracker.rows]),
-        box=frame.to_scene(np.concatenate([box for box, _ in tracker.taken])),
-        score=np.concatenate([score for _, score in tracker.taken]),
-    )
-    results = tmp_path / ("tracks.json" if "nuScenes" in env_id else "tracks")
-    for path, table in ((results, False), (tmp_path / "tables", True)):
-        write_tracks([(env.scene, rows)], env.card, str(data_root), path, table)
-        given = MTPEnv(env_id, str(data_root), observe="tracks", tracks=str(path), evaluation=True)
-        found = scored(given, scene, load_submission("given_tracks").build(agent_task(given, 0)))
-        assert events_of(found) == events_of(direct)
-        np.testing.assert_array_equal(found.covered, direct.covered)
-        covered = direct.covered
-        np.testing.assert_allclose(
-            found.min_ade[covered], direct.min_ade[covered], atol=0.02
-        )  # forecasts: whole centimetres
-        assert found.capped.mean() == pytest.approx(direct.capped.mean(), abs=1e-4)
-        assert found.fixed_error == pytest.approx(direct.fixed_error, rel=1e-3)

@@ -20,7 +20,7 @@ from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.scoring import SUBSETS
 from tests.running.test_rollout_files import edit_json
-from tests.support.command_line import CommandLine, plain_environment, read_json
+from tests.support.command_line import CommandLine, plain_environment
 from tests.support.small_scenes import CARD, write_card
 
 pytestmark = pytest.mark.usefixtures("remembered_weights")
@@ -46,20 +46,6 @@ def without_times(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def digests(folder: Path) -> dict[str, str]:
     return {entry["scene"]: entry["digest"] for entry in json.loads((folder / "run.json").read_text())["scenes"]}
-
-
-def test_a_run_is_stored_and_scored(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
-    run, file = tmp_path / "runs" / "stp", tmp_path / "a.json"
-    said = cli.ok("run", "stp", "--env", card, "--data", kitti, "-o", run, "--jobs", 1)
-    assert said == f"3 scenes of {card} by stp in {run}; score with `mtp-bench score {run} --data {kitti}`\n"
-    assert sorted(path.name for path in run.iterdir()) == ["0001.npz", "0006.npz", "0008.npz", "run.json"]
-    assert [path.name for path in run.parent.iterdir()] == ["stp"]
-    printed = cli.ok("score", run, "--data", kitti, "--env", card, "--json", file, "--full")
-    content = read_json(file)
-    assert list(content) == ["env", "definitions", "rows", "condition", "details", "skipped"]
-    assert [row["subset"] for row in content["rows"]] == list(SUBSETS)
-    assert f"{content['rows'][0]['error']:.3f}" in printed
-    assert "not the frozen ones of a ranking" in " ".join(printed.split())
 
 
 def test_a_stored_run_says_what_was_trained_on_its_scenes(tmp_path: Path, card: str, kitti: str) -> None:

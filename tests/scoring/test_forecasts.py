@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 
 from mtp_bench.core import Scene
 from mtp_bench.scoring import FrameScore, FrameScorer, forecast_average_precision, score_scene
-from mtp_bench.scoring.forecasts import RecordedForecasts, match_objects
+from mtp_bench.scoring.forecasts import RecordedForecasts
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
 
 CARD = make_card(past=2, future=3, samples=1)
@@ -22,28 +22,6 @@ def car(x: float, id: int = 1, **more: Any) -> Thing:
 
 def van(x: float, id: int = 2) -> Thing:
     return Thing(id, x, 0.0, neutral=True)
-
-
-MATCHES: dict[str, tuple[list[Thing], list[Thing], list[int], list[bool]]] = {
-    # truth, objects, object of each true box, false forecasts
-    "at the gate": ([car(0)], [car(2)], [0], [False]),
-    "beyond the gate": ([car(0)], [car(2.01)], [-1], [True]),
-    "gate of the class": ([Thing(1, 0, 0, class_id=WALKER)], [Thing(1, 1.5, 0, class_id=WALKER)], [-1], [True]),
-    "as many as possible": ([car(0, 1), car(1.5, 2)], [car(1.0), car(3.0)], [0, 1], [False, False]),
-    "a neutral box is neither right nor wrong": ([van(0)], [car(0.1)], [0], [False]),
-    "an evaluated box comes before a neutral one": ([car(1.9), van(0)], [car(0.1)], [0, -1], [False]),
-    "what is left over goes to the neutral one": ([car(1.9), van(0)], [car(0.1), car(0.2)], [1, 0], [False, False]),
-    "a neutral box takes one only": ([van(0)], [car(0.1), car(0.2)], [0], [False, True]),
-    "a box that is no target takes its object too": ([car(0, eligible=False)], [car(0.1)], [0], [False]),
-}
-
-
-@pytest.mark.parametrize(("truth", "objects", "want", "false"), MATCHES.values(), ids=MATCHES.keys())
-def test_objects(truth: list[Thing], objects: list[Thing], want: list[int], false: list[bool]) -> None:
-    scene, rollout = make_scene([truth]), make_rollout([[]], [objects])
-    frame = np.zeros(len(objects), dtype=int)
-    found = match_objects(scene.truth, frame, rollout.object_box, rollout.object_class, CARD)
-    assert (found.object_of_truth.tolist(), found.unmatched.tolist()) == (want, false)
 
 
 # ---- error at the fixed operating point, of a frame: a car at rest and a walker at rest are targets in frame 1

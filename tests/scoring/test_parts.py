@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.running.comparison import compare
-from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import AgentScores, References, score_scene, summarise
 from mtp_bench.scoring.parts import PARTS
 from mtp_bench.scoring.rows import Row
@@ -70,16 +68,3 @@ def test_the_parts_of_a_forecast() -> None:
     for others in ([[associated], []], [[], [tracks]], []):  # type: list[list[Thing]]
         assert costs([CAR], [[], [CAR]], [said], *others) == {"rest": 2.5}
     assert costs([CAR], [[], [CAR]], [said], [associated], [tracks], samples=2) == {"rest": 2.5}  # another number
-
-
-@pytest.mark.data
-@pytest.mark.parametrize(
-    ("env", "names"), [("nuScenes-mini", None), ("KITTI", ("0016",)), ("WILDTRACK", None), ("Intersection", None)]
-)
-def test_parts_of_agents_on_envs_add_up_to_their_error(data_root: object, env: str, names: Any) -> None:
-    rows = compare(["stp"], f"MTP-{env}-v0", RunOptions(scenes=1, names=names)).report.rows
-    assert {row.agent for row in rows if row.cost_association is not None} >= {"stp", "stp_same_samples"}
-    for row in rows:
-        parts = [value for part in PARTS if (value := getattr(row, f"cost_{part}")) is not None]
-        assert (row.error is None) == (not parts)
-        assert sum(parts) == pytest.approx(row.error or 0.0, abs=1e-9), (row.agent, row.subset)

@@ -12,7 +12,7 @@ from mtp_bench.core.errors import DataError, RolloutError
 from mtp_bench.scoring import DEFINITIONS, SUBSETS, AgentScores, Report, SceneScore, score_scene, summarise
 from mtp_bench.scoring.rank import ALONE_TEXT, References
 from mtp_bench.scoring.report import paired_row
-from mtp_bench.scoring.rows import PairedRow, Row
+from mtp_bench.scoring.rows import Row
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.weights import Reference, SceneWeights, scene_key
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
@@ -118,24 +118,6 @@ def test_the_gaps_with_an_agent_s_own_predictor_and_why_others_are_blank() -> No
         assert (got.gap_blank_because, got.association_gap_blank_because) == reasons
 
 
-def test_differences_to_the_controls() -> None:
-    report = comparison(agent("half", run(0.6)))
-    for i in range(3):
-        got = row(report, agent=i)
-        assert got.interval[0] <= got.error <= got.interval[1]
-        assert (got.scenes, got.effective_units) == (12, pytest.approx(12))
-    got = row(report, agent=2)
-    assert got.difference_to_stp == pytest.approx(-0.2)  # half of the targets are cars
-    assert (got.difference_interval, got.p) == (pytest.approx((-0.2, -0.2)), 2 / 2**12)
-    pairs: dict[Any, PairedRow] = {(p.agent, p.other, p.subset): p for p in report.paired}
-    pair = pairs["half", "stp", "all"]
-    assert (pair.error, pair.interval, pair.p) == (got.difference_to_stp, got.difference_interval, got.p)
-    assert pair.minADE == pytest.approx(-0.4)
-    assert (pair.targets, pair.shared, pair.scenes) == (24, 12, 12)
-    assert pairs["half", "stp", "frag"].error == pytest.approx(-0.2)
-    assert ("stp", "stp", "all") not in pairs
-
-
 def test_min_ade_is_compared_over_targets_that_both_cover() -> None:
     """Either side may lack a forecast: without the check of one the minADE of 0 of an uncovered target would count."""
     seldom = agent("seldom", [answer(1.0, name=name, seen=i < 6) for i, name in enumerate(SCENES)])
@@ -157,41 +139,10 @@ def test_one_agent_alone_is_not_ranked(seen: bool) -> None:
     assert row(truth).unranked_because == "saw the truth"
 
 
-def test_confidence_against_what_is_there() -> None:
-    # two forecasts are right and one is false; a fourth, on a neutral object, does not count
-    things = [Thing(1, 0, 0), Thing(2, 20, 0), Thing(3, 40, 0, neutral=True)]
-    said = [Thing(0, x, 0, confidence=c) for x, c in ((0, 0.95), (20, 0.55), (60, 0.5), (40, 0.1))]
-    score = score_scene(make_scene([things] * 5), make_rollout([[]] * 5, [[], said], samples=2), CARD)
-    detail = summarise([agent("a", [score])], CARD).details[0]
-    found: list[Any] = [(r.confidence, r.matched, r.forecasts) for r in detail.reliability]
-    assert found == [(pytest.approx(0.525), 0.5, 2), (pytest.approx(0.95), 1.0, 1)]
-
-
-def test_bins() -> None:
-    detail = summarise([agent("a", [answer(0.5)])], CARD).details[0]
-    bins = {(b.by, b.bin): b for b in detail.bins}
-    assert [b for _, b in bins] == [
-        "0-5 m", "5-10 m", "10-15 m", "15-30 m", "30-50 m", "beyond 50 m", "car", "pedestrian", "moving", "static",
-    ]  # fmt: skip
-    assert bins["distance", "0-5 m"].errors.minADE == pytest.approx(0.5)
-    assert bins["distance", "30-50 m"].errors.error == bins["distance", "30-50 m"].errors.plain_error == 4.0
-    assert bins["distance", "5-10 m"].errors.minADE is None
-    assert (bins["motion", "moving"].errors.targets, bins["motion", "static"].errors.targets) == (0, 2)
-    assert (bins["class", "car"].EPA, bins["class", "pedestrian"].EPA) == (1.0, 0.0)
-
-
 def test_objects_are_those_of_the_recording() -> None:
     cut = [replace(score, recording="whole" if i < 9 else score.scene) for i, score in enumerate(run(0.6))]
     got = row(summarise([agent("a", cut)], CARD))
     assert (got.objects, got.effective_objects, got.scenes) == (8, pytest.approx(24**2 / (2 * 81 + 6)), 12)
-
-
-def test_motp_of_an_overlap_gate_is_the_mean_overlap() -> None:
-    card = make_card(measure="iou_3d")
-    scene = make_scene([[Thing(1, 0, 0)]] * 5)
-    score = score_scene(scene, make_rollout([[Thing(1, 1.0, 0)]] * 5, samples=4), card)
-    detail = summarise([agent("a", [score], samples=4)], card).details[0]
-    assert pytest.approx(0.6) == detail.tracking.classes["car"].MOTP
 
 
 def test_everything_can_be_written_as_json_without_nan() -> None:

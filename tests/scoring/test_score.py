@@ -249,25 +249,6 @@ def scored(truth: list[Any], tracks: list[Any], log_weight: Any = None, hypothes
     return score_scene(make_scene(truth), rollout, make_card(future=1))
 
 
-def test_counts_of_the_best_hypothesis() -> None:
-    truth = [[Thing(1, 0, 0), Thing(2, 50, 0, neutral=True)]] * 4
-    tracks = [
-        [Thing(7, 0, 0, hypotheses=(0, 1)), Thing(8, 50, 0, hypotheses=(0,))],  # 8 sits on the neutral box
-        [Thing(7, 0, 0, hypotheses=(0, 1)), Thing(9, 90, 0, hypotheses=(0,))],  # 9 on nothing
-        [Thing(6, 0, 0, hypotheses=(0,)), Thing(7, 0, 0, hypotheses=(1,))],
-        [Thing(5, 9, 0, hypotheses=(0, 1))],
-    ]
-    score = scored(truth, tracks, [[-1, -2]] * 4, 2)
-    counts = score.counts
-    assert counts.truth.tolist() == [4, 0, 0]
-    assert (counts.tp[0], counts.fp[0], counts.fn[0], counts.ids[0], counts.frag[0]) == (3, 2, 1, 1, 0)
-    assert counts.false_positives == 2
-    assert counts.false_tracks == 2  # 9 and 5; 8 belonged to something
-    assert score.own_ids.tolist() == [False, True]  # targets are frames 1 and 2
-    assert score.all_h_ids.tolist() == [False, False]
-    assert score.own_events == {"ids": 1, "lost": 1, "wrong": 0, "reacquired": 0}
-
-
 @pytest.mark.parametrize("right", [True, False])
 def test_where_false_tracks_have_no_class_no_class_has_a_number_of_them(right: bool) -> None:
     truth = [[Thing(1, 0, 0, class_id=1)]] * 4
@@ -297,14 +278,6 @@ def test_events_in_every_hypothesis() -> None:
         score = scored(truth, tracks, [[-1.0, -2.0]] * 5, 2)
         assert (score.own_ids.tolist(), score.all_h_ids.tolist()) == ([False, True, False], [False, everywhere, False])
         assert score.own_frag.tolist() == score.all_h_frag.tolist() == [False, False, True]
-
-
-def test_iou_gate() -> None:
-    truth = [[Thing(1, 0, 0)]] * 4
-    tracks = [[Thing(1, 1.0, 0)]] * 2 + [[Thing(1, 1.4, 0)]] * 2  # IoU 3/5, then 2.6/5.4
-    score = score_scene(make_scene(truth), make_rollout(tracks, future=1), make_card(future=1, measure="iou_3d"))
-    assert (score.counts.tp[0], score.counts.cost[0]) == (2, pytest.approx(2 * 0.4))
-    assert (score.own_events["lost"], score.own_events["wrong"]) == (1, 1)
 
 
 def wrong(**changes: Any) -> tuple[Scene, Rollout]:

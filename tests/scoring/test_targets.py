@@ -1,6 +1,5 @@
 """Which true objects are to be forecast, and what is known about them."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,21 +21,6 @@ def line(present: str) -> list[list[Thing]]:
     """One object at 1 m per frame along x, 2 m left of the ego; "." absent, "i" not eligible, "n" neutral."""
     things = [Thing(7, float(t), 2.0, eligible=c != "i", neutral=c == "n") for t, c in enumerate(present)]
     return [[] if c == "." else [thing] for c, thing in zip(present, things, strict=True)]
-
-
-WINDOWS = {  # presence: frames of targets (2 past, 3 future)
-    "xxxxx": [1], "xxxx": [], "xxxxxxx": [1, 2, 3], ".xxxxx.": [2], "xx.xxxxx": [4], "xxxxx.xxxxx": [1, 7],
-    "ixxxxx": [1, 2], "xixxxx": [2], "xnxxxx": [2], "": [], "......": [],
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("present", "want"), WINDOWS.items(), ids=[name or "no frame" for name in WINDOWS])
-def test_windows(present: str, want: Sequence[int]) -> None:
-    targets = find_targets(make_scene(line(present)), CARD)
-    assert targets.frame.tolist() == list(want)
-    assert targets.future[:, :, 0].tolist() == [[t + 1.0, t + 2.0, t + 3.0] for t in want]
-    for t in range(len(present)):
-        assert targets.frame[targets.rows(t)].tolist() == [t] * (t in want)
 
 
 def test_distance_and_approach_are_those_to_the_ego_of_each_frame() -> None:

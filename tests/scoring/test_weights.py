@@ -37,12 +37,6 @@ def events_of(stream: str) -> Any:
     return tracking_events(make_scene([[Thing(5, 0, 0)]] * len(stream)), make_rollout(tracks, future=1), CARD)
 
 
-@pytest.mark.parametrize("stream", STREAMS)
-def test_events_of_a_rollout_per_true_box(stream: str) -> None:
-    events = events_of(stream)
-    assert tuple(np.flatnonzero(column).tolist() for column in events.T) == STREAMS[stream]
-
-
 def reference_of_streams(**changes: Any) -> Reference:
     """Two scenes; every stream is a run of the first, whose targets are frames 1 to 4."""
     counts = count_runs([events_of(stream)[1:5] for stream in STREAMS], 4)

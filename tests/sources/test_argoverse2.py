@@ -165,30 +165,3 @@ def test_real_boxes_on_two_logs_and_simulated_ones_on_the_others(data_root: Path
     source = open_source(load_card("MTP-AV2-v0"), data_root)
     scenes = [source.load(name) for name in source.names]
     assert [(scene.simulated, scene.frames) for scene in scenes] == [(False, 32)] * 2 + [(True, 32)] * 2
-
-
-@pytest.mark.data
-def test_velocities_and_pasts_of_three_objects_at_10_hz(data_root: Path) -> None:
-    """Worked out anew from the files: places turned by SciPy, steps back by the int64 times."""
-    source = Argoverse2(CARD, data_root)
-    scene = source.load(source.names[0])
-    folder = data_root / "argoverse2/sensor/val" / scene.name
-    boxes = feather.read_table(str(folder / ANNOTATIONS)).to_pylist()
-    poses = {
-        row["timestamp_ns"]: row for row in feather.read_table(str(folder / "city_SE3_egovehicle.feather")).to_pylist()
-    }
-    origin = np.round([poses[min(poses)][axis] for axis in POSE[4:]])
-    truth, targets = scene.truth, find_targets(scene, CARD)
-    for number in np.unique(targets.object_id)[[0, 20, 40]]:
-        own = sorted((r for r in boxes if r["track_uuid"] == scene.name_of(number)), key=lambda r: r["timestamp_ns"])
-        stamp, place = [row["timestamp_ns"] for row in own], np.array([[row[axis] for axis in POSE[4:]] for row in own])
-        ego = np.array([[poses[time][axis] for axis in POSE] for time in stamp])
-        place = Rotation.from_quat(ego[:, :4]).apply(place) + ego[:, 4:] - origin
-        row = np.flatnonzero(truth.object_id == number)
-        last = len(own) - len(row)  # before it came within reach
-        np.testing.assert_allclose(truth.box[row, :3], place[last:], atol=1e-9)
-        velocity = np.diff(place[:, :2], axis=0) / (np.diff(stamp) / 1e9)[:, None]
-        np.testing.assert_allclose(truth.velocity[row[1:]], velocity[last:], atol=1e-6)
-        now = np.searchsorted(row, targets.row[targets.object_id == number])  # ten frames of past, ten of future
-        assert now.min() >= 9
-        assert now.max() <= len(row) - 11

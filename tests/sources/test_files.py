@@ -134,13 +134,6 @@ def test_tables_with_numbered_frames(tmp_path: Path, base: Card) -> None:
     assert (scene.detector, scene.truth_complete) == ("pointrcnn, stored detections", True)
 
 
-def test_the_ego_table_says_which_frames_there_are(tmp_path: Path, base: Card) -> None:
-    scene = only(base, write_tables(tmp_path, ego=[*EGO, "3,0.31,5,3,1,0.1"]))
-    np.testing.assert_array_equal(scene.time, [0, 0.1, 0.2, 0.31])
-    np.testing.assert_array_equal(scene.ego[3], [5, 3, 1, 0.1])
-    np.testing.assert_array_equal(scene.truth.counts, [1, 1, 1, 0])
-
-
 def test_words_are_ids_and_rows_come_in_any_order(tmp_path: Path, base: Card) -> None:
     truth = [TRUTH[0], f"1,van b,car,1,0,{BOX}", f"0,van b,car,0,0,{BOX}", f"1,a,pedestrian,9,9,{BOX}"]
     scene = only(base, write_tables(tmp_path, truth=truth, detections=DETECTIONS[:2]))
@@ -201,14 +194,6 @@ def later(lines: list[str]) -> list[str]:
     return [lines[0], *(f"{int(line[0]) + 4}{line[1:]}" for line in lines[1:])]
 
 
-def test_a_link_to_nothing_is_not_a_misspelt_table(tmp_path: Path, base: Card) -> None:
-    path = write_tables(tmp_path) / "one/detections.csv"
-    path.unlink()
-    path.symlink_to("gone.csv")
-    with pytest.raises(DataError, match=r"no file .*detections\.csv"):
-        only(base, tmp_path)
-
-
 def test_a_scene_with_two_objects_at_one_place_or_none_is_not_written(tmp_path: Path) -> None:
     scene = make_scene()
     box = scene.truth.box.copy()
@@ -228,14 +213,6 @@ def test_targets_alone_are_no_complete_truth(tmp_path: Path, base: Card) -> None
     assert not scene.truth_complete
     with pytest.raises(CardError, match="would see nothing but the prediction targets"):
         with_detector(card, "kitti_pointrcnn")
-
-
-def test_a_simulated_detector_takes_the_place_of_the_files(tmp_path: Path, base: Card) -> None:
-    card = with_detector(with_files(base, write_tables(tmp_path, detections=None)), "kitti_pointrcnn")
-    (scene,) = load_scenes(card)
-    assert (scene.simulated, scene.detector) == (True, "kitti_pointrcnn, simulated detections")
-    (memory,) = load_scenes(with_detector(with_scenes(base, [whole_scene()]), "kitti_pointrcnn"))
-    assert memory.simulated
 
 
 # --- splits, and what the digest holds -------------------------------------------------------------------------------

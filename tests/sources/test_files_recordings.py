@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv, load_submission
-from mtp_bench.cards import Card, load_card, with_detector, with_files, with_scenes
+from mtp_bench.cards import Card, load_card, with_files, with_scenes
 from mtp_bench.core import Rollout, Scene
-from mtp_bench.core.errors import DataError
 from mtp_bench.env.rollouts import digest
 from mtp_bench.running.playing import run_scene
-from mtp_bench.running.reading import read_status
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.sources import load_scenes
 from mtp_bench.sources.files.save import save_scene
@@ -66,46 +64,3 @@ def test_tables_of_a_recording_score_as_its_original(form: str, tmp_path: Path, 
     assert names == [scene.name_of(number) for number in score.object_id.tolist()]
     assert_scores_alike(replace(found_score, object_id=score.object_id), score)
     assert found.detector == scene.detector
-
-
-@pytest.mark.data
-@pytest.mark.parametrize(
-    ("env_id", "lost", "profile"),
-    [
-        ("MTP-KITTI-v0", "kitti_tracking/detections", "kitti_pointrcnn"),
-        ("MTP-nuScenes-mini-v0", "nuscenes/detections", "nuscenes_megvii"),
-        ("MTP-WILDTRACK-v0", "wildtrack/detections", "wildtrack_mvdet"),
-        ("MTP-PETS-v0", "mot3d2015/train/PETS09-S2L1/det", "wildtrack_mvdet"),
-    ],
-)
-def test_an_offer_of_detections_works(env_id: str, lost: str, profile: str, tmp_path: Path, data_root: Path) -> None:
-    root = without(data_root, lost, tmp_path)
-    with pytest.raises(DataError) as caught:
-        MTPEnv(env_id, str(root))
-    offer = f"without them a simulated detector runs at once: --detector {profile} (detector={profile!r} in Python)"
-    assert offer in str(caught.value)
-    status = read_status(load_card(env_id), root)
-    assert any(offer in line for line in (*status.notes, *status.missing))
-    card = with_detector(load_card(env_id), profile)
-    scene, _, score = played(card, MTPEnv(card, str(root)).scene_names[0], str(root))
-    assert scene.simulated
-    assert score.forecasts > 0
-
-
-@pytest.mark.data
-def test_targets_alone_have_no_simulated_detector_on_offer(tmp_path: Path, data_root: Path) -> None:
-    with pytest.raises(DataError, match=r"no folder .*detections; to get them") as caught:
-        MTPEnv("MTP-nuScenes-v0", str(without(data_root, "nuscenes/detections", tmp_path)))
-    assert "--detector" not in str(caught.value)
-
-
-def without(root: Path, lost: str, folder: Path) -> Path:
-    """A data root of links to all of ``root`` but ``lost``."""
-    here, *below = Path(lost).parts
-    folder.mkdir(exist_ok=True)
-    for path in root.iterdir():
-        if path.name != here:
-            (folder / path.name).symlink_to(path)
-        elif below:
-            without(path, str(Path(*below)), folder / here)
-    return folder

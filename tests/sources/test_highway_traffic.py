@@ -7,15 +7,15 @@ from highway_env.vehicle import kinematics, objects
 from shapely import STRtree
 from shapely.geometry import Polygon
 
-from mtp_bench.core import Floats, overlapping
+from mtp_bench.core import overlapping
 from mtp_bench.core.errors import DataError
-from mtp_bench.core.geometry import bev_corners, wrap_angle
+from mtp_bench.core.geometry import bev_corners
 from mtp_bench.sources.cache import content_hash
 from mtp_bench.traffic.highway import library, simulate
 from mtp_bench.traffic.highway.networks import build_map
 from mtp_bench.traffic.highway.simulate import simulate_world
 from mtp_bench.traffic.highway.source import pack
-from mtp_bench.traffic.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
+from mtp_bench.traffic.highway.world import RATE, ScenarioName, Traffic, World
 
 CASES = {
     "intersection": Traffic("intersection", "roadside", 6.0, 18, 16, 30),
@@ -23,7 +23,6 @@ CASES = {
     "merge": Traffic("merge", "ego", 5.0, 20, 0),
     "highway": Traffic("highway", "ego", 5.0, 24, 0),
 }
-PEDESTRIAN = CLASSES.index("pedestrian")
 WORLDS = {  # first digits of the digests under seed 3; others need the next number of the generator, and new records
     "intersection": "6a9fef1134b0", "roundabout": "a33b8f8f159d", "merge": "864ebcde6428", "highway": "6d8dc961d2c0",
 }  # fmt: skip
@@ -66,40 +65,6 @@ def test_shape_of_a_world(name: str, world: World) -> None:
         assert not (a < b).any()
 
 
-def check_vehicle(box: Floats, velocity: Floats) -> None:
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    assert speed.max() < 35.0
-    gained = np.diff(speed) * RATE
-    assert gained.max(initial=0.0) < 3.0
-    assert gained.min(initial=0.0) > -8.1
-    moved = np.diff(box[:, :2], axis=0) * RATE
-    assert np.hypot(*(moved - velocity[:-1]).T).max(initial=0.0) < 0.5
-    assert np.abs(wrap_angle(np.diff(box[:, 3]))).max(initial=0.0) < 0.09
-    course = np.arctan2(velocity[:, 1], velocity[:, 0])
-    moving = np.minimum(speed[1:], speed[:-1]) > 1.0
-    assert np.abs(wrap_angle(np.diff(course)))[moving].max(initial=0.0) < np.radians(6.5)
-    assert np.abs(wrap_angle(course - box[:, 3]))[speed > 1.0].max(initial=0.0) < 0.5
-
-
-def check_person(box: Floats, velocity: Floats) -> None:
-    assert np.hypot(velocity[:, 0], velocity[:, 1]).max() < 2.1
-    moved = np.diff(box[:, :2], axis=0) * RATE
-    np.testing.assert_allclose(moved, velocity[1:], atol=1e-4)
-    gained = np.hypot(*np.diff(velocity, axis=0).T) * RATE
-    assert gained.max(initial=0.0) < 5.0
-    assert np.mean(gained > 4.0) < 0.05
-
-
-def test_objects_stay_and_their_motion_is_plausible(world: World) -> None:
-    truth, frame = world.truth, world.truth.frame_of_rows
-    for number in np.unique(truth.object_id):
-        own = truth.object_id == number
-        assert (np.diff(frame[own]) == 1).all(), "no gap"
-        assert (len(np.unique(truth.class_id[own])), np.ptp(truth.box[own][:, 4:], axis=0).max()) == (1, 0)
-        check = check_person if truth.class_id[own][0] == PEDESTRIAN else check_vehicle
-        check(truth.box[own], truth.velocity[own])
-
-
 def test_lane_map(world: World) -> None:
     lanes = world.lanes
     assert 4 <= len(lanes) <= 40
@@ -113,19 +78,6 @@ def test_lane_map(world: World) -> None:
         assert (across > 0).all()  # left is on the left in a right-handed frame
         for after in lane.following:
             np.testing.assert_allclose(lanes[after].center[0], lane.center[-1], atol=0.01)
-
-
-def test_sensors(name: str, world: World) -> None:
-    if CASES[name].sensor == "roadside":
-        assert (world.ego == world.ego[0]).all()
-        assert world.ego[0, 2] == 4.0
-        return
-    step = np.diff(world.ego[:, :2], axis=0)
-    assert np.hypot(step[:, 0], step[:, 1]).max() < 4.0
-    assert np.hypot(*(world.ego[-1, :2] - world.ego[0, :2])) > 20.0
-    assert (world.ego[:, 2] == 1.7).all()
-    away = np.hypot(*(world.truth.box[:, :2] - world.ego[world.truth.frame_of_rows, :2]).T)
-    assert away.min() > 0.8, "the ego is not in the truth"
 
 
 def test_worlds_are_those_of_this_generator(name: str, world: World) -> None:

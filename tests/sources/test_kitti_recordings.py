@@ -1,6 +1,5 @@
-"""KITTI source on the real recordings: known counts, and evidence for the poses and the frame period."""
+"""KITTI source on the real recordings: known counts, detections of others, and where images show boxes."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,11 +7,10 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card, with_detections, with_split
-from mtp_bench.core import Floats, Ints, Scene
+from mtp_bench.core import Ints, Scene
 from mtp_bench.scoring import evaluated, find_targets
 from mtp_bench.sources import camera_images, load_scenes, open_source
-from mtp_bench.sources.kitti.files import TYPES, VALIDATION, read_imu_to_camera, read_labels, read_oxts
-from mtp_bench.sources.kitti.poses import BOX_SIZES, FRAME_PERIOD, Poses, integrated_poses, read_poses
+from mtp_bench.sources.kitti.files import VALIDATION, read_labels
 from mtp_bench.viz.photo import projected
 from tests.support.camera_images import write_image
 from tests.support.source_files import write
@@ -37,15 +35,6 @@ def test_counts_of_the_benchmark(data_root: Path, scenes: dict[str, Scene]) -> N
     assert all(scene.skipped == {} for scene in scenes.values())
     train = open_source(with_split(CARD, "train"), data_root)
     assert (len(train.names), sum(train.load(name).frames for name in train.names)) == (10, 8008 - 3908)
-
-
-def test_sizes_of_classes_are_medians_outside_the_validation_split(data_root: Path) -> None:
-    """Length, width and height of all boxes of a class, in whole centimetres."""
-    names = open_source(with_split(CARD, "train"), data_root).names
-    labels = [read_labels(data_root / f"kitti_tracking/training/label_02/{name}.txt") for name in names]
-    box, kind = np.concatenate([part.box for part in labels]), np.concatenate([part.type for part in labels])
-    want = {name: np.median(box[kind == TYPES[name][0], 4:], axis=0).round(2).tolist() for name in TYPES}
-    assert {name: list(size) for name, size in BOX_SIZES.items()} == want
 
 
 def evaluated_boxes(scene: Scene) -> tuple[Ints, Ints]:
@@ -80,60 +69,6 @@ def test_targets_and_those_that_move(data_root: Path, env: str, want: tuple[int,
         kept, moving = kept + len(targets), moving + int(targets.moving.sum())
     assert (every, kept) == want[:2]
     assert moving / kept == pytest.approx(want[2], abs=0.001)
-
-
-class Sequence:
-    """Labels of the cars and vans of one real sequence, and its poses by several ways."""
-
-    def __init__(self, root: Path, name: str) -> None:
-        labels = read_labels(root / f"training/label_02/{name}.txt")
-        self.oxts = read_oxts(root / f"training/oxts/{name}.txt")
-        self.imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
-        self.used = read_poses(root, name)
-        cars = np.isin(labels.type, ["Car", "Van"])
-        self.box, self.frame, self.object_id = labels.box[cars], labels.frame[cars], labels.object_id[cars]
-
-    def integrated(self, period: float) -> Poses:
-        return integrated_poses(self.oxts, self.imu_to_camera, period)
-
-    def tracks(self, poses: Poses) -> list[tuple[Ints, Floats]]:
-        """Frames and world positions of every car seen in at least 20 frames."""
-        position = poses.to_world(self.box, self.frame)[:, :2]
-        rows = [np.flatnonzero(self.object_id == i) for i in np.unique(self.object_id)]
-        return [(self.frame[row], position[row]) for row in rows if len(row) >= 20]
-
-    def wander(self, poses: Poses) -> list[float]:
-        """Median distance of each parked car from its median place; parked: never 1 m from it by the poses in use."""
-        distances = []
-        for (_, used), (_, other) in zip(self.tracks(self.used), self.tracks(poses), strict=True):
-            if np.linalg.norm(used - np.median(used, axis=0), axis=1).max() < 1.0:
-                distances.append(float(np.median(np.linalg.norm(other - np.median(other, axis=0), axis=1))))
-        return distances
-
-
-@pytest.fixture(scope="module")
-def sequences(data_root: Path) -> dict[str, Sequence]:
-    return {name: Sequence(data_root / "kitti_tracking", name) for name in VALIDATION}
-
-
-def test_parked_cars_stay_in_their_place(sequences: dict[str, Sequence]) -> None:
-    rest = [sequence for name, sequence in sequences.items() if name != "0019"]
-
-    def median(poses: Callable[[Sequence], Poses]) -> float:
-        return float(np.median([distance for s in rest for distance in s.wander(poses(s))]))
-
-    assert len([distance for s in rest for distance in s.wander(s.used)]) > 60
-    assert median(lambda s: s.used) < 0.09
-    # The period of the frames: a tenth of a second is wrong, and the one in use is the best within a percent.
-    assert median(lambda s: s.integrated(0.1)) > 0.2
-    assert median(lambda s: s.integrated(0.1026)) > median(lambda s: s.used)
-    assert median(lambda s: s.integrated(0.1046)) > median(lambda s: s.used)
-
-
-def test_sequence_0019_needs_odometry(sequences: dict[str, Sequence]) -> None:
-    sequence = sequences["0019"]
-    assert np.median(sequence.wander(sequence.used)) < 0.065
-    assert np.median(sequence.wander(sequence.integrated(FRAME_PERIOD))) > 0.15
 
 
 def test_detections_of_kittis_text_are_those_of_the_original(tmp_path: Path, data_root: Path) -> None:

@@ -111,14 +111,3 @@ def test_stride_keeps_every_nth_frame(root: Path) -> None:
     np.testing.assert_allclose(scene.truth.box[walking, 0], [0.2, 0.6, 1.0, 1.4, 1.8])
     np.testing.assert_allclose(scene.truth.velocity[walking][1:, 0], 0.2 * RATE)
     np.testing.assert_array_equal(scene.detections.score, [31, 33, 35, 37, 39])
-
-
-def test_the_order_of_the_lines_does_not_matter(root: Path) -> None:
-    before = load(root, "0005")
-    for file in (GT, DET):
-        lines = (root / file).read_text(encoding="utf-8").splitlines()
-        write(root / file, "", *sorted(lines, key=lambda line: -int(line.split(",")[0])))
-    after = load(root, "0005")
-    np.testing.assert_array_equal(after.truth.box, before.truth.box)
-    np.testing.assert_array_equal(after.truth.start, before.truth.start)
-    np.testing.assert_array_equal(after.detections.score, before.detections.score)

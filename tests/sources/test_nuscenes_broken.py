@@ -137,23 +137,17 @@ def test_nan_is_null_outside_of_texts(tmp_path: Path) -> None:
         decode(b"NaN", list[TableRecord], "somewhere")
 
 
-@pytest.mark.parametrize(
-    ("rotation", "yaw"),
-    [
-        pytest.param([1, 0, 0, 0], 0.0, id="ahead"),
-        pytest.param([0.7071, 0, 0, 0.7071], np.pi / 2, id="left"),
-        pytest.param([-0.7071, 0, 0, -0.7071], np.pi / 2, id="left, the other sign"),
-        pytest.param([np.cos(0.1), 0, np.sin(0.1), 0], 0.0, id="nose down"),
-        pytest.param([np.cos(0.4), np.sin(0.4), 0, 0], 0.0, id="rolled"),
-        pytest.param([0, 0, 0, 1], np.pi, id="back"),
-        # yaw 1.0, then pitch 0.3: the projected x axis keeps its heading
-        pytest.param(
-            np.outer([np.cos(0.5), np.sin(0.5)], [np.cos(0.15), np.sin(0.15)]).ravel()[[0, 3, 1, 2]] * [1, -1, 1, 1],
-            1.0,
-            id="turned and pitched",
-        ),
-    ],
-)
+# yaw 1.0, then pitch 0.3: the projected x axis keeps its heading
+PITCHED = np.outer([np.cos(0.5), np.sin(0.5)], [np.cos(0.15), np.sin(0.15)]).ravel()[[0, 3, 1, 2]] * [1, -1, 1, 1]
+
+
+@pytest.mark.parametrize(("rotation", "yaw"), [
+    pytest.param([1, 0, 0, 0], 0.0, id="ahead"), pytest.param([0.7071, 0, 0, 0.7071], np.pi / 2, id="left"),
+    pytest.param([-0.7071, 0, 0, -0.7071], np.pi / 2, id="left, the other sign"),
+    pytest.param([np.cos(0.1), 0, np.sin(0.1), 0], 0.0, id="nose down"),
+    pytest.param([np.cos(0.4), np.sin(0.4), 0, 0], 0.0, id="rolled"), pytest.param([0, 0, 0, 1], np.pi, id="back"),
+    pytest.param(PITCHED, 1.0, id="turned and pitched"),
+])  # fmt: skip
 def test_yaw(rotation: list[float], yaw: float) -> None:
     assert yaw_of(np.array([rotation], dtype=np.float64))[0] == pytest.approx(yaw)
 

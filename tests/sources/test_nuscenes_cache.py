@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.core.errors import DataError
 from mtp_bench.sources import describe, open_source, prepare
 from tests.support.nuscenes_root import DETECTIONS, PREDICTION, VERSION, edited, nuscenes_card, scene
 
@@ -72,13 +71,6 @@ def test_a_broken_file_of_the_cache_is_made_again(
     assert not list(own_cache.rglob("*.part"))
     needed = [] if name == "all.samples" else files  # it is needed where detections are read
     assert sorted(said) == [f"{file.parent} was damaged and is made anew" for file in needed]
-
-
-def test_a_cache_that_cannot_be_written(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "file"))
-    with pytest.raises(DataError, match=r"cannot be kept in .*file.nuscenes: .*; MTP_BENCH_CACHE names"):
-        open_source(nuscenes_card(), data)
 
 
 def test_many_may_build_at_once(data: Path, own_cache: Path) -> None:

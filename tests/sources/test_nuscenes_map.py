@@ -19,11 +19,46 @@ from mtp_bench.sources.base import HALF_LANE
 from mtp_bench.sources.nuscenes import pictures
 from mtp_bench.sources.nuscenes.pictures import read_lanes
 from tests.support.command_line import CommandLine
-from tests.support.map_expansion import Record, make_map, write_map
 from tests.support.nuscenes_root import VERSION, edited, nuscenes_card, scene, write_json
 
-POSE = (0.0, 0.0, np.pi / 2)  # of the ego in frame 0: it drives along y
+Record = dict[str, Any]
 LOCATION = "boston-seaport"
+
+# In the official layout, beside the way of an ego: from 40 m behind it to 20 m ahead run two lanes, "own" around it and
+# "other" to its left, towards it. At the end of "own" a bend of 10 m turns left. "far", which follows it, lies 1 km away.
+LAYERS = (
+    "polygon", "line", "node", "drivable_area", "road_segment", "road_block", "lane", "lane_connector", "ped_crossing",
+    "walkway", "stop_line", "carpark_area", "road_divider", "lane_divider", "traffic_light",
+)  # fmt: skip
+
+
+def make_map() -> Record:
+    content: Record = {"version": "1.3", "canvas_edge": [2000.0, 2000.0], **{layer: [] for layer in LAYERS}}
+    lines: dict[str, list[Record]] = {"bend": [path(20.0, 0.0, 0.0, "SLS", [2.0, 5 * np.pi, 3.0], 10.0)]}
+    for token, ahead, left, turn, kind in (
+        ("own", -40.0, 0.0, 0.0, "CAR"), ("other", 20.0, 4.0, np.pi, "CAR"), ("far", 1000.0, 0.0, 0.0, "CAR"),
+        ("cycleway", -40.0, -4.0, 0.0, "BIKE"),
+    ):  # fmt: skip
+        edges = {"from_edge_line_token": "", "to_edge_line_token": "", "lane_type": kind}
+        content["lane"].append({"token": token, "polygon_token": f"{token}-ring", **edges})
+        halves = (ahead, "LSR"), (ahead + 30.0 * np.cos(turn), "RSL")
+        lines[token] = [path(start, left, turn, shape, [0.0, 30.0, 0.0], 999.0) for start, shape in halves]
+    content["lane_connector"].append({"token": "bend"})
+    links = {"own": ([], ["bend"]), "bend": (["own"], ["nowhere", "far", "cycleway"])}
+    connectivity = {token: {"incoming": before, "outgoing": after} for token, (before, after) in links.items()}
+    return content | {"arcline_path_3": lines, "connectivity": connectivity}
+
+
+def path(ahead: float, left: float, turn: float, shape: str, lengths: list[float], radius: float) -> Record:
+    """A part of a middle line; the end, which the file has too, is not needed. The ego drives along y."""
+    start = [-left, float(ahead), float(np.pi / 2 + turn)]
+    return {"start_pose": start, "end_pose": start, "shape": shape, "radius": radius, "segment_length": lengths}
+
+
+def write_map(data: Path, content: Record) -> Path:
+    file = data / f"nuscenes/maps/expansion/{LOCATION}.json"
+    write_json(file, content)
+    return file
 
 
 @pytest.fixture
@@ -34,7 +69,7 @@ def mapped(data: Path) -> Path:
         for record in records:
             record["log_token"] = "log-1"
     write_json(path.with_name("log.json"), [{"token": "log-1", "location": LOCATION}])
-    write_map(data / "nuscenes", LOCATION, make_map(POSE))
+    write_map(data, make_map())
     return data
 
 
@@ -114,7 +149,7 @@ BROKEN: dict[str, tuple[Callable[[Record], Record], str]] = {  # change, what th
 
 @pytest.mark.parametrize(("change", "text"), BROKEN.values(), ids=BROKEN)
 def test_a_broken_map_is_left_out_with_one_note(change: Callable[[Record], Record], text: str, mapped: Path) -> None:
-    path = write_map(mapped / "nuscenes", LOCATION, change(make_map(POSE)))
+    path = write_map(mapped, change(make_map()))
     with pytest.raises(DataError, match=text):
         read_lanes(path)
     notes: list[str] = []

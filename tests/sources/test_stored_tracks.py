@@ -13,7 +13,6 @@ from mtp_bench.core import Scene, StoredTracks
 from mtp_bench.core.errors import DataError
 from mtp_bench.running.track_export import TrackRows, write_tracks
 from mtp_bench.sources import open_source, with_tracks
-from mtp_bench.sources.kitti.files import camera_fields, sensor_boxes
 from mtp_bench.sources.stored_tracks import import_tracks
 from tests.support.nuscenes_root import SCENES, detection, nuscenes_card, sample, write_json, write_root
 
@@ -119,11 +118,6 @@ def test_flat_tracks_are_left_out_and_counted(form: str, kitti: str, card: str, 
     tracks, scene = tracked_scene(one, data, path, name)
     assert (tracks.frame_of_rows.tolist(), tracks.object_id.tolist()) == ([0], [0])
     assert scene.skipped == {"track size not above 0": 2}
-
-
-def test_camera_fields_are_the_inverse_of_sensor_boxes(tmp_path: Path) -> None:
-    box = np.random.default_rng(0).uniform(0.5, 3.0, (20, 7))
-    np.testing.assert_allclose(sensor_boxes(camera_fields(box)), box)
 
 
 # ---- wrong files

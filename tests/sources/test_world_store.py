@@ -10,7 +10,7 @@ import pytest
 
 from mtp_bench.cards import Card
 from mtp_bench.core import Floats, Lane
-from mtp_bench.core.errors import CardError, DataError, UnknownNameError
+from mtp_bench.core.errors import DataError
 from mtp_bench.core.files import CACHE
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
@@ -167,13 +167,6 @@ def test_an_object_is_a_target_once_it_has_been_in_view() -> None:
     expected = rows.object_id == 4
     expected[pedestrian[12:]] = True  # what was seen stays known
     np.testing.assert_array_equal(ever_seen(rows, visible), expected)
-
-
-def test_unknown_names_and_classes_are_errors() -> None:
-    with pytest.raises(UnknownNameError, match="unknown scene 'intersection-000000'"):
-        open_source(card()).load("intersection-000000")
-    with pytest.raises(CardError, match=r"task\.rate is 3 Hz, expected 10 Hz or a whole part of it"):
-        open_source(card(rate=3.0))
 
 
 def test_preparing_makes_what_is_missing_and_the_status_counts_it(made: list[int]) -> None:

@@ -13,7 +13,6 @@ from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_sc
 FRAMES, EVENT = 10, 4
 MOST_BRIGHT = 16  # boxes of any kind
 CARD = make_card()  # gates 2 m and 1 m; miss errors 10 m and 4 m; 2 past and 3 future frames; 10 Hz
-BY_IOU = make_card(measure="iou_3d")  # the same with events by IoU
 CROWD = [(float(x), float(y)) for x in range(-30, 31, 10) for y in range(-30, 31, 10) if (x, y) != (0, 0)]
 
 

@@ -1,4 +1,4 @@
-"""A metric as a stranger adds it: one declared field, shown in every table; rows without it have a blank."""
+"""A metric as a stranger adds it: one declared field, shown on the board; rows without it have a blank."""
 
 import csv
 import io
@@ -6,16 +6,14 @@ from typing import Annotated
 
 import pytest
 
-from mtp_bench.core import Column, columns_of, to_csv, to_latex, to_markdown, to_text
+from mtp_bench.core import Column, columns_of, to_csv
 from mtp_bench.judge.records import results
 from mtp_bench.scoring.rows import Row
 from mtp_bench.viz.board.columns import board_json, board_table
 from mtp_bench.viz.board.entries import LinkedRecord, entries_of
 from mtp_bench.viz.board.page import board_files
-from mtp_bench.viz.terminal import tables
 from tests.support.board_records import MAIN, made_up
 from tests.support.report_rows import rows
-from tests.viz.test_verdict import report
 
 SETTING = ("mine", 3, 20, "equal")
 
@@ -24,24 +22,6 @@ class FurtherRow(Row):
     """A row with one more metric."""
 
     jerk: Annotated[float | None, Column("jerk", "m/s³", "lower", optional=True)] = None
-
-
-def further(row: Row, jerk: float | None) -> Row:
-    return FurtherRow.model_validate({**row.model_dump(), **({} if jerk is None else {"jerk": jerk})})
-
-
-@pytest.mark.parametrize(("jerk", "text"), [(4.321, "4.321"), (None, "–")])
-def test_a_report_shows_it(jerk: float | None, text: str) -> None:
-    known = report(
-        [further(row, jerk) for row in rows(SETTING)] + [further(row, 9.0) for row in rows(("b", 1, 20, "equal"))]
-    )
-    (parts,) = [table for table in tables.full_tables(known) if table.title.startswith("Further metrics")]
-    (line,) = [line for line in to_text(parts, 100).splitlines() if line.startswith("mine")]
-    assert line.split()[-1] == text
-    assert to_latex(parts).splitlines()[-5].split(" & ")[-1] == rf"{text.replace('–', '--')} \\"
-    assert to_markdown(parts).splitlines()[2].endswith(f"| {text} |")
-    (first, *_) = csv.DictReader(io.StringIO(to_csv(tables.data_table(known))))
-    assert first["jerk [m/s³]"] == ("" if jerk is None else text)
 
 
 def test_the_board_shows_it_and_records_without_it_load(monkeypatch: pytest.MonkeyPatch) -> None:
