@@ -15,7 +15,7 @@ from mtp_bench.judge.records.record import HiddenPart, Record
 from mtp_bench.judge.records.seal import ListedSeal
 from mtp_bench.judge.records.shipped import Shipped, baseline_digest
 from mtp_bench.judge.records.storage import record_text, sealed
-from mtp_bench.judge.records.targets import Targets
+from mtp_bench.judge.records.targets import UnitTargets
 from mtp_bench.scoring import DEFINITIONS, SUBSETS
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.statistics import ratio
@@ -48,7 +48,7 @@ def scene_part(name: str, targets: int, *errors: float) -> dict[str, Any]:
 
 def make_targets(
     scenes: Sequence[Mapping[str, Any]], objects: Mapping[Any, int], nothing_predicted: float | None = None
-) -> Targets:
+) -> UnitTargets:
     """The targets of scenes (`scene_part`), which are of these numbers of ``objects`` per subset."""
     subsets = {}
     for subset in objects:
@@ -60,7 +60,7 @@ def make_targets(
             "effective_objects": float(count), "events": None,
             "scenes": sum(sum(scene["weight"][subset]) > 0 for scene in scenes),
         }  # fmt: skip
-    return Targets.model_validate({
+    return UnitTargets.model_validate({
         "scenes": [scene["scene"] for scene in scenes],
         "scene_units": [len(scene["weight"]["all"]) for scene in scenes],
         "nothing_predicted": nothing_predicted, "subsets": subsets,

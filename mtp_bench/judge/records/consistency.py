@@ -19,7 +19,7 @@ from .storage import (
     parse_as,
     with_targets,
 )
-from .targets import Targets
+from .targets import UnitTargets
 
 _TOLERANCE = 1e-6  # relative tolerance of a number that follows from others
 # fields of a row in metres that are at most the error of a missed target
@@ -140,7 +140,7 @@ def _number_problems(
         yield f"{section_name}: the sum of cost_* is {sum(costs)}, missed is {missed}"
 
 
-def _target_problems(targets: Targets, max_error_m: float) -> Iterator[str]:
+def _target_problems(targets: UnitTargets, max_error_m: float) -> Iterator[str]:
     if not targets.units:
         yield "targets have no unit"
         return

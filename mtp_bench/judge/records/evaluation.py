@@ -34,7 +34,7 @@ from ...sources import open_source, scene_digest
 from .canonical import rounded
 from .record import ReferencePart, ScorerPart
 from .results import FACTS, DrivesPart, Results
-from .targets import Targets, drive_targets, targets_of
+from .targets import UnitTargets, drive_targets, targets_of
 
 Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same order
 
@@ -43,7 +43,7 @@ Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same or
 class Evaluation:
     """The part of a record that follows from rollouts, card, data and scorer."""
 
-    targets: Targets
+    targets: UnitTargets
     fields: dict[str, Any]  # fields of a `Record` that follow from the rollouts
     reference: Reference
     # of the data that was scored, in the order of scenes

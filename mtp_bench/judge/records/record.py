@@ -24,7 +24,7 @@ from .fields import (
     Url,
 )
 from .results import Results
-from .targets import Targets
+from .targets import UnitTargets
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
 Observed = Literal["detections", "truth", "associated"]
@@ -245,7 +245,7 @@ class HiddenPart(Results):
     commitment: Sha256  # of the secret
     weights: Sha256  # hash of their event weights, made once per seal
     scenes: Count
-    targets: Targets  # in an order of units that the salt of the seal draws
+    targets: UnitTargets  # in an order of units that the salt of the seal draws
 
 
 def key_of(scene: str, seed: int) -> str:

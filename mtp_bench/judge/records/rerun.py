@@ -29,7 +29,7 @@ from .record import HiddenPart, Record
 from .results import Results
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
 from .seal import Sealed
-from .targets import Targets
+from .targets import UnitTargets
 
 # Share of the error by which other draws may be worse, on all targets and on event
 # subsets that rank. Seeds of a baseline differ by 0.06 at most, by 0.015 on those.
@@ -172,7 +172,7 @@ def run_hidden(
     reference = sealed.reference(hidden_card, hidden_names, options)
     evaluation = evaluate_plan(hidden_plan, runs, reference)
     # without names of scenes
-    targets = Targets(
+    targets = UnitTargets(
         scenes=[],
         scene_units=[],
         nothing_predicted=evaluation.targets.nothing_predicted,

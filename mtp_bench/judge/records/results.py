@@ -23,7 +23,7 @@ from ...scoring import (
     score_interval,
 )
 from .fields import MAX_LIST, Name, NotNegative, Share
-from .targets import MAX_SCENES, MAX_UNITS, NO_TARGETS, Targets
+from .targets import MAX_SCENES, MAX_UNITS, NO_TARGETS, UnitTargets
 
 _DERIVED = {
     "error", "interval", "localisation", "cost_rest", "effective_units", "seeds",
@@ -82,7 +82,7 @@ class Results(Section):
     # fields of a `Row` that do not follow from the sums of units
     numbers: dict[Subset, _Numbers]
     drives: DrivesPart | None = None  # of a closed loop alone
-    targets: Targets = NO_TARGETS
+    targets: UnitTargets = NO_TARGETS
 
     @property
     def subsets(self) -> tuple[Subset, ...]:
@@ -109,7 +109,7 @@ class Results(Section):
         )
 
     def row_of(self, subset: Subset) -> Row:
-        """Return the row of one subset; fields that nothing here gives are None."""
+        """Return the row of one subset, with None in fields that are not stored."""
         targets = self.targets.on(subset)
         errors = self.unit_error(subset)
         error = ratio(math.fsum(errors), math.fsum(targets.weight))

@@ -38,7 +38,7 @@ class SubsetTargets(Section):
     scenes: Count  # number of scenes that have these targets
 
 
-class Targets(Section):
+class UnitTargets(Section):
     """Targets of all scenes of a record, by subset and unit."""
 
     # without names of hidden scenes, from which their seeds would follow
@@ -97,16 +97,16 @@ class Targets(Section):
         return np.add.reduceat(np.asarray(unit_values, dtype=np.float64), first_units)
 
 
-NO_TARGETS = Targets(scenes=[], scene_units=[], nothing_predicted=None, subsets={})
-_by_digest: dict[str, Targets] = {}  # targets that were read and checked
+NO_TARGETS = UnitTargets(scenes=[], scene_units=[], nothing_predicted=None, subsets={})
+_by_digest: dict[str, UnitTargets] = {}  # targets that were read and checked
 
 
 def targets_of(
     table: AgentTable, subsets: Sequence[Subset], nothing_predicted: float | None
-) -> Targets:
+) -> UnitTargets:
     """Return the targets of the table of one agent."""
     scores = table.setting.seeds[0]
-    return Targets(
+    return UnitTargets(
         scenes=[score.scene for score in scores],
         scene_units=[score.units for score in scores],
         nothing_predicted=rounded(nothing_predicted),
@@ -114,7 +114,7 @@ def targets_of(
     )
 
 
-def drive_targets(scenes: Sequence[str]) -> Targets:
+def drive_targets(scenes: Sequence[str]) -> UnitTargets:
     """Return the targets of a closed loop: the only target of a scene is its drive."""
     count = len(scenes)
     drives = SubsetTargets(
@@ -126,7 +126,7 @@ def drive_targets(scenes: Sequence[str]) -> Targets:
         events=None,
         scenes=count,
     )
-    return Targets(
+    return UnitTargets(
         scenes=list(scenes),
         scene_units=[1] * count,
         nothing_predicted=None,
@@ -144,7 +144,7 @@ def ships(env_id: str, targets_sha256: str) -> bool:
     return targets_path(bundled("leaderboard"), env_id, targets_sha256).is_file()
 
 
-def read_targets(record_file: Path, env_id: str, targets_sha256: str) -> Targets:
+def read_targets(record_file: Path, env_id: str, targets_sha256: str) -> UnitTargets:
     """Read the targets that the record at ``record_file`` names.
 
     They are in the leaderboard that holds the record, else in that of this
@@ -165,13 +165,17 @@ def read_targets(record_file: Path, env_id: str, targets_sha256: str) -> Targets
         )
     text = read_bounded(targets_file, MAX_FILE_BYTES, RecordError)
     try:
-        targets = Targets.model_validate_json(text)
+        targets = UnitTargets.model_validate_json(text)
     except ValidationError as error:
-        raise RecordError(f"{targets_file}{explain(error.errors(), Targets)}") from None
+        raise RecordError(
+            f"{targets_file}{explain(error.errors(), UnitTargets)}"
+        ) from None
     return require_digest(targets, targets_sha256, str(targets_file))
 
 
-def require_digest(targets: Targets, targets_sha256: str, where: str) -> Targets:
+def require_digest(
+    targets: UnitTargets, targets_sha256: str, where: str
+) -> UnitTargets:
     """Return ``targets``; raises RecordError unless they have the digest."""
     if targets.digest != targets_sha256:
         raise RecordError(
@@ -181,7 +185,7 @@ def require_digest(targets: Targets, targets_sha256: str, where: str) -> Targets
     return _by_digest.setdefault(targets_sha256, targets)
 
 
-def targets_text(targets: Targets) -> str:
+def targets_text(targets: UnitTargets) -> str:
     """Return the content of the file of targets; its sha256 is their digest."""
     return canonical(targets.model_dump(mode="json")).decode()
 

@@ -80,7 +80,7 @@ class Kernel(Generic[R]):
 
     @property
     def is_cached(self) -> bool:
-        """Whether nothing has to be compiled."""
+        """True if nothing has to be compiled."""
         return bool(_config.DISABLE_JIT) or cache.is_sound(
             self.folder, self.function.__code__.co_filename
         )

@@ -340,5 +340,5 @@ class RoadMap:
 
     @property
     def overtaking(self) -> bool:
-        """Whether vehicles change lanes."""
+        """True if vehicles change lanes."""
         return not self.regulated

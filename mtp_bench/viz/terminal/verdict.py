@@ -45,7 +45,7 @@ _METRES = Column(format=".3f")
 _SHARE = Column(format=".1%")
 
 
-class Gap(NamedTuple):
+class GapForm(NamedTuple):
     """Fields of a row about a gap, and the gap's name."""
 
     share: str
@@ -54,19 +54,19 @@ class Gap(NamedTuple):
     name: str
 
 
-_GAP = Gap(
+_GAP = GapForm(
     "gap_closed",
     "gap_interval",
     "gap_blank_because",
     f"gap between {STP} and ground-truth tracks",
 )
-_GAP_SAME_PREDICTOR = Gap(
+_GAP_SAME_PREDICTOR = GapForm(
     "gap_closed_same_predictor",
     "gap_same_predictor_interval",
     "",
     "same gap with its own predictor and presence",
 )
-_ASSOCIATION_GAP = Gap(
+_ASSOCIATION_GAP = GapForm(
     "association_gap_closed",
     "association_gap_interval",
     "association_gap_blank_because",
@@ -254,7 +254,7 @@ def _gap_texts(block: Mapping[Subset, Row]) -> dict[str, list[str]]:
     return texts
 
 
-def _shares(block: Mapping[Subset, Row], gap: Gap) -> dict[str, list[str]]:
+def _shares(block: Mapping[Subset, Row], gap: GapForm) -> dict[str, list[str]]:
     """Return the shares of a gap by "closes" or "widens"."""
     shares: dict[str, list[str]] = {}
     for row in (block["all"], block["ids"]):
