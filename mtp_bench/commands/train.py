@@ -9,7 +9,6 @@ from typer import Argument, Option, Typer
 
 from ..core import MtpBenchError, long_work
 from ..running import Fold, RunOptions
-from ..training import fit_noise as fit
 from .options import (
     EnvScenes,
     JobsOption,
@@ -292,6 +291,8 @@ def fit_noise(
 
     The output is a section of a card.
     """
+    from ..training import fit_noise as fit
+
     options = on.options()
     prepare(on.env, options)
     with long_work("reading scenes, then fitting the noise") as progress:

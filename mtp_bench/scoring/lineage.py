@@ -30,13 +30,13 @@ class Hypotheses:
     best: Ints  # [F] heaviest; the lowest index among equals
     parent: Ints  # [F, H] hypothesis of the frame before; 0 in frame 0
     # [F, H] True if the parent is stated or there is no choice; else it is guessed
-    parent_stated: Bools
+    stated: Bools
 
     @property
     def guessed(self) -> int:
         """Number of frames in which a parent was guessed among several hypotheses."""
         has_choice = self.alive[:-1].sum(axis=1) > 1
-        unstated = (self.alive & ~self.parent_stated)[1:].any(axis=1)
+        unstated = (self.alive & ~self.stated)[1:].any(axis=1)
         return int((unstated & has_choice).sum())
 
     def seen_from(self, t: int) -> Ints:
