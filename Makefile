@@ -82,7 +82,7 @@ import-linter:
 
 # compiled once per machine, in about 50 CPU seconds: else it is the first thing that tests wait for
 kernels:
-	@$(BIN)/python -c 'from mtp_bench.running.kernels import *; compile_kernels(Workers(2))'
+	@$(BIN)/python -c 'from mtp_bench.core import Workers; from mtp_bench.running import compile_kernels; compile_kernels(Workers(2))'
 
 # All test processes read all tests, which pytest compiles: once here, else each of them does it at the same time.
 # What fails here fails again in `pytest`, which shows it.

@@ -48,7 +48,7 @@ def test_weights_of_other_scenes_have_a_file_of_their_own(
     scenes: tuple[str, str], cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else every run of the env would take them."""
-    monkeypatch.setattr("mtp_bench.training.predictors.training_windows", None)
+    monkeypatch.setattr("mtp_bench.training.training_windows", None)
     error = cli("train", "predictor", "modes", "--env", card, "--data", root, *scenes).error
     assert re.match(r"--(split val|files|detector|detections): without -o the weights", error)
 
@@ -62,7 +62,7 @@ def learnt(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int | None]]:
         requests.append((request.on, options.scenes))
         raise MtpBenchError("enough")
 
-    monkeypatch.setattr("mtp_bench.training.predictors.training_windows", learnable)
+    monkeypatch.setattr("mtp_bench.training.training_windows", learnable)
     monkeypatch.setattr("mtp_bench.commands.train.prepare", lambda *_: None)  # it would simulate the scenes
     return requests
 
@@ -114,8 +114,8 @@ def test_missing_networks_are_trained_first_the_quickest_one_first(
         asked.append((request.network, request.on))
         return split, {}
 
-    monkeypatch.setattr("mtp_bench.training.predictors.training_windows", lambda request, options: options.split)
-    monkeypatch.setattr("mtp_bench.training.predictors.train_predictor", trained)
+    monkeypatch.setattr("mtp_bench.training.training_windows", lambda request, options: options.split)
+    monkeypatch.setattr("mtp_bench.training.train_predictor", trained)
     monkeypatch.setattr("mtp_bench.commands.compare.run_comparison", lambda *_, **__: fail("trained"))
     output = cli("compare", "stp_ptp", "affinity", "mtp_modes", *known, "--train")
     assert "training affinity-tracklets, ptp-truth first: about 59 min on two cores" in output.err
