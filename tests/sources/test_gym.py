@@ -15,9 +15,9 @@ from mtp_bench.core.notice import QUIET
 from mtp_bench.sources import open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.traffic.gym import simulate as gym_simulate
-from mtp_bench.traffic.gym.source import GymSource, GymTraffic, traffic_of
+from mtp_bench.traffic.gym.source import GymSource, traffic_of
 from mtp_bench.traffic.highway.source import pack
-from mtp_bench.traffic.highway.world import World
+from mtp_bench.traffic.highway.world import GymTraffic, World
 
 
 @pytest.fixture(autouse=True)

@@ -15,8 +15,7 @@ import numpy as np
 from ...core import CardError, DataError, MtpBenchError
 from ..highway.lanes import lane_map
 from ..highway.vehicles import round_states
-from ..highway.world import CLASSES, Recording, World, course_velocity
-from .source import GymTraffic
+from ..highway.world import CLASSES, GymTraffic, Recording, World, course_velocity
 
 _HEIGHT_M = {"motorcycle": 1.5, "car": 1.6, "truck": 3.2}
 # between lanes that follow each other, such as those into highway-env's roundabout

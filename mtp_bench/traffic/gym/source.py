@@ -3,7 +3,6 @@
 import hashlib
 import importlib.util
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,7 +13,7 @@ from ...cards import Card, SourceSection, Traits
 from ...core import CardError, DataError, long_work, rule, say_once
 from ...sources import Dataset, section_of
 from ..highway.source import TrafficScenes, WorldStore, stride_of
-from ..highway.world import SeedRanges, World
+from ..highway.world import GymTraffic, SeedRanges, World
 
 _POLICY = rule(
     lambda name: name in ("idm", "idle") or ":" in name,
@@ -52,25 +51,6 @@ class GymSource(SourceSection):
             scene_seconds=self.seconds,
             lanes=True,
         )
-
-
-@dataclass(frozen=True)
-class GymTraffic:
-    """Everything that a simulation depends on."""
-
-    id: str
-    # that register the id or hold the policy; empty: highway-env, or the running
-    # program
-    modules: tuple[str, ...]
-    code: tuple[str, ...]  # sha256 of their files
-    config: dict[str, Any]
-    policy: str
-    seconds: float
-
-    @property
-    def scenario(self) -> str:
-        """The id without its module and namespace: begins names of folders, scenes."""
-        return self.id.rpartition(":")[2].rpartition("/")[2]
 
 
 def traffic_of(section: GymSource) -> GymTraffic:

@@ -44,6 +44,25 @@ class Traffic:
     parked: int = 0  # parked cars along the kerbs
 
 
+@dataclass(frozen=True)
+class GymTraffic:
+    """Everything that a simulation of a gym environment depends on."""
+
+    id: str
+    # that register the id or hold the policy; empty: highway-env, or the running
+    # program
+    modules: tuple[str, ...]
+    code: tuple[str, ...]  # sha256 of their files
+    config: dict[str, Any]
+    policy: str
+    seconds: float
+
+    @property
+    def scenario(self) -> str:
+        """The id without its module and namespace: begins names of folders, scenes."""
+        return self.id.rpartition(":")[2].rpartition("/")[2]
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """Recorded crash-free traffic; right-handed frame, z up, the road at z = 0.
