@@ -25,7 +25,7 @@ PACKAGES = {
     "scoring": "tracking_counts DEFINITIONS SUBSETS end_to_end_accuracy"
     " forecast_average_precision Displacement displacement energy_score k_curve Events"
     " find_events history FrameScore FrameScorer match match_sticky evaluated"
-    " unconfirmable Pairs References rank_by_error Report summarise SceneScore"
+    " Pairs References rank_by_error Report summarise SceneScore"
     " mean_plain_error score_scene bootstrap_interval effective_number"
     " paired_difference AgentScores stated_hypotheses Targets find_targets live_frames"
     " Reference read_reference write_reference",

@@ -24,18 +24,14 @@ for name, value in observation.items():
 task = env.unwrapped.task
 seen = observation["detection_valid"] == 1
 print(f"{seen.sum()} detections in the first frame; classes: {', '.join(task.classes)}")
-print(
-    f"forecast {task.future} frames of {task.dt} s, with k = {task.k} samples for each object"
-)
+print(f"forecast {task.future} frames of {task.dt} s, with k = {task.k} samples for each object")
 
 # %% [markdown]
 # An agent answers every frame with an action. This one forecasts no object, so every target costs its miss error.
 # `terminated` is true after the last frame.
 
 # %%
-no_object = mtp_bench.make_action(
-    task, np.zeros((0, 7)), np.zeros(0, dtype=int), np.zeros((0, task.future, 2))
-)
+no_object = mtp_bench.make_action(task, np.zeros((0, 7)), np.zeros(0, dtype=int), np.zeros((0, task.future, 2)))
 places, total, terminated = [], 0.0, False
 while not terminated:
     seen = observation["detection_valid"] == 1

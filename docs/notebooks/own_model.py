@@ -8,20 +8,11 @@
 import torch
 
 import mtp_bench
-from mtp_bench.prediction import (
-    GreedySampler,
-    LearnedPresence,
-    local_future,
-    local_inputs,
-    to_absolute,
-    windows_of,
-)
+from mtp_bench.prediction import GreedySampler, LearnedPresence, local_future, local_inputs, to_absolute, windows_of
 from mtp_bench.tracking import HypothesisTracker
 
 torch.manual_seed(0)
-windows = mtp_bench.windows(
-    "MTP-Intersection-v0", "train", tracker=5, scenes=2
-)  # of a tracker with five hypotheses
+windows = mtp_bench.windows("MTP-Intersection-v0", "train", tracker=5, scenes=2)  # of a tracker with five hypotheses
 windows = windows.select((windows.object_id >= 0) & windows.future_known.all(axis=1))
 task = windows.task
 windows
@@ -32,9 +23,7 @@ windows
 
 # %%
 sizes = 2 * task.past, 64, task.k * task.future * 2
-model = torch.nn.Sequential(
-    torch.nn.Linear(*sizes[:2]), torch.nn.ReLU(), torch.nn.Linear(*sizes[1:])
-)
+model = torch.nn.Sequential(torch.nn.Linear(*sizes[:2]), torch.nn.ReLU(), torch.nn.Linear(*sizes[1:]))
 
 
 def inputs(windows):  # [n, 2 P]
@@ -67,15 +56,11 @@ class Mine:
     def predict(self, frame):
         windows, row = windows_of(frame, task.past)
         with torch.no_grad():
-            return mtp_bench.Forecasts(
-                to_absolute(windows, futures(inputs(windows)).numpy()), row=row
-            )
+            return mtp_bench.Forecasts(to_absolute(windows, futures(inputs(windows)).numpy()), row=row)
 
 
 def my_model(task):
-    return mtp_bench.Pipeline(
-        HypothesisTracker(5), Mine(), GreedySampler(), presence=LearnedPresence()
-    )
+    return mtp_bench.Pipeline(HypothesisTracker(5), Mine(), GreedySampler(), presence=LearnedPresence())
 
 
 report = mtp_bench.evaluate(my_model, "MTP-Intersection-v0", scenes=2)

@@ -18,13 +18,8 @@ from mtp_bench.tracking import HypothesisTracker
 def steady(tracks, task):
     place = tracks.past[..., :2]  # [N, P, 2], oldest first
     known = tracks.past_valid[:, 1:] & tracks.past_valid[:, :-1]
-    step = (
-        np.where(known[..., None], np.diff(place, axis=1), 0).sum(axis=1)
-        / np.maximum(known.sum(axis=1), 1)[:, None]
-    )
-    ahead = np.outer(
-        np.linspace(0, 1.3, 10), np.arange(1, task.future + 1)
-    )  # [10, T] frames
+    step = np.where(known[..., None], np.diff(place, axis=1), 0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)[:, None]
+    ahead = np.outer(np.linspace(0, 1.3, 10), np.arange(1, task.future + 1))  # [10, T] frames
     return place[:, -1, None, None] + step[:, None, None] * ahead[..., None]
 
 
@@ -35,9 +30,7 @@ def steady(tracks, task):
 # %%
 def steady_agent(task):
     predictor = mtp_bench.FunctionPredictor(steady)
-    return mtp_bench.Pipeline(
-        HypothesisTracker(1), predictor, KMeansSampler(), presence=LearnedPresence()
-    )
+    return mtp_bench.Pipeline(HypothesisTracker(1), predictor, KMeansSampler(), presence=LearnedPresence())
 
 
 mtp_bench.evaluate(steady_agent, "MTP-Roundabout-v0", scenes=2)

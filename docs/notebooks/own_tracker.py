@@ -44,9 +44,7 @@ class Nearest:
 # %%
 def nearest_agent(task, gate=4.0):
     tracker = OnlineTracker(lambda task: Nearest(gate), per_class=True)
-    return mtp_bench.Pipeline(
-        tracker, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence()
-    )
+    return mtp_bench.Pipeline(tracker, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence())
 
 
 report = mtp_bench.evaluate(nearest_agent, "MTP-Roundabout-v0", scenes=2)
@@ -57,9 +55,7 @@ report
 
 # %%
 for row in report.per_scene():
-    print(
-        f"{row['scene']}: {row['identity_switches']:.0f} identity switches, minADE {row['minADE']:.2f} m"
-    )
+    print(f"{row['scene']}: {row['identity_switches']:.0f} identity switches, minADE {row['minADE']:.2f} m")
 
 # %% [markdown]
 # Beside the tracker of STP, which coasts through gaps, and ground-truth tracks:

@@ -20,19 +20,13 @@ comparison
 # %%
 frame = comparison.report.to_frame()
 frame = frame[frame.budget == "equal"]
-frame.pivot_table("error", "agent", "subset")[["all", "ids"]].sort_values("all").round(
-    2
-)
+frame.pivot_table("error", "agent", "subset")[["all", "ids"]].sort_values("all").round(2)
 
 # %% [markdown]
 # bADE over all targets is the sum of two parts: of targets with a forecast, and of those without one.
 
 # %%
-parts = (
-    frame[frame.subset == "all"]
-    .sort_values("error")
-    .set_index("agent")[["localisation", "missed"]]
-)
+parts = frame[frame.subset == "all"].sort_values("error").set_index("agent")[["localisation", "missed"]]
 axes = parts.plot.barh(stacked=True, figsize=(8, 4), color=["#0072b2", "#d55e00"])
 axes.set(xlabel="bADE, m", ylabel="")
 axes.legend(["with a forecast", "without a forecast"])

@@ -19,9 +19,11 @@ from .definitions import (
 )
 from .details import (
     calibration as calibration,
+    end_to_end_accuracy as end_to_end_accuracy,
     forecast_average_precision as forecast_average_precision,
 )
 from .displacements import (
+    Displacement as Displacement,
     displacement as displacement,
     energy_score as energy_score,
     floored as floored,
@@ -39,6 +41,7 @@ from .driving import (
 from .events import (
     HOLES as HOLES,
     LOST_TARGETS as LOST_TARGETS,
+    Events as Events,
     find_events as find_events,
     history as history,
     object_history as object_history,
@@ -162,6 +165,7 @@ from .table import (
     stated_hypotheses as stated_hypotheses,
 )
 from .targets import (
+    Targets as Targets,
     absent_causes as absent_causes,
     evaluated as evaluated,
     find_targets as find_targets,

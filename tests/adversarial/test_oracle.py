@@ -45,7 +45,7 @@ def frames():
             continue
         from mtp_bench import MTPEnv
         from mtp_bench.cards import load_card
-        from mtp_bench.judge.records import open_seal
+        from mtp_bench.judge import open_seal
 
         hidden = open_seal(secret).card(load_card(WHERE["card"]))
         env = MTPEnv(hidden, observe="truth", evaluation=True)

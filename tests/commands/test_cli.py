@@ -243,7 +243,7 @@ def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path
     os.close(terminal)
     shown = written.decode()
     assert list(tomllib.loads(done.stdout)) == ["pointrcnn-world"]
-    assert re.search("(reading scenes|preparing scenes|is working)[^\n]* ━", shown), "as fast as the machine is"
+    assert re.search("(reading scenes|preparing scenes|is working)[^\n]*━", shown), "as fast as the machine is"
     assert shown.endswith("\x1b[2K"), "the bar leaves no trace"
 
 

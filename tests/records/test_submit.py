@@ -284,7 +284,7 @@ def test_impossible_records(table: str, options: Content, reason: str, card: str
 def test_a_record_has_no_other_detector(
     submission: Path, card: str, kitti: str, tmp_path: Path, changed: dict[str, Any]
 ) -> None:
-    with pytest.raises(MtpBenchError, match="no other detector can be chosen, and no presence model"):
+    with pytest.raises(MtpBenchError, match="no other detector and no presence model can be chosen"):
         submit(submission, card, RunOptions(kitti, **changed), tmp_path)
     assert list(tmp_path.iterdir()) == []
 

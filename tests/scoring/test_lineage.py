@@ -131,7 +131,7 @@ def test_what_the_best_hypothesis_of_a_frame_descends_from() -> None:
     everywhere = np.ones((4, 2), dtype=bool)
     found = Hypotheses(
         alive=everywhere, member=np.zeros((0, 2), dtype=bool), best=np.array([0, 1, 0, 1]),
-        parent=np.array([[0, 0], [1, 0], [0, 1], [0, 1]]), parent_stated=everywhere,
+        parent=np.array([[0, 0], [1, 0], [0, 1], [0, 1]]), stated=everywhere,
     )  # fmt: skip
     assert (found.seen_from(2).tolist(), found.seen_from(0).tolist()) == ([1, 0, 0, 1], [0, 1, 0, 1])
     assert found.best.tolist() == [0, 1, 0, 1]

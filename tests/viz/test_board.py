@@ -15,7 +15,7 @@ from mtp_bench.agent.loader import ON_SCORED
 from mtp_bench.core import to_text
 from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.judge import Record
-from mtp_bench.judge.records.targets import Targets
+from mtp_bench.judge.records.targets import UnitTargets
 from mtp_bench.scoring import paired_difference
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS
 from mtp_bench.viz.board.columns import board_json
@@ -333,7 +333,7 @@ def test_what_people_write_is_text(text: str) -> None:
         reference={"origin": text}, scorer={"definitions": text}, measured={"hardware": {"cpu": text}},
     )  # fmt: skip
     targets = hostile.targets.model_dump() | {"scenes": [text, "b", "c", "d"]}
-    hostile = hostile.model_copy(update={"targets": Targets.model_validate(targets)})
+    hostile = hostile.model_copy(update={"targets": UnitTargets.model_validate(targets)})
     harmless = board_files(board_of(made_up("a", missed={"reasons": {"a|0": "rejected: b"}})))
     files = board_files(board_of(hostile, made_up("b"), links=[text, None]))
     assert len(Page(files.page).all("script")) == 1

@@ -70,8 +70,8 @@ class Wildtrack:
     """Scenes of 40 frames (20 s at 2 Hz), named by the number of their first frame.
 
     The world is WILDTRACK's ground plane in metres, the ground at z = 0. People are
-    upright boxes of one nominal size with yaw 0: only their places are annotated. There
-    is no ego vehicle: the ego state is the middle of the annotated area in all frames.
+    upright boxes of one nominal size with yaw 0: only their places are annotated.
+    Without an ego vehicle, the ego state is the middle of the annotated area in all frames.
     Velocities are backward differences, NaN if a person was absent in the frame before.
     Seven cameras all around see everybody: no line of sight from one point counts.
     """
