@@ -57,7 +57,7 @@ held: .venv/installed-dev kernels
 	@echo '== pytest: the gateway, as an ordinary user'
 	@$$($(BIN)/python -c 'from mtp_bench.judge.gateway.sandbox import bubblewrap; print(bubblewrap())') \
 		--unshare-user --uid 1000 --gid 1000 --cap-drop ALL --dev-bind / / $(BIN)/python -m pytest -q \
-		--numprocesses auto --dist loadfile tests/gateway/test_abuse.py tests/adversarial/test_escapes.py
+		--numprocesses 2 --dist loadfile tests/gateway/test_abuse.py tests/adversarial/test_escapes.py
 
 lint: .venv/installed-dev
 	@$(MAKE) --no-print-directory --jobs 2 pyright $(CHECKS)

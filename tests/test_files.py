@@ -13,7 +13,6 @@ from mtp_bench.sources.cache import read_arrays, write_arrays
 from tests.support.broken_files import cut_head, flips
 
 ARRAYS = {"box": np.arange(14.0).reshape(2, 7), "name": np.array(["car"])}
-LATIN = os.fsdecode(b"caf\xe9")  # no name in UTF-8
 
 
 def fill(path: Path, text: str) -> None:

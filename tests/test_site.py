@@ -21,6 +21,7 @@ from docs.make_pictures import REAL
 from mtp_bench import card_ids, load_card
 from mtp_bench.agent.action import ACTION_FIELDS
 from tests.support.browser import Browser, chromium
+from tests.support.kept import kept
 from tests.support.programs import require_program
 
 LARGEST = 500_000  # bytes of a moving picture
@@ -54,13 +55,15 @@ def site(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built as `make docs` does it; a warning is an error."""
     if find_spec("mkdocs") is None:
         pytest.skip("mkdocs is not installed: pip install '.[docs]'")
-    folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
-    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
-    done = subprocess.run(command, cwd=repository, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "WARNING" not in done.stdout + done.stderr
-    return folder
+
+    def build(folder: Path) -> None:
+        command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
+        environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+        done = subprocess.run(command, cwd=repository, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "WARNING" not in done.stdout + done.stderr
+
+    return kept("site", tmp_path_factory, build)
 
 
 @pytest.fixture(scope="module")

@@ -71,7 +71,7 @@ def _real(env_id: str, scene: str, data_root: Path) -> tuple[MTPEnv, SceneScore]
 
 
 @pytest.mark.data
-@pytest.mark.parametrize(("env_id", "scene"), [("MTP-nuScenes-mini-v0", "scene-0103"), ("MTP-KITTI-v0", "0006")])
+@pytest.mark.parametrize(("env_id", "scene"), [("MTP-nuScenes-mini-v0", "scene-0103"), ("MTP-KITTI-v0", "0012")])
 def test_it_tracks_real_scenes(env_id: str, scene: str, case: tuple[Path, dict[str, str]], data_root: Path) -> None:
     folder, parameters = case
     env, ours = _real(env_id, scene, data_root)

@@ -61,12 +61,13 @@ def test_a_stored_run_says_what_was_trained_on_its_scenes(tmp_path: Path, card: 
     assert report.condition["trained"] == "presence trained on scored scenes: stp"
 
 
+@pytest.mark.usefixtures("few_event_runs")
 @pytest.mark.parametrize(("agent", "seed"), [("mtp", 3), ("gt_tracks", 0)])
 def test_scores_as_compared(agent: str, seed: int, cli: CommandLine, tmp_path: Path, shipped: str, kitti: str) -> None:
     cli.ok("maintain", "freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
     cli.ok("run", agent, "--env", shipped, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1, "--seed", seed)
     scored = stored.score(tmp_path / "run", RunOptions(kitti)).report.to_json()["rows"]
-    rows = compare([agent], shipped, RunOptions(kitti, seeds=[seed])).report.to_json()["rows"]
+    rows = compare([agent], shipped, RunOptions(kitti, seeds=[seed]), full=False).report.to_json()["rows"]
     hypotheses = 20 if agent == "mtp" else 1  # more than the 3 of the card
     same = [r for r in rows if (r["agent"], r["hypotheses"], r["budget"]) == (agent, hypotheses, "equal")]
     assert (len(same), without_times(scored)) == (len(SUBSETS), without_times(same))

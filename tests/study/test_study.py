@@ -4,6 +4,7 @@ import csv
 import html
 import json
 import re
+import shutil
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -21,6 +22,7 @@ from mtp_bench.viz.terminal.notes import label_of
 from tests.support.browser import chromium
 from tests.support.colours import APART, VISION, distance
 from tests.support.command_line import CommandLine, write_submission
+from tests.support.kept import kept
 from tests.support.report_rows import detail, rows
 from tests.test_readme import blocks
 
@@ -166,9 +168,18 @@ def test_the_gain_of_hypotheses_stands_beside_its_controls(made: Study) -> None:
 
 
 # ---- page
-def test_the_page_has_everything_and_loads_nothing(made: Study) -> None:
-    text = made.page.read_text()
-    plain = html.unescape(text)
+@pytest.fixture(scope="module")
+def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of the study alone, which needs no file beside it."""
+
+    def copy(folder: Path) -> None:
+        shutil.copy(request.getfixturevalue("made").page, folder)
+
+    return kept("study", tmp_path_factory, copy) / "index.html"
+
+
+def test_the_page_has_everything_and_loads_nothing(made: Study, page: Path) -> None:
+    plain = html.unescape(page.read_text())
     for sentence in [*made.findings, *(table.title for table in made.tables.values())]:
         assert sentence in plain
     assert "blocks of at most 20 s. A rank\nneeds 6" in plain, "two sequences are too few"
@@ -178,18 +189,18 @@ def test_the_page_has_everything_and_loads_nothing(made: Study) -> None:
 
 
 @pytest.mark.needs("browser")
-def test_in_a_browser_no_request_is_made_and_nothing_is_cut_off(made: Study, tmp_path: Path) -> None:
+def test_in_a_browser_no_request_is_made_and_nothing_is_cut_off(page: Path, tmp_path: Path) -> None:
     with chromium(tmp_path) as browser:
         grounds = set()
         for scheme in ("light", "dark"):
             browser.prefer(scheme)
             browser.forget()
-            browser.open(made.page)
+            browser.open(page)
             for width in (390, 1600):
                 browser.resize(width, 900)
                 assert browser.script("return document.documentElement.scrollWidth") <= width
             assert browser.script("return [...document.images].every(i => i.naturalWidth > 100)")
             assert browser.console() == []
-            assert {a for a in browser.requests() if not a.startswith("data:")} == {made.page.as_uri()}
+            assert {a for a in browser.requests() if not a.startswith("data:")} == {page.as_uri()}
             grounds.add(browser.script("return getComputedStyle(document.body).backgroundColor"))
         assert len(grounds) == 2
