@@ -28,7 +28,8 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 CHECKS := mypy import-linter ruff
 
 SKIPPED := .pytest_cache/skipped
-PYTEST := pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder --list-skipped=$(SKIPPED)
+WORKERS := auto
+PYTEST := pytest -q --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder --list-skipped=$(SKIPPED)
 COLLECTED := .pytest_cache/collected
 
 .PHONY: demo test pytest skipped held lint kernels $(CHECKS) pyright docs pages clean
@@ -49,7 +50,7 @@ pytest: kernels $(COLLECTED)
 
 # An empty list would mean all tests.
 skipped: .venv/installed-dev
-	@[ ! -s $(SKIPPED) ] || $(MAKE) --no-print-directory pytest TESTS=@$(SKIPPED)
+	@[ ! -s $(SKIPPED) ] || $(MAKE) --no-print-directory pytest TESTS=@$(SKIPPED) WORKERS=2
 
 # The sandbox holds agents for an ordinary user too, whom root plays here. All other tests of the gateway are the same
 # for every user.

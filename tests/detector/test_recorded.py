@@ -15,7 +15,7 @@ from tests.support.detector_statistics import ClassStatistics, detector_statisti
 
 CLASSES = ("car", "pedestrian", "cyclist")
 AHEAD = Sensor(reach=80.0, field_of_view=np.pi / 2)
-SEEDS = range(4)
+SEEDS = range(8)
 
 
 @pytest.fixture(scope="module")

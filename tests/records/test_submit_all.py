@@ -15,6 +15,8 @@ from tests.support.command_line import CommandLine, write_submission
 from tests.support.small_scenes import CARD_ID
 from tests.support.stored_records import write_record
 
+pytestmark = pytest.mark.usefixtures("light_fork_servers")
+
 
 @pytest.fixture(scope="module")
 def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:

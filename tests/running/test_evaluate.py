@@ -121,7 +121,7 @@ def broken(task: Task) -> EchoAgent:
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_failing_agents(jobs: int, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path))
-    known: Any = {"data": kitti, "seeds": 2, "full": False}
+    known: Any = {"data": kitti, "full": False}
     good = mtp_bench.compare([EchoAgent(0.1)], card, **known)
     assert len(repr(good).splitlines()) == 2
     report = mtp_bench.compare(["tracking_free", late, EchoAgent(0.1), broken], card, **known, jobs=jobs).report
@@ -157,8 +157,8 @@ def unreadable(task: Task) -> EchoAgent:
 
 
 def test_whatever_an_agent_does_costs_the_others_nothing(card: str, kitti: str) -> None:
-    # each run of an agent that ends its process ends those beside it, and new processes take seconds to start
-    known: Any = {"data": kitti, "scenes": ["0006"], "seeds": 1, "full": False}
+    # each run of an agent that ends its process ends those beside it
+    known: Any = {"data": kitti, "scenes": ["0006"], "full": False}
     good = mtp_bench.compare([EchoAgent(0.1)], card, **known)
     report = mtp_bench.compare([Vanishing(), EchoAgent(0.1), unreadable, vanish], card, **known, jobs=2).report
     assert numbers(report) == numbers(good.report)

@@ -13,7 +13,7 @@ from mtp_bench.agent import SubmissionFactory
 from mtp_bench.agent.submission_files import new_submission
 from mtp_bench.core import Observation, Task
 from mtp_bench.running import Finding, check_agent, check_card
-from tests.support.small_scenes import CARD, Action, EchoAgent, write_card
+from tests.support.small_scenes import CARD, Action, EchoAgent, write_card, write_short_card
 
 SCENES = ["0006", "0001"]
 
@@ -34,7 +34,8 @@ def only(findings: list[Finding], level: str = "error") -> Finding:
 @pytest.mark.parametrize("name", ["mtp", "stp_hedged", "stp_neighbours", "stp_bends", "template"])
 def test_good_agents_pass(name: str, tmp_path: Path) -> None:
     submission = load_submission(new_submission("mine", tmp_path) if name == "template" else name)
-    findings = check_agent(SubmissionFactory(str(submission.path), submission.parameters))
+    short = write_short_card(tmp_path, "MTP-Intersection-v0", 8.0)
+    findings = check_agent(SubmissionFactory(str(submission.path), submission.parameters), short)
     assert faults(findings) == []
     checks = [finding.check for finding in findings]
     assert checks == [

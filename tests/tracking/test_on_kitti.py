@@ -136,7 +136,6 @@ EVENTS: list[tuple[str, str, bool, dict[str, tuple[int, int]]]] = [
     (NOEGO, "as_parameters", True, {"ids": (34, 3), "objects": (8, 1)}),
     (NOEGO, "hungarian", False, {"ids": (11, 3), "lost": (432, 30), "lost, seen": (356, 30)}),
     ("MTP-KITTI-v0", "as_parameters", False, {"ids": (0, 3), "lost": (351, 30)}),
-    ("MTP-KITTI-v0", "hungarian", False, {"ids": (0, 3), "lost": (351, 30)}),
 ]  # fmt: skip
 
 
