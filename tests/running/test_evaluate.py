@@ -157,10 +157,10 @@ def unreadable(task: Task) -> EchoAgent:
 
 
 def test_whatever_an_agent_does_costs_the_others_nothing(card: str, kitti: str) -> None:
-    # each run of an agent that ends its process ends those beside it
+    # each run of an agent that ends its process ends those beside it, which begin again in new processes
     known: Any = {"data": kitti, "scenes": ["0006"], "full": False}
     good = mtp_bench.compare([EchoAgent(0.1)], card, **known)
-    report = mtp_bench.compare([Vanishing(), EchoAgent(0.1), unreadable, vanish], card, **known, jobs=2).report
+    report = mtp_bench.compare([unreadable, Vanishing(), EchoAgent(0.1), vanish], card, **known, jobs=2).report
     assert numbers(report) == numbers(good.report)
     gone = dict.fromkeys(("Vanishing", "vanish"), f"ended its process: {GONE}")
     assert report.failures == {"unreadable": "cannot be built: Unreadable: its text cannot be read", **gone}
