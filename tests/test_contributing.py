@@ -27,8 +27,8 @@ QUICK = (
 
 UNREAD = """
 [[tool.mypy.overrides]]
-# no addition imports them, and to read them takes a third of the time
-module = ["matplotlib.*", "rerun.*", "torch.*"]
+# no addition imports it, and to read it takes a third of the time
+module = ["torch.*"]
 follow_imports = "skip"
 """
 
