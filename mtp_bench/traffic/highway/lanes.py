@@ -29,9 +29,9 @@ class LaneGeometry:
     """
 
     def __init__(self, network: Any) -> None:
-        lanes: dict[LaneIndex, Any] = network.lanes_dict()
-        self.index = tuple(lanes)
-        self.lanes = tuple(lanes.values())
+        self.network: dict[LaneIndex, Any] = network.lanes_dict()
+        self.index = tuple(self.network)
+        self.lanes = tuple(self.network.values())
         self.number = {index: k for k, index in enumerate(self.index)}
         self.length = np.array([float(lane.length) for lane in self.lanes])
         self.limit = np.array([float(lane.speed_limit) for lane in self.lanes])
@@ -327,7 +327,6 @@ class Kerb:
 class RoadMap:
     """A road network with its routes."""
 
-    network: Any  # a RoadNetwork
     geometry: LaneGeometry
     routes: tuple[Route, ...]
     sensor: tuple[float, float, float]  # x, y, z of a roadside sensor
@@ -337,8 +336,3 @@ class RoadMap:
     crossings: tuple[Crossing, ...] = ()
     pavement: Pavement | None = None
     kerbs: tuple[Kerb, ...] = ()
-
-    @property
-    def overtaking(self) -> bool:
-        """True if vehicles change lanes."""
-        return not self.regulated
