@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from mtp_bench.core import Bools, Floats, Ints, Scene
 from mtp_bench.core.geometry import iou_3d
 from mtp_bench.running import track_export
-from mtp_bench.sources.kitti.files import TYPES, BoxRows, read_detections, read_labels
+from mtp_bench.sources.kitti.files import KITTI_TYPES, BoxRows, read_detections, read_labels
 from mtp_bench.sources.kitti.poses import read_poses
 from mtp_bench.sources.kitti.source import NEIGHBOURS
 from tests.support.plain_affinity import pairwise
@@ -72,7 +72,7 @@ def detection_image_boxes(root: Path, scene: Scene, classes: tuple[str, ...]) ->
     """Image boxes [R, 4] of the detections of ``scene``, in their order."""
     parts = [
         read_detections(root / "detections/pointrcnn", scene.name, kind, code)
-        for kind, code in (TYPES[name] for name in classes)
+        for kind, code in (KITTI_TYPES[name] for name in classes)
     ]
     order = np.argsort(np.concatenate([part.frame for part in parts]), kind="stable")
     image_box = np.concatenate([part.table.matrix("left top right bottom") for part in parts])[order]
@@ -85,7 +85,7 @@ def detection_image_boxes(root: Path, scene: Scene, classes: tuple[str, ...]) ->
 def count_scene(frames: int, truth: Annotations, tracks: TrackRows, class_name: str) -> Ints:
     """Of one class of a scene the number of true boxes, of misses and of false positives [3]."""
     kind, ignored = truth.labels.table["type"], truth.ignored(class_name)
-    evaluated = np.isin(kind, (TYPES[class_name][0], *NEIGHBOURS[class_name]))
+    evaluated = np.isin(kind, (KITTI_TYPES[class_name][0], *NEIGHBOURS[class_name]))
     count = np.zeros(3, dtype=np.int64)
     for t in range(frames):
         now = np.flatnonzero(evaluated & (truth.labels.frame == t))

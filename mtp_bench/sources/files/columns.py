@@ -19,7 +19,7 @@ from ..tables import (
 from ..text import LIMIT
 
 FORMS = ("csv", "parquet")  # suffixes of tables
-BOX = ("x", "y", "z", "yaw", "l", "w", "h")
+BOX_COLUMNS = ("x", "y", "z", "yaw", "l", "w", "h")
 # s: clocks that count from 1970 fit
 _LATEST_TIME_S = 1e12
 

@@ -35,7 +35,7 @@ from ..motion import backward_velocity, unknown_velocity
 from ..readers import read_named_table
 from ..tables import RowTable
 from .columns import (
-    BOX,
+    BOX_COLUMNS,
     COLUMNS,
     FORMS,
     PICTURES,
@@ -286,7 +286,7 @@ def boxes_of(table: RowTable) -> Floats:
     Without z they stand on the ground.
     """
     columns = {"z": table["h"] / 2, **table.columns}
-    return np.column_stack([columns[name] for name in BOX])
+    return np.column_stack([columns[name] for name in BOX_COLUMNS])
 
 
 def velocities_of(table: RowTable) -> Floats:

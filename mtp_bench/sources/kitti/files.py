@@ -247,7 +247,11 @@ VALIDATION = (
     "0019",
 )
 # label type, detection code
-TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}
+KITTI_TYPES = {
+    "car": ("Car", 2),
+    "pedestrian": ("Pedestrian", 1),
+    "cyclist": ("Cyclist", 3),
+}
 LABELS = "training/label_02"
 IMAGES = "training/image_02"  # shown beside an event
 DATASET = Dataset.of(__file__)
@@ -309,7 +313,7 @@ def require_detector(root: Path, card: Card) -> Path:
             f"{', '.join(names) or 'none'}{instead_of_stored(card)}"
         )
     for name in card.task.classes:
-        path = folder / detector / TYPES[name][0]
+        path = folder / detector / KITTI_TYPES[name][0]
         if not path.is_dir():
             raise MissingDataError(f"no folder {path}, expected for class {name!r}")
     return folder / detector

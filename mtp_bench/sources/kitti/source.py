@@ -43,11 +43,11 @@ from ..stored_tracks import FEWER, with_stored
 from .files import (
     BOX_FIELDS,
     DATASET,
+    KITTI_TYPES,
     LABELS,
     RENAME,
     RESULT,
     SEQUENCE_MAP,
-    TYPES,
     BoxRows,
     KittiSource,
     camera_fields,
@@ -83,7 +83,7 @@ class KittiTracking:
         self.card = card
         self.section = section_of(card, KittiSource)
         self.root = DATASET.find(data, LABELS)
-        require_classes(card, "KITTI", TYPES)
+        require_classes(card, "KITTI", KITTI_TYPES)
         require_rate(card, "KITTI", 10.0, self.section.stride)
         self.names = split_names(self.root, self.section.split)
         self._detections: Path | None = None
@@ -179,7 +179,7 @@ def truth_of(labels: BoxRows, classes: Sequence[str], frames: Frames) -> Truth:
     neutral = np.zeros(len(labels.frame), dtype=bool)
     for index, name in enumerate(classes):
         is_neighbour = np.isin(kinds, NEIGHBOURS[name])
-        class_id[is_neighbour | (kinds == TYPES[name][0])] = index
+        class_id[is_neighbour | (kinds == KITTI_TYPES[name][0])] = index
         neutral |= is_neighbour
     true_rows = frames.select(labels.frame, class_id >= 0)
     file_frame = labels.frame[true_rows]
@@ -210,7 +210,7 @@ def detections_of(
     score_parts: list[Floats] = []
     skipped = Counter[str]()
     for class_name in classes:
-        rows = read_detections(folder, name, *TYPES[class_name])
+        rows = read_detections(folder, name, *KITTI_TYPES[class_name])
         frames.check(rows)
         score = rows.table["score"]
         is_used = rows.frame % frames.stride == 0
@@ -243,7 +243,7 @@ def read_result(
     """
     table = read_table(path, RESULT, words="type", optional="score")
     require_kinds(table)
-    kinds = [TYPES[name][0] for name in classes]
+    kinds = [KITTI_TYPES[name][0] for name in classes]
     class_id = class_ids(table["type"].tolist(), kinds)
     is_used = (class_id >= 0) & (table.whole_numbers("frame") % stride == 0)
     table = table.select(is_used)
