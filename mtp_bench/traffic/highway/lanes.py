@@ -29,9 +29,10 @@ class LaneGeometry:
     """
 
     def __init__(self, network: Any) -> None:
-        self.network: dict[LaneIndex, Any] = network.lanes_dict()
-        self.index = tuple(self.network)
-        self.lanes = tuple(self.network.values())
+        lanes: dict[LaneIndex, Any] = network.lanes_dict()
+        self.network = network
+        self.index = tuple(lanes)
+        self.lanes = tuple(lanes.values())
         self.number = {index: k for k, index in enumerate(self.index)}
         self.length = np.array([float(lane.length) for lane in self.lanes])
         self.limit = np.array([float(lane.speed_limit) for lane in self.lanes])

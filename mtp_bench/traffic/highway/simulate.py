@@ -76,7 +76,7 @@ def _map_of(
     road_map = build_map(scenario, seconds)
     routes = route_table(road_map.routes, road_map.geometry)
     passages = find_passages(road_map, routes) if road_map.regulated else ()
-    return road_map, routes, passages, lane_map(road_map.geometry.network)
+    return road_map, routes, passages, lane_map(road_map.geometry.network.lanes_dict())
 
 
 class Attempt:
