@@ -56,7 +56,7 @@ def stock_step(traffic: Traffic) -> float:
 
     town = build_map(traffic.scenario, traffic.seconds)
     entries = sorted({lane for route in town.routes for lane in route.roads[0]})
-    road: Any = Road(network=town.network, np_random=np.random.RandomState(0))
+    road: Any = Road(network=town.geometry.network, np_random=np.random.RandomState(0))
     for k in range(traffic.vehicles):
         lane = entries[k % len(entries)]
         rows = -(-traffic.vehicles // len(entries))

@@ -151,7 +151,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             self._episode = self._start_episode(number, rng)
         else:
             name = self.scene_names[number]
-            self._episode = start_drive(self.card, self.task, name, number, rng)
+            self._episode = start_drive(self.card, self.task, name, rng)
         self._render_each()
         return self._episode.observe(), self._episode.info()
 

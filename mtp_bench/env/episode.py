@@ -78,15 +78,14 @@ class EpisodeLike(Protocol):
 
 
 def start_drive(
-    card: Card, task: Task, scene: str, number: int, rng: np.random.Generator | None
+    card: Card, task: Task, scene: str, rng: np.random.Generator | None
 ) -> EpisodeLike:
     """Start a closed loop.
 
-    Its scene is made while it is driven. ``number``: index of the scene in
-    `MTPEnv.scene_names`. ``rng`` moves the local frame at random.
+    Its scene is made while it is driven. ``rng`` moves the local frame at random.
     """
     start_episode: Callable[..., EpisodeLike] = resolve_name(_START_DRIVE)
-    return start_episode(card, task, scene, number, rng)
+    return start_episode(card, task, scene, rng)
 
 
 def frame_info(

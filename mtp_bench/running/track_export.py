@@ -20,8 +20,8 @@ from ..core import (
     whole_file,
 )
 from ..sources import (
-    BOX,
-    TYPES,
+    BOX_COLUMNS,
+    KITTI_TYPES,
     Argoverse2Source,
     KittiSource,
     NuScenes,
@@ -157,7 +157,7 @@ def _write_result(
     lines = result_lines(
         rows.frame * card.source.stride,
         rows.track_id,
-        [TYPES[card.task.classes[class_id]][0] for class_id in rows.class_id],
+        [KITTI_TYPES[card.task.classes[class_id]][0] for class_id in rows.class_id],
         rows.box,
         rows.score,
         poses_of(card, data, scene.name),
@@ -173,7 +173,7 @@ def _write_table(
         "frame": rows.frame,
         "id": rows.track_id,
         "class": np.array(card.task.classes)[rows.class_id],
-        **dict(zip(BOX, rows.box.T, strict=True)),
+        **dict(zip(BOX_COLUMNS, rows.box.T, strict=True)),
         "score": rows.score,
     }
     write_table(table_path(folder, scene.name), columns)

@@ -23,14 +23,13 @@ from .dataset import (
     DataStatus as DataStatus,
     data_root as data_root,
 )
-from .files.columns import BOX as BOX
+from .files.columns import BOX_COLUMNS as BOX_COLUMNS
 from .files.save import save_scene as save_scene
-from .kitti.files import TYPES as TYPES, KittiSource as KittiSource
+from .kitti.files import KITTI_TYPES as KITTI_TYPES, KittiSource as KittiSource
 from .kitti.source import poses_of as poses_of, result_lines as result_lines
 from .nuscenes.layout import NuScenesSource as NuScenesSource
 from .nuscenes.source import NuScenes as NuScenes, submission_box as submission_box
 from .opening import (
-    Note as Note,
     camera_images as camera_images,
     describe as describe,
     load_scenes as load_scenes,

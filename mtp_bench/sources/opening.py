@@ -8,15 +8,15 @@ from pathlib import Path
 from ..cards import SOURCES, Card, load_card
 from ..core import DataError, MtpBenchError, Scene, long_work, require_known
 from .base import (
-    CameraImage as CameraImage,
+    CameraImage,
     ChangedScenes,
     DataRoot,
-    SceneSource as SceneSource,
+    SceneSource,
     SourcePackage,
     usable,
 )
-from .dataset import DataStatus as DataStatus
-from .simulated import detected as detected
+from .dataset import DataStatus
+from .simulated import detected
 from .stored_tracks import find_tracks
 
 Note = Callable[[str], object]

@@ -83,9 +83,13 @@ def _measured_world(scene: Scene, card: Card, period_s: float) -> tuple[Truth, S
     if card.velocity and card.source.traits.velocity_ahead:
         truth = looking_back(truth, scene.time, period_s)
     world = in_world(replace(scene, truth=truth))
-    if card.velocity:
-        world = _with_measured_velocity(world, scene.world is not None, period_s)
-    return truth, world
+    if not card.velocity:
+        return truth, world
+    measured = world.truth
+    if scene.world is not None:  # velocities in other frames of reference
+        measured = looking_back(measured, scene.time, period_s)
+    velocity = np.nan_to_num(measured.velocity)
+    return truth, replace(world, truth=replace(measured, velocity=velocity))
 
 
 def _sensor(section: DetectorSection, scene: Scene, bounded_by_truth: bool) -> Sensor:
@@ -105,18 +109,6 @@ def _scene_seed(seed: int, name: str) -> int:
     """Return a seed that is equal in every process and on every machine."""
     digest = hashlib.sha256(f"{seed}|detector|{name}".encode()).digest()
     return int.from_bytes(digest[:8], "big")
-
-
-def _with_measured_velocity(scene: Scene, was_moved: bool, period_s: float) -> Scene:
-    """Return the scene in the world with velocities that a detector measures.
-
-    ``was_moved``: it had other frames of reference before, with other velocities.
-    """
-    truth = scene.truth
-    if was_moved:
-        truth = looking_back(truth, scene.time, period_s)
-    velocity = np.nan_to_num(truth.velocity)
-    return replace(scene, truth=replace(truth, velocity=velocity))
 
 
 def _simulated_once(

@@ -34,7 +34,7 @@ from .base import (
     TrackForm,
     names_by_number,
 )
-from .files.columns import FORMS, TRACKS, check_boxes
+from .files.columns import FORMS, TRACKS, check_ranges
 from .files.save import box_columns
 from .files.scene import (
     boxes_of,
@@ -156,7 +156,13 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
     frame = table.whole_numbers("frame")
     track_number = ids_of(table)
     class_id = class_ids_of(table, classes)
-    check_boxes(table, frame, scene.frames, true=False)
+    problem = f"but the scene has the frames 0 to {scene.frames - 1}"
+    table.refuse(
+        (frame < 0) | (frame >= scene.frames),
+        lambda row: f"frame {frame[row]}, {problem}",
+        "frame",
+    )
+    check_ranges(table, true=False)
     _refuse_misspelt(table, classes)
     # an id in another class is another track
     table.refuse_second_box(frame, table["id"], table["class"])

@@ -22,7 +22,7 @@ from ..core import (
     to_metres,
 )
 from ..detector import Memory, OpenScene, visible_fractions
-from ..env import Feed, LocalFrame, RecordedAction, make_feed
+from ..env import Feed, LocalFrame, RecordedAction, frame_info, make_feed
 from ..sources import detected, section_of
 from .drive_record import record_of, rows_from
 from .highway.driven import DrivenTraffic
@@ -115,7 +115,6 @@ class DrivenEpisode:
 
     card: Card
     task: Task
-    number: int  # index of the scene in `MTPEnv.scene_names`
     frame: LocalFrame
     traffic: DrivenTraffic
     shown: DrivenScene
@@ -130,7 +129,6 @@ class DrivenEpisode:
     stations: list[float] = field(default_factory=list)
     accelerations: list[float] = field(default_factory=list)
     drive: Drive | None = None  # when it is over
-    first: int = 0
 
     @classmethod
     def start(
@@ -138,7 +136,6 @@ class DrivenEpisode:
         card: Card,
         task: Task,
         name: str,
-        number: int,
         rng: np.random.Generator | None,
     ) -> "DrivenEpisode":
         """Begin the drive ``name``.
@@ -153,7 +150,7 @@ class DrivenEpisode:
         section = card.drive or DriveSection()
         planner = Planner(traffic.way, traffic.size, section.planner)
         feed = make_feed(scene, frame, task, card)
-        episode = cls(card, task, number, frame, traffic, shown, planner, scene, feed)
+        episode = cls(card, task, frame, traffic, shown, planner, scene, feed)
         episode.stations.append(traffic.ego.s)
         return episode
 
@@ -161,11 +158,6 @@ class DrivenEpisode:
     def t(self) -> int:
         """Frame that is shown."""
         return len(self.actions)
-
-    @property
-    def row(self) -> int:
-        """Frame that is shown, in ``feed``: 0, as that has one frame."""
-        return 0
 
     @property
     def dropped(self) -> Ints:
@@ -192,14 +184,9 @@ class DrivenEpisode:
 
     def info(self) -> dict[str, Any]:
         """Return numbers of the present frame, and of the action before."""
-        invalid = self.actions[-1].invalid.tolist() if self.actions else (0, 0, 0)
-        return {
-            "frame": self.t,
-            "dropped_detections": 0 if self.over else int(self.feed.dropped[0]),
-            "invalid_tracks": invalid[0],
-            "invalid_hypotheses": invalid[1],
-            "invalid_objects": invalid[2],
-        }
+        dropped = 0 if self.over else int(self.feed.dropped[0])
+        last_action = self.actions[-1] if self.actions else None
+        return frame_info(self.t, dropped, last_action)
 
     def recording(self) -> tuple[Scene, Feed]:
         """Return the frames so far and the observations of them."""

@@ -23,8 +23,9 @@ from ..cards import PlannerSection
 from ..core import NO_ROWS, Bools, Floats, Ints
 from .highway.driven import Way
 
-_FIRST_MPS2 = np.array([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5])
-_LATER_MPS2 = np.array([-4.0, -2.0, 0.0, 1.5])
+# accelerations of all profiles: in the first second, and later
+_FIRST_MPS2 = np.repeat([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5], 4)
+_LATER_MPS2 = np.tile([-4.0, -2.0, 0.0, 1.5], 9)
 _FIRST_SECONDS = 1.0
 _MAX_STEP_S = 0.3  # between two forecast places that count
 _MIN_SAMPLE_WEIGHT = 0.002  # of a sample that counts
@@ -134,11 +135,9 @@ class Planner:
         self._way = way
         self._size = size
         self._weights = parameters
-        self._first_mps2 = _FIRST_MPS2.repeat(len(_LATER_MPS2))
-        self._later_mps2 = np.tile(_LATER_MPS2, len(_FIRST_MPS2))
-        hard_braking = np.maximum(-self._first_mps2 - 2.0, 0.0)
+        hard_braking = np.maximum(-_FIRST_MPS2 - 2.0, 0.0)
         self._effort = parameters.comfort * hard_braking
-        self._effort += parameters.smoothness * np.abs(self._first_mps2)
+        self._effort += parameters.smoothness * np.abs(_FIRST_MPS2)
 
     @cached_property
     def _allowed_mps(self) -> Floats:
@@ -168,12 +167,12 @@ class Planner:
         The profiles begin now, at ``s`` m with ``speed`` m/s, and have values every
         ``step_s`` s.
         """
-        stations_m, speeds_mps = np.empty((2, steps + 1, len(self._first_mps2)))
+        stations_m, speeds_mps = np.empty((2, steps + 1, len(_FIRST_MPS2)))
         stations_m[0] = s
         speeds_mps[0] = speed
         for k in range(steps):
             later = k * step_s > _FIRST_SECONDS - 1e-6
-            gain_mps = (self._later_mps2 if later else self._first_mps2) * step_s
+            gain_mps = (_LATER_MPS2 if later else _FIRST_MPS2) * step_s
             cell = (stations_m[k] / _CELL_M).astype(np.int64)
             table_speed = self._speed_table.take(cell, mode="clip")
             top_mps = np.maximum(
@@ -219,7 +218,7 @@ class Planner:
         risk = 1.0 - float((1.0 - share[best]).prod())
         time = obstacles.dt * np.arange(obstacles.path.shape[2] + 1)
         shown = np.interp(time, forecast.dt * np.arange(steps + 1), stations_m[best])
-        return Decision(float(self._first_mps2[best]), risk, cause, shown)
+        return Decision(float(_FIRST_MPS2[best]), risk, cause, shown)
 
     def _relevant(self, obstacles: Obstacles) -> Ints:
         """Return rows of objects whose forecasts reach the rectangle around the way.

@@ -84,4 +84,4 @@ def test_of_two_contacts_the_one_at_fault_counts() -> None:
     traffic.ego.speed = 5.0
     traffic._record()
     assert traffic.collision is not None
-    assert (traffic.over, traffic.frames, traffic.collision.at_fault) == (True, 2, True)
+    assert (traffic.over, len(traffic.world().time), traffic.collision.at_fault) == (True, 2, True)

@@ -190,7 +190,7 @@ def test_classes_neighbours_and_other_types(root: Path) -> None:
     only = open_source(kitti_card(classes=("cyclist", "car")), root).load("0000").truth
     assert (only.object_id.tolist(), only.class_id.tolist()) == ([0, 1, 6], [1, 1, 0])
     labels = read_labels(root / LABELS)  # all of it, for KITTI's own ignore rules
-    assert labels.type.tolist() == [*kinds, "DontCare"]
+    assert labels.table["type"].tolist() == [*kinds, "DontCare"]
     assert np.isnan(labels.box[-1]).all()
 
 

@@ -124,8 +124,11 @@ def test_boxes_lie_where_the_labels_have_them(env_id: str, data_root: Path, tmp_
     for t, image in images.items():
         rows = scene.truth.rows(t)
         for object_id, box in zip(scene.truth.object_id[rows], scene.truth.box[rows], strict=True):
-            (at,) = np.flatnonzero((labels.frame == t * stride) & (labels.object_id == object_id))
+            (at,) = np.flatnonzero((labels.frame == t * stride) & (labels.table["id"] == object_id))
             edges = projected(image.projection, box).reshape(-1, 2)
-            gaps.append(np.concatenate([edges.min(axis=0), edges.max(axis=0)]) - labels.image_box[at])
+            gaps.append(
+                np.concatenate([edges.min(axis=0), edges.max(axis=0)])
+                - labels.table.matrix("left top right bottom")[at]
+            )
     assert len(gaps) > 20
     assert np.median(np.abs(gaps)) < 4.0, "pixels"

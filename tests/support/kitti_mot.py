@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from mtp_bench.core import Bools, Floats, Ints, Scene
 from mtp_bench.core.geometry import iou_3d
 from mtp_bench.running import track_export
-from mtp_bench.sources.kitti.files import TYPES, LabelRows, read_detections, read_labels
+from mtp_bench.sources.kitti.files import KITTI_TYPES, BoxRows, read_detections, read_labels
 from mtp_bench.sources.kitti.poses import read_poses
 from mtp_bench.sources.kitti.source import NEIGHBOURS
 from tests.support.plain_affinity import pairwise
@@ -43,9 +43,9 @@ class TrackRows(track_export.TrackRows):
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
-    """LabelRows of a scene in its frame of reference."""
+    """Labels of a scene in its frame of reference."""
 
-    labels: LabelRows
+    labels: BoxRows
     box: Floats  # [R, 7]; NaN for DontCare
 
     @property
@@ -56,11 +56,11 @@ class Annotations:
 
     def ignored(self, class_name: str) -> Bools:
         """Rows that count neither as found nor as missed."""
-        return np.isin(self.labels.type, NEIGHBOURS[class_name]) | self.hidden
+        return np.isin(self.labels.table["type"], NEIGHBOURS[class_name]) | self.hidden
 
 
 def read_annotations(root: Path, scene: Scene, ego_motion: bool) -> Annotations:
-    """LabelRows of ``scene``, whose boxes are in the world if ``ego_motion``, else in each frame's own sensor frame."""
+    """Labels of ``scene``, whose boxes are in the world if ``ego_motion``, else in each frame's own sensor frame."""
     labels = read_labels(root / f"training/label_02/{scene.name}.txt")
     box = labels.box
     if ego_motion:
@@ -72,18 +72,20 @@ def detection_image_boxes(root: Path, scene: Scene, classes: tuple[str, ...]) ->
     """Image boxes [R, 4] of the detections of ``scene``, in their order."""
     parts = [
         read_detections(root / "detections/pointrcnn", scene.name, kind, code)
-        for kind, code in (TYPES[name] for name in classes)
+        for kind, code in (KITTI_TYPES[name] for name in classes)
     ]
     order = np.argsort(np.concatenate([part.frame for part in parts]), kind="stable")
     image_box = np.concatenate([part.table.matrix("left top right bottom") for part in parts])[order]
-    np.testing.assert_array_equal(np.concatenate([part.score for part in parts])[order], scene.detections.score)
+    np.testing.assert_array_equal(
+        np.concatenate([part.table["score"] for part in parts])[order], scene.detections.score
+    )
     return image_box
 
 
 def count_scene(frames: int, truth: Annotations, tracks: TrackRows, class_name: str) -> Ints:
     """Of one class of a scene the number of true boxes, of misses and of false positives [3]."""
-    kind, ignored = truth.labels.type, truth.ignored(class_name)
-    evaluated = np.isin(kind, (TYPES[class_name][0], *NEIGHBOURS[class_name]))
+    kind, ignored = truth.labels.table["type"], truth.ignored(class_name)
+    evaluated = np.isin(kind, (KITTI_TYPES[class_name][0], *NEIGHBOURS[class_name]))
     count = np.zeros(3, dtype=np.int64)
     for t in range(frames):
         now = np.flatnonzero(evaluated & (truth.labels.frame == t))
@@ -92,7 +94,7 @@ def count_scene(frames: int, truth: Annotations, tracks: TrackRows, class_name: 
         hit = column >= 0
         free = np.ones(len(here.frame), dtype=bool)
         free[column[hit]] = False
-        areas = truth.labels.image_box[(kind == "DontCare") & (truth.labels.frame == t)]
+        areas = truth.labels.table.matrix("left top right bottom")[(kind == "DontCare") & (truth.labels.frame == t)]
         false = free & ~excused(here.image_box, areas)
         count += (~ignored[now]).sum(), (~hit & ~ignored[now]).sum(), false.sum()
     return count

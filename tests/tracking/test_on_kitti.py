@@ -118,7 +118,9 @@ def count_events(runs: list[Run], card: Card, vans: bool = False) -> Counter[str
 def hidden(run: Run, keep: Bools) -> Bools:
     """True boxes that AB3DMOT's evaluation ignores."""
     labels, hidden = run.truth.labels, run.truth.hidden
-    by_name = dict(zip(zip(labels.frame.tolist(), labels.object_id.tolist(), strict=True), hidden, strict=True))
+    by_name = dict(
+        zip(zip(labels.frame.tolist(), labels.table.whole_numbers("id").tolist(), strict=True), hidden, strict=True)
+    )
     frame, object_id = run.scene.truth.frame_of_rows[keep], run.scene.truth.object_id[keep]
     return np.array([by_name[t, o] for t, o in zip(frame.tolist(), object_id.tolist(), strict=True)])
 

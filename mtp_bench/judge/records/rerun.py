@@ -47,7 +47,7 @@ def drive_again(card: Card, rollout: Rollout) -> Rollout:
     from ...traffic import DrivenEpisode
 
     task = MTPEnv(card, evaluation=True).task
-    episode = DrivenEpisode.start(card, task, rollout.scene, 0, None)
+    episode = DrivenEpisode.start(card, task, rollout.scene, None)
     # a scene of as many frames
     check_rollout(replace(episode.scene, time=rollout.seconds), rollout, card)
     weights = np.exp(np.minimum(rollout.forecast_log_weight, 1.0)).sum(axis=1)

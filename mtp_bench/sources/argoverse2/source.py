@@ -7,6 +7,7 @@ pairs. Lanes of bicycles are left out.
 """
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -101,14 +102,12 @@ class Argoverse2:
         frames = len(sweeps.time)
         log = sweeps.folder.name
         is_named = self.section.detections_sha256 is not None
-        stored: dict[str, Detections] = {}
-        label = ""
+        stored: dict[Path, Detections] = {}
         for path in self._files:
             detections = read_detections(path, sweeps, self.card)
             used_frames = int((detections.counts > 0).sum())
             if 2 * used_frames >= frames:
-                stored[str(path)] = detections
-                label = stored_label(path.stem)
+                stored[path] = detections
             elif is_named:
                 raise DataError(
                     f"{path} has detections in {used_frames} of the {frames} frames of "
@@ -116,14 +115,15 @@ class Argoverse2:
                 )
         if len(stored) > 1:
             advice = "name one of them with --detections"
-            files = " and ".join(stored)
+            files = " and ".join(map(str, stored))
             raise DataError(f"{files} both have detections of log {log}; {advice}")
-        for detections in stored.values():
-            if is_named:
-                return detections, label
+        if not stored:
+            return no_detections(frames), ""
+        [(path, detections)] = stored.items()
+        if not is_named:
             is_likely = detections.score >= self.section.min_detection_score
-            return detections.select(is_likely), label
-        return no_detections(frames), ""
+            detections = detections.select(is_likely)
+        return detections, stored_label(path.stem)
 
 
 def first_frames(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...core import Bools, DataError, Floats, Ints, file_stem, new_folder, wrap_angle
 from ..argoverse2.source import first_frames
-from ..files.columns import BOX, PERIOD_TOLERANCE
+from ..files.columns import BOX_COLUMNS, PERIOD_TOLERANCE
 from ..files.pictures import lane_columns
 from ..files.save import Columns
 from ..readers import write_table
@@ -170,7 +170,7 @@ def _truth(
         "frame": frame,
         "id": object_ids,
         "class": np.char.replace(labels, NEUTRAL, ""),
-        **dict(zip(BOX, box.T, strict=True)),
+        **dict(zip(BOX_COLUMNS, box.T, strict=True)),
         "neutral": neutral.astype(np.int64),
     }
     object_number = np.unique(object_ids, return_inverse=True)[1]

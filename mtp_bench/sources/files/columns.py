@@ -19,7 +19,7 @@ from ..tables import (
 from ..text import LIMIT
 
 FORMS = ("csv", "parquet")  # suffixes of tables
-BOX = ("x", "y", "z", "yaw", "l", "w", "h")
+BOX_COLUMNS = ("x", "y", "z", "yaw", "l", "w", "h")
 # s: clocks that count from 1970 fit
 _LATEST_TIME_S = 1e12
 
@@ -277,22 +277,11 @@ def _check_period(time: Floats, card: Card, where: str) -> None:
         )
 
 
-def check_boxes(table: RowTable, frame: Ints, frames: int, true: bool) -> None:
-    """Raise DataError for the first impossible value.
+def check_ranges(table: RowTable, true: bool = True) -> None:
+    """Raise DataError for the first number outside of its range.
 
     Only ``true`` boxes need a size above 0.
     """
-    problem = f"but the scene has the frames 0 to {frames - 1}"
-    table.refuse(
-        (frame < 0) | (frame >= frames),
-        lambda row: f"frame {frame[row]}, {problem}",
-        "frame",
-    )
-    check_ranges(table, true)
-
-
-def check_ranges(table: RowTable, true: bool = True) -> None:
-    """Raise DataError for the first number outside of its range."""
     for column, (smallest, largest, expected) in _RANGES.items():
         if column not in table:
             continue

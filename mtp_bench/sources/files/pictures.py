@@ -64,7 +64,7 @@ def _following(
 
 
 def lane_columns(lanes: Sequence[Lane]) -> dict[str, NDArray[Any]]:
-    """Return the columns of a table of lanes; there must be at least one lane."""
+    """Return the columns of a table of one lane or more."""
     count = [len(lane.center) for lane in lanes]
     names = [" ".join(map(str, lane.following)) for lane in lanes]
     points = np.concatenate(

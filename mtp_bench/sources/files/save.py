@@ -24,7 +24,7 @@ from ...core import (
 )
 from ..base import require_separate
 from ..readers import MAX_WORD_LETTERS, write_table
-from .columns import BOX, FORMS, TABLES
+from .columns import BOX_COLUMNS, FORMS, TABLES
 from .pictures import lane_columns
 
 Columns = dict[str, NDArray[Any]]
@@ -165,7 +165,7 @@ def box_columns(rows: Truth | Detections, names: NDArray[np.str_]) -> Columns:
     return {
         "frame": rows.frame_of_rows,
         "class": names[np.asarray(rows.class_id, dtype=np.int64)],
-        **dict(zip(BOX, np.asarray(rows.box).T, strict=True)),
+        **dict(zip(BOX_COLUMNS, np.asarray(rows.box).T, strict=True)),
         **dict(zip(("vx", "vy"), np.asarray(rows.velocity).T, strict=True)),
     }
 

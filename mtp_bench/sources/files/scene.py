@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
@@ -11,7 +12,6 @@ import numpy as np
 from ...cards import Card, FilesSource, instead_of_stored
 from ...core import (
     ID_LIMIT,
-    NO_ROWS,
     DataError,
     Floats,
     Ints,
@@ -35,14 +35,14 @@ from ..motion import backward_velocity, unknown_velocity
 from ..readers import read_named_table
 from ..tables import RowTable
 from .columns import (
-    BOX,
+    BOX_COLUMNS,
     COLUMNS,
     FORMS,
     PICTURES,
     TABLES,
-    check_boxes,
     check_frames,
     check_objects,
+    check_ranges,
     frame_index,
     scene_frames,
 )
@@ -116,10 +116,9 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
             columns[column] = np.asarray(columns[column], dtype=np.float64)
         row_numbers = np.arange(len(columns["frame"]))
         table = RowTable(f"{where}: {name}", "row", row_numbers, columns)
-        frame = columns["frame"]
-        check_boxes(table, frame, scene.frames, name == "truth")
+        check_ranges(table, name == "truth")
         if name == "truth":
-            check_objects(table, frame, columns["id"], card.task.classes)
+            check_objects(table, columns["frame"], columns["id"], card.task.classes)
     return _for_card(scene, card, where, "detections" in tables)
 
 
@@ -196,7 +195,7 @@ def _true_scene(
     classes = card.task.classes
     frames = len(time)
     frame = frame_index(table, frame_numbers)
-    used_rows, skipped = _usable_rows(table, frame, frames, "truth", classes)
+    used_rows, skipped = _usable_rows(table, frame, "truth", classes)
     object_id = ids_of(table)
     check_objects(table, frame, object_id, classes)
     table = table.select(used_rows)
@@ -238,7 +237,7 @@ def _with_detections(
     """
     classes = card.task.classes
     frame = frame_index(table, frame_numbers)
-    used_rows, skipped = _usable_rows(table, frame, scene.frames, "detections", classes)
+    used_rows, skipped = _usable_rows(table, frame, "detections", classes)
     table = table.select(used_rows)
     detections = detections_by_frame(
         scene.frames,
@@ -252,13 +251,13 @@ def _with_detections(
 
 
 def _usable_rows(
-    table: RowTable, frame: Ints, frames: int, name: str, classes: Collection[str]
+    table: RowTable, frame: Ints, name: str, classes: Collection[str]
 ) -> tuple[Ints, dict[str, int]]:
     """Return the rows of ``classes`` and the counts of skipped rows.
 
     All rows are checked. The rows are sorted by frame and otherwise in their order.
     """
-    check_boxes(table, frame, frames, name == "truth")
+    check_ranges(table, name == "truth")
     class_names = table["class"]
     is_used = np.isin(class_names, list(classes))
     if len(class_names) and not is_used.any():
@@ -287,7 +286,7 @@ def boxes_of(table: RowTable) -> Floats:
     Without z they stand on the ground.
     """
     columns = {"z": table["h"] / 2, **table.columns}
-    return np.column_stack([columns[name] for name in BOX])
+    return np.column_stack([columns[name] for name in BOX_COLUMNS])
 
 
 def velocities_of(table: RowTable) -> Floats:
@@ -321,14 +320,10 @@ def ids_of(table: RowTable) -> Ints:
     its index among the sorted ones.
     """
     words = table["id"]
-    if not len(words):
-        return NO_ROWS
-    try:
+    with suppress(ValueError, OverflowError):
         object_numbers = words.astype(np.int64)
-    except (ValueError, OverflowError):
-        return np.unique(words, return_inverse=True)[1]
-    is_in_range = (object_numbers >= 0).all() and (object_numbers <= ID_LIMIT).all()
-    # otherwise 1 and 01 would be one object
-    if is_in_range and np.array_equal(object_numbers.astype(np.str_), words):
-        return object_numbers
+        is_in_range = (object_numbers >= 0).all() and (object_numbers <= ID_LIMIT).all()
+        # otherwise 1 and 01 would be one object
+        if is_in_range and np.array_equal(object_numbers.astype(np.str_), words):
+            return object_numbers
     return np.unique(words, return_inverse=True)[1]

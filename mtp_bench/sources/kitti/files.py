@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from ...cards import Card, DetectionsSection, Traits, instead_of_stored
@@ -24,6 +23,7 @@ BOX_FIELDS = "height width length x y z rotation_y"  # in camera axes
 LABEL = f"frame id type truncated occluded alpha left top right bottom {BOX_FIELDS}"
 RESULT = f"{LABEL} score"  # of trackers and detectors, for the benchmark
 DETECTION = f"frame type left top right bottom score {BOX_FIELDS} alpha"
+# of the GPS/IMU unit; yaw 0 is east, counter-clockwise, and ve vn vu are m/s
 OXTS = (
     "lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu "
     "pos_accuracy vel_accuracy navstat numsats posmode velmode orimode"
@@ -53,39 +53,19 @@ _IMU_TO_CAMERA = (
 
 
 @dataclass(frozen=True, eq=False)
-class LabelRows:
-    """Rows of ``label_02/%04d.txt`` in the order of the file, all types included."""
+class BoxRows:
+    """Labels or detections of one sequence in the order of the file."""
 
-    table: RowTable  # columns `LABEL`
+    table: RowTable  # columns `LABEL`, `DETECTION` or `RESULT`
     frame: Ints  # [R]
-    object_id: Ints  # [R] -1 for DontCare
-    type: NDArray[np.str_]  # [R] one of `KINDS`
-    image_box: Floats  # [R, 4] left top right bottom, pixels
-    box: Floats  # [R, 7] sensor frame; NaN for DontCare
+    box: Floats  # [R, 7] sensor frame
 
 
-@dataclass(frozen=True, eq=False)
-class DetectionRows:
-    """Detections of one class in the order of the file."""
+def read_labels(path: Path) -> BoxRows:
+    """Read the labels of one sequence, all types included.
 
-    table: RowTable  # columns `DETECTION`, or `RESULT`
-    frame: Ints  # [R]
-    score: Floats  # [R] raw logit
-    box: Floats  # [R, 7] sensor frame; may hold NaN or sizes that are not positive
-
-
-@dataclass(frozen=True, eq=False)
-class Oxts:
-    """Rows of ``oxts/%04d.txt``, one per frame: the GPS/IMU unit."""
-
-    attitude: Floats  # [F, 3] roll, pitch, yaw in rad; yaw 0 is east, counter-clockwise
-    velocity: Floats  # [F, 3] m/s east, north, up
-
-
-def read_labels(path: Path) -> LabelRows:
-    """Read the labels of one sequence.
-
-    An empty file gives no rows. DataError names the line that is wrong.
+    The id of DontCare is -1, and its box NaN. An empty file gives no rows. DataError
+    names the line that is wrong.
     """
     table = read_table(path, LABEL, words="type")
     require_kinds(table)
@@ -99,17 +79,16 @@ def read_labels(path: Path) -> LabelRows:
     boxed_table.refuse_second_box(frame[boxed], object_id[boxed])
     box = sensor_boxes(table.matrix(BOX_FIELDS))
     box[~boxed] = np.nan
-    image_box = table.matrix("left top right bottom")
-    return LabelRows(table, frame, object_id, table["type"], image_box, box)
+    return BoxRows(table, frame, box)
 
 
-def read_detections(folder: Path, name: str, kind: str, code: int) -> DetectionRows:
+def read_detections(folder: Path, name: str, kind: str, code: int) -> BoxRows:
     """Read the detections of one sequence and class.
 
     An empty file gives no rows. They lie in a folder for each class, as of AB3DMOT,
     whose number of the class is ``code``, or in one file for all types, in the result
-    form of KITTI's benchmark. NaN and sizes that are not positive are kept. DataError
-    names the line that is wrong.
+    form of KITTI's benchmark. Scores are raw logits. NaN and sizes that are not positive
+    are kept. DataError names the line that is wrong.
     """
     if (folder / kind).is_dir():
         path = folder / kind / f"{name}.txt"
@@ -126,7 +105,7 @@ def read_detections(folder: Path, name: str, kind: str, code: int) -> DetectionR
         table = table.select(table["type"] == kind)
     table.refuse_degrees("rotation_y")
     box = sensor_boxes(table.matrix(BOX_FIELDS))
-    return DetectionRows(table, table.whole_numbers("frame"), table["score"], box)
+    return BoxRows(table, table.whole_numbers("frame"), box)
 
 
 def require_kinds(table: RowTable) -> None:
@@ -138,18 +117,12 @@ def require_kinds(table: RowTable) -> None:
     )
 
 
-def read_oxts(path: Path) -> Oxts:
-    """Read the GPS/IMU rows of one sequence, at least one."""
-    table = _read_frames(path, OXTS)
-    return Oxts(table.matrix("roll pitch yaw"), table.matrix("ve vn vu"))
-
-
 def read_odometry(path: Path) -> Floats:
     """Read poses [F, 3, 4] camera to world, one row of 12 numbers per frame.
 
     The world has the camera axes of frame 0.
     """
-    table = _read_frames(path, ODOMETRY)
+    table = read_frames(path, ODOMETRY)
     pose = table.matrix(ODOMETRY).reshape(-1, 3, 4)
     rotation = pose[:, :, :3]
     error = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
@@ -160,7 +133,8 @@ def read_odometry(path: Path) -> Floats:
     return pose
 
 
-def _read_frames(path: Path, columns: str) -> RowTable:
+def read_frames(path: Path, columns: str) -> RowTable:
+    """Read the rows of one sequence, one per frame and at least one."""
     table = read_table(path, columns)
     if not len(table):
         raise DataError(f"{path} is empty, expected one row per frame")
@@ -273,7 +247,11 @@ VALIDATION = (
     "0019",
 )
 # label type, detection code
-TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}
+KITTI_TYPES = {
+    "car": ("Car", 2),
+    "pedestrian": ("Pedestrian", 1),
+    "cyclist": ("Cyclist", 3),
+}
 LABELS = "training/label_02"
 IMAGES = "training/image_02"  # shown beside an event
 DATASET = Dataset.of(__file__)
@@ -335,7 +313,7 @@ def require_detector(root: Path, card: Card) -> Path:
             f"{', '.join(names) or 'none'}{instead_of_stored(card)}"
         )
     for name in card.task.classes:
-        path = folder / detector / TYPES[name][0]
+        path = folder / detector / KITTI_TYPES[name][0]
         if not path.is_dir():
             raise MissingDataError(f"no folder {path}, expected for class {name!r}")
     return folder / detector

@@ -18,14 +18,14 @@ from .files import (
     DATASET,
     IMAGES,
     LABELS,
+    OXTS,
     RENAME,
     SENSOR_FROM_CAMERA,
     KittiSource,
-    Oxts,
     read_calibration,
+    read_frames,
     read_imu_to_camera,
     read_odometry,
-    read_oxts,
 )
 
 FRAME_PERIOD = 0.1036
@@ -95,18 +95,19 @@ class Poses:
 
 
 def integrated_poses(
-    oxts: Oxts, imu_to_camera: Floats, period: float = FRAME_PERIOD
+    velocity: Floats, attitude: Floats, imu_to_camera: Floats
 ) -> Poses:
-    """Return poses from the attitude and integrated velocity of the GPS/IMU unit.
+    """Return poses from the integrated velocity and the attitude of the GPS/IMU unit.
 
+    ``velocity`` [F, 3] m/s east, north, up; ``attitude`` [F, 3] rad.
     Differences of latitude and longitude jitter by centimetres from frame to frame: the
     unit's samples come every 10 ms and are not those of the images. The slow drift of
     the integral does not matter within a forecast.
     """
-    mean_velocity = (oxts.velocity[1:] + oxts.velocity[:-1]) / 2
-    path_steps = np.cumsum(mean_velocity * period, axis=0)
+    mean_velocity = (velocity[1:] + velocity[:-1]) / 2
+    path_steps = np.cumsum(mean_velocity * FRAME_PERIOD, axis=0)
     path = np.concatenate([np.zeros((1, 3)), path_steps])
-    return poses_from_imu(path, oxts.attitude, imu_to_camera)
+    return poses_from_imu(path, attitude, imu_to_camera)
 
 
 def read_poses(root: Path, name: str) -> Poses:
@@ -117,18 +118,19 @@ def read_poses(root: Path, name: str) -> Poses:
     """
     oxts_path = root / f"training/oxts/{name}.txt"
     odometry_path = root / f"poses_orbslam3/{name}.txt"
-    oxts = read_oxts(oxts_path)
+    oxts = read_frames(oxts_path, OXTS)
+    attitude = oxts.matrix("roll pitch yaw")
     imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
     if not odometry_path.is_file():
-        return integrated_poses(oxts, imu_to_camera)
+        return integrated_poses(oxts.matrix("ve vn vu"), attitude, imu_to_camera)
     odometry = read_odometry(odometry_path)
-    if len(odometry) != len(oxts.attitude):
+    if len(odometry) != len(oxts):
         raise DataError(
             f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has "
-            f"{len(oxts.attitude)}{RENAME}"
+            f"{len(oxts)}{RENAME}"
         )
     # from camera to camera axes of frame 0, levelled by the first attitude
-    first_pose = poses_from_imu(np.zeros((1, 3)), oxts.attitude[:1], imu_to_camera)
+    first_pose = poses_from_imu(np.zeros((1, 3)), attitude[:1], imu_to_camera)
     level = first_pose.rotation[0]
     rotation = level @ SENSOR_FROM_CAMERA @ odometry[:, :, :3] @ SENSOR_FROM_CAMERA.T
     return _from_first(rotation, odometry[:, :, 3] @ (level @ SENSOR_FROM_CAMERA).T)

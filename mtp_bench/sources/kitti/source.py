@@ -43,14 +43,13 @@ from ..stored_tracks import FEWER, with_stored
 from .files import (
     BOX_FIELDS,
     DATASET,
+    KITTI_TYPES,
     LABELS,
     RENAME,
     RESULT,
     SEQUENCE_MAP,
-    TYPES,
-    DetectionRows,
+    BoxRows,
     KittiSource,
-    LabelRows,
     camera_fields,
     read_detections,
     read_labels,
@@ -84,7 +83,7 @@ class KittiTracking:
         self.card = card
         self.section = section_of(card, KittiSource)
         self.root = DATASET.find(data, LABELS)
-        require_classes(card, "KITTI", TYPES)
+        require_classes(card, "KITTI", KITTI_TYPES)
         require_rate(card, "KITTI", 10.0, self.section.stride)
         self.names = split_names(self.root, self.section.split)
         self._detections: Path | None = None
@@ -111,12 +110,12 @@ class KittiTracking:
         frame = np.arange(0, length, stride)
         scene_poses = Poses(poses.rotation[frame], poses.position[frame])
         ego = scene_poses.ego()
-        region = frames.select(labels.frame, labels.type == "DontCare")
+        region = frames.select(labels.frame, labels.table["type"] == "DontCare")
         image = image_field(
             self.root / f"training/calib/{name}.txt",
             scene_poses,
             ego_motion,
-            labels.image_box[region],
+            labels.table.matrix("left top right bottom")[region],
             frames.starts(labels.frame[region]),
             classes,
         )
@@ -166,24 +165,25 @@ class Frames:
         """Return boxes in the frame of reference of the scene."""
         return self.poses.to_world(box, frame) if self.poses else box
 
-    def check(self, rows: LabelRows | DetectionRows) -> None:
+    def check(self, rows: BoxRows) -> None:
         """Raise DataError for a row outside of the sequence."""
         is_outside = (rows.frame < 0) | (rows.frame >= self.length)
         problem = f"but the sequence has {self.length} frames{RENAME}"
         rows.table.refuse(is_outside, lambda row: f"frame {rows.frame[row]}, {problem}")
 
 
-def truth_of(labels: LabelRows, classes: Sequence[str], frames: Frames) -> Truth:
+def truth_of(labels: BoxRows, classes: Sequence[str], frames: Frames) -> Truth:
     """Return the truth of a sequence: boxes of ``classes``, `NEIGHBOURS` as neutral."""
+    kinds = labels.table["type"]
     class_id = np.full(len(labels.frame), -1)
     neutral = np.zeros(len(labels.frame), dtype=bool)
     for index, name in enumerate(classes):
-        is_neighbour = np.isin(labels.type, NEIGHBOURS[name])
-        class_id[is_neighbour | (labels.type == TYPES[name][0])] = index
+        is_neighbour = np.isin(kinds, NEIGHBOURS[name])
+        class_id[is_neighbour | (kinds == KITTI_TYPES[name][0])] = index
         neutral |= is_neighbour
     true_rows = frames.select(labels.frame, class_id >= 0)
     file_frame = labels.frame[true_rows]
-    object_id = labels.object_id[true_rows]
+    object_id = labels.table.whole_numbers("id")[true_rows]
     box = frames.place(labels.box[true_rows], file_frame)
     period_s = frames.stride * FRAME_PERIOD
     scene_frame = file_frame // frames.stride
@@ -210,18 +210,16 @@ def detections_of(
     score_parts: list[Floats] = []
     skipped = Counter[str]()
     for class_name in classes:
-        class_table = read_detections(folder, name, *TYPES[class_name])
-        frames.check(class_table)
-        used_rows = frames.select(
-            class_table.frame, np.ones(len(class_table.frame), dtype=bool)
-        )
-        is_finite = np.isfinite(class_table.box[used_rows]).all(axis=1)
-        is_finite &= np.isfinite(class_table.score[used_rows])
-        skipped["detection not finite"] += int((~is_finite).sum())
-        used_rows = used_rows[is_finite]
-        frame_parts.append(class_table.frame[used_rows])
-        box_parts.append(class_table.box[used_rows])
-        score_parts.append(class_table.score[used_rows])
+        rows = read_detections(folder, name, *KITTI_TYPES[class_name])
+        frames.check(rows)
+        score = rows.table["score"]
+        is_used = rows.frame % frames.stride == 0
+        is_finite = np.isfinite(rows.box).all(axis=1) & np.isfinite(score)
+        skipped["detection not finite"] += int((is_used & ~is_finite).sum())
+        is_used &= is_finite
+        frame_parts.append(rows.frame[is_used])
+        box_parts.append(rows.box[is_used])
+        score_parts.append(score[is_used])
     row_counts = [len(part) for part in frame_parts]
     frame = np.concatenate(frame_parts)
     detections = detections_by_frame(
@@ -245,7 +243,7 @@ def read_result(
     """
     table = read_table(path, RESULT, words="type", optional="score")
     require_kinds(table)
-    kinds = [TYPES[name][0] for name in classes]
+    kinds = [KITTI_TYPES[name][0] for name in classes]
     class_id = class_ids(table["type"].tolist(), kinds)
     is_used = (class_id >= 0) & (table.whole_numbers("frame") % stride == 0)
     table = table.select(is_used)

@@ -4,7 +4,6 @@ One sequence is cut into scenes.
 """
 
 import configparser
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from ...cards import Card, SourceSection, Traits, instead_of_stored
-from ...core import CardError, DataError, Floats, Ints, MissingDataError, Scene
+from ...core import CardError, DataError, Ints, MissingDataError, Scene
 from ..base import (
     DataRoot,
     SourcePackage,
@@ -106,31 +105,33 @@ class Mot3d:
         """Read one scene, all its frames, also those without people."""
         frame_numbers = self._frames[name]
         people = read_rows(self.folder / TRUTH, self._info.seq_length)
-        if not len(people.frame):
+        if not len(people):
             raise DataError(
-                f"{self.folder / TRUTH} has no rows, expected one per person and frame"
+                f"{people.source} has no rows, expected one per person and frame"
             )
-        people.table.refuse_second_box(people.frame, people.object_id)
-        rows, frame = _select(people, frame_numbers)
+        people.refuse_second_box(
+            people.whole_numbers("frame"), people.whole_numbers("id")
+        )
+        shown, frame = _select(people, frame_numbers)
         rate_hz = self._info.frame_rate
         time = (frame_numbers - 1) / rate_hz
         truth = people_truth(
             frame,
-            people.ground[rows, :2],
-            people.object_id[rows],
+            shown.matrix("X Y"),
+            shown.whole_numbers("id"),
             time,
             period=1 / rate_hz * self.section.stride,
-            neutral=people.confidence[rows] == 0,
+            neutral=shown["confidence"] == 0,
         )
         stored = None
         if self.card.detector is None:
             boxes = read_rows(self.folder / DETECTIONS, self._info.seq_length)
-            rows, frame = _select(boxes, frame_numbers)
-            place = boxes.ground[rows, :2]
-            score = boxes.confidence[rows]
+            shown, frame = _select(boxes, frame_numbers)
+            place = shown.matrix("X Y")
+            score = shown["confidence"]
             detections = people_detections(frame, place, score, len(frame_numbers))
             stored = detections, self.section.detector
-        reference_point = middle(people.ground)
+        reference_point = middle(people.matrix("X Y"))
         sequence = self.section.sequence
         return people_scene(name, sequence, time, reference_point, truth, stored)
 
@@ -170,21 +171,11 @@ def split_frames(card: Card, length: int) -> dict[str, Ints]:
     }
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Rows of ``gt.txt`` or ``det.txt`` in the order of the file."""
-
-    table: RowTable
-    frame: Ints  # [R] from 1
-    object_id: Ints  # [R] -1 for detections
-    confidence: Floats  # [R] detections: score; truth: 0 = not to be evaluated
-    ground: Floats  # [R, 3] m, X Y Z of the foot point
-
-
-def _select(table: Rows, frame_numbers: Ints) -> tuple[Ints, Ints]:
+def _select(table: RowTable, frame_numbers: Ints) -> tuple[RowTable, Ints]:
     """Return the rows [n] of ``frame_numbers`` and the frame of each [n], sorted."""
-    rows = sorted_rows(table.frame, np.isin(table.frame, frame_numbers))
-    return rows, np.searchsorted(frame_numbers, table.frame[rows])
+    frame = table.whole_numbers("frame")
+    rows = sorted_rows(frame, np.isin(frame, frame_numbers))
+    return table.select(rows), np.searchsorted(frame_numbers, frame[rows])
 
 
 def read_sequence_info(path: Path) -> SequenceInfo:
@@ -204,11 +195,13 @@ def read_sequence_info(path: Path) -> SequenceInfo:
         raise DataError(f"{path} cannot be read: {problem}") from None
 
 
-def read_rows(path: Path, length: int) -> Rows:
+def read_rows(path: Path, length: int) -> RowTable:
     """Read rows of either file in a sequence of ``length`` frames.
 
-    An empty file gives no rows. DataError names the line that is wrong. Sequences of
-    the 2D benchmark have these names, but no ground coordinates.
+    Frames count from 1. The id of detections is -1, and their confidence is the score;
+    true people with confidence 0 are not to be evaluated. X, Y and Z are metres of the
+    foot point. An empty file gives no rows. DataError names the line that is wrong.
+    Sequences of the 2D benchmark have these names, but no ground coordinates.
     """
     table = read_table(path, COLUMNS, ",")
     frame = table.whole_numbers("frame")
@@ -222,7 +215,7 @@ def read_rows(path: Path, length: int) -> Rows:
         "ground; get the file of 3D MOT 2015, "
         "https://motchallenge.net/data/3D_MOT_2015",
     )
-    return Rows(table, frame, table.whole_numbers("id"), table["confidence"], ground)
+    return table
 
 
 PACKAGE = SourcePackage(

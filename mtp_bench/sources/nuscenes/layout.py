@@ -66,7 +66,7 @@ class NuScenesSource(DetectionsSection):
     Detections are in the official submission form.
     """
 
-    splits = ("train", "train_val", "val", "mini_train", "mini_val", "all")
+    splits = (*SPLITS, "all")
 
     # folder of the tables
     version: Annotated[str, Field(pattern=r"^v1\.0-[A-Za-z0-9_.-]+$")] = "v1.0-trainval"

@@ -8,7 +8,7 @@ event is drawn.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import lru_cache, partial
 from pathlib import Path, PurePosixPath
 from typing import Annotated
@@ -27,12 +27,12 @@ from .tables import (
     CameraRecord,
     ImageRecord,
     SceneRecord,
-    SensorRecord,
     TableRecord,
     Vector,
     by_token,
     find,
     floats,
+    read_channels,
     read_poses,
     read_records,
     rotations,
@@ -191,20 +191,22 @@ def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage,
 
 def _fill(tables: TableStore, folder: Path) -> None:
     path = tables.cache.sources["sample_data"]
-    cameras = _read_cameras(tables)
+    channels = read_channels(tables.cache.sources)
+    cameras = _read_cameras(tables.cache.sources["calibrated_sensor"], channels)
     images = _read_images(path, cameras)
     row_of_token = tables.row_of_token
     samples = [find(row_of_token, image, "sample_token", path) for image in images]
     sample = np.array(samples, dtype=np.int64)
-    mounts = [cameras[image.calibrated_sensor_token] for image in images]
-    channels = [channel for channel, _ in mounts]
+    mounts = [image.calibrated_sensor_token for image in images]
     image_size = floats([(image.width, image.height) for image in images], 2)
     arrays = {
         "frame": sample,
-        "camera": np.array(channels, dtype=np.str_),
+        "camera": np.array([channels[mount] for mount in mounts], dtype=np.str_),
         "path": np.array([image.filename for image in images], dtype=np.str_),
         "size": np.maximum(image_size, 1).astype(np.int64),
-        "projection": _projections(tables, images, [mount for _, mount in mounts]),
+        "projection": _projections(
+            tables, images, [cameras[mount] for mount in mounts]
+        ),
     }
     image_order = np.lexsort((arrays["camera"], sample))
     for name in tables.scenes:
@@ -230,21 +232,18 @@ def _read_images(path: Path, cameras: Collection[str]) -> list[ImageRecord]:
     return images
 
 
-def _read_cameras(tables: TableStore) -> dict[str, tuple[str, CameraRecord]]:
-    """Return channel and mount of each camera by token of the calibrated sensor."""
-    path = tables.cache.sources["calibrated_sensor"]
-    sensors = by_token(tables.cache.sources["sensor"], SensorRecord)
-    cameras: dict[str, tuple[str, CameraRecord]] = {}
+def _read_cameras(path: Path, channels: Mapping[str, str]) -> dict[str, CameraRecord]:
+    """Read the mount of each camera by token of the calibrated sensor."""
+    cameras: dict[str, CameraRecord] = {}
     for token, mount in by_token(path, CameraRecord).items():
-        channel = find(sensors, mount, "sensor_token", path).channel
-        if not channel.startswith("CAM_"):
+        if not channels[token].startswith("CAM_"):
             continue
         if len(mount.camera_intrinsic) != 3:
             raise DataError(
                 f"{path}, record {token!r}: camera_intrinsic needs 3 rows of 3 numbers"
             )
-        cameras[token] = channel, mount
-    rotations([mount for _, mount in cameras.values()], path)
+        cameras[token] = mount
+    rotations(list(cameras.values()), path)
     return cameras
 
 

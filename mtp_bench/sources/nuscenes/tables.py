@@ -118,19 +118,15 @@ class _Sample(TableRecord):
     timestamp: Annotated[float, msgspec.Meta(ge=0, le=2.0**53)]
 
 
-class SensorRecord(TableRecord):
-    """A record of ``sensor.json``."""
-
+class _Sensor(TableRecord):
     channel: str
 
 
-class MountRecord(TableRecord):
-    """A record of ``calibrated_sensor.json``."""
-
+class _Mount(TableRecord):
     sensor_token: str
 
 
-class CameraRecord(MountRecord):
+class CameraRecord(TableRecord):
     """A record of ``calibrated_sensor.json``: the mount, and what a camera shows."""
 
     translation: Vector  # m, in the frame of the ego
@@ -239,16 +235,22 @@ def _check_steps(
             )
 
 
+def read_channels(paths: Mapping[str, Path]) -> dict[str, str]:
+    """Read the channel of each calibrated sensor by its token."""
+    path = paths["calibrated_sensor"]
+    sensors = by_token(paths["sensor"], _Sensor)
+    channels: dict[str, str] = {}
+    for token, mount in by_token(path, _Mount).items():
+        channels[token] = find(sensors, mount, "sensor_token", path).channel
+    return channels
+
+
 def _read_lidar_poses(
     paths: Mapping[str, Path], row_of_token: Mapping[str, int]
 ) -> list[str]:
     """Return the token [N] of the ego pose of each sample's LIDAR_TOP keyframe."""
     path = paths["sample_data"]
-    mount_path = paths["calibrated_sensor"]
-    sensors = by_token(paths["sensor"], SensorRecord)
-    channels: dict[str, str] = {}
-    for token, mount in by_token(mount_path, MountRecord).items():
-        channels[token] = find(sensors, mount, "sensor_token", mount_path).channel
+    channels = read_channels(paths)
     poses: dict[str, str] = {}
     for record in read_records(path, DataRecord):
         channel = find(channels, record, "calibrated_sensor_token", path)

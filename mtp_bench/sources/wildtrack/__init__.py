@@ -23,7 +23,7 @@ from ..base import DataRoot, SourcePackage, require_classes, require_rate, secti
 from ..dataset import Dataset
 from ..motion import people_detections, people_scene, people_truth
 from ..readers import read_table
-from ..tables import RowTable, repeated
+from ..tables import repeated
 from ..text import read_json
 
 ANNOTATIONS = "annotations_positions"
@@ -110,32 +110,35 @@ class Wildtrack:
         middle[:2] = np.array(CORNER) + CELL_M * np.array(GRID) / 2
         stored = None
         if self._is_stored(name):
-            detections = _read_scene_detections(self.root / DETECTIONS, frame_numbers)
+            detections = read_detections(self.root / DETECTIONS, frame_numbers)
             stored = detections, str(self.section.detector)
         return people_scene(name, "wildtrack", time, middle, truth, stored)
 
 
 def _read_truth(folder: Path, frame_numbers: Ints, time: Floats) -> Truth:
-    frames: list[Ints] = []
-    people: list[Ints] = []
-    places: list[Floats] = []
-    for frame, frame_number in enumerate(frame_numbers):
-        person, place = read_annotations(folder / f"{frame_number:08d}.json")
-        frames.append(np.full(len(person), frame))
-        people.append(person)
-        places.append(place)
-    return people_truth(
-        np.concatenate(frames),
-        np.concatenate(places),
-        np.concatenate(people),
-        time,
-        1 / RATE_HZ,
+    paths = [folder / f"{frame_number:08d}.json" for frame_number in frame_numbers]
+    people, places = zip(*map(read_annotations, paths), strict=True)
+    frame = np.repeat(np.arange(len(paths)), [len(person) for person in people])
+    place = np.concatenate(places)
+    return people_truth(frame, place, np.concatenate(people), time, 1 / RATE_HZ)
+
+
+def read_detections(path: Path, frame_numbers: Ints) -> Detections:
+    """Read MVDet's detections, sorted by frame, otherwise in the order of the file.
+
+    Its rows are ``frame gx gy``, on the grid of the annotations. DataError names the
+    line that is wrong.
+    """
+    table = read_table(path, "frame gx gy")
+    frame_number = table.whole_numbers("frame")
+    cell = table.matrix("gx gy")
+    is_outside = ((cell < 0) | (cell >= GRID)).any(axis=1)
+    grid = f"is off the grid of {GRID[0]} x {GRID[1]}"
+    table.refuse(
+        is_outside, lambda row: f"cell {cell[row, 0]:g} {cell[row, 1]:g} {grid}"
     )
-
-
-def _read_scene_detections(path: Path, frame_numbers: Ints) -> Detections:
-    """Read MVDet's detections, sorted by frame, otherwise in the order of the file."""
-    table, frame_number, place = read_detections(path)
+    is_repeated = repeated(frame_number, *cell.T)
+    table.refuse(is_repeated, "a second detection at the place of an earlier line")
     problem = "is not among the annotated test frames"
     expected = f"{frame_numbers[0]}, {frame_numbers[1]}, ..., {frame_numbers[-1]}"
     table.refuse(
@@ -144,7 +147,7 @@ def _read_scene_detections(path: Path, frame_numbers: Ints) -> Detections:
     )
     frame = np.searchsorted(frame_numbers, frame_number)
     score = np.ones(len(frame))  # the file has no scores
-    return people_detections(frame, place, score, len(frame_numbers))
+    return people_detections(frame, metres(cell), score, len(frame_numbers))
 
 
 class _Person(msgspec.Struct):
@@ -173,25 +176,6 @@ def read_annotations(path: Path) -> tuple[Ints, Floats]:
         )
     cell = np.array([entry.position for entry in people], dtype=np.int64)
     return person, metres(np.column_stack([cell % GRID[0], cell // GRID[0]]))
-
-
-def read_detections(path: Path) -> tuple[RowTable, Ints, Floats]:
-    """Read detections, rows ``frame gx gy`` on the grid of the annotations.
-
-    The table, the number [R] of the annotation file of each row, and its place [R, 2]
-    on the ground plane, m. DataError names the line that is wrong.
-    """
-    table = read_table(path, "frame gx gy")
-    frame_number = table.whole_numbers("frame")
-    cell = table.matrix("gx gy")
-    is_outside = ((cell < 0) | (cell >= GRID)).any(axis=1)
-    grid = f"is off the grid of {GRID[0]} x {GRID[1]}"
-    table.refuse(
-        is_outside, lambda row: f"cell {cell[row, 0]:g} {cell[row, 1]:g} {grid}"
-    )
-    is_repeated = repeated(frame_number, *cell.T)
-    table.refuse(is_repeated, "a second detection at the place of an earlier line")
-    return table, frame_number, metres(cell)
 
 
 def metres(cell: Floats | Ints) -> Floats:

@@ -99,17 +99,13 @@ class GymScenes(TrafficScenes):
         store = WorldStore(traffic_of(section), _simulate)
         super().__init__(card, store, section.seeds)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the scenes without a crash.
 
         Simulates the seeds that are not in the cache. Raises DataError if no scene is
         left.
         """
-        return self._names
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
         names = []
         with long_work(f"simulating {self.store.traffic.id}") as work:
             work.started(len(self.missing()))

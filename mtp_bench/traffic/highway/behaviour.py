@@ -54,13 +54,9 @@ class OrnsteinUhlenbeck:
     ) -> None:
         """``spread`` and ``memory_s``: deviation and seconds of each of K kinds."""
         decay = [math.exp(-step_s / seconds) for seconds in memory_s]
-        push = [
-            deviation * math.sqrt(1.0 - duration_share**2)
-            for deviation, duration_share in zip(spread, decay, strict=True)
-        ]
         self._spread = np.array(spread)[:, None]
         self._decay = np.array(decay)[:, None]
-        self._push = np.array(push)[:, None]
+        self._push = self._spread * np.sqrt(1.0 - self._decay**2)
         self._rng = rng
         self._value = np.zeros((len(spread), 0))
 
@@ -70,19 +66,13 @@ class OrnsteinUhlenbeck:
         Return their values [K, n]; other processes do not change.
         """
         kinds, count = self._value.shape
-        missing_numbers = max(process_numbers.tolist(), default=-1) + 1 - count
-        if missing_numbers > 0:
-            sizes = (missing_numbers + _SPARE_NUMBERS, len(process_numbers))
-            first = np.empty((kinds, sizes[0]))
-            random_draw = np.empty((kinds, sizes[1]))
-            for stop_kind in range(kinds):
-                first[stop_kind] = self._rng.standard_normal(sizes[0])
-                random_draw[stop_kind] = self._rng.standard_normal(sizes[1])
-            new = np.round(self._spread * first, 6)
-            self._value = np.concatenate([self._value, new], axis=1)
-        else:
-            random_draw = self._rng.standard_normal((kinds, len(process_numbers)))
-        value = self._decay * self._value[:, process_numbers] + self._push * random_draw
+        missing = max(process_numbers.tolist(), default=-1) + 1 - count
+        added = missing + _SPARE_NUMBERS if missing > 0 else 0
+        draws = self._rng.standard_normal((kinds, added + len(process_numbers)))
+        first_values = np.round(self._spread * draws[:, :added], 6)
+        self._value = np.append(self._value, first_values, axis=1)
+        push = self._push * draws[:, added:]
+        value = self._decay * self._value[:, process_numbers] + push
         self._value[:, process_numbers] = value.round(6)
         return self._value[:, process_numbers]
 

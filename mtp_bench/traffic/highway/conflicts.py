@@ -6,6 +6,7 @@ They are computed once per map.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from ...core import Bools, Floats, Ints
 from .driving import swept_sides
@@ -82,11 +83,9 @@ def find_passages(road_map: RoadMap, routes: RouteTable) -> tuple[Passage, ...]:
     arms = [geometry.index[route.roads[0][0]][0] for route in road_map.routes]
     for first_index, path in enumerate(paths):
         for second_index in range(first_index + 1, len(paths)):
-            shared_zones = (
-                ()
-                if arms[first_index] == arms[second_index]
-                else _zones(path, paths[second_index])
-            )
+            if arms[first_index] == arms[second_index]:
+                continue
+            shared_zones = _zones(path, paths[second_index])
             if shared_zones:
                 zones[first_index][second_index] = shared_zones
                 zones[second_index][first_index] = tuple(
@@ -118,27 +117,8 @@ def _sample(route: Route, lane_start: Floats, geometry: LaneGeometry) -> _Path:
     )
 
 
-def _close_part(a: _Path, b: _Path) -> _Path:
-    """Return the part of path a around path b.
-
-    Outside of it a is not close to b.
-    """
-    reach_m = a.half.max() + b.half.max()
-    close_pairs = (a.xy > b.xy.min(axis=0) - reach_m) & (
-        a.xy < b.xy.max(axis=0) + reach_m
-    )
-    index = np.flatnonzero(close_pairs.all(axis=1))
-    part = slice(index[0], index[-1] + 1) if len(index) else slice(1)
-    return _Path(a.s[part], a.xy[part], a.half[part])
-
-
 def _zones(a: _Path, b: _Path) -> tuple[ConflictZone, ...]:
-    a = _close_part(a, b)
-    b = _close_part(b, a)
-    dx = a.xy[:, 0, None] - b.xy[:, 0]
-    dy = a.xy[:, 1, None] - b.xy[:, 1]
-    # a norm along a short axis takes several times as long
-    distance = np.sqrt(dx * dx + dy * dy)
+    distance = cdist(a.xy, b.xy)
     close_pairs = distance < a.half[:, None] + b.half
     return tuple(
         _zone(a, b, distance, close_pairs, index_run)
@@ -185,11 +165,9 @@ def _passage(
     for c, crossing in enumerate(road_map.crossings):
         stretches += _stretches(c, crossing, path)
     stretches.sort(key=lambda stretch: stretch.start)
-    parts: list[ConflictZone | CrossingStretch]
-    parts = [
-        *stretches,
-        *(zone for shared_zones in zones.values() for zone in shared_zones),
-    ]
+    parts: list[ConflictZone | CrossingStretch] = [*stretches]
+    for shared_zones in zones.values():
+        parts += shared_zones
     line_m = min(part.start for part in parts) - _LINE_GAP_M
     end_m = max(part.end for part in parts)
     lanes = np.array([road[0] for road in road_map.routes[r].roads])

@@ -108,11 +108,6 @@ class DrivenTraffic:
         self._record()
 
     @property
-    def frames(self) -> int:
-        """Number of frames so far."""
-        return len(self._recording.frames)
-
-    @property
     def way(self) -> Way:
         """The way of the ego."""
         return self.ego.way

@@ -30,6 +30,7 @@ class LaneGeometry:
 
     def __init__(self, network: Any) -> None:
         lanes: dict[LaneIndex, Any] = network.lanes_dict()
+        self.network = network
         self.index = tuple(lanes)
         self.lanes = tuple(lanes.values())
         self.number = {index: k for k, index in enumerate(self.index)}
@@ -38,11 +39,8 @@ class LaneGeometry:
         self.radius = np.full(len(self), np.inf)
         # +1 to the right, -1 to the left, 0 straight on
         self.turn = np.zeros(len(self))
-        self._is_arc = np.array([isinstance(lane, CircularLane) for lane in self.lanes])
-        self._arcs = np.flatnonzero(self._is_arc)
-        self._lines = np.flatnonzero(~self._is_arc)
-        self._phase = np.zeros(len(self))
-        self._heading = np.zeros(len(self))
+        # rad, directions of lines and first phases of arcs
+        self._angle = np.zeros(len(self))
         # middles of arcs and starts of lines, and directions of lines
         self._origin = np.zeros((len(self), 2))
         self._direction = np.zeros((len(self), 2))
@@ -51,16 +49,18 @@ class LaneGeometry:
             if isinstance(lane, CircularLane):
                 self.radius[k] = lane.radius
                 self.turn[k] = lane.direction
-                self._phase[k] = lane.start_phase
+                self._angle[k] = lane.start_phase
                 self._origin[k] = lane.center
             elif isinstance(lane, StraightLane):
                 self._origin[k] = lane.start
                 self._direction[k] = lane.direction
-                self._heading[k] = lane.heading
+                self._angle[k] = lane.heading
             if isinstance(lane, SineLane):
                 self._wave[k] = (lane.amplitude, lane.pulsation, lane.phase)
         # change of heading per metre; waves count as straight
         self.curvature = self.turn / self.radius
+        self._arcs = np.flatnonzero(self.turn)
+        self._lines = np.flatnonzero(self.turn == 0)
         self._has_waves = bool(self._wave.any())
 
     def __len__(self) -> int:
@@ -69,26 +69,24 @@ class LaneGeometry:
     def coordinates(self, points: Floats) -> tuple[Floats, Floats]:
         """Return coordinates [L, P] of points [2, P] along and across."""
         along, across = np.empty((2, len(self), points.shape[1]))
-        if len(self._lines):
-            lines = self._lines
-            x, y = self._offsets(points, lines)
-            direction_x, direction_y = self._direction[lines].T[:, :, None]
-            along_m = x * direction_x + y * direction_y
-            across_m = y * direction_x - x * direction_y
-            if self._has_waves:
-                amplitude, pulsation, phase = self._wave[lines].T[:, :, None]
-                across_m -= amplitude * np.sin(pulsation * along_m + phase)
-            along[lines] = along_m
-            across[lines] = across_m
-        if len(self._arcs):
-            arcs = self._arcs
-            x, y = self._offsets(points, arcs)
-            radius = self.radius[arcs, None]
-            turn_sign = self.turn[arcs, None]
-            angle = np.arctan2(y, x) - self._phase[arcs, None]
-            angle = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
-            along[arcs] = turn_sign * angle * radius
-            across[arcs] = turn_sign * (radius - np.hypot(x, y))
+        lines = self._lines
+        x, y = self._offsets(points, lines)
+        direction_x, direction_y = self._direction[lines].T[:, :, None]
+        along_m = x * direction_x + y * direction_y
+        across_m = y * direction_x - x * direction_y
+        if self._has_waves:
+            amplitude, pulsation, phase = self._wave[lines].T[:, :, None]
+            across_m -= amplitude * np.sin(pulsation * along_m + phase)
+        along[lines] = along_m
+        across[lines] = across_m
+        arcs = self._arcs
+        x, y = self._offsets(points, arcs)
+        radius = self.radius[arcs, None]
+        turn_sign = self.turn[arcs, None]
+        angle = np.arctan2(y, x) - self._angle[arcs, None]
+        angle = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
+        along[arcs] = turn_sign * angle * radius
+        across[arcs] = turn_sign * (radius - np.hypot(x, y))
         return along, across
 
     def _offsets(self, points: Floats, lanes: Ints) -> Floats:
@@ -97,15 +95,11 @@ class LaneGeometry:
 
     def heading(self, lane: Ints, along_m: Floats) -> Floats:
         """Return the direction of travel [n] at coordinates [n] along lanes [n]."""
-        line = self._heading[lane]
-        if self._has_waves:
-            amplitude, pulsation, phase = self._wave[lane].T
-            slope = amplitude * pulsation * np.cos(pulsation * along_m + phase)
-            line = line + np.arctan(slope)
-        arc = self._phase[lane] + self.turn[lane] * (
-            along_m / self.radius[lane] + np.pi / 2
-        )
-        return np.where(self._is_arc[lane], arc, line)
+        amplitude, pulsation, phase = self._wave[lane].T
+        slope = amplitude * pulsation * np.cos(pulsation * along_m + phase)
+        tangent = self._angle[lane] + np.arctan(slope)  # of lines
+        turned = self.turn[lane] * (along_m / self.radius[lane] + np.pi / 2)
+        return np.asarray(tangent + turned)
 
 
 def lane_map(
@@ -327,7 +321,6 @@ class Kerb:
 class RoadMap:
     """A road network with its routes."""
 
-    network: Any  # a RoadNetwork
     geometry: LaneGeometry
     routes: tuple[Route, ...]
     sensor: tuple[float, float, float]  # x, y, z of a roadside sensor
@@ -337,8 +330,3 @@ class RoadMap:
     crossings: tuple[Crossing, ...] = ()
     pavement: Pavement | None = None
     kerbs: tuple[Kerb, ...] = ()
-
-    @property
-    def overtaking(self) -> bool:
-        """True if vehicles change lanes."""
-        return not self.regulated

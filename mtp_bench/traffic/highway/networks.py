@@ -102,7 +102,6 @@ def _intersection() -> RoadMap:
     # behind the sidewalks, so that no person stands right in front of the sensor
     corner = _MOUTH_M + STRIP_M + 2.0
     return RoadMap(
-        network,
         geometry,
         tuple(routes),
         sensor=(corner, corner, 4.0),
@@ -198,7 +197,6 @@ def _roundabout() -> RoadMap:
             roads = tuple((geometry.number[a, b, 0],) for a, b in pairwise(nodes))
             routes.append(Route(roads, ARM_WEIGHTS[arm] * movement_weight))
     return RoadMap(
-        network,
         geometry,
         tuple(routes),
         sensor=(0.0, 0.0, 4.0),
@@ -258,8 +256,8 @@ def _fast_road(
     lane_count: int,
     limit_mps: float,
     ramp: dict[str, Any],
-) -> tuple[Any, LaneGeometry, list[tuple[int, ...]]]:
-    """Return roads a-b, b-c, c-d along x and their lanes.
+) -> tuple[LaneGeometry, list[tuple[int, ...]]]:
+    """Return the lanes of roads a-b, b-c, c-d along x, and their numbers by road.
 
     There is one more lane in the middle. ``ramp``: further lanes by the names of their
     ends.
@@ -282,7 +280,7 @@ def _fast_road(
         tuple(geometry.number[road[0], road[1], k] for k in range(count))
         for road, count in counts.items()
     ]
-    return network, geometry, numbers
+    return geometry, numbers
 
 
 def _ramp(
@@ -309,14 +307,14 @@ def _merge(seconds: float) -> RoadMap:
     )
     ramp = {"jk": entry, "kb": _ramp(bend, joined_x, y, np.pi / 2, _RAMP_LIMIT_MPS)}
     ends = (0.0, joined_x, narrow_x, total_m)
-    network, geometry, roads = _fast_road(ends, lane_count, 25.0, ramp)
+    geometry, roads = _fast_road(ends, lane_count, 25.0, ramp)
     main, middle, final, *entries = roads
     routes = (
         Route((main, middle[:-1], final), 0.7),
         Route((*entries, middle, final), 0.3),
     )
     sensor = ((joined_x + narrow_x) / 2, -7.0, 4.0)
-    return RoadMap(network, geometry, routes, sensor, regulated=False)
+    return RoadMap(geometry, routes, sensor, regulated=False)
 
 
 def _highway(seconds: float) -> RoadMap:
@@ -332,11 +330,11 @@ def _highway(seconds: float) -> RoadMap:
     )
     ramp = {"ce": _ramp(split_x, parted_x, y, -np.pi / 2, 22.0), "ef": leaving}
     ends = (0.0, wide_x, split_x, total_m)
-    network, geometry, roads = _fast_road(ends, lane_count, 28.0, ramp)
+    geometry, roads = _fast_road(ends, lane_count, 28.0, ramp)
     main, middle, final, *exits = roads
     routes = (
         Route((main, middle[:-1], final), 0.75),
         Route((main, middle, *exits), 0.25, otherwise=0),
     )
     sensor = (split_x, -7.0, 4.0)
-    return RoadMap(network, geometry, routes, sensor, regulated=False)
+    return RoadMap(geometry, routes, sensor, regulated=False)

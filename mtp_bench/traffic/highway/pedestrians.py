@@ -31,7 +31,7 @@ _MAX_PASSED_SHARE = 0.8
 _ARRIVAL_S = 1.5  # mean time until a missing person comes
 
 
-class _CrowdState(NamedTuple):
+class CrowdState(NamedTuple):
     """Places and velocities of M people."""
 
     local: Floats  # [place and velocity; along and across; M]
@@ -65,7 +65,7 @@ class Crowd:
         along = np.array([c.direction for c in crossings]).reshape(-1, 2)
         across = along[:, ::-1] * [-1.0, 1.0]
         self._axes = np.stack([along, across], axis=1)
-        self._state: _CrowdState | None = None  # until a person moves or comes
+        self._state: CrowdState | None = None  # until a person moves or comes
         for _ in range(20 * target_count):
             if len(self.people) < target_count:
                 stage = LEAVING if rng.uniform() < _CROSSED_SHARE else ARRIVING
@@ -73,15 +73,8 @@ class Crowd:
                 self._add_group(stage, way_share)
                 behaviour.start_standing(self._groups - 1)
 
-    def xy(self) -> tuple[Floats, Floats]:
-        """Return places and velocities [2, M], m and m/s.
-
-        They are in highway-env's frame.
-        """
-        state = self._read()
-        return state.xy, state.velocity
-
-    def _read(self) -> _CrowdState:
+    def state(self) -> CrowdState:
+        """Return the places and velocities of all people."""
         if self._state is None:
             rows = [(*p.place, *p.velocity) for p in self.people]
             local = np.array(rows, dtype=np.float64).reshape(-1, 2, 2)
@@ -90,14 +83,14 @@ class Crowd:
             axes = self._axes[crossing].transpose(1, 2, 0)
             origin = self._origins[crossing].T
             offset, velocity = local[:, :1] * axes[0] + local[:, 1:] * axes[1]
-            self._state = _CrowdState(local, axes, origin, origin + offset, velocity)
+            self._state = CrowdState(local, axes, origin, origin + offset, velocity)
         return self._state
 
     def boxes(self) -> Floats:
         """Return boxes [M, 7] in highway-env's frame (y down)."""
         rows = [(p.size[2] / 2, p.heading, *p.size) for p in self.people]
         sizes = np.array(rows, dtype=np.float64).reshape(-1, 5)
-        return np.concatenate([self.xy()[0].T, sizes], axis=1)
+        return np.concatenate([self.state().xy.T, sizes], axis=1)
 
     def walks(self) -> list[CrossingPedestrian]:
         """Return the people on a crossing."""
@@ -146,7 +139,7 @@ class Crowd:
         pace_mps = float(rng.uniform(1.05, 1.55))
         patience_s = float(rng.uniform(*_PATIENCE_S))
         strolls = bool(rng.uniform() < _STROLL_SHARE)
-        other_places = self.xy()[0].T
+        other_places = self.state().xy.T
         for member_index in range(size):
             if strolls:
                 points = way.stroll(member_index)
@@ -234,7 +227,7 @@ class Crowd:
 
         A group steps on the road together.
         """
-        speeds = np.hypot(*self._read().local[1]).tolist()
+        speeds = np.hypot(*self.state().local[1]).tolist()
         at_kerb = set()
         for p, to_next, speed_mps in zip(
             self.people, self._to_next_point(), speeds, strict=True
@@ -252,7 +245,7 @@ class Crowd:
         """Move all people by ``step_s`` seconds, by social forces."""
         if not self.people:
             return
-        local, axes, origin, place, velocity = self._read()
+        local, axes, origin, place, velocity = self.state()
         goals = _points([p.goal for p in self.people])
         goal_xy = origin + (goals[0] * axes[0] + goals[1] * axes[1])
         stage = np.array([p.stage for p in self.people])
@@ -295,7 +288,7 @@ class Crowd:
 
     def _to_next_point(self) -> list[float]:
         """Return each person's metres to the next point."""
-        x, y = _points([p.ahead[0] for p in self.people]) - self._read().local[0]
+        x, y = _points([p.ahead[0] for p in self.people]) - self.state().local[0]
         distance: list[float] = np.hypot(x, y).tolist()
         return distance
 

@@ -76,7 +76,7 @@ def _map_of(
     road_map = build_map(scenario, seconds)
     routes = route_table(road_map.routes, road_map.geometry)
     passages = find_passages(road_map, routes) if road_map.regulated else ()
-    return road_map, routes, passages, lane_map(road_map.network.lanes_dict())
+    return road_map, routes, passages, lane_map(road_map.geometry.network.lanes_dict())
 
 
 class Attempt:
@@ -121,7 +121,7 @@ class Attempt:
         people = self.crowd.people
         velocity = [
             course_velocity(self.vehicles),
-            self.crowd.xy()[1].T,
+            self.crowd.state().velocity.T,
             np.zeros((len(parked), 2)),
         ]
         class_id = [v.traits.class_id for v in self.vehicles]
@@ -153,8 +153,10 @@ class Attempt:
 
         ``vehicles`` [N, 7]: boxes of the vehicles now.
         """
-        people, velocity = self.crowd.xy()
-        state = RoadState([*self.vehicles], self.map, self.routes, people, velocity)
+        people = self.crowd.state()
+        state = RoadState(
+            [*self.vehicles], self.map, self.routes, people.xy, people.velocity
+        )
         acceleration = self._acceleration(state)
         steering_rad = steering_angles(
             state, self.map.geometry, self.routes, 1.0 / RATE

@@ -54,8 +54,6 @@ from .world import (
     World,
 )
 
-_TRUTH = tuple(column.name for column in fields(Truth))
-
 
 @dataclass(frozen=True)
 class WorldStore:
@@ -168,7 +166,7 @@ def pack(world: World) -> Arrays:
     points = [np.stack([lane.center, lane.left, lane.right]) for lane in world.lanes]
     following = [np.array(lane.following, dtype=np.int64) for lane in world.lanes]
     return {
-        **{name: getattr(world.truth, name) for name in _TRUTH},
+        **vars(world.truth),
         "time": world.time,
         "ego": world.ego,
         "visible": world.visible,
@@ -190,7 +188,7 @@ def unpack(arrays: Arrays) -> World:
         Lane(line[0], line[1], line[2], tuple(numbers.tolist()))
         for line, numbers in zip(points, following, strict=True)
     )
-    truth = Truth(**{name: arrays[name] for name in _TRUTH})
+    truth = Truth(**{column.name: arrays[column.name] for column in fields(Truth)})
     return World(arrays["time"], arrays["ego"], truth, lanes, arrays["visible"])
 
 
@@ -246,11 +244,8 @@ class TrafficScenes:
 class HighwayTraffic(TrafficScenes):
     """Scenes of the library's own traffic."""
 
-    def __init__(self, card: Card, data: object = None) -> None:
-        """Raise CardError for an impossible rate or class.
-
-        ``data`` is not needed.
-        """
+    def __init__(self, card: Card) -> None:
+        """Raise CardError for an impossible rate or class."""
         section = section_of(card, HighwaySource)
         stride_of(card, RATE)
         store = WorldStore(traffic_of(section), _simulate)

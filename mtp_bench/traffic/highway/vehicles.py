@@ -258,7 +258,7 @@ class Entries:
     def _draw(self) -> tuple[VehicleTraits, int]:
         """Draw a vehicle and its route."""
         routes = self._map.routes
-        traits = draw_traits(self._map.overtaking, self._rng)
+        traits = draw_traits(not self._map.regulated, self._rng)
         turns = traits.length < _MAX_TURNING_LENGTH_M
         weight = np.array([r.weight * (r.heavy or turns) for r in routes])
         return traits, int(self._rng.choice(len(routes), p=weight / weight.sum()))
