@@ -14,6 +14,21 @@ from .incident import Incident
 from .run_replay import Replay
 
 
+def nearest_box(
+    box: Floats, rows: slice, is_candidate: Bools, place: Floats, radius_m: float
+) -> int:
+    """Return the row of the candidate nearest to ``place`` [2], or -1.
+
+    Candidates are some of the ``rows`` of one frame. Those farther than ``radius_m``
+    are left out.
+    """
+    distance_m = np.hypot(*(box[rows, :2] - place).T)
+    distance_m[~is_candidate] = np.inf
+    if distance_m.min(initial=np.inf) > radius_m:
+        return -1
+    return int(rows.start + np.argmin(distance_m))
+
+
 @dataclass(frozen=True, eq=False)
 class ObjectForecast:
     """One forecast of the object."""
@@ -212,11 +227,10 @@ class Focus:
         """Return the id of the nearest track in the gate, or -1."""
         rollout = self.replay.rollout
         rows = rollout.tracks.rows(t)
-        distance_m = np.hypot(*(rollout.track_box[rows, :2] - self.place(t)).T)
-        distance_m[~self.shown[rows]] = np.inf
-        if distance_m.min(initial=np.inf) > self.gate_m:
-            return -1
-        return int(rollout.track_id[rows][np.argmin(distance_m)])
+        row = nearest_box(
+            rollout.track_box, rows, self.shown[rows], self.place(t), self.gate_m
+        )
+        return int(np.append(rollout.track_id, -1)[row])
 
     def tracks_at(self, t: int) -> tuple[int, ...]:
         """Return ids of the tracks in colour in frame ``t``."""
@@ -235,14 +249,13 @@ class Focus:
 
         The object is of the class of the forecast, inside its gate.
         """
-        truth = self.replay.scene.truth
-        rows = truth.rows(self.at.frame)
-        distance_m = np.hypot(*(truth.box[rows, :2] - self.place(self.at.frame)).T)
-        distance_m[truth.class_id[rows] != self.at.class_id] = np.inf
-        is_near = distance_m.min(initial=np.inf) <= self.gate_m
-        if self.at.kind != "spurious" or not is_near:
+        if self.at.kind != "spurious":
             return -1
-        return int(rows.start + distance_m.argmin())
+        t = self.at.frame
+        truth = self.replay.scene.truth
+        rows = truth.rows(t)
+        same_class = truth.class_id[rows] == self.at.class_id
+        return nearest_box(truth.box, rows, same_class, self.place(t), self.gate_m)
 
     def forecast(self, t: int) -> ObjectForecast | None:
         """Return the forecast that the scorer matches to the object.

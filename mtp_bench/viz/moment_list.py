@@ -97,11 +97,7 @@ def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
     )
     cause_part = part[:, names == cause_name].ravel()
     borrowed_part = cause_part[borrowed(replay)[rows]]
-    distance_m = None
-    if replay.card.has_ego:
-        ego_place = replay.scene.ego[frame[worst_row], :2]
-        offset_m = replay.scene.truth.box[worst_row, :2] - ego_place
-        distance_m = float(np.hypot(*offset_m))
+    place = replay.scene.truth.box[worst_row, :2]
     first = int(frame[rows[0]])
     until = int(frame[rows[-1]])
     return Moment(
@@ -109,7 +105,7 @@ def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
         frames=len(rows),
         cost=float(cost[rows].sum()),
         parts=parts,
-        distance=distance_m,
+        distance=replay.ego_distance(frame[worst_row], place),
         borrowed=bool(2 * borrowed_part.sum() > cause_part.sum()),
     )
 

@@ -186,6 +186,15 @@ class Replay:
             confidence=_finite(self.worth[row, 1]),
         )
 
+    def ego_distance(self, t: int, place: Floats) -> float | None:
+        """Return the distance of a ``place`` [2] to the ego at ``t``, m.
+
+        None without an ego.
+        """
+        if not self.card.has_ego:
+            return None
+        return float(np.hypot(*(place - self.scene.ego[t, :2])))
+
     def recent(self, t: int, frames: float) -> list[Incident]:
         """Return each object's newest event in the ``frames`` until ``t``."""
         newest = {}

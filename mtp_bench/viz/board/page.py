@@ -27,8 +27,8 @@ from ...scoring import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
 from ..pages import source_of, templates_of, text_of
 from .columns import COLUMN, PAGE, board_table
 from .drawings import WIDTH
-from .entries import LEVEL_TEXT, Entry, by_board, has_map, is_simulated
-from .lines import address_of, board_of, details_of, short_name
+from .entries import LEVEL_TEXT, Entry, by_board, has_map
+from .lines import address_of, board_of, details_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -101,20 +101,11 @@ def board_files(
     return BoardFiles(_page(entries, content, pages or Pages()), parts)
 
 
-@dataclass(frozen=True)
-class Overview:
-    """Agents by environments."""
+def overview_of(entries: Sequence[Entry]) -> list[tuple[str, list[Entry | None]]]:
+    """Return agents, each with its entry per environment.
 
-    map: bool  # agents see lanes in all of the environments; else in none
-    heads: list[tuple[str, str, bool]]  # id of the table, name, whether it is simulated
-    rows: list[tuple[str, list[Entry | None]]]  # agent, its entry per environment
-    groups: list[tuple[str, int]]  # headings above the columns, with their number
-
-
-def overview_of(entries: Sequence[Entry]) -> Overview:
-    """Return the overview of ``entries`` (`entries_of`), the best of the first env first.
-
-    They are all of environments with a map, or all of others.
+    The order of ``entries`` is that of `entries_of`. The best agent of the first
+    environment comes first.
     """
     env_ids = list(by_board(entries))
     entries_by_name: dict[str, dict[str, Entry]] = {}
@@ -132,13 +123,7 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
     rows = []
     for name in sorted(entries_by_name, key=sort_key):
         rows.append((name, [entries_by_name[name].get(env_id) for env_id in env_ids]))
-    heads = []
-    group_counts = {"recorded": 0, "simulated": 0}
-    for env_id in env_ids:
-        heads.append((env_id, short_name(env_id), is_simulated(env_id)))
-        group_counts["simulated" if is_simulated(env_id) else "recorded"] += 1
-    groups = [(name, count) for name, count in group_counts.items() if count]
-    return Overview(has_map(env_ids[0]), heads, rows, groups)
+    return rows
 
 
 def _sort_key(entry: Entry | None) -> tuple[float, ...]:

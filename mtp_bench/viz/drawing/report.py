@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, PngImagePlugin
 from ...core import __version__, whole_file
 from ...scoring import LEAST_SHOWN, named_parts
 from ..causes import cause_line, causes_of, happened, headline, sentence
-from ..evidence import ego_distance, visible_share
+from ..evidence import visible_share
 from ..focus import Focus
 from ..framing import window_of
 from ..palette import BLACK, ROLES, Color
@@ -140,7 +140,7 @@ def _title(focus: Focus, t: int) -> str:
     replay = focus.replay
     texts = [replay.agent, replay.card.id, replay.scene.name]
     texts.append(f"frame {t}, {focus.seconds(t):.1f} s")
-    ego_m = ego_distance(focus, t)
+    ego_m = focus.replay.ego_distance(t, focus.place(t))
     if ego_m is not None:
         texts.append(f"{ego_m:.0f} m from the ego")
     visible = visible_share(focus, t)

@@ -223,7 +223,11 @@ def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
     for track_id in focus.tracks_at(at.frame)[:MAX_CURVES]:
         rows = focus.track_rows(track_id)
         offset_m = _places(replay.rollout.track_box, rows) - true_place
-        color = ROLE_COLORS[track_id == at.old_id, track_id == at.new_id]
+        color = PURPLE
+        if track_id == at.new_id:
+            color = FROM_EVENT
+        elif track_id == at.old_id:
+            color = SKY
         distances.append(Curve(f"track {track_id}", np.hypot(*offset_m.T), color))
     return {
         f"error of {focus.named}, m": [
@@ -235,15 +239,6 @@ def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
             *distances,
         ],
     }
-
-
-# (is the track before the event, is the one from it on) -> colour
-ROLE_COLORS = {
-    (True, False): SKY,
-    (False, True): FROM_EVENT,
-    (True, True): FROM_EVENT,
-    (False, False): PURPLE,
-}
 
 
 def _limit(name: str, value: float, frames: int) -> Curve:
