@@ -328,7 +328,7 @@ def _other_class(focus: Focus) -> Values:
     if row < 0:
         return {}
     return {
-        "detected_class": focus.class_noun(detections.class_id[row]),
+        "detected_class": focus.replay.class_noun(detections.class_id[row]),
         "score": float(detections.score[row]),
     }
 

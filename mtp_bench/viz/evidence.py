@@ -54,17 +54,6 @@ def distance_to(focus: Focus, place: Floats) -> float:
     return float(np.hypot(*(place[:2] - focus.place(focus.at.frame))))
 
 
-def visible_share(focus: Focus, t: int) -> float | None:
-    """Return the share of the object in line of sight.
-
-    None where it is unknown.
-    """
-    shares = focus.replay.scene.visible
-    if shares is None or focus.rows[t] < 0:
-        return None
-    return float(shares[focus.rows[t]])
-
-
 # ---- tracks
 
 

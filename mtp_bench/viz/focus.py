@@ -61,12 +61,12 @@ class Focus:
     @property
     def noun(self) -> str:
         """Class of the object, in words."""
-        return self.class_noun(self.at.class_id)
+        return self.replay.class_noun(self.at.class_id)
 
     @property
     def named(self) -> str:
-        """Name of the object, such as "car 8" or "car c1958768"."""
-        return f"{self.noun} {self.replay.scene.short_name(self.at.object_id)}"
+        """Name of the object."""
+        return self.replay.object_name(self.at.object_id, self.at.class_id)
 
     @property
     def gate_m(self) -> float:
@@ -79,17 +79,13 @@ class Focus:
         """Radius around the object that has its detections, m."""
         return 2 * self.gate_m
 
-    def class_noun(self, class_id: int) -> str:
-        """Return the name of a class in words."""
-        return self.replay.card.task.classes[class_id].replace("_", " ")
-
     def name_of(self, truth_row: int) -> str:
         """Return the name of a true box, empty for row -1."""
         if truth_row < 0:
             return ""
         truth = self.replay.scene.truth
-        short_name = self.replay.scene.short_name(int(truth.object_id[truth_row]))
-        return f"{self.class_noun(truth.class_id[truth_row])} {short_name}"
+        object_id = int(truth.object_id[truth_row])
+        return self.replay.object_name(object_id, truth.class_id[truth_row])
 
     def track_name(self, track_id: int) -> str:
         """Return the name of a track, with its stored id."""
@@ -99,7 +95,7 @@ class Focus:
 
     def seconds(self, t: int) -> float:
         """Return the time of frame ``t`` since the first frame."""
-        return float(self.replay.scene.time[t] - self.replay.scene.time[0])
+        return self.replay.scene.seconds(t)
 
     # ---- the object
 

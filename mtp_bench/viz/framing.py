@@ -217,7 +217,7 @@ def _detection_text(focus: Focus, row: int, owner: int) -> str:
     text = f"{detections.score[row]:.2f}".replace("0.", ".")
     class_id = detections.class_id[row]
     if focus.at.object_id < 0 or class_id != focus.at.class_id:
-        text = f"{focus.class_noun(class_id)} {text}"
+        text = f"{focus.replay.class_noun(class_id)} {text}"
     return f"{text}, of {focus.name_of(owner)}" if owner >= 0 else text
 
 

@@ -146,10 +146,9 @@ def _frame_at(replay: Replay, time_s: float, text: str) -> int:
 
 def _require_frame(replay: Replay, t: int, text: str) -> int:
     if t >= replay.frames:
-        time_s = replay.scene.time[-1] - replay.scene.time[0]
         raise MtpBenchError(
             f"{text}: scene {replay.scene.name} ends at frame {replay.frames - 1}, "
-            f"{time_s:.1f} s"
+            f"{replay.scene.seconds(-1):.1f} s"
         )
     return t
 

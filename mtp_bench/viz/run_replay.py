@@ -108,6 +108,14 @@ class Replay:
         """The rules."""
         return self.answers.card
 
+    def class_noun(self, class_id: int) -> str:
+        """Return the name of a class in words."""
+        return self.card.task.classes[class_id].replace("_", " ")
+
+    def object_name(self, object_id: int, class_id: int) -> str:
+        """Return the name of an object: "car 8" or "car c1958768"."""
+        return f"{self.class_noun(class_id)} {self.scene.short_name(object_id)}"
+
     @property
     def frames(self) -> int:
         """Number of frames F."""

@@ -113,17 +113,15 @@ def overview_of(entries: Sequence[Entry]) -> list[tuple[str, list[Entry | None]]
         # of several of one name the first
         entries_by_name.setdefault(entry.name, {}).setdefault(entry.env, entry)
     references = {entry.name for entry in entries if entry.saw_truth}
-
-    def sort_key(name: str) -> tuple[object, ...]:
-        env_places = [
-            _sort_key(entries_by_name[name].get(env_id)) for env_id in env_ids
-        ]
-        return name in references, env_places, name
-
     rows = []
-    for name in sorted(entries_by_name, key=sort_key):
-        rows.append((name, [entries_by_name[name].get(env_id) for env_id in env_ids]))
-    return rows
+    for name, by_env in entries_by_name.items():
+        rows.append((name, [by_env.get(env_id) for env_id in env_ids]))
+
+    def sort_key(row: tuple[str, list[Entry | None]]) -> tuple[object, ...]:
+        name, env_entries = row
+        return name in references, list(map(_sort_key, env_entries)), name
+
+    return sorted(rows, key=sort_key)
 
 
 def _sort_key(entry: Entry | None) -> tuple[float, ...]:
@@ -153,9 +151,7 @@ def _page(entries: Sequence[Entry], content: dict[str, Any], pages: Pages) -> st
     shown_columns = set()
     for board in content["boards"]:
         shown_columns.update(board["columns"])
-    latest = ""
-    for entry in entries:
-        latest = max(latest, entry.record.measured.made)
+    latest = max((entry.record.measured.made for entry in entries), default="")
     return _render(
         "page.html",
         **content,

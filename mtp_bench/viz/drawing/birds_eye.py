@@ -98,7 +98,7 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
 def draw_frame(replay: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     """Draw frame ``t`` of a run [height, width, 3] in `SIZE`."""
     truth = replay.scene.truth
-    canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], window)
+    canvas = Canvas(SIZE[0] - PANEL, SIZE[1], window)
     draw_lanes(canvas, replay)
     _draw_forecasts(canvas, replay, t - replay.first)
     named_boxes = _draw_tracks(canvas, replay, t - replay.first)
@@ -248,8 +248,8 @@ def _heading(replay: Replay, t: int) -> Iterator[Text]:
         yield replay.agent, LARGE, BLACK
     yield replay.card.id, MIDDLE, GRAY
     yield f"scene {scene.name}", MIDDLE, GRAY
-    time_s = scene.time[t] - scene.time[0]
-    yield f"frame {t} of {scene.frames - 1}   {time_s:.1f} s", MIDDLE, BLACK
+    time = f"{scene.seconds(t):.1f} s"
+    yield f"frame {t} of {scene.frames - 1}   {time}", MIDDLE, BLACK
     plan = plan_at(replay, t)
     if plan is not None:
         acceleration = round(plan.acceleration, 1) + 0.0

@@ -9,7 +9,6 @@ from PIL import Image, ImageDraw, PngImagePlugin
 from ...core import __version__, whole_file
 from ...scoring import LEAST_SHOWN, named_parts
 from ..causes import cause_line, causes_of, happened, headline, sentence
-from ..evidence import visible_share
 from ..focus import Focus
 from ..framing import window_of
 from ..palette import BLACK, ROLES, Color
@@ -140,12 +139,12 @@ def _title(focus: Focus, t: int) -> str:
     replay = focus.replay
     texts = [replay.agent, replay.card.id, replay.scene.name]
     texts.append(f"frame {t}, {focus.seconds(t):.1f} s")
-    ego_m = focus.replay.ego_distance(t, focus.place(t))
+    ego_m = replay.ego_distance(t, focus.place(t))
     if ego_m is not None:
         texts.append(f"{ego_m:.0f} m from the ego")
-    visible = visible_share(focus, t)
-    if visible is not None:
-        texts.append(f"{visible:.0%} visible")
+    row = focus.rows[t]
+    if replay.scene.visible is not None and row >= 0:
+        texts.append(f"{replay.scene.visible[row]:.0%} visible")
     return "   ".join(text for text in texts if text)
 
 

@@ -82,13 +82,11 @@ def object_names(replay: Replay) -> dict[int, str]:
     """Return names such as "car 4" by object number."""
     truth = replay.scene.truth
     object_ids, rows = np.unique(truth.object_id, return_index=True)
-    names = {}
-    for object_id, class_id in zip(
-        object_ids.tolist(), truth.class_id[rows].tolist(), strict=True
-    ):
-        noun = replay.card.task.classes[class_id].replace("_", " ")
-        names[object_id] = drawable(f"{noun} {replay.scene.short_name(object_id)}")
-    return names
+    classes = dict(zip(object_ids.tolist(), truth.class_id[rows].tolist(), strict=True))
+    return {
+        object_id: drawable(replay.object_name(object_id, class_id))
+        for object_id, class_id in classes.items()
+    }
 
 
 def path_part(name: str) -> str:

@@ -72,10 +72,6 @@ class Listed:
             return self.class_name
         return f"{self.class_name} {self.scene.short_name(object_id)}"
 
-    def seconds(self, t: int) -> float:
-        """Return the time of frame ``t`` since the first frame."""
-        return float(self.scene.time[t] - self.scene.time[0])
-
     def record(self, *names: str) -> dict[str, Any]:
         """Return what ``--json`` states of any row.
 
@@ -281,7 +277,7 @@ def _record(row: Listed) -> dict[str, Any]:
     event = row.incident
     at_fault = None if row.drive is None else row.drive.at_fault
     return {
-        "time": row.seconds(event.frame),
+        "time": row.scene.seconds(event.frame),
         "event": event.name,
         "position": list(event.position),
         **row.record("kind", "wrong", "error", "parts", "error_before"),
