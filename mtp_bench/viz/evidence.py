@@ -50,7 +50,7 @@ def reach(focus: Focus) -> float:
 
 
 def distance_to(focus: Focus, place: Floats) -> float:
-    """Return the distance of a ``place`` [2 or more] to the object, m."""
+    """Return the distance of a ``place`` to the object, m."""
     return float(np.hypot(*(place[:2] - focus.place(focus.at.frame))))
 
 

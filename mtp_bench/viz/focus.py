@@ -239,20 +239,6 @@ class Focus:
 
     # ---- its forecasts
 
-    @cached_property
-    def doubled(self) -> int:
-        """True object that a false forecast repeats, or -1.
-
-        The object is of the class of the forecast, inside its gate.
-        """
-        if self.at.kind != "spurious":
-            return -1
-        t = self.at.frame
-        truth = self.replay.scene.truth
-        rows = truth.rows(t)
-        same_class = truth.class_id[rows] == self.at.class_id
-        return nearest_box(truth.box, rows, same_class, self.place(t), self.gate_m)
-
     def forecast(self, t: int) -> ObjectForecast | None:
         """Return the forecast that the scorer matches to the object.
 

@@ -195,7 +195,7 @@ class Replay:
         )
 
     def ego_distance(self, t: int, place: Floats) -> float | None:
-        """Return the distance of a ``place`` [2] to the ego at ``t``, m.
+        """Return the distance of a ``place`` [2] to the ego, m.
 
         None without an ego.
         """

@@ -169,9 +169,10 @@ def _page(entries: Sequence[Entry], content: dict[str, Any], pages: Pages) -> st
 
 
 def _details_script(board: dict[str, Any], content: dict[str, Any]) -> str:
-    """Return the details of a table's entries as calls that hand HTML to the page.
+    """Return a script with the details of a table's entries.
 
-    They are ASCII without "</" and "<!", which would end a script early.
+    Its calls hand HTML to the page. They are ASCII without "</" and "<!", which would
+    end a script early.
     """
     calls = []
     for line in board["lines"]:

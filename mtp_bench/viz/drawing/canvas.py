@@ -118,9 +118,9 @@ class Canvas:
         self.draw.polygon(_points(self.pixels(path)), fill=color)
 
     def boxes(self, box: Floats, mark: Outline) -> None:
-        """Draw boxes [n, 7] (x y z yaw l w h, m and rad).
+        """Draw boxes [n, 7].
 
-        Those out of sight are skipped.
+        They are x y z yaw l w h, in m and rad. Those out of sight are skipped.
         """
         diagonal_px = np.hypot(box[:, 4], box[:, 5]) * self.scale
         box = box[self.inside(box[:, :2], diagonal_px + HEADING_PX)]

@@ -237,7 +237,7 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
 
 
 def show_collisions(rows: Sequence[Listed], shown: str = "") -> None:
-    """Print a line per collision among ``rows``, and the command of the first.
+    """Print a line per collision, and the command of the first.
 
     Those at fault come first, then those of the fastest ego. The command is left out
     if it is ``shown`` above.
