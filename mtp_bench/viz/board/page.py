@@ -16,7 +16,6 @@ from ...core import (
     BLANK,
     Column,
     MtpBenchError,
-    require_folder,
     to_csv,
     to_json,
     whole_folder,
@@ -24,7 +23,7 @@ from ...core import (
 )
 from ...judge import LEVELS
 from ...scoring import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
-from ..pages import source_of, templates_of, text_of
+from ..pages import require_own_folder, source_of, templates_of, text_of
 from .columns import COLUMN, PAGE, board_table
 from .drawings import WIDTH
 from .entries import LEVEL_TEXT, Entry, by_board, has_map
@@ -239,14 +238,9 @@ def require_parts(page: Path) -> None:
     It may hold earlier parts alone.
     """
     folder = parts_folder(page)
-    require_folder(folder)
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise MtpBenchError(f"cannot write {folder}: it is not a folder; remove it")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / _MARK).is_file():
-        raise MtpBenchError(
-            f"cannot write {folder}: it holds other files than parts of a page; write "
-            "it elsewhere"
-        )
+    require_own_folder(folder, _MARK, "a page")
 
 
 def write_board(page: Path, files: BoardFiles) -> None:
