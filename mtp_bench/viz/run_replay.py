@@ -13,6 +13,7 @@ from ..cards import Card
 from ..core import Bools, Floats, Ints, Rollout, RolloutError, Scene, require_known
 from ..env import LiveEpisode, true_ids
 from ..scoring import (
+    EVENTS,
     PARTS,
     Candidates,
     RecordedForecasts,
@@ -311,7 +312,7 @@ def _identity_events(judged: Replay) -> list[Incident]:
     events = lineage.of(hypotheses.best[frame])
     track_ids = np.append(rollout.track_id, -1)  # row -1: no track
     incidents = []
-    for kind in ("ids", "lost", "reacquired"):
+    for kind in EVENTS:
         for row in np.flatnonzero(getattr(events, kind)[:, 0]).tolist():
             old_id = int(track_ids[events.old[row, 0]])
             wrong = bool(events.wrong[row, 0])

@@ -318,7 +318,7 @@ def test_parts_are_replaced_as_a_whole_and_nothing_else_ever_is(tmp_path: Path) 
     theirs = tmp_path / "theirs.parts"
     theirs.mkdir()
     (theirs / "precious.txt").touch()
-    with pytest.raises(MtpBenchError, match="contains 'precious.txt', which a page did not write"):
+    with pytest.raises(MtpBenchError, match=r"precious\.txt.*a page did not write"):
         write_board(tmp_path / "theirs.html", board_files([]))
     assert (theirs / "precious.txt").exists()
 

@@ -57,14 +57,11 @@ def scale_of(entries: Sequence[Entry]) -> Scale | None:
     compared. Values more than _MAX_DISTANCE times as far from 0 as the median are left
     off, so that the others can be told apart.
     """
-    compared_limits = []
-    unranked_limits = []
-    for entry in entries:
-        if entry.difference is not None and entry.compared:
-            compared_limits.append(_limits(entry.difference))
-        elif entry.difference is not None:
-            unranked_limits.append(_limits(entry.difference))
-    limits = compared_limits or unranked_limits
+    compared = [e for e in entries if e.compared and e.difference is not None]
+    limits = []
+    for entry in compared or entries:
+        if entry.difference is not None:
+            limits.append(_limits(entry.difference))
     if not limits:
         return None
     distances = np.abs(limits)
