@@ -19,7 +19,7 @@ PAGE: dict[str, str] = _DECLARED["page"]
 def _value_at(path: str, entry: Entry) -> Value:
     """Return what the attributes and keys of ``path`` lead to.
 
-    An empty text is None.
+    None for an empty text.
     """
     value: Any = entry
     for name in path.split("."):
