@@ -72,6 +72,5 @@ def events(
         show("")
         show_lines([EVENT_CAPTION, LOOK])
         show_command(shown_command)
-    collisions = [row for row in all_rows if row.cause]
-    show_collisions(collisions, opened.rollouts(scene), shown_command)
+    show_collisions(all_rows, shown_command)
     show(tally_line(tally, all_listed=len(listed) == len(rows)))

@@ -89,15 +89,14 @@ def worst(
     content = worst_json(chosen, total, parts, opened.card.id, opened.run.info.agent)
     write_json(json_file, content)
     _show_moments(chosen, total, below)
-    rollouts = opened.rollouts(scene)
-    show_collisions(collisions, rollouts)
+    show_collisions(collisions)
     if unsplit:
         show_lines([UNSPLIT.format(unsplit)])
     cost = sum(row.moment.cost for row in chosen)
     count = f"{len(chosen)} of {counted(len(rows), 'moment')}"
     sum_name = "part" if below else "blame"
     summary = f"{count}, {cost / (total or 1.0):.0%} of the {sum_name}."
-    show_lines([summary, run_line(parts, len(rollouts))])
+    show_lines([summary, run_line(parts, len(opened.rollouts(scene)))])
 
 
 def _chosen(

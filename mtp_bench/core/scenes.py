@@ -130,6 +130,10 @@ class Scene:
         """Number of frames F."""
         return len(self.time)
 
+    def seconds(self, t: int) -> float:
+        """Return the time of frame ``t`` since the first frame."""
+        return float(self.time[t] - self.time[0])
+
     def name_of(self, object_id: int) -> str:
         """Return the id of a true object in the files: a word, a token or a number."""
         return self.object_names.get(object_id, str(object_id))

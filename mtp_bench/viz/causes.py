@@ -19,7 +19,7 @@ from .evidence import (
     taken_detection,
     trail,
 )
-from .focus import Focus
+from .focus import Focus, nearest_box
 from .incident import MOMENT, Incident
 from .plan import collision_evidence
 
@@ -328,7 +328,7 @@ def _other_class(focus: Focus) -> Values:
     if row < 0:
         return {}
     return {
-        "detected_class": focus.class_noun(detections.class_id[row]),
+        "detected_class": focus.replay.class_noun(detections.class_id[row]),
         "score": float(detections.score[row]),
     }
 
@@ -379,9 +379,12 @@ def _false_forecast(focus: Focus) -> Cause:
     t = focus.at.frame
     truth = focus.replay.scene.truth
     mistaken = of_other_class(focus, t, truth)
+    rows = truth.rows(t)
+    same_class = truth.class_id[rows] == focus.at.class_id
+    doubled = nearest_box(truth.box, rows, same_class, focus.place(t), focus.gate_m)
     for stage, reason, row in (
         ("detector", "mistaken class", mistaken),
-        ("tracker", "second forecast", focus.doubled),
+        ("tracker", "second forecast", doubled),
     ):
         if row >= 0:
             values = {

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core import Bools, Detections, Floats, Ints, Truth
 from ..scoring import PARTS, Pairs, match, near_pairs, pieces
-from .focus import Focus
+from .focus import Focus, nearest_box
 from .run_replay import Replay
 
 # share of the forecast gate between a track's box and its detection without motion
@@ -50,29 +50,8 @@ def reach(focus: Focus) -> float:
 
 
 def distance_to(focus: Focus, place: Floats) -> float:
-    """Return the distance of a ``place`` [2 or more] to the object, m."""
+    """Return the distance of a ``place`` to the object, m."""
     return float(np.hypot(*(place[:2] - focus.place(focus.at.frame))))
-
-
-def ego_distance(focus: Focus, t: int) -> float | None:
-    """Return the distance from object to ego at ``t``, m.
-
-    None without an ego.
-    """
-    if not focus.replay.card.has_ego:
-        return None
-    return float(np.hypot(*(focus.place(t) - focus.replay.scene.ego[t, :2])))
-
-
-def visible_share(focus: Focus, t: int) -> float | None:
-    """Return the share of the object in line of sight.
-
-    None where it is unknown.
-    """
-    shares = focus.replay.scene.visible
-    if shares is None or focus.rows[t] < 0:
-        return None
-    return float(shares[focus.rows[t]])
 
 
 # ---- tracks
@@ -193,11 +172,8 @@ def of_other_class(focus: Focus, t: int, table: Detections | Truth) -> int:
     ``table``: the detections, or the true boxes.
     """
     rows = table.rows(t)
-    distance_m = np.hypot(*(table.box[rows, :2] - focus.place(t)).T)
-    distance_m[table.class_id[rows] == focus.at.class_id] = np.inf
-    if distance_m.min(initial=np.inf) > reach(focus):
-        return -1
-    return int(rows.start + np.argmin(distance_m))
+    is_other = table.class_id[rows] != focus.at.class_id
+    return nearest_box(table.box, rows, is_other, focus.place(t), reach(focus))
 
 
 def owner_of(focus: Focus, detection_row: int, t: int) -> int:

@@ -14,6 +14,21 @@ from .incident import Incident
 from .run_replay import Replay
 
 
+def nearest_box(
+    box: Floats, rows: slice, is_candidate: Bools, place: Floats, radius_m: float
+) -> int:
+    """Return the row of the candidate nearest to ``place`` [2], or -1.
+
+    Candidates are some of the ``rows`` of one frame. Those farther than ``radius_m``
+    are left out.
+    """
+    distance_m = np.hypot(*(box[rows, :2] - place).T)
+    distance_m[~is_candidate] = np.inf
+    if distance_m.min(initial=np.inf) > radius_m:
+        return -1
+    return int(rows.start + np.argmin(distance_m))
+
+
 @dataclass(frozen=True, eq=False)
 class ObjectForecast:
     """One forecast of the object."""
@@ -46,12 +61,12 @@ class Focus:
     @property
     def noun(self) -> str:
         """Class of the object, in words."""
-        return self.class_noun(self.at.class_id)
+        return self.replay.class_noun(self.at.class_id)
 
     @property
     def named(self) -> str:
-        """Name of the object, such as "car 8" or "car c1958768"."""
-        return f"{self.noun} {self.replay.scene.short_name(self.at.object_id)}"
+        """Name of the object."""
+        return self.replay.object_name(self.at.object_id, self.at.class_id)
 
     @property
     def gate_m(self) -> float:
@@ -64,17 +79,13 @@ class Focus:
         """Radius around the object that has its detections, m."""
         return 2 * self.gate_m
 
-    def class_noun(self, class_id: int) -> str:
-        """Return the name of a class in words."""
-        return self.replay.card.task.classes[class_id].replace("_", " ")
-
     def name_of(self, truth_row: int) -> str:
         """Return the name of a true box, empty for row -1."""
         if truth_row < 0:
             return ""
         truth = self.replay.scene.truth
-        short_name = self.replay.scene.short_name(int(truth.object_id[truth_row]))
-        return f"{self.class_noun(truth.class_id[truth_row])} {short_name}"
+        object_id = int(truth.object_id[truth_row])
+        return self.replay.object_name(object_id, truth.class_id[truth_row])
 
     def track_name(self, track_id: int) -> str:
         """Return the name of a track, with its stored id."""
@@ -84,7 +95,7 @@ class Focus:
 
     def seconds(self, t: int) -> float:
         """Return the time of frame ``t`` since the first frame."""
-        return float(self.replay.scene.time[t] - self.replay.scene.time[0])
+        return self.replay.scene.seconds(t)
 
     # ---- the object
 
@@ -212,11 +223,10 @@ class Focus:
         """Return the id of the nearest track in the gate, or -1."""
         rollout = self.replay.rollout
         rows = rollout.tracks.rows(t)
-        distance_m = np.hypot(*(rollout.track_box[rows, :2] - self.place(t)).T)
-        distance_m[~self.shown[rows]] = np.inf
-        if distance_m.min(initial=np.inf) > self.gate_m:
-            return -1
-        return int(rollout.track_id[rows][np.argmin(distance_m)])
+        row = nearest_box(
+            rollout.track_box, rows, self.shown[rows], self.place(t), self.gate_m
+        )
+        return int(np.append(rollout.track_id, -1)[row])
 
     def tracks_at(self, t: int) -> tuple[int, ...]:
         """Return ids of the tracks in colour in frame ``t``."""
@@ -228,21 +238,6 @@ class Focus:
         return tuple(track_id for track_id in dict.fromkeys(track_ids) if track_id >= 0)
 
     # ---- its forecasts
-
-    @cached_property
-    def doubled(self) -> int:
-        """True object that a false forecast repeats, or -1.
-
-        The object is of the class of the forecast, inside its gate.
-        """
-        truth = self.replay.scene.truth
-        rows = truth.rows(self.at.frame)
-        distance_m = np.hypot(*(truth.box[rows, :2] - self.place(self.at.frame)).T)
-        distance_m[truth.class_id[rows] != self.at.class_id] = np.inf
-        is_near = distance_m.min(initial=np.inf) <= self.gate_m
-        if self.at.kind != "spurious" or not is_near:
-            return -1
-        return int(rows.start + distance_m.argmin())
 
     def forecast(self, t: int) -> ObjectForecast | None:
         """Return the forecast that the scorer matches to the object.

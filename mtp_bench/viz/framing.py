@@ -15,7 +15,7 @@ from .evidence import (
     taken_detection,
     trail,
 )
-from .focus import Focus
+from .focus import Focus, nearest_box
 from .incident import MOMENT, Incident
 from .run_replay import Replay
 
@@ -101,15 +101,15 @@ def counterpart(replay: Replay, at: Incident) -> Incident:
         return replace(replay.moment(at.row), name="no event")
     rollout = replay.rollout
     rows = rollout.objects.rows(at.frame)
-    distance_m = np.hypot(*(rollout.object_box[rows, :2] - at.position[:2]).T)
-    is_alike = rollout.object_class[rows] == at.class_id
-    distance_m[~(replay.forecast_false[rows] & is_alike)] = np.inf
-    gate_m = replay.card.per_class(replay.card.task.forecast_gate)[at.class_id]
-    if distance_m.min(initial=np.inf) > gate_m:
+    same_class = rollout.object_class[rows] == at.class_id
+    is_alike = replay.forecast_false[rows] & same_class
+    place = np.array(at.position[:2])
+    gate_m = Focus(replay, at).gate_m
+    row = nearest_box(rollout.object_box, rows, is_alike, place, gate_m)
+    if row < 0:
         return replace(
             at, kind=MOMENT, name="no event", row=-1, new_id=-1, confidence=None
         )
-    row = rows.start + int(np.argmin(distance_m))
     track_id = int(replay.answers.object_track_id[row])
     incident = next(
         run
@@ -207,12 +207,8 @@ def _nearest_other(focus: Focus, t: int) -> int:
     """Return the nearest other true object, or -1."""
     truth = focus.replay.scene.truth
     rows = truth.rows(t)
-    distance_m = np.hypot(*(truth.box[rows, :2] - focus.place(t)).T)
-    if focus.rows[t] >= 0:
-        distance_m[focus.rows[t] - rows.start] = np.inf
-    if distance_m.min(initial=np.inf) > focus.near_m:
-        return -1
-    return int(rows.start + np.argmin(distance_m))
+    is_other = np.arange(rows.start, rows.stop) != focus.rows[t]
+    return nearest_box(truth.box, rows, is_other, focus.place(t), focus.near_m)
 
 
 def _detection_text(focus: Focus, row: int, owner: int) -> str:
@@ -221,7 +217,7 @@ def _detection_text(focus: Focus, row: int, owner: int) -> str:
     text = f"{detections.score[row]:.2f}".replace("0.", ".")
     class_id = detections.class_id[row]
     if focus.at.object_id < 0 or class_id != focus.at.class_id:
-        text = f"{focus.class_noun(class_id)} {text}"
+        text = f"{focus.replay.class_noun(class_id)} {text}"
     return f"{text}, of {focus.name_of(owner)}" if owner >= 0 else text
 
 

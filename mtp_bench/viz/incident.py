@@ -4,10 +4,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from ..scoring import BELOW
+from ..scoring import BELOW, EVENTS
 
 # spurious: false forecasts; collision: of the ego
-INCIDENT_KINDS = ("ids", "lost", "reacquired", "spurious", "collision")
+INCIDENT_KINDS = (*EVENTS, "spurious", "collision")
 MOMENT = "moment"  # kind of the incident of an object in a frame without an event
 _LABELS = {"reacquired": "again", "spurious": "false forecast"}
 

@@ -97,11 +97,7 @@ def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
     )
     cause_part = part[:, names == cause_name].ravel()
     borrowed_part = cause_part[borrowed(replay)[rows]]
-    distance_m = None
-    if replay.card.has_ego:
-        ego_place = replay.scene.ego[frame[worst_row], :2]
-        offset_m = replay.scene.truth.box[worst_row, :2] - ego_place
-        distance_m = float(np.hypot(*offset_m))
+    place = replay.scene.truth.box[worst_row, :2]
     first = int(frame[rows[0]])
     until = int(frame[rows[-1]])
     return Moment(
@@ -109,7 +105,7 @@ def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
         frames=len(rows),
         cost=float(cost[rows].sum()),
         parts=parts,
-        distance=distance_m,
+        distance=replay.ego_distance(frame[worst_row], place),
         borrowed=bool(2 * borrowed_part.sum() > cause_part.sum()),
     )
 
@@ -150,10 +146,9 @@ def _frame_at(replay: Replay, time_s: float, text: str) -> int:
 
 def _require_frame(replay: Replay, t: int, text: str) -> int:
     if t >= replay.frames:
-        time_s = replay.scene.time[-1] - replay.scene.time[0]
         raise MtpBenchError(
             f"{text}: scene {replay.scene.name} ends at frame {replay.frames - 1}, "
-            f"{time_s:.1f} s"
+            f"{replay.scene.seconds(-1):.1f} s"
         )
     return t
 

@@ -6,6 +6,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core import MtpBenchError, require_folder, require_replaceable
+
 if TYPE_CHECKING:
     from jinja2 import Environment
 
@@ -14,6 +16,23 @@ if TYPE_CHECKING:
 def text_of(folder: Path, name: str) -> str:
     """Read a text that ships with the library."""
     return (folder / name).read_text(encoding="utf-8")
+
+
+def require_own_folder(folder: Path, mark: str, writer: str) -> None:
+    """Raise MtpBenchError unless ``folder`` can be written.
+
+    It may be new or empty. If it has the file ``mark``, an earlier ``writer`` wrote it.
+    """
+    require_folder(folder)
+    require_replaceable(folder)
+    if not folder.is_dir() or (folder / mark).is_file():
+        return
+    names = sorted(path.name for path in folder.iterdir())
+    if names:
+        raise MtpBenchError(
+            f"{folder} contains {names[0]!r}, which {writer} did not write; "
+            "choose another place with -o"
+        )
 
 
 def source_of(text: str) -> str:

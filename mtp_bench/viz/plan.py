@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core import HARD_BRAKING, Bools, Floats, to_metres
 from ..traffic import RATE
-from .focus import Focus
+from .focus import Focus, nearest_box
 from .run_replay import Replay
 
 BEFORE_SECONDS = 3.0  # before a collision, in which outputs are counted
@@ -116,11 +116,11 @@ def _forecast_then(focus: Focus, frame: int) -> tuple[float, float]:
     """
     rollout = focus.replay.rollout
     rows = rollout.objects.rows(frame)
-    distance_m = np.hypot(*(rollout.object_box[rows, :2] - focus.place(frame)).T)
-    distance_m[rollout.object_class[rows] != focus.at.class_id] = np.inf
-    if distance_m.min(initial=np.inf) > focus.gate_m:
+    same_class = rollout.object_class[rows] == focus.at.class_id
+    place = focus.place(frame)
+    row = nearest_box(rollout.object_box, rows, same_class, place, focus.gate_m)
+    if row < 0:
         return np.nan, np.nan
-    row = rows.start + int(np.argmin(distance_m))
     samples = rollout.forecast[row][np.isfinite(rollout.forecast_log_weight[row])]
     if not len(samples):
         return np.nan, np.nan

@@ -15,11 +15,11 @@ _SERIAL_SCENES = 4  # are scored before other processes have started
 class PlayedRun:
     """A stored run whose scenes can be replayed; its causes are found first."""
 
-    def __init__(self, opened: OpenedRun, options: RunOptions | None = None) -> None:
+    def __init__(self, opened: OpenedRun) -> None:
         self.opened = opened
         is_short = len(opened.run.rollouts) <= _SERIAL_SCENES
         workers = SERIAL if is_short else Workers(cores())
-        self._options = options or RunOptions(data=opened.data, workers=workers)
+        self._options = RunOptions(data=opened.data, workers=workers)
         self.parts = run_parts(opened, self._options)  # by scene
 
     def replay(

@@ -13,6 +13,7 @@ from ..cards import Card
 from ..core import Bools, Floats, Ints, Rollout, RolloutError, Scene, require_known
 from ..env import LiveEpisode, true_ids
 from ..scoring import (
+    EVENTS,
     PARTS,
     Candidates,
     RecordedForecasts,
@@ -108,6 +109,14 @@ class Replay:
         """The rules."""
         return self.answers.card
 
+    def class_noun(self, class_id: int) -> str:
+        """Return the name of a class in words."""
+        return self.card.task.classes[class_id].replace("_", " ")
+
+    def object_name(self, object_id: int, class_id: int) -> str:
+        """Return the name of an object: "car 8" or "car c1958768"."""
+        return f"{self.class_noun(class_id)} {self.scene.short_name(object_id)}"
+
     @property
     def frames(self) -> int:
         """Number of frames F."""
@@ -185,6 +194,15 @@ class Replay:
             error_before=error_before,
             confidence=_finite(self.worth[row, 1]),
         )
+
+    def ego_distance(self, t: int, place: Floats) -> float | None:
+        """Return the distance of a ``place`` [2] to the ego, m.
+
+        None without an ego.
+        """
+        if not self.card.has_ego:
+            return None
+        return float(np.hypot(*(place - self.scene.ego[t, :2])))
 
     def recent(self, t: int, frames: float) -> list[Incident]:
         """Return each object's newest event in the ``frames`` until ``t``."""
@@ -294,7 +312,7 @@ def _identity_events(judged: Replay) -> list[Incident]:
     events = lineage.of(hypotheses.best[frame])
     track_ids = np.append(rollout.track_id, -1)  # row -1: no track
     incidents = []
-    for kind in ("ids", "lost", "reacquired"):
+    for kind in EVENTS:
         for row in np.flatnonzero(getattr(events, kind)[:, 0]).tolist():
             old_id = int(track_ids[events.old[row, 0]])
             wrong = bool(events.wrong[row, 0])

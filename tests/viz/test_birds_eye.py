@@ -113,7 +113,7 @@ def test_arrows_point_along_lanes() -> None:
 
 # ---- texts
 def test_texts_never_overlap_nor_are_they_cut_off() -> None:
-    canvas = Canvas.blank(400, 300, Window(0.0, 0.0, 40.0, 30.0))
+    canvas = Canvas(400, 300, Window(0.0, 0.0, 40.0, 30.0))
     rng = np.random.default_rng(0)
     for i, xy in enumerate(rng.uniform([-22, -17], [22, 17], (200, 2))):
         if i < 20:

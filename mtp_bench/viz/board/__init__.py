@@ -1,1 +1,1 @@
-"""The leaderboard as a page that needs no server, as tables of the terminal and as files."""
+"""The leaderboard as a page without a server, tables of the terminal, and files."""

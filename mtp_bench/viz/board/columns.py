@@ -1,27 +1,26 @@
 """Columns of a leaderboard: `columns.toml` declares them in their order."""
 
-import tomllib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
-from ...core import Column, Table, Value, columns_of
+from ...core import Column, Table, Value, columns_of, toml_beside
 from ...judge import rounded
 from ...scoring import DrivingRow, Row, Subset
 from .entries import Entry
 
-_DECLARED: dict[str, Any] = tomllib.loads(
-    Path(__file__).with_name("columns.toml").read_text(encoding="utf-8")
-)
+_DECLARED = toml_beside(__file__, "columns.toml")
 ROW_COLUMNS = {column.key: column for column in columns_of(Row)}
 # keys of the columns of the page, each with the class of its cells
 PAGE: dict[str, str] = _DECLARED["page"]
 
 
 def _value_at(path: str, entry: Entry) -> Value:
-    """Return what the attributes and keys of ``path`` lead to, empty text as None."""
+    """Return what the attributes and keys of ``path`` lead to.
+
+    None for an empty text.
+    """
     value: Any = entry
     for name in path.split("."):
         if isinstance(value, Mapping):
@@ -35,14 +34,17 @@ def _value_at(path: str, entry: Entry) -> Value:
 
 
 def _row_value(column: Column, subset: Subset, entry: Entry) -> Value:
-    """Return the value of a row; blank of drives and of subsets without results."""
+    """Return the value of a row.
+
+    None for drives and for subsets without results.
+    """
     if entry.driving is not None or subset not in entry.sums.subsets:
         return None
     return column.value(entry.row_of(subset))
 
 
 def _row_column(column: Column, subset: Subset = "all", **fields: Any) -> Column:
-    """Return a column of the rows of a report as one of entries."""
+    """Return a column of report rows as one of entries."""
     return replace(column, read=partial(_row_value, column, subset), **fields)
 
 
@@ -90,10 +92,10 @@ def optional_columns(entries: Collection[Entry]) -> list[Column]:
 
 
 def board_table(entries: Sequence[Entry], name: str) -> Table:
-    """Return every number of the entries, rounded as records are, for other programs.
+    """Return every number of the entries, for other programs.
 
-    An optional number that no entry has is left out: records are older than a new
-    metric.
+    The numbers are rounded as records are. An optional number that no entry has is left
+    out: records are older than a new metric.
     """
     row_columns = map(_row_column, optional_columns(entries))
     columns = []
@@ -120,9 +122,10 @@ def board_json(entries: Sequence[Entry]) -> dict[str, list[dict[str, Value]]]:
 
 
 def best_text(column: Column, entries: Sequence[Entry]) -> str | None:
-    """Return the text of the best value of the compared entries in a column.
+    """Return the text of the best value in a column.
 
-    None if neither low nor high is better, and for fewer than two numbers.
+    The values are those of the compared entries. None if neither low nor high is
+    better, and for fewer than two numbers.
     """
     numbers = []
     for entry in entries:

@@ -38,7 +38,10 @@ class Scale:
     ticks: tuple[float, ...]
 
     def share(self, value: float) -> float:
-        """Return the place of a value from 0 to 1; values off the scale are at an end."""
+        """Return the place of a value, from 0 to 1.
+
+        Values off the scale are at an end.
+        """
         inside = min(max(value, self.low), self.high)
         return (inside - self.low) / (self.high - self.low)
 
@@ -48,19 +51,17 @@ class Scale:
 
 
 def scale_of(entries: Sequence[Entry]) -> Scale | None:
-    """Return a scale around 0 that holds the differences to STP of compared entries.
+    """Return a scale that holds 0 and the differences to STP.
 
-    Of all entries where none is compared. Values more than _MAX_DISTANCE times as far
-    from 0 as the median are left off, so that the others can be told apart.
+    The differences are those of compared entries, of all entries where none is
+    compared. Values more than _MAX_DISTANCE times as far from 0 as the median are left
+    off, so that the others can be told apart.
     """
-    compared_limits = []
-    unranked_limits = []
-    for entry in entries:
-        if entry.difference is not None and entry.compared:
-            compared_limits.append(_limits(entry.difference))
-        elif entry.difference is not None:
-            unranked_limits.append(_limits(entry.difference))
-    limits = compared_limits or unranked_limits
+    compared = [e for e in entries if e.compared and e.difference is not None]
+    limits = []
+    for entry in compared or entries:
+        if entry.difference is not None:
+            limits.append(_limits(entry.difference))
     if not limits:
         return None
     distances = np.abs(limits)
@@ -72,9 +73,10 @@ def scale_of(entries: Sequence[Entry]) -> Scale | None:
 def bar_of(
     scale: Scale | None, difference: PairedDifference | None
 ) -> dict[str, float] | None:
-    """Return the bar of a difference and its interval, a point without one.
+    """Return the bar of a difference and its interval.
 
-    Arrows show that it goes on below or above the scale.
+    It is a point without an interval. Arrows show that it goes on below or above the
+    scale.
     """
     if scale is None or difference is None:
         return None
@@ -89,7 +91,7 @@ def bar_of(
 
 
 def nice_scale(low: float, high: float) -> Scale:
-    """Return a scale from a little below ``low`` to a little above ``high``.
+    """Return a scale with a margin around ``low`` and ``high``.
 
     It has at least one tick, and few round ones.
     """
@@ -148,7 +150,10 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
 
 
 def _scene_sums(entry: Entry) -> tuple[Floats, Floats]:
-    """Return the sums of errors, metres, and the targets of each scene, [S] both."""
+    """Return the sum of errors, m, and the targets of scenes.
+
+    Both are [S].
+    """
     record = entry.record
     errors = record.targets.scene_sums(record.unit_error("all"))
     return errors, record.targets.scene_sums(record.unit_weight("all"))
@@ -200,7 +205,10 @@ class CurveChart:
         return round(1.0 + (1.0 - self.scale.share(error_m)) * height, 1)
 
     def line(self, curve: Sequence[Point]) -> str:
-        """Return the points of a line; of a level stretch its two ends."""
+        """Return the points of a line.
+
+        Of a level stretch they are its two ends.
+        """
         line_points = [
             (self.x(forecasts), self.y(error_m)) for forecasts, error_m in curve
         ]
@@ -214,7 +222,10 @@ class CurveChart:
 
 
 def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
-    """Return the curve of an entry, with that of ``reference``; None without a curve."""
+    """Return the curve of an entry, with that of ``reference``.
+
+    None without a curve.
+    """
     curve = _curve_of(entry)
     stp_curve = []
     if reference is not None and reference is not entry:
@@ -234,5 +245,8 @@ def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
 
 
 def _curve_of(entry: Entry) -> list[Point]:
-    """Return numbers of false forecasts and errors; empty without such a curve."""
+    """Return numbers of false forecasts and errors.
+
+    Empty without such a curve.
+    """
     return sorted(entry.record.curve)[:_MAX_POINTS]

@@ -60,7 +60,10 @@ class Entry(LinkedRecord):
 
     @property
     def place(self) -> int | None:
-        """Its place by bADE over all targets; None: shown, not ranked."""
+        """Its place by bADE over all targets.
+
+        None if it is shown, but not ranked.
+        """
         return self.standing.places["all"].place
 
     @property
@@ -71,7 +74,10 @@ class Entry(LinkedRecord):
 
     @property
     def part(self) -> str:
-        """The scenes of a partial record, "1/10 scenes"; empty for a whole one."""
+        """The scenes of a partial record, "1/10 scenes".
+
+        Empty for a whole one.
+        """
         scenes = len(self.record.scenes)
         scenes_of_split = self.record.env.scenes_of_split
         if scenes == scenes_of_split or not scenes_of_split:
@@ -80,12 +86,15 @@ class Entry(LinkedRecord):
 
     @property
     def why(self) -> str:
-        """Reason why it has no place; empty where it has one."""
+        """Reason why it has no place, or an empty text."""
         return self.standing.places["all"].why
 
     @property
     def compared(self) -> bool:
-        """True in the main ranking, even where that has too few recordings to rank."""
+        """True in the main ranking.
+
+        Even where that has too few recordings to rank.
+        """
         return self.standing.compared
 
     @property
@@ -95,7 +104,10 @@ class Entry(LinkedRecord):
 
     @property
     def seal(self) -> str:
-        """Its seal and the date of its retirement; empty without hidden scenes."""
+        """Its seal and the date of its retirement.
+
+        Empty without hidden scenes.
+        """
         if self.signed is None or self.signed.seal is None:
             return ""
         seal = self.signed.seal
@@ -104,7 +116,10 @@ class Entry(LinkedRecord):
 
     @property
     def trained_on_scored(self) -> str:
-        """The part that was trained on scored scenes, as declared; empty without one."""
+        """The part that was trained on scored scenes, as declared.
+
+        Empty without one.
+        """
         for text in self.record.training_data:
             if text.endswith(ON_SCORED):
                 return text
@@ -112,7 +127,10 @@ class Entry(LinkedRecord):
 
     @property
     def trainings(self) -> list[NetworkState]:
-        """Networks that a command trains before it runs; empty if all weights ship."""
+        """Networks that a command trains before it runs.
+
+        Empty if all weights ship.
+        """
         trainings = []
         for name in self.record.submission.networks:
             if file := _NETWORK_FILE.fullmatch(name):
@@ -122,7 +140,10 @@ class Entry(LinkedRecord):
 
     @property
     def weights(self) -> str | None:
-        """Text "ships" or "train in 4 min"; None for others than baselines."""
+        """Text "ships" or "train in 4 min".
+
+        None for others than baselines.
+        """
         if not self.trainings:
             return "ships" if is_baseline(self.record) else None
         minutes = 0
@@ -134,7 +155,10 @@ class Entry(LinkedRecord):
 
     @property
     def checked(self) -> str:
-        """Date and signer of its level, and the seal; empty where it was not checked."""
+        """Date and signer of its level, and the seal.
+
+        Empty where it was not checked.
+        """
         if self.signed is None:
             return ""
         by = f"{self.signed.statement.date} by {self.signed.signer}"
@@ -153,7 +177,10 @@ class Entry(LinkedRecord):
 
     @cached_property
     def driving(self) -> DrivingRow | None:
-        """Ranking numbers of a closed loop with the difference to STP; None elsewhere."""
+        """Ranking numbers of a closed loop with the difference to STP.
+
+        None elsewhere.
+        """
         row = self.sums.driving
         if row is None:
             return None
@@ -169,7 +196,10 @@ class Entry(LinkedRecord):
 
     @property
     def error(self) -> float | None:
-        """BADE over all targets, metres; of a closed loop 1 - drive score."""
+        """BADE over all targets, metres.
+
+        In a closed loop it is 1 - drive score.
+        """
         return self.row.error
 
     @property
@@ -191,7 +221,10 @@ class Entry(LinkedRecord):
 
     @property
     def verdict(self) -> str:
-        """Text "better" or "worse" than STP; empty where the test cannot tell."""
+        """Text "better" or "worse" than STP.
+
+        Empty where the test cannot tell.
+        """
         difference = self.standing.differences.get("all")
         if difference is None or difference.p >= SIGNIFICANT:
             return ""
@@ -201,10 +234,10 @@ class Entry(LinkedRecord):
 def entries_of(
     linked_records: Sequence[LinkedRecord], subsets: Sequence[Subset] = SUBSETS
 ) -> list[Entry]:
-    """Return the entries of records in their order; partial ones behind whole ones.
+    """Return the entries of records in their order.
 
-    The order is by environment, place, bADE and name. ``subsets``: those of their
-    standings; without a page "all" is enough.
+    The order is by environment, place, bADE and name, with partial records last.
+    ``subsets``: those of their standings; without a page "all" is enough.
     """
     records = [linked.record for linked in linked_records]
     levels = {}
@@ -220,13 +253,19 @@ def entries_of(
 
 
 def is_baseline(record: Record) -> bool:
-    """Return True if a record is of a baseline, not of another one of its name."""
+    """Return True if a record is of a baseline.
+
+    False for another submission of its name.
+    """
     ships = record.submission.name in baseline_names()
     return ships and why_not_genuine(record) is None
 
 
 def empty_error(entries: Sequence[Entry]) -> float | None:
-    """Return the error in one env if nothing is predicted, metres; None if unknown."""
+    """Return the error in one env if nothing is predicted, metres.
+
+    None if it is unknown.
+    """
     for entry in entries:
         if entry.compared:
             return entry.sums.targets.nothing_predicted

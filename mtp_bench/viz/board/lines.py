@@ -70,7 +70,7 @@ def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
 
 
 def _shown_columns(entries: Sequence[Entry]) -> list[Column]:
-    """Return the columns of the page in which an entry has a value."""
+    """Return the columns in which an entry has a value."""
     columns = []
     for key in PAGE:
         column = COLUMN[key]
@@ -99,9 +99,10 @@ def _unranked_subsets(entries: Sequence[Entry]) -> list[Subset]:
 
 
 def details_of(line: Line, reference: Entry | None) -> Line:
-    """Return the content of the template for the details of an entry: its ``line``.
+    """Return the content of the template for an entry's details.
 
-    With all cells, links, charts and tables; ``reference``: the entry of STP.
+    It is the ``line`` of the entry with all cells, links, charts and tables.
+    ``reference``: the entry of STP.
     """
     entry: Entry = line["entry"]
     row = entry.row
@@ -122,7 +123,7 @@ def details_of(line: Line, reference: Entry | None) -> Line:
 
 
 def subset_table(entry: Entry) -> Table:
-    """Return the numbers of an entry on each subset, or of its drives."""
+    """Return the numbers of an entry by subset, or its drives."""
     if entry.driving is not None:
         return Table("driving", "How its forecasts drive", "", [entry.driving])
     columns = [
@@ -171,7 +172,10 @@ def _subset_row(entry: Entry, subset: Subset) -> dict[str, Any]:
 
 
 def difference_text(entry: Entry) -> str:
-    """Return the difference to STP in words, for screen readers; empty without one."""
+    """Return the difference to STP in words, for screen readers.
+
+    Empty without one.
+    """
     difference = entry.difference
     if difference is None:
         return ""
@@ -182,7 +186,10 @@ def difference_text(entry: Entry) -> str:
 
 
 def address_of(link: str | None) -> str | None:
-    """Return the relative address of a file: never of a script or another host."""
+    """Return the relative address of a file.
+
+    It is never that of a script or of another host.
+    """
     if link is None:
         return None
     return "./" + quote(link.lstrip("/"), safe="/", errors="surrogateescape")
@@ -191,7 +198,10 @@ def address_of(link: str | None) -> str | None:
 def _line(
     entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]
 ) -> Line:
-    """Return the content of the template for one entry in the table ``board``."""
+    """Return the content of the template for an entry's row.
+
+    ``board``: the content for its table.
+    """
     record = entry.record
     submission = record.submission
     authors = ", ".join(submission.authors)
@@ -232,7 +242,10 @@ def _short(text: str) -> str:
 
 
 def _links(entry: Entry) -> list[tuple[str, str]]:
-    """Return addresses of code and paper; the code of a baseline is its folder."""
+    """Return addresses of code and paper.
+
+    The code of a baseline is its folder.
+    """
     submission = entry.record.submission
     links = []
     if code := submission.source or address_of(entry.code):
@@ -243,7 +256,10 @@ def _links(entry: Entry) -> list[tuple[str, str]]:
 
 
 def _about(env_id: str) -> dict[str, Any] | None:
-    """Describe an environment by its card; None for one that does not ship."""
+    """Describe an environment by its card.
+
+    None for one that does not ship.
+    """
     if env_id not in card_ids():
         return None
     card = load_card(env_id)
@@ -299,7 +315,10 @@ def short_name(env_id: str) -> str:
 
 
 def _lead(difference: PairedDifference | None) -> dict[str, str] | None:
-    """Return a difference in words, with interval and p; None without an interval."""
+    """Return a difference in words, with interval and p.
+
+    None without an interval.
+    """
     if difference is None or difference.interval is None:
         return None
     sign = 1
@@ -316,5 +335,5 @@ def _lead(difference: PairedDifference | None) -> dict[str, str] | None:
 
 
 def p_value(p: float) -> str:
-    """Return a p-value as text: "= .034", or "< .001" for a smaller one."""
+    """Return a p-value as text: "= .034", or "< .001"."""
     return "< .001" if p < 0.001 else "= " + f"{p:.3f}".removeprefix("0")

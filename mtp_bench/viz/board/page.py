@@ -16,7 +16,6 @@ from ...core import (
     BLANK,
     Column,
     MtpBenchError,
-    require_folder,
     to_csv,
     to_json,
     whole_folder,
@@ -24,11 +23,11 @@ from ...core import (
 )
 from ...judge import LEVELS
 from ...scoring import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
-from ..pages import source_of, templates_of, text_of
+from ..pages import require_own_folder, source_of, templates_of, text_of
 from .columns import COLUMN, PAGE, board_table
 from .drawings import WIDTH
-from .entries import LEVEL_TEXT, Entry, by_board, has_map, is_simulated
-from .lines import address_of, board_of, details_of, short_name
+from .entries import LEVEL_TEXT, Entry, by_board, has_map
+from .lines import address_of, board_of, details_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -101,20 +100,11 @@ def board_files(
     return BoardFiles(_page(entries, content, pages or Pages()), parts)
 
 
-@dataclass(frozen=True)
-class Overview:
-    """Agents by environments."""
+def overview_of(entries: Sequence[Entry]) -> list[tuple[str, list[Entry | None]]]:
+    """Return agents, each with its entry per environment.
 
-    map: bool  # agents see lanes in all of the environments; else in none
-    heads: list[tuple[str, str, bool]]  # id of the table, name, whether it is simulated
-    rows: list[tuple[str, list[Entry | None]]]  # agent, its entry per environment
-    groups: list[tuple[str, int]]  # headings above the columns, with their number
-
-
-def overview_of(entries: Sequence[Entry]) -> Overview:
-    """Return the overview of ``entries`` (`entries_of`), the best of the first env first.
-
-    They are all of environments with a map, or all of others.
+    The order of ``entries`` is that of `entries_of`. The best agent of the first
+    environment comes first.
     """
     env_ids = list(by_board(entries))
     entries_by_name: dict[str, dict[str, Entry]] = {}
@@ -122,23 +112,15 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
         # of several of one name the first
         entries_by_name.setdefault(entry.name, {}).setdefault(entry.env, entry)
     references = {entry.name for entry in entries if entry.saw_truth}
-
-    def sort_key(name: str) -> tuple[object, ...]:
-        env_places = [
-            _sort_key(entries_by_name[name].get(env_id)) for env_id in env_ids
-        ]
-        return name in references, env_places, name
-
     rows = []
-    for name in sorted(entries_by_name, key=sort_key):
-        rows.append((name, [entries_by_name[name].get(env_id) for env_id in env_ids]))
-    heads = []
-    group_counts = {"recorded": 0, "simulated": 0}
-    for env_id in env_ids:
-        heads.append((env_id, short_name(env_id), is_simulated(env_id)))
-        group_counts["simulated" if is_simulated(env_id) else "recorded"] += 1
-    groups = [(name, count) for name, count in group_counts.items() if count]
-    return Overview(has_map(env_ids[0]), heads, rows, groups)
+    for name, by_env in entries_by_name.items():
+        rows.append((name, [by_env.get(env_id) for env_id in env_ids]))
+
+    def sort_key(row: tuple[str, list[Entry | None]]) -> tuple[object, ...]:
+        name, env_entries = row
+        return name in references, list(map(_sort_key, env_entries)), name
+
+    return sorted(rows, key=sort_key)
 
 
 def _sort_key(entry: Entry | None) -> tuple[float, ...]:
@@ -168,9 +150,7 @@ def _page(entries: Sequence[Entry], content: dict[str, Any], pages: Pages) -> st
     shown_columns = set()
     for board in content["boards"]:
         shown_columns.update(board["columns"])
-    latest = ""
-    for entry in entries:
-        latest = max(latest, entry.record.measured.made)
+    latest = max((entry.record.measured.made for entry in entries), default="")
     return _render(
         "page.html",
         **content,
@@ -188,9 +168,10 @@ def _page(entries: Sequence[Entry], content: dict[str, Any], pages: Pages) -> st
 
 
 def _details_script(board: dict[str, Any], content: dict[str, Any]) -> str:
-    """Return the details of a table's entries as calls that hand HTML to the page.
+    """Return a script with the details of a table's entries.
 
-    They are ASCII without "</" and "<!", which would end a script early.
+    Its calls hand HTML to the page. They are ASCII without "</" and "<!", which would
+    end a script early.
     """
     calls = []
     for line in board["lines"]:
@@ -257,14 +238,9 @@ def require_parts(page: Path) -> None:
     It may hold earlier parts alone.
     """
     folder = parts_folder(page)
-    require_folder(folder)
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise MtpBenchError(f"cannot write {folder}: it is not a folder; remove it")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / _MARK).is_file():
-        raise MtpBenchError(
-            f"cannot write {folder}: it holds other files than parts of a page; write "
-            "it elsewhere"
-        )
+    require_own_folder(folder, _MARK, "a page")
 
 
 def write_board(page: Path, files: BoardFiles) -> None:

@@ -22,10 +22,10 @@ _SIGNIFICANT_TEXT = f"{_SIGNIFICANT_MARK} p<{SIGNIFICANT:g}".replace("0.", ".")
 
 
 def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
-    """Return a table per environment with the notes below it, partial records last.
+    """Return a table per environment with the notes below it.
 
-    Notes state reasons for missing ranks, training on scored scenes, seals and levels,
-    with the names of submissions.
+    Partial records are last. Notes state reasons for missing ranks, training on scored
+    scenes, seals and levels, with the names of submissions.
     """
     boards = by_board(entries).values()
     return [(_short_table(board), _notes(board)) for board in boards]
@@ -86,7 +86,10 @@ def _difference(entry: Entry) -> str:
 
 
 def _notes(entries: Sequence[Entry]) -> list[str]:
-    """Return lines below a table, most with the names of the agents they are about."""
+    """Return the lines below a table.
+
+    Most have the names of the agents they are about.
+    """
     notes = _reason_notes(entries)
     if has_map(entries[0].env):
         notes.append("agents see lanes: these ranks compare with no others")

@@ -73,8 +73,7 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
     table = scene.detections if len(scene.detections.box) else scene.truth
     box_places = table.box[:, :2]
     if card.drive is not None:  # more frames will come
-        middle = scene.ego[:, :2].tolist()
-        return [Window(x, y, LARGEST_M, LARGEST_M) for x, y in middle]
+        return _squares(scene.ego[:, :2], LARGEST_M)
     if not card.has_ego:
         if not len(box_places):
             box_places = scene.ego[:, :2]
@@ -91,14 +90,17 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
     reach = np.abs(offset_m - [ahead, 0.0]).max(axis=1)
     size = 2 * float(np.clip(np.quantile(reach, 0.9), SMALLEST_M, LARGEST_M))
     shift = rotate(np.tile([ahead, 0.0], (scene.frames, 1)), scene.ego[:, 3])
-    middle = (scene.ego[:, :2] + shift).tolist()
-    return [Window(x, y, size, size) for x, y in middle]
+    return _squares(scene.ego[:, :2] + shift, size)
+
+
+def _squares(middle: Floats, size: float) -> list[Window]:
+    return [Window(x, y, size, size) for x, y in middle.tolist()]
 
 
 def draw_frame(replay: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     """Draw frame ``t`` of a run [height, width, 3] in `SIZE`."""
     truth = replay.scene.truth
-    canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], window)
+    canvas = Canvas(SIZE[0] - PANEL, SIZE[1], window)
     draw_lanes(canvas, replay)
     _draw_forecasts(canvas, replay, t - replay.first)
     named_boxes = _draw_tracks(canvas, replay, t - replay.first)
@@ -248,8 +250,8 @@ def _heading(replay: Replay, t: int) -> Iterator[Text]:
         yield replay.agent, LARGE, BLACK
     yield replay.card.id, MIDDLE, GRAY
     yield f"scene {scene.name}", MIDDLE, GRAY
-    time_s = scene.time[t] - scene.time[0]
-    yield f"frame {t} of {scene.frames - 1}   {time_s:.1f} s", MIDDLE, BLACK
+    time = f"{scene.seconds(t):.1f} s"
+    yield f"frame {t} of {scene.frames - 1}   {time}", MIDDLE, BLACK
     plan = plan_at(replay, t)
     if plan is not None:
         acceleration = round(plan.acceleration, 1) + 0.0

@@ -7,10 +7,9 @@ thing, or left_px out.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import Self
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -45,24 +44,21 @@ class Outline:
     crossed: bool = False
 
 
-@dataclass(frozen=True, eq=False)
 class Canvas:
-    """A picture of ``width`` x ``height`` pixels that shows at least ``window``."""
+    """A picture of ``width`` x ``height`` pixels that shows at least ``window``.
 
-    width: int
-    height: int
-    window: Window
-    image: Image.Image
-    draw: ImageDraw.ImageDraw
-    text_places: list[Rectangle] = field(default_factory=list)  # that hold text already
+    It is empty at first, with the background ``paper``.
+    """
 
-    @classmethod
-    def blank(
-        cls, width: int, height: int, window: Window, paper: Color = WHITE
-    ) -> Self:
-        """Return an empty picture with the background ``paper``."""
-        image = Image.new("RGB", (width * FINER, height * FINER), paper)
-        return cls(width, height, window, image, ImageDraw.Draw(image, "RGBA"))
+    def __init__(
+        self, width: int, height: int, window: Window, paper: Color = WHITE
+    ) -> None:
+        self.width = width
+        self.height = height
+        self.window = window
+        self.text_places: list[Rectangle] = []  # that hold text already
+        self._image = Image.new("RGB", (width * FINER, height * FINER), paper)
+        self.draw = ImageDraw.Draw(self._image, "RGBA")
 
     @property
     def scale(self) -> float:
@@ -122,9 +118,9 @@ class Canvas:
         self.draw.polygon(_points(self.pixels(path)), fill=color)
 
     def boxes(self, box: Floats, mark: Outline) -> None:
-        """Draw boxes [n, 7] (x y z yaw l w h, m and rad).
+        """Draw boxes [n, 7].
 
-        Those out of sight are skipped.
+        They are x y z yaw l w h, in m and rad. Those out of sight are skipped.
         """
         diagonal_px = np.hypot(box[:, 4], box[:, 5]) * self.scale
         box = box[self.inside(box[:, :2], diagonal_px + HEADING_PX)]
@@ -274,7 +270,7 @@ class Canvas:
 
     def finished(self) -> Image.Image:
         """Return the picture, reduced to its size."""
-        return self.image.reduce(FINER)
+        return self._image.reduce(FINER)
 
 
 @cache

@@ -43,7 +43,7 @@ def draw_focus(
 
     Returns the picture and its key.
     """
-    close_up = _CloseUp(focus, frame_of(focus, t), Canvas.blank(*size_px, window))
+    close_up = _CloseUp(focus, frame_of(focus, t), Canvas(*size_px, window))
     close_up.draw_scene()
     close_up.draw_paths()
     close_up.draw_boxes()

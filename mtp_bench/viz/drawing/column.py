@@ -64,7 +64,7 @@ def column(
     ``parts``: metres by name, drawn as bars below the heading; those below 0 are
     hollow. Remarks are left out where there is no room.
     """
-    canvas = Canvas.blank(*size_px, Window(0.0, 0.0, *size_px), PAPER)
+    canvas = Canvas(*size_px, Window(0.0, 0.0, *size_px), PAPER)
     y = _write(canvas, 12.0, heading)
     y = _draw_bars(canvas, y, parts or {})
     y = _draw_marks(canvas, y + 8, marks)

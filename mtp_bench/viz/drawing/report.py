@@ -1,15 +1,14 @@
 """Picture of an event for a report: the event, its causes, a key, and close-ups."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, PngImagePlugin
 
 from ...core import __version__, whole_file
-from ...scoring import LEAST_SHOWN, named_parts
+from ...scoring import LEAST_SHOWN
 from ..causes import cause_line, causes_of, happened, headline, sentence
-from ..evidence import ego_distance, visible_share
 from ..focus import Focus
 from ..framing import window_of
 from ..palette import BLACK, ROLES, Color
@@ -78,7 +77,9 @@ def picture(
     The view follows the object. The text is grey in frames other than the event.
     """
     image = Image.new("RGB", size_px, PAPER)
-    lines = _text_lines(focus, size_px[0] - 28)
+    texts = [happened(focus), *map(cause_line, causes_of(focus)[:MAX_CAUSES])]
+    text_px = size_px[0] - 28
+    lines = [line for text in texts for line in wrapped(text, LARGE, text_px)]
     top = 40 + LINE_PX * len(lines)
     width_px = size_px[0] - COLUMN
     height_px = size_px[1] - top
@@ -108,17 +109,12 @@ def picture(
     return image
 
 
-def _text_lines(focus: Focus, width_px: float) -> list[str]:
-    """Return event and gravest causes in lines of ``width_px``."""
-    texts = [happened(focus), *map(cause_line, causes_of(focus)[:MAX_CAUSES])]
-    return [line for text in texts for line in wrapped(text, LARGE, width_px)]
-
-
-def _parts(focus: Focus, t: int) -> dict[str, float]:
+def _parts(focus: Focus, t: int) -> Mapping[str, float]:
     """Return parts of the error at ``t`` by name, m."""
-    part = focus.replay.part[focus.rows[t]]
-    is_target = focus.rows[t] >= 0 and np.isfinite(part[0])
-    return named_parts(part) if is_target else {}
+    row = int(focus.rows[t])
+    if row < 0:
+        return {}
+    return focus.replay.moment(row).parts or {}
 
 
 def _error_text(focus: Focus, t: int) -> str:
@@ -140,12 +136,12 @@ def _title(focus: Focus, t: int) -> str:
     replay = focus.replay
     texts = [replay.agent, replay.card.id, replay.scene.name]
     texts.append(f"frame {t}, {focus.seconds(t):.1f} s")
-    ego_m = ego_distance(focus, t)
+    ego_m = replay.ego_distance(t, focus.place(t))
     if ego_m is not None:
         texts.append(f"{ego_m:.0f} m from the ego")
-    visible = visible_share(focus, t)
-    if visible is not None:
-        texts.append(f"{visible:.0%} visible")
+    row = focus.rows[t]
+    if replay.scene.visible is not None and row >= 0:
+        texts.append(f"{replay.scene.visible[row]:.0%} visible")
     return "   ".join(text for text in texts if text)
 
 

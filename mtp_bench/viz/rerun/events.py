@@ -58,8 +58,9 @@ def log_judgement(log: Log, agent: ShownAgent) -> None:
     _log_curves(log, replay, agent.focus)
     for kind in INCIDENT_KINDS:
         incidents = [event for event in replay.incidents if event.kind == kind]
-        _log_marks(log, f"marks/{kind}", replay, incidents)
-        _log_sentences(log, f"marks/{kind}", replay, incidents)
+        if incidents:
+            _log_marks(log, kind, replay, incidents)
+            _log_sentences(log, kind, replay, incidents)
     for object_id, tracks in lanes(replay).items():
         track_ids = np.array([-1 if track is None else track for track in tracks])
         colors = track_colors(track_ids)
@@ -75,16 +76,16 @@ def _track_state(track: int | None) -> str:
 
 
 def _log_sentences(
-    log: Log, entity_path: str, replay: Replay, incidents: Sequence[Incident]
+    log: Log, kind: str, replay: Replay, incidents: Sequence[Incident]
 ) -> None:
     """Log events of one kind in the event log."""
     shown = [event for event in incidents if event.frame in log.frames]
     if shown:
         texts = [drawable(sentence(Focus(replay, event))) for event in shown]
-        color = packed(np.full((len(shown), 3), EVENTS[shown[0].kind], dtype=np.uint8))
+        color = packed([EVENTS[kind]] * len(shown))
         levels = ["INFO"] * len(shown)
         columns = rr.TextLog.columns(text=texts, level=levels, color=color)
-        log.columns(entity_path, None, columns, [event.frame for event in shown])
+        log.columns(f"marks/{kind}", None, columns, [event.frame for event in shown])
 
 
 def log_focus(log: Log, focuses: Sequence[Focus], focus: Focus) -> None:
@@ -131,7 +132,7 @@ def _log_markers(log: Log, replay: Replay) -> None:
 
 
 def _log_marks(
-    log: Log, entity_path: str, replay: Replay, incidents: Sequence[Incident]
+    log: Log, kind: str, replay: Replay, incidents: Sequence[Incident]
 ) -> None:
     """Log names of events on the time line."""
     names: list[list[str]] = [[] for _ in range(replay.frames)]
@@ -140,11 +141,9 @@ def _log_marks(
         end = int(np.searchsorted(time, time[event.frame] + MARK_SECONDS))
         for t in range(event.frame, max(event.until + 1, end)):
             names[t].append(event.name)
-    if incidents:
-        states = [", ".join(frame_names) for frame_names in names]
-        color = EVENTS[incidents[0].kind]
-        colors = np.full((len(states), 3), color, dtype=np.uint8)
-        _log_lane(log, entity_path, states, colors)
+    states = [", ".join(frame_names) for frame_names in names]
+    colors = np.full((len(states), 3), EVENTS[kind], dtype=np.uint8)
+    _log_lane(log, f"marks/{kind}", states, colors)
 
 
 def lanes(replay: Replay) -> dict[int, list[int | None]]:
@@ -223,7 +222,11 @@ def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
     for track_id in focus.tracks_at(at.frame)[:MAX_CURVES]:
         rows = focus.track_rows(track_id)
         offset_m = _places(replay.rollout.track_box, rows) - true_place
-        color = ROLE_COLORS[track_id == at.old_id, track_id == at.new_id]
+        color = PURPLE
+        if track_id == at.new_id:
+            color = FROM_EVENT
+        elif track_id == at.old_id:
+            color = SKY
         distances.append(Curve(f"track {track_id}", np.hypot(*offset_m.T), color))
     return {
         f"error of {focus.named}, m": [
@@ -235,15 +238,6 @@ def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
             *distances,
         ],
     }
-
-
-# (is the track before the event, is the one from it on) -> colour
-ROLE_COLORS = {
-    (True, False): SKY,
-    (False, True): FROM_EVENT,
-    (True, True): FROM_EVENT,
-    (False, False): PURPLE,
-}
 
 
 def _limit(name: str, value: float, frames: int) -> Curve:

@@ -86,7 +86,7 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     texts = []
     for agent in agents:
         root = f"/{agent.root}focus"
-        time_s = agent.replay.scene.time[at.frame] - agent.replay.scene.time[0]
+        time_s = agent.replay.scene.seconds(at.frame)
         title = agent.titled(f"{at.name} at {time_s:.1f} s")
         pictures.append(rrb.Spatial2DView(origin=f"{root}/picture", name=title))
         title = agent.titled("what happened")

@@ -6,7 +6,7 @@ The colours can be read on dark and light grounds.
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace as dataclass_replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -63,7 +63,7 @@ def track_colors(track_id: Ints) -> Colors:
     return table[np.where(track_id < 0, len(TRACKS), track_id % len(TRACKS))]
 
 
-def packed(colors: Colors | Color) -> NDArray[np.uint32]:
+def packed(colors: Colors | Color | Sequence[Color]) -> NDArray[np.uint32]:
     """Pack red, green, blue [N, 3] into opaque numbers [N]."""
     rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
     number: NDArray[np.uint32] = rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32)
@@ -82,13 +82,11 @@ def object_names(replay: Replay) -> dict[int, str]:
     """Return names such as "car 4" by object number."""
     truth = replay.scene.truth
     object_ids, rows = np.unique(truth.object_id, return_index=True)
-    names = {}
-    for object_id, class_id in zip(
-        object_ids.tolist(), truth.class_id[rows].tolist(), strict=True
-    ):
-        noun = replay.card.task.classes[class_id].replace("_", " ")
-        names[object_id] = drawable(f"{noun} {replay.scene.short_name(object_id)}")
-    return names
+    classes = dict(zip(object_ids.tolist(), truth.class_id[rows].tolist(), strict=True))
+    return {
+        object_id: drawable(replay.object_name(object_id, class_id))
+        for object_id, class_id in classes.items()
+    }
 
 
 def path_part(name: str) -> str:
@@ -148,12 +146,9 @@ def shown_agents(
     names = _distinct([path_part(replay.agent) or "agent" for replay in replays])
     for replay, agent_name, focus in zip(replays, names, focuses, strict=True):
         hypotheses = _hypotheses(replay, level, at)
-        agent = ShownAgent(replay, hypotheses, focus=focus)
-        if len(replays) > 1:
-            agent = dataclass_replace(agent, name=agent_name)
-        if agents:
-            agent = dataclass_replace(agent, root=f"agents/{agent_name}/")
-        agents.append(agent)
+        name = agent_name if len(replays) > 1 else ""
+        root = f"agents/{agent_name}/" if agents else ""
+        agents.append(ShownAgent(replay, hypotheses, name, root, focus=focus))
     return agents
 
 

@@ -2,7 +2,7 @@
 
 from base64 import b64encode
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -19,9 +19,8 @@ from ...scoring import (
     Report,
     Row,
     Subset,
-    blocks_of,
-    main_settings,
 )
+from ..terminal.chosen_table import AgentLine, agent_lines, main_lines, sort_error
 from ..terminal.notes import REFERENCES, label_of
 
 if TYPE_CHECKING:
@@ -61,8 +60,6 @@ _WIDTH_IN = 9.0
 _ROW_HEIGHT_IN = 0.3
 _STYLE = Path(__file__).with_name("figure.mplstyle")
 
-Block = Mapping[Subset, Row]  # rows of one agent and setting
-
 
 class FigureSpec(NamedTuple):
     """Texts of a figure, and the function that draws it.
@@ -93,7 +90,7 @@ def draw_figures(report: Report, folder: Path) -> list[DrawnFigure]:
     from matplotlib import style
 
     figures: list[DrawnFigure] = []
-    if not _main_blocks(report):  # no targets
+    if not _scored_lines(report):  # no targets
         return figures
     with style.context(["default", _STYLE]):
         for name, spec in FIGURES.items():
@@ -111,11 +108,11 @@ def draw_figures(report: Report, folder: Path) -> list[DrawnFigure]:
 
 def _draw_errors(report: Report) -> "Figure":
     """Draw bADE with intervals, a panel per subset."""
-    blocks = _main_blocks(report)
-    subsets = _subsets_with(blocks, "error")
-    figure, axes = _row_panels(len(subsets), blocks)
+    lines = _scored_lines(report)
+    subsets = _subsets_with(lines, "error")
+    figure, axes = _row_panels(len(subsets), lines)
     for axis, subset in zip(axes, subsets, strict=True):
-        for place, row in enumerate(_on(blocks, subset)):
+        for place, row in enumerate(_on(lines, subset)):
             color = AGENT_COLOR
             if row.unranked_because in REFERENCES:
                 color = REFERENCE_COLOR
@@ -131,13 +128,13 @@ def _draw_parts(report: Report) -> "Figure":
 
     Negative parts extend to the left.
     """
-    blocks = _main_blocks(report)
-    figure, (axis,) = _row_panels(1, blocks)
-    places = np.arange(len(blocks))
-    right_m = np.zeros(len(blocks))
-    left_m = np.zeros(len(blocks))
+    lines = _scored_lines(report)
+    figure, (axis,) = _row_panels(1, lines)
+    places = np.arange(len(lines))
+    right_m = np.zeros(len(lines))
+    left_m = np.zeros(len(lines))
     for key, name in PARTS.items():
-        part_m = _values(_on(blocks, "all"), f"cost_{key}")
+        part_m = _values(_on(lines, "all"), f"cost_{key}")
         part_m = np.nan_to_num(np.array(part_m, dtype=float))
         start_m = np.where(part_m >= 0, right_m, left_m)
         axis.barh(places, part_m, left=start_m, color=PART_COLORS[key], label=name)
@@ -150,19 +147,19 @@ def _draw_parts(report: Report) -> "Figure":
 
 def _draw_hypotheses(report: Report) -> "Figure | None":
     """Draw the gain over stp by hypotheses, beside the controls."""
-    agents = _blocks_by_agent(report)
-    swept = {agent: blocks for agent, blocks in agents.items() if len(blocks) > 1}
+    agents = _lines_by_agent(report)
+    swept = {agent: lines for agent, lines in agents.items() if len(lines) > 1}
     if not swept:
         return None
     subsets = _subsets_with(chain.from_iterable(swept.values()), "difference_to_stp")
     figure, axes = _panels(len(subsets))
     for axis, subset in zip(axes, subsets, strict=True):
         axis.axhline(0.0, color=REFERENCE_COLOR, label="stp")
-        for agent, blocks in swept.items():
-            _plot_sweep(axis, agent, _on(blocks, subset))
+        for agent, lines in swept.items():
+            _plot_sweep(axis, agent, _on(lines, subset))
         for role, line_style in zip(HYPOTHESIS_CONTROLS, ("--", ":"), strict=True):
             agent = controls()[role]
-            level_m = agents[agent][0][subset].difference_to_stp
+            level_m = agents[agent][0].rows[subset].difference_to_stp
             axis.axhline(level_m, color="#6000d8", linestyle=line_style, label=agent)
         axis.set(title=NAMES[subset], xlabel="hypotheses H")
     axes[0].set_ylabel("bADE less that of stp, m")
@@ -186,7 +183,7 @@ def _draw_samples(report: Report) -> "Figure":
 
     Each agent has its setting with most samples.
     """
-    agents = _values(_on(_main_blocks(report), "all"), "agent")
+    agents = _values(_on(_scored_lines(report), "all"), "agent")
     most_samples: dict[str, Details] = {}
     for details in sorted(report.details, key=lambda details: details.samples):
         if details.agent in agents:
@@ -206,14 +203,11 @@ def _draw_samples(report: Report) -> "Figure":
 
 def _draw_events(report: Report) -> "Figure":
     """Draw each agent's own events, a panel per kind."""
-    blocks = _main_blocks(report)
-    own_events = {
-        _setting_key(details): details.own_events for details in report.details
-    }
-    figure, axes = _row_panels(len(_EVENT_KINDS), blocks)
+    lines = _scored_lines(report)
+    figure, axes = _row_panels(len(_EVENT_KINDS), lines)
     for axis, kind in zip(axes, _EVENT_KINDS, strict=True):
-        for place, row in enumerate(_on(blocks, "all")):
-            count = own_events[_setting_key(row)][kind]
+        for place, line in enumerate(lines):
+            count = line.details.own_events[kind]
             bars = axis.barh(place, count, color=AGENT_COLOR)
             axis.bar_label(bars, padding=2)
         axis.margins(x=0.2)
@@ -221,42 +215,37 @@ def _draw_events(report: Report) -> "Figure":
     return figure
 
 
-def _blocks_by_agent(report: Report) -> dict[str, list[Block]]:
+def _lines_by_agent(report: Report) -> dict[str, list[AgentLine]]:
     """Return the settings of each agent at equal k."""
-    blocks: dict[str, list[Block]] = defaultdict(list)
-    for block in blocks_of(report):
-        if block["all"].budget == "equal":
-            blocks[block["all"].agent].append(block)
-    return blocks
+    lines: dict[str, list[AgentLine]] = defaultdict(list)
+    for line in agent_lines(report):
+        if line.details.budget == "equal":
+            lines[line.details.agent].append(line)
+    return lines
 
 
-def _main_blocks(report: Report) -> list[Block]:
-    """Return the main setting of each agent, lowest bADE first."""
-    blocks = main_settings(report).values()
-    scored = [block for block in blocks if block["all"].error is not None]
-    return sorted(scored, key=lambda block: block["all"].error or 0.0)
+def _scored_lines(report: Report) -> list[AgentLine]:
+    """Return the main setting of each agent with targets, lowest bADE first."""
+    lines = [line for line in main_lines(report) if line.rows["all"].error is not None]
+    return sorted(lines, key=sort_error)
 
 
-def _subsets_with(blocks: Iterable[Block], key: str) -> list[Subset]:
+def _subsets_with(lines: Iterable[AgentLine], key: str) -> list[Subset]:
     """Return the subsets on which every row has ``key``."""
-    all_blocks = list(blocks)
+    all_lines = list(lines)
     return [
         subset
         for subset in _SUBSETS
-        if None not in _values(_on(all_blocks, subset), key)
+        if None not in _values(_on(all_lines, subset), key)
     ]
 
 
-def _on(blocks: Sequence[Block], subset: Subset) -> list[Row]:
-    return [block[subset] for block in blocks]
+def _on(lines: Sequence[AgentLine], subset: Subset) -> list[Row]:
+    return [line.rows[subset] for line in lines]
 
 
 def _values(rows: Sequence[Row], key: str) -> list[Any]:
     return [getattr(row, key) for row in rows]
-
-
-def _setting_key(setting: Row | Details) -> tuple[str, int, int]:
-    return setting.agent, setting.hypotheses, setting.samples
 
 
 def _panels(count: int, height_in: float = 3.6) -> "tuple[Figure, Sequence[Any]]":
@@ -267,14 +256,16 @@ def _panels(count: int, height_in: float = 3.6) -> "tuple[Figure, Sequence[Any]]
     return figure, figure.subplots(1, count, squeeze=False)[0]
 
 
-def _row_panels(count: int, blocks: Sequence[Block]) -> "tuple[Figure, Sequence[Any]]":
+def _row_panels(
+    count: int, lines: Sequence[AgentLine]
+) -> "tuple[Figure, Sequence[Any]]":
     """Return a figure of ``count`` panels with a row per agent."""
-    figure, axes = _panels(count, 1.2 + _ROW_HEIGHT_IN * len(blocks))
+    figure, axes = _panels(count, 1.2 + _ROW_HEIGHT_IN * len(lines))
     for axis in axes:
         axis.grid(axis="x")
-        axis.set_yticks(range(len(blocks)), [""] * len(blocks))
-        axis.set_ylim(len(blocks) - 0.5, -0.5)
-    axes[0].set_yticklabels(list(map(label_of, _on(blocks, "all"))))
+        axis.set_yticks(range(len(lines)), [""] * len(lines))
+        axis.set_ylim(len(lines) - 0.5, -0.5)
+    axes[0].set_yticklabels(list(map(label_of, _on(lines, "all"))))
     return figure, axes
 
 

@@ -7,11 +7,8 @@ from typing import Unpack
 
 from ...cards import Card
 from ...core import (
-    MtpBenchError,
     Table,
     make_folder,
-    require_folder,
-    require_replaceable,
     tables_text,
     to_html,
     whole_folder,
@@ -27,7 +24,7 @@ from ...running import (
     skipped_line,
 )
 from ...scoring import RANKED_UNITS, Report, place_of
-from ..pages import source_of, templates_of, text_of
+from ..pages import require_own_folder, source_of, templates_of, text_of
 from ..terminal.notes import warnings
 from ..terminal.verdict import verdict
 from .figures import DrawnFigure, draw_figures
@@ -106,16 +103,7 @@ def study(
 
 def require_study_folder(folder: Path) -> None:
     """Raise MtpBenchError unless ``folder`` is new, empty or an earlier study."""
-    require_folder(folder)
-    require_replaceable(folder)
-    if not folder.is_dir() or (folder / _NOTEBOOK).is_file():
-        return
-    names = sorted(path.name for path in folder.iterdir())
-    if names:
-        raise MtpBenchError(
-            f"{folder} contains {names[0]!r}, which a study did not write; "
-            "choose another folder with -o"
-        )
+    require_own_folder(folder, _NOTEBOOK, "a study")
 
 
 def _write_tables(folder: Path, tables: Mapping[str, Table]) -> None:

@@ -1,7 +1,5 @@
 """Tables of a study: those of ``compare --full``, events and samples."""
 
-from collections.abc import Iterator
-
 from ...core import Column, Table, columns_of
 from ...scoring import AgentSetting, Details, Report, main_table
 from ..terminal.tables import data_table, full_tables
@@ -40,15 +38,13 @@ def _event_table(report: Report) -> Table:
 
 def _sample_table(report: Report) -> Table:
     """Return expected minADE of k random samples of each setting."""
-    columns = (*_SETTING_COLUMNS, Column(key="k"), Column(key="minADE", unit="m"))
-    title = "Expected minADE of k random samples out of K (all targets, m)"
-    return Table("samples", title, "", list(_sample_rows(report)), columns)
-
-
-def _sample_rows(report: Report) -> Iterator[dict[str, object]]:
+    rows = []
     for details in report.details:
         for k, minade_m in details.k_curve.items():
-            yield _setting(details) | {"k": int(k), "minADE": minade_m}
+            rows.append(_setting(details) | {"k": int(k), "minADE": minade_m})
+    columns = (*_SETTING_COLUMNS, Column(key="k"), Column(key="minADE", unit="m"))
+    title = "Expected minADE of k random samples out of K (all targets, m)"
+    return Table("samples", title, "", rows, columns)
 
 
 def _setting(details: Details) -> dict[str, object]:

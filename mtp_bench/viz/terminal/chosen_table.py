@@ -34,6 +34,12 @@ def agent_lines(report: Report) -> list[AgentLine]:
     return [AgentLine(rows, details) for rows, details in pairs]
 
 
+def main_lines(report: Report) -> list[AgentLine]:
+    """Return the line of the main setting of each agent."""
+    main_blocks = list(main_settings(report).values())
+    return [line for line in agent_lines(report) if line.rows in main_blocks]
+
+
 def row_columns(report: Report) -> dict[str, Column]:
     """Return the columns of report rows by key, with further metrics."""
     row_type = type(report.rows[0]) if report.rows else Row
@@ -64,12 +70,8 @@ def chosen_table(
     that do not depend on the subset stand at the end, once. ``names``: of subsets,
     above their columns.
     """
-    lines = agent_lines(report)
-    if not all_settings:
-        main_blocks = list(main_settings(report).values())
-        lines = [line for line in lines if line.rows in main_blocks]
-    lines.sort(key=_sort_error)
-
+    lines = agent_lines(report) if all_settings else main_lines(report)
+    lines.sort(key=sort_error)
     columns = list(_chosen_columns(report, keys, subsets, names))
     return Table(table_name, title or heading(report), "", lines, columns)
 
@@ -133,6 +135,7 @@ def _pick(columns: Mapping[str, Column], keys: Sequence[str]) -> list[Column]:
     return [columns[key] for key in keys if key in columns]
 
 
-def _sort_error(line: AgentLine) -> float:
+def sort_error(line: AgentLine) -> float:
+    """Return the bADE of an agent over all targets, infinite without one."""
     error = line.rows["all"].error
     return math.inf if error is None else error

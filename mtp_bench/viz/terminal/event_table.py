@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ...core import BLANK, Column, Drive, Rollout, Scene, Table
+from ...core import BLANK, Column, Drive, Scene, Table
 from ...scoring import parts_text
 from ..causes import cause_text, causes_of
 from ..focus import Focus
@@ -37,7 +37,7 @@ class Listed:
     view: str  # the command that shows it
     cause: str = field(default="", kw_only=True)  # of a collision
     # of the ego, in a collision
-    at_fault: bool | None = field(default=None, kw_only=True)
+    drive: Drive | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(
@@ -60,7 +60,7 @@ class Listed:
         if incident.kind == "collision" and drive is not None:
             (cause,) = causes_of(Focus(replay, incident))
             fields["cause"] = f"{cause.stage}: {cause_text(cause)}"
-            fields["at_fault"] = drive.at_fault
+            fields["drive"] = drive
         class_name = replay.card.task.classes[incident.class_id]
         return cls(replay.scene, class_name, incident, view, **fields)
 
@@ -71,10 +71,6 @@ class Listed:
         if object_id < 0:
             return self.class_name
         return f"{self.class_name} {self.scene.short_name(object_id)}"
-
-    def seconds(self, t: int) -> float:
-        """Return the time of frame ``t`` since the first frame."""
-        return float(self.scene.time[t] - self.scene.time[0])
 
     def record(self, *names: str) -> dict[str, Any]:
         """Return what ``--json`` states of any row.
@@ -240,20 +236,13 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
     )
 
 
-def show_collisions(
-    rows: Sequence[Listed], rollouts: Sequence[Rollout], shown: str = ""
-) -> None:
+def show_collisions(rows: Sequence[Listed], shown: str = "") -> None:
     """Print a line per collision, and the command of the first.
 
     Those at fault come first, then those of the fastest ego. The command is left out
     if it is ``shown`` above.
     """
-    drives = {rollout.scene: rollout.drive for rollout in rollouts}
-    collisions = []
-    for row in rows:
-        drive = drives.get(row.scene.name)
-        if row.cause and drive is not None:
-            collisions.append((drive, row))
+    collisions = [(row.drive, row) for row in rows if row.drive is not None]
     collisions.sort(key=lambda pair: (not pair[0].at_fault, -_last_step_m(pair[0])))
     for drive, row in collisions:
         fault = "at fault" if drive.at_fault else "not at fault"
@@ -286,11 +275,12 @@ def events_json(
 
 def _record(row: Listed) -> dict[str, Any]:
     event = row.incident
+    at_fault = None if row.drive is None else row.drive.at_fault
     return {
-        "time": row.seconds(event.frame),
+        "time": row.scene.seconds(event.frame),
         "event": event.name,
         "position": list(event.position),
         **row.record("kind", "wrong", "error", "parts", "error_before"),
         "cause": row.cause or None,
-        "at_fault": row.at_fault,
+        "at_fault": at_fault,
     }

@@ -15,29 +15,28 @@ def env_table(cards: Sequence[Card]) -> Table:
     """Return one row per environment."""
     columns = (
         Column(key="id"),
-        Column(key="rate"),
-        Column("past / future", key="frames"),
-        Column("k", key="samples"),
-        Column(key="classes"),
-        Column("what", key="summary"),
+        Column(key="rate", read=lambda card: f"{card.task.rate:g} Hz"),
+        Column("past / future", key="frames", read=_frames),
+        Column("k", key="samples", read=lambda card: card.task.samples),
+        Column(key="classes", read=_classes),
+        Column("what", key="summary", read=_summary),
     )
-    return Table("envs", "Environments", "", list(map(_env_cells, cards)), columns)
+    return Table("envs", "Environments", "", cards, columns)
 
 
-def _env_cells(card: Card) -> dict[str, str | int]:
-    task = card.task
-    class_text = ", ".join(task.classes)
-    if len(task.classes) > MAX_NAMED_CLASSES:
-        class_text = str(len(task.classes))
-    loop_text = "" if card.drive is None else "Closed loop. "
-    return {
-        "id": card.id,
-        "rate": f"{task.rate:g} Hz",
-        "frames": f"{task.past} / {task.future}",
-        "samples": task.samples,
-        "classes": class_text,
-        "summary": f"{loop_text}{card.summary}",
-    }
+def _frames(card: Card) -> str:
+    return f"{card.task.past} / {card.task.future}"
+
+
+def _classes(card: Card) -> str:
+    classes = card.task.classes
+    if len(classes) > MAX_NAMED_CLASSES:
+        return str(len(classes))
+    return ", ".join(classes)
+
+
+def _summary(card: Card) -> str:
+    return card.summary if card.drive is None else f"Closed loop. {card.summary}"
 
 
 def status_table(statuses: Mapping[str, DataStatus]) -> Table:

@@ -44,12 +44,12 @@ class WorstRow(Listed):
     @property
     def start(self) -> float:
         """First second of the moment."""
-        return self.seconds(self.incident.first)
+        return self.scene.seconds(self.incident.first)
 
     @property
     def end(self) -> float:
         """Last second of the moment."""
-        return self.seconds(self.incident.until)
+        return self.scene.seconds(self.incident.until)
 
 
 def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
