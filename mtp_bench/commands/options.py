@@ -14,7 +14,7 @@ from typer import Argument, BadParameter, Option
 
 from ..cards import Card
 from ..core import (
-    SUFFIXES,
+    TABLE_SUFFIXES,
     MtpBenchError,
     Workers,
     baseline_names,
@@ -125,7 +125,7 @@ TableOption = Annotated[
     Path | None,
     file_option(
         "--table",
-        suffixes=SUFFIXES,
+        suffixes=TABLE_SUFFIXES,
         text="Write the table to this file: .csv or .json with all numbers, .md or "
         ".tex as it is shown. With --columns or --subsets all four hold these.",
     ),
@@ -288,9 +288,10 @@ class AgentScenes(EnvScenes):
 
     @cached_property
     def card(self) -> str | Card:
-        """The env; for the folder of a run the card of its scenes.
+        """The env.
 
-        The scenes of a closed loop are as the agent drove them.
+        For the folder of a run it is the card of its scenes. The scenes of a closed
+        loop are as the agent drove them.
         """
         from ..running import open_run
 

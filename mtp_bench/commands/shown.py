@@ -103,10 +103,10 @@ def show_report(
     shown: Shown,
     names: Sequence[str] = (),
 ) -> None:
-    """Print the main table of a report, its verdict and warnings; with ``full`` all.
+    """Print the main table of a report, its verdict and warnings.
 
-    ``title``: what the report is of. ``names``: submissions that the verdict is about;
-    a report of one agent has none.
+    With ``full`` everything is printed. ``title``: what the report is of. ``names``:
+    submissions that the verdict is about; a report of one agent has none.
     """
     main = shown.main(report)
     other_tables = list(full_tables(report)) if shown.full else []

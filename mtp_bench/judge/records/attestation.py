@@ -22,6 +22,7 @@ from ...core import (
     parse_json,
     read_bounded,
     read_json,
+    validate_json,
     write_text,
 )
 from ...scoring import PairedDifference, Row, Subset, UnitSums
@@ -32,7 +33,7 @@ from .fields import Date, Level, Sha256
 from .record import HiddenPart, Record
 from .results import require_units
 from .seal import ListedSeal
-from .storage import MAX_BYTES, content_digest, measured_digest, parse_as, text_of
+from .storage import MAX_BYTES, content_digest, measured_digest, text_of
 from .trust import MOST_SIGNATURE, SIGNER_PATTERN, Trust, sign
 
 
@@ -161,7 +162,8 @@ def read_level(
     """
     try:
         text = read_bounded(record_file, MAX_BYTES, RecordError)
-        level = parse_as(_RecordFile, text, record_file.name).level
+        content = validate_json(_RecordFile, text, record_file.name, RecordError)
+        level = content.level
         if level is None:
             return None, ""
         trust.check_once(

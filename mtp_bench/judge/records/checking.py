@@ -10,7 +10,7 @@ from ...running import Finding, RunOptions, check_agent, jobs_of, run_jobs
 from ..gateway.limits import SceneRun
 from ..gateway.run import run_isolated_scenes
 
-SCENES = 3  # at most
+MAX_CHECKED_SCENES = 3  # at most
 _SANDBOX_HINT = (
     "it runs alone there: its own folder, no data, no network, bounded memory"
 )

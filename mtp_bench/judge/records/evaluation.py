@@ -200,7 +200,10 @@ def unit_errors(table: AgentTable, subset: Subset) -> list[float]:
 
 
 def numbers_of(row: Row) -> dict[str, float]:
-    """Return the facts of a row that records store; causes of errors of "all" alone."""
+    """Return the facts of a row that records store.
+
+    Causes of errors are stored of "all" alone.
+    """
     numbers = {}
     for name in Row.model_fields:
         is_cost = name.startswith("cost_")

@@ -26,7 +26,10 @@ class RecordPiece:
 
     @property
     def size(self) -> int:
-        """Bytes of the record and its rollouts; 0 before it is made."""
+        """Bytes of the record and its rollouts.
+
+        It is 0 before it is made.
+        """
         files = [self.target, *self.target.with_suffix(ROLLOUTS).rglob("*")]
         return sum(path.stat().st_size for path in files if path.is_file())
 

@@ -68,7 +68,10 @@ def drive_again(card: Card, rollout: Rollout) -> Rollout:
 
 
 def run_again(plan: Plan, seeds: Sequence[int]) -> Runs:
-    """Run seeds and scenes in a random order; returns them in the given one."""
+    """Run seeds and scenes in a random order.
+
+    Returns them in the given one.
+    """
     shuffled_seeds = _random.sample(list(seeds), len(seeds))
     runs = {seed: _run_shuffled(plan, seed) for seed in shuffled_seeds}
     return {seed: runs[seed] for seed in seeds}
@@ -93,10 +96,10 @@ def errors_under_random_pose(
 def worse_when_moved(
     record: Record, moved_errors: Mapping[Subset, float | None]
 ) -> Difference | None:
-    """Return the first error that is larger among ``moved_errors``; None if none is.
+    """Return the first error that is larger among ``moved_errors``.
 
-    A moved run is compared with the mean over seeds, not with the worst seed: an agent
-    with a table for all seeds but one would pass.
+    None if none is. A moved run is compared with the mean over seeds, not with the
+    worst seed: an agent with a table for all seeds but one would pass.
     """
     # further subsets are shown only
     for subset in SUBSETS:
@@ -156,7 +159,6 @@ def run_hidden(
     hidden_names = sealed.shuffled(open_source(hidden_card).names)
     hidden_plan = replace(
         plan,
-        env=hidden_card,
         card=hidden_card,
         scenes=hidden_names,
         scenes_of_split=len(hidden_names),
@@ -187,7 +189,10 @@ def run_hidden(
 
 
 def require_answered(runs: Runs, agent: str, where: str) -> None:
-    """Raise RecordError unless the agent finished every scene; it names no scenes."""
+    """Raise RecordError unless the agent finished every scene.
+
+    It names no scenes.
+    """
     missed = unanswered(runs)
     if missed.crashed_scenes:
         kinds = sorted({reason.split(":")[0] for reason in missed.reasons.values()})

@@ -243,10 +243,11 @@ def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed
 
 
 def retire(secret_file: str | Path, folder: str | Path = SEALS) -> Path:
-    """Publish the secret at ``secret_file`` in ``folder``; returns the file.
+    """Publish the secret at ``secret_file`` in ``folder``.
 
-    Event weights are published with it, if there are any. Raises RecordError if the
-    secret does not fit its commitment, MtpBenchError if a file cannot be written.
+    Returns the file. Event weights are published with it, if there are any. Raises
+    RecordError if the secret does not fit its commitment, MtpBenchError if a file
+    cannot be written.
     """
     secret_file = Path(secret_file)
     folder = Path(folder)

@@ -5,10 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from ...agent import PARTS as PARTS, ROLLOUTS as ROLLOUTS
-from ...core import ABSENT, RecordError, Rollout, SectionT, explain, read_bounded
+from ...core import ABSENT, RecordError, Rollout, SectionT, read_bounded, validate_json
 from ...running import load_run
 from .canonical import digest_of
 from .record import Record
@@ -31,7 +29,10 @@ def load_record(path: str | Path) -> Record:
 
 
 def usable_record(path: Path) -> Record | None:
-    """Return the record at ``path``; None if it is missing, or cannot be read."""
+    """Return the record at ``path``.
+
+    None if it is missing, or cannot be read.
+    """
     try:
         return load_record(path)
     except RecordError:
@@ -59,21 +60,12 @@ def with_targets(record: Record, record_file: Path) -> Record:
 
 
 def read_as(model: type[SectionT], path: Path, absent: str = ABSENT) -> SectionT:
-    """Read a JSON file as ``model``; ``absent`` is the reason if there is no such file.
+    """Read a JSON file as ``model``.
 
-    Raises RecordError.
+    ``absent`` is the reason if there is no such file. Raises RecordError.
     """
     text = read_bounded(path, MAX_BYTES, RecordError, absent)
-    return parse_as(model, text, str(path))
-
-
-def parse_as(model: type[SectionT], text: str, where: str) -> SectionT:
-    """Parse JSON as ``model``; raises RecordError naming ``where`` the text is from."""
-    try:
-        return model.model_validate_json(text)
-    except ValidationError as error:
-        why = explain(error.errors(), model).removeprefix(": got ")
-        raise RecordError(f"{where}: {why}") from None
+    return validate_json(model, text, str(path), RecordError)
 
 
 def content_digest(content: Mapping[str, Any]) -> str:
