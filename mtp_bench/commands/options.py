@@ -61,14 +61,17 @@ def _completions(words: Iterable[str], incomplete: str) -> list[str]:
     return [word for word in words if word.startswith(incomplete)]
 
 
-def choice(words: Sequence[str], *names: str, text: str) -> Any:
+def choice(words: Sequence[str], *names: str, text: str, several: bool = False) -> Any:
     """Return an option that takes these words, with completion.
 
-    ``text``: its help.
+    ``text``: its help. ``several``: it takes words with commas between them.
     """
 
     def check(value: Any) -> Any:
-        for word in [value] if isinstance(value, str) else value or ():
+        chosen = value or ()
+        if isinstance(value, str):
+            chosen = value.split(",") if several else [value]
+        for word in chosen:
             one_of(word, words)
         return value
 

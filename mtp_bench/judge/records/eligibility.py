@@ -174,8 +174,6 @@ def _reasons(record: Record) -> Iterator[str]:
     if record.seeds != list(SEEDS):
         record_seeds = ", ".join(map(str, record.seeds))
         yield f"seeds {record_seeds}, ranks need {', '.join(map(str, SEEDS))}"
-    if len(record.scenes) != record.env.scenes_of_split:
-        yield f"{len(record.scenes)} of {record.env.scenes_of_split} scenes"
     if record.limits != Limits():
         yield "other limits than those that rank"
 

@@ -50,11 +50,11 @@ class Parts:
         None if it is missing, broken, or written by another version.
         """
         arrays: dict[str, Any] | None = read_arrays(self._path(seed, scene))
-        if arrays is None or not {*ARRAYS, _OTHER_FIELDS} <= arrays.keys():
+        if arrays is None:
             return None
-        run_fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
-        drive = {name: arrays.pop(name) for name in arrays.keys() - ARRAYS.keys()}
         try:
+            run_fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
+            drive = {name: arrays.pop(name) for name in arrays.keys() - ARRAYS.keys()}
             rollout = Rollout(scene, **arrays, drive=drive_of(drive))
             run_fields["isolation"] = Isolation(**run_fields["isolation"])
             return SceneRun(rollout, **run_fields)

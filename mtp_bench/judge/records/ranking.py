@@ -146,13 +146,11 @@ def _standings_of_env(
     for entrant in entrants:
         unranked = Place(why=entrant.unranked_because or _OTHER_DATA)
         entrant_places = places.get(entrant, dict.fromkeys(subsets, unranked))
-        digest = entrant.record.digest
-        by_digest[digest] = Standing(entrant_places, entrant in compared)
+        standing = Standing(entrant_places, entrant in compared)
         if entrant in peers:
             known_subsets = subsets if entrant in finished else ()
-            by_digest[digest] = _with_gaps(
-                by_digest[digest], entrant, best_records, known_subsets
-            )
+            standing = _with_gaps(standing, entrant, best_records, known_subsets)
+        by_digest[entrant.record.digest] = standing
     return by_digest
 
 

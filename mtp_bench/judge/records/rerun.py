@@ -26,7 +26,6 @@ from ...sources import open_source, package_of
 from ..gateway.limits import Isolation, SceneRun
 from .canonical import Difference
 from .record import HiddenPart, Record
-from .results import Results
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
 from .seal import Sealed
 from .targets import UnitTargets
@@ -88,8 +87,7 @@ def errors_under_random_pose(
     seed = secrets.randbelow(_SEEDS)
     runs = {seed: _run_shuffled(plan, seed)}
     require_answered(runs, plan.submission.name, "under a secret motion")
-    evaluation = evaluate_plan(plan, runs, reference)
-    results = Results(**evaluation.results)
+    results = evaluate_plan(plan, runs, reference).results
     return {subset: results.row_of(subset).error for subset in results.subsets}
 
 
@@ -172,19 +170,19 @@ def run_hidden(
         )
     require_answered(runs, plan.submission.name, "of hidden scenes")
     reference = sealed.reference(hidden_card, hidden_names, options)
-    evaluation = evaluate_plan(hidden_plan, runs, reference)
+    results = evaluate_plan(hidden_plan, runs, reference).results
     # without names of scenes
     targets = UnitTargets(
         scenes=[],
         scene_units=[],
-        nothing_predicted=evaluation.targets.nothing_predicted,
-        subsets=evaluation.targets.subsets,
+        nothing_predicted=results.targets.nothing_predicted,
+        subsets=results.targets.subsets,
     )
     return HiddenPart(
         commitment=sealed.commitment,
         weights=reference.digest,
         scenes=len(hidden_names),
-        **evaluation.results | {"targets": targets},
+        **dict(results) | {"targets": targets},
     )
 
 
