@@ -189,7 +189,7 @@ def _level_notes(listed: Sequence[LinkedRecord]) -> list[str]:
 def _without_copies(
     stored: Mapping[Path, LinkedRecord],
 ) -> tuple[dict[str, LinkedRecord], list[str]]:
-    """Return a record per digest, one with a signed level if any, and notes."""
+    """Return a record per digest, preferably with a signed level, and notes."""
     shown: dict[str, LinkedRecord] = {}
     shown_paths: dict[str, Path] = {}
     notes = []

@@ -136,7 +136,7 @@ class Checked:
 def write_level(
     record_file: Path, statement: Statement, key: Path, signer: str
 ) -> None:
-    """Sign a statement on the record at ``record_file`` and write it into that file.
+    """Sign a statement on a record and write it into its file.
 
     It takes the place of an earlier level. Raises MtpBenchError if ssh-keygen is
     missing or refuses the key, or the file cannot be read or written.
@@ -155,7 +155,7 @@ def write_level(
 def read_level(
     record_file: Path, record: Record, trust: Trust
 ) -> tuple[SignedLevel | None, str]:
-    """Return the level in the file ``record_file`` of a record, or None and the reason.
+    """Return the level in the file of a record, or None and the reason.
 
     The reason is empty without a level. Never raises for what the file holds: a level
     that cannot be trusted is not a level.

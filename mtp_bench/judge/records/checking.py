@@ -1,4 +1,4 @@
-"""Check that a submission keeps the contract of an agent, here and behind the gateway."""
+"""Check that a submission keeps the contract of an agent, also behind the gateway."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -105,7 +105,7 @@ def _run_problems(record: Record) -> Iterator[str]:
 def result_problems(
     results: Record | HiddenPart, max_error_m: float = math.inf
 ) -> Iterator[str]:
-    """Yield sentences on results that cannot be, such as errors beyond ``max_error_m``."""
+    """Yield sentences on results that cannot be, such as large errors."""
     yield from _target_problems(results.targets, max_error_m)
     if results.drives is None:
         yield from _error_problems(results, max_error_m)

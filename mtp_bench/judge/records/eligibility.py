@@ -91,7 +91,7 @@ def _scored_before(record: Record) -> bool:
 
 
 def is_baseline(record: Record) -> bool:
-    """Return True if a record is of a baseline, not of another one of its name."""
+    """Return True for a baseline, not another submission of its name."""
     submission = record.submission
     digest = baseline_digest(submission.name, submission.networks)
     return digest == submission.digest
@@ -159,7 +159,7 @@ def _is_better(entrant: Checked, truth: Checked, subset: Subset) -> bool:
 
 
 def _reasons(record: Record) -> Iterator[str]:
-    """Yield reasons why the conditions of a record are not those of the shipped env."""
+    """Yield reasons why a record has other conditions than the shipped env."""
     yield from _unlike_baselines(record)
     if reason := why_scored_otherwise(record):
         yield reason

@@ -84,7 +84,7 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
 def _refused_files(
     folder: Path, files: Mapping[Path, str], trusted_files: Mapping[Path, str]
 ) -> list[str]:
-    """Return why rollouts, and removed files of the trusted leaderboard, are refused."""
+    """Return why rollouts and removed files of the leaderboard are refused."""
     rollouts = [
         f"{path.relative_to(folder)}: stored rollouts stay with their makers (of "
         "recorded scenes they must not be published), expected records alone: take the "
@@ -117,7 +117,7 @@ def _is_unchanged(path: Path, trusted_path: Path) -> bool:
 
 
 def _files(root: Path) -> dict[Path, str]:
-    """Return the names of all files and empty folders, and what is odd about each.
+    """Return all files and empty folders, and what is odd about each.
 
     Odd is everything but a regular file of mode 100644. Stored rollouts are left out.
     Raises RecordError for too many.
@@ -258,7 +258,7 @@ def _acceptable(
 
 
 def _require_current(record: Record, file_name: Path) -> None:
-    """Raise RecordError unless a record is made for what ships, and stands at its path."""
+    """Raise RecordError unless a record fits what ships and its path."""
     submission = record.submission.name
     env = record.env
     if file_name.parts[1:] != (submission, f"{env.id}.json"):

@@ -70,10 +70,10 @@ def _submissions(names: Sequence[str]) -> list[Submission]:
 def standing_record(
     piece: RecordPiece, options: RunOptions = DEFAULTS
 ) -> Record | None:
-    """Return the record of a piece if it is complete and would be made equally again.
+    """Return the record of a piece if it would be made equally again.
 
-    It would be made equally if submission, card, seeds, limits and versions are the
-    same. Its rollouts may be missing, as in a checkout.
+    It must be complete, with the same submission, card, seeds, limits and versions. Its
+    rollouts may be missing, as in a checkout.
     """
     plan = plan_run(piece.submission, piece.env, options)
     return finished_record(piece.target, plan_content(plan), rollouts=False)

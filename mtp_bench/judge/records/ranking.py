@@ -286,7 +286,7 @@ def _with_gaps(
 def _closed(
     entrant: _Entrant, pair: Pair, subsets: Sequence[Subset]
 ) -> dict[Subset, float]:
-    """Return the shares of a gap that are closed, on the subsets that define it."""
+    """Return the closed shares of a gap, on the subsets that define it."""
     gaps = {}
     for subset in subsets:
         closed_share = pair.closed_by(entrant, subset).closed

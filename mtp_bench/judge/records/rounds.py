@@ -52,7 +52,7 @@ def attest(
     trust: Trust | None = None,
     looked_at: bool = False,
 ) -> None:
-    """Sign the level that a check reached and write it into the file of the record.
+    """Sign the level that a check reached, in the file of the record.
 
     ``trust``: the trusted leaderboard; None: the one that ships. ``looked_at``: a
     maintainer found that the record may be better than ground truth; it stays so.

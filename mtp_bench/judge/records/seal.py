@@ -75,7 +75,7 @@ class Commitment(Section):
 
 
 class ListedSeal(Commitment):
-    """A seal of the leaderboard: its commitment, and whether its secret was published."""
+    """A seal of the leaderboard, and whether its secret was published."""
 
     name: str
     retired: str  # date; empty: in use
@@ -213,7 +213,7 @@ def open_seal(
 
 
 def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed]:
-    """Open the seal whose secret is at ``path``, or those in a folder, by env.
+    """Open the seal at ``path``, or those in a folder, by env.
 
     Retired ones in a folder are left out. Raises RecordError if a secret is wrong, none
     is left, or two are of one env.

@@ -69,7 +69,7 @@ def read_as(model: type[SectionT], path: Path, absent: str = ABSENT) -> SectionT
 
 
 def content_digest(content: Mapping[str, Any]) -> str:
-    """Return the hex sha256 of the canonical JSON of the content of a record.
+    """Return the hex sha256 of the content of a record as canonical JSON.
 
     Digest, measurements and level are left out. So are the targets, since the content
     names them by their digest.
@@ -95,10 +95,11 @@ def sealed(record: Record) -> Record:
 
 
 def record_text(record: Record, record_file: Path) -> tuple[Record, str]:
-    """Return ``record`` with its digests, and the text of its file without a level.
+    """Return ``record`` with its digests, and the text of its file.
 
-    Targets that the leaderboard does not have go into the file. Raises RecordError if
-    the record cannot be written as JSON, or would be too large to be read again.
+    The text has no level. Targets that the leaderboard does not have go into it. Raises
+    RecordError if the record cannot be written as JSON, or would be too large to be
+    read again.
     """
     try:
         record = sealed(record)
@@ -151,7 +152,7 @@ def seed_folder(folder: Path, seed: int) -> Path:
 
 
 def stored_rollouts(record_file: Path, record: Record) -> dict[int, list[Rollout]]:
-    """Read the stored rollouts of each seed of a record, in the order of its scenes.
+    """Read the stored rollouts of each seed, in the order of scenes.
 
     Raises RecordError if they are missing or not those of the record, RolloutError if a
     file is broken.

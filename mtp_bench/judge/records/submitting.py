@@ -1,4 +1,4 @@
-"""Make a record: run a submission behind the gateway, score it, and store its rollouts."""
+"""Make a record: run a submission behind the gateway, score it, store its rollouts."""
 
 from itertools import chain
 from pathlib import Path

@@ -118,7 +118,7 @@ def targets_of(
 
 
 def drive_targets(scenes: Sequence[str]) -> UnitTargets:
-    """Return the targets of a closed loop: the only target of a scene is its drive."""
+    """Return the targets of a closed loop, one drive per scene."""
     count = len(scenes)
     drives = SubsetTargets(
         weight=[1.0] * count,

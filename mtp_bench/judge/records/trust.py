@@ -120,7 +120,10 @@ class Trust:
 
     @cached_property
     def owners(self) -> Mapping[str, str]:
-        """Login by the name of a submission. Raises RecordError if the file is broken."""
+        """Login by the name of a submission.
+
+        Raises RecordError if the file is broken.
+        """
         return read_owners(self.folder / OWNERS)
 
     def require_listed(self, seals: Iterable[Sealed]) -> None:
@@ -229,7 +232,7 @@ def _retired(path: Path, commitment: Commitment) -> str:
 
 
 def _is_private(path: Path) -> bool:
-    """Return True for a file or folder, not a link, that only this user may write."""
+    """Return True if only this user may write a file or folder, not a link."""
     with suppress(OSError):
         status = path.lstat()
         user = getattr(os, "geteuid", lambda: status.st_uid)()
