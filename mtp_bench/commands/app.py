@@ -49,7 +49,10 @@ class Commands(TyperGroup):
         self.commands = names
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Import a command; None for an unknown name."""
+        """Import a command.
+
+        None for an unknown name.
+        """
         if cmd_name not in SUMMARIES:
             return None
         module_name = MODULES.get(cmd_name, cmd_name)

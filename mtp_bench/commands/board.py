@@ -13,6 +13,7 @@ from ..judge import (
     RECORDS,
     Record,
     Trust,
+    is_baseline,
     load_record,
     read_level,
     record_paths,
@@ -29,7 +30,6 @@ from ..viz import (
     board_tables,
     counted,
     entries_of,
-    is_baseline,
     parts_folder,
     require_parts,
     show,
@@ -189,7 +189,7 @@ def _level_notes(listed: Sequence[LinkedRecord]) -> list[str]:
 def _without_copies(
     stored: Mapping[Path, LinkedRecord],
 ) -> tuple[dict[str, LinkedRecord], list[str]]:
-    """Return a record per digest, one with a signed level if any, and notes."""
+    """Return a record per digest, preferably with a signed level, and notes."""
     shown: dict[str, LinkedRecord] = {}
     shown_paths: dict[str, Path] = {}
     notes = []
@@ -219,7 +219,10 @@ def _with_added(
 
 
 def _records_folder(folder: Path | None) -> Path:
-    """Return the folder of records; raises MtpBenchError where it is missing."""
+    """Return the folder of records.
+
+    Raises MtpBenchError where it is missing.
+    """
     if folder is None:
         folder = bundled("leaderboard") / "records"
         if not folder.is_dir():  # an installed wheel has none

@@ -9,7 +9,7 @@ from typer import Argument, Option
 
 from ..agent import load_submission, new_submission
 from ..core import Column, SubmissionError, Table, Workers, cores, long_work
-from ..judge import SCENES, check_submission
+from ..judge import MAX_CHECKED_SCENES, check_submission
 from ..running import Finding, RunOptions
 from ..viz import command_line, counted, show, show_table
 from .options import DataOption, JsonOption, SubmissionArgument, TracksOption, absolute
@@ -44,8 +44,8 @@ def check(
     root: DataOption = None,
     tracks: TracksOption = None,
     scenes: Annotated[
-        int, Option(min=1, max=SCENES, help="Scenes to check on.")
-    ] = SCENES,
+        int, Option(min=1, max=MAX_CHECKED_SCENES, help="Scenes to check on.")
+    ] = MAX_CHECKED_SCENES,
     json_file: JsonOption = None,
 ) -> None:
     """Check a submission on up to three scenes.

@@ -150,7 +150,10 @@ def intake(
     base: BaseOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Check the records and names of a pull request; no code of a submission is run."""
+    """Check the records and names of a pull request.
+
+    No code of a submission is run.
+    """
     trust = trusted(base)
     outcome = take_in(leaderboard, trust, owner)
     accepted = list(map(str, outcome.accepted))

@@ -14,7 +14,7 @@ from typer import Argument, BadParameter, Option
 
 from ..cards import Card
 from ..core import (
-    SUFFIXES,
+    TABLE_SUFFIXES,
     MtpBenchError,
     Workers,
     baseline_names,
@@ -61,14 +61,17 @@ def _completions(words: Iterable[str], incomplete: str) -> list[str]:
     return [word for word in words if word.startswith(incomplete)]
 
 
-def choice(words: Sequence[str], *names: str, text: str) -> Any:
+def choice(words: Sequence[str], *names: str, text: str, several: bool = False) -> Any:
     """Return an option that takes these words, with completion.
 
-    ``text``: its help.
+    ``text``: its help. ``several``: it takes words with commas between them.
     """
 
     def check(value: Any) -> Any:
-        for word in [value] if isinstance(value, str) else value or ():
+        chosen = value or ()
+        if isinstance(value, str):
+            chosen = value.split(",") if several else [value]
+        for word in chosen:
             one_of(word, words)
         return value
 
@@ -125,7 +128,7 @@ TableOption = Annotated[
     Path | None,
     file_option(
         "--table",
-        suffixes=SUFFIXES,
+        suffixes=TABLE_SUFFIXES,
         text="Write the table to this file: .csv or .json with all numbers, .md or "
         ".tex as it is shown. With --columns or --subsets all four hold these.",
     ),
@@ -288,9 +291,10 @@ class AgentScenes(EnvScenes):
 
     @cached_property
     def card(self) -> str | Card:
-        """The env; for the folder of a run the card of its scenes.
+        """The env.
 
-        The scenes of a closed loop are as the agent drove them.
+        For the folder of a run it is the card of its scenes. The scenes of a closed
+        loop are as the agent drove them.
         """
         from ..running import open_run
 

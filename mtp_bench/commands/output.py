@@ -90,7 +90,7 @@ def some_of(texts: Sequence[str]) -> str:
 
 
 def write_table(path: Path | None, shown: Sequence[Table], data: Table) -> None:
-    """Write tables to a file, if one is named, in the format of its suffix.
+    """Write tables to the file that is named, if any, by its suffix.
 
     See `tables_text`.
     """
@@ -150,7 +150,7 @@ def _standard_output_apart() -> Iterator[TextIO]:
 
 
 def write_json(path: Path | None, content: dict[str, Any]) -> None:
-    """Write the content of a table to a file or standard output, if one is named."""
+    """Write the content of a table to the file or stream that is named."""
     if path is None:
         return
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"

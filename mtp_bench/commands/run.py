@@ -81,7 +81,7 @@ def score(
 
 
 def _scene_table(report: Report, title: str) -> Table:
-    """Return a row per scene, with the columns of a report's row where they fit."""
+    """Return a row per scene, with a report's columns where they fit."""
     rows = report.per_scene()
     row_columns = {column.key: column for column in columns_of(Row)}
     keys = dict.fromkeys(key for row in rows for key in row)

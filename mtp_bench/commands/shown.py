@@ -2,10 +2,10 @@
 
 import shutil
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Option
 
@@ -24,23 +24,8 @@ from ..viz import (
     verdict,
     warnings,
 )
-from .options import TableOption, one_of
+from .options import TableOption, choice
 from .output import write_table
-
-
-def words(*names: str, choices: Callable[[], Sequence[str]], text: str) -> Any:
-    """Return an option that takes words of ``choices`` with commas between them.
-
-    ``text``: its help.
-    """
-
-    def check(value: str | None) -> str | None:
-        if value is not None:
-            for word in value.split(","):
-                one_of(word, choices())
-        return value
-
-    return Option(*names, help=text, callback=check)
 
 
 @dataclass(frozen=True)
@@ -58,17 +43,19 @@ class Shown:
     table_file: TableOption = None
     columns: Annotated[
         str | None,
-        words(
+        choice(
+            column_keys(),
             "--columns",
-            choices=column_keys,
+            several=True,
             text="Columns of the table, keys of --json with commas between them.",
         ),
     ] = None
     subsets: Annotated[
         str | None,
-        words(
+        choice(
+            KNOWN_SUBSETS,
             "--subsets",
-            choices=lambda: KNOWN_SUBSETS,
+            several=True,
             text="Subsets of the table, such as all,ids; with --columns.",
         ),
     ] = None
@@ -103,10 +90,10 @@ def show_report(
     shown: Shown,
     names: Sequence[str] = (),
 ) -> None:
-    """Print the main table of a report, its verdict and warnings; with ``full`` all.
+    """Print the main table of a report, its verdict and warnings.
 
-    ``title``: what the report is of. ``names``: submissions that the verdict is about;
-    a report of one agent has none.
+    With ``full`` everything is printed. ``title``: what the report is of. ``names``:
+    submissions that the verdict is about; a report of one agent has none.
     """
     main = shown.main(report)
     other_tables = list(full_tables(report)) if shown.full else []

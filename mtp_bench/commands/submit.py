@@ -2,14 +2,14 @@
 
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from typer import Argument, BadParameter, Option
 
-from ..agent import Submission, load_submission
+from ..agent import load_submission
 from ..cards import load_card
 from ..core import (
     Column,
@@ -135,11 +135,7 @@ def submit(
 def _submit_all(
     pieces: Sequence[RecordPiece], options: RunOptions, arguments: Mapping[str, Any]
 ) -> None:
-    def make(piece: RecordPiece) -> Record:
-        folder = piece.target.parent
-        return _make_record(piece.submission, piece.env, options, folder, arguments)
-
-    lines = make_all(pieces, options, make)
+    lines = make_all(pieces, options, arguments)
     show_table(summary_table(lines))
     if all(line.outcome == "not here" for line in lines):
         raise RecordError(f"no record can be made here, the first: {lines[0].note}")
@@ -161,24 +157,24 @@ def _submit_one(
 ) -> None:
     """Make the records of one submission on the named environments, and show them."""
     submission = load_submission(path)
-    targets: dict[str, Path] = {}
-    for env_id in env_ids:
-        targets[env_id] = record_path(submission, load_card(env_id), output)
-    for target in targets.values():
+    pieces = []
+    for env_id in dict.fromkeys(env_ids):
+        target = record_path(submission, load_card(env_id), output)
         require_target(
             target, submission, options, arguments["resume"], arguments["replace"]
         )
+        pieces.append(RecordPiece(submission, env_id, target))
     failures = []
-    for env_id, target in targets.items():
+    for piece in pieces:
         try:
-            record = _make_record(submission, env_id, options, output, arguments)
+            record = _make_record(piece, options, arguments)
         except (MtpBenchError, OSError) as error:  # the others are worth their time
-            if len(targets) == 1:
+            if len(pieces) == 1:
                 raise
-            failures.append(f"{env_id}: {said_of(error)}")
+            failures.append(f"{piece.env}: {said_of(error)}")
             say(failures[-1])
             continue
-        _show_record(record, target)
+        _show_record(record, piece.target)
         if record.status in ("crashed", "rejected"):
             failures.append(f"{record.env.id}: {record.status}: {record.status_reason}")
     if failures:
@@ -204,22 +200,20 @@ def _show_record(record: Record, target: Path) -> None:
 
 
 def _make_record(
-    submission: Submission,
-    env_id: str,
-    options: RunOptions,
-    output: Path | None,
-    arguments: Mapping[str, Any],
+    piece: RecordPiece, options: RunOptions, arguments: Mapping[str, Any]
 ) -> Record:
-    card = load_card(env_id)
+    card = load_card(piece.env)
     if card.lanes is not None and not card.simulated:
         say(
             f"{card.id} shows lanes, by which an agent can recognise a recorded scene "
             "even after a random motion of it."
         )
-    prepare(env_id, options)
-    with long_work(f"running {submission.name} on {env_id}") as progress:
+    prepare(piece.env, options)
+    submission = piece.submission
+    with long_work(f"running {submission.name} on {piece.env}") as progress:
         options = replace(options, progress=progress)
-        return make_record(submission.path, env_id, options, output, **arguments)
+        output = piece.target.parent
+        return make_record(submission.path, piece.env, options, output, **arguments)
 
 
 def _status_line(record: Record) -> str:
@@ -260,23 +254,22 @@ class Line:
 
 
 def make_all(
-    pieces: Sequence[RecordPiece],
-    options: RunOptions,
-    make: Callable[[RecordPiece], Record],
+    pieces: Sequence[RecordPiece], options: RunOptions, arguments: Mapping[str, Any]
 ) -> list[Line]:
-    """Make the missing records; the failure of one does not stop the others.
+    """Make the missing records.
 
-    After an interruption the same command continues with the next scene.
+    The failure of one does not stop the others. After an interruption the same command
+    continues with the next scene.
     """
     lines: list[Line] = []
     for piece in pieces:
-        lines.append(_make_one(piece, options, make))
+        lines.append(_make_one(piece, options, arguments))
         say(f"{len(lines)} of {len(pieces)}: {lines[-1]}")
     return lines
 
 
 def _make_one(
-    piece: RecordPiece, options: RunOptions, make: Callable[[RecordPiece], Record]
+    piece: RecordPiece, options: RunOptions, arguments: Mapping[str, Any]
 ) -> Line:
     try:
         standing = standing_record(piece, options)
@@ -286,7 +279,7 @@ def _make_one(
         if reason is not None:
             return Line(piece, "not here", note=reason)
         begin = time.monotonic()
-        record = make(piece)
+        record = _make_record(piece, options, arguments)
     except DataError as error:
         return Line(piece, "not here", note=f"no data: {error}")
     except (MtpBenchError, OSError) as error:

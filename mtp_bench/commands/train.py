@@ -31,6 +31,14 @@ _SIMULATED_FRAMES = 2400
 OBSERVE = ("detections", "truth")
 ON = ("truth", "tracklets")
 DEVICES = ("auto", "cpu", "cuda")
+_HYPOTHESES = Option(
+    min=1, max=1000, help="Hypotheses of the tracker of the tracklets."
+)
+_EPOCHS = Option(min=1, help="At most so many; default: by network.")
+_DEVICE = choice(DEVICES, text="auto (a GPU if there is one), cpu or cuda.")
+_WEIGHTS = file_option(
+    "-o", "--output", text="File of the weights; default: where agents look for them."
+)
 
 
 def motion_noise(
@@ -81,25 +89,12 @@ def predictor(
         list[str] | None,
         Option(help="Learn from this environment too; may be repeated."),
     ] = None,
-    hypotheses: Annotated[
-        int, Option(min=1, max=1000, help="Hypotheses of the tracker of the tracklets.")
-    ] = 20,
-    epochs: Annotated[
-        int | None, Option(min=1, help="At most so many; default: by network.")
-    ] = None,
+    hypotheses: Annotated[int, _HYPOTHESES] = 20,
+    epochs: Annotated[int | None, _EPOCHS] = None,
     seed: Annotated[int, Option(min=0, help="Seed of all random numbers.")] = 0,
-    device: Annotated[
-        str, choice(DEVICES, text="auto (a GPU if there is one), cpu or cuda.")
-    ] = "auto",
+    device: Annotated[str, _DEVICE] = "auto",
     jobs: JobsOption = 0,
-    output: Annotated[
-        Path | None,
-        file_option(
-            "-o",
-            "--output",
-            text="File of the weights; default: where agents look for them.",
-        ),
-    ] = None,
+    output: Annotated[Path | None, _WEIGHTS] = None,
 ) -> None:
     """Train a predictor on the training split of an environment.
 

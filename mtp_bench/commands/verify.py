@@ -1,7 +1,7 @@
 """``mtp-bench verify``."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,14 +24,18 @@ from ..judge import (
     Difference,
     HiddenPart,
     Record,
-    Round,
+    Sealed,
+    SignedLevel,
     Trust,
     Verification,
     attest,
     checked_record,
+    level_reached,
     open_seals,
     record_paths,
+    submission_of,
     trusted,
+    verify as check_record,
 )
 from ..running import RunOptions
 from ..viz import counted, show, show_lines, show_table
@@ -146,11 +150,10 @@ def verify(
         trust.require_signer(checks.sign, checks.signer or "")
         trust.require_listed(seals.values())
     with ExitStack() as ends:  # hidden scenes are made once for all records
-        verification = Round(checks.rerun, seals, checks.submission, checks.made_here)
         check = partial(
             _checked,
             checks=checks,
-            verification=verification,
+            seals=seals,
             trust=trust,
             options=options,
             ends=ends,
@@ -166,7 +169,10 @@ def verify(
 
 
 def _record_files(arguments: Sequence[Path]) -> list[Path]:
-    """Return the records and those of folders, each once; raises RecordError."""
+    """Return the records and those of folders, each once.
+
+    Raises RecordError.
+    """
     paths: dict[Path, None] = {}
     for argument in arguments:
         files = record_paths(argument) if argument.is_dir() else [argument]
@@ -182,7 +188,10 @@ def _record_files(arguments: Sequence[Path]) -> list[Path]:
 def _check_one(
     path: Path, check: Callable[[Path], _Result], is_single: bool
 ) -> _Result:
-    """Check one record; an error of one among several does not stop the others."""
+    """Check one record.
+
+    An error of one among several does not stop the others.
+    """
     begin = time.monotonic()
     try:
         result = check(path)
@@ -197,20 +206,30 @@ def _check_one(
 def _checked(
     path: Path,
     checks: VerifyOptions,
-    verification: Round,
+    seals: Mapping[str, Sealed],
     trust: Trust,
     options: RunOptions,
     ends: ExitStack,
 ) -> _Result:
     record = checked_record(path)
+    sealed = seals.get(record.env.id)
     if checks.sign is not None and not checks.looked_at:
-        result = _signed_before(path, record, verification, trust)
-        if result is not None:
-            return result
+        signed = level_reached(path, record, trust, checks.rerun, sealed)
+        if signed is not None:
+            return _signed_before(path, record, signed)
     title = f"verifying {record.submission.name} on {record.env.id}"
     with long_work(title) as progress:
         options = replace(options, progress=progress)
-        checked = verification.verify(path, record, options, checks.env, ends)
+        checked = check_record(
+            path,
+            options,
+            checks.env,
+            submission=submission_of(record, checks.submission),
+            rerun=checks.rerun,
+            sealed=sealed,
+            ends=ends,
+            made_here=checks.made_here,
+        )
     if checked.differences:
         _show_differences(checked)
     show(_verdict(checked))
@@ -224,26 +243,12 @@ def _checked(
     return _Result(path, _as_json(checked), failure)
 
 
-def _signed_before(
-    path: Path, record: Record, verification: Round, trust: Trust
-) -> _Result | None:
-    """Return the level that was signed for a record before; None without one."""
-    attestation = verification.reached(path, record, trust)
-    if attestation is None:
-        return None
-    statement = attestation.statement
-    show(
-        f"{path}: {statement.level} since {statement.date}, "
-        f"signed by {attestation.signer}"
-    )
-    verdict = {
-        "record": str(path),
-        "digest": record.digest,
-        "holds": True,
-        "level": statement.level,
-        **_on_hidden_scenes(statement.hidden),
-    }
-    return _Result(path, verdict)
+def _signed_before(path: Path, record: Record, signed: SignedLevel) -> _Result:
+    """Show the level that was signed for a record before."""
+    statement = signed.statement
+    show(f"{path}: {statement.level} since {statement.date}, signed by {signed.signer}")
+    reached = Verification(path, record, statement.level, hidden=statement.hidden)
+    return _Result(path, _as_json(reached))
 
 
 def _show_differences(checked: Verification) -> None:

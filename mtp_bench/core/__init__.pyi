@@ -40,7 +40,7 @@ from .errors import (
 )
 from .files import (
     ABSENT as ABSENT,
-    CACHE as CACHE,
+    CACHE_VARIABLE as CACHE_VARIABLE,
     FULL_DISK as FULL_DISK,
     WriteError as WriteError,
     cache_root as cache_root,
@@ -78,9 +78,9 @@ from .geometry import (
     wrap_angle as wrap_angle,
 )
 from .networks import (
-    PACKED as PACKED,
-    SHIPPED as SHIPPED,
-    VARIABLE as VARIABLE,
+    PACKED_SUFFIX as PACKED_SUFFIX,
+    SHIPPED_WEIGHTS as SHIPPED_WEIGHTS,
+    WEIGHTS_VARIABLE as WEIGHTS_VARIABLE,
     NetworkState as NetworkState,
     file_name as file_name,
     network_files as network_files,
@@ -89,7 +89,7 @@ from .networks import (
 )
 from .notice import (
     NO_PROGRESS as NO_PROGRESS,
-    QUIET as QUIET,
+    QUIET_VARIABLE as QUIET_VARIABLE,
     Progress as Progress,
     long_work as long_work,
     say_once as say_once,
@@ -129,19 +129,19 @@ from .strict import (
     require_part as require_part,
     rule as rule,
     validate as validate,
+    validate_json as validate_json,
 )
 from .table import (
     BLANK as BLANK,
     Column as Column,
     Table as Table,
     Value as Value,
-    cell_text as cell_text,
     columns_of as columns_of,
     counted as counted,
     short as short,
 )
 from .table_writers import (
-    SUFFIXES as SUFFIXES,
+    TABLE_SUFFIXES as TABLE_SUFFIXES,
     table_lines as table_lines,
     tables_text as tables_text,
     to_csv as to_csv,

@@ -83,7 +83,10 @@ def require_known(
 
 
 def describe_problem(got: str, expected: str, where: str, advice: str) -> str:
-    """Join "<got>, expected <expected> (<where>); <advice>" without empty parts."""
+    """Join the parts of a message that are not empty.
+
+    All of them give "<got>, expected <expected> (<where>); <advice>".
+    """
     text = got
     if expected:
         text += f", expected {expected}"

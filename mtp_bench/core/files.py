@@ -19,7 +19,7 @@ from urllib.parse import quote
 from .errors import MtpBenchError
 from .notice import say_once
 
-CACHE = "MTP_BENCH_CACHE"  # environment variable
+CACHE_VARIABLE = "MTP_BENCH_CACHE"  # environment variable
 ABSENT = "cannot be read: no such file"
 _CHUNK_BYTES = 1 << 20  # hashed at once
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
@@ -111,10 +111,7 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 
 def require_replaceable(folder: Path) -> None:
-    """Raise MtpBenchError for a mount point and the working directory.
-
-    They cannot be replaced.
-    """
+    """Raise MtpBenchError for a mount point and the working directory."""
     if not folder.exists():
         return
     path = folder.resolve()
@@ -283,8 +280,8 @@ def cache_root() -> Path:
 
     MTP_BENCH_CACHE names it; otherwise it is the user's cache folder.
     """
-    if os.environ.get(CACHE):
-        return Path(os.environ[CACHE]).expanduser()
+    if os.environ.get(CACHE_VARIABLE):
+        return Path(os.environ[CACHE_VARIABLE]).expanduser()
     from platformdirs import user_cache_path
 
     return user_cache_path("mtp_bench", appauthor=False)

@@ -78,13 +78,13 @@ def center_distance(a: Floats, b: Floats) -> Floats:
 
 
 def bev_intersection_area(a: Floats, b: Floats) -> Floats:
-    """Return the area common to two boxes in BEV, m2 ``[R]``: rows ``[R, 7]``, ``[R, 7]``.
+    """Return the area common to two boxes in BEV, m2 ``[R]``.
 
-    Green's theorem over the edges of each box as far as they run inside the other one.
-    If the boxes are parallel, ``a`` is made smaller by a tiny share where edges are
-    compared: none lies on an edge of ``b`` then, and where edges did lie on each other
-    those of ``a`` count if both boxes are on the same side, and none if they touch from
-    outside.
+    Rows ``[R, 7]`` and ``[R, 7]``. Green's theorem over the edges of each box as far as
+    they run inside the other one. If the boxes are parallel, ``a`` is made smaller by a
+    tiny share where edges are compared: none lies on an edge of ``b`` then, and where
+    edges did lie on each other those of ``a`` count if both boxes are on the same side,
+    and none if they touch from outside.
     """
     dx = b[..., 0] - a[..., 0]
     dy = b[..., 1] - a[..., 1]

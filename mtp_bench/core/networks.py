@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-VARIABLE = "MTP_BENCH_WEIGHTS"
-SHIPPED = Path(__file__).parent.parent / "prediction" / "learned" / "weights"
-PACKED = ".xz"  # suffix of the files that ship
+WEIGHTS_VARIABLE = "MTP_BENCH_WEIGHTS"
+SHIPPED_WEIGHTS = Path(__file__).parent.parent / "prediction" / "learned" / "weights"
+PACKED_SUFFIX = ".xz"  # suffix of the files that ship
 # learns from the env itself: the one whose weights it shares may show no lanes
 _READS_LANES = "modes_lanes-"
 # to train one, measured for MTP-nuScenes-v0 on two cores
@@ -62,7 +62,7 @@ def states_of(
         if network.startswith(_READS_LANES):
             trained_on = env_id
         ships = any(
-            (SHIPPED / f"{name}{PACKED}").is_file()
+            (SHIPPED_WEIGHTS / f"{name}{PACKED_SUFFIX}").is_file()
             for name in _file_names(network, env_id, weights_of)
         )
         trained = bool(network_files([network], env_id, weights_of))
@@ -75,8 +75,8 @@ def weights_folder() -> Path:
 
     MTP_BENCH_WEIGHTS names it; otherwise it is in the user's data folder.
     """
-    if os.environ.get(VARIABLE):
-        return Path(os.environ[VARIABLE]).expanduser().absolute()
+    if os.environ.get(WEIGHTS_VARIABLE):
+        return Path(os.environ[WEIGHTS_VARIABLE]).expanduser().absolute()
     from platformdirs import user_data_path
 
     return user_data_path("mtp_bench", appauthor=False) / "weights"

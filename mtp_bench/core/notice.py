@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
-QUIET = "MTP_BENCH_QUIET"  # environment variable
+QUIET_VARIABLE = "MTP_BENCH_QUIET"  # environment variable
 SILENT_SECONDS = 2.0  # of work that may be short
 LINE_SECONDS = 10.0  # between lines
 BAR_SECONDS = 0.25  # between two states of the bar
@@ -122,7 +122,10 @@ class _Work:
             self._timed_since = time.monotonic()
 
     def done(self, name: str = "", count: int = 1) -> None:
-        """Count more finished items; ``name`` is shown."""
+        """Count more finished items.
+
+        ``name`` is shown.
+        """
         now_s = time.monotonic()
         with _lock:
             self.count += count
@@ -208,7 +211,10 @@ _bar = _Bar()
 def _is_silent() -> bool:
     from multiprocessing import parent_process
 
-    return os.environ.get(QUIET, "0") not in ("", "0") or parent_process() is not None
+    return (
+        os.environ.get(QUIET_VARIABLE, "0") not in ("", "0")
+        or parent_process() is not None
+    )
 
 
 def _watch() -> None:

@@ -239,7 +239,10 @@ def _require_workers(client: Any, scheduler: str) -> None:
 
 
 def _worker_problem(version: str) -> str:
-    """Return why this process cannot be a worker for ``version``; empty if it can."""
+    """Return why this process cannot be a worker for ``version``.
+
+    It is empty if it can.
+    """
     if __version__ != version:
         return f"has mtp-bench {__version__}, expected {version} as here: install it"
     if not sys.flags.safe_path:

@@ -135,7 +135,7 @@ class Scene:
         return float(self.time[t] - self.time[0])
 
     def name_of(self, object_id: int) -> str:
-        """Return the id of a true object in the files: a word, a token or a number."""
+        """Return the id of a true object in the files, often a word."""
         return self.object_names.get(object_id, str(object_id))
 
     def short_name(self, object_id: int) -> str:

@@ -120,6 +120,20 @@ def validate(
         raise error(f"{where}: {explain(cause.errors(), model)}") from None
 
 
+def validate_json(
+    model: type[SectionT], text: str, where: str, error: type[MtpBenchError]
+) -> SectionT:
+    """Return a JSON text as ``model``.
+
+    Raises as `validate`.
+    """
+    try:
+        return model.model_validate_json(text)
+    except ValidationError as cause:
+        why = explain(cause.errors(), model).removeprefix(": got ")
+        raise error(f"{where}: {why}") from None
+
+
 def require_part(
     model: type[Section],
     content: dict[str, Any],

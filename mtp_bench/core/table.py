@@ -182,7 +182,13 @@ class Table:
 
     def cells(self, row: Any) -> list[str]:
         """Return the texts of one row, intervals in brackets behind their numbers."""
-        return [cell_text(column, interval, row) for column, interval in self.pairs]
+        texts = []
+        for column, interval in self.pairs:
+            text = column.shown(row)
+            if ends := interval_texts(column, interval, row):
+                text += f" [{', '.join(ends)}]"
+            texts.append(text)
+        return texts
 
     @property
     def records(self) -> list[dict[str, Value]]:
@@ -191,13 +197,6 @@ class Table:
             {column.key: column.value(row) for column in self.columns}
             for row in self.rows
         ]
-
-
-def cell_text(column: Column, interval: Column | None, row: Any) -> str:
-    """Return the text of a cell, with its interval in brackets."""
-    text = column.shown(row)
-    ends = interval_texts(column, interval, row)
-    return f"{text} [{', '.join(ends)}]" if ends else text
 
 
 def interval_texts(column: Column, interval: Column | None, row: Any) -> list[str]:

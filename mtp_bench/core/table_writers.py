@@ -15,7 +15,7 @@ from typing import Any
 
 from .table import SHARE, Column, Table, Value, interval_texts
 
-SUFFIXES = (".csv", ".json", ".md", ".tex")
+TABLE_SUFFIXES = (".csv", ".json", ".md", ".tex")
 # first characters of a text that a spreadsheet would run
 _FORMULA = ("=", "+", "-", "@", "'")
 _LATEX = {
@@ -43,7 +43,7 @@ Lines = list[str]  # of a cell
 
 
 def tables_text(suffix: str, shown: Sequence[Table], data: Table) -> str:
-    """Return the content of a file with this suffix of `SUFFIXES`.
+    """Return the content of a file with this suffix of `TABLE_SUFFIXES`.
 
     CSV and JSON hold ``data``, with every column and a key for each; Markdown and LaTeX
     the tables that are ``shown``.

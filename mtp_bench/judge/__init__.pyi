@@ -8,17 +8,24 @@ from .gateway.run import (
     run_isolated as run_isolated,
     run_isolated_scenes as run_isolated_scenes,
 )
-from .records.attestation import Checked as Checked, read_level as read_level
+from .records.attestation import (
+    Checked as Checked,
+    SignedLevel as SignedLevel,
+    read_level as read_level,
+)
 from .records.canonical import (
     Difference as Difference,
     digest_of as digest_of,
     rounded as rounded,
 )
-from .records.checking import SCENES as SCENES, check_submission as check_submission
+from .records.checking import (
+    MAX_CHECKED_SCENES as MAX_CHECKED_SCENES,
+    check_submission as check_submission,
+)
 from .records.consistency import checked_record as checked_record
 from .records.eligibility import (
     LEAST_HIDDEN as LEAST_HIDDEN,
-    why_not_genuine as why_not_genuine,
+    is_baseline as is_baseline,
     why_scored_otherwise as why_scored_otherwise,
     why_unranked as why_unranked,
 )
@@ -32,10 +39,15 @@ from .records.inventory import (
 )
 from .records.ranking import STP as STP, Standing as Standing, standings as standings
 from .records.record import HiddenPart as HiddenPart, Record as Record
-from .records.rounds import Round as Round, attest as attest
+from .records.rounds import (
+    attest as attest,
+    level_reached as level_reached,
+    submission_of as submission_of,
+)
 from .records.seal import (
     COMMITMENT as COMMITMENT,
     SEALS as SEALS,
+    Sealed as Sealed,
     open_seal as open_seal,
     open_seals as open_seals,
     retire as retire,

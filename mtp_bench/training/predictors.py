@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..core import (
-    VARIABLE as WEIGHTS_VARIABLE,
+    WEIGHTS_VARIABLE,
     Bools,
     MtpBenchError,
     Task,

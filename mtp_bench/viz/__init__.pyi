@@ -3,7 +3,6 @@ from .board.entries import (
     Entry as Entry,
     LinkedRecord as LinkedRecord,
     entries_of as entries_of,
-    is_baseline as is_baseline,
 )
 from .board.page import (
     Pages as Pages,

@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from mtp_bench.judge import (
     digest_of,
     load_record,
     open_seal,
-    standings,
     submit,
     trusted,
     verify,
@@ -44,7 +43,15 @@ from tests.support.command_line import CommandLine, write_submission
 from tests.support.leaderboards import SIGNER, listed, make_key
 from tests.support.programs import require_program
 from tests.support.small_scenes import CARD_ID
-from tests.support.stored_records import hex_of, hidden_part, save_record, ships_of, signed_level, write_record
+from tests.support.stored_records import (
+    hex_of,
+    hidden_part,
+    save_record,
+    ships_of,
+    signed_level,
+    standings_of,
+    write_record,
+)
 
 Content = dict[str, Any]
 CLOSED = "}\n"  # the end of a file
@@ -66,7 +73,7 @@ def forged(path: Path, record: Record, change: Change) -> Path:
 
 def why(record: Record, beside: Record | None = None, levels: Mapping[str, SignedLevel] | None = None) -> str:
     records = [record] if beside is None else [record, beside]
-    return standings(records, levels)[record.digest].places["all"].why
+    return standings_of(records, levels)[record.digest].places["all"].why
 
 
 @pytest.fixture
@@ -155,7 +162,7 @@ def test_no_record_changes_the_rank_of_another(change: Change) -> None:
     content = made_up("odd", 0.1).model_dump()
     change(content)
     content["digest"] = hex_of("odd")
-    found = standings([Record.model_validate(content), *sound])
+    found = standings_of([Record.model_validate(content), *sound])
     assert [found[record.digest].places["all"].place for record in sound] == [3, 1, 2]
     odd = found[hex_of("odd")]
     assert (odd.compared, odd.places["all"].place) == (False, None)
@@ -164,7 +171,7 @@ def test_no_record_changes_the_rank_of_another(change: Change) -> None:
 def test_many_forged_records_do_not_become_the_main_ranking() -> None:
     crowd = [made_up(f"odd_{i}", 0.1 + 0.1 * i, env={"data_manifest": "00" * 32}) for i in range(5)]
     sound = [made_up("stp", 1.0), made_up("a", 0.8)]
-    found = standings([*crowd, *sound])
+    found = standings_of([*crowd, *sound])
     assert [found[record.digest].places["all"].place for record in (*crowd, *sound)] == [None] * 5 + [2, 1]
     assert why(crowd[0], sound[0]) == "other data, scenes or hidden scenes than the ranked ones"
 
@@ -216,12 +223,12 @@ def test_an_agent_that_knows_the_public_scenes_ranks_by_hidden_ones() -> None:
     scale = [1.0 + 0.01 * (i % 7) for i in range(50)]
     parts = {"knows": hidden_part(*[1.36 * s for s in scale]), "honest": hidden_part(*scale)}
     levels = {r.digest: signed_level(r, "hidden", parts[r.submission.name]) for r in (knows, honest)}
-    found = standings([knows, honest], levels, ships)
+    found = standings_of([knows, honest], levels, ships)
     assert [found[r.digest].places["all"].place for r in (knows, honest)] == [2, 1]
-    alone = standings([knows, honest], {honest.digest: levels[honest.digest]}, ships)
+    alone = standings_of([knows, honest], {honest.digest: levels[honest.digest]}, ships)
     assert alone[knows.digest].places["all"].why == "not scored on hidden scenes yet"
     assert [alone[record.digest].compared for record in (knows, honest)] == [False, True]
-    before = standings([knows, honest, write_record(*[2.0] * 8, name="stp")], ships=ships)
+    before = standings_of([knows, honest, write_record(*[2.0] * 8, name="stp")], ships=ships)
     assert before[knows.digest].compared
     assert before[knows.digest].differences["all"].mean == pytest.approx(-1.5), "before a round, on public scenes"
 
@@ -230,10 +237,10 @@ def test_fewer_than_fifty_hidden_scenes_rank_nobody_and_another_seal_ranks_apart
     one, two = write_record(*[1.0] * 8, name="one"), write_record(*[1.0] * 8, name="two")
     ships = ships_of(one, simulated=True)
     few = {one.digest: signed_level(one, "hidden", hidden_part(*[1.0] * 49))}
-    assert standings([one], few, ships)[one.digest].places["all"].why == "scored on 49 hidden scenes, ranks need 50"
+    assert standings_of([one], few, ships)[one.digest].places["all"].why == "scored on 49 hidden scenes, ranks need 50"
     old = signed_level(one, "hidden", hidden_part(*[1.0] * 50, seal="old"), made="2029-01-01", retired="2029-06-01")
     new = signed_level(two, "hidden", hidden_part(*[2.0] * 50), made="2030-01-01")
-    found = standings([one, two], {one.digest: old, two.digest: new}, ships)
+    found = standings_of([one, two], {one.digest: old, two.digest: new}, ships)
     assert found[two.digest].places["all"].place == 1
     assert found[one.digest].places["all"].why == "other data, scenes or hidden scenes than the ranked ones"
 
@@ -243,12 +250,12 @@ def test_a_seal_that_stp_is_not_on_yet_leads_no_ranking() -> None:
     old = signed_level(stp, "hidden", hidden_part(*[2.0] * 50, seal="old"), made="2029-01-01", retired="2029-06-01")
     new = signed_level(newcomer, "hidden", hidden_part(*[1.0] * 50), made="2030-01-01")
     ships = ships_of(stp, simulated=True)
-    found = standings([stp, newcomer], {stp.digest: old, newcomer.digest: new}, ships)
+    found = standings_of([stp, newcomer], {stp.digest: old, newcomer.digest: new}, ships)
     assert found[stp.digest].places["all"].place == 1
     assert found[newcomer.digest].places["all"].why == "other data, scenes or hidden scenes than the ranked ones"
 
 
-HOUR = asdict(replace(Limits(), frame=3600.0))
+HOUR = Limits(frame=3600.0).model_dump()
 NOT_RANKED: dict[str, tuple[Content, str]] = {
     "seeds of one's own": ({"seeds": [3, 4, 5]}, "seeds 3, 4, 5, ranks need 0, 1, 2"),
     "the best of many seeds": ({"seeds": [0, 1, 7]}, "seeds 0, 1, 7, ranks need 0, 1, 2"),
@@ -273,7 +280,7 @@ def test_other_conditions_are_shown_never_ranked(what: str, tmp_path: Path) -> N
     assert checked_record(tmp_path / "a.json") == record, "it is consistent, and not ranked"
     sound = made_up("stp", 1.0)
     assert why(record, sound).startswith(reason)
-    assert standings([record, sound])[sound.digest].places["all"].place == 1
+    assert standings_of([record, sound])[sound.digest].places["all"].place == 1
 
 
 def test_three_scenes_are_not_the_whole_split(tmp_path: Path) -> None:
@@ -402,10 +409,10 @@ def test_a_second_stp_is_no_stp() -> None:
     agent = made_up("agent", 1.2, submission={"gap_references": "controls"})
     fake, genuine = made_up("stp", 3.0, submission={"digest": hex_of("mine")}), made_up("stp", 1.0)
     assert genuine.submission.digest == baseline_digest("stp")
-    found = standings([fake, truth, agent])
+    found = standings_of([fake, truth, agent])
     assert found[fake.digest].places["all"].why == "'stp' is the name of a baseline, and this is another submission"
     assert found[agent.digest].gaps == {}
-    found = standings([fake, genuine, truth, agent])
+    found = standings_of([fake, genuine, truth, agent])
     assert found[agent.digest].gaps["all"] == pytest.approx((1.0 - 1.2) / (1.0 - 0.4))
     assert found[agent.digest].places["ids"].why == "over all targets its bADE is above that of stp"
 
@@ -646,8 +653,8 @@ def test_a_hidden_part_of_its_seal(on_seal: tuple[Path, Record, Commitment], lea
     path, record, promise = on_seal
     sign(path, record, key, "hidden", hidden=sealed_part(promise))
     signed, said = read_level(path, record, trusted(leaderboard))
-    assert (said, signed is not None) == ("", True)
-    assert why_unranked(record, signed) == "scored on 2 hidden scenes, ranks need 50"
+    assert signed is not None, said
+    assert why_unranked(record, signed.statement.hidden) == "scored on 2 hidden scenes, ranks need 50"
 
 
 def test_a_hidden_part_without_its_seal(on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path) -> None:
@@ -886,5 +893,5 @@ def test_a_proposal_is_refused_for(what: str, cli: CommandLine, proposal: Path, 
 
 @pytest.mark.parametrize("name", ["gt_tracks", "perfect_association"])
 def test_a_baseline_that_saw_more_cannot_state_that_it_did_not(name: str) -> None:
-    found = standings([made_up("stp", 1.0), record := made_up(name, 0.1)])
+    found = standings_of([made_up("stp", 1.0), record := made_up(name, 0.1)])
     assert found[record.digest].places["all"].why.startswith("observe is 'detections', the baseline of that name has")

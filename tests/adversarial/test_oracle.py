@@ -125,7 +125,7 @@ class Hall:
         source = open_source(hidden)
         try:
             scene = source.load(source.names[0])
-            found = run_isolated(submission, hidden, {}, scene.name, limits=PATIENT)  # type: ignore[arg-type]
+            found = run_isolated(submission, hidden, {}, scene.name, limits=PATIENT)
         finally:
             package_of(hidden).discard(hidden)
         error = mean_plain_error([score_scene(scene, found.rollout, hidden)])

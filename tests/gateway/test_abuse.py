@@ -9,7 +9,6 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +56,7 @@ CRASHES = {
 
 @pytest.mark.parametrize(("what", "text"), CRASHES.values(), ids=CRASHES)
 def test_a_crash_ends_the_scene_and_keeps_what_was_answered(court: Court, what: str, text: str) -> None:
-    run = court.run(at_frame_two(what), replace(QUICK, memory=2 << 30))
+    run = court.run(at_frame_two(what), QUICK.model_copy(update={"memory": 2 << 30}))
     assert run.status == "crashed"
     assert any(part in run.reason for part in text.split("|")), run.reason
     assert np.diff(run.rollout.object_start).tolist() == [3, 3, 0, 0, 0, 0, 0]
@@ -70,9 +69,9 @@ def test_the_last_words_are_in_the_reason(court: Court) -> None:
 
 
 SILENT = {
-    "act": (at_frame_two("time.sleep(1000)"), replace(HURRIED, scene=6.0)),
-    "import": ("time.sleep(1000)", replace(QUICK, start=1.0)),
-    "build": ("__init__ = lambda self: time.sleep(1000)", replace(QUICK, start=1.0)),
+    "act": (at_frame_two("time.sleep(1000)"), HURRIED.model_copy(update={"scene": 6.0})),
+    "import": ("time.sleep(1000)", QUICK.model_copy(update={"start": 1.0})),
+    "build": ("__init__ = lambda self: time.sleep(1000)", QUICK.model_copy(update={"start": 1.0})),
 }
 
 
@@ -120,7 +119,9 @@ HOARDS = {  # on a busy machine the memory of the processes that start is seen b
 
 @pytest.mark.parametrize(("what", "text"), HOARDS.values(), ids=HOARDS)
 def test_processes_that_take_the_machine_end_at_once(court: Court, agents: Path, what: str, text: str) -> None:
-    run = court.run(at_frame_two(f"{what}; time.sleep(4711)"), replace(QUICK, frame=50.0, memory=2 << 30))
+    run = court.run(
+        at_frame_two(f"{what}; time.sleep(4711)"), QUICK.model_copy(update={"frame": 50.0, "memory": 2 << 30})
+    )
     assert run.status == "rejected", run.reason
     assert re.search(text, run.reason), run.reason
     assert left_over(agents) == []

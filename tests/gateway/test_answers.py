@@ -1,7 +1,5 @@
 """Agents that answer late, ahead, at the end, or what is no answer."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -84,7 +82,7 @@ def act(self, observation):
 
 LATE_ANSWERS = {
     "one": (LATE, HURRIED), "all": (ALWAYS_LATE, HURRIED), "with patched clocks": (PATCHED, HURRIED),
-    "together at the end": (AT_THE_END, replace(HURRIED, first_frame=HURRIED.frame)),
+    "together at the end": (AT_THE_END, HURRIED.model_copy(update={"first_frame": HURRIED.frame})),
 }  # fmt: skip
 
 

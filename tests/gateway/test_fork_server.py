@@ -250,7 +250,7 @@ def test_another_environment_needs_another_server(court: Court, monkeypatch: pyt
 
 
 def test_starting_the_server_takes_none_of_the_time_of_an_agent(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
-    start, quick = ForkServer.__init__, replace(QUICK, start=5.0)
+    start, quick = ForkServer.__init__, QUICK.model_copy(update={"start": 5.0})
 
     def slowly(server: ForkServer, layout: Layout) -> None:
         time.sleep(quick.start)

@@ -16,7 +16,7 @@ from mtp_bench.agent import load_submission
 from mtp_bench.agent.submission_files import files_of
 from mtp_bench.commands.output import said_of
 from mtp_bench.core.errors import MtpBenchError, SubmissionError
-from mtp_bench.core.networks import VARIABLE, file_name
+from mtp_bench.core.networks import WEIGHTS_VARIABLE, file_name
 from mtp_bench.judge import run_isolated
 from mtp_bench.judge.gateway import sandbox
 from mtp_bench.judge.gateway.layout import LIBRARY, _new_folder, environment, image_of, layout_for, library, python
@@ -116,7 +116,7 @@ def test_an_image_is_what_its_digest_covers(tmp_path: Path, monkeypatch: pytest.
 def test_weights_that_were_trained_here_are_part_of_what_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, weights = submission(tmp_path / "mine"), tmp_path / "weights"
     weights.mkdir()
-    monkeypatch.setenv(VARIABLE, str(weights))
+    monkeypatch.setenv(WEIGHTS_VARIABLE, str(weights))
     (folder / "submission.toml").write_text(f'{MANIFEST}networks = ["modes-truth"]\n')
     without = image_of(load_submission(folder), "MTP-Merge-v0")
     assert without.digest == load_submission(folder).digest

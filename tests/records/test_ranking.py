@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.judge import Record, standings
+from mtp_bench.judge import Record
 from mtp_bench.judge.records.attestation import SignedLevel
 from mtp_bench.judge.records.evaluation import numbers_of, unit_errors
 from mtp_bench.judge.records.targets import targets_of
@@ -15,7 +15,7 @@ from mtp_bench.scoring import SUBSETS, AgentScores, Reference, SceneScore, score
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.weights import SceneWeights, scene_key
 from tests.support.scoring_scenes import make_card, random_case, take_objects
-from tests.support.stored_records import make_record, scene_part, ships_of, signed_level, write_record
+from tests.support.stored_records import make_record, scene_part, ships_of, signed_level, standings_of, write_record
 
 CARD = make_card(samples=4)
 NAMES = [f"s{i}" for i in range(9)]
@@ -53,7 +53,7 @@ def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
     records = [record("stp", 5.0, ends="controls"), record("gt_tracks", 1.0, observe="truth"), *ends, mine, other]
     ships, none = record("mtp_modes", 3.5, ends="own"), record("none", 3.5, ends="own")
     records += [record("stp_modes_tracklets", 3.7), perfect, ships, none]
-    found = standings(records, ships=ships_of(*records))
+    found = standings_of(records, ships=ships_of(*records))
     assert found[mine.digest].own_gaps["all"] == pytest.approx(0.25)
     assert found[ships.digest].own_gaps["all"] == pytest.approx(0.25), "weights that ship are in no list of a record"
     assert found[none.digest].own_gaps == {}, "what says nothing of networks is no baseline"
@@ -83,7 +83,7 @@ def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
         two_subsets("stp_modes", 1.0, 2.0, submission={"gap_references": "own"}),
         two_subsets("flood", 1.9, 0.5, submission={"gap_references": "own", "networks": network}),
     ]
-    places = [standings(records, ships=ships_of(*records))[each.digest].places["ids"] for each in records]
+    places = [standings_of(records, ships=ships_of(*records))[each.digest].places["ids"] for each in records]
     assert places[0].place is not None
     assert places[1].place == 1
     assert places[2].why == "over all targets its bADE is above that of stp with its own predictor"
@@ -97,7 +97,7 @@ def test_who_is_better_than_ground_truth_is_held_back() -> None:
     stp, table, *others = (two_subsets(name, *pair) for name, pair in entries.items())
 
     def why(records: list[Record], level: SignedLevel | None = None) -> list[str]:
-        found = standings(records, {table.digest: level} if level else {}, ships_of(*records))
+        found = standings_of(records, {table.digest: level} if level else {}, ships_of(*records))
         return [found[record.digest].places["all"].why for record in records]
 
     held, saw = "better than ground truth: not ranked until looked at", "saw the truth"
@@ -136,7 +136,7 @@ def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
                 if row.subset == "all" or not name.startswith("cost"):
                     assert getattr(stored, name) == pytest.approx(getattr(row, name), abs=1e-9), (row.subset, name)
             assert stored.interval == pytest.approx(row.interval, abs=1e-6)
-    found = standings(records, ships=ships_of(*records))
+    found = standings_of(records, ships=ships_of(*records))
     places = [
         (found[record.digest].places[s].place, found[record.digest].places[s].why)
         for record in records

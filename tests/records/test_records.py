@@ -10,27 +10,28 @@ from typing import Any, cast
 import pytest
 
 from mtp_bench.core.errors import RecordError
-from mtp_bench.judge import SceneRun, checked_record, digest_of, load_record, record_paths, standings, why_unranked
+from mtp_bench.judge import SceneRun, checked_record, digest_of, load_record, record_paths, why_unranked
 from mtp_bench.judge.records import targets as target_files
+from mtp_bench.judge.records.canonical import canonical
 from mtp_bench.judge.records.record import Record
 from mtp_bench.judge.records.rerun import require_answered, worse_when_moved
 from mtp_bench.judge.records.storage import content_digest
-from mtp_bench.judge.records.targets import targets_path, targets_text
+from mtp_bench.judge.records.targets import UnitTargets, targets_path
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.sources.cache import scene_digest
 from tests.support.small_scenes import make_scene
-from tests.support.stored_records import save_record, scene_part, ships_of, write_record
+from tests.support.stored_records import save_record, scene_part, ships_of, standings_of, write_record
 
 Content = dict[str, Any]
 
 
 def ranks(*records: Record, subset: Subset = "all") -> list[int | None]:
-    found = standings(records, ships=ships_of(*records))
+    found = standings_of(records, ships=ships_of(*records))
     return [found[record.digest].places[subset].place for record in records]
 
 
 def reasons(*records: Record, subset: Subset = "all") -> list[str]:
-    found = standings(records, ships=ships_of(*records))
+    found = standings_of(records, ships=ships_of(*records))
     return [found[record.digest].places[subset].why for record in records]
 
 
@@ -57,6 +58,10 @@ def test_a_record_without_a_newer_number_loads(tmp_path: Path) -> None:
     assert (row.minADE, row.energy_score, row.localisation, row.error) == (None, None, None, 1.0)
 
 
+def as_text(targets: UnitTargets) -> str:
+    return canonical(targets.model_dump(mode="json")).decode()
+
+
 def test_targets_are_those_of_the_leaderboard_or_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A file of the leaderboard is named by its sha256: another one in its place is refused."""
     monkeypatch.setattr(target_files, "_by_digest", {})
@@ -72,10 +77,10 @@ def test_targets_are_those_of_the_leaderboard_or_of_the_file(tmp_path: Path, mon
         load_record(path)
     file = targets_path(tmp_path, "MTP-Small-v0", record.targets_sha256)
     file.parent.mkdir()
-    file.write_text(targets_text(record.targets))
+    file.write_text(as_text(record.targets))
     assert checked_record(path).targets == record.targets
     target_files._by_digest.clear()
-    file.write_text(targets_text(write_record(1.0, 2.0, 3.0).targets))
+    file.write_text(as_text(write_record(1.0, 2.0, 3.0).targets))
     with pytest.raises(RecordError, match=r"MTP-Small-v0\..*: these targets have the sha256 .* they were changed"):
         load_record(path)
     file.write_text("{}")
@@ -171,7 +176,7 @@ def test_places_follow_the_error() -> None:
     close = write_record(*times(1.0, 0.2, -0.1, 0.3, -0.2, 0.1, -0.1, 0.0, 0.1), name="close")
     far = write_record(*times(1.4), name="far")
     assert ranks(far, close, best) == [3, 2, 1]
-    found = standings([far, close, best], ships=ships_of(far, close, best))
+    found = standings_of([far, close, best], ships=ships_of(far, close, best))
     assert [found[record.digest].places["all"].span for record in (far, close, best)] == [(3, 3), (1, 2), (1, 2)]
     for subset in ("ids", "lost", "paper_ids"):
         assert ranks(far, close, best, subset=subset) == [None] * 3
@@ -212,7 +217,7 @@ def test_other_data_weights_or_samples_are_not_compared(other: dict[str, Any]) -
 ])  # fmt: skip
 def test_some_are_shown_never_ranked(changes: dict[str, Any], reason: str) -> None:
     odd, sound = write_record(*times(0.1), name="odd", **changes), write_record(*EIGHT)
-    found = standings([odd, sound], ships=ships_of(sound))
+    found = standings_of([odd, sound], ships=ships_of(sound))
     places = [found[record.digest].places["all"] for record in (odd, sound)]
     assert [(place.place, place.why) for place in places] == [(None, reason), (1, "")]
 

@@ -2,7 +2,6 @@
 
 import errno
 import shutil
-from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +9,9 @@ import pytest
 
 from mtp_bench.agent.loader import load_submission
 from mtp_bench.core.errors import RecordError
-from mtp_bench.judge import Limits, SceneRun, load_record, submit, verify
+from mtp_bench.judge import SceneRun, load_record, submit, verify
 from mtp_bench.judge.records import rerun
-from mtp_bench.judge.records.record import LimitsPart
 from mtp_bench.judge.records.rerun import run_again
-from mtp_bench.judge.records.rounds import Round
 from mtp_bench.judge.records.running import Plan, plan_run, rollouts_hash, rollouts_of, run_seed
 from mtp_bench.judge.records.storage import ROLLOUTS
 from mtp_bench.judge.records.verifying import Verification
@@ -70,13 +67,12 @@ def test_a_round_goes_through_all_records_and_goes_on_when_started_again(
 
 
 def test_a_failing_disk(made: Path, cli: CommandLine, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def failing(asked: Round, path: Path, *arguments: Any) -> Verification:
+    def failing(path: Path, *arguments: Any, **keywords: Any) -> Verification:
         if path.parent.name == "echo":
             raise OSError(errno.ENOSPC, "No space left on device", "/cache/scene.npz")
-        return check(asked, path, *arguments)
+        return verify(path, *arguments, **keywords)
 
-    check = Round.verify
-    monkeypatch.setattr(Round, "verify", failing)
+    monkeypatch.setattr("mtp_bench.commands.verify.check_record", failing)
     output = cli("verify", made / "records", "--env", card, "--data", kitti, "--jobs", 1)
     assert output.error.startswith("/cache/scene.npz: No space left on device")
     assert output.out.count("holds, re-scored") == 2
@@ -135,8 +131,3 @@ def test_a_random_order_changes_no_answer(made: Path, card: str, kitti: str) -> 
         runs = run_again(plan, record.seeds)
         assert [run.rollout.scene for run in runs[0]] == record.scenes
         assert rollouts_hash(rollouts_of(runs)) == record.hashes.rollouts
-
-
-def test_limits_of_a_record_are_those_of_the_gateway() -> None:
-    assert list(LimitsPart.model_fields) == [field.name for field in fields(Limits)]
-    assert LimitsPart(**asdict(Limits())).frame == 5.0

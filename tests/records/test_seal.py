@@ -24,7 +24,7 @@ from mtp_bench.scoring import read_reference
 from mtp_bench.traffic.highway.source import HighwayTraffic
 from tests.support.command_line import CommandLine, read_json
 from tests.support.small_scenes import write_short_card
-from tests.support.stored_records import ships_of
+from tests.support.stored_records import as_if_shipped, ships_of
 
 ENV = "MTP-Merge-v0"
 pytestmark = pytest.mark.usefixtures("few_event_runs")
@@ -113,7 +113,8 @@ def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, le
     assert hidden.row.error == pytest.approx(sum(hidden.unit_error("all")) / sum(hidden.unit_weight("all")))
     frozen = made.reference.model_copy(update={"frozen": True})  # the card of this test has none
     ranks = made.model_copy(update={"reference": frozen, "seeds": [0, 1, 2]})
-    assert why_unranked(ranks, signed, ships_of(made, simulated=True)) == TOO_FEW
+    with as_if_shipped(ships_of(made, simulated=True)):
+        assert why_unranked(ranks, hidden) == TOO_FEW
     weights = tmp_path / "s.weights.json"  # made once per seal
     assert (stat.S_IMODE(weights.stat().st_mode), read_reference(weights).digest) == (0o600, hidden.weights)
     kept = HighwayTraffic(load_card(short)).store

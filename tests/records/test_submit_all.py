@@ -70,12 +70,13 @@ def test_a_failure_stays_one_when_its_record_is_there(cli: CommandLine, tmp_path
     assert (again.err, outcomes(again.out)) == (first.err, [0, 0, 0, 1])
 
 
-def test_scenes_that_were_cut_short_are_a_failure(tmp_path: Path) -> None:
+def test_scenes_that_were_cut_short_are_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Such a record is finished, and never ranked."""
     (piece,) = inventory(["MTP-Merge-v0"], ["stp"], tmp_path)
 
     def line_of(record: Record) -> Line:
-        (line,) = make_all([piece], RunOptions(), lambda _: record)
+        monkeypatch.setattr("mtp_bench.commands.submit._make_record", lambda *_: record)
+        (line,) = make_all([piece], RunOptions(), {})
         return line
 
     cut = {"malformed": 0, "reasons": {"a|0": "crashed: no"}}

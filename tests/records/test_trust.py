@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.core.files import CACHE
+from mtp_bench.core.files import CACHE_VARIABLE
 from mtp_bench.judge.records.trust import Trust
 
 CASES: dict[str, tuple[str, Callable[[Path], object], int]] = {
@@ -20,7 +20,7 @@ CASES: dict[str, tuple[str, Callable[[Path], object], int]] = {
 @pytest.mark.parametrize("case", CASES)
 def test_a_passed_check_is_kept(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     options, change, times = CASES[case]
-    monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     trust, calls = Trust(tmp_path), list[int]()
     trust.keys.parent.mkdir()
     trust.keys.write_text(f"tester {options}ssh-ed25519 AAAA\n", encoding="utf-8")

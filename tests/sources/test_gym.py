@@ -10,8 +10,8 @@ import pytest
 from mtp_bench.cards import Card, load_card, parse_card
 from mtp_bench.core import Floats
 from mtp_bench.core.errors import CardError, DataError
-from mtp_bench.core.files import CACHE
-from mtp_bench.core.notice import QUIET
+from mtp_bench.core.files import CACHE_VARIABLE
+from mtp_bench.core.notice import QUIET_VARIABLE
 from mtp_bench.sources import open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.traffic.gym import simulate as gym_simulate
@@ -22,7 +22,7 @@ from mtp_bench.traffic.highway.world import GymTraffic, World
 
 @pytest.fixture(autouse=True)
 def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
 
 
 def gym_card(**source: Any) -> Card:
@@ -100,7 +100,7 @@ def test_scenes_with_a_crash_are_counted(monkeypatch: pytest.MonkeyPatch, capsys
         return sound if seed == 6 else crashed
 
     monkeypatch.setattr(gym_simulate, "simulate", simulate)
-    monkeypatch.delenv(QUIET, raising=False)
+    monkeypatch.delenv(QUIET_VARIABLE, raising=False)
     prepare(gym_card())
     assert [open_source(gym_card()).names for _ in range(2)] == [("merge-v0-000006",)] * 2
     assert made == [5, 6], "once per seed"

@@ -11,7 +11,7 @@ import pytest
 from mtp_bench.cards import Card
 from mtp_bench.core import Floats, Lane
 from mtp_bench.core.errors import DataError
-from mtp_bench.core.files import CACHE
+from mtp_bench.core.files import CACHE_VARIABLE
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import content_hash
@@ -52,7 +52,7 @@ def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
         return world(seed, traffic)
 
     monkeypatch.setattr(simulate, "simulate_world", simulate_world)
-    monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     return seeds
 
 

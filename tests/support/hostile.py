@@ -2,7 +2,7 @@
 
 import inspect
 import textwrap
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +16,14 @@ from tests.support import small_scenes
 
 SCENE, FRAMES = "0006", 7
 QUICK = Limits(start=30.0, reset=10.0, first_frame=10.0, frame=5.0, scene=60.0, disk=8 << 20)
-HURRIED = replace(QUICK, frame=0.4)  # for agents that are late on purpose
+HURRIED = QUICK.model_copy(update={"frame": 0.4})  # for agents that are late on purpose
 SLOW = 5 * HURRIED.frame  # s, far beyond the limit
 
 MANIFEST = 'name = "hostile"\nauthors = ["N. N."]\nagent = "agent:build"\n'
 HEAD = """
 from __future__ import annotations
 import ctypes, gc, os, pickle, socket, sys, time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 import numpy as np

@@ -1,19 +1,19 @@
 """Records written by hand: other fields follow from the sums of their scenes."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from mtp_bench.judge import Limits
-from mtp_bench.judge.records.attestation import SignedLevel, Statement
-from mtp_bench.judge.records.eligibility import Ships
+from mtp_bench.judge.records.attestation import Checked, SignedLevel, Statement
 from mtp_bench.judge.records.evaluation import scorer_digest
 from mtp_bench.judge.records.fields import Level
+from mtp_bench.judge.records.ranking import Standing, standings
 from mtp_bench.judge.records.record import HiddenPart, Record
 from mtp_bench.judge.records.seal import ListedSeal
-from mtp_bench.judge.records.shipped import Shipped, baseline_digest
+from mtp_bench.judge.records.shipped import Shipped, baseline_digest, shipped
 from mtp_bench.judge.records.storage import record_text, sealed
 from mtp_bench.judge.records.targets import UnitTargets
 from mtp_bench.scoring import DEFINITIONS, SUBSETS
@@ -23,6 +23,7 @@ from mtp_bench.scoring.weights import scene_key
 
 EVENTS = ("lost", "frag")  # subsets that have weight in `scene_part`
 SIMULATED = "MTP-Merge-v0"
+Ships = Callable[[str], Shipped | None]  # the shipped env of an id
 
 
 def hex_of(text: str) -> str:
@@ -109,7 +110,7 @@ def make_record(
         "reference": {"name": "stp", "hash": "ff" * 32, "origin": "frozen event weights", "frozen": True},
         "seeds": [0, 1, 2],
         "versions": {"numpy": "2.1"},
-        "limits": asdict(Limits()),
+        "limits": Limits().model_dump(),
         "missed": {"malformed": 0, "reasons": {}},
         "isolation": {"mechanism": "bubblewrap", "memory": "watch"},
         "hypotheses": 1,
@@ -162,6 +163,19 @@ def ships_of(*records: Record, simulated: bool = False) -> Ships:
         of_card = record.env.card_digest, simulated, record.samples
         known.setdefault(record.env.id, Shipped(*of_card, float("inf"), record.reference.hash, by_scene))
     return known.get
+
+
+def as_if_shipped(ships: Ships) -> Any:
+    """As if these environments shipped, while the block lasts."""
+    return mock.patch("mtp_bench.judge.records.eligibility.shipped", ships)
+
+
+def standings_of(
+    records: Sequence[Record], levels: Mapping[str, SignedLevel] | None = None, ships: Ships = shipped
+) -> dict[str, Standing]:
+    """The standings of records with these levels by digest, as if the environments of ``ships`` shipped."""
+    with as_if_shipped(ships):
+        return standings([Checked(record, (levels or {}).get(record.digest)) for record in records])
 
 
 def hidden_part(*errors: float, seal: str = "first", **changed: Any) -> HiddenPart:

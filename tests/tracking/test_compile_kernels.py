@@ -36,7 +36,7 @@ def start(folder: Path, **more: str) -> subprocess.Popen[str]:
 def load(folder: Path, patch: pytest.MonkeyPatch) -> Kernel[Any]:
     """The same kernel as a new process would load it; its results are checked."""
     patch.setenv("NUMBA_CACHE_DIR", str(folder))
-    patch.setenv(notice.QUIET, "0")
+    patch.setenv(notice.QUIET_VARIABLE, "0")
     patch.setattr(notice, "_printed_once", set())
     kernel: Kernel[Any] = Kernel(distinct_rows.function, distinct_rows.signature)
     assert kernel(np.array([[True], [True], [False]]), np.array([1, 1, 2])).tolist() == [0, 2]

@@ -27,8 +27,8 @@ from filelock import FileLock
 from ...agent import Submission, digest_of, files_of
 from ...core import (
     FULL_DISK,
-    QUIET,
-    VARIABLE as WEIGHTS,
+    QUIET_VARIABLE,
+    WEIGHTS_VARIABLE,
     SubmissionError,
     WriteError,
     cache_root,
@@ -256,8 +256,8 @@ def environment(
         "TMPDIR": work,
         "LANG": "C.UTF-8",
         "USER": "agent",
-        WEIGHTS: networks,
-        QUIET: "1",
+        WEIGHTS_VARIABLE: networks,
+        QUIET_VARIABLE: "1",
         "NUMBA_CACHE_DIR": kernels,
         # else the order of a set differs between judges
         "PYTHONHASHSEED": "0",

@@ -1,29 +1,32 @@
 """Limits of an agent process, and the finished scene."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from ...core import Rollout, Section
 
 SandboxBackend = Literal["bubblewrap", "none"]  # "none": agents run unsandboxed
+_Seconds = Annotated[float, Field(gt=0, le=86_400)]
+_Bytes = Annotated[int, Field(gt=0, le=1 << 40)]
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(Section):
     """Bounds of one agent on one scene.
 
     All times are measured outside the agent's process.
     """
 
-    start: float = 120.0  # s until the agent is built (imports, compilation)
-    reset: float = 60.0  # s for reset(task)
-    first_frame: float = 60.0  # s for the first answer (compilation)
-    frame: float = 5.0  # s for any other answer; a later one ends the scene
-    scene: float = 1800.0  # s in total
-    memory: int = 8 << 30  # bytes of address space of each of the agent's processes
-    # bytes it may write: in all where it has a file system of its own, else per file
-    disk: int = 64 << 20
-    answer: int = 64 << 20  # bytes of one answer
+    start: _Seconds = 120.0  # until the agent is built (imports, compilation)
+    reset: _Seconds = 60.0  # for reset(task)
+    first_frame: _Seconds = 60.0  # for the first answer (compilation)
+    frame: _Seconds = 5.0  # for any other answer; a later one ends the scene
+    scene: _Seconds = 1800.0  # in total
+    memory: _Bytes = 8 << 30  # of address space of each of the agent's processes
+    # it may write: in all where it has a file system of its own, else per file
+    disk: _Bytes = 64 << 20
+    answer: _Bytes = 64 << 20  # of one answer
 
 
 class Isolation(Section):

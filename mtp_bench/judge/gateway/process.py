@@ -68,7 +68,10 @@ class AgentProcess:
     """
 
     def __init__(self, limits: Limits, spec: SandboxSpec, most_bytes: int) -> None:
-        """Prepare a process; ``most_bytes`` limits the body of a message."""
+        """Prepare a process.
+
+        ``most_bytes`` limits the body of a message.
+        """
         self._limits = limits
         self._spec = spec
         self.most_bytes = most_bytes

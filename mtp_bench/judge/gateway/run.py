@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...agent import load_submission, make_action
+from ...cards import Card
 from ...core import (
     NO_PROGRESS,
     SERIAL,
@@ -33,7 +34,7 @@ _compile_once = cache(compile_kernels)
 
 def run_isolated(
     submission: str | Path,
-    env_id: str,
+    env_id: str | Card,
     env_keywords: dict[str, Any],
     scene: str,
     seed: int = 0,
@@ -44,7 +45,7 @@ def run_isolated(
 ) -> SceneRun:
     """Run one scene with an agent in its own process.
 
-    ``submission``: its folder, or the name of a baseline. ``env_id``: id, or path of a
+    ``submission``: its folder, or the name of a baseline. ``env_id``: id, path or
     card. ``env_keywords``: of MTPEnv; the env observes what the submission asks for
     unless they say otherwise. ``parameters``: of the agent; None: those of the
     manifest. ``digest``: expected of the submission (`image_of`); None: any.
@@ -99,7 +100,7 @@ def run_isolated(
 
 def run_isolated_scenes(
     submission: str | Path,
-    env_id: str,
+    env_id: str | Card,
     env_keywords: dict[str, Any],
     seed: int = 0,
     limits: Limits = Limits(),  # noqa: B008  (frozen)

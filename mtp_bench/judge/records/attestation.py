@@ -22,6 +22,7 @@ from ...core import (
     parse_json,
     read_bounded,
     read_json,
+    validate_json,
     write_text,
 )
 from ...scoring import PairedDifference, Row, Subset, UnitSums
@@ -32,7 +33,7 @@ from .fields import Date, Level, Sha256
 from .record import HiddenPart, Record
 from .results import require_units
 from .seal import ListedSeal
-from .storage import MAX_BYTES, content_digest, measured_digest, parse_as, text_of
+from .storage import MAX_BYTES, content_digest, measured_digest, text_of
 from .trust import MOST_SIGNATURE, SIGNER_PATTERN, Trust, sign
 
 
@@ -135,7 +136,7 @@ class Checked:
 def write_level(
     record_file: Path, statement: Statement, key: Path, signer: str
 ) -> None:
-    """Sign a statement on the record at ``record_file`` and write it into that file.
+    """Sign a statement on a record and write it into its file.
 
     It takes the place of an earlier level. Raises MtpBenchError if ssh-keygen is
     missing or refuses the key, or the file cannot be read or written.
@@ -154,14 +155,15 @@ def write_level(
 def read_level(
     record_file: Path, record: Record, trust: Trust
 ) -> tuple[SignedLevel | None, str]:
-    """Return the level in the file ``record_file`` of a record, or None and the reason.
+    """Return the level in the file of a record, or None and the reason.
 
     The reason is empty without a level. Never raises for what the file holds: a level
     that cannot be trusted is not a level.
     """
     try:
         text = read_bounded(record_file, MAX_BYTES, RecordError)
-        level = parse_as(_RecordFile, text, record_file.name).level
+        content = validate_json(_RecordFile, text, record_file.name, RecordError)
+        level = content.level
         if level is None:
             return None, ""
         trust.check_once(

@@ -26,7 +26,10 @@ def canonical(content: Any) -> bytes:
 
 
 def digest_of(content: Any) -> str:
-    """Return the hex sha256 of the canonical JSON; raises ValueError as `canonical`."""
+    """Return the hex sha256 of the canonical JSON.
+
+    Raises ValueError as `canonical`.
+    """
     return hashlib.sha256(canonical(content)).hexdigest()
 
 
@@ -36,16 +39,17 @@ def today(days: int = 0) -> str:
     return (date + datetime.timedelta(days)).isoformat()
 
 
-def rounded(value: Any) -> Any:
-    """Round the numbers of JSON to 12 digits, a thousand times finer than TOLERANCE.
+def rounded(value: Any, spec: str = ".12g") -> Any:
+    """Round the numbers of JSON as the format ``spec`` does.
 
-    The last digits of a product of matrices differ between machines.
+    By default to 12 digits, a thousand times finer than TOLERANCE: the last digits of a
+    product of matrices differ between machines.
     """
     if isinstance(value, dict):
-        return {name: rounded(item) for name, item in value.items()}
+        return {name: rounded(item, spec) for name, item in value.items()}
     if isinstance(value, list | tuple):
-        return type(value)(map(rounded, value))
-    return float(f"{value:.12g}") if isinstance(value, float) else value
+        return type(value)(rounded(item, spec) for item in value)
+    return float(format(value, spec)) if isinstance(value, float) else value
 
 
 class Difference(NamedTuple):

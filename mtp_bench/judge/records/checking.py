@@ -1,4 +1,4 @@
-"""Check that a submission keeps the contract of an agent, here and behind the gateway."""
+"""Check that a submission keeps the contract of an agent, also behind the gateway."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from ...running import Finding, RunOptions, check_agent, jobs_of, run_jobs
 from ..gateway.limits import SceneRun
 from ..gateway.run import run_isolated_scenes
 
-SCENES = 3  # at most
+MAX_CHECKED_SCENES = 3  # at most
 _SANDBOX_HINT = (
     "it runs alone there: its own folder, no data, no network, bounded memory"
 )

@@ -6,7 +6,7 @@ from itertools import chain, product, starmap
 from pathlib import Path
 
 from ...cards import load_card
-from ...core import RecordError, card_ids, parse_json, read_bounded
+from ...core import RecordError, card_ids, parse_json, read_bounded, validate_json
 from ...scoring import WEIGHTS, Subset, ratio
 from .record import HiddenPart, Record, key_of
 from .results import DrivesPart, Results
@@ -16,7 +16,6 @@ from .storage import (
     NO_RECORD,
     content_digest,
     measured_digest,
-    parse_as,
     with_targets,
 )
 from .targets import UnitTargets
@@ -36,11 +35,14 @@ def checked_record(path: Path) -> Record:
 
 
 def checked_text(text: str, path: Path) -> Record:
-    """Return the record in the text of a file; raises as `checked_record`."""
+    """Return the record in the text of a file.
+
+    Raises as `checked_record`.
+    """
     where = str(path)
     # refuses what pydantic's own reader of JSON lets pass
     file_content = parse_json(text, where, RecordError)
-    record = parse_as(Record, text, where)
+    record = validate_json(Record, text, where, RecordError)
     for what, digest, stored_digest in (
         ("its content", content_digest(file_content), record.digest),
         (
@@ -103,7 +105,7 @@ def _run_problems(record: Record) -> Iterator[str]:
 def result_problems(
     results: Record | HiddenPart, max_error_m: float = math.inf
 ) -> Iterator[str]:
-    """Yield sentences on results that cannot be, such as errors beyond ``max_error_m``."""
+    """Yield sentences on results that cannot be, such as large errors."""
     yield from _target_problems(results.targets, max_error_m)
     if results.drives is None:
         yield from _error_problems(results, max_error_m)

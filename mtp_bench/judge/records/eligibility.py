@@ -8,10 +8,9 @@ held back, until a maintainer has looked at them and states so in a signed level
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
 
-from ...core import clean_text
+from ...core import baseline_names, clean_text
 from ...scoring import (
     DEFINITIONS,
     SUBSETS,
@@ -21,9 +20,9 @@ from ...scoring import (
     why_unranked as why_entrant_unranked,
 )
 from ..gateway.limits import Limits
-from .attestation import Checked, SignedLevel
+from .attestation import Checked
 from .evaluation import scorer_digest
-from .record import LimitsPart, Record
+from .record import HiddenPart, Record
 from .shipped import (
     FOR_BASELINES,
     Shipped,
@@ -37,30 +36,27 @@ SEEDS = (0, 1, 2)
 LEAST_HIDDEN = 50  # hidden scenes that rank
 NOT_ON_HIDDEN = "not scored on hidden scenes yet"
 _MAX_SETTINGS = 100  # characters of a reason that quotes settings
-Ships = Callable[[str], Shipped | None]
 
 
-def why_unranked(
-    record: Record, level: SignedLevel | None = None, ships: Ships = shipped
-) -> str | None:
-    """Return the reason why a record has no rank, in a few words; None if it has one.
+def why_unranked(record: Record, hidden: HiddenPart | None = None) -> str | None:
+    """Return the reason why a record has no rank, in a few words.
 
-    ``level``: its signed level; ``ships``: the shipped env of an id.
+    None if it has one. ``hidden``: its results on hidden scenes.
     """
     return (
         record.unfinished
         or why_entrant_unranked("equal", record.samples, record.env.observe)
-        or why_not_comparable(record, ships)
-        or _why_not_on_hidden(ships(record.env.id), level)
+        or why_not_comparable(record)
+        or _why_not_on_hidden(record, hidden)
     )
 
 
-def why_not_comparable(record: Record, ships: Ships = shipped) -> str | None:
+def why_not_comparable(record: Record) -> str | None:
     """Return the reason why the numbers of a record do not compare with others.
 
     The reason has a few words. None if the numbers compare.
     """
-    return next(_reasons(record, ships(record.env.id)), None)
+    return next(_reasons(record), None)
 
 
 def why_not_genuine(record: Record) -> str | None:
@@ -68,9 +64,9 @@ def why_not_genuine(record: Record) -> str | None:
 
     None for all others.
     """
-    if _digest_of_name(record) in (None, record.submission.digest):
-        return None
     name = record.submission.name
+    if name not in baseline_names() or is_baseline(record):
+        return None
     return f"{name!r} is the name of a baseline, and this is another submission"
 
 
@@ -94,34 +90,36 @@ def _scored_before(record: Record) -> bool:
     return (record.env.id, scorer, record.reference.hash) in earlier_scorers()
 
 
-def _digest_of_name(record: Record) -> str | None:
+def is_baseline(record: Record) -> bool:
+    """Return True for a baseline, not another submission of its name."""
     submission = record.submission
-    return baseline_digest(submission.name, submission.networks)
+    digest = baseline_digest(submission.name, submission.networks)
+    return digest == submission.digest
 
 
 def may_observe(record: Record) -> bool:
     """Return False if another agent than a baseline saw labels of detections."""
-    is_baseline = _digest_of_name(record) == record.submission.digest
-    return record.env.observe != "associated" or is_baseline
+    return record.env.observe != "associated" or is_baseline(record)
 
 
-def taken_names(
-    records: Sequence[Record], levels: Mapping[str, SignedLevel]
-) -> dict[str, str]:
+def taken_names(records: Sequence[Checked]) -> dict[str, str]:
     """Return reasons why records of one env are not ranked, by their digests.
 
     Another submission has the same name. Of several the only one with a checked level
     keeps it; without such a one, none does.
     """
-    genuine_records = [record for record in records if why_not_genuine(record) is None]
+    genuine_records = []
     # digests of submissions by name
     name_owners = defaultdict[str, set[str]](set)
     checked_owners = defaultdict[str, set[str]](set)
-    for record in genuine_records:
+    for checked in records:
+        record = checked.record
+        if why_not_genuine(record):
+            continue
+        genuine_records.append(record)
         submission = record.submission
         name_owners[submission.name].add(submission.digest)
-        level = levels.get(record.digest)
-        if level is not None and level.statement.level != "scored":
+        if checked.level != "scored":
             checked_owners[submission.name].add(submission.digest)
     reasons_by_digest = {}
     for record in genuine_records:
@@ -160,11 +158,12 @@ def _is_better(entrant: Checked, truth: Checked, subset: Subset) -> bool:
     return difference is not None and difference.mean < 0 and difference.significant
 
 
-def _reasons(record: Record, env: Shipped | None) -> Iterator[str]:
-    """Yield reasons why the conditions of a record are not those of the shipped env."""
+def _reasons(record: Record) -> Iterator[str]:
+    """Yield reasons why a record has other conditions than the shipped env."""
     yield from _unlike_baselines(record)
     if reason := why_scored_otherwise(record):
         yield reason
+    env = shipped(record.env.id)
     if env is None:
         yield "its environment ships no event weights"
     else:
@@ -175,9 +174,7 @@ def _reasons(record: Record, env: Shipped | None) -> Iterator[str]:
     if record.seeds != list(SEEDS):
         record_seeds = ", ".join(map(str, record.seeds))
         yield f"seeds {record_seeds}, ranks need {', '.join(map(str, SEEDS))}"
-    if len(record.scenes) != record.env.scenes_of_split:
-        yield f"{len(record.scenes)} of {record.env.scenes_of_split} scenes"
-    if record.limits != LimitsPart(**asdict(Limits())):
+    if record.limits != Limits():
         yield "other limits than those that rank"
 
 
@@ -217,7 +214,10 @@ def _unlike_env(record: Record, env: Shipped) -> Iterator[str]:
 
 
 def _scene_of_other_weight(record: Record, env: Shipped) -> str | None:
-    """Return the first scene with other targets than the event weights; None if all fit."""
+    """Return the first scene with other targets than the event weights.
+
+    None if all fit.
+    """
     scene_weights = {
         subset: record.targets.scene_sums(record.unit_weight(subset)).tolist()
         for subset in SUBSETS
@@ -237,11 +237,11 @@ def _scene_of_other_weight(record: Record, env: Shipped) -> str | None:
     return None
 
 
-def _why_not_on_hidden(env: Shipped | None, level: SignedLevel | None) -> str | None:
+def _why_not_on_hidden(record: Record, hidden: HiddenPart | None) -> str | None:
     """Return why a record of a simulated env has no rank, although it compares."""
+    env = shipped(record.env.id)
     if env is None or not env.simulated:
         return None
-    hidden = None if level is None else level.statement.hidden
     if hidden is None:
         return NOT_ON_HIDDEN
     if hidden.scenes < LEAST_HIDDEN:

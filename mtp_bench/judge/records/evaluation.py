@@ -34,7 +34,7 @@ from ...sources import open_source, scene_digest
 from .canonical import rounded
 from .record import ReferencePart, ScorerPart
 from .results import FACTS, DrivesPart, Results
-from .targets import UnitTargets, drive_targets, targets_of
+from .targets import drive_targets, targets_of
 
 Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same order
 
@@ -43,8 +43,8 @@ Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same or
 class Evaluation:
     """The part of a record that follows from rollouts, card, data and scorer."""
 
-    targets: UnitTargets
-    fields: dict[str, Any]  # fields of a `Record` that follow from the rollouts
+    results: Results
+    fields: dict[str, Any]  # further fields of a `Record` that follow from the rollouts
     reference: Reference
     # of the data that was scored, in the order of scenes
     scene_digests: tuple[str, ...]
@@ -57,18 +57,12 @@ class Evaluation:
         return hashlib.sha256("\n".join(self.scene_digests).encode()).hexdigest()
 
     @property
-    def results(self) -> dict[str, Any]:
-        """Fields of `Results`, and the targets."""
-        names = Results.model_fields.keys() & self.fields.keys()
-        return {name: self.fields[name] for name in names} | {"targets": self.targets}
-
-    @property
     def record_fields(self) -> dict[str, Any]:
         """Fields of a record that follow from the evaluation, under today's scorer."""
         return {
+            **dict(self.results),
             **self.fields,
-            "targets": self.targets,
-            "targets_sha256": self.targets.digest,
+            "targets_sha256": self.results.targets.digest,
             "reference": ReferencePart(
                 name=self.reference.agent,
                 hash=self.reference.digest,
@@ -129,9 +123,8 @@ def evaluate(
         if row.subset in subsets:
             errors[row.subset] = unit_errors(table, row.subset)
             numbers[row.subset] = numbers_of(row)
+    targets = targets_of(table, table.subsets, details.nothing_predicted)
     fields = {
-        "error": errors,
-        "numbers": numbers,
         "hypotheses": setting.hypotheses,
         "samples": samples,
         "brier": rounded(details.brier),
@@ -139,7 +132,7 @@ def evaluate(
         "curve": rounded(details.curve),
     }
     return Evaluation(
-        targets=targets_of(table, table.subsets, details.nothing_predicted),
+        results=Results(error=errors, numbers=numbers, targets=targets),
         fields=fields,
         reference=reference,
         scene_digests=scene_digests,
@@ -167,12 +160,15 @@ def _evaluate_drives(
         scores.append([scene_score(drive, ways[scene]) for drive in scene_drives])
     facts = driving.model_dump(include=set(DrivesPart.model_fields))
     seconds = np.concatenate([rollout.seconds for rollout in rollouts])
-    return Evaluation(
+    results = Results(
+        error={},
+        numbers={},
+        drives=DrivesPart(**rounded(facts), scores=rounded(scores)),
         targets=drive_targets(list(ways)),
+    )
+    return Evaluation(
+        results=results,
         fields={
-            "error": {},
-            "numbers": {},
-            "drives": DrivesPart(**rounded(facts), scores=rounded(scores)),
             "hypotheses": hypotheses or max(map(_hypotheses, rollouts)),
             "samples": rollouts[0].forecast.shape[1],
         },
@@ -200,7 +196,10 @@ def unit_errors(table: AgentTable, subset: Subset) -> list[float]:
 
 
 def numbers_of(row: Row) -> dict[str, float]:
-    """Return the facts of a row that records store; causes of errors of "all" alone."""
+    """Return the facts of a row that records store.
+
+    Causes of errors are stored of "all" alone.
+    """
     numbers = {}
     for name in Row.model_fields:
         is_cost = name.startswith("cost_")

@@ -84,7 +84,7 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
 def _refused_files(
     folder: Path, files: Mapping[Path, str], trusted_files: Mapping[Path, str]
 ) -> list[str]:
-    """Return why rollouts, and removed files of the trusted leaderboard, are refused."""
+    """Return why rollouts and removed files of the leaderboard are refused."""
     rollouts = [
         f"{path.relative_to(folder)}: stored rollouts stay with their makers (of "
         "recorded scenes they must not be published), expected records alone: take the "
@@ -117,7 +117,7 @@ def _is_unchanged(path: Path, trusted_path: Path) -> bool:
 
 
 def _files(root: Path) -> dict[Path, str]:
-    """Return the names of all files and empty folders, and what is odd about each.
+    """Return all files and empty folders, and what is odd about each.
 
     Odd is everything but a regular file of mode 100644. Stored rollouts are left out.
     Raises RecordError for too many.
@@ -141,7 +141,10 @@ def _files(root: Path) -> dict[Path, str]:
 
 
 def _kind_of(path: Path) -> str:
-    """Return what is odd about a file, or "folder"; empty for a regular file."""
+    """Return what is odd about a file, or "folder".
+
+    It is empty for a regular file.
+    """
     mode = path.lstat().st_mode
     kind = file_kind(mode)
     if not kind and mode & 0o111:
@@ -150,9 +153,9 @@ def _kind_of(path: Path) -> str:
 
 
 def _odd_in_git(root: Path) -> dict[Path, str]:
-    """Return odd modes in git's commit of ``root``; empty without git.
+    """Return odd modes in git's commit of ``root``.
 
-    A submodule need not have a folder on disk.
+    It is empty without git. A submodule need not have a folder on disk.
     """
     command = ["git", "-c", "protocol.allow=never", "-C", str(root)]
     command += ["ls-tree", "-r", "-z", "HEAD"]
@@ -171,7 +174,10 @@ def _odd_in_git(root: Path) -> dict[Path, str]:
 def _proposed_owners(
     path: Path, trusted_names: Mapping[str, str], owner: str
 ) -> Mapping[str, str]:
-    """Return proposed owners; RecordError for any change but new names of ``owner``."""
+    """Return proposed owners.
+
+    Raises RecordError for any change but new names of ``owner``.
+    """
     proposed = read_owners(path)
     for name, login in trusted_names.items():
         if proposed.get(name) != login:
@@ -222,7 +228,10 @@ def _acceptable(
     owners: Mapping[str, str],
     owner: str,
 ) -> Record:
-    """Return the record in a file; RecordError unless it can be accepted."""
+    """Return the record in a file.
+
+    Raises RecordError unless it can be accepted.
+    """
     if (
         file_name.parts[0] != _RECORDS
         or len(file_name.parts) != _DEPTH
@@ -249,7 +258,7 @@ def _acceptable(
 
 
 def _require_current(record: Record, file_name: Path) -> None:
-    """Raise RecordError unless a record is made for what ships, and stands at its path."""
+    """Raise RecordError unless a record fits what ships and its path."""
     submission = record.submission.name
     env = record.env
     if file_name.parts[1:] != (submission, f"{env.id}.json"):

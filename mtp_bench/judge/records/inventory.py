@@ -26,7 +26,10 @@ class RecordPiece:
 
     @property
     def size(self) -> int:
-        """Bytes of the record and its rollouts; 0 before it is made."""
+        """Bytes of the record and its rollouts.
+
+        It is 0 before it is made.
+        """
         files = [self.target, *self.target.with_suffix(ROLLOUTS).rglob("*")]
         return sum(path.stat().st_size for path in files if path.is_file())
 
@@ -67,10 +70,10 @@ def _submissions(names: Sequence[str]) -> list[Submission]:
 def standing_record(
     piece: RecordPiece, options: RunOptions = DEFAULTS
 ) -> Record | None:
-    """Return the record of a piece if it is complete and would be made equally again.
+    """Return the record of a piece if it would be made equally again.
 
-    It would be made equally if submission, card, seeds, limits and versions are the
-    same. Its rollouts may be missing, as in a checkout.
+    It must be complete, with the same submission, card, seeds, limits and versions. Its
+    rollouts may be missing, as in a checkout.
     """
     plan = plan_run(piece.submission, piece.env, options)
     return finished_record(piece.target, plan_content(plan), rollouts=False)

@@ -50,11 +50,11 @@ class Parts:
         None if it is missing, broken, or written by another version.
         """
         arrays: dict[str, Any] | None = read_arrays(self._path(seed, scene))
-        if arrays is None or not {*ARRAYS, _OTHER_FIELDS} <= arrays.keys():
+        if arrays is None:
             return None
-        run_fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
-        drive = {name: arrays.pop(name) for name in arrays.keys() - ARRAYS.keys()}
         try:
+            run_fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
+            drive = {name: arrays.pop(name) for name in arrays.keys() - ARRAYS.keys()}
             rollout = Rollout(scene, **arrays, drive=drive_of(drive))
             run_fields["isolation"] = Isolation(**run_fields["isolation"])
             return SceneRun(rollout, **run_fields)
@@ -62,7 +62,10 @@ class Parts:
             return None
 
     def write(self, seed: int, run: SceneRun) -> None:
-        """Store a scene; raises MtpBenchError if that fails."""
+        """Store a scene.
+
+        Raises MtpBenchError if that fails.
+        """
         scene_file = self._path(seed, run.rollout.scene)
         run_fields = {**vars(run), "isolation": run.isolation.model_dump()}
         del run_fields["rollout"]
@@ -144,7 +147,10 @@ def _remove(parts_folder: Path) -> None:
 
 
 def _require_plan(parts_folder: Path, plan: dict[str, Any]) -> None:
-    """Store the plan; raises RecordError if a different one is stored."""
+    """Store the plan.
+
+    Raises RecordError if a different one is stored.
+    """
     path = parts_folder / _PLAN
     plan_json = json.loads(json.dumps(plan))
     if not path.exists():

@@ -4,6 +4,7 @@ Recorded envs are ranked by the sums of the records; simulated ones by those of 
 scenes, from signed levels.
 """
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -24,10 +25,9 @@ from ...scoring import (
     guard,
     places_on,
 )
-from .attestation import Checked, SignedLevel
+from .attestation import Checked
 from .eligibility import (
     NOT_ON_HIDDEN,
-    Ships,
     held_back,
     taken_names,
     why_not_comparable,
@@ -35,8 +35,8 @@ from .eligibility import (
     why_unranked,
 )
 from .fields import LEVELS
-from .record import Record, SubmissionPart
-from .shipped import baselines, learned_truths, network_references, shipped
+from .record import SubmissionPart
+from .shipped import baselines, learned_truths, network_references
 
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 ASSOCIATION = controls()["same_samples"], controls()["associated_same_samples"]
@@ -71,7 +71,10 @@ class _Entrant(Checked):
 
     @cached_property  # it reads the submission of that name
     def baseline(self) -> str:
-        """Name of the submission; empty for another one under a baseline's name."""
+        """Name of the submission.
+
+        It is empty for another one under a baseline's name.
+        """
         return "" if why_not_genuine(self.record) else self.record.submission.name
 
 
@@ -80,15 +83,12 @@ _Best = Mapping[str, _Entrant]
 
 
 def standings(
-    records: Sequence[Record],
-    levels: Mapping[str, SignedLevel] | None = None,
-    ships: Ships = shipped,
-    subsets: Sequence[Subset] = SUBSETS,
+    records: Sequence[Checked], subsets: Sequence[Subset] = SUBSETS
 ) -> dict[str, Standing]:
-    """Rank records of any envs; returns the standing of each by its digest.
+    """Rank records of any envs.
 
-    ``levels`` are by digest, too; ``ships``: the shipped env of an id; ``subsets``:
-    those that have places, gaps and differences.
+    Returns the standing of each by its digest. ``subsets``: those that have places,
+    gaps and differences.
 
     Only records of what ships, of one data and the same units are ranked against each
     other; on simulated envs those of one seal. The main ranking of an env is that of
@@ -96,14 +96,14 @@ def standings(
     level, STP's before others: never the largest group as such. A better record moves
     others down; apart from that, a record changes no group, guard or gap but its own.
     """
-    groups: dict[str, list[Record]] = {}
-    for record in records:
-        groups.setdefault(record.env.id, []).append(record)
+    groups = defaultdict[str, list[Checked]](list)
+    for checked in records:
+        groups[checked.record.env.id].append(checked)
     by_digest: dict[str, Standing] = {}
     with long_work("comparing pairs of records") as work:
         work.started(sum(len(group) ** 2 for group in groups.values()))
         for env_id, group in groups.items():
-            by_digest |= _standings_of_env(group, levels or {}, ships, subsets)
+            by_digest |= _standings_of_env(group, subsets)
             work.done(env_id, len(group) ** 2)
     return by_digest
 
@@ -135,12 +135,9 @@ def gap_reference_names(
 
 
 def _standings_of_env(
-    records: Sequence[Record],
-    levels: Mapping[str, SignedLevel],
-    ships: Ships,
-    subsets: Sequence[Subset],
+    records: Sequence[Checked], subsets: Sequence[Subset]
 ) -> dict[str, Standing]:
-    entrants = _entrants(records, levels, ships)
+    entrants = _entrants(records)
     peers = _main_group(entrants)
     finished = [peer for peer in peers if peer.record.status == "finished"]
     best_records = {peer.baseline: peer for peer in sorted(finished, key=_precedence)}
@@ -149,13 +146,11 @@ def _standings_of_env(
     for entrant in entrants:
         unranked = Place(why=entrant.unranked_because or _OTHER_DATA)
         entrant_places = places.get(entrant, dict.fromkeys(subsets, unranked))
-        digest = entrant.record.digest
-        by_digest[digest] = Standing(entrant_places, entrant in compared)
+        standing = Standing(entrant_places, entrant in compared)
         if entrant in peers:
             known_subsets = subsets if entrant in finished else ()
-            by_digest[digest] = _with_gaps(
-                by_digest[digest], entrant, best_records, known_subsets
-            )
+            standing = _with_gaps(standing, entrant, best_records, known_subsets)
+        by_digest[entrant.record.digest] = standing
     return by_digest
 
 
@@ -179,17 +174,15 @@ def _ranked_places(
     return dict(zip(candidates, places, strict=True)), ranked or waiting
 
 
-def _entrants(
-    records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships
-) -> list[_Entrant]:
-    name_reasons = taken_names(records, levels)
+def _entrants(records: Sequence[Checked]) -> list[_Entrant]:
+    name_reasons = taken_names(records)
     entrants = []
-    for record in records:
-        level = levels.get(record.digest)
+    for checked in records:
+        record = checked.record
         name_reason = name_reasons.get(record.digest)
-        unranked = why_unranked(record, level, ships) or name_reason
-        not_comparable = why_not_comparable(record, ships) or name_reason
-        entrants.append(_Entrant(record, level, unranked, not_comparable))
+        unranked = why_unranked(record, checked.hidden) or name_reason
+        not_comparable = why_not_comparable(record) or name_reason
+        entrants.append(_Entrant(record, checked.signed, unranked, not_comparable))
     return entrants
 
 
@@ -293,7 +286,7 @@ def _with_gaps(
 def _closed(
     entrant: _Entrant, pair: Pair, subsets: Sequence[Subset]
 ) -> dict[Subset, float]:
-    """Return the shares of a gap that are closed, on the subsets that define it."""
+    """Return the closed shares of a gap, on the subsets that define it."""
     gaps = {}
     for subset in subsets:
         closed_share = pair.closed_by(entrant, subset).closed

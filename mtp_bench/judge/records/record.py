@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field
 from ...agent import SubmissionName
 from ...core import Section
 from ...running import MOST_SEED
-from ..gateway.limits import Isolation
+from ..gateway.limits import Isolation, Limits
 from .fields import (
     MAX_LIST,
     Count,
@@ -30,8 +30,6 @@ Status = Literal["finished", "partial", "crashed", "rejected"]
 Observed = Literal["detections", "truth", "associated"]
 REJECTED = "rejected: "  # before the reason of a run that broke the rules
 
-_Seconds = Annotated[float, Field(gt=0, le=86_400)]
-_Bytes = Annotated[int, Field(gt=0, le=1 << 40)]
 _CurvePoint = Annotated[tuple[NotNegative, NotNegative], Field(strict=False)]
 
 
@@ -118,19 +116,6 @@ class MeasuredPart(Section):
     digest: OptionalSha256 = ""  # empty until the record is stored
 
 
-class LimitsPart(Section):
-    """Limits of the agent, as `gateway.Limits`."""
-
-    start: _Seconds
-    reset: _Seconds
-    first_frame: _Seconds
-    frame: _Seconds  # a later answer ends its scene
-    scene: _Seconds
-    memory: _Bytes
-    disk: _Bytes
-    answer: _Bytes
-
-
 class MissedPart(Section):
     """Malformed answers and unfinished scenes, over all scenes and seeds."""
 
@@ -176,7 +161,7 @@ class Record(Results):
         list[Annotated[int, Field(ge=0, le=MOST_SEED)]], Field(max_length=MAX_LIST)
     ]
     versions: Annotated[dict[Name, Name], Field(max_length=MAX_LIST)]
-    limits: LimitsPart
+    limits: Limits
     missed: MissedPart
     isolation: Isolation
     hypotheses: Count
@@ -213,12 +198,18 @@ class Record(Results):
 
     @property
     def status_reason(self) -> str:
-        """Reason of the status; empty if the record is finished."""
+        """Reason of the status.
+
+        It is empty if the record is finished.
+        """
         return self._status_and_reason[1]
 
     @property
     def unfinished(self) -> str:
-        """Reason why some scenes were not finished; empty if all were."""
+        """Reason why some scenes were not finished.
+
+        It is empty if all were.
+        """
         if self.status != "finished":
             return f"{self.status}: {self.status_reason}"
         crashed = self.missed.crashed_scenes

@@ -26,7 +26,6 @@ from ...sources import open_source, package_of
 from ..gateway.limits import Isolation, SceneRun
 from .canonical import Difference
 from .record import HiddenPart, Record
-from .results import Results
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
 from .seal import Sealed
 from .targets import UnitTargets
@@ -68,7 +67,10 @@ def drive_again(card: Card, rollout: Rollout) -> Rollout:
 
 
 def run_again(plan: Plan, seeds: Sequence[int]) -> Runs:
-    """Run seeds and scenes in a random order; returns them in the given one."""
+    """Run seeds and scenes in a random order.
+
+    Returns them in the given one.
+    """
     shuffled_seeds = _random.sample(list(seeds), len(seeds))
     runs = {seed: _run_shuffled(plan, seed) for seed in shuffled_seeds}
     return {seed: runs[seed] for seed in seeds}
@@ -85,18 +87,17 @@ def errors_under_random_pose(
     seed = secrets.randbelow(_SEEDS)
     runs = {seed: _run_shuffled(plan, seed)}
     require_answered(runs, plan.submission.name, "under a secret motion")
-    evaluation = evaluate_plan(plan, runs, reference)
-    results = Results(**evaluation.results)
+    results = evaluate_plan(plan, runs, reference).results
     return {subset: results.row_of(subset).error for subset in results.subsets}
 
 
 def worse_when_moved(
     record: Record, moved_errors: Mapping[Subset, float | None]
 ) -> Difference | None:
-    """Return the first error that is larger among ``moved_errors``; None if none is.
+    """Return the first error that is larger among ``moved_errors``.
 
-    A moved run is compared with the mean over seeds, not with the worst seed: an agent
-    with a table for all seeds but one would pass.
+    None if none is. A moved run is compared with the mean over seeds, not with the
+    worst seed: an agent with a table for all seeds but one would pass.
     """
     # further subsets are shown only
     for subset in SUBSETS:
@@ -156,7 +157,6 @@ def run_hidden(
     hidden_names = sealed.shuffled(open_source(hidden_card).names)
     hidden_plan = replace(
         plan,
-        env=hidden_card,
         card=hidden_card,
         scenes=hidden_names,
         scenes_of_split=len(hidden_names),
@@ -170,24 +170,27 @@ def run_hidden(
         )
     require_answered(runs, plan.submission.name, "of hidden scenes")
     reference = sealed.reference(hidden_card, hidden_names, options)
-    evaluation = evaluate_plan(hidden_plan, runs, reference)
+    results = evaluate_plan(hidden_plan, runs, reference).results
     # without names of scenes
     targets = UnitTargets(
         scenes=[],
         scene_units=[],
-        nothing_predicted=evaluation.targets.nothing_predicted,
-        subsets=evaluation.targets.subsets,
+        nothing_predicted=results.targets.nothing_predicted,
+        subsets=results.targets.subsets,
     )
     return HiddenPart(
         commitment=sealed.commitment,
         weights=reference.digest,
         scenes=len(hidden_names),
-        **evaluation.results | {"targets": targets},
+        **dict(results) | {"targets": targets},
     )
 
 
 def require_answered(runs: Runs, agent: str, where: str) -> None:
-    """Raise RecordError unless the agent finished every scene; it names no scenes."""
+    """Raise RecordError unless the agent finished every scene.
+
+    It names no scenes.
+    """
     missed = unanswered(runs)
     if missed.crashed_scenes:
         kinds = sorted({reason.split(":")[0] for reason in missed.reasons.values()})

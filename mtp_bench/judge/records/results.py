@@ -51,7 +51,10 @@ _Scores = Annotated[list[Share], Field(min_length=1, max_length=MAX_LIST)]
 
 
 class DrivesPart(Section):
-    """Drives in a closed loop; the score and its interval follow from ``scores``."""
+    """Drives in a closed loop.
+
+    The score and its interval follow from ``scores``.
+    """
 
     # [S][seeds] of each scene and seed, in the order of the scenes
     scores: Annotated[list[_Scores], Field(min_length=1, max_length=MAX_SCENES)]
@@ -100,7 +103,10 @@ class Results(Section):
         return self.error.get(subset) or [0.0] * self.targets.units
 
     def sums_on(self, subset: Subset, samples: int) -> UnitSums:
-        """Return the sums over the units; ``samples``: per object."""
+        """Return the sums over the units.
+
+        ``samples`` are per object.
+        """
         return UnitSums(
             samples=samples,
             weight=np.array(self.unit_weight(subset)),

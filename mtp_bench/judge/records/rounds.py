@@ -1,13 +1,9 @@
-"""Rounds: the same check of many records, and the levels that it signs."""
+"""Rounds: submissions of many records, and the levels that their checks sign."""
 
-from collections.abc import Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...agent import MANIFEST
 from ...core import RecordError
-from ...running import RunOptions
 from .attestation import SignedLevel, Statement, read_level, write_level
 from .canonical import today
 from .fields import LEVELS, Level
@@ -15,67 +11,38 @@ from .record import Record
 from .seal import Sealed
 from .storage import load_record
 from .trust import Trust, trusted
-from .verifying import Verification, verify
+from .verifying import Verification
 
 
-@dataclass(frozen=True)
-class Round:
-    """One kind of check for many records, each with its submission and seal."""
+def submission_of(record: Record, folder: Path | None) -> Path | None:
+    """Return the submission of a record.
 
-    rerun: bool = False
-    # by env: with hidden scenes, which rank simulated envs
-    seals: Mapping[str, Sealed] = field(default_factory=dict)
-    # a submission, or a folder of submissions by their names; None: the baselines
-    submission: Path | None = None
-    # records of baselines are this maintainer's own: their public runs are not repeated
-    made_here: bool = False
+    None: it is the baseline of that name. ``folder``: a submission, or a folder of
+    submissions by their names.
+    """
+    if folder is None or (folder / MANIFEST).is_file():
+        return folder
+    submission = folder / record.submission.name
+    return submission if (submission / MANIFEST).is_file() else None
 
-    def verify(
-        self,
-        path: Path,
-        record: Record,
-        options: RunOptions,
-        env_id: str | None,
-        ends: ExitStack,
-    ) -> Verification:
-        """Check one record as `verify` does."""
-        return verify(
-            path,
-            options,
-            env_id,
-            submission=self._submission_folder(record),
-            rerun=self.rerun,
-            sealed=self._sealed(record),
-            ends=ends,
-            made_here=self.made_here,
-        )
 
-    def reached(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
-        """Return the signed level of a record if this check can reach no higher one.
+def level_reached(
+    path: Path, record: Record, trust: Trust, rerun: bool, sealed: Sealed | None
+) -> SignedLevel | None:
+    """Return the signed level of a record if `verify` can reach no higher one.
 
-        None without a level, for a converted one, and for one of another seal.
-        """
-        signed, _ = read_level(path, record, trust)
-        if signed is None or signed.statement.converted:
+    None without a level, for a converted one, and for one of another seal.
+    """
+    signed, _ = read_level(path, record, trust)
+    if signed is None or signed.statement.converted:
+        return None
+    if sealed is not None:
+        hidden = signed.statement.hidden
+        if hidden is None or hidden.commitment != sealed.commitment:
             return None
-        sealed = self._sealed(record)
-        if sealed is not None:
-            hidden = signed.statement.hidden
-            if hidden is None or hidden.commitment != sealed.commitment:
-                return None
-            return signed
-        goal: Level = "re-run" if self.rerun else "re-scored"
-        return None if _is_below(signed.statement.level, goal) else signed
-
-    def _sealed(self, record: Record) -> Sealed | None:
-        return self.seals.get(record.env.id) if self.rerun else None
-
-    def _submission_folder(self, record: Record) -> Path | None:
-        """Return the submission of a record; None: it is the baseline of that name."""
-        if self.submission is None or (self.submission / MANIFEST).is_file():
-            return self.submission
-        folder = self.submission / record.submission.name
-        return folder if (folder / MANIFEST).is_file() else None
+        return signed
+    goal: Level = "re-run" if rerun else "re-scored"
+    return None if _is_below(signed.statement.level, goal) else signed
 
 
 def attest(
@@ -85,7 +52,7 @@ def attest(
     trust: Trust | None = None,
     looked_at: bool = False,
 ) -> None:
-    """Sign the level that a check reached and write it into the file of the record.
+    """Sign the level that a check reached, in the file of the record.
 
     ``trust``: the trusted leaderboard; None: the one that ships. ``looked_at``: a
     maintainer found that the record may be better than ground truth; it stays so.

@@ -33,7 +33,6 @@ class Plan:
     """A submission and the scenes of an env on which it is run."""
 
     submission: Submission
-    env: Any  # for MTPEnv: id, path of a card, or a card that is in no file
     card: Card
     scenes: tuple[str, ...]
     scenes_of_split: int
@@ -69,7 +68,6 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
         )
     return Plan(
         submission,
-        env_id,
         env.card,
         options.chosen(scenes),
         len(scenes),
@@ -105,10 +103,11 @@ def run_seed(
     parts: Parts | None = None,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
 ) -> list[SceneRun]:
-    """Run every scene of the plan under one seed; returns runs in the plan's order.
+    """Run every scene of the plan under one seed.
 
-    Scenes that are among the ``parts`` are not run again; the others are stored there
-    as soon as they are finished. Never raises for the agent's actions.
+    Returns runs in the plan's order. Scenes that are among the ``parts`` are not run
+    again; the others are stored there as soon as they are finished. Never raises for
+    the agent's actions.
     """
     runs: dict[str, SceneRun] = {}
 
@@ -132,7 +131,7 @@ def run_seed(
     if remaining:
         run_isolated_scenes(
             plan.submission.path,
-            plan.env,
+            plan.card,
             env_keywords,
             seed=seed,
             limits=limits,
@@ -155,7 +154,10 @@ def rollouts_of(runs: Runs) -> dict[int, list[Rollout]]:
 def evaluate_plan(
     plan: Plan, runs: Runs, reference: Reference, *, with_progress: bool = False
 ) -> Evaluation:
-    """Score the runs of a plan; ``with_progress``: report each scene."""
+    """Score the runs of a plan.
+
+    ``with_progress``: report each scene.
+    """
     setting = plan.setting
     options = plan.options
     if not with_progress:
@@ -175,7 +177,7 @@ def info_of(plan: Plan, seed: int) -> RunInfo:
     """Return the description of a stored run of the plan, without the data root."""
     setting = plan.setting
     env = MTPEnv(
-        plan.env,
+        plan.card,
         data=plan.options.data,
         evaluation=True,
         observe=setting.observe,

@@ -75,7 +75,7 @@ class Commitment(Section):
 
 
 class ListedSeal(Commitment):
-    """A seal of the leaderboard: its commitment, and whether its secret was published."""
+    """A seal of the leaderboard, and whether its secret was published."""
 
     name: str
     retired: str  # date; empty: in use
@@ -213,7 +213,7 @@ def open_seal(
 
 
 def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed]:
-    """Open the seal whose secret is at ``path``, or those in a folder, by env.
+    """Open the seal at ``path``, or those in a folder, by env.
 
     Retired ones in a folder are left out. Raises RecordError if a secret is wrong, none
     is left, or two are of one env.
@@ -243,10 +243,11 @@ def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed
 
 
 def retire(secret_file: str | Path, folder: str | Path = SEALS) -> Path:
-    """Publish the secret at ``secret_file`` in ``folder``; returns the file.
+    """Publish the secret at ``secret_file`` in ``folder``.
 
-    Event weights are published with it, if there are any. Raises RecordError if the
-    secret does not fit its commitment, MtpBenchError if a file cannot be written.
+    Returns the file. Event weights are published with it, if there are any. Raises
+    RecordError if the secret does not fit its commitment, MtpBenchError if a file
+    cannot be written.
     """
     secret_file = Path(secret_file)
     folder = Path(folder)

@@ -33,9 +33,10 @@ class Shipped:
 
 @cache
 def shipped(env_id: str) -> Shipped | None:
-    """Return the env of this id; None without a card or frozen event weights.
+    """Return the env of this id.
 
-    Raises DataError if the event weights are broken.
+    None without a card or frozen event weights. Raises DataError if the event weights
+    are broken.
     """
     if env_id not in card_ids():
         return None
@@ -73,9 +74,9 @@ def earlier_scorers() -> frozenset[tuple[str, str, str]]:
 
 
 def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str | None:
-    """Return the digest of the shipped baseline ``name``; None for other names.
+    """Return the digest of the shipped baseline ``name``.
 
-    ``networks``: weights that were trained for it.
+    None for other names. ``networks``: weights that were trained for it.
     """
     return _digest(name, tuple(sorted((networks or {}).items())))
 

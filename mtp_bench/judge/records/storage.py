@@ -5,10 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from ...agent import PARTS as PARTS, ROLLOUTS as ROLLOUTS
-from ...core import ABSENT, RecordError, Rollout, SectionT, explain, read_bounded
+from ...core import ABSENT, RecordError, Rollout, SectionT, read_bounded, validate_json
 from ...running import load_run
 from .canonical import digest_of
 from .record import Record
@@ -31,7 +29,10 @@ def load_record(path: str | Path) -> Record:
 
 
 def usable_record(path: Path) -> Record | None:
-    """Return the record at ``path``; None if it is missing, or cannot be read."""
+    """Return the record at ``path``.
+
+    None if it is missing, or cannot be read.
+    """
     try:
         return load_record(path)
     except RecordError:
@@ -59,25 +60,16 @@ def with_targets(record: Record, record_file: Path) -> Record:
 
 
 def read_as(model: type[SectionT], path: Path, absent: str = ABSENT) -> SectionT:
-    """Read a JSON file as ``model``; ``absent`` is the reason if there is no such file.
+    """Read a JSON file as ``model``.
 
-    Raises RecordError.
+    ``absent`` is the reason if there is no such file. Raises RecordError.
     """
     text = read_bounded(path, MAX_BYTES, RecordError, absent)
-    return parse_as(model, text, str(path))
-
-
-def parse_as(model: type[SectionT], text: str, where: str) -> SectionT:
-    """Parse JSON as ``model``; raises RecordError naming ``where`` the text is from."""
-    try:
-        return model.model_validate_json(text)
-    except ValidationError as error:
-        why = explain(error.errors(), model).removeprefix(": got ")
-        raise RecordError(f"{where}: {why}") from None
+    return validate_json(model, text, str(path), RecordError)
 
 
 def content_digest(content: Mapping[str, Any]) -> str:
-    """Return the hex sha256 of the canonical JSON of the content of a record.
+    """Return the hex sha256 of the content of a record as canonical JSON.
 
     Digest, measurements and level are left out. So are the targets, since the content
     names them by their digest.
@@ -103,10 +95,11 @@ def sealed(record: Record) -> Record:
 
 
 def record_text(record: Record, record_file: Path) -> tuple[Record, str]:
-    """Return ``record`` with its digests, and the text of its file without a level.
+    """Return ``record`` with its digests, and the text of its file.
 
-    Targets that the leaderboard does not have go into the file. Raises RecordError if
-    the record cannot be written as JSON, or would be too large to be read again.
+    The text has no level. Targets that the leaderboard does not have go into it. Raises
+    RecordError if the record cannot be written as JSON, or would be too large to be
+    read again.
     """
     try:
         record = sealed(record)
@@ -159,7 +152,7 @@ def seed_folder(folder: Path, seed: int) -> Path:
 
 
 def stored_rollouts(record_file: Path, record: Record) -> dict[int, list[Rollout]]:
-    """Read the stored rollouts of each seed of a record, in the order of its scenes.
+    """Read the stored rollouts of each seed, in the order of scenes.
 
     Raises RecordError if they are missing or not those of the record, RolloutError if a
     file is broken.

@@ -1,6 +1,5 @@
-"""Make a record: run a submission behind the gateway, score it, and store its rollouts."""
+"""Make a record: run a submission behind the gateway, score it, store its rollouts."""
 
-from dataclasses import asdict
 from itertools import chain
 from pathlib import Path
 from typing import Any, cast
@@ -37,7 +36,7 @@ from .consistency import checked_text
 from .eligibility import SEEDS, why_scored_otherwise
 from .evaluation import Evaluation
 from .parts import count_parts, open_parts, require_new
-from .record import EnvPart, LimitsPart, MeasuredPart, Observed, Record, SubmissionPart
+from .record import EnvPart, MeasuredPart, Observed, Record, SubmissionPart
 from .running import Plan, Runs
 from .storage import PARTS, ROLLOUTS, record_text, seed_folder, usable_record
 
@@ -113,7 +112,7 @@ def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
         "seeds": list(plan.options.seeds),
         "observe": plan.submission.compare.observe,
         "keywords": plan.keywords,
-        "limits": asdict(Limits()),
+        "limits": Limits().model_dump(),
         "training_data": declared_data(plan.submission, plan.card.id),
         "definitions": DEFINITIONS,
         "versions": library_versions(),
@@ -123,10 +122,10 @@ def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
 def finished_record(
     record_file: Path, planned_content: dict[str, Any], rollouts: bool = True
 ) -> Record | None:
-    """Return the record of a plan if it is complete; else None.
+    """Return the record of a plan if it is complete.
 
-    ``planned_content``: the plan, as `plan_content` gives it. ``rollouts``: they must
-    be stored beside it.
+    Otherwise return None. ``planned_content``: the plan, as `plan_content` gives it.
+    ``rollouts``: they must be stored beside it.
     """
     if count_parts(record_file) or (
         rollouts and not record_file.with_suffix(ROLLOUTS).is_dir()
@@ -164,10 +163,10 @@ def record_path(submission: Submission, card: Card, output: str | Path | None) -
 
 
 def submission_part(plan: Plan, commit: str = "") -> SubmissionPart:
-    """Return the submission in a record; an empty ``commit`` is the manifest's.
+    """Return the submission in a record.
 
-    Raises SubmissionError for a text that is too long for a record, and for a malformed
-    commit.
+    An empty ``commit`` is the manifest's. Raises SubmissionError for a text that is too
+    long for a record, and for a malformed commit.
     """
     submission = plan.submission
     references = submission.compare.gap_references
@@ -319,7 +318,7 @@ def _record(
         ),
         seeds=list(runs),
         versions=planned_content["versions"],
-        limits=LimitsPart(**planned_content["limits"]),
+        limits=Limits(),
         missed=running.unanswered(runs),
         isolation=running.isolation(runs),
         hashes=running.hashes(runs),

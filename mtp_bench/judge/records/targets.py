@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from ...core import Floats, RecordError, Section, bundled, explain, read_bounded
+from ...core import Floats, RecordError, Section, bundled, read_bounded, validate_json
 from ...scoring import AgentTable, Subset, effective_number
-from .canonical import canonical, digest_of, rounded
+from .canonical import digest_of, rounded
 from .fields import Count, Name, NotNegative
 
 MAX_SCENES = 10_000  # of a record
@@ -23,7 +23,7 @@ MAX_UNITS = 2_000  # of a record: blocks of 20 s
 MAX_FILE_BYTES = 8 << 20
 _FOLDER = "targets"  # of a leaderboard
 _DIGITS_OF_NAME = 16  # of the sha256, in the name of a file
-_COMPARED_DECIMALS = 6  # machines add in other orders
+_COMPARED = ".6f"  # machines add in other orders
 
 
 class SubsetTargets(Section):
@@ -77,10 +77,13 @@ class UnitTargets(Section):
         """
         content = self.model_dump(mode="json")
         content["subsets"].pop("turning", None)
-        return digest_of(_coarse(content))
+        return digest_of(rounded(content, _COMPARED))
 
     def on(self, subset: Subset) -> SubsetTargets:
-        """Return the targets of a subset; without weight if it has none."""
+        """Return the targets of a subset.
+
+        They are without weight if it has none.
+        """
         return self.subsets.get(subset) or SubsetTargets(
             weight=[0.0] * self.units,
             targets=0,
@@ -115,7 +118,7 @@ def targets_of(
 
 
 def drive_targets(scenes: Sequence[str]) -> UnitTargets:
-    """Return the targets of a closed loop: the only target of a scene is its drive."""
+    """Return the targets of a closed loop, one drive per scene."""
     count = len(scenes)
     drives = SubsetTargets(
         weight=[1.0] * count,
@@ -164,30 +167,24 @@ def read_targets(record_file: Path, env_id: str, targets_sha256: str) -> UnitTar
             f"is no file {files[0]}: keep the record in a leaderboard that has it"
         )
     text = read_bounded(targets_file, MAX_FILE_BYTES, RecordError)
-    try:
-        targets = UnitTargets.model_validate_json(text)
-    except ValidationError as error:
-        raise RecordError(
-            f"{targets_file}{explain(error.errors(), UnitTargets)}"
-        ) from None
-    return require_digest(targets, targets_sha256, str(targets_file))
+    where = str(targets_file)
+    targets = validate_json(UnitTargets, text, where, RecordError)
+    return require_digest(targets, targets_sha256, where)
 
 
 def require_digest(
     targets: UnitTargets, targets_sha256: str, where: str
 ) -> UnitTargets:
-    """Return ``targets``; raises RecordError unless they have the digest."""
+    """Return ``targets``.
+
+    Raises RecordError unless they have the digest.
+    """
     if targets.digest != targets_sha256:
         raise RecordError(
             f"{where}: these targets have the sha256 {targets.digest[:12]}, the record "
             f"names {targets_sha256[:12]}: they were changed"
         )
     return _by_digest.setdefault(targets_sha256, targets)
-
-
-def targets_text(targets: UnitTargets) -> str:
-    """Return the content of the file of targets; its sha256 is their digest."""
-    return canonical(targets.model_dump(mode="json")).decode()
 
 
 def _subset_targets(table: AgentTable, subset: Subset) -> SubsetTargets:
@@ -203,11 +200,3 @@ def _subset_targets(table: AgentTable, subset: Subset) -> SubsetTargets:
         events=rounded(table.events[subset]),
         scenes=len(np.unique(table.scene[weighted])),
     )
-
-
-def _coarse(value: object) -> object:
-    if isinstance(value, dict):
-        return {name: _coarse(item) for name, item in value.items()}
-    if isinstance(value, list):
-        return [_coarse(item) for item in value]
-    return round(value, _COMPARED_DECIMALS) if isinstance(value, float) else value

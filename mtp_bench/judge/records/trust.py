@@ -120,7 +120,10 @@ class Trust:
 
     @cached_property
     def owners(self) -> Mapping[str, str]:
-        """Login by the name of a submission. Raises RecordError if the file is broken."""
+        """Login by the name of a submission.
+
+        Raises RecordError if the file is broken.
+        """
         return read_owners(self.folder / OWNERS)
 
     def require_listed(self, seals: Iterable[Sealed]) -> None:
@@ -186,9 +189,9 @@ def sign(message: bytes, key: Path) -> str:
 
 
 def read_owners(path: Path) -> dict[str, str]:
-    """Read the login by the name of a submission; empty without a file.
+    """Read the login by the name of a submission.
 
-    Raises RecordError if it is broken.
+    It is empty without a file. Raises RecordError if it is broken.
     """
     if not path.is_file():
         return {}
@@ -198,9 +201,9 @@ def read_owners(path: Path) -> dict[str, str]:
 
 
 def trusted(folder: Path | None = None) -> Trust:
-    """Return the leaderboard at ``folder``; None: the one that ships.
+    """Return the leaderboard at ``folder``.
 
-    Raises RecordError if there is no such folder.
+    None: the one that ships. Raises RecordError if there is no such folder.
     """
     if folder is not None and not folder.is_dir():
         raise RecordError(
@@ -212,9 +215,10 @@ def trusted(folder: Path | None = None) -> Trust:
 
 
 def _retired(path: Path, commitment: Commitment) -> str:
-    """Return the date on which the seal was retired; empty if it is in use.
+    """Return the date on which the seal was retired.
 
-    Raises RecordError if the published secret does not fit the commitment.
+    It is empty if it is in use. Raises RecordError if the published secret does not fit
+    the commitment.
     """
     if not path.is_file():
         return ""
@@ -228,7 +232,7 @@ def _retired(path: Path, commitment: Commitment) -> str:
 
 
 def _is_private(path: Path) -> bool:
-    """Return True for a file or folder, not a link, that only this user may write."""
+    """Return True if only this user may write a file or folder, not a link."""
     with suppress(OSError):
         status = path.lstat()
         user = getattr(os, "geteuid", lambda: status.st_uid)()

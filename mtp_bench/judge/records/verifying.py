@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from ..gateway.limits import Isolation, Limits
 from ..gateway.sandbox import sandbox_backend
 from .canonical import Difference, differences
 from .consistency import checked_record
-from .eligibility import SEEDS, may_observe, why_scored_otherwise
+from .eligibility import SEEDS, is_baseline, may_observe, why_scored_otherwise
 from .evaluation import evaluate
 from .fields import Level
 from .record import HiddenPart, Record
@@ -40,7 +40,7 @@ from .running import (
     unanswered,
 )
 from .seal import Sealed
-from .shipped import FOR_BASELINES, baseline_digest
+from .shipped import FOR_BASELINES
 from .storage import ROLLOUTS, stored_rollouts
 from .submitting import declared_data, is_of_plan, plan_content, submission_part
 
@@ -144,16 +144,10 @@ def verify(
         return _run_in_secret(public, plan, reference, sealed, ends or check_ends)
 
 
-def _is_baseline(record: Record) -> bool:
-    submission = record.submission
-    digest = baseline_digest(submission.name, submission.networks)
-    return digest == submission.digest
-
-
 def _require_runnable(record_file: Path, record: Record, options: RunOptions) -> None:
     """Raise RecordError for a stranger's code without a sandbox, and for many seeds."""
     is_local = options.workers.scheduler is None
-    if not _is_baseline(record) and is_local and sandbox_backend() == "none":
+    if not is_baseline(record) and is_local and sandbox_backend() == "none":
         raise RecordError(
             f"{record_file}: no sandbox works here, {record.submission.name!r} would "
             "run with "
@@ -261,7 +255,7 @@ def _made_here(
     RecordError unless it is what a submit makes here of a baseline.
     """
     options = plan.options
-    if not (_is_baseline(record) and is_of_plan(record, plan_content(plan))):
+    if not (is_baseline(record) and is_of_plan(record, plan_content(plan))):
         raise RecordError(
             f"{record_file}: not what `mtp-bench submit` makes here of a baseline: "
             "leave "
@@ -340,7 +334,7 @@ def _differences_on_rerun(
         "submission": (record.submission.model_dump(), submission.model_dump()),
         "env.observe": (record.env.observe, plan.submission.compare.observe),
         "env.keywords": (record.env.keywords, plan.keywords),
-        "limits": (record.limits.model_dump(), asdict(Limits())),
+        "limits": (record.limits.model_dump(), Limits().model_dump()),
         "training_data": (record.training_data, training_data),
     }
     missed = unanswered(runs)

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from ...agent import Forecasts, Frame
 from ...core import (
-    PACKED,
-    SHIPPED,
+    PACKED_SUFFIX,
+    SHIPPED_WEIGHTS,
     SubmissionError,
     Task,
     file_name,
@@ -66,7 +66,10 @@ def find_weights(network: str, on: str, task: Task) -> Path:
     """
     for env_id in filter(None, (task.env_id, task.weights_of)):
         name = file_name(network, on, env_id)
-        for path in (weights_folder() / name, SHIPPED / f"{name}{PACKED}"):
+        for path in (
+            weights_folder() / name,
+            SHIPPED_WEIGHTS / f"{name}{PACKED_SUFFIX}",
+        ):
             if path.is_file():
                 return path
     (state,) = states_of([f"{network}-{on}"], task.env_id, task.weights_of)
@@ -94,7 +97,7 @@ def write_weights(path: Path, stored: StoredWeights) -> None:
         "sizes": asdict(stored.sizes),
         "card": stored.card,
     }
-    is_packed = path.suffix == PACKED
+    is_packed = path.suffix == PACKED_SUFFIX
     halves = {}
     for name, value in sorted(stored.weights.items()):
         half = np.asarray(value, dtype=np.float16)
@@ -204,7 +207,7 @@ def _read_bytes(path: Path) -> bytes:
     with open_regular(path) as stream:  # a FIFO would wait for ever
         size = os.fstat(stream.fileno()).st_size
         content = stream.read(MOST_BYTES)
-    if path.suffix == PACKED:
+    if path.suffix == PACKED_SUFFIX:
         decompressor = lzma.LZMADecompressor(lzma.FORMAT_XZ)
         content = decompressor.decompress(content, MOST_BYTES + 1)
         size = len(content)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core import (
-    CACHE,
+    CACHE_VARIABLE,
     DataError,
     Ints,
     cache_root,
@@ -71,7 +71,7 @@ class CachedFolder:
         except OSError as error:
             raise DataError(
                 f"the compact copy of nuScenes cannot be kept in {self.path.parent}: "
-                f"{error.strerror or error}; {CACHE} names another folder"
+                f"{error.strerror or error}; {CACHE_VARIABLE} names another folder"
             ) from None
         if arrays is None:
             raise DataError(f"{path} cannot be read back after writing it")

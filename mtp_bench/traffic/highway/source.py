@@ -16,7 +16,7 @@ import numpy as np
 
 from ...cards import Card
 from ...core import (
-    CACHE,
+    CACHE_VARIABLE,
     Bools,
     CardError,
     DataError,
@@ -158,7 +158,7 @@ def _writable(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         problem = f"generated scenes cannot be stored in {folder}: {error.strerror}"
-        raise DataError(f"{problem}; set {CACHE} to another folder") from None
+        raise DataError(f"{problem}; set {CACHE_VARIABLE} to another folder") from None
 
 
 def pack(world: World) -> Arrays:

@@ -10,8 +10,8 @@ from typing import Any
 
 from ...agent import ON_SCORED
 from ...cards import load_card
-from ...core import NetworkState, baseline_names, card_ids
-from ...judge import Checked, Level, Record, Standing, standings, why_not_genuine
+from ...core import NetworkState, card_ids
+from ...judge import Checked, Level, Standing, is_baseline, standings
 from ...scoring import (
     SIGNIFICANT,
     SUBSETS,
@@ -239,26 +239,12 @@ def entries_of(
     The order is by environment, place, bADE and name, with partial records last.
     ``subsets``: those of their standings; without a page "all" is enough.
     """
-    records = [linked.record for linked in linked_records]
-    levels = {}
-    for linked in linked_records:
-        if linked.signed is not None:
-            levels[linked.record.digest] = linked.signed
-    ranked = standings(records, levels, subsets=subsets)
+    ranked = standings(linked_records, subsets)
     entries = [
         Entry(**vars(linked), standing=ranked[linked.record.digest])
         for linked in linked_records
     ]
     return sorted(entries, key=_sort_key)
-
-
-def is_baseline(record: Record) -> bool:
-    """Return True if a record is of a baseline.
-
-    False for another submission of its name.
-    """
-    ships = record.submission.name in baseline_names()
-    return ships and why_not_genuine(record) is None
 
 
 def empty_error(entries: Sequence[Entry]) -> float | None:

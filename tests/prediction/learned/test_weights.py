@@ -14,7 +14,7 @@ from safetensors.numpy import save_file
 from mtp_bench import MTPEnv, Pipeline, SubmissionError, card_ids
 from mtp_bench.cards import load_card
 from mtp_bench.core import Ints
-from mtp_bench.core.networks import PACKED, SHIPPED, VARIABLE
+from mtp_bench.core.networks import PACKED_SUFFIX, SHIPPED_WEIGHTS, WEIGHTS_VARIABLE
 from mtp_bench.prediction import GreedySampler, KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
@@ -113,7 +113,7 @@ def test_a_file_that_was_written_again_is_read_again(file: Path) -> None:
 
 
 def test_where_weights_are_looked_for(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, str(file.parent))
+    monkeypatch.setenv(WEIGHTS_VARIABLE, str(file.parent))
     assert find_weights("modes", "truth", TASK) == file
     with pytest.raises(SubmissionError, match="mtp-bench train predictor modes --env test --on tracklets"):
         find_weights("modes", "tracklets", TASK)
@@ -169,7 +169,7 @@ def test_an_agent_whose_tracker_associates(network: str, tmp_path: Path) -> None
     assert changed == [True, False]
 
 
-FILES = sorted(SHIPPED.glob(f"*.safetensors{PACKED}"))
+FILES = sorted(SHIPPED_WEIGHTS.glob(f"*.safetensors{PACKED_SUFFIX}"))
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name.split(".")[0])
@@ -205,7 +205,7 @@ def test_what_is_packed_to_ship_keeps_eight_bits_of_each_number(tmp_path: Path) 
 
 
 def test_a_packed_file_cannot_fill_the_memory(tmp_path: Path) -> None:
-    path = tmp_path / f"modes-truth-MTP-X-v0.safetensors{PACKED}"
+    path = tmp_path / f"modes-truth-MTP-X-v0.safetensors{PACKED_SUFFIX}"
     path.write_bytes(lzma.compress(bytes(MOST_WEIGHTS + 2**20), preset=0))
     with pytest.raises(SubmissionError, match="expected at most"):
         read_weights(path, network_of("modes"))
