@@ -43,6 +43,7 @@ from .learned.ptp import (
 from .presence import (
     FEATURES as FEATURES,
     LearnedPresence as LearnedPresence,
+    Origin as Origin,
     PresenceModel as PresenceModel,
     TrackHistory as TrackHistory,
     history_of as history_of,

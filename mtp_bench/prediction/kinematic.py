@@ -5,7 +5,14 @@ import numpy as np
 from ..agent import Forecasts, Frame
 from ..core import Floats, Ints, ShapeError, Task, Tracks
 from ..tracking import kernel
-from .kalman import NoiseTable, filtered, heading_frame, require_noise, stored_noise
+from .kalman import (
+    NoiseTable,
+    filtered,
+    heading_frame,
+    require_noise,
+    rotation,
+    stored_noise,
+)
 
 # Standard normal numbers per sample: 4 of the state, 2 of the acceleration. The last one is
 # unused, but without it every seed would draw other samples.
@@ -124,15 +131,12 @@ class KinematicPredictor:
         return np.concatenate([axes.reshape(-1, 12), origin], axis=1)
 
 
-def absolute(state: Floats) -> tuple[Floats, Floats]:
+def absolute(state: Floats, heading: Floats) -> tuple[Floats, Floats]:
     """Return positions and velocities [N, 2], not turned with the track.
 
-    ``state`` [N, 16]: rows of `KinematicPredictor.states`.
+    ``state`` [N, 16]: rows of `KinematicPredictor.states`; ``heading`` [N]: of tracks.
     """
-    cos, sin = state[:, 12:14].T
-    first_row = np.stack([cos, -sin], axis=-1)
-    second_row = np.stack([sin, cos], axis=-1)
-    turn = np.stack([first_row, second_row], axis=-2)
+    turn = rotation(heading)
     place = np.einsum("nij,nj->ni", turn, state[:, [0, 6]])
     velocity = np.einsum("nij,nj->ni", turn, state[:, [1, 7]])
     return place + state[:, 14:], velocity

@@ -1,8 +1,8 @@
 """Windows of tracks: the input of a learned predictor, the same in training and in an agent."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,10 @@ def surroundings_of(observations: Sequence[Observation]) -> Surroundings:
 
 
 def lanes_of(observations: Sequence[Observation]) -> dict[str, NDArray[Any]]:
-    """Return lanes [m, L, ...] of observations by field; empty if they show none."""
+    """Return lanes [m, L, ...] of observations by field.
+
+    Empty if they show none.
+    """
     return {
         name: np.stack([observation[name] for observation in observations])
         for name in LANES
@@ -92,11 +95,6 @@ class TrackWindows:
 
     def __len__(self) -> int:
         return len(self.class_id)
-
-    def select(self, rows: Ints | Bools | slice) -> Self:
-        """Return the windows ``rows``."""
-        names = [column.name for column in fields(TrackWindows)]
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 def shown_as_truth(windows: TrackWindows) -> TrackWindows:

@@ -145,7 +145,10 @@ class GivenTracker:
     """
 
     def reset(self, task: Task) -> None:
-        """Forget all tracks; raises SubmissionError for another kind of env."""
+        """Forget all tracks.
+
+        Raises SubmissionError for another kind of env.
+        """
         if task.observe != "tracks":
             raise SubmissionError(
                 'GivenTracker needs an env made with observe="tracks", '
@@ -177,7 +180,10 @@ class TruthTracker:
     """One hypothesis made of true boxes and ids; needs an env with ``observe="truth"``."""
 
     def reset(self, task: Task) -> None:
-        """Forget all objects; raises SubmissionError for another kind of env."""
+        """Forget all objects.
+
+        Raises SubmissionError for another kind of env.
+        """
         if task.observe != "truth":
             raise SubmissionError(
                 'TruthTracker needs an env made with observe="truth", '

@@ -27,7 +27,10 @@ class ClassParameters:
 
 @cache
 def read_detector(name: str) -> Mapping[str, Any] | None:
-    """Read a detector's file; None if it has none."""
+    """Read a detector's file.
+
+    None if it has none.
+    """
     path = FOLDER / f"{name}.toml"
     return tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 

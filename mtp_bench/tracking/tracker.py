@@ -84,7 +84,10 @@ class HypothesisTracker:
         self._min_detection_score = min_detection_score
 
     def reset(self, task: Task) -> None:
-        """Forget all tracks; raises ShapeError for a task that does not fit."""
+        """Forget all tracks.
+
+        Raises ShapeError for a task that does not fit.
+        """
         if task.observe == "associated" and self._hypotheses > 1:
             raise ShapeError(
                 f'observe="associated" works with 1 hypothesis, got {self._hypotheses}'

@@ -92,9 +92,9 @@ def test_a_track_that_nobody_saw_in_its_whole_past_was_not_seen_just_now() -> No
 def test_a_model_by_hand() -> None:
     # z = ((1 - 0) / 2, clip(3, 0, 2) - 1) = (0.5, 1): 0.1 + 0.2 z1 + 0.3 z2 + z1 z1 + 2 z1 z2 + 3 z2 z2 = 4.75
     model = PresenceModel(
-        ("last_score", "mean_score"), np.array([0.0, 0.0]), np.array([9.0, 2.0]), np.array([0.0, 1.0]),
-        np.array([2.0, 1.0]), np.array([0.1, 0.2, 0.3, 1.0, 2.0, 3.0]), {"car": np.array([-4.75, 0.0, 0.5])},
-        np.array([[0.0, 0.5, 1.0], [0.0, 0.2, 1.0]]),
+        features=["last_score", "mean_score"], low=[0.0, 0.0], high=[9.0, 2.0], center=[0.0, 1.0], scale=[2.0, 1.0],
+        shared=[0.1, 0.2, 0.3, 1.0, 2.0, 3.0], classes={"car": [-4.75, 0.0, 0.5]},
+        knots=[[0.0, 0.5, 1.0], [0.0, 0.2, 1.0]],
     )  # fmt: skip
     one = TrackHistory(**{name: np.array([value]) for name, value in {**CHANGES, "mean_score": 3.0}.items()})
     assert model.logits(model.standardised(one), np.array([1]), ["bus", "car"])[0] == pytest.approx(0.5)
@@ -104,7 +104,7 @@ def test_a_model_by_hand() -> None:
 
 
 def test_scores_in_place_of_those_of_another_detector() -> None:
-    tables = {"car": np.array([[0.0, 0.4, 1.0], [0.0, 0.2, 1.0]])}
+    tables = {"car": [[0.0, 0.4, 1.0], [0.0, 0.2, 1.0]]}
     got = map_scores(np.array([0.2, 0.2, 0.7]), tables, np.array([0, 1, 0]), ["car", "bus"])
     np.testing.assert_allclose(got, [0.1, 0.2, 0.6])
 
@@ -112,10 +112,10 @@ def test_scores_in_place_of_those_of_another_detector() -> None:
 @pytest.mark.parametrize("detector", SHIPPED)
 def test_the_models_that_ship(detector: str) -> None:
     content = json.loads((MODELS / f"{detector}.json").read_text())
-    model, _ = read_model(file_of(detector))
+    model = read_model(file_of(detector))
     assert content["detector"] == detector
     assert (np.diff(model.knots) > 0).all()
-    assert model.knots[:, [0, -1]].tolist() == [[0, 1], [0, 1]]
+    assert np.array(model.knots)[:, [0, -1]].tolist() == [[0, 1], [0, 1]]
     assert len(fitted_on(detector)) > 0
     if "held_out" in content:
         assert content["held_out"]["presence"]["brier"] < content["held_out"]["score"]["brier"]

@@ -71,9 +71,9 @@ def nearest(
     frames_ago: int,
     age: float,
 ) -> Ints:
-    """Return rows [n, M] in ``surroundings`` of the detections within reach; -1: no more.
+    """Return rows [n, M] in ``surroundings`` of the detections within reach.
 
-    The detections are from ``frames_ago`` frames, ``age`` s, before. The nearest come
+    A row of -1 is none. The detections are from ``frames_ago`` frames, ``age`` s, before. The nearest come
     first, as the reach measures distance.
     """
     frame = np.maximum(moment - frames_ago, 0)

@@ -49,7 +49,7 @@ def linear(weights: Weights, name: str, x: Array) -> Array:
 
 
 def mlp(weights: Weights, name: str, x: Array, layers: int) -> Array:
-    """Apply the linear layers ``name.0`` ...; `relu` between them."""
+    """Apply the linear layers ``name.0`` ... with `relu` between them."""
     for layer in range(layers):
         x = linear(weights, f"{name}.{layer}", x)
         if layer < layers - 1:
@@ -118,7 +118,10 @@ def lstm_shapes(name: str, inputs: int, hidden: int) -> Shapes:
 
 
 def initial(shapes: Shapes, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Draw initial weights, uniform in +-1 / sqrt(inputs) as in torch; biases are 0."""
+    """Draw initial weights, uniform in +-1 / sqrt(inputs) as in torch.
+
+    Biases are 0.
+    """
     weights = {}
     for name, shape in shapes.items():
         if len(shape) == 1:

@@ -81,7 +81,10 @@ class ModesLanes(Modes):
     def forward(
         self, weights: Weights, inputs: Inputs, sizes: Sizes
     ) -> dict[str, Array]:
-        """Return the output of "modes"; what was turned round is turned back."""
+        """Return the output of "modes".
+
+        What was turned round is turned back.
+        """
         output = super().forward(weights, inputs, sizes)
         side = inputs["side"]
         return {

@@ -118,7 +118,10 @@ def networks() -> dict[str, Network]:
 
 
 def network_of(name: str) -> Network:
-    """Return the network of this name; raises UnknownNameError."""
+    """Return the network of this name.
+
+    Raises UnknownNameError.
+    """
     require_known("network", name, networks())
     return networks()[name]
 
