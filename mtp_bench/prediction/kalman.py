@@ -100,7 +100,7 @@ def rotation(heading: Floats) -> Floats:
     return np.stack([first_row, second_row], axis=-2)
 
 
-def filtered(
+def filter_tracks(
     position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, dt: float
 ) -> Posterior:
     """Return position, velocity and covariance of tracks now, from their pasts.
@@ -233,7 +233,7 @@ def noise_table(rows: Sequence[Noise]) -> NoiseTable:
     return NoiseTable(**columns)
 
 
-def observed(task: Task) -> str:
+def observed_condition(task: Task) -> str:
     """Return the name of the task's fit in its domain's file.
 
     The name states the source of the pasts, and the frame.
@@ -247,7 +247,7 @@ def condition(task: Task) -> str:
 
     The domain is the one that its card names, else the env itself.
     """
-    return f"{task.motion_noise or task.env_id}-{observed(task)}"
+    return f"{task.motion_noise or task.env_id}-{observed_condition(task)}"
 
 
 def _similarity(name: str, task: Task) -> int:
@@ -256,7 +256,7 @@ def _similarity(name: str, task: Task) -> int:
     0: it cannot stand in.
     """
     stored_domain, stored_pasts, stored_frame = name.rsplit("-", 2)
-    pasts, frame = observed(task).rsplit("-", 1)
+    pasts, frame = observed_condition(task).rsplit("-", 1)
     if stored_frame != frame or (stored_pasts == "truth") != (pasts == "truth"):
         return 0
     domain = task.motion_noise

@@ -7,7 +7,7 @@ from ..core import Floats, Ints, ShapeError, Task, Tracks
 from ..tracking import kernel
 from .kalman import (
     NoiseTable,
-    filtered,
+    filter_tracks,
     heading_frame,
     require_noise,
     rotation,
@@ -111,7 +111,7 @@ class KinematicPredictor:
         """
         heading = tracks.box[:, 3]
         past = tracks.past[:, -self._past :]
-        state = filtered(
+        state = filter_tracks(
             heading_frame(past, heading),
             tracks.past_valid[:, -self._past :],
             tracks.class_id,

@@ -49,7 +49,7 @@ class TrackHistory:
     speed: Floats  # [N] m/s over the past that is kept
 
 
-FEATURES: dict[str, Callable[[TrackHistory], Floats]] = {
+PRESENCE_FEATURES: dict[str, Callable[[TrackHistory], Floats]] = {
     "last_score": lambda h: h.last_score,
     "mean_score": lambda h: h.mean_score,
     "log_hits": lambda h: np.log(h.hits),
@@ -139,7 +139,7 @@ class PresenceModel(Section):
     terms: str = ""
     # manifests of agents state those that are scored
     fitted_on: list[Origin] = Field(default_factory=list)
-    features: Annotated[list[str], Field(min_length=1)]  # F of FEATURES
+    features: Annotated[list[str], Field(min_length=1)]  # F of PRESENCE_FEATURES
     low: list[float]  # [F]
     high: list[float]  # [F]
     center: list[float]  # [F]
@@ -168,7 +168,11 @@ class PresenceModel(Section):
     def standardised(self, history: TrackHistory) -> Floats:
         """Return standardised features z [N, F] of N tracks."""
         raw = np.stack(
-            [FEATURES[feature_name](history) for feature_name in self.features], axis=1
+            [
+                PRESENCE_FEATURES[feature_name](history)
+                for feature_name in self.features
+            ],
+            axis=1,
         )
         clipped = np.clip(raw, self.low, self.high)
         return np.asarray((clipped - self.center) / self.scale)
@@ -303,7 +307,7 @@ def _read_state(path: Path, modified: int) -> PresenceModel:
     content = read_json(path, SubmissionError)
     model = validate(PresenceModel, content, str(path), SubmissionError)
     for name in model.features:
-        if name not in FEATURES:
-            hint = nearest(name, tuple(FEATURES))
+        if name not in PRESENCE_FEATURES:
+            hint = nearest(name, tuple(PRESENCE_FEATURES))
             raise SubmissionError(f"{path}: unknown feature {name!r}{hint}")
     return model

@@ -11,7 +11,7 @@ from ..agent import Frame
 from ..core import UNBORN, Bools, Floats, Ints, Observation, Ragged, Tracks, starts_of
 
 # fields of observations that show lanes
-LANES = ("lane_point", "lane_valid", "lane_next")
+LANE_FIELDS = ("lane_point", "lane_valid", "lane_next")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Surroundings(Ragged):
     score: Floats  # [R]
     # [m] frames of the same scene that stand before each frame, without a hole in time
     before: Ints
-    # `LANES` [m, L, ...] as observed; empty: none shown
+    # `LANE_FIELDS` [m, L, ...] as observed; empty: none shown
     lanes: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     def lanes_at(self, moment: int) -> Observation:
@@ -67,7 +67,7 @@ def lanes_of(observations: Sequence[Observation]) -> dict[str, NDArray[Any]]:
     """
     return {
         name: np.stack([observation[name] for observation in observations])
-        for name in LANES
+        for name in LANE_FIELDS
         if name in observations[0]
     }
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..core import Bools, Floats, MtpBenchError, select
-from ..prediction import FEATURES, Origin, PresenceModel, logistic
+from ..prediction import PRESENCE_FEATURES, Origin, PresenceModel, logistic
 from ..running import DEFAULTS, RunOptions
 from ..scoring import calibration
 from .presence_rows import (
@@ -85,7 +85,8 @@ def logistic_regression(
             "kinds; held-out blocks may hold the others; --presence scores needs no fit"
         )
     raw = np.stack(
-        [FEATURES[feature_name](rows) for feature_name in recipe.features], axis=1
+        [PRESENCE_FEATURES[feature_name](rows) for feature_name in recipe.features],
+        axis=1,
     )
     low, high = _rounded(np.quantile(raw, _CLIPPED_RANKS, axis=0))
     clipped = np.clip(raw, low, high)

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 from ..cards import Card
 from ..core import Bools, MtpBenchError, Scene, Task, UnknownNameError, joined, select
-from ..prediction import FEATURES, Origin, TrackHistory, history_of
+from ..prediction import PRESENCE_FEATURES, Origin, TrackHistory, history_of
 from ..running import DEFAULTS, RunOptions
 from ..scoring import evaluated, match_objects, neutral_places
 from ..tracking import HypothesisTracker, detector_names, read_detector
@@ -44,7 +44,7 @@ class PresenceRecipe:
     """Recipe of a presence model: the table [presence] of the detector's file."""
 
     scenes: tuple[SceneChoice, ...]
-    features: tuple[str, ...] = tuple(FEATURES)
+    features: tuple[str, ...] = tuple(PRESENCE_FEATURES)
     products: bool = True  # of two features
     calibrated: bool = True
     terms: str = ""  # of the data

@@ -15,8 +15,8 @@ from mtp_bench.core.errors import SubmissionError
 from mtp_bench.core.tracks import Tracks
 from mtp_bench.prediction import LearnedPresence
 from mtp_bench.prediction.presence import (
-    FEATURES,
     MODELS,
+    PRESENCE_FEATURES,
     PresenceModel,
     TrackHistory,
     file_of,
@@ -45,7 +45,8 @@ def test_the_history_of_a_track() -> None:
     assert (got.mean_score[0], got.last_score[0]) == (0.25, 0.75)
     np.testing.assert_allclose(got.range, abs(tracks.box[0, 1] - 1.0))
     np.testing.assert_allclose(got.speed, np.linalg.norm(tracks.past[0, -1, :2] - [0, 4]) / 0.4)
-    assert {name: float(make(got)[0]) for name, make in FEATURES.items() if "score" not in name} == pytest.approx(
+    features = {name: float(make(got)[0]) for name, make in PRESENCE_FEATURES.items() if "score" not in name}
+    assert features == pytest.approx(
         {
             "log_hits": np.log(3), "one_by_hits": 1 / 3, "unseen": 1, "coasting": 1, "miss_share": 0.4,
             "log_misses": np.log(3), "log_range": np.log1p(got.range[0]), "log_speed": np.log1p(got.speed[0]),

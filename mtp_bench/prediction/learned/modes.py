@@ -82,7 +82,7 @@ class Modes:
         Inputs are standardised; outputs are in units of the error of constant velocity.
         """
         features = self.encoded(inputs, sizes)
-        error = np.linalg.norm(future - straight(inputs, sizes), axis=-1)
+        error = np.linalg.norm(future - straight_future(inputs, sizes), axis=-1)
         return {
             **initial(self._layers(sizes), np.random.default_rng(seed)),
             **statistics("input", features),
@@ -119,7 +119,7 @@ class Modes:
 
     def moved(self, inputs: Inputs, residual: Array, sizes: Sizes) -> Array:
         """Return futures [n, S, T, 2] m: constant velocity with ``residual`` added."""
-        return straight(inputs, sizes)[:, None] + residual
+        return straight_future(inputs, sizes)[:, None] + residual
 
 
 NETWORK = Modes()
@@ -150,7 +150,7 @@ def at_velocity(velocity: Array, sizes: Sizes) -> Array:
     return xp.cumsum(xp.stack([velocity * sizes.dt] * sizes.future, 1), 1)
 
 
-def straight(inputs: Inputs, sizes: Sizes) -> Array:
+def straight_future(inputs: Inputs, sizes: Sizes) -> Array:
     """Return the future [n, T, 2] m at constant velocity."""
     return at_velocity(mean_velocity(inputs, sizes.dt), sizes)
 

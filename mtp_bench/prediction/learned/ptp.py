@@ -36,7 +36,7 @@ from .layers import (
     standardised,
 )
 from .local import PER_FRAME, Arrays, history, local_inputs, mean_velocity, one_hot
-from .modes import LEAST_SPREAD, spread_of, statistics, straight
+from .modes import LEAST_SPREAD, spread_of, statistics, straight_future
 from .network import Recipe, Sizes, Stage
 
 TRACKLET = 64  # size of the state of a tracklet, and of an object in the graph
@@ -115,7 +115,7 @@ class Ptp:
         past = _steps(inputs, sizes)[inputs["alive"] > 0]
         past_spread = np.sqrt((past**2).mean(axis=0))
         # the network predicts steps of the correction to constant velocity
-        step = np.diff(future - straight(inputs, sizes), axis=1, prepend=0)
+        step = np.diff(future - straight_future(inputs, sizes), axis=1, prepend=0)
         known_before = np.concatenate([is_known[:, :1], is_known[:, :-1]], axis=1)
         return {
             **weights,
@@ -130,9 +130,9 @@ class Ptp:
         """Return the futures of the k codes of the sampling function."""
         context = context_of(weights, inputs, sizes)
         code = sample_codes(weights, context, sizes)
-        correction = decode(weights, context, code, sizes)
+        correction = decode_futures(weights, context, code, sizes)
         return {
-            "modes": straight(inputs, sizes)[:, None] + correction,
+            "modes": straight_future(inputs, sizes)[:, None] + correction,
             "log_weight": code[:, :, 0] * 0,
             "present": linear(weights, "cvae.present", context),
         }
@@ -247,7 +247,9 @@ def sample_codes(weights: Weights, context: Array, sizes: Sizes) -> Array:
     return mlp(weights, "sampler", context, 2).reshape(-1, sizes.modes, CODE)
 
 
-def decode(weights: Weights, context: Array, code: Array, sizes: Sizes) -> Array:
+def decode_futures(
+    weights: Weights, context: Array, code: Array, sizes: Sizes
+) -> Array:
     """Return corrections [n, S, T, 2] m of constant velocity for codes [n, S, CODE].
 
     Each step depends on the one before.
@@ -271,13 +273,13 @@ def decode(weights: Weights, context: Array, code: Array, sizes: Sizes) -> Array
     return correction.reshape(count, samples, sizes.future, 2)
 
 
-def posterior(
+def code_posterior(
     weights: Weights, context: Array, steps: Array, is_known: Array
 ) -> tuple[Array, Array]:
     """Return mean and log of the variance, [n, CODE] each, of a true future's code.
 
-    For training. ``steps`` [n, T, 2]: the steps that `decode` should make, in units of
-    their spread; ``is_known`` [n, T].
+    For training. ``steps`` [n, T, 2]: the steps that `decode_futures` should make, in
+    units of their spread; ``is_known`` [n, T].
     """
     xp = namespace(context)
     steps = xp.clip(steps, -INPUT_LIMIT, INPUT_LIMIT)
