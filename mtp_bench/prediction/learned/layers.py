@@ -39,8 +39,9 @@ def sigmoid(x: Array) -> Array:
 
 
 def standardised(weights: Weights, name: str, x: Array) -> Array:
-    """Return ``x`` less ``name.mean`` in units of ``name.spread``."""
-    return (x - weights[f"{name}.mean"]) / weights[f"{name}.spread"]
+    """Return ``x`` less ``name.mean`` in units of ``name.spread``, limited."""
+    units = (x - weights[f"{name}.mean"]) / weights[f"{name}.spread"]
+    return namespace(units).clip(units, -INPUT_LIMIT, INPUT_LIMIT)
 
 
 def linear(weights: Weights, name: str, x: Array) -> Array:

@@ -10,7 +10,6 @@ import numpy as np
 from ...core import Ints
 from ..windows import Surroundings, TrackWindows
 from .layers import (
-    INPUT_LIMIT,
     Array,
     Inputs,
     Shapes,
@@ -93,9 +92,8 @@ class Modes:
         self, weights: Weights, inputs: Inputs, sizes: Sizes
     ) -> dict[str, Array]:
         """Return modes, their log-weights (not normalised) and the present position."""
-        xp = namespace(inputs["position"])
         x = standardised(weights, "input", self.encoded(inputs, sizes))
-        output = mlp(weights, "net", xp.clip(x, -INPUT_LIMIT, INPUT_LIMIT), LAYERS)
+        output = mlp(weights, "net", x, LAYERS)
         residual, log_weight, present = split_output(output, sizes)
         spread = weights["output.spread"]
         return {

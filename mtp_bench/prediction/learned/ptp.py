@@ -199,7 +199,6 @@ def context_of(weights: Weights, inputs: Inputs, sizes: Sizes) -> Array:
     states = lstm_states(weights, "cvae.past.0", steps, alive)
     past = lstm(weights, "cvae.past.1", states, alive)
     features = standardised(weights, "object", _object(inputs, sizes))
-    features = xp.clip(features, -INPUT_LIMIT, INPUT_LIMIT)
     classes = one_hot(inputs["class_id"], len(sizes.classes), past)
     columns = xp.concatenate([past, features, classes], 1)
     own = relu(linear(weights, "cvae.object", columns))

@@ -9,7 +9,6 @@ import numpy as np
 
 from .around import FINE, ages, around_inputs, fitted_velocity, shares
 from .layers import (
-    INPUT_LIMIT,
     Array,
     Inputs,
     Shapes,
@@ -124,7 +123,6 @@ def encoded(weights: Weights, inputs: Inputs, sizes: Sizes) -> tuple[Array, Arra
     classes = one_hot(inputs["class_id"], len(sizes.classes), near[:, 0])
     of_object = xp.concatenate([inputs["size"][:, :2] / 5, classes], 1)
     features = standardised(weights, "around", described(inputs, sizes))
-    features = xp.clip(features, -INPUT_LIMIT, INPUT_LIMIT)
     repeated = of_object[:, None, None] + xp.zeros_like(near)[..., None]
     columns = xp.concatenate([features, repeated], 3)
     token = relu(mlp(weights, "token", columns, 2))
