@@ -63,7 +63,7 @@ class KinematicPredictor:
             )
 
     def predict(self, frame: Frame) -> Forecasts:
-        """Forecast draws x k samples for each track in each hypothesis that holds it."""
+        """Forecast the tracks of each hypothesis, with draws x k samples each."""
         hypothesis, track = np.nonzero(frame.tracks.member)
         samples = self._task.k
         draws = self._draws
@@ -73,9 +73,9 @@ class KinematicPredictor:
         return Forecasts(futures.reshape(shape), row=_rows_of(frame, hypothesis, track))
 
     def futures(self, frame: Frame, track: Ints, draw: Ints, samples: int) -> Floats:
-        """Return futures [Q, samples, T, 2], absolute x y, of tracks ``track`` [Q].
+        """Return futures [Q, samples, T, 2] of tracks, absolute x y.
 
-        ``draw`` [Q] picks the random numbers.
+        ``track`` [Q]: their numbers; ``draw`` [Q] picks the random numbers.
         """
         task = self._task
         time_s = task.dt * np.arange(1, task.future + 1)
@@ -162,7 +162,7 @@ class HedgedPredictor:
             predictor.reset(task)
 
     def predict(self, frame: Frame) -> Forecasts:
-        """Forecast k samples for each track in each hypothesis that holds it."""
+        """Forecast the tracks of each hypothesis, with k samples each."""
         hypothesis, track = np.nonzero(frame.tracks.member)
         count = len(self._predictors)
         still = min(1, self._task.k - 1)
@@ -181,7 +181,10 @@ class HedgedPredictor:
 
 
 def _rows_of(frame: Frame, hypothesis: Ints, track: Ints) -> Ints:
-    """Return the row [H, N] of the forecasts of each track, -1 where it is not held."""
+    """Return the row [H, N] of the forecasts of each track.
+
+    It is -1 where the hypothesis does not hold the track.
+    """
     row = np.full(frame.tracks.member.shape, -1)
     row[hypothesis, track] = np.arange(len(track))
     return row

@@ -74,7 +74,10 @@ def lanes_of(observations: Sequence[Observation]) -> dict[str, NDArray[Any]]:
 
 @dataclass(frozen=True, eq=False)
 class TrackWindows:
-    """The last P frames of n tracks, in the frame of the observations; the last row is now."""
+    """The last P frames of n tracks, in the frame of the observations.
+
+    The last row is now.
+    """
 
     # [n, P, 7] the detection taken, else where the tracker expects it; 0 before birth
     box: Floats
@@ -111,9 +114,9 @@ def shown_as_truth(windows: TrackWindows) -> TrackWindows:
 
 
 def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
-    """Return the distinct windows of a frame's tracks, and the window [N] of each track.
+    """Return the distinct windows of a frame's tracks.
 
-    ``past``: number of frames. Tracks that took the same detections in these frames
+    Beside them the window [N] of each track. ``past``: number of frames. Tracks that took the same detections in these frames
     share the window of the first of them, whatever came before. If such tracks coast, or
     differ in age, this is not exact: at the simulated intersection with 20 hypotheses
     the forecasts of 2 % of the objects are of another track's window, half of them by
@@ -174,7 +177,10 @@ def _with_past(tracks: Tracks, past: int) -> Tracks:
 
 
 def _distinct(tracks: Tracks) -> tuple[Ints, Ints]:
-    """Return the first track of each window and the window [N] of each track."""
+    """Return the first track of each window.
+
+    Beside it the window [N] of each track.
+    """
     count = len(tracks.box)
     if tracks.past_detection is None or count == 0:
         return np.arange(count), np.arange(count)

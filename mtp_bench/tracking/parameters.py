@@ -65,9 +65,9 @@ def recommended_parameters(task: Task) -> tuple[ClassParameters, ...]:
 def detector_parameters(
     detector: str, classes: Sequence[str]
 ) -> tuple[ClassParameters, ...]:
-    """Return the parameters of each class for a detector or a variant of it.
+    """Return the parameters of each class for a detector.
 
-    Raises as `recommended_parameters`.
+    Variants of a detector share them. Raises as `recommended_parameters`.
     """
     table = _tracker_table(family_of(detector))
     if not table:

@@ -279,7 +279,7 @@ def _greedy_where_asked(
 
 
 def rules_of(parameters: Sequence[ClassParameters]) -> tuple[Ints, Floats]:
-    """Return kinds of affinity [C] and gates [C] of the classes, for `sparse_gains`.
+    """Return kinds of affinity [C] and gates [C] for `sparse_gains`.
 
     Raises UnknownNameError for an unknown affinity, ShapeError for an unknown
     assignment.

@@ -20,7 +20,7 @@ INPUT_LIMIT = 10  # of standardised inputs
 
 
 def namespace(x: Array) -> Any:
-    """Return the module of functions for ``x``: numpy, or torch for a tensor.
+    """Return numpy, or torch if ``x`` is a tensor.
 
     Both have all functions that layers use.
     """
@@ -88,7 +88,7 @@ def lstm_states(weights: Weights, name: str, steps: Array, mask: Array) -> Array
 def lstm_cell(
     weights: Weights, name: str, x: Array, hidden: Array, cell: Array
 ) -> tuple[Array, Array]:
-    """Return hidden state and cell [n, h] after the input ``x`` [n, in]."""
+    """Return hidden state and cell [n, h] after an input [n, in]."""
     xp = namespace(x)
     size = hidden.shape[1]
     gates = linear(weights, name, xp.concatenate([x, hidden], 1))
@@ -106,7 +106,10 @@ def layer_shapes(name: str, inputs: int, outputs: int) -> Shapes:
 
 
 def linear_shapes(name: str, *sizes: int) -> Shapes:
-    """Return the shapes of the weights of `mlp` for these sizes, the input's first."""
+    """Return the shapes of the weights of `mlp`.
+
+    ``sizes``: of its layers, that of the input first.
+    """
     shapes: Shapes = {}
     for layer, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
         shapes |= layer_shapes(f"{name}.{layer}", inputs, outputs)

@@ -143,7 +143,7 @@ def statistics(name: str, features: np.ndarray) -> Arrays:
 
 
 def at_velocity(velocity: Array, sizes: Sizes) -> Array:
-    """Return offsets [n, T, 2] m at a constant ``velocity`` [n, 2] m/s."""
+    """Return offsets [n, T, 2] m at a constant velocity [n, 2] m/s."""
     xp = namespace(velocity)
     return xp.cumsum(xp.stack([velocity * sizes.dt] * sizes.future, 1), 1)
 

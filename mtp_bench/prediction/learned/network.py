@@ -30,13 +30,19 @@ class Sizes:
 
     @classmethod
     def of(cls, task: Task) -> Self:
-        """Return the sizes for a task: as many modes as samples that are ranked."""
+        """Return the sizes for a task.
+
+        There are as many modes as samples that are ranked.
+        """
         return cls(task.classes, task.past, task.future, task.k, task.dt)
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a training, which begins with the best weights of the stage before."""
+    """A part of a training.
+
+    It begins with the best weights of the stage before.
+    """
 
     loss: str  # a function of `mtp_bench.training.losses`
     # prefix of the names of the weights that are trained; the others stay as they are

@@ -60,9 +60,9 @@ class StoredWeights:
 
 
 def find_weights(network: str, on: str, task: Task) -> Path:
-    """Return the file for a task: of its env, else of the env whose weights it shares.
+    """Return the file of the weights for a task.
 
-    Raises SubmissionError, with the command that makes the file, if it is missing.
+    It is that of its env, else of the env whose weights it shares. Raises SubmissionError, with the command that makes the file, if it is missing.
     """
     for env_id in filter(None, (task.env_id, task.weights_of)):
         name = file_name(network, on, env_id)
@@ -81,9 +81,9 @@ def find_weights(network: str, on: str, task: Task) -> Path:
 
 
 def write_weights(path: Path, stored: StoredWeights) -> None:
-    """Write weights in half precision, as a whole or not at all. Raises OSError.
+    """Write weights in half precision, as a whole or not at all.
 
-    A file that ends in ".xz", as those that ship, is compressed, and its numbers are
+    Raises OSError. A file that ends in ".xz", as those that ship, is compressed, and its numbers are
     rounded to 7 bits of the fraction, as in bfloat16: two thirds of the size.
     """
     from safetensors.numpy import save
@@ -107,9 +107,9 @@ def write_weights(path: Path, stored: StoredWeights) -> None:
 
 
 def rounded(values: NDArray[np.float16]) -> NDArray[np.float16]:
-    """Return the nearest numbers whose last three bits are 0, ties to even.
+    """Return the nearest numbers whose last three bits are 0.
 
-    Finite ones stay finite.
+    Ties go to even. Finite ones stay finite.
     """
     bits = values.view(np.uint16).astype(np.uint32)
     nearest = (bits + 3 + (bits >> 3 & 1)) & ~np.uint32(7)

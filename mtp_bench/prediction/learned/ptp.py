@@ -249,9 +249,9 @@ def sample_codes(weights: Weights, context: Array, sizes: Sizes) -> Array:
 def decode_futures(
     weights: Weights, context: Array, code: Array, sizes: Sizes
 ) -> Array:
-    """Return corrections [n, S, T, 2] m of constant velocity for codes [n, S, CODE].
+    """Return corrections [n, S, T, 2] m of constant velocity.
 
-    Each step depends on the one before.
+    ``code``: [n, S, CODE]. Each step depends on the one before.
     """
     xp = namespace(context)
     count, samples = code.shape[:2]
@@ -275,9 +275,9 @@ def decode_futures(
 def code_posterior(
     weights: Weights, context: Array, steps: Array, is_known: Array
 ) -> tuple[Array, Array]:
-    """Return mean and log of the variance, [n, CODE] each, of a true future's code.
+    """Return mean and log-variance of a true future's code.
 
-    For training. ``steps`` [n, T, 2]: the steps that `decode_futures` should make, in
+    They are [n, CODE] each, for training. ``steps`` [n, T, 2]: the steps that `decode_futures` should make, in
     units of their spread; ``is_known`` [n, T].
     """
     xp = namespace(context)
@@ -302,9 +302,9 @@ def in_view(inputs: Inputs) -> Array:
 
 
 def turned(inputs: Inputs, vectors: Array, sense: int) -> Array:
-    """Turn vectors [n, S, 2] out of the heading frame of each window, or into it.
+    """Turn vectors [n, S, 2] out of heading frames, or into them.
 
-    ``sense`` is 1 for out of it, -1 for into it.
+    Each window has one. ``sense`` is 1 for out of it, -1 for into it.
     """
     xp = namespace(vectors)
     yaw = inputs["place"][:, 2]

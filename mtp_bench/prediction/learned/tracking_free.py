@@ -112,9 +112,9 @@ def _trained(sizes: Sizes) -> Shapes:
 
 
 def encoded(weights: Weights, inputs: Inputs, sizes: Sizes) -> tuple[Array, Array]:
-    """Return the agreed velocity [n, 2] m/s and features of n objects, one row each.
+    """Return the agreed velocity [n, 2] m/s and features of objects.
 
-    Detections vote for a velocity, are compared with it, vote again, and are pooled,
+    There is a row of features for each of n objects. Detections vote for a velocity, are compared with it, vote again, and are pooled,
     frame by frame and altogether.
     """
     near = inputs["near"]
@@ -151,16 +151,19 @@ def encoded(weights: Weights, inputs: Inputs, sizes: Sizes) -> tuple[Array, Arra
 
 
 def off_line(inputs: Inputs, velocity: Array, age: Array) -> Array:
-    """Return offsets [n, P, M, 2] of detections from a line, in units of FINE.
+    """Return offsets [n, P, M, 2] of detections from a line.
 
-    The line is the way of an object with a ``velocity`` [n, 2]; see FINE.
+    They are in units of FINE. The line is the way of an object with a ``velocity`` [n, 2]; see FINE.
     """
     offset = inputs["position"] + velocity[:, None, None] * age[..., None]
     return namespace(offset).arcsinh(offset * inputs["near"][..., None] / FINE)
 
 
 def voted(inputs: Inputs, vote: Array, dt: float) -> Array:
-    """Return the velocity [n, 2] m/s that detections agree on, by votes [n, P, M]."""
+    """Return the velocity [n, 2] m/s that detections agree on.
+
+    ``vote`` [n, P, M]: their votes.
+    """
     count = len(vote)
     slots = vote.shape[1] * vote.shape[2]
     position = inputs["position"].reshape(count, slots, 2)
