@@ -2,8 +2,8 @@
 
 It works in the heading frame of each track. Along and across the heading the motion is
 taken as independent: a nearly constant velocity disturbed by white acceleration
-(Bar-Shalom, Li, Kirubarajan 2001, ch. 6). Its noise is fitted on training splits: TOML files
-in ``motion_noise/``, one per domain where objects move alike.
+(Bar-Shalom, Li, Kirubarajan 2001, ch. 6). Its noise is fitted on training splits: TOML
+files in ``motion_noise/``, one per domain where objects move alike.
 """
 
 import math
@@ -255,7 +255,8 @@ def observed_condition(task: Task) -> str:
 def condition(task: Task) -> str:
     """Return the name of the fit for a task.
 
-    It states the domain and what is observed. The domain is the one that its card names, else the env itself.
+    It states the domain and what is observed. The domain is the one that its card
+    names, else the env itself.
     """
     return f"{task.motion_noise or task.env_id}-{observed_condition(task)}"
 

@@ -14,16 +14,16 @@ from .kalman import (
     stored_noise,
 )
 
-# Standard normal numbers per sample: 4 of the state, 2 of the acceleration. The last one is
-# unused, but without it every seed would draw other samples.
+# Standard normal numbers per sample: 4 of the state, 2 of the acceleration. The last
+# one is unused, but without it every seed would draw other samples.
 _NUMBERS = 7
 
 
 class KinematicPredictor:
     """Draws from the state's posterior and a fitted motion noise.
 
-    A single sample is the mean. Hypotheses draw different random numbers, and all tracks
-    of a hypothesis the same ones.
+    A single sample is the mean. Hypotheses draw different random numbers, and all
+    tracks of a hypothesis the same ones.
 
     Args:
         noise: a row per class of the task; None takes what was fitted to the task's
@@ -149,8 +149,9 @@ class HedgedPredictor:
     """Samples spread over several lengths of the past, `PASTS`.
 
     One of the k samples stands still. It is a control with one hypothesis
-    (docs/definitions). The pasts, as far as the task gives them, share the samples evenly,
-    and the shortest ones get the remainder. Each past draws random numbers of its own.
+    (docs/definitions). The pasts, as far as the task gives them, share the samples
+    evenly, and the shortest ones get the remainder. Each past draws random numbers of
+    its own.
     """
 
     def reset(self, task: Task) -> None:

@@ -1,4 +1,4 @@
-"""Windows of tracks: the input of a learned predictor, the same in training and in an agent."""
+"""Windows of tracks: the input of a learned predictor, in training and in agents."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -116,12 +116,12 @@ def shown_as_truth(windows: TrackWindows) -> TrackWindows:
 def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
     """Return the distinct windows of a frame's tracks.
 
-    Beside them the window [N] of each track. ``past``: number of frames. Tracks that took the same detections in these frames
-    share the window of the first of them, whatever came before. If such tracks coast, or
-    differ in age, this is not exact: at the simulated intersection with 20 hypotheses
-    the forecasts of 2 % of the objects are of another track's window, half of them by
-    more than 0.4 m. A tracker that does not state the detections it took has a window
-    for each track.
+    Beside them the window [N] of each track. ``past``: number of frames. Tracks that
+    took the same detections in these frames share the window of the first of them,
+    whatever came before. If such tracks coast, or differ in age, this is not exact: at
+    the simulated intersection with 20 hypotheses the forecasts of 2 % of the objects
+    are of another track's window, half of them by more than 0.4 m. A tracker that does
+    not state the detections it took has a window for each track.
     """
     tracks = _with_past(frame.tracks, past)
     first, window = _distinct(tracks)
@@ -210,7 +210,7 @@ def _measured(row: Ints, observations: Sequence[Observation]) -> tuple[Floats, F
 
 
 def _ego_poses(observations: Sequence[Observation], past: int) -> Floats:
-    """Return poses [P, 4] of the platform; without them, zeros."""
+    """Return poses [P, 4] of the platform, zeros without them."""
     no_pose = np.zeros(4)
     recent = observations[-past:]
     poses = np.array([o.get("ego_pose", no_pose) for o in recent], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Identities that come from elsewhere: another program's tracks, the true ones, and perfect association."""
+"""Identities from elsewhere: stored tracks, true ones, and perfect association."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -143,8 +143,8 @@ def bridged(past_box: Floats, valid: Bools) -> Floats:
 class GivenTracker:
     """One hypothesis made of stored tracks.
 
-    It needs an env with ``observe="tracks"``. A stored box counts as a detection that its track took, since the file does not
-    state which boxes were measured.
+    It needs an env with ``observe="tracks"``. A stored box counts as a detection that
+    its track took, since the file does not state which boxes were measured.
     """
 
     def reset(self, task: Task) -> None:

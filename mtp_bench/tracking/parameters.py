@@ -1,4 +1,7 @@
-"""Parameters of trackers per detector and class: TOML files in ``detectors/``, one per detector."""
+"""Parameters of trackers per detector and class.
+
+They are TOML files in ``detectors/``, one per detector.
+"""
 
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence

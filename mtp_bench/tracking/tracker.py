@@ -1,8 +1,8 @@
-"""Multi-hypothesis tracking by detection: the H best global associations, kept every frame.
+"""Multi-hypothesis tracking by detection.
 
-Each hypothesis spawns its best children, the H best of all survive, children with equal
-tracks are merged. Hypotheses share their tracks (`tree`). With one hypothesis this is the
-Hungarian tracker.
+The H best global associations are kept every frame. Each hypothesis spawns its best
+children, the H best of all survive, children with equal tracks are merged. Hypotheses
+share their tracks (`tree`). With one hypothesis this is the Hungarian tracker.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

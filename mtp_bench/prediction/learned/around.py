@@ -1,7 +1,7 @@
 """Detections around the present boxes of objects in the last frames.
 
-They are the input of networks that do not trust tracks. Of a window only the last box and
-the class are used: the rest of the track does not change the output.
+They are the input of networks that do not trust tracks. Of a window only the last box
+and the class are used: the rest of the track does not change the output.
 """
 
 import numpy as np
@@ -28,9 +28,9 @@ def around_inputs(
 ) -> Arrays:
     """Return the M nearest detections of each past frame, float32.
 
-    There are P frames. Positions are in the heading frame of the last box. ``moment`` [n]: the frame of
-    each window in ``surroundings``. Frames stand oldest first, detections nearest
-    first. The arrays of a detection are 0 where none exists:
+    There are P frames. Positions are in the heading frame of the last box. ``moment``
+    [n]: the frame of each window in ``surroundings``. Frames stand oldest first,
+    detections nearest first. The arrays of a detection are 0 where none exists:
 
     - near [n, P, M]: 1 if the detection exists
     - position [n, P, M, 2] m, velocity [n, P, M, 2] m/s as measured, yaw [n, P, M] rad
@@ -73,8 +73,8 @@ def nearest(
 ) -> Ints:
     """Return rows [n, M] in ``surroundings`` of the detections within reach.
 
-    A row of -1 is none. The detections are from ``frames_ago`` frames, ``age`` s, before. The nearest come
-    first, as the reach measures distance.
+    The row is -1 where no more are. The detections are from ``frames_ago`` frames,
+    ``age`` s, before. The nearest come first, as the reach measures distance.
     """
     frame = np.maximum(moment - frames_ago, 0)
     count = np.where(
@@ -100,8 +100,9 @@ def detections_of_tracks(
 ) -> tuple[Surroundings, Ints]:
     """Return the detections that tracks took, as scenes.
 
-    Beside them the last frame of each scene. Each track stands by itself in a scene of its P frames. So the input of a network is
-    what the tracker associated with the object, without the other detections around.
+    Beside them the last frame of each scene. Each track stands by itself in a scene of
+    its P frames. So the input of a network is what the tracker associated with the
+    object, without the other detections around.
     """
     frames = windows.detection.shape[1]
     age = np.arange(frames)[::-1]
@@ -166,8 +167,9 @@ def fitted_velocity(
 ) -> Array:
     """Fit straight lines through the origin now.
 
-    Returns their slopes, velocities [n, 2] m/s. Each object has S positions: ``age`` [n, S] s, ``position`` [n, S, 2] m, ``weight``
-    [n, S]. ``prior`` [n, 2] m/s is the velocity of an object without positions.
+    Returns their slopes, velocities [n, 2] m/s. Each object has S positions: ``age``
+    [n, S] s, ``position`` [n, S, 2] m, ``weight`` [n, S]. ``prior`` [n, 2] m/s is the
+    velocity of an object without positions.
     """
     total = 1 + weight.sum(1)  # the origin has the weight 1
     middle = (weight * age).sum(1) / total

@@ -56,8 +56,8 @@ def to_absolute(windows: TrackWindows, xy: Floats) -> Floats:
 def history(inputs: Inputs) -> Array:
     """Return features [n, P, PER_FRAME] of the past.
 
-    They are 0 before the track was born. Columns: position x y, step x y from the frame before, velocity x y, sin of yaw, cos
-    of yaw less 1, score, taken.
+    They are 0 before the track was born. Columns: position x y, step x y from the frame
+    before, velocity x y, sin of yaw, cos of yaw less 1, score, taken.
     """
     position = inputs["position"]
     xp = namespace(position)

@@ -1,8 +1,8 @@
 """Modes: a perceptron that gives k futures with weights.
 
-Each future is a correction of constant velocity. One future of several must be right, so
-the modes divide the possibilities among them (multiple choice learning: Guzman-Rivera et
-al. 2012; for trajectories Cui et al. 2019).
+Each future is a correction of constant velocity. One future of several must be right,
+so the modes divide the possibilities among them (multiple choice learning:
+Guzman-Rivera et al. 2012; for trajectories Cui et al. 2019).
 """
 
 import numpy as np

@@ -38,10 +38,11 @@ class ModesLanes(Modes):
     ) -> Arrays:
         """Return the input of "modes", and paths along lanes.
 
-        Each of the J modes along lanes has a path. Boxes that move backward are turned round. path [n, J, S, 2] m: an object with
-        fewer paths has them several times, for several speeds; one without any has
-        straight lines. chance [n, J]: probability of the path, 0 if it repeats an
-        earlier one. side [n, 1]: -1 for boxes turned round.
+        Each of the J modes along lanes has a path. Boxes that move backward are turned
+        round. path [n, J, S, 2] m: an object with fewer paths has them several times,
+        for several speeds; one without any has straight lines. chance [n, J]:
+        probability of the path, 0 if it repeats an earlier one. side [n, 1]: -1 for
+        boxes turned round.
         """
         local = super().inputs(windows, moment, surroundings, sizes)
         velocity = mean_velocity(local, sizes.dt)

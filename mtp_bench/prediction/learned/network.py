@@ -1,4 +1,4 @@
-"""Interface of a network, for agents and for training, and the networks of this folder."""
+"""Interface of a network, for agents and training, and this folder's networks."""
 
 import pkgutil
 from dataclasses import dataclass

@@ -1,16 +1,16 @@
 """PTP: the forecasting branch of Weng, Yuan, Kitani 2021, the predictor of the paper.
 
-It has a recurrent encoder of each tracklet, a graph network over the objects of the frame,
-and a conditional variational autoencoder with recurrent encoder and decoder. On top of it
-a diversity sampling function maps the context of an object to k codes (Yuan, Kitani 2019).
-It is trained with the losses of its successor DLow (Yuan, Kitani 2020), whose codes are
-z_k = A_k eps + b_k; here eps is 0, in training as at work, so that forecasts are
-deterministic. All k futures have the same weight. Before the sampling function is trained,
-its codes are k fixed draws of the prior.
+It has a recurrent encoder of each tracklet, a graph network over the objects of the
+frame, and a conditional variational autoencoder with recurrent encoder and decoder. On
+top of it a diversity sampling function maps the context of an object to k codes (Yuan,
+Kitani 2019). It is trained with the losses of its successor DLow (Yuan, Kitani 2020),
+whose codes are z_k = A_k eps + b_k; here eps is 0, in training as at work, so that
+forecasts are deterministic. All k futures have the same weight. Before the sampling
+function is trained, its codes are k fixed draws of the prior.
 
-Neither code nor weights of PTP are public. What differs: all is in the heading frame of the
-object, the decoder gives corrections of constant velocity, and messages between objects
-hold the position of the other one.
+Neither code nor weights of PTP are public. What differs: all is in the heading frame of
+the object, the decoder gives corrections of constant velocity, and messages between
+objects hold the position of the other one.
 """
 
 import numpy as np
@@ -277,8 +277,8 @@ def code_posterior(
 ) -> tuple[Array, Array]:
     """Return mean and log-variance of a true future's code.
 
-    They are [n, CODE] each, for training. ``steps`` [n, T, 2]: the steps that `decode_futures` should make, in
-    units of their spread; ``is_known`` [n, T].
+    They are [n, CODE] each, for training. ``steps`` [n, T, 2]: the steps that
+    `decode_futures` should make, in units of their spread; ``is_known`` [n, T].
     """
     xp = namespace(context)
     steps = xp.clip(steps, -INPUT_LIMIT, INPUT_LIMIT)
@@ -290,9 +290,9 @@ def code_posterior(
 def in_view(inputs: Inputs) -> Array:
     """Return the mask [n, n]: window i sees window j.
 
-    A window sees the objects of the same frame that the heaviest hypothesis holds, other
-    than its own. A window that ends in exactly the same place is of the same object, in
-    another hypothesis.
+    A window sees the objects of the same frame that the heaviest hypothesis holds,
+    other than its own. A window that ends in exactly the same place is of the same
+    object, in another hypothesis.
     """
     xy = inputs["place"][:, :2]
     moment = inputs["moment"]

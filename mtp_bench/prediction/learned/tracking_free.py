@@ -1,8 +1,8 @@
-"""Tracking-free: futures of an object from all detections around it, without association.
+"""Tracking-free: futures of an object from all detections around it.
 
-A set encoder stands in place of a track (after Trabelsi et al. 2021, "Drowned out by the
-noise"). Every detection of the last frames is described relative to the object's present
-box, and pooled by attention.
+Detections are not associated. A set encoder stands in place of a track (after Trabelsi
+et al. 2021, "Drowned out by the noise"). Every detection of the last frames is
+described relative to the object's present box, and pooled by attention.
 """
 
 import numpy as np
@@ -114,8 +114,8 @@ def _trained(sizes: Sizes) -> Shapes:
 def encoded(weights: Weights, inputs: Inputs, sizes: Sizes) -> tuple[Array, Array]:
     """Return the agreed velocity [n, 2] m/s and features of objects.
 
-    There is a row of features for each of n objects. Detections vote for a velocity, are compared with it, vote again, and are pooled,
-    frame by frame and altogether.
+    There is a row of features for each of n objects. Detections vote for a velocity,
+    are compared with it, vote again, and are pooled, frame by frame and altogether.
     """
     near = inputs["near"]
     xp = namespace(near)
@@ -153,7 +153,8 @@ def encoded(weights: Weights, inputs: Inputs, sizes: Sizes) -> tuple[Array, Arra
 def off_line(inputs: Inputs, velocity: Array, age: Array) -> Array:
     """Return offsets [n, P, M, 2] of detections from a line.
 
-    They are in units of FINE. The line is the way of an object with a ``velocity`` [n, 2]; see FINE.
+    They are in units of FINE. The line is the way of an object with a ``velocity`` [n,
+    2]; see FINE.
     """
     offset = inputs["position"] + velocity[:, None, None] * age[..., None]
     return namespace(offset).arcsinh(offset * inputs["near"][..., None] / FINE)
@@ -203,8 +204,9 @@ def support(velocity: Array, position: Array, near: Array, dt: float) -> Array:
     """Return how many frames [n, P, M] agree with each detection's ``velocity``.
 
     ``velocity`` [n, P, M, 2]; the numbers are from 0 to P - 1. A frame agrees by its
-    detection that is nearest to where an object of that velocity was: 1 there, less with
-    its distance in units of the noise of both positions and of possible acceleration.
+    detection that is nearest to where an object of that velocity was: 1 there, less
+    with its distance in units of the noise of both positions and of possible
+    acceleration.
     """
     xp = namespace(near)
     frames = near.shape[1]
