@@ -1,8 +1,8 @@
 """Windows of tracks: the input of a learned predictor, in training and in agents."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +98,11 @@ class TrackWindows:
 
     def __len__(self) -> int:
         return len(self.class_id)
+
+    def select(self, rows: Ints | Bools | slice) -> Self:
+        """Return the windows ``rows``."""
+        names = [column.name for column in fields(TrackWindows)]
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 def shown_as_truth(windows: TrackWindows) -> TrackWindows:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from mtp_bench.core import Floats, Ints, select, starts_of
+from mtp_bench.core import Floats, Ints, starts_of
 from mtp_bench.core.errors import SubmissionError
 from mtp_bench.prediction.kalman import rotation
 from mtp_bench.prediction.learned.affinity import AffinityNetwork, soft_past
@@ -119,7 +119,7 @@ def test_the_order_of_windows_and_of_detections_does_not_matter(network: Network
     mixed = np.concatenate([rng.permutation(np.arange(seen.start[t], seen.start[t + 1])) for t in range(seen.frames)])
     columns = {name: getattr(seen, name)[mixed] for name in ("box", "velocity", "class_id", "score")}
     order = rng.permutation(len(moment))
-    got = output(network, select(windows, order), moment[order], replace(seen, **columns))
+    got = output(network, windows.select(order), moment[order], replace(seen, **columns))
     assert_same(got, output(network, windows, moment, seen), order)
 
 
@@ -216,7 +216,7 @@ def test_an_object_without_detections_around_it(network: Network, distance: floa
 
 def test_many_frames_at_once_are_each_frame_alone() -> None:
     network, (windows, moment) = NETWORKS["ptp"], random_windows()
-    parts = [output(network, select(windows, moment == t), moment[moment == t])["modes"] for t in range(3)]
+    parts = [output(network, windows.select(moment == t), moment[moment == t])["modes"] for t in range(3)]
     np.testing.assert_allclose(output(network, windows, moment)["modes"], np.concatenate(parts), rtol=0, atol=1e-4)
 
 
@@ -228,8 +228,8 @@ def test_which_objects_a_window_sees(change: str) -> None:
     box[1, :, :2] += box[0, -1, :2] - box[1, -1, :2] + offset
     best[1] = change != "another hypothesis"
     rows = slice(0, 1) if change == "absent" else slice(0, 2)
-    got = output(network, select(replace(windows, box=box, best=best), rows), moment[rows])["modes"][0]
-    alone = output(network, select(windows, np.arange(1)), moment[:1])["modes"][0]
+    got = output(network, replace(windows, box=box, best=best).select(rows), moment[rows])["modes"][0]
+    alone = output(network, windows.select(slice(0, 1)), moment[:1])["modes"][0]
     assert np.allclose(got, alone, rtol=0, atol=1e-4) == (change != "nearer")
 
 
