@@ -199,7 +199,8 @@ class PresenceModel(Section):
     ) -> Floats:
         """Return calibrated probabilities [N] of N tracks."""
         raw = logistic(self.logits(self.standardised(history), class_id, classes))
-        return np.asarray(np.interp(raw, *self.knots))
+        before, after = self.knots
+        return np.asarray(np.interp(raw, before, after))
 
 
 def _require_length(
@@ -224,7 +225,8 @@ def map_scores(
     for number, class_name in enumerate(classes):
         if class_name in tables:
             class_rows = class_id == number
-            mapped[class_rows] = np.interp(mapped[class_rows], *tables[class_name])
+            before, after = tables[class_name]
+            mapped[class_rows] = np.interp(mapped[class_rows], before, after)
     return mapped
 
 
