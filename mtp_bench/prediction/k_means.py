@@ -11,8 +11,16 @@ import numpy as np
 
 from ..core import Floats, Ints
 from ..tracking import kernel, part
-from .motions import DEGREES, from_motions, polynomials, write_motions
-from .pools import as_points, existing, masses, pass_on
+from .pools import (
+    DEGREES,
+    as_points,
+    existing,
+    from_motions,
+    masses,
+    pass_on,
+    polynomials,
+    write_motions,
+)
 
 _JUST_BELOW = 1.0 - 2.0**-53  # factor to the next number below, up to half a unit
 _BLOCK = 8  # chances that are summed at once

@@ -199,8 +199,8 @@ class PresenceModel(Section):
     ) -> Floats:
         """Return calibrated probabilities [N] of N tracks."""
         raw = logistic(self.logits(self.standardised(history), class_id, classes))
-        before, after = self.knots
-        return np.asarray(np.interp(raw, before, after))
+        raw_levels, calibrated_levels = self.knots
+        return np.asarray(np.interp(raw, raw_levels, calibrated_levels))
 
 
 def _require_length(
@@ -225,8 +225,8 @@ def map_scores(
     for number, class_name in enumerate(classes):
         if class_name in tables:
             class_rows = class_id == number
-            before, after = tables[class_name]
-            mapped[class_rows] = np.interp(mapped[class_rows], before, after)
+            scores, mapped_scores = tables[class_name]
+            mapped[class_rows] = np.interp(mapped[class_rows], scores, mapped_scores)
     return mapped
 
 

@@ -11,8 +11,18 @@ from .enumeration import enumerate_solutions, note
 from .heap import sorted_numbers
 from .murty import search_solutions
 from .shortest_path import cost_of, solve_root
-from .tables import Bound, Pieces, Problem, Ranking, Solutions
-from .workspace import Roots, Workspace, load_piece, new_roots, new_workspace
+from .tables import (
+    Bound,
+    Pieces,
+    Problem,
+    Ranking,
+    Roots,
+    Solutions,
+    Workspace,
+    load_piece,
+    new_roots,
+    new_workspace,
+)
 
 # choices of a piece, up to which all its solutions are found before a bound is known
 MAX_CHOICES_AT_ONCE = 40
