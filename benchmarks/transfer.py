@@ -64,7 +64,7 @@ def presence(given: argparse.Namespace) -> None:
             "recorded, all features": fit(rows, same)[1],
         }
         for profile in profiles:
-            model, _ = read_model(file_of(profile))
+            model = read_model(file_of(profile))
             said[profile] = probabilities(model, rows)
         best = max(
             _auc(rows, said[name], None)

@@ -17,14 +17,14 @@ from .grid import (
     truth_neighbours as truth_neighbours,
 )
 from .near import (
-    BESIDE as BESIDE,
+    BESIDE_DISTANCES_M as BESIDE_DISTANCES_M,
     classes_of_same_noise as classes_of_same_noise,
     near_false_positives as near_false_positives,
 )
 from .profile import (
-    EVEN_RANKS as EVEN_RANKS,
-    RANKS as RANKS,
-    SLOTS as SLOTS,
+    DISTANCE_RANKS as DISTANCE_RANKS,
+    SCORE_RANKS as SCORE_RANKS,
+    SLOTS_PER_BOX as SLOTS_PER_BOX,
     ClassNoise as ClassNoise,
     FreeFalsePositives as FreeFalsePositives,
     HeadingNoise as HeadingNoise,

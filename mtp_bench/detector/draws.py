@@ -58,7 +58,10 @@ class NoiseKind(IntEnum):
 
 
 class NoiseSubject(IntEnum):
-    """Boxes that noise is drawn for; the values are part of every hash."""
+    """Boxes that noise is drawn for.
+
+    The values are part of every hash.
+    """
 
     OBJECTS = 0
     NEAR_OBJECTS = 1  # false positives near objects
@@ -66,7 +69,10 @@ class NoiseSubject(IntEnum):
 
 
 class Component(IntEnum):
-    """Draws within a kind of noise; the values are part of every hash."""
+    """Draws within a kind of noise.
+
+    The values are part of every hash.
+    """
 
     BIAS = 0
     PUSH = 1

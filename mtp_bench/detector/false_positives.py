@@ -17,7 +17,7 @@ from ..core import (
 )
 from .draws import Memory
 from .errors import BoxErrors, detected_boxes
-from .profile import EVEN_RANKS, ClassNoise
+from .profile import DISTANCE_RANKS, ClassNoise
 from .visibility import Sensor, polar
 
 _SIZE_DEVIATION = 0.1  # of each side, share of its mean
@@ -107,7 +107,7 @@ def draw_places(
     view_rad = min(sensor.field_of_view, 2 * np.pi)
     uniform = numbers()
     for attempt in range(2 * _MAX_BEARINGS + 1):
-        distance_m = np.interp(uniform[:, 0], EVEN_RANKS, quantiles)
+        distance_m = np.interp(uniform[:, 0], DISTANCE_RANKS, quantiles)
         direction_rad = ego[:, 3] + view_rad * (uniform[:, 1] - 0.5)
         place_xy = ego[:, :2] + distance_m[:, None] * unit_vectors(direction_rad)
         outside_area = ((place_xy < area[:2]) | (place_xy > area[2:])).any(axis=1)

@@ -35,7 +35,7 @@ from .quality import best_ranks, score_by_rank
 
 @dataclass(frozen=True, eq=False)
 class _Members:
-    """Members of families; each lives for some frames."""
+    """Members of families. Each lives for some frames."""
 
     birth: Ints  # [B] frame
     life: Ints  # [B] frames, at most to the end of the scene

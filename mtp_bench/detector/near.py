@@ -13,11 +13,11 @@ from .draws import Component, Draws, NoiseKind, NoiseSubject, exponential, parts
 from .errors import BoxErrors, draw_errors, of_axes
 from .false_positives import DetectedRows, SensedScene, spread_sizes
 from .grid import Grid
-from .profile import EVEN_RANKS, SLOTS, ClassNoise, NearFalsePositives
+from .profile import DISTANCE_RANKS, SLOTS_PER_BOX, ClassNoise, NearFalsePositives
 from .quality import Qualities, best_ranks, score_by_rank
 
 # m from the object's centre, where the chance to have the object's class changes
-BESIDE = (0.75, 1.5)
+BESIDE_DISTANCES_M = (0.75, 1.5)
 # distance, angle, and two numbers that decide the class
 _PLACE = (
     *parts(Component.BIAS, NoiseKind.PLACE),
@@ -51,7 +51,7 @@ def near_false_positives(
     """
     draws = Draws(seed, NoiseSubject.NEAR_OBJECTS)
     slots = _slots_of(grid)
-    true_row = np.repeat(np.arange(len(grid.frame)), SLOTS)
+    true_row = np.repeat(np.arange(len(grid.frame)), SLOTS_PER_BOX)
     visible, quality_rank = _visible(slots, qualities.random[true_row], draws)
     visible_slots = slots.select(visible)
     true_row = true_row[visible]
@@ -68,9 +68,9 @@ def near_false_positives(
     )
     of_object = class_id == true_class
     slot_scores = _scores(
-        visible_slots, quality_rank, of_object & (offset_m < BESIDE[0])
+        visible_slots, quality_rank, of_object & (offset_m < BESIDE_DISTANCES_M[0])
     )
-    needs_object = of_object & (offset_m < BESIDE[1])
+    needs_object = of_object & (offset_m < BESIDE_DISTANCES_M[1])
     is_reported = slot_scores >= visible_slots.of_rows("quality.floor")
     is_reported &= ~(needs_object & ~qualities.detected[true_row])
     reported_rows = np.flatnonzero(is_reported)
@@ -96,16 +96,16 @@ def near_false_positives(
 
 def _slots_of(grid: Grid) -> Grid:
     """Return the places beside every true box, each treated as an object."""
-    slot = np.arange(SLOTS)
+    slot = np.arange(SLOTS_PER_BOX)
     lives = grid.lives
     if lives is not None:
-        lives = (np.repeat(lives[0], SLOTS), np.repeat(lives[1], SLOTS))
+        lives = (np.repeat(lives[0], SLOTS_PER_BOX), np.repeat(lives[1], SLOTS_PER_BOX))
     return replace(
         grid,
-        ids=(grid.ids[:, None] * SLOTS + slot).ravel(),
-        frame=np.repeat(grid.frame, SLOTS),
-        column=(grid.column[:, None] * SLOTS + slot).ravel(),
-        noise_number=np.repeat(grid.noise_number, SLOTS),
+        ids=(grid.ids[:, None] * SLOTS_PER_BOX + slot).ravel(),
+        frame=np.repeat(grid.frame, SLOTS_PER_BOX),
+        column=(grid.column[:, None] * SLOTS_PER_BOX + slot).ravel(),
+        noise_number=np.repeat(grid.noise_number, SLOTS_PER_BOX),
         lives=lives,
     )
 
@@ -161,7 +161,7 @@ def _offsets(slots: Grid, uniform: Floats) -> Floats:
     offset_m = np.zeros(len(uniform))
     for noise, rows in slots.by_noise():
         quantiles = _parameters(noise).offset
-        offset_m[rows] = np.interp(uniform[rows], EVEN_RANKS, quantiles)
+        offset_m[rows] = np.interp(uniform[rows], DISTANCE_RANKS, quantiles)
     return offset_m
 
 
@@ -215,7 +215,7 @@ def _classes(
     ``other_uniform``: two uniform numbers, which decide it.
     """
     same_share = slots.of_rows(_numbers)[:, 4:]
-    distance_band = np.digitize(offset_m, BESIDE)
+    distance_band = np.digitize(offset_m, BESIDE_DISTANCES_M)
     is_wrong = uniform >= same_share[np.arange(len(offset_m)), distance_band]
     class_id = np.array(true_class)
     for k in set(true_class[is_wrong].tolist()):

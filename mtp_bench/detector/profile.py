@@ -12,11 +12,11 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from ..core import Section, UnknownNameError, rule
 
-QUANTILES = 11  # of distances, at `EVEN_RANKS`: 0, 10, ..., 100 %
-EVEN_RANKS = np.linspace(0.0, 1.0, QUANTILES)
+QUANTILES = 11  # of distances, at `DISTANCE_RANKS`: 0, 10, ..., 100 %
+DISTANCE_RANKS = np.linspace(0.0, 1.0, QUANTILES)
 # ranks at which scores are stored: denser where scores are high
-RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)
-SLOTS = 2  # places beside every true box at which a false positive can appear
+SCORE_RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)
+SLOTS_PER_BOX = 2  # places beside every true box at which a false positive can appear
 _SIMILAR = {  # for profiles without a class
     "cyclist": "bicycle",
     "bicycle": "motorcycle",
@@ -156,7 +156,8 @@ class FalsePositives(LatentMemory):
 
     # share of the frames of its life in which one is visible
     chance: Annotated[float, Field(gt=0, le=1)]
-    score: Quantiles  # quantiles of scores of the visible ones, at the ranks `RANKS`
+    # quantiles of scores of the visible ones, at the ranks `SCORE_RANKS`
+    score: Quantiles
 
 
 class FreeFalsePositives(FalsePositives):

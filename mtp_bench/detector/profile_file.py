@@ -148,10 +148,7 @@ def profile_text(profile: Profile) -> str:
 
 
 def toml_table(heading: str, content: dict[str, Any]) -> list[str]:
-    """Return TOML lines of a table and its sub-tables.
-
-    Sequences in ``content`` must be tuples, not lists.
-    """
+    """Return TOML lines of a table and its sub-tables."""
     tables = {key: value for key, value in content.items() if isinstance(value, dict)}
     values = {key: value for key, value in content.items() if key not in tables}
     lines = ["", f"[{heading}]", *toml_values(values)]
@@ -162,18 +159,13 @@ def toml_table(heading: str, content: dict[str, Any]) -> list[str]:
 
 def toml_values(content: dict[str, Any]) -> list[str]:
     """Return TOML lines of values that are not tables."""
-    return [f"{_key(key)} = {_value(value)}" for key, value in content.items()]
+    return [
+        f"{_key(key)} = {json.dumps(value, ensure_ascii=False)}"
+        for key, value in content.items()
+    ]
 
 
 def _key(name: str) -> str:
     if re.fullmatch("[A-Za-z0-9_-]+", name):
         return name
     return json.dumps(name, ensure_ascii=False)
-
-
-def _value(value: str | bool | int | float | tuple[str | float, ...]) -> str:
-    if isinstance(value, str | int):  # also true and false
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, tuple):
-        return f"[{', '.join(_value(item) for item in value)}]"
-    return repr(float(value))

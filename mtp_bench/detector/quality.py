@@ -15,7 +15,7 @@ from .draws import (
     skewed_quantile,
 )
 from .grid import Grid, Neighbours, Shares, shares_of
-from .profile import RANKS, ClassNoise
+from .profile import SCORE_RANKS, ClassNoise
 from .visibility import HIDDEN, LARGELY, PARTLY, Visibility
 
 
@@ -80,8 +80,8 @@ def quality_features(visibility: Visibility) -> Floats:
 
 
 def score_by_rank(quality_rank: Floats, quantiles: tuple[float, ...]) -> Floats:
-    """Return scores with ranks in 0..1, from their quantiles at `RANKS`."""
-    return np.interp(quality_rank, RANKS, quantiles)
+    """Return scores with ranks in 0..1, from their quantiles at `SCORE_RANKS`."""
+    return np.interp(quality_rank, SCORE_RANKS, quantiles)
 
 
 def best_ranks(quality: Floats, tail: float, chance: float) -> tuple[Ints, Floats]:

@@ -26,7 +26,10 @@ from .visibility import Sensor, Visibility, visibility_of
 
 @dataclass(frozen=True, eq=False)
 class OpenScene:
-    """A scene that goes on: detections of a frame do not depend on later frames."""
+    """A scene that goes on.
+
+    Detections of a frame do not depend on later frames.
+    """
 
     frames: int  # at most
     known_truth: Truth  # true boxes whose classes and sizes false positives have

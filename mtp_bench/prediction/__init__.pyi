@@ -2,10 +2,10 @@ from .greedy import GreedySampler as GreedySampler
 from .k_means import KMeansSampler as KMeansSampler
 from .kalman import (
     NoiseTable as NoiseTable,
-    filtered as filtered,
+    filter_tracks as filter_tracks,
     heading_frame as heading_frame,
     noise_table as noise_table,
-    observed as observed,
+    observed_condition as observed_condition,
     rotation as rotation,
     stored_noise as stored_noise,
 )
@@ -20,7 +20,7 @@ from .learned.local import (
     local_inputs as local_inputs,
     to_absolute as to_absolute,
 )
-from .learned.modes import straight as straight
+from .learned.modes import straight_future as straight_future
 from .learned.network import (
     Network as Network,
     Sizes as Sizes,
@@ -35,21 +35,22 @@ from .learned.predictor import (
     write_weights as write_weights,
 )
 from .learned.ptp import (
+    code_posterior as code_posterior,
     context_of as context_of,
-    decode as decode,
-    posterior as posterior,
+    decode_futures as decode_futures,
     sample_codes as sample_codes,
 )
 from .presence import (
-    FEATURES as FEATURES,
+    PRESENCE_FEATURES as PRESENCE_FEATURES,
     LearnedPresence as LearnedPresence,
+    Origin as Origin,
     PresenceModel as PresenceModel,
     TrackHistory as TrackHistory,
     history_of as history_of,
     logistic as logistic,
 )
 from .windows import (
-    LANES as LANES,
+    LANE_FIELDS as LANE_FIELDS,
     Surroundings as Surroundings,
     TrackWindows as TrackWindows,
     lanes_of as lanes_of,

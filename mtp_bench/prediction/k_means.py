@@ -7,21 +7,24 @@ constant acceleration are clustered by six coordinates each, which have the same
 distances as their T positions.
 """
 
-from functools import lru_cache
-
 import numpy as np
 
 from ..core import Floats, Ints
 from ..tracking import kernel, part
-from .pools import as_points, existing, masses, pass_on
+from .pools import (
+    DEGREES,
+    as_points,
+    existing,
+    from_motions,
+    masses,
+    pass_on,
+    polynomials,
+    write_motions,
+)
 
 _JUST_BELOW = 1.0 - 2.0**-53  # factor to the next number below, up to half a unit
 _BLOCK = 8  # chances that are summed at once
-_DEGREES = 3  # coordinates of a quadratic polynomial
 _AXES_AT_ONCE = 6  # in one pass over the points, which `_take_closer` writes out
-# squared error of the coordinates as a share of a pool's squared extent: a millionth
-# of the extent
-_MAX_SQUARED_ERROR = 1e-12
 
 
 @part
@@ -196,63 +199,6 @@ def _move(
                 centre[nearest[s], axis] += portion * points[s, axis]
 
 
-@lru_cache
-def polynomials(future: int) -> Floats:
-    """Return orthonormal polynomials [3, T] of degree 0, 1 and 2.
-
-    They are over T equally spaced times, at least 3.
-    """
-    basis = np.zeros((_DEGREES, future))
-    for degree in range(_DEGREES):
-        basis[degree] = (np.arange(future) - 0.5 * (future - 1)) ** degree
-        for lower in range(degree):
-            basis[degree] -= np.cumsum(basis[degree] * basis[lower])[-1] * basis[lower]
-        basis[degree] /= np.sqrt(np.cumsum(basis[degree] ** 2)[-1])
-    return basis
-
-
-@part
-def _write_motions(points: Floats, rows: Ints, basis: Floats, motion: Floats) -> bool:
-    """Write coordinates of points and return whether they suffice.
-
-    They are [n, 6]: position, velocity and acceleration of x and y, in turn, relative
-    to the first point, and suffice if they determine the points. ``points`` [S, 2 T],
-    those in ``rows`` [n].
-    """
-    max_error = 0.0
-    max_square = 0.0
-    first = points[rows[0]]
-    for i in range(len(motion)):
-        point = points[rows[i]]
-        x0 = 0.0
-        x1 = 0.0
-        x2 = 0.0
-        y0 = 0.0
-        y1 = 0.0
-        y2 = 0.0
-        square = 0.0
-        for t in range(basis.shape[1]):
-            x = point[2 * t] - first[2 * t]
-            y = point[2 * t + 1] - first[2 * t + 1]
-            x0 = x0 + basis[0, t] * x
-            y0 = y0 + basis[0, t] * y
-            x1 = x1 + basis[1, t] * x
-            y1 = y1 + basis[1, t] * y
-            x2 = x2 + basis[2, t] * x
-            y2 = y2 + basis[2, t] * y
-            square += x * x + y * y
-        motion[i, 0] = x0
-        motion[i, 1] = y0
-        motion[i, 2] = x1
-        motion[i, 3] = y1
-        motion[i, 4] = x2
-        motion[i, 5] = y2
-        error = square - (x0 * x0 + y0 * y0 + x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2)
-        max_error = max(max_error, error)
-        max_square = max(max_square, square)
-    return max_error <= _MAX_SQUARED_ERROR * max_square
-
-
 @part
 def _write_offsets(points: Floats, rows: Ints, offset: Floats) -> None:
     """Write the points in ``rows`` [n] relative to the first."""
@@ -271,21 +217,6 @@ def _transpose(points: Floats, transposed: Floats) -> None:
         point = points[s]
         for axis in range(len(transposed)):
             transposed[axis, s] = _axis(point, axis)
-
-
-@part
-def _from_motions(motion: Floats, basis: Floats, origin: Floats, point: Floats) -> None:
-    """Write points [k, 2 T] of coordinates [k, 6].
-
-    These are relative to ``origin`` [2 T].
-    """
-    for j in range(len(point)):
-        for t in range(basis.shape[1]):
-            for axis in range(2):
-                coordinate = origin[2 * t + axis]
-                for degree in range(_DEGREES):
-                    coordinate += basis[degree, t] * motion[j, 2 * degree + axis]
-                point[j, 2 * t + axis] = coordinate
 
 
 @part
@@ -346,11 +277,11 @@ def _cluster_pool(
     Its points are those in ``rows`` [n], weighted [n]; ``basis``: [3, T] or [3, 0].
     """
     origin = points[rows[0]]
-    motion = np.zeros((len(rows), 2 * _DEGREES))
-    if basis.shape[1] and _write_motions(points, rows, basis, motion):
-        motion_centre = np.zeros((len(centre), 2 * _DEGREES))
+    motion = np.zeros((len(rows), 2 * DEGREES))
+    if basis.shape[1] and write_motions(points, rows, basis, motion):
+        motion_centre = np.zeros((len(centre), 2 * DEGREES))
         _find_clusters(motion, weight, uniform, iterations, motion_centre, share)
-        _from_motions(motion_centre, basis, origin, centre)
+        from_motions(motion_centre, basis, origin, centre)
         return
     offset = np.zeros((len(rows), len(origin)))
     _write_offsets(points, rows, offset)
@@ -433,8 +364,8 @@ class KMeansSampler:
         weight = np.empty((objects, k))
         is_crowded = np.isfinite(log_weight).sum(axis=1) > k
         uniform = rng.random((np.count_nonzero(is_crowded), k))
-        basis: Floats = np.zeros((_DEGREES, 0))
-        if future > _DEGREES:
+        basis: Floats = np.zeros((DEGREES, 0))
+        if future > DEGREES:
             basis = polynomials(future)
         k_means(
             *as_points(pool, log_weight),

@@ -2,8 +2,8 @@
 
 It works in the heading frame of each track. Along and across the heading the motion is
 taken as independent: a nearly constant velocity disturbed by white acceleration
-(Bar-Shalom, Li, Kirubarajan 2001, ch. 6). Its noise is fitted on training splits: TOML files
-in ``motion_noise/``, one per domain where objects move alike.
+(Bar-Shalom, Li, Kirubarajan 2001, ch. 6). Its noise is fitted on training splits: TOML
+files in ``motion_noise/``, one per domain where objects move alike.
 """
 
 import math
@@ -37,7 +37,10 @@ Noise = Mapping[str, Any]  # field of `NoiseTable` -> value(s) of one class
 
 @dataclass(frozen=True, eq=False)
 class NoiseTable:
-    """Noise of the motion model per class; the last axis is along and across the heading."""
+    """Noise of the motion model per class.
+
+    The last axis is along and across the heading.
+    """
 
     measurement: Floats  # [C] m, standard deviation of a detected position
     jerkiness: Floats  # [C, 2] m/s^1.5, white acceleration while the past is filtered
@@ -72,7 +75,10 @@ def require_noise(noise: NoiseTable) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Position and velocity of N tracks now; axis 1 is along and across the heading."""
+    """Position and velocity of N tracks now.
+
+    Axis 1 is along and across the heading.
+    """
 
     position: Floats  # [N, 2] m from the track's last box centre
     velocity: Floats  # [N, 2] m/s
@@ -92,7 +98,10 @@ def heading_frame(past: Floats, heading: Floats) -> Floats:
 
 
 def rotation(heading: Floats) -> Floats:
-    """Return matrices [N, 2, 2] with axes along and across the heading [N] as columns."""
+    """Return rotation matrices [N, 2, 2] of headings [N].
+
+    Their columns are the axes along and across the heading.
+    """
     cos = np.cos(heading)
     sin = np.sin(heading)
     first_row = np.stack([cos, -sin], axis=-1)
@@ -100,7 +109,7 @@ def rotation(heading: Floats) -> Floats:
     return np.stack([first_row, second_row], axis=-2)
 
 
-def filtered(
+def filter_tracks(
     position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, dt: float
 ) -> Posterior:
     """Return position, velocity and covariance of tracks now, from their pasts.
@@ -130,7 +139,8 @@ _STATE = 5
 
 
 @kernel(
-    "void(f8[:, :, ::1], b1[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8, f8[:, :, ::1])"
+    "void(f8[:, :, ::1], b1[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8, "
+    "f8[:, :, ::1])"
 )
 def filter_pasts(
     position: Floats,
@@ -190,7 +200,7 @@ def filter_pasts(
 
 
 def stored_noise(task: Task) -> NoiseTable:
-    """Return the noise table for the task's condition, its own fit or a similar one.
+    """Return the noise table for the task's condition, or a similar one.
 
     A condition is a domain, as the task's card names it, what is observed and in which
     frame. Of the similar conditions those that know most classes count; a class of the
@@ -233,7 +243,7 @@ def noise_table(rows: Sequence[Noise]) -> NoiseTable:
     return NoiseTable(**columns)
 
 
-def observed(task: Task) -> str:
+def observed_condition(task: Task) -> str:
     """Return the name of the task's fit in its domain's file.
 
     The name states the source of the pasts, and the frame.
@@ -243,11 +253,12 @@ def observed(task: Task) -> str:
 
 
 def condition(task: Task) -> str:
-    """Return the name of the fit for a task: its domain and what is observed.
+    """Return the name of the fit for a task.
 
-    The domain is the one that its card names, else the env itself.
+    It states the domain and what is observed. The domain is the one that its card
+    names, else the env itself.
     """
-    return f"{task.motion_noise or task.env_id}-{observed(task)}"
+    return f"{task.motion_noise or task.env_id}-{observed_condition(task)}"
 
 
 def _similarity(name: str, task: Task) -> int:
@@ -256,7 +267,7 @@ def _similarity(name: str, task: Task) -> int:
     0: it cannot stand in.
     """
     stored_domain, stored_pasts, stored_frame = name.rsplit("-", 2)
-    pasts, frame = observed(task).rsplit("-", 1)
+    pasts, frame = observed_condition(task).rsplit("-", 1)
     if stored_frame != frame or (stored_pasts == "truth") != (pasts == "truth"):
         return 0
     domain = task.motion_noise
@@ -269,7 +280,10 @@ def _similarity(name: str, task: Task) -> int:
 
 @cache
 def _read_folder(folder: Path) -> dict[str, dict[str, Noise]]:
-    """Read the noise of each class under each condition, in the files' own order."""
+    """Read the noise of each class under each condition.
+
+    They are in the files' own order.
+    """
     files = []
     for path in sorted(folder.glob("*.toml")):
         content = tomllib.loads(path.read_text(encoding="utf-8"))

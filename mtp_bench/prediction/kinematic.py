@@ -5,18 +5,25 @@ import numpy as np
 from ..agent import Forecasts, Frame
 from ..core import Floats, Ints, ShapeError, Task, Tracks
 from ..tracking import kernel
-from .kalman import NoiseTable, filtered, heading_frame, require_noise, stored_noise
+from .kalman import (
+    NoiseTable,
+    filter_tracks,
+    heading_frame,
+    require_noise,
+    rotation,
+    stored_noise,
+)
 
-# Standard normal numbers per sample: 4 of the state, 2 of the acceleration. The last one is
-# unused, but without it every seed would draw other samples.
+# Standard normal numbers per sample: 4 of the state, 2 of the acceleration. The last
+# one is unused, but without it every seed would draw other samples.
 _NUMBERS = 7
 
 
 class KinematicPredictor:
     """Draws from the state's posterior and a fitted motion noise.
 
-    A single sample is the mean. Hypotheses draw different random numbers, and all tracks
-    of a hypothesis the same ones.
+    A single sample is the mean. Hypotheses draw different random numbers, and all
+    tracks of a hypothesis the same ones.
 
     Args:
         noise: a row per class of the task; None takes what was fitted to the task's
@@ -56,7 +63,7 @@ class KinematicPredictor:
             )
 
     def predict(self, frame: Frame) -> Forecasts:
-        """Forecast draws x k samples for each track in each hypothesis that holds it."""
+        """Forecast the tracks of each hypothesis, with draws x k samples each."""
         hypothesis, track = np.nonzero(frame.tracks.member)
         samples = self._task.k
         draws = self._draws
@@ -66,9 +73,9 @@ class KinematicPredictor:
         return Forecasts(futures.reshape(shape), row=_rows_of(frame, hypothesis, track))
 
     def futures(self, frame: Frame, track: Ints, draw: Ints, samples: int) -> Floats:
-        """Return futures [Q, samples, T, 2], absolute x y, of tracks ``track`` [Q].
+        """Return futures [Q, samples, T, 2] of tracks, absolute x y.
 
-        ``draw`` [Q] picks the random numbers.
+        ``track`` [Q]: their numbers; ``draw`` [Q] picks the random numbers.
         """
         task = self._task
         time_s = task.dt * np.arange(1, task.future + 1)
@@ -104,7 +111,7 @@ class KinematicPredictor:
         """
         heading = tracks.box[:, 3]
         past = tracks.past[:, -self._past :]
-        state = filtered(
+        state = filter_tracks(
             heading_frame(past, heading),
             tracks.past_valid[:, -self._past :],
             tracks.class_id,
@@ -124,15 +131,12 @@ class KinematicPredictor:
         return np.concatenate([axes.reshape(-1, 12), origin], axis=1)
 
 
-def absolute(state: Floats) -> tuple[Floats, Floats]:
+def absolute(state: Floats, heading: Floats) -> tuple[Floats, Floats]:
     """Return positions and velocities [N, 2], not turned with the track.
 
-    ``state`` [N, 16]: rows of `KinematicPredictor.states`.
+    ``state`` [N, 16]: rows of `KinematicPredictor.states`; ``heading`` [N]: of tracks.
     """
-    cos, sin = state[:, 12:14].T
-    first_row = np.stack([cos, -sin], axis=-1)
-    second_row = np.stack([sin, cos], axis=-1)
-    turn = np.stack([first_row, second_row], axis=-2)
+    turn = rotation(heading)
     place = np.einsum("nij,nj->ni", turn, state[:, [0, 6]])
     velocity = np.einsum("nij,nj->ni", turn, state[:, [1, 7]])
     return place + state[:, 14:], velocity
@@ -145,8 +149,9 @@ class HedgedPredictor:
     """Samples spread over several lengths of the past, `PASTS`.
 
     One of the k samples stands still. It is a control with one hypothesis
-    (docs/definitions). The pasts, as far as the task gives them, share the samples evenly,
-    and the shortest ones get the remainder. Each past draws random numbers of its own.
+    (docs/definitions). The pasts, as far as the task gives them, share the samples
+    evenly, and the shortest ones get the remainder. Each past draws random numbers of
+    its own.
     """
 
     def reset(self, task: Task) -> None:
@@ -158,7 +163,7 @@ class HedgedPredictor:
             predictor.reset(task)
 
     def predict(self, frame: Frame) -> Forecasts:
-        """Forecast k samples for each track in each hypothesis that holds it."""
+        """Forecast the tracks of each hypothesis, with k samples each."""
         hypothesis, track = np.nonzero(frame.tracks.member)
         count = len(self._predictors)
         still = min(1, self._task.k - 1)
@@ -177,7 +182,10 @@ class HedgedPredictor:
 
 
 def _rows_of(frame: Frame, hypothesis: Ints, track: Ints) -> Ints:
-    """Return the row [H, N] of the forecasts of each track, -1 where it is not held."""
+    """Return the row [H, N] of the forecasts of each track.
+
+    It is -1 where the hypothesis does not hold the track.
+    """
     row = np.full(frame.tracks.member.shape, -1)
     row[hypothesis, track] = np.arange(len(track))
     return row

@@ -7,23 +7,23 @@ import numpy as np
 
 from ..core import Bools, Floats, Ints, Observation
 from ..tracking import kernel, part
+from .lane_match import (
+    ARC,
+    MAX_OFFSET_M,
+    MIN_SEGMENT_M,
+    OFFSET,
+    WEIGHT,
+    Lanes,
+    match_pieces,
+)
 
 STEP = 2.0  # m, between the points of a path
-_MAX_OFFSET_M = 3.0  # of an object from the middle of its lane
-_MAX_TURN_RAD = 0.9  # between an object and its lane
-_MAX_BEYOND_M = 0.5  # before the beginning or behind the end of a piece of a lane
-# usual distance and angle between an object and its lane
-_OFFSET_DEVIATION_M = 1.0
-_TURN_DEVIATION_RAD = 0.3
 _MAX_STARTS = 16  # pieces of lanes that an object may be on
 # paths from the beginning of a piece, at most: each has the least share
 _MAX_BRANCHES = 16
 _MIN_SHARE = 1 / _MAX_BRANCHES - 1e-9
 _MAX_DEPTH = 40  # pieces of a path
 _MAX_GAP_M = 1.0  # between two paths that count as one
-_MIN_SEGMENT_M = 1e-6
-# columns of a match of an object with a piece
-_ARC, _OFFSET, _WEIGHT = range(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,21 +68,11 @@ def lane_paths(
     is_point = np.arange(point.shape[1]) < count[:, None]
     low = np.where(is_point[..., None], point, np.inf).min(axis=1)
     high = np.where(is_point[..., None], point, -np.inf).max(axis=1)
-    bound = np.concatenate([low - _MAX_OFFSET_M, high + _MAX_OFFSET_M], axis=1)
+    bound = np.concatenate([low - MAX_OFFSET_M, high + MAX_OFFSET_M], axis=1)
     segment_length = np.linalg.norm(np.diff(point, axis=1), axis=2)
     length = (segment_length * is_point[:, 1:]).sum(axis=1)
     find_paths(point, count, follow, bound, length, pose, paths, offset, chance)
     return LanePaths(paths, chance > 0, offset, chance)
-
-
-class _Lanes(NamedTuple):
-    """Pieces of lanes."""
-
-    point: Floats  # [L, Q, 2]
-    point_count: Ints  # [L]
-    follow: Ints  # [L, 4] successors, -1: none
-    bound: Floats  # [L, 4] the area that is near
-    length: Floats  # [L] m
 
 
 class _Traces(NamedTuple):
@@ -105,48 +95,6 @@ class _Candidates(NamedTuple):
 
 
 @part
-def _nearest_point(
-    line: Floats, x: float, y: float
-) -> tuple[float, float, float, float]:
-    """Find the point of a line [Q, 2] near x y.
-
-    Returns its arc length, the distance (left positive), the direction there, and how
-    far x y is before the beginning or behind the end of the line, along it.
-    """
-    min_distance = np.inf
-    arc = 0.0
-    offset = 0.0
-    direction = 0.0
-    beyond = 0.0
-    length = 0.0
-    for q in range(len(line) - 1):
-        ux = line[q + 1, 0] - line[q, 0]
-        uy = line[q + 1, 1] - line[q, 1]
-        segment = np.hypot(ux, uy)
-        if segment < _MIN_SEGMENT_M:
-            continue
-        dx = x - line[q, 0]
-        dy = y - line[q, 1]
-        ahead = (dx * ux + dy * uy) / segment
-        along = min(max(ahead, 0.0), segment)
-        rx = dx - along * ux / segment
-        ry = dy - along * uy / segment
-        distance = np.hypot(rx, ry)
-        if distance < min_distance:
-            min_distance = distance
-            arc = length + along
-            direction = np.arctan2(uy, ux)
-            offset = distance if ux * ry - uy * rx >= 0 else -distance
-            beyond = 0.0
-            if q == 0:
-                beyond = max(beyond, -ahead)
-            if q == len(line) - 2:
-                beyond = max(beyond, ahead - segment)
-        length += segment
-    return arc, offset, direction, beyond
-
-
-@part
 def _write_path(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
     """Write points [G, 2], 2 m apart, along the pieces ``chain``.
 
@@ -165,7 +113,7 @@ def _write_path(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
             ux = x - point[row, q, 0]
             uy = y - point[row, q, 1]
             segment = np.hypot(ux, uy)
-            if segment < _MIN_SEGMENT_M:
+            if segment < MIN_SEGMENT_M:
                 continue
             cos = ux / segment
             sin = uy / segment
@@ -180,7 +128,7 @@ def _write_path(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
 
 
 @part
-def _find_successors(row: int, lanes: _Lanes, successors: Ints) -> int:
+def _find_successors(row: int, lanes: Lanes, successors: Ints) -> int:
     """Write the successors of a piece and count them.
 
     Those without a length are left out.
@@ -194,7 +142,7 @@ def _find_successors(row: int, lanes: _Lanes, successors: Ints) -> int:
 
 
 @part
-def _trace(first: int, lanes: _Lanes, path: Floats, share: Floats) -> int:
+def _trace(first: int, lanes: Lanes, path: Floats, share: Floats) -> int:
     """Write the paths from a piece's beginning and count them.
 
     Paths are [B, G, 2]. Their shares [B] are written too.
@@ -231,46 +179,6 @@ def _trace(first: int, lanes: _Lanes, path: Floats, share: Floats) -> int:
             stack_depth[waiting] = depth + 1
             waiting = waiting + 1
     return path_count
-
-
-@part
-def _is_outside(x: float, y: float, bound: Floats) -> bool:
-    return bool(x < bound[0] or y < bound[1] or x > bound[2] or y > bound[3])
-
-
-@part
-def _match_pieces(lanes: _Lanes, pose: Floats, row: Ints, match: Floats) -> int:
-    """Write the pieces that an object may be on, and count.
-
-    At most 16 are. Arc length, distance and weight of each are written to ``match``
-    [16, 3].
-    """
-    start_count = 0
-    x = pose[0]
-    y = pose[1]
-    for i in range(len(lanes.point_count)):
-        if lanes.point_count[i] < 2 or _is_outside(x, y, lanes.bound[i]):
-            continue
-        line = lanes.point[i, : lanes.point_count[i]]
-        arc, offset, direction, beyond = _nearest_point(line, x, y)
-        turn = abs((direction - pose[2] + np.pi) % (2 * np.pi) - np.pi)
-        if (
-            abs(offset) > _MAX_OFFSET_M
-            or turn > _MAX_TURN_RAD
-            or beyond > _MAX_BEYOND_M
-        ):
-            continue
-        row[start_count] = i
-        match[start_count, _ARC] = arc
-        match[start_count, _OFFSET] = offset
-        match[start_count, _WEIGHT] = np.exp(
-            -0.5
-            * ((offset / _OFFSET_DEVIATION_M) ** 2 + (turn / _TURN_DEVIATION_RAD) ** 2)
-        )
-        start_count += 1
-        if start_count == len(row):
-            break
-    return start_count
 
 
 @part
@@ -328,14 +236,14 @@ def _add_candidates(
     """
     slot = traces.slot[piece]
     for b in range(traces.path_count[piece]):
-        weight = match[_WEIGHT] * traces.share[slot, b]
+        weight = match[WEIGHT] * traces.share[slot, b]
         path = traces.points[slot, b]
-        equal = _find_equal(path, match[_ARC], metres, count, candidates, traces)
+        equal = _find_equal(path, match[ARC], metres, count, candidates, traces)
         if equal < 0:
             candidates.slot[count] = slot
             candidates.branch[count] = b
-            candidates.arc[count] = match[_ARC]
-            candidates.offset[count] = match[_OFFSET]
+            candidates.arc[count] = match[ARC]
+            candidates.offset[count] = match[OFFSET]
             candidates.weight[count] = weight
             count += 1
         elif candidates.slot[equal] == slot:
@@ -391,9 +299,9 @@ def find_paths(
     """Write paths, offsets and chances of objects.
 
     Paths are [n, most, S, 2], offsets and chances [n, most]. ``pose`` [n, 4]: x y
-    heading metres. The first five are those of `_Lanes`.
+    heading metres. The first five are those of `Lanes`.
     """
-    lanes = _Lanes(point, count, follow, bound, length)
+    lanes = Lanes(point, count, follow, bound, length)
     pieces = len(count)
     trace_size = 0
     if pieces:
@@ -411,9 +319,9 @@ def find_paths(
     values = np.empty((3, _MAX_STARTS * _MAX_BRANCHES))
     candidates = _Candidates(numbers[0], numbers[1], values[0], values[1], values[2])
     for n in range(len(pose)):
-        start_count = _match_pieces(lanes, pose[n], row, match)
+        start_count = match_pieces(lanes, pose[n], row, match)
         different = 0
-        for start in np.argsort(-match[:start_count, _WEIGHT]):
+        for start in np.argsort(-match[:start_count, WEIGHT]):
             i = int(row[start])
             if traces.path_count[i] == 0:
                 slot = traced

@@ -48,12 +48,13 @@ class LanePredictor(KinematicPredictor):
             return futures
         state = self.states(frame.tracks)
         tau = self._task.dt * np.arange(1, self._task.future + 1)
-        place, velocity = absolute(state)
+        box_heading = frame.tracks.box[:, 3]
+        place, velocity = absolute(state, box_heading)
         speed = np.linalg.norm(velocity, axis=1)
         heading = np.where(
             speed > _MIN_SPEED_MPS,
             np.arctan2(velocity[:, 1], velocity[:, 0]),
-            frame.tracks.box[:, 3],
+            box_heading,
         )
         deviation = _distance_deviations(state, speed, tau)
         metres = speed * tau[-1] + _MAX_DEVIATIONS * deviation[:, -1]

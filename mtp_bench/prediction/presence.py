@@ -33,9 +33,6 @@ from ..core import (
 from ..tracking import family_of
 
 MODELS = Path(__file__).with_name("presence_models")
-# Per class, scores [2, n] of a detector and those of another one that finds as many
-# boxes above them, both increasing.
-ScoreTables = Mapping[str, Floats]
 _upper = lru_cache(np.triu_indices)
 
 
@@ -52,7 +49,7 @@ class TrackHistory:
     speed: Floats  # [N] m/s over the past that is kept
 
 
-FEATURES: dict[str, Callable[[TrackHistory], Floats]] = {
+PRESENCE_FEATURES: dict[str, Callable[[TrackHistory], Floats]] = {
     "last_score": lambda h: h.last_score,
     "mean_score": lambda h: h.mean_score,
     "log_hits": lambda h: np.log(h.hits),
@@ -103,9 +100,33 @@ def history_of(tracks: Tracks, observation: Observation, dt: float) -> TrackHist
     )
 
 
-@dataclass(frozen=True, eq=False)
-class PresenceModel:
-    """Logistic model of presence and its calibration.
+def _increasing(table_rows: list[list[float]]) -> list[list[float]]:
+    lengths = [len(row) for row in table_rows]
+    if len(lengths) != 2 or lengths[0] != lengths[1] or lengths[0] < 2:
+        raise ValueError(
+            f"lengths {lengths}, expected two lists of one length, at least 2"
+        )
+    if any(later <= earlier for earlier, later in pairwise(table_rows[0])):
+        raise ValueError("expected a first list whose numbers rise")
+    return table_rows
+
+
+# [2, n] input and output, n >= 2
+Table = Annotated[list[list[float]], AfterValidator(_increasing)]
+_Probability = Annotated[float, Field(ge=0, le=1)]
+
+
+class Origin(Section):
+    """Scenes of a split that were learnt from."""
+
+    env: str
+    split: str
+    detector: str
+    scenes: list[str]
+
+
+class PresenceModel(Section):
+    """Logistic model of presence and its calibration, as a file states it.
 
     The F features are clipped to the range of the training data and standardised to z.
     The logit is ``shared`` times (1, z, products of two z with i <= j in the order of
@@ -114,19 +135,44 @@ class PresenceModel:
     The probability is then mapped by the ``knots``, increasing and linear between them.
     """
 
-    features: tuple[str, ...]  # F of FEATURES
-    low: Floats  # [F]
-    high: Floats  # [F]
-    center: Floats  # [F]
-    scale: Floats  # [F]
-    shared: Floats  # [1 + F] or [1 + F + F (F + 1) / 2]
-    classes: Mapping[str, Floats]  # [1 + F] each
-    knots: Floats  # [2, n] probabilities before and after calibration, n >= 2
+    detector: str = ""
+    terms: str = ""
+    # manifests of agents state those that are scored
+    fitted_on: list[Origin] = Field(default_factory=list)
+    features: Annotated[list[str], Field(min_length=1)]  # F of PRESENCE_FEATURES
+    low: list[float]  # [F]
+    high: list[float]  # [F]
+    center: list[float]  # [F]
+    scale: list[Annotated[float, Field(gt=0)]]  # [F]
+    shared: list[float]  # [1 + F] or [1 + F + F (F + 1) / 2]
+    classes: dict[str, list[float]]  # [1 + F] each
+    # [2, n] probabilities before and after calibration, n >= 2
+    knots: Annotated[list[list[_Probability]], AfterValidator(_increasing)]
+    # quality on scenes outside its fit
+    held_out: dict[str, Any] = Field(default_factory=dict)
+    # per class, scores of a detector and those of another one that finds as many boxes
+    # above them; scores are mapped by it first
+    score_map: dict[str, Table] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _lengths_fit(self) -> Self:
+        count = len(self.features)
+        with_products = 1 + count + count * (count + 1) // 2
+        for name in ("low", "high", "center", "scale"):
+            _require_length(name, getattr(self, name), count, count)
+        _require_length("shared", self.shared, count, 1 + count, with_products)
+        for name, row in self.classes.items():
+            _require_length(f"classes.{name}", row, count, 1 + count)
+        return self
 
     def standardised(self, history: TrackHistory) -> Floats:
         """Return standardised features z [N, F] of N tracks."""
         raw = np.stack(
-            [FEATURES[feature_name](history) for feature_name in self.features], axis=1
+            [
+                PRESENCE_FEATURES[feature_name](history)
+                for feature_name in self.features
+            ],
+            axis=1,
         )
         clipped = np.clip(raw, self.low, self.high)
         return np.asarray((clipped - self.center) / self.scale)
@@ -137,7 +183,7 @@ class PresenceModel:
         ``class_id`` [N] counts in ``classes``.
         """
         count = len(self.features)
-        no_weights = np.zeros(1 + count)
+        no_weights = [0.0] * (1 + count)
         class_weights = np.array([self.classes.get(c, no_weights) for c in classes])
         weights = class_weights[class_id]
         logit = self.shared[0] + z @ self.shared[1 : 1 + count]
@@ -153,11 +199,23 @@ class PresenceModel:
     ) -> Floats:
         """Return calibrated probabilities [N] of N tracks."""
         raw = logistic(self.logits(self.standardised(history), class_id, classes))
-        return np.asarray(np.interp(raw, *self.knots))
+        raw_levels, calibrated_levels = self.knots
+        return np.asarray(np.interp(raw, raw_levels, calibrated_levels))
+
+
+def _require_length(
+    field_name: str, field_values: Sequence[float], features: int, *lengths: int
+) -> None:
+    if len(field_values) not in lengths:
+        expected = " or ".join(map(str, lengths))
+        raise ValueError(
+            f"{field_name} has {len(field_values)} numbers, expected {expected} "
+            f"for {features} features"
+        )
 
 
 def map_scores(
-    score: Floats, tables: ScoreTables, class_id: Ints, classes: Sequence[str]
+    score: Floats, tables: Mapping[str, Table], class_id: Ints, classes: Sequence[str]
 ) -> Floats:
     """Return scores [N] of another detector in place of these.
 
@@ -167,7 +225,8 @@ def map_scores(
     for number, class_name in enumerate(classes):
         if class_name in tables:
             class_rows = class_id == number
-            mapped[class_rows] = np.interp(mapped[class_rows], *tables[class_name])
+            scores, mapped_scores = tables[class_name]
+            mapped[class_rows] = np.interp(mapped[class_rows], scores, mapped_scores)
     return mapped
 
 
@@ -199,7 +258,7 @@ class LearnedPresence:
         self._by_score = self._file is None and task.presence == SCORES
         if not self._by_score:
             path = self._file or Path(task.presence or file_of(task.detector))
-            self._model, self._scores = read_model(path)
+            self._model = read_model(path)
 
     def probability(self, tracks: Tracks, observation: Observation) -> Floats:
         """Return the probability [N] that each track's object is there."""
@@ -216,89 +275,13 @@ class LearnedPresence:
                     "fits a model to other scores"
                 )
             return np.asarray(score, dtype=np.float64)
+        tables = self._model.score_map
         mapped_history = replace(
             history,
-            last_score=map_scores(score, self._scores, class_id, classes),
-            mean_score=map_scores(history.mean_score, self._scores, class_id, classes),
+            last_score=map_scores(score, tables, class_id, classes),
+            mean_score=map_scores(history.mean_score, tables, class_id, classes),
         )
         return self._model.probability(mapped_history, class_id, classes)
-
-
-def _increasing(table_rows: list[list[float]]) -> list[list[float]]:
-    lengths = [len(row) for row in table_rows]
-    if len(lengths) != 2 or lengths[0] != lengths[1] or lengths[0] < 2:
-        raise ValueError(
-            f"lengths {lengths}, expected two lists of one length, at least 2"
-        )
-    if any(later <= earlier for earlier, later in pairwise(table_rows[0])):
-        raise ValueError("expected a first list whose numbers rise")
-    return table_rows
-
-
-# [2, n] input and output, n >= 2
-Table = Annotated[list[list[float]], AfterValidator(_increasing)]
-_Probability = Annotated[float, Field(ge=0, le=1)]
-
-
-class Origin(Section):
-    """Scenes of a split that were learnt from."""
-
-    env: str
-    split: str
-    detector: str
-    scenes: list[str]
-
-
-class ModelFile(Section):
-    """Numbers of a `mtp_bench.prediction.presence.PresenceModel`."""
-
-    detector: str = ""
-    terms: str = ""
-    # manifests of agents state those that are scored
-    fitted_on: list[Origin] = Field(default_factory=list)
-    features: Annotated[list[str], Field(min_length=1)]  # F
-    low: list[float]  # [F]
-    high: list[float]  # [F]
-    center: list[float]  # [F]
-    scale: list[Annotated[float, Field(gt=0)]]  # [F]
-    shared: list[float]  # [1 + F] or [1 + F + F (F + 1) / 2]
-    classes: dict[str, list[float]]  # [1 + F] each
-    knots: Annotated[list[list[_Probability]], AfterValidator(_increasing)]
-    # quality on scenes outside its fit
-    held_out: dict[str, Any] = Field(default_factory=dict)
-    # per class; scores are mapped by it first
-    score_map: dict[str, Table] = Field(default_factory=dict)
-
-    @model_validator(mode="after")
-    def _lengths_fit(self) -> Self:
-        count = len(self.features)
-        with_products = 1 + count + count * (count + 1) // 2
-        for name in ("low", "high", "center", "scale"):
-            _require_length(name, getattr(self, name), count, count)
-        _require_length("shared", self.shared, count, 1 + count, with_products)
-        for name, row in self.classes.items():
-            _require_length(f"classes.{name}", row, count, 1 + count)
-        return self
-
-
-def _require_length(
-    field_name: str, field_values: Sequence[float], features: int, *lengths: int
-) -> None:
-    if len(field_values) not in lengths:
-        expected = " or ".join(map(str, lengths))
-        raise ValueError(
-            f"{field_name} has {len(field_values)} numbers, expected {expected} "
-            f"for {features} features"
-        )
-
-
-def read_file(path: Path) -> ModelFile:
-    """Read a file.
-
-    Raises SubmissionError, naming the file and the key, if it is not a presence model.
-    """
-    content = read_json(path, SubmissionError)
-    return validate(ModelFile, content, str(path), SubmissionError)
 
 
 def file_of(detector: str) -> Path:
@@ -307,36 +290,26 @@ def file_of(detector: str) -> Path:
     return path if path.is_file() else MODELS / "default.json"
 
 
-def read_model(path: Path) -> tuple[PresenceModel, ScoreTables]:
-    """Return the model of a file, and its tables of scores.
+def read_model(path: Path) -> PresenceModel:
+    """Return the model of a file.
 
-    Scores are mapped by the tables first. Raises SubmissionError, naming the file and
-    what is wrong, if it is not a presence model.
+    Raises SubmissionError, naming the file and what is wrong, if it is not a presence
+    model.
     """
     modified = path.stat().st_mtime_ns if path.is_file() else 0
     return _read_state(path.resolve(), modified)
 
 
 @lru_cache(maxsize=16)
-def _read_state(path: Path, modified: int) -> tuple[PresenceModel, ScoreTables]:
+def _read_state(path: Path, modified: int) -> PresenceModel:
     """Read a model once per modification: it may be trained again.
 
     ``modified``: time, ns.
     """
-    content = read_file(path)
-    for name in content.features:
-        if name not in FEATURES:
-            hint = nearest(name, tuple(FEATURES))
+    content = read_json(path, SubmissionError)
+    model = validate(PresenceModel, content, str(path), SubmissionError)
+    for name in model.features:
+        if name not in PRESENCE_FEATURES:
+            hint = nearest(name, tuple(PRESENCE_FEATURES))
             raise SubmissionError(f"{path}: unknown feature {name!r}{hint}")
-    model = PresenceModel(
-        features=tuple(content.features),
-        low=np.array(content.low),
-        high=np.array(content.high),
-        center=np.array(content.center),
-        scale=np.array(content.scale),
-        shared=np.array(content.shared),
-        classes={name: np.array(row) for name, row in content.classes.items()},
-        knots=np.array(content.knots),
-    )
-    tables = {name: np.array(rows) for name, rows in content.score_map.items()}
-    return model, tables
+    return model

@@ -1,4 +1,4 @@
-"""Windows of tracks: the input of a learned predictor, the same in training and in an agent."""
+"""Windows of tracks: the input of a learned predictor, in training and in agents."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -11,7 +11,7 @@ from ..agent import Frame
 from ..core import UNBORN, Bools, Floats, Ints, Observation, Ragged, Tracks, starts_of
 
 # fields of observations that show lanes
-LANES = ("lane_point", "lane_valid", "lane_next")
+LANE_FIELDS = ("lane_point", "lane_valid", "lane_next")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Surroundings(Ragged):
     score: Floats  # [R]
     # [m] frames of the same scene that stand before each frame, without a hole in time
     before: Ints
-    # `LANES` [m, L, ...] as observed; empty: none shown
+    # `LANE_FIELDS` [m, L, ...] as observed; empty: none shown
     lanes: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     def lanes_at(self, moment: int) -> Observation:
@@ -61,17 +61,23 @@ def surroundings_of(observations: Sequence[Observation]) -> Surroundings:
 
 
 def lanes_of(observations: Sequence[Observation]) -> dict[str, NDArray[Any]]:
-    """Return lanes [m, L, ...] of observations by field; empty if they show none."""
+    """Return lanes [m, L, ...] of observations by field.
+
+    Empty if they show none.
+    """
     return {
         name: np.stack([observation[name] for observation in observations])
-        for name in LANES
+        for name in LANE_FIELDS
         if name in observations[0]
     }
 
 
 @dataclass(frozen=True, eq=False)
 class TrackWindows:
-    """The last P frames of n tracks, in the frame of the observations; the last row is now."""
+    """The last P frames of n tracks, in the frame of the observations.
+
+    The last row is now.
+    """
 
     # [n, P, 7] the detection taken, else where the tracker expects it; 0 before birth
     box: Floats
@@ -113,14 +119,14 @@ def shown_as_truth(windows: TrackWindows) -> TrackWindows:
 
 
 def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
-    """Return the distinct windows of a frame's tracks, and the window [N] of each track.
+    """Return the distinct windows of a frame's tracks.
 
-    ``past``: number of frames. Tracks that took the same detections in these frames
-    share the window of the first of them, whatever came before. If such tracks coast, or
-    differ in age, this is not exact: at the simulated intersection with 20 hypotheses
-    the forecasts of 2 % of the objects are of another track's window, half of them by
-    more than 0.4 m. A tracker that does not state the detections it took has a window
-    for each track.
+    Beside them the window [N] of each track. ``past``: number of frames. Tracks that
+    took the same detections in these frames share the window of the first of them,
+    whatever came before. If such tracks coast, or differ in age, this is not exact: at
+    the simulated intersection with 20 hypotheses the forecasts of 2 % of the objects
+    are of another track's window, half of them by more than 0.4 m. A tracker that does
+    not state the detections it took has a window for each track.
     """
     tracks = _with_past(frame.tracks, past)
     first, window = _distinct(tracks)
@@ -176,7 +182,10 @@ def _with_past(tracks: Tracks, past: int) -> Tracks:
 
 
 def _distinct(tracks: Tracks) -> tuple[Ints, Ints]:
-    """Return the first track of each window and the window [N] of each track."""
+    """Return the first track of each window.
+
+    Beside it the window [N] of each track.
+    """
     count = len(tracks.box)
     if tracks.past_detection is None or count == 0:
         return np.arange(count), np.arange(count)
@@ -206,7 +215,7 @@ def _measured(row: Ints, observations: Sequence[Observation]) -> tuple[Floats, F
 
 
 def _ego_poses(observations: Sequence[Observation], past: int) -> Floats:
-    """Return poses [P, 4] of the platform; without them, zeros."""
+    """Return poses [P, 4] of the platform, zeros without them."""
     no_pose = np.zeros(4)
     recent = observations[-past:]
     poses = np.array([o.get("ego_pose", no_pose) for o in recent], dtype=np.float64)

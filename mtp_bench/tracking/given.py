@@ -1,4 +1,4 @@
-"""Identities that come from elsewhere: another program's tracks, the true ones, and perfect association."""
+"""Identities from elsewhere: stored tracks, true ones, and perfect association."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from ..core import (
 
 
 class TrackReport(NamedTuple):
-    """A track of a frame, with an id from elsewhere, and the detection that it took."""
+    """A track of a frame with an id from elsewhere, and its detection."""
 
     id: int  # no id twice in a frame
     box: Floats  # [7] now
@@ -57,7 +57,10 @@ class _History:
 
 
 class Histories:
-    """Track histories for external ids of a scene; a gap does not end a track."""
+    """Track histories for external ids of a scene.
+
+    A gap does not end a track.
+    """
 
     def __init__(self, past: int) -> None:
         self._past = past
@@ -95,7 +98,7 @@ class Histories:
         )
 
     def _window(self, histories: list[_History]) -> tuple[Floats, Ints]:
-        """Return boxes [N, P, 7] of the last P frames and the rows taken [N, P].
+        """Return boxes [N, P, 7] and rows taken [N, P] of the last P frames.
 
         Between two reports of an identity its box moves on a straight line. Before its
         first report in the window the track counts as unborn, even if there is an
@@ -138,14 +141,17 @@ def bridged(past_box: Floats, valid: Bools) -> Floats:
 
 
 class GivenTracker:
-    """One hypothesis made of stored tracks; needs an env with ``observe="tracks"``.
+    """One hypothesis made of stored tracks.
 
-    A stored box counts as a detection that its track took, since the file does not
-    state which boxes were measured.
+    It needs an env with ``observe="tracks"``. A stored box counts as a detection that
+    its track took, since the file does not state which boxes were measured.
     """
 
     def reset(self, task: Task) -> None:
-        """Forget all tracks; raises SubmissionError for another kind of env."""
+        """Forget all tracks.
+
+        Raises SubmissionError for another kind of env.
+        """
         if task.observe != "tracks":
             raise SubmissionError(
                 'GivenTracker needs an env made with observe="tracks", '
@@ -174,10 +180,16 @@ class GivenTracker:
 
 
 class TruthTracker:
-    """One hypothesis made of true boxes and ids; needs an env with ``observe="truth"``."""
+    """One hypothesis made of true boxes and ids.
+
+    It needs an env with ``observe="truth"``.
+    """
 
     def reset(self, task: Task) -> None:
-        """Forget all objects; raises SubmissionError for another kind of env."""
+        """Forget all objects.
+
+        Raises SubmissionError for another kind of env.
+        """
         if task.observe != "truth":
             raise SubmissionError(
                 'TruthTracker needs an env made with observe="truth", '
@@ -233,13 +245,16 @@ class GivenIdentities:
         self._detection_object: Ints = NO_ROWS  # [D] of this frame
 
     def observe(self, detection_id: Ints) -> None:
-        """Take the objects [D] of the next frame's detections, each of them once."""
+        """Take the objects [D] of the next frame's detections.
+
+        Each object comes once.
+        """
         self._detection_object = detection_id
 
     def free_pairs(
         self, indptr: Ints, column: Ints, gain: Floats
     ) -> tuple[Ints, Ints, Floats]:
-        """Return the pairs of tracks and detections that are both without an object.
+        """Return the pairs in which neither side has an object.
 
         Arguments and results are those of `sparse_gains`.
         """
@@ -248,7 +263,10 @@ class GivenIdentities:
         return np.append(0, np.cumsum(is_free))[indptr], column[is_free], gain[is_free]
 
     def assign(self, column: Ints) -> Ints:
-        """Return the assignment [1, N], where tracks of an object take its detection."""
+        """Return the assignment [1, N] with those of objects.
+
+        A track of an object takes the detection of that object.
+        """
         same_object = self._track_object[:, None] == self._detection_object
         track, detection = np.nonzero(same_object & (self._detection_object >= 0))
         assigned = column.copy()

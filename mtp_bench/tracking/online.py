@@ -64,7 +64,7 @@ class BirdsEye:
         return self.scale * np.concatenate([low, high], axis=-1)
 
     def centres(self, rectangle: Floats) -> Floats:
-        """Return centres [N, 2] x y, metres, of rectangles [N, 4] in pixels.
+        """Return centres [N, 2], metres, of rectangles [N, 4] in pixels.
 
         A rectangle and the box inside it have the same centre.
         """
@@ -171,7 +171,7 @@ class OnlineTracker:
         self._begin()
 
     def _begin(self) -> None:
-        """Begin a scene, or what follows a hole in time, with new trackers."""
+        """Begin a scene with new trackers, also after a hole in time."""
         self._updates = [
             _update_of(self._make_tracker(self._task)) for _ in self._tracker_classes
         ]

@@ -1,4 +1,7 @@
-"""Parameters of trackers per detector and class: TOML files in ``detectors/``, one per detector."""
+"""Parameters of trackers per detector and class.
+
+They are TOML files in ``detectors/``, one per detector.
+"""
 
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,7 +30,10 @@ class ClassParameters:
 
 @cache
 def read_detector(name: str) -> Mapping[str, Any] | None:
-    """Read a detector's file; None if it has none."""
+    """Read a detector's file.
+
+    None if it has none.
+    """
     path = FOLDER / f"{name}.toml"
     return tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
@@ -62,9 +68,9 @@ def recommended_parameters(task: Task) -> tuple[ClassParameters, ...]:
 def detector_parameters(
     detector: str, classes: Sequence[str]
 ) -> tuple[ClassParameters, ...]:
-    """Return the parameters of each class for a detector or a variant of it.
+    """Return the parameters of each class for a detector.
 
-    Raises as `recommended_parameters`.
+    Variants of a detector share them. Raises as `recommended_parameters`.
     """
     table = _tracker_table(family_of(detector))
     if not table:

@@ -1,8 +1,8 @@
-"""Multi-hypothesis tracking by detection: the H best global associations, kept every frame.
+"""Multi-hypothesis tracking by detection.
 
-Each hypothesis spawns its best children, the H best of all survive, children with equal
-tracks are merged. Hypotheses share their tracks (`tree`). With one hypothesis this is the
-Hungarian tracker.
+The H best global associations are kept every frame. Each hypothesis spawns its best
+children, the H best of all survive, children with equal tracks are merged. Hypotheses
+share their tracks (`tree`). With one hypothesis this is the Hungarian tracker.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -84,7 +84,10 @@ class HypothesisTracker:
         self._min_detection_score = min_detection_score
 
     def reset(self, task: Task) -> None:
-        """Forget all tracks; raises ShapeError for a task that does not fit."""
+        """Forget all tracks.
+
+        Raises ShapeError for a task that does not fit.
+        """
         if task.observe == "associated" and self._hypotheses > 1:
             raise ShapeError(
                 f'observe="associated" works with 1 hypothesis, got {self._hypotheses}'
@@ -276,7 +279,7 @@ def _greedy_where_asked(
 
 
 def rules_of(parameters: Sequence[ClassParameters]) -> tuple[Ints, Floats]:
-    """Return kinds of affinity [C] and gates [C] of the classes, for `sparse_gains`.
+    """Return kinds of affinity [C] and gates [C] for `sparse_gains`.
 
     Raises UnknownNameError for an unknown affinity, ShapeError for an unknown
     assignment.

@@ -11,11 +11,11 @@ import torch
 from ..prediction import (
     Network,
     Sizes,
+    code_posterior,
     context_of,
-    decode,
-    posterior,
+    decode_futures,
     sample_codes,
-    straight,
+    straight_future,
 )
 
 Tensors = dict[str, torch.Tensor]
@@ -90,18 +90,18 @@ def autoencoder(
     It is the squared error, and the divergence of that code from the prior.
     """
     context = context_of(weights, batch, sizes)
-    residual = batch["future"] - straight(batch, sizes)
+    residual = batch["future"] - straight_future(batch, sizes)
     is_known = batch["is_known"]
     # steps of corrections in units of their spread, where both ends are known
     start = torch.zeros_like(residual[:, :1])
     steps = torch.diff(residual, dim=1, prepend=start) / weights["step.spread"]
     has_step = is_known * torch.cat([is_known[:, :1], is_known[:, :-1]], 1)
-    mean, log_variance = posterior(
+    mean, log_variance = code_posterior(
         weights, context, steps * has_step[:, :, None], has_step
     )
     noise = torch.randn(mean.shape, generator=generator).to(mean.device)
     code = mean + (0.5 * log_variance).exp() * noise
-    decoded = decode(weights, context, code[:, None], sizes)[:, 0]
+    decoded = decode_futures(weights, context, code[:, None], sizes)[:, 0]
     error = (((decoded - residual) / _scale(weights)) ** 2).sum(-1)
     error = (error * is_known).sum(-1) / is_known.sum(-1).clip(1)
     # Kullback-Leibler
@@ -127,8 +127,8 @@ def diverse(
     """
     context = context_of(weights, batch, sizes)
     code = sample_codes(weights, context, sizes)
-    modes = decode(weights, context, code, sizes)
-    residual = batch["future"] - straight(batch, sizes)
+    modes = decode_futures(weights, context, code, sizes)
+    residual = batch["future"] - straight_future(batch, sizes)
     distance = mode_distance(modes, residual, batch["is_known"])
     best = distance.amin(dim=1) / _scale(weights)
     unlikely = 0.5 * (code**2).sum(-1).mean(dim=1)

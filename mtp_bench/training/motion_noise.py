@@ -29,10 +29,10 @@ from ..core import (
 )
 from ..prediction import (
     NoiseTable,
-    filtered,
+    filter_tracks,
     heading_frame,
     noise_table,
-    observed,
+    observed_condition,
     rotation,
 )
 from ..running import DEFAULTS, Fold, RunOptions
@@ -75,7 +75,7 @@ def fit_env(
             f"{env_id}: no track of the {len(split.names)} training scenes follows an "
             f"object with {task.future} future frames, so there is nothing to fit"
         )
-    return as_toml(observed(task), class_rows)
+    return as_toml(observed_condition(task), class_rows)
 
 
 def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:
@@ -160,7 +160,7 @@ def forecast_score(
     from scipy.special import ndtr
 
     class_id = np.zeros(len(position), dtype=np.int64)
-    state = filtered(position, valid, class_id, noise, dt)
+    state = filter_tracks(position, valid, class_id, noise, dt)
     tau = dt * np.arange(1, future.shape[1] + 1)[:, None]
     mean = state.position[:, None] + tau * state.velocity[:, None]
     cov = state.covariance[:, None]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..cards import Card, DetectorSection
-from ..core import MtpBenchError, Scene, UnknownNameError, require_known
+from ..core import MtpBenchError, Scene, require_known
 from ..running import DEFAULTS, RunOptions
 from ..sources import in_world
 from .split import open_split
@@ -101,10 +101,8 @@ def _floor(texts: Sequence[str], card: Card) -> dict[str, float]:
     floor: dict[str, float] = {}
     for text in texts:
         class_name, _, value = text.rpartition("=")
-        if class_name and class_name not in card.task.classes:
-            raise UnknownNameError(
-                "class of --min-score", class_name, card.task.classes
-            )
+        if class_name:
+            require_known("class of --min-score", class_name, card.task.classes)
         try:
             number = float(value)
         except ValueError:

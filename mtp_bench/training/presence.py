@@ -5,13 +5,12 @@ calibrated by isotonic regression on probabilities of models without the scene.
 """
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..core import Bools, Floats, MtpBenchError, select
-from ..prediction import FEATURES, PresenceModel, logistic
+from ..prediction import PRESENCE_FEATURES, Origin, PresenceModel, logistic
 from ..running import DEFAULTS, RunOptions
 from ..scoring import calibration
 from .presence_rows import (
@@ -55,7 +54,8 @@ def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floa
     for fold in row_folds:
         fold_knots = isotonic_knots(held_out[~fold], rows.present[~fold])
         calibrated[fold] = np.interp(held_out[fold], *fold_knots)
-    return replace(model, knots=isotonic_knots(held_out, rows.present)), calibrated
+    knots = isotonic_knots(held_out, rows.present).tolist()
+    return model.model_copy(update={"knots": knots}), calibrated
 
 
 def fit_logistic(rows: PresenceRows, recipe: PresenceRecipe) -> PresenceModel:
@@ -66,8 +66,8 @@ def fit_logistic(rows: PresenceRows, recipe: PresenceRecipe) -> PresenceModel:
     shared, by_class = np.split(estimator.coef_[0], [-len(class_names) * per_class])
     class_rows = _rounded(by_class).reshape(len(class_names), per_class)
     shared = _rounded(np.concatenate([estimator.intercept_, shared]))
-    classes = dict(zip(class_names, class_rows, strict=True))
-    return replace(model, shared=shared, classes=classes)
+    classes = dict(zip(class_names, class_rows.tolist(), strict=True))
+    return model.model_copy(update={"shared": shared.tolist(), "classes": classes})
 
 
 def logistic_regression(
@@ -85,20 +85,21 @@ def logistic_regression(
             "kinds; held-out blocks may hold the others; --presence scores needs no fit"
         )
     raw = np.stack(
-        [FEATURES[feature_name](rows) for feature_name in recipe.features], axis=1
+        [PRESENCE_FEATURES[feature_name](rows) for feature_name in recipe.features],
+        axis=1,
     )
     low, high = _rounded(np.quantile(raw, _CLIPPED_RANKS, axis=0))
     clipped = np.clip(raw, low, high)
     scale = clipped.std(axis=0)
     model = PresenceModel(
-        features=recipe.features,
-        low=low,
-        high=high,
-        center=_rounded(clipped.mean(axis=0)),
-        scale=_rounded(np.where(scale > 0, scale, 1.0)),
-        shared=np.zeros(1),
+        features=list(recipe.features),
+        low=low.tolist(),
+        high=high.tolist(),
+        center=_rounded(clipped.mean(axis=0)).tolist(),
+        scale=_rounded(np.where(scale > 0, scale, 1.0)).tolist(),
+        shared=[0.0] * (1 + len(scale)),
         classes={},
-        knots=np.array([[0.0, 1.0], [0.0, 1.0]]),
+        knots=[[0.0, 1.0], [0.0, 1.0]],
     )
     columns = design(model.standardised(rows), rows.class_name, recipe.products)
     estimator = LogisticRegression(
@@ -222,7 +223,7 @@ def _fitted(
     detector: str,
     recipe: PresenceRecipe,
     rows: PresenceRows,
-    origins: list[dict[str, Any]],
+    origins: list[Origin],
 ) -> tuple[str, dict[str, Any]]:
     """Return text of a presence file, and the qualities in it.
 
@@ -242,28 +243,15 @@ def model_text(
     detector: str,
     recipe: PresenceRecipe,
     model: PresenceModel,
-    origins: list[dict[str, Any]],
+    origins: list[Origin],
     held_out: dict[str, Any],
 ) -> str:
     """Return the text of a model's file."""
-    content: dict[str, Any] = {"detector": detector}
-    if recipe.terms:
-        content["terms"] = recipe.terms
-    content |= {
-        "fitted_on": origins,
-        "features": list(model.features),
-        "low": model.low.tolist(),
-        "high": model.high.tolist(),
-        "center": model.center.tolist(),
-        "scale": model.scale.tolist(),
-        "shared": model.shared.tolist(),
-        "classes": {
-            class_name: class_row.tolist()
-            for class_name, class_row in model.classes.items()
-        },
-        "knots": model.knots.tolist(),
-        "held_out": held_out,
-    }
+    facts = {"detector": detector, "fitted_on": origins, "held_out": held_out}
+    complete = model.model_copy(update={**facts, "terms": recipe.terms})
+    content = complete.model_dump(exclude={"score_map"})
+    if not recipe.terms:
+        del content["terms"]
     lines = [
         f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}"
         for key, value in content.items()

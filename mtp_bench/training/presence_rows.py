@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 from ..cards import Card
 from ..core import Bools, MtpBenchError, Scene, Task, UnknownNameError, joined, select
-from ..prediction import FEATURES, TrackHistory, history_of
+from ..prediction import PRESENCE_FEATURES, Origin, TrackHistory, history_of
 from ..running import DEFAULTS, RunOptions
 from ..scoring import evaluated, match_objects, neutral_places
 from ..tracking import HypothesisTracker, detector_names, read_detector
@@ -44,7 +44,7 @@ class PresenceRecipe:
     """Recipe of a presence model: the table [presence] of the detector's file."""
 
     scenes: tuple[SceneChoice, ...]
-    features: tuple[str, ...] = tuple(FEATURES)
+    features: tuple[str, ...] = tuple(PRESENCE_FEATURES)
     products: bool = True  # of two features
     calibrated: bool = True
     terms: str = ""  # of the data
@@ -131,7 +131,7 @@ def _scene_rows(scene: Scene, card: Card, task: Task, in_blocks: bool) -> Presen
 
 def training_rows(
     recipe: PresenceRecipe, options: RunOptions = DEFAULTS
-) -> tuple[PresenceRows, list[dict[str, Any]]]:
+) -> tuple[PresenceRows, list[Origin]]:
     """Return rows of a recipe, and the scenes they are from."""
     parts = []
     origins = []
@@ -142,19 +142,17 @@ def training_rows(
     return joined(parts), origins
 
 
-def split_rows(
-    split: Split, in_blocks: bool = False
-) -> tuple[PresenceRows, dict[str, Any]]:
+def split_rows(split: Split, in_blocks: bool = False) -> tuple[PresenceRows, Origin]:
     """Return rows of a split, and the scenes they are from.
 
     ``in_blocks`` as in `collect`.
     """
     card = split.card
     rows = collect(split.scenes(), card, split.task(), in_blocks)
-    origin = {
-        "env": card.id,
-        "split": card.source.split,
-        "detector": card.detector_name,
-        "scenes": list(split.names),
-    }
+    origin = Origin(
+        env=card.id,
+        split=card.source.split,
+        detector=card.detector_name,
+        scenes=list(split.names),
+    )
     return rows, origin

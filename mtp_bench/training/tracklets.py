@@ -28,7 +28,7 @@ from ..core import (
     starts_of,
 )
 from ..env import LocalFrame, make_feed
-from ..prediction import LANES, Surroundings, TrackWindows, lanes_of, windows_of
+from ..prediction import LANE_FIELDS, Surroundings, TrackWindows, lanes_of, windows_of
 from ..running import DEFAULTS, Fold, RunOptions, held_out, resolve_options
 from ..scoring import pieces
 from ..sources import open_source
@@ -273,7 +273,9 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
         if task.after_hole(observation):
             recent.clear()
         recent.append(observation)
-        lanes.append({name: observation[name] for name in LANES if name in observation})
+        lanes.append(
+            {name: observation[name] for name in LANE_FIELDS if name in observation}
+        )
         tracks = tracker.step(observation)
         if not np.isfinite(tracks.box).all():
             raise MtpBenchError(

@@ -11,7 +11,7 @@ from mtp_bench.core import Bools, Floats
 from mtp_bench.core.geometry import transform_boxes
 from mtp_bench.core.tracks import Tracks
 from mtp_bench.prediction import HedgedPredictor, KinematicPredictor, NoiseTable
-from mtp_bench.prediction.kalman import filtered, heading_frame
+from mtp_bench.prediction.kalman import filter_tracks, heading_frame
 from tests.support.tracking_scenes import SIZE, kitti_task, tracks_with_past
 
 DT = 0.1
@@ -71,7 +71,7 @@ def test_the_filter_is_the_textbook_filter() -> None:
     valid[np.arange(60), rng.integers(0, 10, 60)] = True  # each is seen at least once
     position[~valid] = 1e6  # where nothing was seen nothing may be read
     class_id = rng.integers(0, 3, 60)
-    found = filtered(position, valid, class_id, NOISE, DT)
+    found = filter_tracks(position, valid, class_id, NOISE, DT)
     for i in range(60):
         state, cov = textbook(position[i], valid[i], int(class_id[i]), NOISE)
         np.testing.assert_allclose(np.concatenate([found.position[i], found.velocity[i]]), state, rtol=1e-9, atol=1e-9)

@@ -15,8 +15,8 @@ from mtp_bench.core.errors import SubmissionError
 from mtp_bench.core.tracks import Tracks
 from mtp_bench.prediction import LearnedPresence
 from mtp_bench.prediction.presence import (
-    FEATURES,
     MODELS,
+    PRESENCE_FEATURES,
     PresenceModel,
     TrackHistory,
     file_of,
@@ -45,7 +45,8 @@ def test_the_history_of_a_track() -> None:
     assert (got.mean_score[0], got.last_score[0]) == (0.25, 0.75)
     np.testing.assert_allclose(got.range, abs(tracks.box[0, 1] - 1.0))
     np.testing.assert_allclose(got.speed, np.linalg.norm(tracks.past[0, -1, :2] - [0, 4]) / 0.4)
-    assert {name: float(make(got)[0]) for name, make in FEATURES.items() if "score" not in name} == pytest.approx(
+    features = {name: float(make(got)[0]) for name, make in PRESENCE_FEATURES.items() if "score" not in name}
+    assert features == pytest.approx(
         {
             "log_hits": np.log(3), "one_by_hits": 1 / 3, "unseen": 1, "coasting": 1, "miss_share": 0.4,
             "log_misses": np.log(3), "log_range": np.log1p(got.range[0]), "log_speed": np.log1p(got.speed[0]),
@@ -92,9 +93,9 @@ def test_a_track_that_nobody_saw_in_its_whole_past_was_not_seen_just_now() -> No
 def test_a_model_by_hand() -> None:
     # z = ((1 - 0) / 2, clip(3, 0, 2) - 1) = (0.5, 1): 0.1 + 0.2 z1 + 0.3 z2 + z1 z1 + 2 z1 z2 + 3 z2 z2 = 4.75
     model = PresenceModel(
-        ("last_score", "mean_score"), np.array([0.0, 0.0]), np.array([9.0, 2.0]), np.array([0.0, 1.0]),
-        np.array([2.0, 1.0]), np.array([0.1, 0.2, 0.3, 1.0, 2.0, 3.0]), {"car": np.array([-4.75, 0.0, 0.5])},
-        np.array([[0.0, 0.5, 1.0], [0.0, 0.2, 1.0]]),
+        features=["last_score", "mean_score"], low=[0.0, 0.0], high=[9.0, 2.0], center=[0.0, 1.0], scale=[2.0, 1.0],
+        shared=[0.1, 0.2, 0.3, 1.0, 2.0, 3.0], classes={"car": [-4.75, 0.0, 0.5]},
+        knots=[[0.0, 0.5, 1.0], [0.0, 0.2, 1.0]],
     )  # fmt: skip
     one = TrackHistory(**{name: np.array([value]) for name, value in {**CHANGES, "mean_score": 3.0}.items()})
     assert model.logits(model.standardised(one), np.array([1]), ["bus", "car"])[0] == pytest.approx(0.5)
@@ -104,7 +105,7 @@ def test_a_model_by_hand() -> None:
 
 
 def test_scores_in_place_of_those_of_another_detector() -> None:
-    tables = {"car": np.array([[0.0, 0.4, 1.0], [0.0, 0.2, 1.0]])}
+    tables = {"car": [[0.0, 0.4, 1.0], [0.0, 0.2, 1.0]]}
     got = map_scores(np.array([0.2, 0.2, 0.7]), tables, np.array([0, 1, 0]), ["car", "bus"])
     np.testing.assert_allclose(got, [0.1, 0.2, 0.6])
 
@@ -112,10 +113,10 @@ def test_scores_in_place_of_those_of_another_detector() -> None:
 @pytest.mark.parametrize("detector", SHIPPED)
 def test_the_models_that_ship(detector: str) -> None:
     content = json.loads((MODELS / f"{detector}.json").read_text())
-    model, _ = read_model(file_of(detector))
+    model = read_model(file_of(detector))
     assert content["detector"] == detector
     assert (np.diff(model.knots) > 0).all()
-    assert model.knots[:, [0, -1]].tolist() == [[0, 1], [0, 1]]
+    assert np.array(model.knots)[:, [0, -1]].tolist() == [[0, 1], [0, 1]]
     assert len(fitted_on(detector)) > 0
     if "held_out" in content:
         assert content["held_out"]["presence"]["brier"] < content["held_out"]["score"]["brier"]

@@ -9,7 +9,8 @@ from sklearn.cluster import KMeans
 from mtp_bench.agent import Sampler
 from mtp_bench.core import Floats
 from mtp_bench.prediction import GreedySampler, KMeansSampler
-from mtp_bench.prediction.k_means import k_means as k_means_kernel, polynomials
+from mtp_bench.prediction.k_means import k_means as k_means_kernel
+from mtp_bench.prediction.pools import polynomials
 
 SAMPLERS: list[Sampler] = [KMeansSampler(0), KMeansSampler(5), GreedySampler()]
 BOTH = pytest.mark.parametrize("sampler", SAMPLERS, ids=["seeds", "k-means", "greedy"])

@@ -9,7 +9,7 @@ import numpy as np
 from mtp_bench.agent import Tracker
 from mtp_bench.core import Bools, Floats, Ints, Observation, Task
 from mtp_bench.core.tracks import Tracks
-from mtp_bench.prediction.presence import file_of, read_file
+from mtp_bench.prediction.presence import file_of, read_model
 from mtp_bench.tracking import ClassParameters, detector_parameters
 
 CAR, PEDESTRIAN, CYCLIST = 0, 1, 2
@@ -99,4 +99,4 @@ def tracks_with_past(past: Floats, valid: Bools | None = None, class_id: Ints | 
 
 def fitted_on(detector: str) -> set[str]:
     """Names of the scenes that the presence of a detector was fitted on."""
-    return {name for part in read_file(file_of(detector)).fitted_on for name in part.scenes}
+    return {name for part in read_model(file_of(detector)).fitted_on for name in part.scenes}

@@ -95,8 +95,8 @@ def test_the_same_rows_give_the_same_file_which_is_read_as_it_was_written(tmp_pa
     assert (texts[0], json.loads(texts[0])["terms"]) == (texts[1], "of nobody")
     file = tmp_path / "mine.json"
     file.write_text(texts[0])
-    stored, scores = read_model(file)
-    assert scores == {}
+    stored = read_model(file)
+    assert stored.score_map == {}
     np.testing.assert_array_equal(presence.probabilities(stored, rows), presence.probabilities(model, rows))
 
 

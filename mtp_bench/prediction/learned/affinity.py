@@ -147,7 +147,10 @@ def soft_past(weights: Weights, inputs: Inputs, sizes: Sizes) -> dict[str, Array
 def _soft_detection(
     weights: Weights, detections: Inputs, state: _Backward
 ) -> _SoftDetection:
-    """Return the soft detection of each object among ``detections`` [n, M, ...] of a frame."""
+    """Return the soft detection of each object in a frame.
+
+    ``detections``: arrays [n, M, ...] of the frame.
+    """
     offset = detections["position"] - state.expected[:, None]
     gate = GATE + SPEED * state.age / (1 + state.count)
     distance = namespace(offset).sqrt((offset**2).sum(2) + 1e-6)
@@ -168,7 +171,10 @@ def _soft_detection(
 
 
 def _pairs(weights: Weights, detections: Inputs, state: _Backward) -> Array:
-    """Return features [n, M, PAIR + 2 + C] of objects with the detections near them."""
+    """Return features of objects with the detections near them.
+
+    They are [n, M, PAIR + 2 + C].
+    """
     xp = namespace(detections["near"])
     offset = detections["position"] - state.expected[:, None]
     moved = detections["position"] - state.last[:, None]

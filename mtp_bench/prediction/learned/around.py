@@ -1,7 +1,7 @@
 """Detections around the present boxes of objects in the last frames.
 
-They are the input of networks that do not trust tracks. Of a window only the last box and
-the class are used: the rest of the track does not change the output.
+They are the input of networks that do not trust tracks. Of a window only the last box
+and the class are used: the rest of the track does not change the output.
 """
 
 import numpy as np
@@ -26,11 +26,11 @@ PRIOR_WEIGHT = 0.01  # of the prior of a velocity, beside one position a frame a
 def around_inputs(
     windows: TrackWindows, moment: Ints, surroundings: Surroundings, sizes: Sizes
 ) -> Arrays:
-    """Return the M nearest detections of each of the last P frames, float32.
+    """Return the M nearest detections of each past frame, float32.
 
-    Positions are in the heading frame of the last box. ``moment`` [n]: the frame of
-    each window in ``surroundings``. Frames stand oldest first, detections nearest
-    first. The arrays of a detection are 0 where none exists:
+    There are P frames. Positions are in the heading frame of the last box. ``moment``
+    [n]: the frame of each window in ``surroundings``. Frames stand oldest first,
+    detections nearest first. The arrays of a detection are 0 where none exists:
 
     - near [n, P, M]: 1 if the detection exists
     - position [n, P, M, 2] m, velocity [n, P, M, 2] m/s as measured, yaw [n, P, M] rad
@@ -71,10 +71,10 @@ def nearest(
     frames_ago: int,
     age: float,
 ) -> Ints:
-    """Return rows [n, M] in ``surroundings`` of the detections within reach; -1: no more.
+    """Return rows [n, M] in ``surroundings`` of the detections within reach.
 
-    The detections are from ``frames_ago`` frames, ``age`` s, before. The nearest come
-    first, as the reach measures distance.
+    The row is -1 where no more are. The detections are from ``frames_ago`` frames,
+    ``age`` s, before. The nearest come first, as the reach measures distance.
     """
     frame = np.maximum(moment - frames_ago, 0)
     count = np.where(
@@ -98,10 +98,11 @@ def nearest(
 def detections_of_tracks(
     windows: TrackWindows, moment: Ints, surroundings: Surroundings
 ) -> tuple[Surroundings, Ints]:
-    """Return the detections that tracks took, and the last frame of each scene.
+    """Return the detections that tracks took, as scenes.
 
-    Each track stands by itself in a scene of its P frames. So the input of a network is
-    what the tracker associated with the object, without the other detections around.
+    Beside them the last frame of each scene. Each track stands by itself in a scene of
+    its P frames. So the input of a network is what the tracker associated with the
+    object, without the other detections around.
     """
     frames = windows.detection.shape[1]
     age = np.arange(frames)[::-1]
@@ -126,9 +127,9 @@ def _distance(
     row: Ints,
     age: float,
 ) -> Floats:
-    """Return distances [r] of detections from the last boxes of the ``owner`` windows.
+    """Return distances [r] of detections from the last boxes of windows.
 
-    The distance is 1 at the end of the reach.
+    ``owner`` [r]: the windows. The distance is 1 at the end of the reach.
     """
     turn = rotation(windows.box[:, -1, 3]) / (REACH + SPEED * age)
     offset = surroundings.box[row, :2] - windows.box[owner, -1, :2]
@@ -144,7 +145,7 @@ def _rows_of(values: np.ndarray, row: Ints) -> np.ndarray:
 
 
 def ages(near: Array, dt: float) -> Array:
-    """Return the age [n, P, M] s of detections ``near``, and of empty places."""
+    """Return the age [n, P, M] s of detections and empty places."""
     xp = namespace(near)
     # in the precision of the weights
     return (near.shape[1] - xp.cumsum(xp.ones_like(near), 1)) * dt
@@ -164,10 +165,11 @@ def shares(logit: Array, near: Array) -> Array:
 def fitted_velocity(
     age: Array, position: Array, weight: Array, prior: Array, dt: float
 ) -> Array:
-    """Return velocities [n, 2] m/s: slopes of straight lines through the origin now.
+    """Fit straight lines through the origin now.
 
-    Each object has S positions: ``age`` [n, S] s, ``position`` [n, S, 2] m, ``weight``
-    [n, S]. ``prior`` [n, 2] m/s is the velocity of an object without positions.
+    Returns their slopes, velocities [n, 2] m/s. Each object has S positions: ``age``
+    [n, S] s, ``position`` [n, S, 2] m, ``weight`` [n, S]. ``prior`` [n, 2] m/s is the
+    velocity of an object without positions.
     """
     total = 1 + weight.sum(1)  # the origin has the weight 1
     middle = (weight * age).sum(1) / total

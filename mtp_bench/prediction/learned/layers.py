@@ -20,7 +20,7 @@ INPUT_LIMIT = 10  # of standardised inputs
 
 
 def namespace(x: Array) -> Any:
-    """Return the module of functions for ``x``: numpy, or torch for a tensor.
+    """Return numpy, or torch if ``x`` is a tensor.
 
     Both have all functions that layers use.
     """
@@ -39,8 +39,9 @@ def sigmoid(x: Array) -> Array:
 
 
 def standardised(weights: Weights, name: str, x: Array) -> Array:
-    """Return ``x`` less ``name.mean`` in units of ``name.spread``."""
-    return (x - weights[f"{name}.mean"]) / weights[f"{name}.spread"]
+    """Return ``x`` less ``name.mean`` in units of ``name.spread``, limited."""
+    units = (x - weights[f"{name}.mean"]) / weights[f"{name}.spread"]
+    return namespace(units).clip(units, -INPUT_LIMIT, INPUT_LIMIT)
 
 
 def linear(weights: Weights, name: str, x: Array) -> Array:
@@ -49,7 +50,7 @@ def linear(weights: Weights, name: str, x: Array) -> Array:
 
 
 def mlp(weights: Weights, name: str, x: Array, layers: int) -> Array:
-    """Apply the linear layers ``name.0`` ...; `relu` between them."""
+    """Apply the linear layers ``name.0`` ... with `relu` between them."""
     for layer in range(layers):
         x = linear(weights, f"{name}.{layer}", x)
         if layer < layers - 1:
@@ -87,7 +88,7 @@ def lstm_states(weights: Weights, name: str, steps: Array, mask: Array) -> Array
 def lstm_cell(
     weights: Weights, name: str, x: Array, hidden: Array, cell: Array
 ) -> tuple[Array, Array]:
-    """Return hidden state and cell [n, h] after the input ``x`` [n, in]."""
+    """Return hidden state and cell [n, h] after an input [n, in]."""
     xp = namespace(x)
     size = hidden.shape[1]
     gates = linear(weights, name, xp.concatenate([x, hidden], 1))
@@ -105,7 +106,10 @@ def layer_shapes(name: str, inputs: int, outputs: int) -> Shapes:
 
 
 def linear_shapes(name: str, *sizes: int) -> Shapes:
-    """Return the shapes of the weights of `mlp` for these sizes, the input's first."""
+    """Return the shapes of the weights of `mlp`.
+
+    ``sizes``: of its layers, that of the input first.
+    """
     shapes: Shapes = {}
     for layer, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
         shapes |= layer_shapes(f"{name}.{layer}", inputs, outputs)
@@ -118,7 +122,10 @@ def lstm_shapes(name: str, inputs: int, hidden: int) -> Shapes:
 
 
 def initial(shapes: Shapes, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Draw initial weights, uniform in +-1 / sqrt(inputs) as in torch; biases are 0."""
+    """Draw initial weights, uniform in +-1 / sqrt(inputs) as in torch.
+
+    Biases are 0.
+    """
     weights = {}
     for name, shape in shapes.items():
         if len(shape) == 1:

@@ -41,23 +41,23 @@ def local_inputs(windows: TrackWindows) -> Arrays:
 
 
 def local_future(windows: TrackWindows, xy: Floats) -> Floats:
-    """Return positions [n, T, 2] in the heading frame of each window, float32."""
+    """Return positions [n, T, 2] in heading frames of windows, float32."""
     offset = xy - windows.box[:, -1:, :2]
     turn = rotation(windows.box[:, -1, 3])
     return np.asarray(np.einsum("nti,nij->ntj", offset, turn), dtype=np.float32)
 
 
 def to_absolute(windows: TrackWindows, xy: Floats) -> Floats:
-    """Return absolute x y of positions [n, ..., 2] in the heading frame of windows."""
+    """Return positions [n, ..., 2] in heading frames as absolute x y."""
     last_box = windows.box[:, -1].reshape(len(xy), *(1,) * (xy.ndim - 2), 7)
     return rotate(xy, last_box[..., 3]) + last_box[..., :2]
 
 
 def history(inputs: Inputs) -> Array:
-    """Return features [n, P, PER_FRAME] of the past, 0 before the track was born.
+    """Return features [n, P, PER_FRAME] of the past.
 
-    Columns: position x y, step x y from the frame before, velocity x y, sin of yaw, cos
-    of yaw less 1, score, taken.
+    They are 0 before the track was born. Columns: position x y, step x y from the frame
+    before, velocity x y, sin of yaw, cos of yaw less 1, score, taken.
     """
     position = inputs["position"]
     xp = namespace(position)

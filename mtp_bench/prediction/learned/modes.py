@@ -1,8 +1,8 @@
 """Modes: a perceptron that gives k futures with weights.
 
-Each future is a correction of constant velocity. One future of several must be right, so
-the modes divide the possibilities among them (multiple choice learning: Guzman-Rivera et
-al. 2012; for trajectories Cui et al. 2019).
+Each future is a correction of constant velocity. One future of several must be right,
+so the modes divide the possibilities among them (multiple choice learning:
+Guzman-Rivera et al. 2012; for trajectories Cui et al. 2019).
 """
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from ...core import Ints
 from ..windows import Surroundings, TrackWindows
 from .layers import (
-    INPUT_LIMIT,
     Array,
     Inputs,
     Shapes,
@@ -82,7 +81,7 @@ class Modes:
         Inputs are standardised; outputs are in units of the error of constant velocity.
         """
         features = self.encoded(inputs, sizes)
-        error = np.linalg.norm(future - straight(inputs, sizes), axis=-1)
+        error = np.linalg.norm(future - straight_future(inputs, sizes), axis=-1)
         return {
             **initial(self._layers(sizes), np.random.default_rng(seed)),
             **statistics("input", features),
@@ -93,9 +92,8 @@ class Modes:
         self, weights: Weights, inputs: Inputs, sizes: Sizes
     ) -> dict[str, Array]:
         """Return modes, their log-weights (not normalised) and the present position."""
-        xp = namespace(inputs["position"])
         x = standardised(weights, "input", self.encoded(inputs, sizes))
-        output = mlp(weights, "net", xp.clip(x, -INPUT_LIMIT, INPUT_LIMIT), LAYERS)
+        output = mlp(weights, "net", x, LAYERS)
         residual, log_weight, present = split_output(output, sizes)
         spread = weights["output.spread"]
         return {
@@ -119,7 +117,7 @@ class Modes:
 
     def moved(self, inputs: Inputs, residual: Array, sizes: Sizes) -> Array:
         """Return futures [n, S, T, 2] m: constant velocity with ``residual`` added."""
-        return straight(inputs, sizes)[:, None] + residual
+        return straight_future(inputs, sizes)[:, None] + residual
 
 
 NETWORK = Modes()
@@ -145,12 +143,12 @@ def statistics(name: str, features: np.ndarray) -> Arrays:
 
 
 def at_velocity(velocity: Array, sizes: Sizes) -> Array:
-    """Return offsets [n, T, 2] m at a constant ``velocity`` [n, 2] m/s."""
+    """Return offsets [n, T, 2] m at a constant velocity [n, 2] m/s."""
     xp = namespace(velocity)
     return xp.cumsum(xp.stack([velocity * sizes.dt] * sizes.future, 1), 1)
 
 
-def straight(inputs: Inputs, sizes: Sizes) -> Array:
+def straight_future(inputs: Inputs, sizes: Sizes) -> Array:
     """Return the future [n, T, 2] m at constant velocity."""
     return at_velocity(mean_velocity(inputs, sizes.dt), sizes)
 

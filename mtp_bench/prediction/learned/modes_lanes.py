@@ -36,12 +36,13 @@ class ModesLanes(Modes):
         surroundings: Surroundings,
         sizes: Sizes,
     ) -> Arrays:
-        """Return the input of "modes", and a path for each of the J modes along lanes.
+        """Return the input of "modes", and paths along lanes.
 
-        Boxes that move backward are turned round. path [n, J, S, 2] m: an object with
-        fewer paths has them several times, for several speeds; one without any has
-        straight lines. chance [n, J]: probability of the path, 0 if it repeats an
-        earlier one. side [n, 1]: -1 for boxes turned round.
+        Each of the J modes along lanes has a path. Boxes that move backward are turned
+        round. path [n, J, S, 2] m: an object with fewer paths has them several times,
+        for several speeds; one without any has straight lines. chance [n, J]:
+        probability of the path, 0 if it repeats an earlier one. side [n, 1]: -1 for
+        boxes turned round.
         """
         local = super().inputs(windows, moment, surroundings, sizes)
         velocity = mean_velocity(local, sizes.dt)
@@ -81,7 +82,10 @@ class ModesLanes(Modes):
     def forward(
         self, weights: Weights, inputs: Inputs, sizes: Sizes
     ) -> dict[str, Array]:
-        """Return the output of "modes"; what was turned round is turned back."""
+        """Return the output of "modes".
+
+        What was turned round is turned back.
+        """
         output = super().forward(weights, inputs, sizes)
         side = inputs["side"]
         return {
@@ -130,7 +134,7 @@ def _local_paths(
 
 
 def _along_paths(inputs: Inputs, residual: Array, sizes: Sizes) -> Array:
-    """Return places [n, J, T, 2] m on the paths at constant speed.
+    """Return places [n, J, T, 2] m on paths, at constant speed.
 
     ``residual`` corrects them, m along the paths and to the left.
     """

@@ -1,4 +1,4 @@
-"""Interface of a network, for agents and for training, and the networks of this folder."""
+"""Interface of a network, for agents and training, and this folder's networks."""
 
 import pkgutil
 from dataclasses import dataclass
@@ -30,13 +30,19 @@ class Sizes:
 
     @classmethod
     def of(cls, task: Task) -> Self:
-        """Return the sizes for a task: as many modes as samples that are ranked."""
+        """Return the sizes for a task.
+
+        There are as many modes as samples that are ranked.
+        """
         return cls(task.classes, task.past, task.future, task.k, task.dt)
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a training, which begins with the best weights of the stage before."""
+    """A part of a training.
+
+    It begins with the best weights of the stage before.
+    """
 
     loss: str  # a function of `mtp_bench.training.losses`
     # prefix of the names of the weights that are trained; the others stay as they are
@@ -118,7 +124,10 @@ def networks() -> dict[str, Network]:
 
 
 def network_of(name: str) -> Network:
-    """Return the network of this name; raises UnknownNameError."""
+    """Return the network of this name.
+
+    Raises UnknownNameError.
+    """
     require_known("network", name, networks())
     return networks()[name]
 

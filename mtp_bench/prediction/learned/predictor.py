@@ -1,8 +1,9 @@
 """A network in an agent, and its file of weights.
 
-The network runs with NumPy alone, once per frame over the distinct windows of all tracks. A
-file of weights holds safetensors with a model card; nothing in it is executed when it is
-read. It is searched for in the user's folder, then among those that ship, which are packed.
+The network runs with NumPy alone, once per frame over the distinct windows of all
+tracks. A file of weights holds safetensors with a model card; nothing in it is executed
+when it is read. It is searched for in the user's folder, then among those that ship,
+which are packed.
 """
 
 import json
@@ -60,9 +61,10 @@ class StoredWeights:
 
 
 def find_weights(network: str, on: str, task: Task) -> Path:
-    """Return the file for a task: of its env, else of the env whose weights it shares.
+    """Return the file of the weights for a task.
 
-    Raises SubmissionError, with the command that makes the file, if it is missing.
+    It is that of its env, else of the env whose weights it shares. Raises
+    SubmissionError, with the command that makes the file, if it is missing.
     """
     for env_id in filter(None, (task.env_id, task.weights_of)):
         name = file_name(network, on, env_id)
@@ -84,10 +86,11 @@ def find_weights(network: str, on: str, task: Task) -> Path:
 
 
 def write_weights(path: Path, stored: StoredWeights) -> None:
-    """Write weights in half precision, as a whole or not at all. Raises OSError.
+    """Write weights in half precision, as a whole or not at all.
 
-    A file that ends in ".xz", as those that ship, is compressed, and its numbers are
-    rounded to 7 bits of the fraction, as in bfloat16: two thirds of the size.
+    Raises OSError. A file that ends in ".xz", as those that ship, is compressed, and
+    its numbers are rounded to 7 bits of the fraction, as in bfloat16: two thirds of the
+    size.
     """
     from safetensors.numpy import save
 
@@ -110,9 +113,9 @@ def write_weights(path: Path, stored: StoredWeights) -> None:
 
 
 def rounded(values: NDArray[np.float16]) -> NDArray[np.float16]:
-    """Return the nearest numbers whose last three bits are 0, ties to even.
+    """Return the nearest numbers whose last three bits are 0.
 
-    Finite ones stay finite.
+    Ties go to even. Finite ones stay finite.
     """
     bits = values.view(np.uint16).astype(np.uint32)
     nearest = (bits + 3 + (bits >> 3 & 1)) & ~np.uint32(7)
@@ -228,11 +231,12 @@ class LearnedPredictor:
             track took, as in a pipeline that tracks first.
 
     A network that was trained on ground-truth tracks gets all tracks in that form, with
-    score 1 and no count of frames before the window. It has never seen another score, and
-    its answer to one is arbitrary.
+    score 1 and no count of frames before the window. It has never seen another score,
+    and its answer to one is arbitrary.
 
-    Raises SubmissionError for an ``association`` that the network lacks, and at ``reset``
-    if no file fits the task, or if the network reads lanes and the task shows none.
+    Raises SubmissionError for an ``association`` that the network lacks, and at
+    ``reset`` if no file fits the task, or if the network reads lanes and the task shows
+    none.
     """
 
     def __init__(

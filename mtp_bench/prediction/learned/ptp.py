@@ -1,16 +1,16 @@
 """PTP: the forecasting branch of Weng, Yuan, Kitani 2021, the predictor of the paper.
 
-It has a recurrent encoder of each tracklet, a graph network over the objects of the frame,
-and a conditional variational autoencoder with recurrent encoder and decoder. On top of it
-a diversity sampling function maps the context of an object to k codes (Yuan, Kitani 2019).
-It is trained with the losses of its successor DLow (Yuan, Kitani 2020), whose codes are
-z_k = A_k eps + b_k; here eps is 0, in training as at work, so that forecasts are
-deterministic. All k futures have the same weight. Before the sampling function is trained,
-its codes are k fixed draws of the prior.
+It has a recurrent encoder of each tracklet, a graph network over the objects of the
+frame, and a conditional variational autoencoder with recurrent encoder and decoder. On
+top of it a diversity sampling function maps the context of an object to k codes (Yuan,
+Kitani 2019). It is trained with the losses of its successor DLow (Yuan, Kitani 2020),
+whose codes are z_k = A_k eps + b_k; here eps is 0, in training as at work, so that
+forecasts are deterministic. All k futures have the same weight. Before the sampling
+function is trained, its codes are k fixed draws of the prior.
 
-Neither code nor weights of PTP are public. What differs: all is in the heading frame of the
-object, the decoder gives corrections of constant velocity, and messages between objects
-hold the position of the other one.
+Neither code nor weights of PTP are public. What differs: all is in the heading frame of
+the object, the decoder gives corrections of constant velocity, and messages between
+objects hold the position of the other one.
 """
 
 import numpy as np
@@ -36,7 +36,7 @@ from .layers import (
     standardised,
 )
 from .local import PER_FRAME, Arrays, history, local_inputs, mean_velocity, one_hot
-from .modes import LEAST_SPREAD, spread_of, statistics, straight
+from .modes import LEAST_SPREAD, spread_of, statistics, straight_future
 from .network import Recipe, Sizes, Stage
 
 TRACKLET = 64  # size of the state of a tracklet, and of an object in the graph
@@ -115,7 +115,7 @@ class Ptp:
         past = _steps(inputs, sizes)[inputs["alive"] > 0]
         past_spread = np.sqrt((past**2).mean(axis=0))
         # the network predicts steps of the correction to constant velocity
-        step = np.diff(future - straight(inputs, sizes), axis=1, prepend=0)
+        step = np.diff(future - straight_future(inputs, sizes), axis=1, prepend=0)
         known_before = np.concatenate([is_known[:, :1], is_known[:, :-1]], axis=1)
         return {
             **weights,
@@ -130,9 +130,9 @@ class Ptp:
         """Return the futures of the k codes of the sampling function."""
         context = context_of(weights, inputs, sizes)
         code = sample_codes(weights, context, sizes)
-        correction = decode(weights, context, code, sizes)
+        correction = decode_futures(weights, context, code, sizes)
         return {
-            "modes": straight(inputs, sizes)[:, None] + correction,
+            "modes": straight_future(inputs, sizes)[:, None] + correction,
             "log_weight": code[:, :, 0] * 0,
             "present": linear(weights, "cvae.present", context),
         }
@@ -199,7 +199,6 @@ def context_of(weights: Weights, inputs: Inputs, sizes: Sizes) -> Array:
     states = lstm_states(weights, "cvae.past.0", steps, alive)
     past = lstm(weights, "cvae.past.1", states, alive)
     features = standardised(weights, "object", _object(inputs, sizes))
-    features = xp.clip(features, -INPUT_LIMIT, INPUT_LIMIT)
     classes = one_hot(inputs["class_id"], len(sizes.classes), past)
     columns = xp.concatenate([past, features, classes], 1)
     own = relu(linear(weights, "cvae.object", columns))
@@ -247,10 +246,12 @@ def sample_codes(weights: Weights, context: Array, sizes: Sizes) -> Array:
     return mlp(weights, "sampler", context, 2).reshape(-1, sizes.modes, CODE)
 
 
-def decode(weights: Weights, context: Array, code: Array, sizes: Sizes) -> Array:
-    """Return corrections [n, S, T, 2] m of constant velocity for codes [n, S, CODE].
+def decode_futures(
+    weights: Weights, context: Array, code: Array, sizes: Sizes
+) -> Array:
+    """Return corrections [n, S, T, 2] m of constant velocity.
 
-    Each step depends on the one before.
+    ``code``: [n, S, CODE]. Each step depends on the one before.
     """
     xp = namespace(context)
     count, samples = code.shape[:2]
@@ -271,13 +272,13 @@ def decode(weights: Weights, context: Array, code: Array, sizes: Sizes) -> Array
     return correction.reshape(count, samples, sizes.future, 2)
 
 
-def posterior(
+def code_posterior(
     weights: Weights, context: Array, steps: Array, is_known: Array
 ) -> tuple[Array, Array]:
-    """Return mean and log of the variance, [n, CODE] each, of a true future's code.
+    """Return mean and log-variance of a true future's code.
 
-    For training. ``steps`` [n, T, 2]: the steps that `decode` should make, in units of
-    their spread; ``is_known`` [n, T].
+    They are [n, CODE] each, for training. ``steps`` [n, T, 2]: the steps that
+    `decode_futures` should make, in units of their spread; ``is_known`` [n, T].
     """
     xp = namespace(context)
     steps = xp.clip(steps, -INPUT_LIMIT, INPUT_LIMIT)
@@ -289,9 +290,9 @@ def posterior(
 def in_view(inputs: Inputs) -> Array:
     """Return the mask [n, n]: window i sees window j.
 
-    A window sees the objects of the same frame that the heaviest hypothesis holds, other
-    than its own. A window that ends in exactly the same place is of the same object, in
-    another hypothesis.
+    A window sees the objects of the same frame that the heaviest hypothesis holds,
+    other than its own. A window that ends in exactly the same place is of the same
+    object, in another hypothesis.
     """
     xy = inputs["place"][:, :2]
     moment = inputs["moment"]
@@ -301,9 +302,9 @@ def in_view(inputs: Inputs) -> Array:
 
 
 def turned(inputs: Inputs, vectors: Array, sense: int) -> Array:
-    """Turn vectors [n, S, 2] out of the heading frame of each window, or into it.
+    """Turn vectors [n, S, 2] out of heading frames, or into them.
 
-    ``sense`` is 1 for out of it, -1 for into it.
+    Each window has one. ``sense`` is 1 for out of it, -1 for into it.
     """
     xp = namespace(vectors)
     yaw = inputs["place"][:, 2]

@@ -1,15 +1,14 @@
-"""Tracking-free: futures of an object from all detections around it, without association.
+"""Tracking-free: futures of an object from all detections around it.
 
-A set encoder stands in place of a track (after Trabelsi et al. 2021, "Drowned out by the
-noise"). Every detection of the last frames is described relative to the object's present
-box, and pooled by attention.
+Detections are not associated. A set encoder stands in place of a track (after Trabelsi
+et al. 2021, "Drowned out by the noise"). Every detection of the last frames is
+described relative to the object's present box, and pooled by attention.
 """
 
 import numpy as np
 
 from .around import FINE, ages, around_inputs, fitted_velocity, shares
 from .layers import (
-    INPUT_LIMIT,
     Array,
     Inputs,
     Shapes,
@@ -113,10 +112,10 @@ def _trained(sizes: Sizes) -> Shapes:
 
 
 def encoded(weights: Weights, inputs: Inputs, sizes: Sizes) -> tuple[Array, Array]:
-    """Return the agreed velocity [n, 2] m/s and features of n objects, one row each.
+    """Return the agreed velocity [n, 2] m/s and features of objects.
 
-    Detections vote for a velocity, are compared with it, vote again, and are pooled,
-    frame by frame and altogether.
+    There is a row of features for each of n objects. Detections vote for a velocity,
+    are compared with it, vote again, and are pooled, frame by frame and altogether.
     """
     near = inputs["near"]
     xp = namespace(near)
@@ -124,7 +123,6 @@ def encoded(weights: Weights, inputs: Inputs, sizes: Sizes) -> tuple[Array, Arra
     classes = one_hot(inputs["class_id"], len(sizes.classes), near[:, 0])
     of_object = xp.concatenate([inputs["size"][:, :2] / 5, classes], 1)
     features = standardised(weights, "around", described(inputs, sizes))
-    features = xp.clip(features, -INPUT_LIMIT, INPUT_LIMIT)
     repeated = of_object[:, None, None] + xp.zeros_like(near)[..., None]
     columns = xp.concatenate([features, repeated], 3)
     token = relu(mlp(weights, "token", columns, 2))
@@ -153,16 +151,20 @@ def encoded(weights: Weights, inputs: Inputs, sizes: Sizes) -> tuple[Array, Arra
 
 
 def off_line(inputs: Inputs, velocity: Array, age: Array) -> Array:
-    """Return offsets [n, P, M, 2] of detections from a line, in units of FINE.
+    """Return offsets [n, P, M, 2] of detections from a line.
 
-    The line is the way of an object with a ``velocity`` [n, 2]; see FINE.
+    They are in units of FINE. The line is the way of an object with a ``velocity`` [n,
+    2]; see FINE.
     """
     offset = inputs["position"] + velocity[:, None, None] * age[..., None]
     return namespace(offset).arcsinh(offset * inputs["near"][..., None] / FINE)
 
 
 def voted(inputs: Inputs, vote: Array, dt: float) -> Array:
-    """Return the velocity [n, 2] m/s that detections agree on, by votes [n, P, M]."""
+    """Return the velocity [n, 2] m/s that detections agree on.
+
+    ``vote`` [n, P, M]: their votes.
+    """
     count = len(vote)
     slots = vote.shape[1] * vote.shape[2]
     position = inputs["position"].reshape(count, slots, 2)
@@ -202,8 +204,9 @@ def support(velocity: Array, position: Array, near: Array, dt: float) -> Array:
     """Return how many frames [n, P, M] agree with each detection's ``velocity``.
 
     ``velocity`` [n, P, M, 2]; the numbers are from 0 to P - 1. A frame agrees by its
-    detection that is nearest to where an object of that velocity was: 1 there, less with
-    its distance in units of the noise of both positions and of possible acceleration.
+    detection that is nearest to where an object of that velocity was: 1 there, less
+    with its distance in units of the noise of both positions and of possible
+    acceleration.
     """
     xp = namespace(near)
     frames = near.shape[1]

@@ -10,10 +10,10 @@ from scipy.spatial import KDTree
 
 from ...core import Bools, Floats, Scene, joined
 from ...detector import (
-    BESIDE,
-    EVEN_RANKS,
-    RANKS,
-    SLOTS,
+    BESIDE_DISTANCES_M,
+    DISTANCE_RANKS,
+    SCORE_RANKS,
+    SLOTS_PER_BOX,
     ClassNoise,
     Draws,
     FreeFalsePositives,
@@ -108,7 +108,7 @@ def _count_near(
     """
     if not is_near.any() or not boxes:
         return None
-    zone = np.digitize(real.object_distance, BESIDE)
+    zone = np.digitize(real.object_distance, BESIDE_DISTANCES_M)
     first, second, third = (
         round(_share(real.of_class, is_near & (zone == i), default=1.0), 4)
         for i in range(3)
@@ -116,10 +116,10 @@ def _count_near(
     is_duplicate = is_near & (zone == 0) & real.of_class
     duplicates = None
     if is_duplicate.sum() >= _MIN_DUPLICATES:
-        duplicates = _quantiles(real.score[is_duplicate], RANKS)
+        duplicates = _quantiles(real.score[is_duplicate], SCORE_RANKS)
     return NearFalsePositives(
-        chance=round(min(float(is_near.sum()) / boxes / SLOTS, 1.0), 5),
-        score=_quantiles(real.score[is_near], RANKS),
+        chance=round(min(float(is_near.sum()) / boxes / SLOTS_PER_BOX, 1.0), 5),
+        score=_quantiles(real.score[is_near], SCORE_RANKS),
         offset=_quantiles(real.object_distance[is_near]),
         same=(first, second, third),
         duplicates=duplicates,
@@ -160,13 +160,13 @@ def _count_free(
         family=0.5,
         size=(length, width, height),
         distance=_quantiles(np.maximum(real.distance[is_free], _SENSOR_DISTANCE_M)),
-        score=_quantiles(real.score[is_free], RANKS),
+        score=_quantiles(real.score[is_free], SCORE_RANKS),
         **_memory(1.0, 0.0, dt),
     )
 
 
 def _quantiles(
-    value: Floats, ranks: Sequence[float] | Floats = EVEN_RANKS
+    value: Floats, ranks: Sequence[float] | Floats = DISTANCE_RANKS
 ) -> tuple[float, ...]:
     return rounded(np.quantile(value, ranks))
 
@@ -189,7 +189,7 @@ def figures_of(rows: FalsePositiveRows, frames: int, high_score: float) -> Float
     strong = rows.score >= high_score
     every_row = np.ones(len(rows.score), dtype=bool)
     without_parent = ~(rows.parent_score >= high_score)
-    lonely = (rows.object_distance < BESIDE[1]) & without_parent
+    lonely = (rows.object_distance < BESIDE_DISTANCES_M[1]) & without_parent
     stays_1 = _has_neighbour(rows, every_row, _SAME_PLACE_M, lag=1)
     stays_4 = _has_neighbour(rows, every_row, _SAME_PLACE_M, lag=4)
     stays_strong = _has_neighbour(rows, strong, _SAME_PLACE_M, lag=1)
