@@ -261,7 +261,7 @@ def _malformed(checked: CheckedAction, task: Task, detections: Ints | None) -> I
 
     The last entry is of objects whose class is unreadable. An object that is stated and
     taken out is one of its class. An action without readable objects is one per
-    detection: so no invalid action is better than an empty one (`fixed_error`).
+    detection: so no invalid action is better than an empty one (`fixed_parts`).
     """
     if not checked.readable and detections is not None:
         return np.append(detections, 0).astype(np.int64)

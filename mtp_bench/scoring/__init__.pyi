@@ -1,8 +1,4 @@
-from .bade import (
-    ONE_PER_TARGET as ONE_PER_TARGET,
-    CardBudget as CardBudget,
-    capped_error as capped_error,
-)
+from .bade import ONE_PER_TARGET as ONE_PER_TARGET, CardBudget as CardBudget
 from .clear import tracking_counts as tracking_counts
 from .definitions import (
     DEFINITIONS as DEFINITIONS,
@@ -88,7 +84,6 @@ from .parts import (
     blame as blame,
     by_fault as by_fault,
     error_parts as error_parts,
-    fault_of as fault_of,
     named_parts as named_parts,
     parts_text as parts_text,
     plain_parts as plain_parts,
@@ -106,7 +101,6 @@ from .rank import (
     Pair as Pair,
     Place as Place,
     References as References,
-    difference_to as difference_to,
     guard as guard,
     places_on as places_on,
     rank_by_error as rank_by_error,

@@ -215,18 +215,14 @@ def at_budgets(
     return np.stack(rows)
 
 
-def capped_error(min_ade: Floats, miss_error: Floats) -> Floats:
-    """Return the error [n] of targets, m: minADE, at most the miss error.
-
-    ``min_ade`` [n]: inf without a forecast.
-    """
-    return np.minimum(min_ade, miss_error)
-
-
-def fixed_error(
+def fixed_parts(
     cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete: bool
-) -> float:
-    """Return the error at the fixed operating point: c-GOSPA, summed over targets, m.
+) -> tuple[Floats, Floats, float, float]:
+    """Return the parts of the error at the fixed operating point, c-GOSPA, m.
+
+    The parts: the error of each target [n], the share of it from targets without a
+    forecast, the cost of false forecasts, the cost of invalid objects. Errors of
+    targets and both costs add up to the error.
 
     A target costs min(minADE, c), and c without a forecast of confidence 0.5 or more. A
     false forecast of such a confidence costs c / 2; if false ones are unknown, each
@@ -235,18 +231,6 @@ def fixed_error(
     ``cuts``: the forecasts of live frames. ``malformed`` [F, C + 1]: invalid objects in
     live frames by class; they count as false forecasts, those without a class as of the
     largest c. ``miss_error`` [C]: c.
-    """
-    error, _, false, broken = fixed_parts(cuts, malformed, miss_error, truth_complete)
-    return float(error.sum()) + false + broken
-
-
-def fixed_parts(
-    cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete: bool
-) -> tuple[Floats, Floats, float, float]:
-    """Return the parts of `fixed_error`, whose arguments it has, m.
-
-    The parts: the error of each target [n], the share of it from targets without a
-    forecast, the cost of false forecasts, the cost of invalid objects.
     """
     error, missed = cuts.at(SURE)
     class_cost = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())

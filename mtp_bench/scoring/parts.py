@@ -146,20 +146,6 @@ def by_fault(parts: Mapping[str, float]) -> dict[str, float]:
     return {stage: sums[stage] for stage in stages}
 
 
-def fault_of(parts: Mapping[str, float]) -> str:
-    """Return the part of the stack that causes most of `named_parts`.
-
-    The text also names the largest of its causes. It is empty without an error.
-    Confidence is named only where nothing else has a part.
-    """
-    stages = [stage for stage, size in by_fault(parts).items() if size >= LEAST_SHOWN]
-    if not stages:
-        return ""
-    stage = next((stage for stage in stages if stage != "confidence"), "confidence")
-    cause = next(name for name in parts if name in FAULTS[stage])
-    return stage if cause == stage else f"{stage}: {cause}"
-
-
 def reference_errors(
     associated: AgentScores | None, tracks: AgentScores | None, samples: int
 ) -> ReferenceErrors | None:

@@ -23,7 +23,6 @@ from .definitions import (
 )
 from .rows import Budget
 from .statistics import (
-    PairedDifference,
     UnitSums,
     beyond_rounding,
     effective_number,
@@ -211,20 +210,6 @@ def span_text(span: tuple[int, int] | None) -> str | None:
     return None if span is None else "–".join(map(str, dict.fromkeys(span)))
 
 
-def difference_to(
-    stp: HasSums | None, agent: HasSums, subset: Subset
-) -> PairedDifference | None:
-    """Return bADE minus that of ``stp``, metres.
-
-    None without ``stp``, without targets, and with another number of samples.
-    """
-    if stp is None:
-        return None
-    sums = agent.sums_on(subset)
-    stp_sums = stp.sums_on(subset)
-    return sums.minus(stp_sums) if sums.samples == stp_sums.samples else None
-
-
 class References(NamedTuple):
     """Runs with an agent's own predictor and presence model; None: not run."""
 
@@ -304,11 +289,12 @@ def pairs_of(
     stp: AgentTable | None,
     truth: AgentTable | None,
     references: Mapping[str, References | None],
-    tables: Mapping[int, AgentTable],
+    tables: Mapping[AgentScores | None, AgentTable],
 ) -> GapPairs:
     """Return the pairs of an agent.
 
-    ``tables``: tables of all references, by the id of their scores.
+    ``tables``: of all references by their scores; None, of one that was not run, is
+    no key.
     """
     setting = table.setting
     if setting.agent not in references:
@@ -317,7 +303,7 @@ def pairs_of(
     if runs is None:
         unstated = Pair(missing=UNSTATED)
         return GapPairs(unstated, unstated, unstated)
-    single, ground_truth, same_samples, associated = map(tables.get, map(id, runs[:4]))
+    single, ground_truth, same_samples, associated = map(tables.get, runs[:4])
     kinematic = Pair(missing=NOT_KINEMATIC)
     if single and stp and single.setting.agent == stp.setting.agent:
         kinematic = Pair(stp, truth)

@@ -19,7 +19,6 @@ from ..scoring import (
     SceneParts,
     absent_causes,
     blame,
-    capped_error,
     check_rollout,
     evaluated,
     event_pairs,
@@ -268,7 +267,7 @@ def _forecasts(
     if parts is None:
         max_error = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
         cause = np.where(errors.covered, -1, absent_causes(scene, targets, card))
-        plain_part = plain_parts(capped_error(errors.min_ade, max_error), cause)
+        plain_part = plain_parts(np.minimum(errors.min_ade, max_error), cause)
         mean_blame_m = float(blame(plain_part).mean()) if len(plain_part) else 0.0
         parts = SceneParts(plain_part, mean_blame_m, targets.distance)
     if not np.array_equal(parts.distance, targets.distance):
