@@ -14,7 +14,6 @@ from .checks import (
     ActionProblem as ActionProblem,
     CheckedAction as CheckedAction,
     check_action as check_action,
-    is_present as is_present,
 )
 from .loader import (
     ON_SCORED as ON_SCORED,
@@ -48,6 +47,7 @@ from .protocols import (
     Tracker as Tracker,
     Tracks as Tracks,
 )
+from .row_checks import is_present as is_present
 from .submission_files import (
     digest_of as digest_of,
     files_of as files_of,

@@ -35,7 +35,7 @@ from .own import (
     scenes_digest,
     split_folder,
 )
-from .source import STORED_DETECTOR, FilesSource, SourceSection, read_source
+from .source import STORED_DETECTOR, FilesSource, read_source
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 
@@ -114,9 +114,8 @@ def load_card(name: str | Path) -> Card:
             f"{path.name}: id is {card.id!r}, expected the file's stem {path.stem!r}"
         )
     if isinstance(card.source, FilesSource):
-        return _with_source(
-            card, resolve_folder(card.source, path.parent, card.lanes is not None)
-        )
+        source = resolve_folder(card.source, path.parent, card.lanes is not None)
+        return card.model_copy(update={"source": source})
     return card
 
 
@@ -145,7 +144,8 @@ def with_split(card: Card, split: str) -> Card:
         if source.folder is not None:
             folder = split_folder(Path(source.folder), split)
             update["sha256"] = own_digest(folder, card.lanes is not None)
-    return _with_source(card, source.model_copy(update=update))
+    source = source.model_copy(update=update)
+    return card.model_copy(update={"source": source})
 
 
 def with_detector(card: Card, name: str) -> Card:
@@ -309,10 +309,6 @@ def instead_of_stored(card: Card) -> str:
         f"; without them a simulated detector runs at once: --detector {profile} "
         f"(detector={profile!r} in Python)"
     )
-
-
-def _with_source(card: Card, source: SourceSection) -> Card:
-    return card.model_copy(update={"source": source})
 
 
 def _with_own_scenes(card: Card, **scenes: object) -> Card:

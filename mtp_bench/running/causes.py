@@ -122,16 +122,12 @@ def _make_parts(
     with long_work("finding causes: scoring the run and two references"):
         scores = run_scores(opened, options)
         try:
-            split_scores: list[AgentScores | None] = []
-            for role in _SPLIT_ROLES:
-                role_scores = None
-                if references:
-                    role_scores = _reference_scores(
-                        references[role], opened, scene_names, options
-                    )
-                split_scores.append(role_scores)
-            associated, tracks = split_scores
-            split = reference_errors(associated, tracks, opened.run.info.samples)
+            if references:
+                associated, tracks = [
+                    _reference_scores(references[role], opened, scene_names, options)
+                    for role in _SPLIT_ROLES
+                ]
+                split = reference_errors(associated, tracks, opened.run.info.samples)
         except SubmissionError as error:  # such as weights that are not there
             failure = f"a reference failed: {error}"
         table = agent_table(scores, None, card_budget(opened.card.id))

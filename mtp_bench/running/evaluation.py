@@ -27,7 +27,6 @@ from .reference import ranked_scenes, reference_for
 from .settings import Setting, setting_of, training_note
 
 Scores = AgentScores | AgentFailedError
-ReferenceScores = Mapping[str, References | None]  # of `summarise`, by agent
 
 
 def evaluate(
@@ -143,7 +142,7 @@ class EnvEvaluation:
         self,
         scores: Sequence[Any],
         settings: Sequence[Setting],
-        references: ReferenceScores | None = None,
+        references: Mapping[str, References | None] | None = None,
     ) -> tuple[Report, Reference]:
         """Return the report of the ``scores`` of ``settings``, and the event weights.
 
@@ -186,15 +185,10 @@ class EnvEvaluation:
         return keywords
 
 
-def scores_of(
-    setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: str = ""
-) -> AgentScores:
-    """Return the scores of a setting, a run per seed.
-
-    Their name is ``agent`` or, if that is empty, the setting's label.
-    """
+def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]]) -> AgentScores:
+    """Return the scores of a setting, a run per seed."""
     return AgentScores(
-        agent or setting.label,
+        setting.label,
         setting.hypotheses or stated_hypotheses(seeds),
         setting.samples,
         setting.budget,

@@ -268,11 +268,7 @@ def write_reference(
     entries = []
     for key, scene in scenes.items():
         entry = _SceneEntry(
-            targets=scene.targets,
-            false_forecasts=scene.false_forecasts,
-            forecasts=scene.forecasts,
-            stp_events=scene.stp_events,
-            way=scene.way,
+            **{name: getattr(scene, name) for name in _SceneEntry.model_fields}
         )
         content = json.dumps(entry.model_dump(mode="json", exclude_none=True))
         entries.append(f"  {json.dumps(key)}: {content}")
@@ -333,12 +329,7 @@ def _scenes(file: _ReferenceFile, path: Path) -> dict[str, SceneWeights]:
     for key, entry in entries.items():
         rows = slice(start, start + entry.targets)
         scenes[key] = SceneWeights(
-            counts=counts[rows],
-            stp=stp[rows],
-            stp_events=entry.stp_events,
-            false_forecasts=entry.false_forecasts,
-            forecasts=entry.forecasts,
-            way=entry.way,
+            counts[rows], stp[rows], **entry.model_dump(exclude={"targets"})
         )
         start += entry.targets
     return scenes

@@ -22,7 +22,7 @@ from ..core import (
     to_metres,
 )
 from ..detector import Memory, OpenScene, visible_fractions
-from ..env import Feed, LocalFrame, RecordedAction, make_feed
+from ..env import Feed, LocalFrame, RecordedAction, frame_info, make_feed
 from ..sources import detected, section_of
 from .drive_record import record_of, rows_from
 from .highway.driven import DrivenTraffic
@@ -130,7 +130,6 @@ class DrivenEpisode:
     stations: list[float] = field(default_factory=list)
     accelerations: list[float] = field(default_factory=list)
     drive: Drive | None = None  # when it is over
-    first: int = 0
 
     @classmethod
     def start(
@@ -163,11 +162,6 @@ class DrivenEpisode:
         return len(self.actions)
 
     @property
-    def row(self) -> int:
-        """Frame that is shown, in ``feed``: 0, as that has one frame."""
-        return 0
-
-    @property
     def dropped(self) -> Ints:
         """Detections of each frame that did not fit into an observation [F]."""
         return np.array(self.dropped_counts, dtype=np.int64)
@@ -192,14 +186,9 @@ class DrivenEpisode:
 
     def info(self) -> dict[str, Any]:
         """Return numbers of the present frame, and of the action before."""
-        invalid = self.actions[-1].invalid.tolist() if self.actions else (0, 0, 0)
-        return {
-            "frame": self.t,
-            "dropped_detections": 0 if self.over else int(self.feed.dropped[0]),
-            "invalid_tracks": invalid[0],
-            "invalid_hypotheses": invalid[1],
-            "invalid_objects": invalid[2],
-        }
+        dropped = 0 if self.over else int(self.feed.dropped[0])
+        last_action = self.actions[-1] if self.actions else None
+        return frame_info(self.t, dropped, last_action)
 
     def recording(self) -> tuple[Scene, Feed]:
         """Return the frames so far and the observations of them."""
