@@ -41,7 +41,10 @@ VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 
 
 class ChangeKeywords(TypedDict, total=False):
-    """Keywords that change the card of an env; None: as in the card."""
+    """Keywords that change the card of an env.
+
+    None: as in the card.
+    """
 
     split: str | None  # another split of the card's source, such as "train"
     # another detector: simulated, by a profile, "iid" or "hard"; on nuScenes also
@@ -67,15 +70,19 @@ class CardChanges:
 
     @property
     def changes(self) -> dict[str, str]:
-        """The values that are not None, as keywords; a stored run keeps them."""
+        """The values that are not None, as keywords.
+
+        A stored run keeps them.
+        """
         values = {
             field.name: getattr(self, field.name) for field in fields(CardChanges)
         }
         return {name: value for name, value in values.items() if value is not None}
 
     def apply(self, card: Card) -> Card:
-        """Return ``card`` with all changes; raises CardError, UnknownNameError.
+        """Return ``card`` with all changes.
 
+        Raises CardError, UnknownNameError.
         Own scenes come first: split and detector are then chosen for them.
         """
         if self.files is not None:
@@ -120,7 +127,10 @@ def load_card(name: str | Path) -> Card:
 
 
 def parse_card(content: dict[str, Any], where: str = "card") -> Card:
-    """Validate the content of a card; errors name it by ``where``."""
+    """Validate the content of a card.
+
+    Errors name it by ``where``.
+    """
     content = {**content, "source": read_source(content.get("source"), where)}
     card = validate(Card, content, where, CardError)
     check_consistency(card, where)
@@ -175,7 +185,10 @@ def with_detector(card: Card, name: str) -> Card:
 
 
 def _detector_update(card: Card, name: str) -> dict[str, object] | None:
-    """Return the changes of the section [detector]; None for a stored detector."""
+    """Return the changes of the section [detector].
+
+    None for a stored detector.
+    """
     if name in VARIANTS:
         if card.detector is None:
             raise CardError(

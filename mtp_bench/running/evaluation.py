@@ -35,8 +35,9 @@ def evaluate(
     options: RunOptions = DEFAULTS,
     **keywords: Unpack[RunKeywords],
 ) -> Report:
-    """Run and score one agent on the scenes of an env; see `RunKeywords`.
+    """Run and score one agent on the scenes of an env.
 
+    See `RunKeywords`.
     ``agent``: an agent object, a function ``build(task)`` or a class that makes one,
     the name of a baseline, or the folder of a submission, with the parameters of its
     manifest. Every scene gets a new agent, or a copy of the object. ``env_id``: id of

@@ -85,7 +85,10 @@ _LIBRARIES = ("numpy", "scipy", "gymnasium", "numba", "torch", "scikit-learn")
 
 
 class AgentFailedError(SubmissionError):
-    """An agent raised; ``reason`` says where and what, on one line."""
+    """An agent raised.
+
+    ``reason`` says where and what, on one line.
+    """
 
     def __init__(self, agent: str, reason: str) -> None:
         super().__init__(agent, reason)  # both: workers send their errors home
@@ -129,7 +132,10 @@ def run_scene(
 
 @dataclass(frozen=True)
 class Job:
-    """One agent on one scene of one env; it can be pickled if ``make_agent`` can."""
+    """One agent on one scene of one env.
+
+    It can be pickled if ``make_agent`` can.
+    """
 
     make_agent: MakeAgent
     env: str | Card  # id, path of a card, or a card
@@ -312,7 +318,10 @@ def _first_error(job: Job) -> AgentFailedError | None:
 
 
 def _build(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
-    """Build the agent of a job, and ``reset`` it once; raises AgentFailedError."""
+    """Build the agent of a job, and ``reset`` it once.
+
+    Raises AgentFailedError.
+    """
     task = agent_task(env, job.seed, job.scene)
     step = "built"
     try:

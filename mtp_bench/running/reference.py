@@ -107,7 +107,10 @@ def card_budget(env_id: str) -> CardBudget:
 
 
 def _read_frozen(env_id: str) -> Reference | None:
-    """Read the frozen event weights of the shipped card; None without a file."""
+    """Read the frozen event weights of the shipped card.
+
+    None without a file.
+    """
     path = frozen_path(env_id)
     if not path.is_file():
         return None

@@ -180,7 +180,10 @@ def differences(forecast: NDArray[np.int16]) -> NDArray[np.int16]:
 
 
 def undone(steps: NDArray[np.int16]) -> NDArray[np.int16]:
-    """Return the inverse of `differences`; ``steps`` is overwritten."""
+    """Return the inverse of `differences`.
+
+    ``steps`` is overwritten.
+    """
     for _ in range(2):
         for previous, current in pairwise(steps):
             np.add(previous, current, out=current)
@@ -209,7 +212,10 @@ def _write_scene(folder: Path, rollout: Rollout) -> _SceneEntry:
 
 
 def _read_scene(folder: Path, entry: _SceneEntry) -> Rollout:
-    """Read the file of a scene; raises RolloutError."""
+    """Read the file of a scene.
+
+    Raises RolloutError.
+    """
     path = folder / _scene_file(entry.scene)
     try:
         stored = _read_arrays(path)
@@ -238,7 +244,10 @@ def _read_scene(folder: Path, entry: _SceneEntry) -> Rollout:
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Read all arrays of an NPZ file; raises RolloutError if they are too large."""
+    """Read all arrays of an NPZ file.
+
+    Raises RolloutError if they are too large.
+    """
     with open_regular(path) as file, np.load(file, allow_pickle=False) as stored:
         if sum(member.file_size for member in stored.zip.infolist()) > MAX_SCENE_BYTES:
             raise RolloutError(

@@ -152,8 +152,9 @@ def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
 
 
 def kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
-    """Return the controls as references; they have the kinematic predictor.
+    """Return the controls as references.
 
+    They have the kinematic predictor.
     If the agent has more draws than one, the references that split its error have the
     number of draws of ``same_samples``.
     """

@@ -241,7 +241,10 @@ def score(
 
 
 def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores:
-    """Return the scores of a stored run; ``options``: workers and progress."""
+    """Return the scores of a stored run.
+
+    ``options``: workers and progress.
+    """
     info = opened.run.info
     rollouts = opened.run.rollouts
     source = opened.source if options.workers == SERIAL else None

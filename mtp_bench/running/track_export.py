@@ -117,7 +117,10 @@ def write_tracks(
     path: Path,
     table: bool = False,
 ) -> int:
-    """Write the tracks of scenes of ``card``; see `export_tracks`."""
+    """Write the tracks of scenes of ``card``.
+
+    See `export_tracks`.
+    """
     for source, dataset_name, suffix, write_file in _SUBMISSIONS:
         if isinstance(card.source, source) and not table:
             if path.suffix != suffix:
@@ -175,7 +178,10 @@ def _write_table(
 def _write_submission(
     rows: Iterable[tuple[Scene, StoredTracks]], card: Card, data: str | None, path: Path
 ) -> int:
-    """Write a tracking submission of nuScenes; return the number of boxes."""
+    """Write a tracking submission of nuScenes.
+
+    Returns the number of boxes.
+    """
     tables = NuScenes(card, data).tables
     modalities = ("camera", "lidar", "radar", "map", "external")
     meta = {f"use_{modality}": False for modality in modalities}
@@ -226,7 +232,10 @@ def _samples(
 def _write_feather(
     rows: Iterable[tuple[Scene, StoredTracks]], card: Card, data: str | None, path: Path
 ) -> int:
-    """Write a tracking submission of Argoverse 2; return the number of boxes."""
+    """Write a tracking submission of Argoverse 2.
+
+    Returns the number of boxes.
+    """
     from pyarrow import concat_tables, feather, table
 
     classes = np.array(card.task.classes)

@@ -200,7 +200,10 @@ def span_text(span: tuple[int, int] | None) -> str | None:
 
 
 class References(NamedTuple):
-    """Runs with an agent's own predictor and presence model; None: not run."""
+    """Runs with an agent's own predictor and presence model.
+
+    None: not run.
+    """
 
     single: AgentScores | None = None  # one hypothesis
     ground_truth: AgentScores | None = None  # the same on ground-truth tracks
@@ -250,7 +253,10 @@ def gap_closed(agent: UnitSums, stp: UnitSums, truth: UnitSums) -> Gap:
 
 
 class Pair(NamedTuple):
-    """The agents between which a gap is closed; None if one is absent."""
+    """The agents between which a gap is closed.
+
+    None if one is absent.
+    """
 
     stp: HasSums | None = None  # of association: one hypothesis with all samples
     truth: HasSums | None = None  # of association: the same with perfect association

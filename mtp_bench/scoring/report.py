@@ -157,8 +157,9 @@ def _condition(
 
 
 def _detections_text(tables: Sequence[AgentTable], card: Card) -> str:
-    """Return a text such as "a (3 scenes); b (1 scene)" for detectors a and b.
+    """Return a text that counts the scenes of each detector.
 
+    For detectors a and b it is "a (3 scenes); b (1 scene)".
     Detections of a user's own scenes are named as such: the stored name only says whose
     settings agents take.
     """

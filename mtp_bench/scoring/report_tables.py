@@ -44,7 +44,10 @@ _IDS = NAMES["ids"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:
-    """The content of a comparison; None stands for undefined."""
+    """The content of a comparison.
+
+    None stands for undefined.
+    """
 
     env: str
     definitions: str

@@ -13,7 +13,10 @@ from .table import AgentTable, run_errors
 
 @dataclass(frozen=True)
 class SceneResult:
-    """One agent on one scene under one seed; None: undefined, for lack of targets."""
+    """One agent on one scene under one seed.
+
+    None: undefined, for lack of targets.
+    """
 
     agent: str
     scene: str

@@ -37,7 +37,7 @@ class AgentScores:
 
 @dataclass(frozen=True, eq=False)
 class Bade:
-    """bADE per target [n], mean over seeds; m."""
+    """bADE per target [n] in metres, mean over seeds."""
 
     error: Floats
     missed: Floats  # the part from targets without a forecast
