@@ -27,8 +27,8 @@ from .loader import (
 )
 from .manifest import (
     MANIFEST as MANIFEST,
-    PARTS as PARTS,
-    ROLLOUTS as ROLLOUTS,
+    PART_SUFFIX as PART_SUFFIX,
+    ROLLOUTS_SUFFIX as ROLLOUTS_SUFFIX,
     Role as Role,
     SubmissionName as SubmissionName,
 )

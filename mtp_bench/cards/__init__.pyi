@@ -20,7 +20,7 @@ from .changes import (
     with_split as with_split,
 )
 from .own import (
-    TEXTS as TEXTS,
+    TEXT_PATTERNS as TEXT_PATTERNS,
     folder_digest as folder_digest,
     known_digest as known_digest,
     own_digest as own_digest,

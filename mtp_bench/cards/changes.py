@@ -26,7 +26,7 @@ from ..core import (
 from ..detector import load_profile, profile_for, profile_names
 from .card import Card, DetectorSection, check_consistency, check_detector
 from .own import (
-    TEXTS,
+    TEXT_PATTERNS,
     folder_digest,
     known_digest,
     own_digest,
@@ -235,7 +235,9 @@ def with_detections(card: Card, file: str | Path) -> Card:
         )
     path = Path(file).expanduser().absolute()
     try:
-        digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
+        digest = (
+            folder_digest(path, TEXT_PATTERNS) if path.is_dir() else known_digest(path)
+        )
     except OSError as error:
         raise DataError(
             f"detections {path}: {error.strerror}; expected {traits.detection_file}"

@@ -17,7 +17,7 @@ FORMS = ("csv", "parquet")
 _TABLES = ("truth", "detections", "ego")
 SCENES = tuple(f"*/{table}.{form}" for table in _TABLES for form in FORMS)
 ROADS = tuple(f"*/lanes.{form}" for form in FORMS)
-TEXTS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections
+TEXT_PATTERNS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections
 
 
 def resolve_folder(section: FilesSource, base: Path, lanes: bool) -> FilesSource:

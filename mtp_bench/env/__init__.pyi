@@ -14,7 +14,7 @@ from .observation import (
     true_ids as true_ids,
 )
 from .rollouts import (
-    ARRAYS as ARRAYS,
+    ROLLOUT_ARRAYS as ROLLOUT_ARRAYS,
     RecordedAction as RecordedAction,
     actions_of as actions_of,
     digest as digest,

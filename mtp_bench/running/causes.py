@@ -21,7 +21,7 @@ from ..core import (
 )
 from ..scoring import (
     DEFINITIONS,
-    PARTS,
+    PART_NAMES,
     AgentScores,
     SceneParts,
     agent_table,
@@ -137,7 +137,7 @@ def _make_parts(
     missing = np.zeros(count.sum())
     arrays = {
         "part": np.stack(
-            [parts.get(part_name, missing) for part_name in PARTS], axis=1
+            [parts.get(part_name, missing) for part_name in PART_NAMES], axis=1
         ),
         "count": count,
         "distance": np.concatenate([score.distance for score in scene_scores]),

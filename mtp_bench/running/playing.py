@@ -36,7 +36,7 @@ from ..env import MTPEnv
 from .options import DEFAULTS, RunOptions
 
 # Rooms whose modules register all kernels.
-PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")
+PLAYER_ROOMS = ("mtp_bench.tracking", "mtp_bench.prediction")
 
 
 def all_kernels() -> list[Any]:
@@ -44,7 +44,7 @@ def all_kernels() -> list[Any]:
 
     The judge itself does not import trackers and predictors.
     """
-    for room in PLAYERS:
+    for room in PLAYER_ROOMS:
         facade = importlib.import_module(room)
         for name in facade.__all__:  # each is imported when it is first used
             getattr(facade, name)

@@ -29,7 +29,7 @@ from ..core import (
     validate,
     whole_folder,
 )
-from ..env import ARRAYS, digest, drive_arrays, drive_of
+from ..env import ROLLOUT_ARRAYS, digest, drive_arrays, drive_of
 from ..sources import write_npz
 
 RUN_FILE = "run.json"
@@ -132,7 +132,9 @@ def load_run(folder: str | Path) -> Run:
     size = 0
     for entry in run.scenes:
         rollout = _read_scene(folder, entry)
-        size += sum(getattr(rollout, array_name).nbytes for array_name in ARRAYS)
+        size += sum(
+            getattr(rollout, array_name).nbytes for array_name in ROLLOUT_ARRAYS
+        )
         if size > MAX_RUN_BYTES:
             raise RolloutError(
                 f"{folder}: its scenes hold more than {MAX_RUN_BYTES >> 30} GiB, "
@@ -201,7 +203,7 @@ def _write_scene(folder: Path, rollout: Rollout) -> _SceneEntry:
     file is 2 % larger.
     """
     arrays: dict[str, NDArray[Any]] = {}
-    for array_name, (dtype, _) in ARRAYS.items():
+    for array_name, (dtype, _) in ROLLOUT_ARRAYS.items():
         arrays[array_name] = np.asarray(getattr(rollout, array_name), dtype=dtype)
     arrays["forecast"] = differences(arrays["forecast"])
     arrays |= drive_arrays(rollout.drive)
@@ -219,7 +221,7 @@ def _read_scene(folder: Path, entry: _SceneEntry) -> Rollout:
     path = folder / _scene_file(entry.scene)
     try:
         stored = _read_arrays(path)
-        arrays = {array_name: stored.pop(array_name) for array_name in ARRAYS}
+        arrays = {array_name: stored.pop(array_name) for array_name in ROLLOUT_ARRAYS}
         arrays["forecast"] = undone(arrays["forecast"])
         drive = drive_of(stored)
     except FileNotFoundError:
@@ -263,7 +265,7 @@ def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]], frames: int) -> N
     """Raise RolloutError unless all arrays have the dtypes and shapes of a rollout."""
     # the first array with a letter sets its size
     letter_sizes: dict[str | int, int] = {"F": frames, "F1": frames + 1}
-    for array_name, (dtype, letters) in ARRAYS.items():
+    for array_name, (dtype, letters) in ROLLOUT_ARRAYS.items():
         scene_array = arrays[array_name]
         if scene_array.dtype != np.dtype(dtype):
             raise RolloutError(

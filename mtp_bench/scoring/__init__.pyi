@@ -2,6 +2,7 @@ from .bade import ONE_PER_TARGET as ONE_PER_TARGET, CardBudget as CardBudget
 from .clear import tracking_counts as tracking_counts
 from .definitions import (
     DEFINITIONS as DEFINITIONS,
+    FIXED_CONFIDENCE as FIXED_CONFIDENCE,
     GOLDEN as GOLDEN,
     KNOWN_SUBSETS as KNOWN_SUBSETS,
     RANKED_OBJECTS as RANKED_OBJECTS,
@@ -9,7 +10,6 @@ from .definitions import (
     RANKED_UNITS as RANKED_UNITS,
     SIGNIFICANT as SIGNIFICANT,
     SUBSETS as SUBSETS,
-    SURE as SURE,
     WEIGHTS_DEFINITIONS as WEIGHTS_DEFINITIONS,
     Subset as Subset,
 )
@@ -26,7 +26,7 @@ from .displacements import (
     k_curve as k_curve,
 )
 from .driving import (
-    WEIGHTS as WEIGHTS,
+    DRIVE_SCORE_WEIGHTS as DRIVE_SCORE_WEIGHTS,
     AgentDrives as AgentDrives,
     DrivingRow as DrivingRow,
     driving_rows as driving_rows,
@@ -75,11 +75,11 @@ from .pairs import (
     of_columns as of_columns,
 )
 from .parts import (
-    BELOW as BELOW,
-    FAULT_NAMES as FAULT_NAMES,
-    FAULTS as FAULTS,
+    BELOW_THRESHOLD as BELOW_THRESHOLD,
     LEAST_SHOWN as LEAST_SHOWN,
-    PARTS as PARTS,
+    PART_NAMES as PART_NAMES,
+    STAGE_NAMES as STAGE_NAMES,
+    STAGE_PARTS as STAGE_PARTS,
     SceneParts as SceneParts,
     blame as blame,
     by_fault as by_fault,
@@ -95,10 +95,10 @@ from .rank import (
     NO_GAP as NO_GAP,
     NOT_CAUSAL as NOT_CAUSAL,
     NOT_KINEMATIC as NOT_KINEMATIC,
+    REFERENCES_UNSTATED as REFERENCES_UNSTATED,
     SAW_TRUTH as SAW_TRUTH,
-    UNSTATED as UNSTATED,
+    GapPair as GapPair,
     GapPairs as GapPairs,
-    Pair as Pair,
     Place as Place,
     References as References,
     guard as guard,
@@ -110,7 +110,7 @@ from .rank import (
 )
 from .report import paired_row as paired_row, summarise as summarise
 from .report_tables import (
-    NAMES as NAMES,
+    SUBSET_NAMES as SUBSET_NAMES,
     Report as Report,
     blocks_of as blocks_of,
     heading as heading,
@@ -168,9 +168,9 @@ from .targets import (
     neutral_places as neutral_places,
 )
 from .weights import (
-    COUNTED as COUNTED,
-    EVENTS as EVENTS,
-    WEIGHED as WEIGHED,
+    COUNTED_EVENTS as COUNTED_EVENTS,
+    EVENT_KINDS as EVENT_KINDS,
+    WEIGHTED_SUBSETS as WEIGHTED_SUBSETS,
     Reference as Reference,
     SceneWeights as SceneWeights,
     count_runs as count_runs,

@@ -20,9 +20,9 @@ from ..core import Bools, Floats, Ints
 from .definitions import (
     BUDGETS,
     FALSE_FORECAST_SHARE,
+    FIXED_CONFIDENCE,
     FORECASTS_PER_FRAME,
     FREE_FORECASTS,
-    SURE,
 )
 from .incremental_matching import last_of
 from .pairs import Rows
@@ -232,13 +232,13 @@ def fixed_parts(
     live frames by class; they count as false forecasts, those without a class as of the
     largest c. ``miss_error`` [C]: c.
     """
-    error, missed = cuts.at(SURE)
+    error, missed = cuts.at(FIXED_CONFIDENCE)
     class_cost = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())
     broken_cost = malformed @ class_cost
     if truth_complete:
-        false_cost = cuts.false_costs(SURE, class_cost)
+        false_cost = cuts.false_costs(FIXED_CONFIDENCE, class_cost)
         return error, missed, false_cost, float(broken_cost.sum())
-    row = np.flatnonzero(cuts.confidence >= SURE)
+    row = np.flatnonzero(cuts.confidence >= FIXED_CONFIDENCE)
     frame = cuts.frame[row]
     order = np.argsort(frame, kind="stable")  # by frame, then the most confident first
     place = np.arange(len(order)) - np.searchsorted(frame[order], frame[order])

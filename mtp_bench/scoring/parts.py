@@ -23,7 +23,7 @@ from .table import AgentScores, AgentTable, over_seeds
 from .targets import AbsentCause
 
 # key of `Row` without "cost_" -> printed name; the first four are of references
-PARTS = {
+PART_NAMES = {
     "ground_truth": "predictor",
     "localisation": "localisation",
     "history": "history",
@@ -38,7 +38,7 @@ PARTS = {
 }
 LEAST_SHOWN = 0.05  # m, of a part in a text
 # part of the stack -> parts of the error that it causes
-FAULTS = {
+STAGE_PARTS = {
     "detector": (
         "localisation",
         "history",
@@ -53,9 +53,9 @@ FAULTS = {
     "confidence": ("below threshold",),
 }
 # in tables of all parts
-FAULT_NAMES = {stage: stage for stage in FAULTS} | {"forecast": "not split"}
-BELOW = PARTS["below_threshold"]
-_COLUMN = {name: column for column, name in enumerate(PARTS)}
+STAGE_NAMES = {stage: stage for stage in STAGE_PARTS} | {"forecast": "not split"}
+BELOW_THRESHOLD = PART_NAMES["below_threshold"]
+_COLUMN = {name: column for column, name in enumerate(PART_NAMES)}
 
 
 class ReferenceErrors(NamedTuple):
@@ -87,7 +87,7 @@ def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
     """
     causes = [cause.name.lower() for cause in AbsentCause]
     columns = np.array([_COLUMN[name] for name in (*causes, "rest")])
-    part = np.zeros((len(error), len(PARTS)))
+    part = np.zeros((len(error), len(PART_NAMES)))
     part[np.arange(len(error)), columns[absent_cause]] = error
     return part
 
@@ -107,14 +107,14 @@ def named_parts(part: Floats) -> dict[str, float]:
     """
     parts = {
         name: float(value)
-        for name, value in zip(PARTS.values(), part, strict=True)
+        for name, value in zip(PART_NAMES.values(), part, strict=True)
         if value
     }
-    names = sorted(parts, key=lambda name: (name == BELOW, -parts[name]))
+    names = sorted(parts, key=lambda name: (name == BELOW_THRESHOLD, -parts[name]))
     return {name: parts[name] for name in names}
 
 
-def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
+def parts_text(parts: Mapping[str, float], most: int = len(PART_NAMES)) -> str:
     """Return the parts as text: "other class 5.0 m, predictor 3.1".
 
     Parts that round to 0 are left out. If all round to 0, the first is printed with two
@@ -123,10 +123,12 @@ def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
     shown = _shown(parts)
     if parts and not shown:
         return "{} {:.2f} m".format(*next(iter(parts.items())))
-    names = [name for name in shown if name != BELOW]
+    names = [name for name in shown if name != BELOW_THRESHOLD]
     remainder = sum(shown[name] for name in names[most:])
     named = {name: shown[name] for name in names[:most]}
-    named = _shown({**named, "others": remainder, BELOW: shown.get(BELOW, 0.0)})
+    named = _shown(
+        {**named, "others": remainder, BELOW_THRESHOLD: shown.get(BELOW_THRESHOLD, 0.0)}
+    )
     if not named:
         return "nothing"
     first, *texts = [f"{name} {value:.1f}" for name, value in named.items()]
@@ -140,7 +142,7 @@ def _shown(parts: Mapping[str, float]) -> dict[str, float]:
 def by_fault(parts: Mapping[str, float]) -> dict[str, float]:
     """Return the sums of `named_parts` by part of the stack, m, the largest first."""
     sums = {}
-    for stage, names in FAULTS.items():
+    for stage, names in STAGE_PARTS.items():
         sums[stage] = sum(parts.get(name, 0.0) for name in names)
     stages = sorted(sums, key=lambda stage: -sums[stage])
     return {stage: sums[stage] for stage in stages}
@@ -174,7 +176,7 @@ def _covered_mean(scores: AgentScores, name: str) -> Floats:
 def error_parts(
     table: AgentTable, subset: str, references: ReferenceErrors | None
 ) -> dict[str, Floats]:
-    """Return the parts [n] of bADE on a subset, m, by the keys of `PARTS`.
+    """Return the parts [n] of bADE on a subset, m, by the keys of `PART_NAMES`.
 
     Unknown parts are left out. ``references``: runs with the agent's own predictor and
     its number of samples. Without them the whole error of a forecast is its "rest"; so

@@ -38,7 +38,7 @@ _UNRANKED_MODES = {"truth": SAW_TRUTH, "associated": ASSOCIATED, "tracks": NOT_C
 ALONE_TEXT = "one agent alone is not ranked"
 # share by which the digits in a record may differ from a weight or number of objects
 _DIGITS = 1e-9
-UNSTATED = "its manifest does not state gap_references"
+REFERENCES_UNSTATED = "its manifest does not state gap_references"
 NOT_KINEMATIC = "its predictor is not that of stp"
 NOT_RUN = "its references were not run"
 NO_GAP = "the gap is not significantly above 0"
@@ -252,7 +252,7 @@ def gap_closed(agent: UnitSums, stp: UnitSums, truth: UnitSums) -> Gap:
     return Gap(float(closed.sum() / gap.sum()), (closed, gap))
 
 
-class Pair(NamedTuple):
+class GapPair(NamedTuple):
     """The agents between which a gap is closed.
 
     None if one is absent.
@@ -274,9 +274,9 @@ class Pair(NamedTuple):
 class GapPairs(NamedTuple):
     """The pairs between which an agent's gaps are closed."""
 
-    kinematic: Pair = Pair()  # stp and gt_tracks, unless it has another predictor
-    own: Pair = Pair()
-    association: Pair = Pair()
+    kinematic: GapPair = GapPair()  # stp and gt_tracks, unless it has another predictor
+    own: GapPair = GapPair()
+    association: GapPair = GapPair()
 
 
 def pairs_of(
@@ -293,19 +293,19 @@ def pairs_of(
     """
     setting = table.setting
     if setting.agent not in references:
-        return GapPairs(Pair(stp, truth))
+        return GapPairs(GapPair(stp, truth))
     runs = references[setting.agent]
     if runs is None:
-        unstated = Pair(missing=UNSTATED)
+        unstated = GapPair(missing=REFERENCES_UNSTATED)
         return GapPairs(unstated, unstated, unstated)
     single, ground_truth, same_samples, associated = map(tables.get, runs[:4])
-    kinematic = Pair(missing=NOT_KINEMATIC)
+    kinematic = GapPair(missing=NOT_KINEMATIC)
     if single and stp and single.setting.agent == stp.setting.agent:
-        kinematic = Pair(stp, truth)
-    association = Pair(same_samples, associated)
+        kinematic = GapPair(stp, truth)
+    association = GapPair(same_samples, associated)
     if setting.observe == "truth":
-        association = Pair(missing=SAW_TRUTH)
-    return GapPairs(kinematic, Pair(single, ground_truth), association)
+        association = GapPair(missing=SAW_TRUTH)
+    return GapPairs(kinematic, GapPair(single, ground_truth), association)
 
 
 def gap_columns(table: AgentTable, subset: Subset, pairs: GapPairs) -> dict[str, Any]:

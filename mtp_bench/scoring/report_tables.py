@@ -28,7 +28,7 @@ MEANING = (
     "bADE (budgeted ADE): mean over targets and budgets of min(minADE, c), or c "
     "without a forecast. #: ranks in this run; –: saw the truth or too few objects."
 )
-NAMES: dict[Subset, str] = {
+SUBSET_NAMES: dict[Subset, str] = {
     "all": "all targets",
     "ids": "identity switch",
     "lost": "lost",
@@ -38,8 +38,8 @@ NAMES: dict[Subset, str] = {
     "paper_frag": "FRAG as in the paper",
     "turning": "turning",
 }
-_ALL = NAMES["all"]
-_IDS = NAMES["ids"]
+_ALL = SUBSET_NAMES["all"]
+_IDS = SUBSET_NAMES["ids"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -161,7 +161,9 @@ class MainRow:
     ids_ranks: Annotated[str | None, Column("#", group=_IDS)] = None
     turning_error: Annotated[
         float | str | None,
-        Column("bADE", "m", "lower", ".3f", group=NAMES["turning"], optional=True),
+        Column(
+            "bADE", "m", "lower", ".3f", group=SUBSET_NAMES["turning"], optional=True
+        ),
     ] = None
 
 

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from ..scoring import BELOW
+from ..scoring import BELOW_THRESHOLD
 
 # spurious: false forecasts; collision: of the ego
 INCIDENT_KINDS = ("ids", "lost", "reacquired", "spurious", "collision")
@@ -46,7 +46,7 @@ class Incident:
     def blame(self) -> float:
         """The error without the part below threshold, m."""
         parts = self.parts or {}
-        return sum(value for name, value in parts.items() if name != BELOW)
+        return sum(value for name, value in parts.items() if name != BELOW_THRESHOLD)
 
     @property
     def label(self) -> str:

@@ -13,7 +13,7 @@ from ..cards import Card
 from ..core import Bools, Floats, Ints, Rollout, RolloutError, Scene, require_known
 from ..env import LiveEpisode, true_ids
 from ..scoring import (
-    PARTS,
+    PART_NAMES,
     Candidates,
     RecordedForecasts,
     SceneParts,
@@ -92,7 +92,7 @@ class Replay:
             forecast_false=np.zeros(len(rollout.object_box), dtype=bool),
             truth_forecast=no_matches,
             worth=np.full((len(no_matches), 2), np.nan),
-            part=np.full((len(no_matches), len(PARTS)), np.nan),
+            part=np.full((len(no_matches), len(PART_NAMES)), np.nan),
             first=first,
             judged=False,
         )
@@ -278,7 +278,7 @@ def _forecasts(
     worth = np.full((len(scene.truth.box), 2), np.nan)
     worth[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
     worth[:, 1] = np.append(rollout.object_confidence, np.nan)[forecast]
-    part = np.full((len(scene.truth.box), len(PARTS)), np.nan)
+    part = np.full((len(scene.truth.box), len(PART_NAMES)), np.nan)
     part[targets.row] = parts.part
     return worth, parts._replace(part=part), forecast, matching.false
 
