@@ -24,7 +24,6 @@ from .own import (
     folder_digest as folder_digest,
     known_digest as known_digest,
     own_digest as own_digest,
-    scenes_digest as scenes_digest,
     split_folder as split_folder,
 )
 from .source import (

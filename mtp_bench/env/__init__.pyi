@@ -1,7 +1,6 @@
 from .environment import MTPEnv as MTPEnv
 from .episode import (
     Episode as Episode,
-    EpisodeLike as EpisodeLike,
     LiveEpisode as LiveEpisode,
     frame_info as frame_info,
 )

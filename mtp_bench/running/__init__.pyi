@@ -51,10 +51,8 @@ from .rollout_files import (
 from .settings import (
     Setting as Setting,
     all_settings as all_settings,
-    kinematic_references as kinematic_references,
     references_of as references_of,
     setting_of as setting_of,
-    training_note as training_note,
 )
 from .stored import (
     OpenedRun as OpenedRun,

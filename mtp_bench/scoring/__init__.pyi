@@ -59,7 +59,6 @@ from .lineage import (
     event_pairs as event_pairs,
     gated_pairs as gated_pairs,
     hypotheses as hypotheses,
-    in_all as in_all,
     lineage_events as lineage_events,
     match_hypotheses as match_hypotheses,
 )
