@@ -304,6 +304,7 @@ def as_sums(name: str, values: ArrayLike) -> Floats:
     return array
 
 
+# a comparison of many agents uses the same signs again and again
 @lru_cache(maxsize=8)
 def _flips(units: int) -> tuple[Floats, int]:
     """Return the signs [N, U] of the test, and the number of observed ones beside them.
@@ -311,15 +312,9 @@ def _flips(units: int) -> tuple[Floats, int]:
     All 2^U signs and 0; of more than EXACT_UNITS units random ones and 1.
     """
     if units > EXACT_UNITS:
-        return _random_signs(units).astype(np.float64), 1
+        rng = np.random.default_rng(_SEED)
+        return rng.choice([-1.0, 1.0], size=(FLIPS, units)), 1
     return 1.0 - 2.0 * ((np.arange(1 << units)[:, None] >> np.arange(units)) & 1), 0
-
-
-# a comparison of many agents uses the same signs again and again: cached, as bytes
-@lru_cache(maxsize=64)
-def _random_signs(units: int) -> NDArray[np.int8]:
-    rng = np.random.default_rng(_SEED)
-    return rng.choice([-1.0, 1.0], size=(FLIPS, units)).astype(np.int8)
 
 
 @lru_cache(maxsize=8)

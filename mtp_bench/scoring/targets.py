@@ -189,9 +189,7 @@ def find_targets(scene: Scene, card: Card) -> Targets:
         raise DataError(f"scene {scene.name!r}: {error}") from None
     length = past + future
     place = _windows(objects.identity, objects.frame, length)
-    rows = np.zeros((0, length), dtype=np.intp)
-    if len(place):
-        rows = objects.order[place[:, None] + np.arange(length)]
+    rows = objects.order[place[:, None] + np.arange(length)]
     present = rows[:, past - 1]
     is_target = truth.eligible[present] & ~truth.neutral[present]
     rows = rows[is_target][np.argsort(present[is_target])]
