@@ -26,7 +26,8 @@ ROLLOUTS_SUFFIX = ".rollouts"  # suffix of the folder beside a record
 MAX_NAME = 64  # characters
 NAME_RULE = (
     f"expected at most {MAX_NAME} lower-case letters, digits and _ . - after a letter or "
-    f"a digit, no dot before a dot or at the end, no {PART_SUFFIX} or {ROLLOUTS_SUFFIX} at the end, "
+    "a digit, no dot before a dot or at the end, no "
+    f"{PART_SUFFIX} or {ROLLOUTS_SUFFIX} at the end, "
     "and no word that Windows reserves, such as con"
 )
 _NAME = re.compile(

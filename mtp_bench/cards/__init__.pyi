@@ -21,8 +21,8 @@ from .changes import (
 )
 from .own import (
     TEXT_PATTERNS as TEXT_PATTERNS,
+    cached_digest as cached_digest,
     folder_digest as folder_digest,
-    known_digest as known_digest,
     own_digest as own_digest,
     split_folder as split_folder,
 )

@@ -27,8 +27,8 @@ from ..detector import load_profile, profile_for, profile_names
 from .card import Card, DetectorSection, check_consistency, check_detector
 from .own import (
     TEXT_PATTERNS,
+    cached_digest,
     folder_digest,
-    known_digest,
     own_digest,
     plain_name,
     resolve_folder,
@@ -236,7 +236,7 @@ def with_detections(card: Card, file: str | Path) -> Card:
     path = Path(file).expanduser().absolute()
     try:
         digest = (
-            folder_digest(path, TEXT_PATTERNS) if path.is_dir() else known_digest(path)
+            folder_digest(path, TEXT_PATTERNS) if path.is_dir() else cached_digest(path)
         )
     except OSError as error:
         raise DataError(

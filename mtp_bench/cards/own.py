@@ -63,7 +63,7 @@ def folder_digest(folder: Path, patterns: Sequence[str]) -> str:
         if any(part.startswith(".") for part in name.parts):
             continue
         try:
-            content = known_digest(path)
+            content = cached_digest(path)
         except OSError as error:
             raise DataError(
                 f"{path}: cannot be read: {error.strerror or error}"
@@ -81,7 +81,7 @@ def plain_name(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]", "-", name).lstrip("_.-") or "own"
 
 
-def known_digest(path: Path) -> str:
+def cached_digest(path: Path) -> str:
     """Return the hex sha256 of a file.
 
     Raise OSError.

@@ -163,8 +163,13 @@ class EnvEvaluation:
         return report, reference
 
     def jobs(self, setting: Setting, seed: int, scenes: Sequence[str]) -> list[Job]:
-        """Return the jobs of a setting on ``scenes``."""
-        keywords = {**self.options.env_keywords, **self.env_changes(setting)}
+        """Return the jobs of a setting on ``scenes``.
+
+        Raises MtpBenchError if stored tracks are needed and not named.
+        """
+        keywords = {**self.options.env_keywords, **setting.env_keywords(self.card)}
+        if setting.observe == "tracks":
+            keywords |= self.options.shown_to(setting.submission)
         return jobs_of(
             setting.submission,
             self.env,
@@ -174,16 +179,6 @@ class EnvEvaluation:
             setting.parameters,
             setting.label,
         )
-
-    def env_changes(self, setting: Setting) -> dict[str, Any]:
-        """Return the keywords of the env for one setting.
-
-        Raises MtpBenchError if stored tracks are needed and not named.
-        """
-        keywords = setting.env_keywords(self.card)
-        if setting.observe == "tracks":
-            keywords |= self.options.shown_to(setting.submission)
-        return keywords
 
 
 def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]]) -> AgentScores:

@@ -16,7 +16,7 @@ from ..agent import (
 )
 from ..cards import Card
 from ..core import MtpBenchError, SubmissionError
-from ..scoring import Budget, unchanged
+from ..scoring import Budget, shipped_env_id
 
 _REFERENCE_ROLES: tuple[Role, ...] = (
     "single",
@@ -245,7 +245,7 @@ def training_note(submission: Submission, card: Card) -> str | None:
     None without such parts. The manifest speaks of the env that ships, so a card with
     another split, detections or scenes has no note.
     """
-    return submission.note_on(card.id) if unchanged(card.id, card.digest) else None
+    return submission.note_on(card.id) if shipped_env_id(card.id, card.digest) else None
 
 
 def _count(

@@ -21,8 +21,8 @@ from .details import (
 from .displacements import (
     Displacement as Displacement,
     displacement as displacement,
+    drop_light_samples as drop_light_samples,
     energy_score as energy_score,
-    floored as floored,
     k_curve as k_curve,
 )
 from .driving import (
@@ -70,8 +70,8 @@ from .matching import (
 from .pairs import (
     Pairs as Pairs,
     box_pairs as box_pairs,
+    keep_columns as keep_columns,
     near_pairs as near_pairs,
-    of_columns as of_columns,
 )
 from .parts import (
     BELOW_THRESHOLD as BELOW_THRESHOLD,
@@ -100,7 +100,7 @@ from .rank import (
     GapPairs as GapPairs,
     Place as Place,
     References as References,
-    guard as guard,
+    guard_reason as guard_reason,
     places_on as places_on,
     rank_by_error as rank_by_error,
     span_text as span_text,
@@ -119,7 +119,7 @@ from .report_tables import (
     preference as preference,
     rejected_line as rejected_line,
     shipped_env as shipped_env,
-    unchanged as unchanged,
+    shipped_env_id as shipped_env_id,
 )
 from .rows import (
     AgentSetting as AgentSetting,
@@ -160,9 +160,9 @@ from .table import (
 from .targets import (
     Targets as Targets,
     absent_causes as absent_causes,
+    count_holes as count_holes,
     evaluated as evaluated,
     find_targets as find_targets,
-    left_out as left_out,
     live_frames as live_frames,
     neutral_places as neutral_places,
 )

@@ -33,7 +33,7 @@ class Pairs:
         return Pairs(self.row[mask], self.column[mask], self.cost[mask])
 
 
-def of_columns(pairs: Pairs, chosen: Rows, columns: int) -> Pairs:
+def keep_columns(pairs: Pairs, chosen: Rows, columns: int) -> Pairs:
     """Return the pairs of the ``chosen`` among ``columns`` columns.
 
     Columns are numbered by their place in ``chosen``.

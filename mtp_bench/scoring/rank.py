@@ -86,7 +86,7 @@ class HasSums(Protocol):
         ...
 
 
-def guard(
+def guard_reason(
     agent: HasSums, stp: HasSums | None, own_stp: HasSums | None = None
 ) -> str | None:
     """Return why an agent is not ranked on event subsets.

@@ -19,7 +19,7 @@ from .rank import (
     Place,
     References,
     gap_columns,
-    guard,
+    guard_reason,
     pairs_of,
     places_on,
     why_unranked,
@@ -297,7 +297,7 @@ def _places(
     for table, gaps in zip(tables, pairs, strict=True):
         setting = table.setting
         unranked.append(why_unranked(setting.budget, setting.samples, setting.observe))
-        guarded.append(guard(table, stp, gaps.own.stp))
+        guarded.append(guard_reason(table, stp, gaps.own.stp))
     places = places_on(tables[0].subsets, tables, unranked, guarded)
     if len(tables) == 1:
         # alone, even an agent that predicts nothing would be the first

@@ -210,7 +210,7 @@ def shipped_env(report: Report) -> str:
 
     Empty where its card is not the shipped one.
     """
-    return unchanged(report.env, report.condition.get("card"))
+    return shipped_env_id(report.env, report.condition.get("card"))
 
 
 def misstated_lines(report: Report) -> Iterator[str]:
@@ -248,7 +248,7 @@ def _has_other_detections(report: Report) -> bool:
     return "folder" in report.condition
 
 
-def unchanged(env_id: str, digest: str | None) -> str:
+def shipped_env_id(env_id: str, digest: str | None) -> str:
     """Return ``env_id``.
 
     Empty where a card of this ``digest`` does not ship.

@@ -24,9 +24,9 @@ from .statistics import ratio
 from .stream import StreamCounts, stream_counts
 from .targets import (
     absent_causes,
+    count_holes,
     evaluated,
     find_targets,
-    left_out,
     live_frames,
     units,
 )
@@ -191,7 +191,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         counts=stream_counts(truth, tracks, lineage, card),
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
-        skipped=scene.skipped | left_out(scene, card),
+        skipped=scene.skipped | count_holes(scene, card),
         seconds=float(seconds.sum() / max(len(seconds), 1)),
     )
 

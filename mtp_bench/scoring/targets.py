@@ -295,10 +295,10 @@ def live_frames(scene: Scene, card: Card) -> Bools:
     return np.asarray(inside & (first_piece == last_piece))
 
 
-def left_out(scene: Scene, card: Card) -> dict[str, int]:
-    """Return counts of the holes in time of a scene, and of the targets they cost.
+def count_holes(scene: Scene, card: Card) -> dict[str, int]:
+    """Count the holes in time of a scene, and the targets they cost.
 
-    None without holes. They stand beside `Scene.skipped`.
+    Empty without holes. The counts stand beside `Scene.skipped`.
     """
     holes = int(pieces(scene, card).max(initial=0))
     if not holes:

@@ -24,6 +24,7 @@ from ..scoring import (
     event_pairs,
     find_targets,
     gated_pairs,
+    keep_columns,
     lineage_events,
     live_frames,
     match_by_confidence,
@@ -31,7 +32,6 @@ from ..scoring import (
     match_neutral_last,
     named_parts,
     object_history,
-    of_columns,
     pieces,
     plain_parts,
     separated_truth,
@@ -214,7 +214,7 @@ def replay(
     answers = Answers(rollout, card)
     chosen = np.flatnonzero(answers.shown)
     track_pairs = event_pairs(truth, rollout, card)
-    track_pairs = of_columns(track_pairs, chosen, len(answers.shown))
+    track_pairs = keep_columns(track_pairs, chosen, len(answers.shown))
     track_matches = match_neutral_last(track_pairs, truth.neutral, len(chosen))
     detection_pairs = gated_pairs(
         truth, detections.start, detections.box, detections.class_id, card

@@ -21,7 +21,7 @@ from ...scoring import (
     PairedDifference,
     Place,
     Subset,
-    guard,
+    guard_reason,
     places_on,
 )
 from .attestation import Checked, SignedLevel
@@ -236,7 +236,7 @@ def _guarded(entrant: _Entrant, best_records: _Best) -> str | None:
     stp = best_records.get(STP)
     if stp is None:
         return "no record of stp beside it"
-    return guard(entrant, stp, _pairs(entrant, best_records).own.stp)
+    return guard_reason(entrant, stp, _pairs(entrant, best_records).own.stp)
 
 
 def _pairs(entrant: _Entrant, best_records: _Best) -> GapPairs:
