@@ -168,10 +168,14 @@ def _array(
     if not any(_fits(array.shape, shape) for shape in shapes):
         expected = " or ".join(str(shape).replace("'", "") for shape in shapes)
         raise ShapeError(f"{name} has shape {array.shape}, expected {expected}")
+    _require_kind(name, array, kinds)
+    return array
+
+
+def _require_kind(name: str, array: NDArray[Any], kinds: str) -> None:
     if array.dtype.kind not in kinds and array.size:
         expected = "numbers" if kinds == _NUMBERS else "whole numbers"
         raise ShapeError(f"{name} has dtype {array.dtype}, expected {expected}")
-    return array
 
 
 def _fits(shape: tuple[int, ...], expected: tuple[int | str, ...]) -> bool:

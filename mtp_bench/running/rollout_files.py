@@ -154,11 +154,9 @@ def require_run_folder(folder: Path) -> None:
             f"{folder} is a file, expected a new folder or that of an earlier run"
         )
     file_names = {path.name for path in folder.iterdir()}
-    foreign = [
-        file_name
-        for file_name in file_names
-        if file_name != RUN_FILE and not file_name.endswith(".npz")
-    ]
+    foreign = {
+        file_name for file_name in file_names if not file_name.endswith(".npz")
+    } - {RUN_FILE}
     problem = ""
     if foreign:
         problem = f"holds {min(foreign)!r}"

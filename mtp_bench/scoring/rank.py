@@ -176,18 +176,26 @@ def places_on(
     for subset in subsets:
         sums = [agent.sums_on(subset) for agent in agents]
         subset_reason = why_not_on(subset, sums[0])
-        ranked = []
-        for i, agent_places in enumerate(places):
-            guard_reason = None if subset == "all" else guarded[i]
-            reason = unranked[i] or subset_reason or guard_reason
-            agent_places[subset] = Place(why=reason or "")
-            if reason is None:
-                ranked.append(i)
-        if ranked:
-            errors = [sums[i].error for i in ranked]
-            ranks = rank_by_error(errors, sums[0].weight)
-            for i, place in zip(ranked, ranks, strict=True):
-                places[i][subset] = place
+        reasons = []
+        for i in range(len(agents)):
+            event_reason = None if subset == "all" else guarded[i]
+            reasons.append(unranked[i] or subset_reason or event_reason)
+        for i, place in enumerate(_placed(sums, reasons)):
+            places[i][subset] = place
+    return places
+
+
+def _placed(sums: Sequence[UnitSums], reasons: Sequence[str | None]) -> Sequence[Place]:
+    """Return the places of agents on one subset.
+
+    An agent with a reason against its rank has no place.
+    """
+    ranked = [i for i, reason in enumerate(reasons) if reason is None]
+    places = [Place(why=reason or "") for reason in reasons]
+    if ranked:
+        errors = [sums[i].error for i in ranked]
+        for i, place in zip(ranked, rank_by_error(errors, sums[0].weight), strict=True):
+            places[i] = place
     return places
 
 
