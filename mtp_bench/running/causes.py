@@ -114,7 +114,7 @@ def _make_parts(
 ) -> tuple[Arrays, str]:
     """Return the parts of all targets, and why a reference failed.
 
-    The arrays are parts [n, len(PARTS)] and distances [n], m, with the numbers of
+    The arrays are parts [n, len(PART_NAMES)] and distances [n], m, with the numbers of
     targets by scene.
     """
     split = None

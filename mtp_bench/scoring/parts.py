@@ -72,7 +72,7 @@ class ReferenceErrors(NamedTuple):
 class SceneParts(NamedTuple):
     """Parts of the targets of a scene, and what is usual in its run."""
 
-    part: Floats  # [n, len(PARTS)] m
+    part: Floats  # [n, len(PART_NAMES)] m
     usual: float  # m, mean of `blame` over the targets of all scenes
     distance: Floats  # [n] m to the ego: shows whether the truth is that of the run
     unsplit: str = ""  # why the error of forecasts is its rest; empty: it is split
@@ -80,7 +80,7 @@ class SceneParts(NamedTuple):
 
 
 def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
-    """Return parts [n, len(PARTS)] of the plain error, without references.
+    """Return parts [n, len(PART_NAMES)] of the plain error, without references.
 
     ``error`` [n]: m; ``absent_cause`` [n]: of `AbsentCause`; -1 for a target with a
     forecast, whose error is its rest.
@@ -93,7 +93,7 @@ def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
 
 
 def blame(part: Floats) -> Floats:
-    """Return the sum [...] of ``part`` [..., len(PARTS)] but below threshold, m.
+    """Return the sum [...] of ``part`` [..., len(PART_NAMES)] but below threshold, m.
 
     That part depends on all other forecasts.
     """
@@ -101,7 +101,7 @@ def blame(part: Floats) -> Floats:
 
 
 def named_parts(part: Floats) -> dict[str, float]:
-    """Return the parts [len(PARTS)] by name, m, without those of 0.
+    """Return the parts [len(PART_NAMES)] by name, m, without those of 0.
 
     The largest first, below threshold last.
     """

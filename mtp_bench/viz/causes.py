@@ -36,7 +36,7 @@ _COUNTS = (
 )
 _NEAREST = "nearest sample {forecast_error_m:.1f} m off where they meet"
 TEMPLATES = {  # reason -> evidence; keys of the values have their units
-    # parts of the error of a target, by the names in `PARTS`
+    # parts of the error of a target, by the names of `PART_NAMES`
     "predictor": _FORECAST,
     "rest": _FORECAST,
     "localisation": "the forecast begins {offset_m:.1f} m from the object",

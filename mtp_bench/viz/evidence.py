@@ -15,7 +15,7 @@ from .run_replay import Replay
 
 # share of the forecast gate between a track's box and its detection without motion
 SMOOTHED_SHARE = 0.25
-_WITH_DETECTION = ("no_forecast", "other_class", "off_place")  # keys of PARTS
+_WITH_DETECTION = ("no_forecast", "other_class", "off_place")  # keys of PART_NAMES
 
 
 class Gate(NamedTuple):

@@ -52,7 +52,7 @@ class Moment:
 
 
 def costs(part: Floats, below: bool = False) -> Floats:
-    """Return costs [...] of the ``part`` [..., len(PARTS)] of errors, m.
+    """Return costs [...] of the ``part`` [..., len(PART_NAMES)] of errors, m.
 
     They are the blame, or with ``below`` the part below threshold.
     """

@@ -66,7 +66,8 @@ class Replay:
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
     truth_forecast: Ints  # [R] forecast object matched to each true box, or -1
     worth: Floats  # [R, 2] minADE (m) and confidence of the forecast, or NaN
-    part: Floats  # [R, len(PARTS)] m, of the error of each true box; NaN: not a target
+    # [R, len(PART_NAMES)] m, of the error of each true box; NaN: not a target
+    part: Floats
     mean_blame_m: float = 0.0  # m, mean blame of a target of the run
     unsplit: str = ""  # why the error of forecasts is "rest"; empty: it is split
     thresholds: Floats | None = None  # [b] least confidence that each budget keeps
