@@ -135,7 +135,6 @@ from .rows import (
     Reliability as Reliability,
     Row as Row,
 )
-from .scenes import SceneResult as SceneResult
 from .score import (
     SceneScore as SceneScore,
     check_rollout as check_rollout,
@@ -154,6 +153,7 @@ from .statistics import (
 from .table import (
     AgentScores as AgentScores,
     AgentTable as AgentTable,
+    SceneResult as SceneResult,
     agent_table as agent_table,
     stated_hypotheses as stated_hypotheses,
 )

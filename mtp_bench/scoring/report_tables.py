@@ -20,8 +20,7 @@ from .definitions import Subset
 from .details import misstated
 from .rank import span_text
 from .rows import Budget, Details, PairedRow, Row
-from .scenes import rows_per_scene
-from .table import AgentTable
+from .table import AgentTable, rows_per_scene
 
 FAILED = "failed"  # in place of a number
 MEANING = (
