@@ -30,7 +30,7 @@ from mtp_bench.running.drives import recorded_card
 from mtp_bench.running.playing import agent_task, run_scene
 from mtp_bench.running.settings import setting_of
 from mtp_bench.scoring import SceneScore, evaluated, score_scene
-from mtp_bench.scoring.weights import EVENTS, tracking_events
+from mtp_bench.scoring.weights import EVENT_KINDS, tracking_events
 from mtp_bench.traffic.drive_record import near_misses, occupied
 from mtp_bench.traffic.highway.world import RATE
 
@@ -86,7 +86,7 @@ class Moments:
     def switches(self, ahead: bool = False) -> Ints:
         """Number of identity switches [F] within NEAR in each frame; or of those ``ahead`` of the ego, within AHEAD."""
         frame, kind, x, y, _ = self.events.T
-        counted = kind == EVENTS.index("ids")
+        counted = kind == EVENT_KINDS.index("ids")
         if ahead:
             counted &= (x > 0) & (np.hypot(x, y) < AHEAD)
         return np.bincount(frame[counted].astype(np.int64), minlength=len(self.speed))

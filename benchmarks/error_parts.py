@@ -21,7 +21,7 @@ from mtp_bench.running.evaluation import EnvEvaluation
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.settings import references_of, setting_of
 from mtp_bench.scoring import References
-from mtp_bench.scoring.parts import PARTS
+from mtp_bench.scoring.parts import PART_NAMES
 
 ENVS = ("MTP-nuScenes-v0", "MTP-KITTI-v0", "MTP-PETS-v0", "MTP-Intersection-v0")
 AGENTS = ("stp", "mtp", "tracking_free")
@@ -73,7 +73,8 @@ def measure(env_id: str, options: RunOptions) -> list[dict[str, Any]]:
             "targets": row.targets,
             "error": round(row.error or 0.0, DIGITS),
             "parts": {
-                key: round(getattr(row, f"cost_{key}") or 0.0, DIGITS) for key in PARTS
+                key: round(getattr(row, f"cost_{key}") or 0.0, DIGITS)
+                for key in PART_NAMES
             },
         }
         for row in report.rows

@@ -26,7 +26,7 @@ from mtp_bench.running.playing import jobs_of, run_jobs
 from mtp_bench.running.reference import frozen_reference, make_reference
 from mtp_bench.scoring import AgentScores, score_scene, summarise
 from mtp_bench.scoring.definitions import Subset
-from mtp_bench.scoring.weights import COUNTED, Reference
+from mtp_bench.scoring.weights import COUNTED_EVENTS, Reference
 
 ENVS = ("MTP-nuScenes-mini-v0", "MTP-Intersection-v0")
 AGENTS = ("stp", "stp_same_samples", "mtp")
@@ -42,7 +42,7 @@ def threshold_of(run: int) -> str:
 
 
 def counts_of(reference: Reference, scenes: Sequence[str]) -> np.ndarray:
-    """Return the number of runs [n, 4] with each event of `COUNTED`, over the targets of all scenes."""
+    """Return the number of runs [n, 4] with each event of `COUNTED_EVENTS`, over the targets of all scenes."""
     return np.concatenate([reference.of(scene).counts for scene in scenes]).astype(int)
 
 
@@ -92,7 +92,7 @@ def print_shares(
     """Print a line per subset and threshold; ``counts``: runs [n, 4] with each event, by threshold."""
     total = np.sum(list(counts.values()), axis=0)
     for subset in SUBSETS:
-        event = COUNTED.index(subset)
+        event = COUNTED_EVENTS.index(subset)
         runs = total[:, event]
         weight = runs.sum()
         rare = runs[runs <= FEW_RUNS].sum() / weight

@@ -29,7 +29,7 @@ from mtp_bench.scoring.forecasts import (
 )
 from mtp_bench.scoring.incremental_matching import final_match
 from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
-from mtp_bench.scoring.parts import PARTS, error_parts, reference_errors
+from mtp_bench.scoring.parts import PART_NAMES, error_parts, reference_errors
 from mtp_bench.scoring.rank import gap_closed
 from mtp_bench.scoring.statistics import UnitSums
 from mtp_bench.scoring.table import agent_table
@@ -437,7 +437,7 @@ def parts() -> str:
                 lines.append(
                     text(
                         (x + 4, y + 5),
-                        PARTS[name],
+                        PART_NAMES[name],
                         "white" if color != LIGHT else BLACK,
                     )
                 )

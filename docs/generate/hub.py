@@ -25,7 +25,7 @@ from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.core.files import make_folder, write_text
 from mtp_bench.judge import Record, load_record, record_paths
 from mtp_bench.scoring import DEFINITIONS
-from mtp_bench.scoring.report_tables import NAMES
+from mtp_bench.scoring.report_tables import SUBSET_NAMES
 from mtp_bench.scoring.statistics import ratio
 from mtp_bench.sources import package_of
 from mtp_bench.viz.pages import source_of
@@ -117,7 +117,7 @@ def scenes_table(records: Sequence[Record]) -> Table:
     """A row per record and public scene: the weight of its targets and their bADE on each subset."""
     subsets = [
         subset
-        for subset in NAMES
+        for subset in SUBSET_NAMES
         if any(subset in record.targets.subsets for record in records)
     ]
     columns = [
@@ -130,13 +130,13 @@ def scenes_table(records: Sequence[Record]) -> Table:
     for subset in subsets:
         weight = "number of targets" if subset == "all" else "weight of the targets"
         columns.append(
-            Column(key=f"weight_{subset}", help=f"{NAMES[subset]}: {weight}.")
+            Column(key=f"weight_{subset}", help=f"{SUBSET_NAMES[subset]}: {weight}.")
         )
         columns.append(
             Column(
                 key=f"bADE_{subset}",
                 unit="m",
-                help=f"{NAMES[subset]}: bADE, mean over seeds.",
+                help=f"{SUBSET_NAMES[subset]}: bADE, mean over seeds.",
             )
         )
     if any(record.drives for record in records):

@@ -78,7 +78,7 @@ GROUPS = (
         intro="Functions that run, compare and score agents, and that read what a model is trained on.",
         beside=(
             "mtp_bench.running.options.RunKeywords",
-            "mtp_bench.scoring.scenes.SceneResult",
+            "mtp_bench.scoring.table.SceneResult",
             "mtp_bench.running.comparison.Comparison",
             "mtp_bench.running.options.RunOptions",
             "mtp_bench.core.parallel.Workers",

@@ -32,7 +32,7 @@ from mtp_bench.core.files import write_text
 from mtp_bench.core.notice import NO_PROGRESS
 from mtp_bench.judge import trusted
 from mtp_bench.scoring.definitions import Subset
-from mtp_bench.scoring.parts import FAULT_NAMES, PARTS, by_fault
+from mtp_bench.scoring.parts import PART_NAMES, STAGE_NAMES, by_fault
 from mtp_bench.viz.board.entries import Entry, by_board
 from mtp_bench.viz.board.lines import short_name
 
@@ -280,7 +280,9 @@ def faults_table(rows: Sequence[dict[str, Any]]) -> Table:
 
     def share(part: str) -> Callable[[dict[str, Any]], Value]:
         return lambda row: (
-            by_fault({PARTS[key]: value for key, value in row["parts"].items()})[part]
+            by_fault({PART_NAMES[key]: value for key, value in row["parts"].items()})[
+                part
+            ]
             / row["error"]
         )
 
@@ -296,7 +298,7 @@ def faults_table(rows: Sequence[dict[str, Any]]) -> Table:
     ]
     columns += [
         Column(heading, format=".1%", key=key, read=share(key))
-        for key, heading in FAULT_NAMES.items()
+        for key, heading in STAGE_NAMES.items()
     ]
     return Table("faults", "Parts of bADE", "", rows, columns)
 

@@ -14,7 +14,6 @@ from .checks import (
     ActionProblem as ActionProblem,
     CheckedAction as CheckedAction,
     check_action as check_action,
-    is_present as is_present,
 )
 from .loader import (
     ON_SCORED as ON_SCORED,
@@ -28,8 +27,8 @@ from .loader import (
 )
 from .manifest import (
     MANIFEST as MANIFEST,
-    PARTS as PARTS,
-    ROLLOUTS as ROLLOUTS,
+    PART_SUFFIX as PART_SUFFIX,
+    ROLLOUTS_SUFFIX as ROLLOUTS_SUFFIX,
     Role as Role,
     SubmissionName as SubmissionName,
 )
@@ -48,6 +47,7 @@ from .protocols import (
     Tracker as Tracker,
     Tracks as Tracks,
 )
+from .row_checks import is_present as is_present
 from .submission_files import (
     digest_of as digest_of,
     files_of as files_of,

@@ -4,38 +4,17 @@ The env takes out the rows that the checks find (`env.rollouts`); the conformanc
 and a strict env report them.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import (
-    ABSENT_BELOW,
-    ID_LIMIT,
-    Bools,
-    Floats,
-    Ints,
-    Task,
-    closest,
-    describe_problem,
-)
-from .action import (
-    ACTION_FIELDS,
-    COORDINATE_LIMIT,
-    FIELD_BY_NAME,
-    FORECAST_LIMIT,
-    FORECAST_REACH,
-    ROW_KINDS,
-    SIZE_LIMIT,
-    ActionField,
-    RowKind,
-)
+from ..core import ABSENT_BELOW, Bools, Ints, Task, closest, describe_problem
+from .action import ACTION_FIELDS, FIELD_BY_NAME, ROW_KINDS, ActionField, RowKind
+from .row_checks import ROW_CHECKS, Arrays
 
-Arrays = dict[str, NDArray[Any]]
-_LEAVE_OUT = "leave such rows out"
-_PADDING = "leave out the padding of the observation, where detection_valid is 0"
 _MAKE_ACTION = "mtp_bench.make_action makes whole actions of plain arrays"
 _MAX_SHOWN_NUMBERS = 8  # of one row
 _FIELD_NAMES: dict[RowKind, list[str]] = {
@@ -127,14 +106,6 @@ def check_action(action: object, task: Task) -> CheckedAction:
         if field.name not in arrays:
             arrays[field.name] = field.filled(task)
     return CheckedAction(arrays, claimed, sound, problems)
-
-
-def is_present(log_weight: Floats) -> Bools:
-    """Mask the samples or hypotheses whose log-weight says present.
-
-    False for NaN.
-    """
-    return np.asarray(log_weight >= ABSENT_BELOW)
 
 
 def _read_fields(action: object, task: Task) -> tuple[Arrays, list[ActionProblem]]:
@@ -235,7 +206,7 @@ def _check_rows(
     if not len(rows):
         return sound, problems
     values = {name: arrays[name][rows] for name in _FIELD_NAMES[kind]}
-    for check in _CHECKS:
+    for check in ROW_CHECKS:
         field = FIELD_BY_NAME[check.field]
         if field.rows != kind:
             continue
@@ -254,102 +225,6 @@ def _check_rows(
             )
             problems.append(problem)
     return sound, problems
-
-
-def _not_finite(values: Arrays, name: str, task: Task) -> Bools:
-    return np.asarray(~np.isfinite(values[name]).all(axis=1))
-
-
-def _box_out_of_range(values: Arrays, name: str, task: Task) -> Bools:
-    box = values[name]
-    placed = (np.abs(box[:, :4]) <= COORDINATE_LIMIT).all(axis=1)
-    sized = ((box[:, 4:] > 0) & (box[:, 4:] <= SIZE_LIMIT)).all(axis=1)
-    return np.asarray(np.isfinite(box).all(axis=1) & ~(placed & sized))
-
-
-def _id_out_of_range(values: Arrays, name: str, task: Task) -> Bools:
-    return np.asarray((values[name] < 0) | (values[name] > ID_LIMIT))
-
-
-def _unknown(values: Arrays, name: str, task: Task) -> Bools:
-    allowed = FIELD_BY_NAME[name].values_in(task)
-    return np.asarray((values[name] < allowed.start) | (values[name] >= allowed.stop))
-
-
-def _not_a_log_weight(values: Arrays, name: str, task: Task) -> Bools:
-    broken = np.isnan(values[name]) | np.isposinf(values[name])
-    return np.asarray(broken.any(axis=tuple(range(1, broken.ndim))))
-
-
-def _not_a_probability(values: Arrays, name: str, task: Task) -> Bools:
-    # NaN is not
-    return np.asarray(~((values[name] >= 0) & (values[name] <= 1)))
-
-
-def _no_sample(values: Arrays, name: str, task: Task) -> Bools:
-    return np.asarray(~is_present(values[name]).any(axis=1))
-
-
-def _sample_not_finite(values: Arrays, name: str, task: Task) -> Bools:
-    finite = np.isfinite(values[name]).all(axis=(2, 3))
-    sampled = is_present(values["forecast_log_weight"])
-    return np.asarray((~finite & sampled).any(axis=1))
-
-
-def _sample_too_far(values: Arrays, name: str, task: Task) -> Bools:
-    if (np.abs(values[name]) <= FORECAST_REACH).all():
-        return np.zeros(len(values[name]), dtype=bool)
-    offset = values[name].astype(np.float64)
-    length = np.hypot(offset[..., 0], offset[..., 1]).max(axis=-1)
-    sampled = is_present(values["forecast_log_weight"])
-    # NaN is not above the limit
-    too_far = ((length > FORECAST_LIMIT) & sampled).any(axis=1)
-    return np.asarray(too_far & ~_sample_not_finite(values, name, task))
-
-
-class _Check(NamedTuple):
-    field: str
-    reason: str
-    # mask of the claimed rows, from all fields of their kind and the field's name
-    fails: Callable[[Arrays, str, Task], Bools]
-    advice: str = _LEAVE_OUT
-    expected: str = ""  # empty: as the table of fields states
-    outside: bool = True  # as in `ActionProblem`
-
-
-_CHECKS = (
-    _Check("track_box", "not finite", _not_finite),
-    _Check("track_box", "out of range", _box_out_of_range),
-    _Check("track_id", "out of range", _id_out_of_range),
-    _Check("track_class", "unknown", _unknown),
-    _Check("hypothesis_log_weight", "NaN or +inf", _not_a_log_weight),
-    _Check("hypothesis_parent", "unknown", _unknown, "-1 for an unknown parent"),
-    _Check("object_box", "not finite", _not_finite),
-    _Check("object_box", "out of range", _box_out_of_range, _PADDING),
-    _Check("object_class", "unknown", _unknown, _PADDING),
-    _Check(
-        "object_confidence",
-        "not a probability",
-        _not_a_probability,
-        "state how likely it is that the object is there, "
-        "not the detector's score as it is",
-    ),
-    _Check("forecast_log_weight", "NaN or +inf", _not_a_log_weight),
-    _Check(
-        "forecast_log_weight",
-        "no sample present",
-        _no_sample,
-        expected="at least one per valid object",
-        outside=False,
-    ),
-    _Check("forecast", "not finite", _sample_not_finite),
-    _Check(
-        "forecast",
-        "too far",
-        _sample_too_far,
-        "subtract the centre of the box from absolute positions",
-    ),
-)
 
 
 def _check_membership(

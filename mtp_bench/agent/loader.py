@@ -314,7 +314,10 @@ def _with_task(kind: type) -> Callable[..., Any]:
 
 
 def _name_of(player: object) -> str:
-    """Name an agent, function or class in one word; "agent" without a name."""
+    """Name an agent, function or class in one word.
+
+    "agent" without a name.
+    """
     name = getattr(player, "__name__", None) or getattr(player, "name", None)
     if not isinstance(name, str):
         name = type(player).__name__

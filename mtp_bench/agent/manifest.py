@@ -21,18 +21,19 @@ from ..core import (
 )
 
 MANIFEST = "submission.toml"
-PARTS = ".part"  # suffix of the folder of an unfinished submit
-ROLLOUTS = ".rollouts"  # suffix of the folder beside a record
+PART_SUFFIX = ".part"  # suffix of the folder of an unfinished submit
+ROLLOUTS_SUFFIX = ".rollouts"  # suffix of the folder beside a record
 MAX_NAME = 64  # characters
 NAME_RULE = (
     f"expected at most {MAX_NAME} lower-case letters, digits and _ . - after a letter or "
-    f"a digit, no dot before a dot or at the end, no {PARTS} or {ROLLOUTS} at the end, "
+    "a digit, no dot before a dot or at the end, no "
+    f"{PART_SUFFIX} or {ROLLOUTS_SUFFIX} at the end, "
     "and no word that Windows reserves, such as con"
 )
 _NAME = re.compile(
     r"(?!(con|prn|aux|nul|com[0-9]|lpt[0-9])(\.|$))"
     r"[a-z0-9][a-z0-9_-]*(\.[a-z0-9_-]+)*"
-    rf"(?<!\{PARTS})(?<!\{ROLLOUTS})"
+    rf"(?<!\{PART_SUFFIX})(?<!\{ROLLOUTS_SUFFIX})"
 )
 _MAX_SETTINGS = 1000  # of a comparison
 Value = bool | int | float | str | list[Any] | dict[str, Any]

@@ -20,11 +20,10 @@ from .changes import (
     with_split as with_split,
 )
 from .own import (
-    TEXTS as TEXTS,
+    TEXT_PATTERNS as TEXT_PATTERNS,
+    cached_digest as cached_digest,
     folder_digest as folder_digest,
-    known_digest as known_digest,
     own_digest as own_digest,
-    scenes_digest as scenes_digest,
     split_folder as split_folder,
 )
 from .source import (

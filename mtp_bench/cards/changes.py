@@ -26,22 +26,25 @@ from ..core import (
 from ..detector import load_profile, profile_for, profile_names
 from .card import Card, DetectorSection, check_consistency, check_detector
 from .own import (
-    TEXTS,
+    TEXT_PATTERNS,
+    cached_digest,
     folder_digest,
-    known_digest,
     own_digest,
     plain_name,
     resolve_folder,
     scenes_digest,
     split_folder,
 )
-from .source import STORED_DETECTOR, FilesSource, SourceSection, read_source
+from .source import STORED_DETECTOR, FilesSource, read_source
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 
 
 class ChangeKeywords(TypedDict, total=False):
-    """Keywords that change the card of an env; None: as in the card."""
+    """Keywords that change the card of an env.
+
+    None: as in the card.
+    """
 
     split: str | None  # another split of the card's source, such as "train"
     # another detector: simulated, by a profile, "iid" or "hard"; on nuScenes also
@@ -67,15 +70,19 @@ class CardChanges:
 
     @property
     def changes(self) -> dict[str, str]:
-        """The values that are not None, as keywords; a stored run keeps them."""
+        """The values that are not None, as keywords.
+
+        A stored run keeps them.
+        """
         values = {
             field.name: getattr(self, field.name) for field in fields(CardChanges)
         }
         return {name: value for name, value in values.items() if value is not None}
 
     def apply(self, card: Card) -> Card:
-        """Return ``card`` with all changes; raises CardError, UnknownNameError.
+        """Return ``card`` with all changes.
 
+        Raises CardError, UnknownNameError.
         Own scenes come first: split and detector are then chosen for them.
         """
         if self.files is not None:
@@ -114,14 +121,16 @@ def load_card(name: str | Path) -> Card:
             f"{path.name}: id is {card.id!r}, expected the file's stem {path.stem!r}"
         )
     if isinstance(card.source, FilesSource):
-        return _with_source(
-            card, resolve_folder(card.source, path.parent, card.lanes is not None)
-        )
+        source = resolve_folder(card.source, path.parent, card.lanes is not None)
+        return card.model_copy(update={"source": source})
     return card
 
 
 def parse_card(content: dict[str, Any], where: str = "card") -> Card:
-    """Validate the content of a card; errors name it by ``where``."""
+    """Validate the content of a card.
+
+    Errors name it by ``where``.
+    """
     content = {**content, "source": read_source(content.get("source"), where)}
     card = validate(Card, content, where, CardError)
     check_consistency(card, where)
@@ -145,7 +154,8 @@ def with_split(card: Card, split: str) -> Card:
         if source.folder is not None:
             folder = split_folder(Path(source.folder), split)
             update["sha256"] = own_digest(folder, card.lanes is not None)
-    return _with_source(card, source.model_copy(update=update))
+    source = source.model_copy(update=update)
+    return card.model_copy(update={"source": source})
 
 
 def with_detector(card: Card, name: str) -> Card:
@@ -175,7 +185,10 @@ def with_detector(card: Card, name: str) -> Card:
 
 
 def _detector_update(card: Card, name: str) -> dict[str, object] | None:
-    """Return the changes of the section [detector]; None for a stored detector."""
+    """Return the changes of the section [detector].
+
+    None for a stored detector.
+    """
     if name in VARIANTS:
         if card.detector is None:
             raise CardError(
@@ -222,7 +235,9 @@ def with_detections(card: Card, file: str | Path) -> Card:
         )
     path = Path(file).expanduser().absolute()
     try:
-        digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
+        digest = (
+            folder_digest(path, TEXT_PATTERNS) if path.is_dir() else cached_digest(path)
+        )
     except OSError as error:
         raise DataError(
             f"detections {path}: {error.strerror}; expected {traits.detection_file}"
@@ -309,10 +324,6 @@ def instead_of_stored(card: Card) -> str:
         f"; without them a simulated detector runs at once: --detector {profile} "
         f"(detector={profile!r} in Python)"
     )
-
-
-def _with_source(card: Card, source: SourceSection) -> Card:
-    return card.model_copy(update={"source": source})
 
 
 def _with_own_scenes(card: Card, **scenes: object) -> Card:

@@ -17,7 +17,7 @@ FORMS = ("csv", "parquet")
 _TABLES = ("truth", "detections", "ego")
 SCENES = tuple(f"*/{table}.{form}" for table in _TABLES for form in FORMS)
 ROADS = tuple(f"*/lanes.{form}" for form in FORMS)
-TEXTS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections
+TEXT_PATTERNS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections
 
 
 def resolve_folder(section: FilesSource, base: Path, lanes: bool) -> FilesSource:
@@ -63,7 +63,7 @@ def folder_digest(folder: Path, patterns: Sequence[str]) -> str:
         if any(part.startswith(".") for part in name.parts):
             continue
         try:
-            content = known_digest(path)
+            content = cached_digest(path)
         except OSError as error:
             raise DataError(
                 f"{path}: cannot be read: {error.strerror or error}"
@@ -81,7 +81,7 @@ def plain_name(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]", "-", name).lstrip("_.-") or "own"
 
 
-def known_digest(path: Path) -> str:
+def cached_digest(path: Path) -> str:
     """Return the hex sha256 of a file.
 
     Raise OSError.

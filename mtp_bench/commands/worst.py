@@ -8,7 +8,7 @@ from typer import BadParameter, Option
 
 from ..core import long_work
 from ..running import OpenedRun, open_run
-from ..scoring import BELOW, FAULTS, PARTS, named_parts
+from ..scoring import BELOW_THRESHOLD, PART_NAMES, STAGE_PARTS, named_parts
 from ..viz import (
     CAPTION_BELOW,
     UNSPLIT,
@@ -38,7 +38,7 @@ from .options import (
 )
 from .output import write_json
 
-CAUSES = tuple(dict.fromkeys([*FAULTS, *PARTS.values()]))
+CAUSES = tuple(dict.fromkeys([*STAGE_PARTS, *PART_NAMES.values()]))
 LOOK = (
     "To look at the first; with --png FILE.png it becomes a picture, without a screen:"
 )
@@ -64,8 +64,8 @@ def worst(
     """List the worst moments of a run: whose fault each was, and how to look at it."""
     collisions = list[Listed]()
     rows = list[WorstRow]()
-    below = cause in (BELOW, "confidence")
-    part_sum = np.zeros(len(PARTS))
+    below = cause in (BELOW_THRESHOLD, "confidence")
+    part_sum = np.zeros(len(PART_NAMES))
     targets = 0
     unsplit = ""
     with long_work("finding the worst moments") as progress:

@@ -1,7 +1,6 @@
 from .environment import MTPEnv as MTPEnv
 from .episode import (
     Episode as Episode,
-    EpisodeLike as EpisodeLike,
     LiveEpisode as LiveEpisode,
     frame_info as frame_info,
 )
@@ -14,7 +13,7 @@ from .observation import (
     true_ids as true_ids,
 )
 from .rollouts import (
-    ARRAYS as ARRAYS,
+    ROLLOUT_ARRAYS as ROLLOUT_ARRAYS,
     RecordedAction as RecordedAction,
     actions_of as actions_of,
     digest as digest,

@@ -155,7 +155,10 @@ def require_room(env_id: str, sizes: Mapping[str, int], kind: str, count: int) -
 
 
 def own_scenes(values: Mapping[str, Any]) -> Sequence[Scene] | None:
-    """Return `Scene` objects among the keywords; None if ``scenes`` holds names."""
+    """Return `Scene` objects among the keywords.
+
+    None if ``scenes`` holds names.
+    """
     scenes = values["scenes"]
     if scenes is None:
         return None

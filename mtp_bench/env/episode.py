@@ -127,11 +127,6 @@ class Episode:
         return len(self.actions)
 
     @property
-    def row(self) -> int:
-        """Index of the frame that is shown, in ``feed``."""
-        return self.t
-
-    @property
     def dropped(self) -> Ints:
         """Detections of each frame that did not fit into an observation [F]."""
         return self.feed.dropped
@@ -143,11 +138,11 @@ class Episode:
 
     def observe(self) -> Observation:
         """Return fresh arrays of the frame that is shown."""
-        return self.feed.observe(self.row)
+        return self.feed.observe(self.t)
 
     def class_counts(self, classes: int) -> Ints:
         """Count the shown detections of each class [C]."""
-        return self.feed.class_counts(self.row, classes)
+        return self.feed.class_counts(self.t, classes)
 
     def past_observations(self, frames: int) -> tuple[Observation, ...]:
         """Return the observations of up to ``frames`` frames before the first one."""
@@ -211,7 +206,7 @@ class Episode:
         In its last step also those of the episode. In evaluation mode none of them
         derives from the truth.
         """
-        dropped = 0 if self.over else int(self.feed.dropped[self.row])
+        dropped = 0 if self.over else int(self.feed.dropped[self.t])
         last_action = self.actions[-1] if self.t > self.first else None
         info = frame_info(self.t, dropped, last_action)
         if self.scorer is None:

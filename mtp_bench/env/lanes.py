@@ -28,8 +28,9 @@ _ROUNDING = 1e-6  # of the number of steps along a lane
 
 @dataclass(frozen=True, eq=False)
 class LaneFeed:
-    """All A pieces of the lanes of a scene; a frame shows some of them.
+    """All A pieces of the lanes of a scene.
 
+    A frame shows some of them.
     It is made once, at ``reset``; a frame then costs one distance for each point.
     """
 

@@ -31,7 +31,7 @@ _MIN_LOG_WEIGHT = -1000.0  # normalised; exp of it is 0 already
 # Dtype and shape of every array of a Rollout, in the order of the digest. The letters
 # are those of core/arrays.py; R rows of tracks, S rows of forecast objects, F1 is F +
 # 1, C1 is C + 1.
-ARRAYS: dict[str, tuple[str, tuple[str | int, ...]]] = {
+ROLLOUT_ARRAYS: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "track_start": ("<i8", ("F1",)),
     "track_id": ("<i8", ("R",)),
     "track_box": ("<f4", ("R", 7)),
@@ -148,12 +148,12 @@ def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Ro
         "dropped": np.asarray(dropped),
         "seconds": np.zeros(len(actions)),
     }
-    for name, (_, shape) in ARRAYS.items():
+    for name, (_, shape) in ROLLOUT_ARRAYS.items():
         if name not in arrays:
             join = np.stack if shape[0] == "F" else np.concatenate
             arrays[name] = join([getattr(action, name) for action in actions])
     typed: dict[str, Any] = {
-        name: array.astype(ARRAYS[name][0], copy=False)
+        name: array.astype(ROLLOUT_ARRAYS[name][0], copy=False)
         for name, array in arrays.items()
     }
     return Rollout(scene, **typed)
@@ -169,7 +169,8 @@ def actions_of(rollout: Rollout) -> Iterator[RecordedAction]:
             "S": rollout.objects.rows(t),
         }
         arrays = {
-            name: getattr(rollout, name)[rows[ARRAYS[name][1][0]]] for name in names
+            name: getattr(rollout, name)[rows[ROLLOUT_ARRAYS[name][1][0]]]
+            for name in names
         }
         yield RecordedAction(**arrays)
 
@@ -177,13 +178,13 @@ def actions_of(rollout: Rollout) -> Iterator[RecordedAction]:
 def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:
     """Make a rollout without tracks, hypotheses and forecasts.
 
-    ``sizes``: others than 0, by the letters of `ARRAYS`.
+    ``sizes``: others than 0, by the letters of `ROLLOUT_ARRAYS`.
     """
     size: dict[Any, int] = {"F": frames, "F1": frames + 1, 2: 2, 3: 3, 7: 7}
     size |= sizes
     arrays: dict[str, Any] = {
         name: np.zeros([size.get(n, 0) for n in shape], dtype)
-        for name, (dtype, shape) in ARRAYS.items()
+        for name, (dtype, shape) in ROLLOUT_ARRAYS.items()
     }
     return Rollout(scene, **arrays)
 
@@ -228,7 +229,7 @@ def digest(rollout: Rollout) -> str:
     All arrays but ``seconds``, and those of `_DIGESTED_DRIVE` of a drive.
     """
     sha = hashlib.sha256(rollout.scene.encode())
-    for name, (dtype, _) in ARRAYS.items():
+    for name, (dtype, _) in ROLLOUT_ARRAYS.items():
         if name != "seconds":
             array = np.ascontiguousarray(getattr(rollout, name), dtype=dtype)
             if array.dtype.kind == "f":
@@ -261,7 +262,7 @@ def _malformed(checked: CheckedAction, task: Task, detections: Ints | None) -> I
 
     The last entry is of objects whose class is unreadable. An object that is stated and
     taken out is one of its class. An action without readable objects is one per
-    detection: so no invalid action is better than an empty one (`fixed_error`).
+    detection: so no invalid action is better than an empty one (`fixed_parts`).
     """
     if not checked.readable and detections is not None:
         return np.append(detections, 0).astype(np.int64)

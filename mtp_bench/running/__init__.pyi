@@ -14,7 +14,7 @@ from .evaluation import (
 )
 from .options import (
     DEFAULTS as DEFAULTS,
-    MOST_SEED as MOST_SEED,
+    MAX_SEED as MAX_SEED,
     Fold as Fold,
     RunKeywords as RunKeywords,
     RunOptions as RunOptions,
@@ -24,7 +24,7 @@ from .options import (
     resolve_options as resolve_options,
 )
 from .playing import (
-    PLAYERS as PLAYERS,
+    PLAYER_ROOMS as PLAYER_ROOMS,
     agent_task as agent_task,
     all_kernels as all_kernels,
     compile_kernels as compile_kernels,
@@ -51,10 +51,8 @@ from .rollout_files import (
 from .settings import (
     Setting as Setting,
     all_settings as all_settings,
-    kinematic_references as kinematic_references,
     references_of as references_of,
     setting_of as setting_of,
-    training_note as training_note,
 )
 from .stored import (
     OpenedRun as OpenedRun,

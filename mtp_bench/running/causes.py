@@ -21,7 +21,7 @@ from ..core import (
 )
 from ..scoring import (
     DEFINITIONS,
-    PARTS,
+    PART_NAMES,
     AgentScores,
     SceneParts,
     agent_table,
@@ -114,7 +114,7 @@ def _make_parts(
 ) -> tuple[Arrays, str]:
     """Return the parts of all targets, and why a reference failed.
 
-    The arrays are parts [n, len(PARTS)] and distances [n], m, with the numbers of
+    The arrays are parts [n, len(PART_NAMES)] and distances [n], m, with the numbers of
     targets by scene.
     """
     split = None
@@ -122,16 +122,12 @@ def _make_parts(
     with long_work("finding causes: scoring the run and two references"):
         scores = run_scores(opened, options)
         try:
-            split_scores: list[AgentScores | None] = []
-            for role in _SPLIT_ROLES:
-                role_scores = None
-                if references:
-                    role_scores = _reference_scores(
-                        references[role], opened, scene_names, options
-                    )
-                split_scores.append(role_scores)
-            associated, tracks = split_scores
-            split = reference_errors(associated, tracks, opened.run.info.samples)
+            if references:
+                associated, tracks = [
+                    _reference_scores(references[role], opened, scene_names, options)
+                    for role in _SPLIT_ROLES
+                ]
+                split = reference_errors(associated, tracks, opened.run.info.samples)
         except SubmissionError as error:  # such as weights that are not there
             failure = f"a reference failed: {error}"
         table = agent_table(scores, None, card_budget(opened.card.id))
@@ -141,7 +137,7 @@ def _make_parts(
     missing = np.zeros(count.sum())
     arrays = {
         "part": np.stack(
-            [parts.get(part_name, missing) for part_name in PARTS], axis=1
+            [parts.get(part_name, missing) for part_name in PART_NAMES], axis=1
         ),
         "count": count,
         "distance": np.concatenate([score.distance for score in scene_scores]),

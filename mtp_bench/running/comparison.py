@@ -184,7 +184,10 @@ def _reference_scores(
     references: _ReferenceSettings,
     scores: Mapping[Key, AgentScores],
 ) -> dict[str, References | None]:
-    """Return the scores of the references of agents; None if not stated."""
+    """Return the scores of the references of agents.
+
+    None if not stated.
+    """
     labels = {setting.label for setting in finished}
     reference_scores: dict[str, References | None] = {}
     for label, roles in references.items():

@@ -216,7 +216,10 @@ def _unmoved(suite: Suite) -> Findings:
 
 
 def _latency(suite: Suite) -> Findings:
-    """State the time per frame; always ok."""
+    """State the time per frame.
+
+    Always ok.
+    """
     seconds = np.concatenate([played.seconds[1:] for played in suite.passes])
     if len(seconds):
         p50, p95 = 1000.0 * np.percentile(seconds, [50, 95])

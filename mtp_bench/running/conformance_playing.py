@@ -28,7 +28,10 @@ _TRACEBACK_LINES = 4
 
 @dataclass(frozen=True)
 class Finding:
-    """One result of a check; ``str()`` is a sentence."""
+    """One result of a check.
+
+    ``str()`` is a sentence.
+    """
 
     level: Level
     check: str  # short name of the check, such as "determinism"
@@ -45,7 +48,10 @@ class Finding:
 
 
 class AgentError(Exception):
-    """The agent could not be built or raised; its ``finding`` names no check yet."""
+    """The agent could not be built or raised.
+
+    Its ``finding`` names no check yet.
+    """
 
     def __init__(self, finding: Finding) -> None:
         self.finding = finding
@@ -145,8 +151,9 @@ def play(
     scribble: bool = False,
     turn: int = 0,
 ) -> Played:
-    """Run the agent on a ``scene`` of ``env``; raises AgentError.
+    """Run the agent on a ``scene`` of ``env``.
 
+    Raises AgentError.
     The seeds of env and agent derive from ``seed``, that of the run. ``scribble``:
     overwrite every observation after the action, as an env with buffers would do.
     ``turn``: number of the rigid motion, in an env with rigid motions.
@@ -161,8 +168,9 @@ def play(
 def play_made_up(
     agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]
 ) -> Played:
-    """Run the agent on observations made up for a check; raises AgentError.
+    """Run the agent on observations made up for a check.
 
+    Raises AgentError.
     Each has its description.
     """
     steps = (step for step in [*frames, None])
@@ -170,7 +178,10 @@ def play_made_up(
 
 
 def first_difference(a: Played, b: Played) -> str:
-    """Return scene, frame and field where two passes differ first; empty if equal."""
+    """Return scene, frame and field where two passes differ first.
+
+    Empty if equal.
+    """
     frames = min(len(a.actions), len(b.actions))
     for t in range(frames):
         second_action = b.actions[t]
@@ -270,8 +281,9 @@ class Suite:
         return problems
 
     def agent(self, env: MTPEnv | None = None) -> Agent:
-        """Build an agent for the task of ``env``; raises AgentError.
+        """Build an agent for the task of ``env``.
 
+        Raises AgentError.
         None: the env of the suite.
         """
         try:
@@ -280,8 +292,9 @@ class Suite:
             raise failure(error, "build", "an agent") from error
 
     def play(self, **keywords: Any) -> Played:
-        """Run a new agent on the first scene; raises AgentError.
+        """Run a new agent on the first scene.
 
+        Raises AgentError.
         ``keywords``: as of `play`.
         """
         return play(self.agent(), self.env, self.scenes[0], self.seed, **keywords)

@@ -177,7 +177,10 @@ def _free_name(scene_name: str, taken_names: dict[str, Rollout]) -> str:
 
 
 def _save_scene(recorded_name: str, rollout: Rollout, card: Card, folder: Path) -> None:
-    """Write the scene that a drive recorded; raises RolloutError."""
+    """Write the scene that a drive recorded.
+
+    Raises RolloutError.
+    """
     assert rollout.drive is not None
     try:
         world = unpack(dict(rollout.drive.world))

@@ -27,7 +27,6 @@ from .reference import ranked_scenes, reference_for
 from .settings import Setting, setting_of, training_note
 
 Scores = AgentScores | AgentFailedError
-ReferenceScores = Mapping[str, References | None]  # of `summarise`, by agent
 
 
 def evaluate(
@@ -36,8 +35,9 @@ def evaluate(
     options: RunOptions = DEFAULTS,
     **keywords: Unpack[RunKeywords],
 ) -> Report:
-    """Run and score one agent on the scenes of an env; see `RunKeywords`.
+    """Run and score one agent on the scenes of an env.
 
+    See `RunKeywords`.
     ``agent``: an agent object, a function ``build(task)`` or a class that makes one,
     the name of a baseline, or the folder of a submission, with the parameters of its
     manifest. Every scene gets a new agent, or a copy of the object. ``env_id``: id of
@@ -143,7 +143,7 @@ class EnvEvaluation:
         self,
         scores: Sequence[Any],
         settings: Sequence[Setting],
-        references: ReferenceScores | None = None,
+        references: Mapping[str, References | None] | None = None,
     ) -> tuple[Report, Reference]:
         """Return the report of the ``scores`` of ``settings``, and the event weights.
 
@@ -163,8 +163,13 @@ class EnvEvaluation:
         return report, reference
 
     def jobs(self, setting: Setting, seed: int, scenes: Sequence[str]) -> list[Job]:
-        """Return the jobs of a setting on ``scenes``."""
-        keywords = {**self.options.env_keywords, **self.env_changes(setting)}
+        """Return the jobs of a setting on ``scenes``.
+
+        Raises MtpBenchError if stored tracks are needed and not named.
+        """
+        keywords = {**self.options.env_keywords, **setting.env_keywords(self.card)}
+        if setting.observe == "tracks":
+            keywords |= self.options.shown_to(setting.submission)
         return jobs_of(
             setting.submission,
             self.env,
@@ -175,26 +180,11 @@ class EnvEvaluation:
             setting.label,
         )
 
-    def env_changes(self, setting: Setting) -> dict[str, Any]:
-        """Return the keywords of the env for one setting.
 
-        Raises MtpBenchError if stored tracks are needed and not named.
-        """
-        keywords = setting.env_keywords(self.card)
-        if setting.observe == "tracks":
-            keywords |= self.options.shown_to(setting.submission)
-        return keywords
-
-
-def scores_of(
-    setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: str = ""
-) -> AgentScores:
-    """Return the scores of a setting, a run per seed.
-
-    Their name is ``agent`` or, if that is empty, the setting's label.
-    """
+def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]]) -> AgentScores:
+    """Return the scores of a setting, a run per seed."""
     return AgentScores(
-        agent or setting.label,
+        setting.label,
         setting.hypotheses or stated_hypotheses(seeds),
         setting.samples,
         setting.budget,

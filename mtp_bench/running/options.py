@@ -22,7 +22,7 @@ from ..core import (
 )
 from ..scoring import SceneResult
 
-MOST_SEED = 2**31 - 1
+MAX_SEED = 2**31 - 1
 Fold = tuple[int, int]  # the number of a fold, from 1 on, and the number of folds
 
 
@@ -64,9 +64,9 @@ def held_out(scene_names: Sequence[str], fold: Fold) -> tuple[str, ...]:
 
 def require_seed(seed: int) -> None:
     """Raise MtpBenchError for a seed that files of runs and weights cannot hold."""
-    if not 0 <= seed <= MOST_SEED:
+    if not 0 <= seed <= MAX_SEED:
         raise MtpBenchError(
-            f"the seed is {seed}, expected a whole number from 0 to {MOST_SEED}"
+            f"the seed is {seed}, expected a whole number from 0 to {MAX_SEED}"
         )
 
 
@@ -91,7 +91,7 @@ class RunOptions(CardChanges):
     """Options of every run, comparison, fit and check, beside the agent and the env.
 
     The fields that are not here are those of `ChangeKeywords`. Raises MtpBenchError for
-    0 scenes, for an empty list of seeds and for a seed below 0 or above `MOST_SEED`.
+    0 scenes, for an empty list of seeds and for a seed below 0 or above `MAX_SEED`.
     """
 
     # root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's data folder

@@ -36,7 +36,7 @@ from ..env import MTPEnv
 from .options import DEFAULTS, RunOptions
 
 # Rooms whose modules register all kernels.
-PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")
+PLAYER_ROOMS = ("mtp_bench.tracking", "mtp_bench.prediction")
 
 
 def all_kernels() -> list[Any]:
@@ -44,7 +44,7 @@ def all_kernels() -> list[Any]:
 
     The judge itself does not import trackers and predictors.
     """
-    for room in PLAYERS:
+    for room in PLAYER_ROOMS:
         facade = importlib.import_module(room)
         for name in facade.__all__:  # each is imported when it is first used
             getattr(facade, name)
@@ -85,7 +85,10 @@ _LIBRARIES = ("numpy", "scipy", "gymnasium", "numba", "torch", "scikit-learn")
 
 
 class AgentFailedError(SubmissionError):
-    """An agent raised; ``reason`` says where and what, on one line."""
+    """An agent raised.
+
+    ``reason`` says where and what, on one line.
+    """
 
     def __init__(self, agent: str, reason: str) -> None:
         super().__init__(agent, reason)  # both: workers send their errors home
@@ -129,7 +132,10 @@ def run_scene(
 
 @dataclass(frozen=True)
 class Job:
-    """One agent on one scene of one env; it can be pickled if ``make_agent`` can."""
+    """One agent on one scene of one env.
+
+    It can be pickled if ``make_agent`` can.
+    """
 
     make_agent: MakeAgent
     env: str | Card  # id, path of a card, or a card
@@ -312,7 +318,10 @@ def _first_error(job: Job) -> AgentFailedError | None:
 
 
 def _build(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
-    """Build the agent of a job, and ``reset`` it once; raises AgentFailedError."""
+    """Build the agent of a job, and ``reset`` it once.
+
+    Raises AgentFailedError.
+    """
     task = agent_task(env, job.seed, job.scene)
     step = "built"
     try:

@@ -20,7 +20,7 @@ from ..core import (
     validate,
     write_text,
 )
-from ..scoring import HOLES, LOST_TARGETS, left_out
+from ..scoring import HOLES, LOST_TARGETS, count_holes
 from ..sources import DataStatus, describe, open_source
 
 _NOT_READ = (".jpg", ".png", ".bin")  # images and points
@@ -96,7 +96,7 @@ def _read_scenes(status: DataStatus, card: Card, data: str | Path | None) -> lis
     for scene_name in source.names:
         with status.noted():
             scene = source.load(scene_name)
-            skipped.append(scene.skipped | left_out(scene, card))
+            skipped.append(scene.skipped | count_holes(scene, card))
             counts = {
                 "scenes": 1,
                 "frames": scene.frames,

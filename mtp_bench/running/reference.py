@@ -35,8 +35,8 @@ from ..core import (
 )
 from ..env import LocalFrame, MTPEnv, empty_rollout, make_feed
 from ..scoring import (
-    COUNTED,
-    EVENTS,
+    COUNTED_EVENTS,
+    EVENT_KINDS,
     ONE_PER_TARGET,
     WEIGHTS_DEFINITIONS,
     CardBudget,
@@ -107,7 +107,10 @@ def card_budget(env_id: str) -> CardBudget:
 
 
 def _read_frozen(env_id: str) -> Reference | None:
-    """Read the frozen event weights of the shipped card; None without a file."""
+    """Read the frozen event weights of the shipped card.
+
+    None without a file.
+    """
     path = frozen_path(env_id)
     if not path.is_file():
         return None
@@ -278,8 +281,8 @@ def _driven_reference(
     submission = load_submission(controls()["ground_truth"])
     jobs = jobs_of(submission, card, {"data": options.data}, scenes)
     ways_m = run_jobs(jobs, options, _way)
-    no_counts = np.zeros((1, len(COUNTED)), dtype=np.uint8)
-    no_events = np.zeros((1, len(EVENTS)), dtype=bool)
+    no_counts = np.zeros((1, len(COUNTED_EVENTS)), dtype=np.uint8)
+    no_events = np.zeros((1, len(EVENT_KINDS)), dtype=bool)
     weights = {}
     for scene_name, way_m in zip(scenes, ways_m, strict=True):
         weights[scene_key(card.id, scene_name)] = SceneWeights(

@@ -29,7 +29,7 @@ from ..core import (
     validate,
     whole_folder,
 )
-from ..env import ARRAYS, digest, drive_arrays, drive_of
+from ..env import ROLLOUT_ARRAYS, digest, drive_arrays, drive_of
 from ..sources import write_npz
 
 RUN_FILE = "run.json"
@@ -132,7 +132,9 @@ def load_run(folder: str | Path) -> Run:
     size = 0
     for entry in run.scenes:
         rollout = _read_scene(folder, entry)
-        size += sum(getattr(rollout, array_name).nbytes for array_name in ARRAYS)
+        size += sum(
+            getattr(rollout, array_name).nbytes for array_name in ROLLOUT_ARRAYS
+        )
         if size > MAX_RUN_BYTES:
             raise RolloutError(
                 f"{folder}: its scenes hold more than {MAX_RUN_BYTES >> 30} GiB, "
@@ -178,7 +180,10 @@ def differences(forecast: NDArray[np.int16]) -> NDArray[np.int16]:
 
 
 def undone(steps: NDArray[np.int16]) -> NDArray[np.int16]:
-    """Return the inverse of `differences`; ``steps`` is overwritten."""
+    """Return the inverse of `differences`.
+
+    ``steps`` is overwritten.
+    """
     for _ in range(2):
         for previous, current in pairwise(steps):
             np.add(previous, current, out=current)
@@ -196,7 +201,7 @@ def _write_scene(folder: Path, rollout: Rollout) -> _SceneEntry:
     file is 2 % larger.
     """
     arrays: dict[str, NDArray[Any]] = {}
-    for array_name, (dtype, _) in ARRAYS.items():
+    for array_name, (dtype, _) in ROLLOUT_ARRAYS.items():
         arrays[array_name] = np.asarray(getattr(rollout, array_name), dtype=dtype)
     arrays["forecast"] = differences(arrays["forecast"])
     arrays |= drive_arrays(rollout.drive)
@@ -207,11 +212,14 @@ def _write_scene(folder: Path, rollout: Rollout) -> _SceneEntry:
 
 
 def _read_scene(folder: Path, entry: _SceneEntry) -> Rollout:
-    """Read the file of a scene; raises RolloutError."""
+    """Read the file of a scene.
+
+    Raises RolloutError.
+    """
     path = folder / _scene_file(entry.scene)
     try:
         stored = _read_arrays(path)
-        arrays = {array_name: stored.pop(array_name) for array_name in ARRAYS}
+        arrays = {array_name: stored.pop(array_name) for array_name in ROLLOUT_ARRAYS}
         arrays["forecast"] = undone(arrays["forecast"])
         drive = drive_of(stored)
     except FileNotFoundError:
@@ -236,7 +244,10 @@ def _read_scene(folder: Path, entry: _SceneEntry) -> Rollout:
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Read all arrays of an NPZ file; raises RolloutError if they are too large."""
+    """Read all arrays of an NPZ file.
+
+    Raises RolloutError if they are too large.
+    """
     with open_regular(path) as file, np.load(file, allow_pickle=False) as stored:
         if sum(member.file_size for member in stored.zip.infolist()) > MAX_SCENE_BYTES:
             raise RolloutError(
@@ -252,7 +263,7 @@ def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]], frames: int) -> N
     """Raise RolloutError unless all arrays have the dtypes and shapes of a rollout."""
     # the first array with a letter sets its size
     letter_sizes: dict[str | int, int] = {"F": frames, "F1": frames + 1}
-    for array_name, (dtype, letters) in ARRAYS.items():
+    for array_name, (dtype, letters) in ROLLOUT_ARRAYS.items():
         scene_array = arrays[array_name]
         if scene_array.dtype != np.dtype(dtype):
             raise RolloutError(

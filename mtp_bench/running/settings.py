@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..agent import (
     ObjectSubmission,
@@ -16,7 +16,7 @@ from ..agent import (
 )
 from ..cards import Card
 from ..core import MtpBenchError, SubmissionError
-from ..scoring import Budget, unchanged
+from ..scoring import Budget, shipped_env_id
 
 _REFERENCE_ROLES: tuple[Role, ...] = (
     "single",
@@ -27,15 +27,7 @@ _REFERENCE_ROLES: tuple[Role, ...] = (
 )
 
 
-class Key(NamedTuple):
-    """Fields that decide how a setting runs: all but its label."""
-
-    submission: str
-    parameters: str
-    budget: Budget
-    hypotheses: int | None
-    samples: int
-    observe: str
+Key = tuple[object, ...]  # of what decides how a setting runs: all but its label
 
 
 @dataclass(frozen=True)
@@ -55,7 +47,7 @@ class Setting:
     def key(self) -> Key:
         """Key that is equal for settings that differ only in their label."""
         parameters = repr(sorted(self.parameters.items()))
-        return Key(
+        return (
             self.submission.name,
             parameters,
             self.budget,
@@ -63,28 +55,6 @@ class Setting:
             self.samples,
             self.observe,
         )
-
-    @property
-    def gap_references(self) -> tuple["Setting", "Setting"] | tuple[()] | None:
-        """Pair of references between which the gap of an agent lies.
-
-        One has one hypothesis, the other the ground-truth tracks; both have the agent's
-        own predictor. Empty: the controls are the pair. None: the manifest states no
-        pair.
-        """
-        pair_parameters = self.submission.compare.gap_references
-        if pair_parameters == "controls":
-            return ()
-        if pair_parameters is None or self.observe == "truth":
-            return None
-        single = replace(
-            self,
-            label=f"{self.submission.name} (reference of its gap)",
-            parameters={**self.parameters, **pair_parameters},
-            hypotheses=1,
-            observe=self.observe.replace("associated", "detections"),
-        )
-        return single, replace(single, observe="truth")
 
     @property
     def total_draws(self) -> int:
@@ -147,15 +117,24 @@ def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
     """Return the settings of the reference runs of an agent.
 
     The keys are fields of `References`. Empty if the manifest states no references.
+    The gap of the agent lies between two of them with its own predictor: one has one
+    hypothesis, the other the ground-truth tracks.
     """
-    pair = setting.gap_references
-    if pair is None:
-        return {}
-    if not pair:
+    compare = setting.submission.compare
+    if compare.gap_references == "controls":
         return kinematic_references(setting, card)
-    single, truth = pair
+    if compare.gap_references is None or setting.observe == "truth":
+        return {}
+    single = replace(
+        setting,
+        label=f"{setting.submission.name} (reference of its gap)",
+        parameters={**setting.parameters, **compare.gap_references},
+        hypotheses=1,
+        observe=setting.observe.replace("associated", "detections"),
+    )
+    truth = replace(single, observe="truth")
     tracked = single
-    association = setting.submission.compare.association_references
+    association = compare.association_references
     if association is not None:
         tracked = replace(single, parameters={**setting.parameters, **association})
     same_samples = tracked.with_draws(setting.total_draws)
@@ -173,8 +152,9 @@ def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
 
 
 def kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
-    """Return the controls as references; they have the kinematic predictor.
+    """Return the controls as references.
 
+    They have the kinematic predictor.
     If the agent has more draws than one, the references that split its error have the
     number of draws of ``same_samples``.
     """
@@ -265,7 +245,7 @@ def training_note(submission: Submission, card: Card) -> str | None:
     None without such parts. The manifest speaks of the env that ships, so a card with
     another split, detections or scenes has no note.
     """
-    return submission.note_on(card.id) if unchanged(card.id, card.digest) else None
+    return submission.note_on(card.id) if shipped_env_id(card.id, card.digest) else None
 
 
 def _count(

@@ -26,7 +26,7 @@ from ..scoring import (
     Budget,
     Report,
     SceneScore,
-    left_out,
+    count_holes,
     score_scene,
     stated_hypotheses,
     summarise,
@@ -241,7 +241,10 @@ def score(
 
 
 def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores:
-    """Return the scores of a stored run; ``options``: workers and progress."""
+    """Return the scores of a stored run.
+
+    ``options``: workers and progress.
+    """
     info = opened.run.info
     rollouts = opened.run.rollouts
     source = opened.source if options.workers == SERIAL else None
@@ -285,7 +288,7 @@ def _score(
 def _with_skipped(
     scene: Scene, rollout: Rollout, card: Card
 ) -> tuple[Rollout, dict[str, int]]:
-    return rollout, scene.skipped | left_out(scene, card)
+    return rollout, scene.skipped | count_holes(scene, card)
 
 
 def _card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,12 @@ from ..cards import Card
 from ..core import (
     CardError,
     Floats,
-    Ints,
     Rollout,
     Scene,
+    StoredTracks,
     long_work,
     new_folder,
-    starts_of_sorted,
+    starts_of,
     whole_file,
 )
 from ..sources import (
@@ -39,18 +39,7 @@ from .stored import OpenedRun
 _FILE_SUFFIXES = (".json", ".csv", ".txt", ".feather")
 
 
-@dataclass(frozen=True, eq=False)
-class TrackRows:
-    """Tracks of a scene, R boxes sorted by frame, in its frame of reference."""
-
-    frame: Ints  # [R]
-    track_id: Ints  # [R]
-    class_id: Ints  # [R]
-    box: Floats  # [R, 7]
-    score: Floats  # [R]
-
-
-def track_rows(rollout: Rollout, scene: Scene, card: Card) -> TrackRows:
+def stated_tracks(rollout: Rollout, scene: Scene, card: Card) -> StoredTracks:
     """Return the tracks of the heaviest hypothesis of each frame.
 
     A rollout has no scores of tracks. As in the files of other trackers, the score of a
@@ -60,37 +49,41 @@ def track_rows(rollout: Rollout, scene: Scene, card: Card) -> TrackRows:
     frame = rollout.tracks.frame_of_rows
     heaviest = rollout.hypothesis_log_weight.argmax(axis=1)
     is_member = rollout.member[np.arange(len(frame)), heaviest[frame]]
-    track_row = np.flatnonzero(is_member & (rollout.track_class >= 0))
-    scene_rows = TrackRows(
-        frame[track_row],
-        rollout.track_id[track_row],
-        rollout.track_class[track_row],
-        rollout.track_box[track_row].astype(np.float64),
-        np.zeros(len(track_row)),
+    is_stated = is_member & (rollout.track_class >= 0)
+    box = rollout.track_box[is_stated].astype(np.float64)
+    tracks = StoredTracks(
+        start=starts_of(is_stated)[rollout.track_start],
+        box=box,
+        velocity=np.full((len(box), 2), np.nan),
+        class_id=rollout.track_class[is_stated],
+        score=np.zeros(len(box)),
+        object_id=rollout.track_id[is_stated],
     )
     gate_m = np.array(card.per_class(card.task.forecast_gate))
-    return replace(scene_rows, score=_scores(scene_rows, scene, gate_m))
+    return replace(tracks, score=_scores(tracks, scene, gate_m))
 
 
-def _scores(rows: TrackRows, scene: Scene, gate_m: Floats) -> Floats:
-    """Return scores [R] of tracks; ``gate_m`` [C]."""
-    track_scores = np.zeros(len(rows.frame))
+def _scores(tracks: StoredTracks, scene: Scene, gate_m: Floats) -> Floats:
+    """Return scores [R] of tracks.
+
+    ``gate_m`` [C].
+    """
+    track_scores = np.zeros(len(tracks.box))
     last_score: dict[int, float] = {}  # by track
     detections = scene.detections
-    start = starts_of_sorted(rows.frame, scene.frames)
     for t in range(scene.frames):
         detected = detections.rows(t)
-        tracks = slice(start[t], start[t + 1])
-        offset_m = rows.box[tracks, None, :2] - detections.box[None, detected, :2]
+        rows = tracks.rows(t)
+        offset_m = tracks.box[rows, None, :2] - detections.box[None, detected, :2]
         distance_m = np.linalg.norm(offset_m, axis=-1)
-        class_id = rows.class_id[tracks]
+        class_id = tracks.class_id[rows]
         distance_m[class_id[:, None] != detections.class_id[None, detected]] = np.inf
         is_near = distance_m.min(axis=1, initial=np.inf) <= gate_m[class_id]
-        for i, track_id in enumerate(rows.track_id[tracks].tolist()):
+        for i, track_id in enumerate(tracks.object_id[rows].tolist()):
             if is_near[i]:
                 nearest = distance_m[i].argmin()
                 last_score[track_id] = float(detections.score[detected][nearest])
-            track_scores[start[t] + i] = last_score.get(track_id, 0.0)
+            track_scores[rows.start + i] = last_score.get(track_id, 0.0)
     return track_scores
 
 
@@ -107,10 +100,10 @@ def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False) -> i
     with long_work("exporting tracks") as progress:
         progress.started(len(rollouts))
 
-        def rows() -> Iterator[tuple[Scene, TrackRows]]:
+        def rows() -> Iterator[tuple[Scene, StoredTracks]]:
             for rollout in rollouts:
                 scene = opened.recorded(rollout.scene)
-                yield scene, track_rows(rollout, scene, opened.card)
+                yield scene, stated_tracks(rollout, scene, opened.card)
                 progress.done(rollout.scene)
 
         target = Path(path).absolute()
@@ -118,13 +111,16 @@ def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False) -> i
 
 
 def write_tracks(
-    rows: Iterable[tuple[Scene, TrackRows]],
+    rows: Iterable[tuple[Scene, StoredTracks]],
     card: Card,
     data: str | None,
     path: Path,
     table: bool = False,
 ) -> int:
-    """Write the tracks of scenes of ``card``; see `export_tracks`."""
+    """Write the tracks of scenes of ``card``.
+
+    See `export_tracks`.
+    """
     for source, dataset_name, suffix, write_file in _SUBMISSIONS:
         if isinstance(card.source, source) and not table:
             if path.suffix != suffix:
@@ -145,21 +141,21 @@ def write_tracks(
     with new_folder(path) as folder:
         for scene, tracks in rows:
             write_scene(scene, tracks, card, data, folder)
-            boxes += len(tracks.frame)
+            boxes += len(tracks.box)
     return boxes
 
 
 def _write_result(
-    scene: Scene, rows: TrackRows, card: Card, data: str | None, folder: Path
+    scene: Scene, tracks: StoredTracks, card: Card, data: str | None, folder: Path
 ) -> None:
     """Write one text file of KITTI's tracking results."""
     assert isinstance(card.source, KittiSource)
     lines = result_lines(
-        rows.frame * card.source.stride,
-        rows.track_id,
-        [KITTI_TYPES[card.task.classes[class_id]][0] for class_id in rows.class_id],
-        rows.box,
-        rows.score,
+        tracks.frame_of_rows * card.source.stride,
+        tracks.object_id,
+        [KITTI_TYPES[card.task.classes[class_id]][0] for class_id in tracks.class_id],
+        tracks.box,
+        tracks.score,
         poses_of(card, data, scene.name),
     )
     text = "".join(f"{line}\n" for line in lines)
@@ -167,22 +163,25 @@ def _write_result(
 
 
 def _write_table(
-    scene: Scene, rows: TrackRows, card: Card, data: str | None, folder: Path
+    scene: Scene, tracks: StoredTracks, card: Card, data: str | None, folder: Path
 ) -> None:
     columns = {
-        "frame": rows.frame,
-        "id": rows.track_id,
-        "class": np.array(card.task.classes)[rows.class_id],
-        **dict(zip(BOX_COLUMNS, rows.box.T, strict=True)),
-        "score": rows.score,
+        "frame": tracks.frame_of_rows,
+        "id": tracks.object_id,
+        "class": np.array(card.task.classes)[tracks.class_id],
+        **dict(zip(BOX_COLUMNS, tracks.box.T, strict=True)),
+        "score": tracks.score,
     }
     write_table(table_path(folder, scene.name), columns)
 
 
 def _write_submission(
-    rows: Iterable[tuple[Scene, TrackRows]], card: Card, data: str | None, path: Path
+    rows: Iterable[tuple[Scene, StoredTracks]], card: Card, data: str | None, path: Path
 ) -> int:
-    """Write a tracking submission of nuScenes; return the number of boxes."""
+    """Write a tracking submission of nuScenes.
+
+    Returns the number of boxes.
+    """
     tables = NuScenes(card, data).tables
     modalities = ("camera", "lidar", "radar", "map", "external")
     meta = {f"use_{modality}": False for modality in modalities}
@@ -201,27 +200,27 @@ def _write_submission(
 
 
 def _samples(
-    scene: Scene, rows: TrackRows, card: Card, tokens: list[str]
+    scene: Scene, tracks: StoredTracks, card: Card, tokens: list[str]
 ) -> Iterator[tuple[str, list[dict[str, object]]]]:
     """Yield the boxes of each sample.
 
     A box has the mean velocity since the previous box of its track.
     """
     previous: dict[int, tuple[float, Floats]] = {}  # by track: time and position
-    start = starts_of_sorted(rows.frame, scene.frames)
     for t, token in enumerate(tokens):
         boxes: list[dict[str, object]] = []
         time_s = float(scene.time[t])
-        for track_row in range(start[t], start[t + 1]):
-            track_id = int(rows.track_id[track_row])
-            track_box = rows.box[track_row]
+        rows = tracks.rows(t)
+        for track_row in range(rows.start, rows.stop):
+            track_id = int(tracks.object_id[track_row])
+            track_box = tracks.box[track_row]
             last_time_s, position = previous.get(track_id, (time_s, track_box[:2]))
             velocity = np.zeros(2)
             if time_s > last_time_s:
                 velocity = (track_box[:2] - position) / (time_s - last_time_s)
             previous[track_id] = time_s, track_box[:2]
-            class_name = card.task.classes[rows.class_id[track_row]]
-            score = float(rows.score[track_row])
+            class_name = card.task.classes[tracks.class_id[track_row]]
+            score = float(tracks.score[track_row])
             boxes.append(
                 submission_box(
                     token, track_box, velocity, class_name, str(track_id), score
@@ -231,9 +230,12 @@ def _samples(
 
 
 def _write_feather(
-    rows: Iterable[tuple[Scene, TrackRows]], card: Card, data: str | None, path: Path
+    rows: Iterable[tuple[Scene, StoredTracks]], card: Card, data: str | None, path: Path
 ) -> int:
-    """Write a tracking submission of Argoverse 2; return the number of boxes."""
+    """Write a tracking submission of Argoverse 2.
+
+    Returns the number of boxes.
+    """
     from pyarrow import concat_tables, feather, table
 
     classes = np.array(card.task.classes)
@@ -243,8 +245,8 @@ def _write_feather(
             card,
             data,
             scene,
-            tracks.frame,
-            tracks.track_id,
+            tracks.frame_of_rows,
+            tracks.object_id,
             classes[tracks.class_id],
             tracks.box,
             tracks.score,

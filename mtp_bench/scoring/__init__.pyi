@@ -1,11 +1,8 @@
-from .bade import (
-    ONE_PER_TARGET as ONE_PER_TARGET,
-    CardBudget as CardBudget,
-    capped_error as capped_error,
-)
+from .bade import ONE_PER_TARGET as ONE_PER_TARGET, CardBudget as CardBudget
 from .clear import tracking_counts as tracking_counts
 from .definitions import (
     DEFINITIONS as DEFINITIONS,
+    FIXED_CONFIDENCE as FIXED_CONFIDENCE,
     GOLDEN as GOLDEN,
     KNOWN_SUBSETS as KNOWN_SUBSETS,
     RANKED_OBJECTS as RANKED_OBJECTS,
@@ -13,7 +10,6 @@ from .definitions import (
     RANKED_UNITS as RANKED_UNITS,
     SIGNIFICANT as SIGNIFICANT,
     SUBSETS as SUBSETS,
-    SURE as SURE,
     WEIGHTS_DEFINITIONS as WEIGHTS_DEFINITIONS,
     Subset as Subset,
 )
@@ -25,12 +21,12 @@ from .details import (
 from .displacements import (
     Displacement as Displacement,
     displacement as displacement,
+    drop_light_samples as drop_light_samples,
     energy_score as energy_score,
-    floored as floored,
     k_curve as k_curve,
 )
 from .driving import (
-    WEIGHTS as WEIGHTS,
+    DRIVE_SCORE_WEIGHTS as DRIVE_SCORE_WEIGHTS,
     AgentDrives as AgentDrives,
     DrivingRow as DrivingRow,
     driving_rows as driving_rows,
@@ -63,7 +59,6 @@ from .lineage import (
     event_pairs as event_pairs,
     gated_pairs as gated_pairs,
     hypotheses as hypotheses,
-    in_all as in_all,
     lineage_events as lineage_events,
     match_hypotheses as match_hypotheses,
 )
@@ -75,20 +70,19 @@ from .matching import (
 from .pairs import (
     Pairs as Pairs,
     box_pairs as box_pairs,
+    keep_columns as keep_columns,
     near_pairs as near_pairs,
-    of_columns as of_columns,
 )
 from .parts import (
-    BELOW as BELOW,
-    FAULT_NAMES as FAULT_NAMES,
-    FAULTS as FAULTS,
+    BELOW_THRESHOLD as BELOW_THRESHOLD,
     LEAST_SHOWN as LEAST_SHOWN,
-    PARTS as PARTS,
+    PART_NAMES as PART_NAMES,
+    STAGE_NAMES as STAGE_NAMES,
+    STAGE_PARTS as STAGE_PARTS,
     SceneParts as SceneParts,
     blame as blame,
     by_fault as by_fault,
     error_parts as error_parts,
-    fault_of as fault_of,
     named_parts as named_parts,
     parts_text as parts_text,
     plain_parts as plain_parts,
@@ -100,14 +94,13 @@ from .rank import (
     NO_GAP as NO_GAP,
     NOT_CAUSAL as NOT_CAUSAL,
     NOT_KINEMATIC as NOT_KINEMATIC,
+    REFERENCES_UNSTATED as REFERENCES_UNSTATED,
     SAW_TRUTH as SAW_TRUTH,
-    UNSTATED as UNSTATED,
+    GapPair as GapPair,
     GapPairs as GapPairs,
-    Pair as Pair,
     Place as Place,
     References as References,
-    difference_to as difference_to,
-    guard as guard,
+    guard_reason as guard_reason,
     places_on as places_on,
     rank_by_error as rank_by_error,
     span_text as span_text,
@@ -116,7 +109,7 @@ from .rank import (
 )
 from .report import paired_row as paired_row, summarise as summarise
 from .report_tables import (
-    NAMES as NAMES,
+    SUBSET_NAMES as SUBSET_NAMES,
     Report as Report,
     blocks_of as blocks_of,
     heading as heading,
@@ -126,7 +119,7 @@ from .report_tables import (
     preference as preference,
     rejected_line as rejected_line,
     shipped_env as shipped_env,
-    unchanged as unchanged,
+    shipped_env_id as shipped_env_id,
 )
 from .rows import (
     AgentSetting as AgentSetting,
@@ -142,7 +135,6 @@ from .rows import (
     Reliability as Reliability,
     Row as Row,
 )
-from .scenes import SceneResult as SceneResult
 from .score import (
     SceneScore as SceneScore,
     check_rollout as check_rollout,
@@ -161,22 +153,23 @@ from .statistics import (
 from .table import (
     AgentScores as AgentScores,
     AgentTable as AgentTable,
+    SceneResult as SceneResult,
     agent_table as agent_table,
     stated_hypotheses as stated_hypotheses,
 )
 from .targets import (
     Targets as Targets,
     absent_causes as absent_causes,
+    count_holes as count_holes,
     evaluated as evaluated,
     find_targets as find_targets,
-    left_out as left_out,
     live_frames as live_frames,
     neutral_places as neutral_places,
 )
 from .weights import (
-    COUNTED as COUNTED,
-    EVENTS as EVENTS,
-    WEIGHED as WEIGHED,
+    COUNTED_EVENTS as COUNTED_EVENTS,
+    EVENT_KINDS as EVENT_KINDS,
+    WEIGHTED_SUBSETS as WEIGHTED_SUBSETS,
     Reference as Reference,
     SceneWeights as SceneWeights,
     count_runs as count_runs,

@@ -20,9 +20,9 @@ from ..core import Bools, Floats, Ints
 from .definitions import (
     BUDGETS,
     FALSE_FORECAST_SHARE,
+    FIXED_CONFIDENCE,
     FORECASTS_PER_FRAME,
     FREE_FORECASTS,
-    SURE,
 )
 from .incremental_matching import last_of
 from .pairs import Rows
@@ -215,18 +215,14 @@ def at_budgets(
     return np.stack(rows)
 
 
-def capped_error(min_ade: Floats, miss_error: Floats) -> Floats:
-    """Return the error [n] of targets, m: minADE, at most the miss error.
-
-    ``min_ade`` [n]: inf without a forecast.
-    """
-    return np.minimum(min_ade, miss_error)
-
-
-def fixed_error(
+def fixed_parts(
     cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete: bool
-) -> float:
-    """Return the error at the fixed operating point: c-GOSPA, summed over targets, m.
+) -> tuple[Floats, Floats, float, float]:
+    """Return the parts of the error at the fixed operating point, c-GOSPA, m.
+
+    The parts: the error of each target [n], the share of it from targets without a
+    forecast, the cost of false forecasts, the cost of invalid objects. Errors of
+    targets and both costs add up to the error.
 
     A target costs min(minADE, c), and c without a forecast of confidence 0.5 or more. A
     false forecast of such a confidence costs c / 2; if false ones are unknown, each
@@ -236,25 +232,13 @@ def fixed_error(
     live frames by class; they count as false forecasts, those without a class as of the
     largest c. ``miss_error`` [C]: c.
     """
-    error, _, false, broken = fixed_parts(cuts, malformed, miss_error, truth_complete)
-    return float(error.sum()) + false + broken
-
-
-def fixed_parts(
-    cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete: bool
-) -> tuple[Floats, Floats, float, float]:
-    """Return the parts of `fixed_error`, whose arguments it has, m.
-
-    The parts: the error of each target [n], the share of it from targets without a
-    forecast, the cost of false forecasts, the cost of invalid objects.
-    """
-    error, missed = cuts.at(SURE)
+    error, missed = cuts.at(FIXED_CONFIDENCE)
     class_cost = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())
     broken_cost = malformed @ class_cost
     if truth_complete:
-        false_cost = cuts.false_costs(SURE, class_cost)
+        false_cost = cuts.false_costs(FIXED_CONFIDENCE, class_cost)
         return error, missed, false_cost, float(broken_cost.sum())
-    row = np.flatnonzero(cuts.confidence >= SURE)
+    row = np.flatnonzero(cuts.confidence >= FIXED_CONFIDENCE)
     frame = cuts.frame[row]
     order = np.argsort(frame, kind="stable")  # by frame, then the most confident first
     place = np.arange(len(order)) - np.searchsorted(frame[order], frame[order])

@@ -39,7 +39,9 @@ CURVE_BUDGETS = (
     3.0,
     5.0,
 )
-SURE = 0.5  # confidence from which the fixed operating point keeps a forecast
+FIXED_CONFIDENCE = (
+    0.5  # confidence from which the fixed operating point keeps a forecast
+)
 # cost of a false forecast at the fixed operating point, as a share of the miss error c
 FALSE_FORECAST_SHARE = 0.5
 # forecasts of a frame without cost at the fixed operating point, where false ones

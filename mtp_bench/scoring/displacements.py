@@ -40,14 +40,14 @@ def displacement(
     """Return the errors of ``samples`` [n, S, T, 2], in metres.
 
     ``truth`` [n, T, 2]. ``weights`` [n, S] are at least 0 and need not sum to 1; None
-    weighs all samples alike. Samples of next to no weight are absent, see `floored`. A
-    target without a sample of positive weight, or with a non-finite coordinate in one,
-    is invalid: its errors are inf, never NaN and never less. Raises ShapeError for
+    weighs all samples alike. `drop_light_samples` says which are absent. A target
+    without a sample of positive weight, or with a non-finite coordinate in one, is
+    invalid: its errors are inf, never NaN and never less. Raises ShapeError for
     shapes that do not fit, a truth that is not finite, or weights below 0.
     """
     paths = np.asarray(samples, dtype=np.float64)
     true_path = np.asarray(truth, dtype=np.float64)
-    weight = floored(_checked_weights(paths, true_path, weights))
+    weight = drop_light_samples(_checked_weights(paths, true_path, weights))
     ade, fde, valid = sample_errors(paths, true_path, weight)
     min_fde = fde.min(axis=1, initial=np.inf)
     valid_path = true_path[valid]
@@ -67,7 +67,7 @@ def displacement(
     )
 
 
-def floored(weights: NDArray[Any]) -> Floats:
+def drop_light_samples(weights: NDArray[Any]) -> Floats:
     """Return weights [n, S] with 0 for samples below 1 % of the uniform weight.
 
     Samples of weight 0 are left out of every metric. So a sample that costs nothing in

@@ -19,7 +19,7 @@ from .score import SceneScore
 from .statistics import bootstrap_interval, numbers_of, paired_difference
 from .table import run_errors
 
-WEIGHTS = {"progress": 5.0, "no near miss": 5.0, "comfort": 2.0}
+DRIVE_SCORE_WEIGHTS = {"progress": 5.0, "no near miss": 5.0, "comfort": 2.0}
 # where ground-truth tracks let the ego drive less, progress counts as made
 MIN_WAY_M = 5.0
 _Amount = Annotated[float, Field(ge=0)]
@@ -117,8 +117,8 @@ def scene_score(drive: Drive, reference: float) -> float:
         "no near miss": float(drive.near_misses == 0),
         "comfort": float(drive.comfortable),
     }
-    total = sum(WEIGHTS[name] * part for name, part in parts.items())
-    return total / sum(WEIGHTS.values())
+    total = sum(DRIVE_SCORE_WEIGHTS[name] * part for name, part in parts.items())
+    return total / sum(DRIVE_SCORE_WEIGHTS.values())
 
 
 def progress_of(drive: Drive, reference: float) -> float:

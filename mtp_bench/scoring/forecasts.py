@@ -13,7 +13,7 @@ from ..cards import Card
 from ..core import ABSENT_BELOW, Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
 from .bade import Cuts
 from .definitions import CURVE_KS
-from .displacements import displacement, floored, k_curve, sample_errors
+from .displacements import displacement, drop_light_samples, k_curve, sample_errors
 from .incremental_matching import NEVER, Additions, add_in_order, final_match
 from .matching import Matched, columns_to_rows, match
 from .pairs import Pairs, Rows, box_pairs
@@ -182,7 +182,7 @@ class Candidates:
             truth_xy = self.scene.truth.box[targets.row[part], :2]
             shift = forecasts.box[row, :2] - truth_xy
             centred, _, _ = sample_errors(
-                paths, future + shift[:, None], floored(weight)
+                paths, future + shift[:, None], drop_light_samples(weight)
             )
             errors.covered[part] = result.valid
             errors.min_ade[part] = result.min_ade
@@ -207,7 +207,7 @@ def _pair_errors(
     for low in range(0, len(of_target), size):
         part = of_target[low : low + size]
         row = pairs.column[part]
-        weight = floored(sample_weights(forecasts.log_weight[row]))
+        weight = drop_light_samples(sample_weights(forecasts.log_weight[row]))
         # all samples beyond are absent
         samples = int(np.flatnonzero(weight.any(axis=0)).max(initial=-1)) + 1
         paths = forecasts.paths(row, samples)

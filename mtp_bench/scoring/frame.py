@@ -21,8 +21,9 @@ from .targets import evaluated, find_targets, live_frames
 
 @dataclass(frozen=True)
 class FrameScore:
-    """Numbers of one frame or of several; the costs are the parts of `fixed_error`.
+    """Numbers of one frame or of several.
 
+    The costs are those of `fixed_parts`.
     ``covered``, ``min_ade`` and ``false_forecasts`` keep every forecast, as in a
     `SceneScore`. Where the truth lists prediction targets alone, false forecasts are
     unknown and their number is 0.

@@ -53,9 +53,6 @@ def add_in_order(
     own group alone; a column with step NEVER is not added. Costs are rounded to
     micrometres.
     """
-    if not len(pairs):
-        no_changes = np.zeros(0, dtype=np.intp)
-        return Additions(no_changes, no_changes, no_changes, step)
     added = step[pairs.column] != NEVER
     pairs = pairs.keep(added)
     tie = tie[added]

@@ -154,8 +154,6 @@ def _settle_single(pairs: Pairs, matched: Matched) -> Pairs:
 
     Returns the other pairs.
     """
-    if len(pairs) == 0:
-        return pairs
     row_pairs = np.bincount(pairs.row)
     column_pairs = np.bincount(pairs.column)
     single = (row_pairs[pairs.row] == 1) & (column_pairs[pairs.column] == 1)

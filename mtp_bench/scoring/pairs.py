@@ -33,7 +33,7 @@ class Pairs:
         return Pairs(self.row[mask], self.column[mask], self.cost[mask])
 
 
-def of_columns(pairs: Pairs, chosen: Rows, columns: int) -> Pairs:
+def keep_columns(pairs: Pairs, chosen: Rows, columns: int) -> Pairs:
     """Return the pairs of the ``chosen`` among ``columns`` columns.
 
     Columns are numbered by their place in ``chosen``.
@@ -54,9 +54,8 @@ def near_pairs(
     over one sorted key per table, ``frame * span + x``, visits only neighbours in x, so
     the cost grows with the number of pairs that are close in x.
     """
-    no_pairs = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0)
     if len(frame_a) == 0 or len(frame_b) == 0:
-        return no_pairs
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0)
     x_a = xy_a[:, 0]
     x_b = xy_b[:, 0]
     min_x = min(float(x_a.min()), float(x_b.min()))
@@ -70,8 +69,6 @@ def near_pairs(
     first = np.searchsorted(sorted_b, key_a - (reach + slack), side="left")
     count = np.searchsorted(sorted_b, key_a + (reach + slack), side="right") - first
     a = np.repeat(np.arange(len(key_a)), count)
-    if len(a) == 0:
-        return no_pairs
     ends = np.cumsum(count)
     b = order[np.arange(len(a)) + np.repeat(first - ends + count, count)]
     offset = xy_a[a] - xy_b[b]

@@ -23,7 +23,7 @@ from .table import AgentScores, AgentTable, over_seeds
 from .targets import AbsentCause
 
 # key of `Row` without "cost_" -> printed name; the first four are of references
-PARTS = {
+PART_NAMES = {
     "ground_truth": "predictor",
     "localisation": "localisation",
     "history": "history",
@@ -38,7 +38,7 @@ PARTS = {
 }
 LEAST_SHOWN = 0.05  # m, of a part in a text
 # part of the stack -> parts of the error that it causes
-FAULTS = {
+STAGE_PARTS = {
     "detector": (
         "localisation",
         "history",
@@ -53,9 +53,9 @@ FAULTS = {
     "confidence": ("below threshold",),
 }
 # in tables of all parts
-FAULT_NAMES = {stage: stage for stage in FAULTS} | {"forecast": "not split"}
-BELOW = PARTS["below_threshold"]
-_COLUMN = {name: column for column, name in enumerate(PARTS)}
+STAGE_NAMES = {stage: stage for stage in STAGE_PARTS} | {"forecast": "not split"}
+BELOW_THRESHOLD = PART_NAMES["below_threshold"]
+_COLUMN = {name: column for column, name in enumerate(PART_NAMES)}
 
 
 class ReferenceErrors(NamedTuple):
@@ -72,7 +72,7 @@ class ReferenceErrors(NamedTuple):
 class SceneParts(NamedTuple):
     """Parts of the targets of a scene, and what is usual in its run."""
 
-    part: Floats  # [n, len(PARTS)] m
+    part: Floats  # [n, len(PART_NAMES)] m
     usual: float  # m, mean of `blame` over the targets of all scenes
     distance: Floats  # [n] m to the ego: shows whether the truth is that of the run
     unsplit: str = ""  # why the error of forecasts is its rest; empty: it is split
@@ -80,20 +80,20 @@ class SceneParts(NamedTuple):
 
 
 def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
-    """Return parts [n, len(PARTS)] of the plain error, without references.
+    """Return parts [n, len(PART_NAMES)] of the plain error, without references.
 
     ``error`` [n]: m; ``absent_cause`` [n]: of `AbsentCause`; -1 for a target with a
     forecast, whose error is its rest.
     """
     causes = [cause.name.lower() for cause in AbsentCause]
     columns = np.array([_COLUMN[name] for name in (*causes, "rest")])
-    part = np.zeros((len(error), len(PARTS)))
+    part = np.zeros((len(error), len(PART_NAMES)))
     part[np.arange(len(error)), columns[absent_cause]] = error
     return part
 
 
 def blame(part: Floats) -> Floats:
-    """Return the sum [...] of ``part`` [..., len(PARTS)] but below threshold, m.
+    """Return the sum [...] of ``part`` [..., len(PART_NAMES)] but below threshold, m.
 
     That part depends on all other forecasts.
     """
@@ -101,20 +101,20 @@ def blame(part: Floats) -> Floats:
 
 
 def named_parts(part: Floats) -> dict[str, float]:
-    """Return the parts [len(PARTS)] by name, m, without those of 0.
+    """Return the parts [len(PART_NAMES)] by name, m, without those of 0.
 
     The largest first, below threshold last.
     """
     parts = {
         name: float(value)
-        for name, value in zip(PARTS.values(), part, strict=True)
+        for name, value in zip(PART_NAMES.values(), part, strict=True)
         if value
     }
-    names = sorted(parts, key=lambda name: (name == BELOW, -parts[name]))
+    names = sorted(parts, key=lambda name: (name == BELOW_THRESHOLD, -parts[name]))
     return {name: parts[name] for name in names}
 
 
-def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
+def parts_text(parts: Mapping[str, float], most: int = len(PART_NAMES)) -> str:
     """Return the parts as text: "other class 5.0 m, predictor 3.1".
 
     Parts that round to 0 are left out. If all round to 0, the first is printed with two
@@ -123,10 +123,12 @@ def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
     shown = _shown(parts)
     if parts and not shown:
         return "{} {:.2f} m".format(*next(iter(parts.items())))
-    names = [name for name in shown if name != BELOW]
+    names = [name for name in shown if name != BELOW_THRESHOLD]
     remainder = sum(shown[name] for name in names[most:])
     named = {name: shown[name] for name in names[:most]}
-    named = _shown({**named, "others": remainder, BELOW: shown.get(BELOW, 0.0)})
+    named = _shown(
+        {**named, "others": remainder, BELOW_THRESHOLD: shown.get(BELOW_THRESHOLD, 0.0)}
+    )
     if not named:
         return "nothing"
     first, *texts = [f"{name} {value:.1f}" for name, value in named.items()]
@@ -140,24 +142,10 @@ def _shown(parts: Mapping[str, float]) -> dict[str, float]:
 def by_fault(parts: Mapping[str, float]) -> dict[str, float]:
     """Return the sums of `named_parts` by part of the stack, m, the largest first."""
     sums = {}
-    for stage, names in FAULTS.items():
+    for stage, names in STAGE_PARTS.items():
         sums[stage] = sum(parts.get(name, 0.0) for name in names)
     stages = sorted(sums, key=lambda stage: -sums[stage])
     return {stage: sums[stage] for stage in stages}
-
-
-def fault_of(parts: Mapping[str, float]) -> str:
-    """Return the part of the stack that causes most of `named_parts`.
-
-    The text also names the largest of its causes. It is empty without an error.
-    Confidence is named only where nothing else has a part.
-    """
-    stages = [stage for stage, size in by_fault(parts).items() if size >= LEAST_SHOWN]
-    if not stages:
-        return ""
-    stage = next((stage for stage in stages if stage != "confidence"), "confidence")
-    cause = next(name for name in parts if name in FAULTS[stage])
-    return stage if cause == stage else f"{stage}: {cause}"
 
 
 def reference_errors(
@@ -188,7 +176,7 @@ def _covered_mean(scores: AgentScores, name: str) -> Floats:
 def error_parts(
     table: AgentTable, subset: str, references: ReferenceErrors | None
 ) -> dict[str, Floats]:
-    """Return the parts [n] of bADE on a subset, m, by the keys of `PARTS`.
+    """Return the parts [n] of bADE on a subset, m, by the keys of `PART_NAMES`.
 
     Unknown parts are left out. ``references``: runs with the agent's own predictor and
     its number of samples. Without them the whole error of a forecast is its "rest"; so

@@ -23,7 +23,6 @@ from .definitions import (
 )
 from .rows import Budget
 from .statistics import (
-    PairedDifference,
     UnitSums,
     beyond_rounding,
     effective_number,
@@ -39,7 +38,7 @@ _UNRANKED_MODES = {"truth": SAW_TRUTH, "associated": ASSOCIATED, "tracks": NOT_C
 ALONE_TEXT = "one agent alone is not ranked"
 # share by which the digits in a record may differ from a weight or number of objects
 _DIGITS = 1e-9
-UNSTATED = "its manifest does not state gap_references"
+REFERENCES_UNSTATED = "its manifest does not state gap_references"
 NOT_KINEMATIC = "its predictor is not that of stp"
 NOT_RUN = "its references were not run"
 NO_GAP = "the gap is not significantly above 0"
@@ -87,7 +86,7 @@ class HasSums(Protocol):
         ...
 
 
-def guard(
+def guard_reason(
     agent: HasSums, stp: HasSums | None, own_stp: HasSums | None = None
 ) -> str | None:
     """Return why an agent is not ranked on event subsets.
@@ -177,15 +176,12 @@ def places_on(
     for subset in subsets:
         sums = [agent.sums_on(subset) for agent in agents]
         subset_reason = why_not_on(subset, sums[0])
-        guard_reasons = [None] * len(agents) if subset == "all" else guarded
-        reasons = [
-            unranked_reason or subset_reason or guard_reason
-            for unranked_reason, guard_reason in zip(
-                unranked, guard_reasons, strict=True
-            )
-        ]
-        for place, agent_places in zip(_placed(sums, reasons), places, strict=True):
-            agent_places[subset] = place
+        reasons = []
+        for i in range(len(agents)):
+            event_reason = None if subset == "all" else guarded[i]
+            reasons.append(unranked[i] or subset_reason or event_reason)
+        for i, place in enumerate(_placed(sums, reasons)):
+            places[i][subset] = place
     return places
 
 
@@ -211,22 +207,11 @@ def span_text(span: tuple[int, int] | None) -> str | None:
     return None if span is None else "–".join(map(str, dict.fromkeys(span)))
 
 
-def difference_to(
-    stp: HasSums | None, agent: HasSums, subset: Subset
-) -> PairedDifference | None:
-    """Return bADE minus that of ``stp``, metres.
-
-    None without ``stp``, without targets, and with another number of samples.
-    """
-    if stp is None:
-        return None
-    sums = agent.sums_on(subset)
-    stp_sums = stp.sums_on(subset)
-    return sums.minus(stp_sums) if sums.samples == stp_sums.samples else None
-
-
 class References(NamedTuple):
-    """Runs with an agent's own predictor and presence model; None: not run."""
+    """Runs with an agent's own predictor and presence model.
+
+    None: not run.
+    """
 
     single: AgentScores | None = None  # one hypothesis
     ground_truth: AgentScores | None = None  # the same on ground-truth tracks
@@ -275,8 +260,11 @@ def gap_closed(agent: UnitSums, stp: UnitSums, truth: UnitSums) -> Gap:
     return Gap(float(closed.sum() / gap.sum()), (closed, gap))
 
 
-class Pair(NamedTuple):
-    """The agents between which a gap is closed; None if one is absent."""
+class GapPair(NamedTuple):
+    """The agents between which a gap is closed.
+
+    None if one is absent.
+    """
 
     stp: HasSums | None = None  # of association: one hypothesis with all samples
     truth: HasSums | None = None  # of association: the same with perfect association
@@ -294,9 +282,9 @@ class Pair(NamedTuple):
 class GapPairs(NamedTuple):
     """The pairs between which an agent's gaps are closed."""
 
-    kinematic: Pair = Pair()  # stp and gt_tracks, unless it has another predictor
-    own: Pair = Pair()
-    association: Pair = Pair()
+    kinematic: GapPair = GapPair()  # stp and gt_tracks, unless it has another predictor
+    own: GapPair = GapPair()
+    association: GapPair = GapPair()
 
 
 def pairs_of(
@@ -304,27 +292,28 @@ def pairs_of(
     stp: AgentTable | None,
     truth: AgentTable | None,
     references: Mapping[str, References | None],
-    tables: Mapping[int, AgentTable],
+    tables: Mapping[AgentScores | None, AgentTable],
 ) -> GapPairs:
     """Return the pairs of an agent.
 
-    ``tables``: tables of all references, by the id of their scores.
+    ``tables``: of all references by their scores; None, of one that was not run, is
+    no key.
     """
     setting = table.setting
     if setting.agent not in references:
-        return GapPairs(Pair(stp, truth))
+        return GapPairs(GapPair(stp, truth))
     runs = references[setting.agent]
     if runs is None:
-        unstated = Pair(missing=UNSTATED)
+        unstated = GapPair(missing=REFERENCES_UNSTATED)
         return GapPairs(unstated, unstated, unstated)
-    single, ground_truth, same_samples, associated = map(tables.get, map(id, runs[:4]))
-    kinematic = Pair(missing=NOT_KINEMATIC)
+    single, ground_truth, same_samples, associated = map(tables.get, runs[:4])
+    kinematic = GapPair(missing=NOT_KINEMATIC)
     if single and stp and single.setting.agent == stp.setting.agent:
-        kinematic = Pair(stp, truth)
-    association = Pair(same_samples, associated)
+        kinematic = GapPair(stp, truth)
+    association = GapPair(same_samples, associated)
     if setting.observe == "truth":
-        association = Pair(missing=SAW_TRUTH)
-    return GapPairs(kinematic, Pair(single, ground_truth), association)
+        association = GapPair(missing=SAW_TRUTH)
+    return GapPairs(kinematic, GapPair(single, ground_truth), association)
 
 
 def gap_columns(table: AgentTable, subset: Subset, pairs: GapPairs) -> dict[str, Any]:

@@ -18,9 +18,8 @@ from .rank import (
     GapPairs,
     Place,
     References,
-    difference_to,
     gap_columns,
-    guard,
+    guard_reason,
     pairs_of,
     places_on,
     why_unranked,
@@ -59,8 +58,8 @@ def summarise(
     has no rank. Raises RolloutError if agents differ in scenes or targets.
     """
     references = references or {}
-    all_tables = _tables_by_id(agents, references, reference)
-    tables = [all_tables[id(setting)] for setting in agents]
+    all_tables = _tables_of(agents, references, reference)
+    tables = [all_tables[setting] for setting in agents]
     equal_budget = _equal_budget(tables)
     stp_table = equal_budget.get(stp)
     truth_table = equal_budget.get(truth)
@@ -96,25 +95,27 @@ def _equal_budget(tables: Sequence[AgentTable]) -> dict[str, AgentTable]:
     return first_tables
 
 
-def _tables_by_id(
+def _tables_of(
     agents: Sequence[AgentScores],
     references: Mapping[str, References | None],
     reference: Reference | None,
-) -> dict[int, AgentTable]:
-    """Return the tables of agents and their references, by the id of their scores.
+) -> dict[AgentScores | None, AgentTable]:
+    """Return the tables of agents and their references.
 
     Raises RolloutError if they differ in scenes or targets.
     """
-    tables = {id(setting): agent_table(setting, reference) for setting in agents}
+    tables: dict[AgentScores | None, AgentTable] = {}
+    for setting in agents:
+        tables[setting] = agent_table(setting, reference)
     for setting in agents[1:]:
         names = f"agents {agents[0].agent!r} and {setting.agent!r}"
         require_same_targets(agents[0].seeds[0], setting.seeds[0], names)
     for agent, runs in references.items():
         for run in runs or ():
-            if run is not None and id(run) not in tables:
+            if run is not None and run not in tables:
                 names = f"{agents[0].agent!r} and a reference of {agent!r}"
                 require_same_targets(agents[0].seeds[0], run.seeds[0], names)
-                tables[id(run)] = agent_table(run, reference)
+                tables[run] = agent_table(run, reference)
     return tables
 
 
@@ -156,8 +157,9 @@ def _condition(
 
 
 def _detections_text(tables: Sequence[AgentTable], card: Card) -> str:
-    """Return a text such as "a (3 scenes); b (1 scene)" for detectors a and b.
+    """Return a text that counts the scenes of each detector.
 
+    For detectors a and b it is "a (3 scenes); b (1 scene)".
     Detections of a user's own scenes are named as such: the stored name only says whose
     settings agents take.
     """
@@ -236,7 +238,10 @@ def _row(
     seeds = len(table.setting.seeds)
     fixed_sum = sum(score.fixed_error for score in table.scores)
     fixed_error = ratio(fixed_sum / seeds, len(table.unit)) if subset == "all" else None
-    difference, difference_interval, p = numbers_of(difference_to(stp, table, subset))
+    to_stp = None
+    if stp is not None and stp.setting.samples == sums.samples:
+        to_stp = sums.minus(stp.sums_on(subset))
+    difference, difference_interval, p = numbers_of(to_stp)
 
     def mean(value: Any) -> float | None:
         return ratio(float((value * weight).sum()), total)
@@ -292,7 +297,7 @@ def _places(
     for table, gaps in zip(tables, pairs, strict=True):
         setting = table.setting
         unranked.append(why_unranked(setting.budget, setting.samples, setting.observe))
-        guarded.append(guard(table, stp, gaps.own.stp))
+        guarded.append(guard_reason(table, stp, gaps.own.stp))
     places = places_on(tables[0].subsets, tables, unranked, guarded)
     if len(tables) == 1:
         # alone, even an agent that predicts nothing would be the first

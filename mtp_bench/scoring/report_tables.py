@@ -20,15 +20,14 @@ from .definitions import Subset
 from .details import misstated
 from .rank import span_text
 from .rows import Budget, Details, PairedRow, Row
-from .scenes import rows_per_scene
-from .table import AgentTable
+from .table import AgentTable, rows_per_scene
 
 FAILED = "failed"  # in place of a number
 MEANING = (
     "bADE (budgeted ADE): mean over targets and budgets of min(minADE, c), or c "
     "without a forecast. #: ranks in this run; –: saw the truth or too few objects."
 )
-NAMES: dict[Subset, str] = {
+SUBSET_NAMES: dict[Subset, str] = {
     "all": "all targets",
     "ids": "identity switch",
     "lost": "lost",
@@ -38,13 +37,16 @@ NAMES: dict[Subset, str] = {
     "paper_frag": "FRAG as in the paper",
     "turning": "turning",
 }
-_ALL = NAMES["all"]
-_IDS = NAMES["ids"]
+_ALL = SUBSET_NAMES["all"]
+_IDS = SUBSET_NAMES["ids"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:
-    """The content of a comparison; None stands for undefined."""
+    """The content of a comparison.
+
+    None stands for undefined.
+    """
 
     env: str
     definitions: str
@@ -158,7 +160,9 @@ class MainRow:
     ids_ranks: Annotated[str | None, Column("#", group=_IDS)] = None
     turning_error: Annotated[
         float | str | None,
-        Column("bADE", "m", "lower", ".3f", group=NAMES["turning"], optional=True),
+        Column(
+            "bADE", "m", "lower", ".3f", group=SUBSET_NAMES["turning"], optional=True
+        ),
     ] = None
 
 
@@ -205,7 +209,7 @@ def shipped_env(report: Report) -> str:
 
     Empty where its card is not the shipped one.
     """
-    return unchanged(report.env, report.condition.get("card"))
+    return shipped_env_id(report.env, report.condition.get("card"))
 
 
 def misstated_lines(report: Report) -> Iterator[str]:
@@ -243,7 +247,7 @@ def _has_other_detections(report: Report) -> bool:
     return "folder" in report.condition
 
 
-def unchanged(env_id: str, digest: str | None) -> str:
+def shipped_env_id(env_id: str, digest: str | None) -> str:
     """Return ``env_id``.
 
     Empty where a card of this ``digest`` does not ship.

@@ -23,7 +23,6 @@ Metres = Annotated[float | None, Column(unit="m", better="lower")]
 Share = Annotated[float | None, Column(unit="share", better="higher")]
 ErrorPart = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
 Difference = Annotated[float | None, Column(unit="m", better="lower", format="+.3f")]
-Cost = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
 IntervalColumn = Annotated[
     Interval | None, Column(interval=True, help="95 % interval of the number before.")
 ]
@@ -96,37 +95,41 @@ class Row(AgentSetting):
         Column(help="bADE with the score of the nearest detection as the confidence."),
     ] = None
     cost_ground_truth: Annotated[
-        Cost, Column("predictor", help="Part of bADE: error on ground-truth tracks.")
+        ErrorPart,
+        Column("predictor", help="Part of bADE: error on ground-truth tracks."),
     ] = None
     cost_localisation: Annotated[
-        Cost, Column("localisation", help="Part of bADE: present position.")
+        ErrorPart, Column("localisation", help="Part of bADE: present position.")
     ] = None
     cost_history: Annotated[
-        Cost, Column("history", help="Part of bADE: past positions are measured.")
+        ErrorPart, Column("history", help="Part of bADE: past positions are measured.")
     ] = None
     cost_association: Annotated[
-        Cost, Column("association", help="Part of bADE: beyond perfect association.")
+        ErrorPart,
+        Column("association", help="Part of bADE: beyond perfect association."),
     ] = None
     cost_rest: Annotated[
-        Cost, Column("rest", help="Part of bADE: forecasts that no reference splits.")
+        ErrorPart,
+        Column("rest", help="Part of bADE: forecasts that no reference splits."),
     ] = None
     cost_below_threshold: Annotated[
-        Cost, Column("below threshold", help="Part of bADE: left out by budgets.")
+        ErrorPart, Column("below threshold", help="Part of bADE: left out by budgets.")
     ] = None
     cost_no_forecast: Annotated[
-        Cost, Column("no forecast", help="Part of bADE: only detected.")
+        ErrorPart, Column("no forecast", help="Part of bADE: only detected.")
     ] = None
     cost_other_class: Annotated[
-        Cost, Column("other class", help="Part of bADE: detected as another class.")
+        ErrorPart,
+        Column("other class", help="Part of bADE: detected as another class."),
     ] = None
     cost_off_place: Annotated[
-        Cost, Column("off place", help="Part of bADE: detected within two gates.")
+        ErrorPart, Column("off place", help="Part of bADE: detected within two gates.")
     ] = None
     cost_undetected_new: Annotated[
-        Cost, Column("never detected so far", help="Part of bADE.")
+        ErrorPart, Column("never detected so far", help="Part of bADE.")
     ] = None
     cost_undetected_seen: Annotated[
-        Cost, Column("not detected now", help="Part of bADE: detected earlier.")
+        ErrorPart, Column("not detected now", help="Part of bADE: detected earlier.")
     ] = None
     plain_error: Annotated[
         ErrorPart, Column(help="Error with every forecast kept.")

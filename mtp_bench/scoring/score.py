@@ -8,7 +8,7 @@ import numpy as np
 
 from ..cards import Card
 from ..core import Bools, Floats, Ints, Rollout, RolloutError, Scene
-from .bade import Cuts, capped_error, fixed_error
+from .bade import Cuts, fixed_parts
 from .events import separated_tracks, separated_truth
 from .forecasts import (
     Candidates,
@@ -24,9 +24,9 @@ from .statistics import ratio
 from .stream import StreamCounts, stream_counts
 from .targets import (
     absent_causes,
+    count_holes,
     evaluated,
     find_targets,
-    left_out,
     live_frames,
     units,
 )
@@ -109,7 +109,7 @@ class SceneScore(ForecastErrors):
 
         Each forecast is shifted so that it begins at the true present position.
         """
-        return capped_error(self.centred_ade, self.miss_error)
+        return np.minimum(self.centred_ade, self.miss_error)
 
     @property
     def forecasts(self) -> int:
@@ -149,7 +149,9 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     unit = units(scene, card)
     hypothesis_count = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
     malformed = rollout.malformed * live[:, None]
-    fixed = fixed_error(scene_cuts, malformed, class_miss_error, scene.truth_complete)
+    fixed, _, false_cost, broken_cost = fixed_parts(
+        scene_cuts, malformed, class_miss_error, scene.truth_complete
+    )
     tracks = separated_tracks(rollout, scene, card)
     seconds = rollout.seconds[1:] if len(rollout.seconds) > 1 else rollout.seconds
     return SceneScore(
@@ -173,7 +175,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         turning=targets.turning,
         miss_error=miss_error,
         **vars(errors),
-        capped=capped_error(errors.min_ade, miss_error),
+        capped=np.minimum(errors.min_ade, miss_error),
         absent_cause=absent_causes(scene, targets, card),
         own_ids=best_events.ids[targets.row, 0],
         own_frag=best_events.frag[targets.row, 0],
@@ -185,11 +187,11 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         score_cuts=cuts(candidates, score_matching, score, miss_error),
         outcome=outcome,
         final_error=final_error,
-        fixed_error=fixed,
+        fixed_error=float(fixed.sum()) + false_cost + broken_cost,
         counts=stream_counts(truth, tracks, lineage, card),
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
-        skipped=scene.skipped | left_out(scene, card),
+        skipped=scene.skipped | count_holes(scene, card),
         seconds=float(seconds.sum() / max(len(seconds), 1)),
     )
 

@@ -55,6 +55,8 @@ def bootstrap_interval(
 # a leaderboard needs the difference of the same reference pair with every agent
 @lru_cache(maxsize=8192)
 def _interval(numerator: bytes, denominator: bytes) -> tuple[float, float] | None:
+    from scipy.special import stdtrit  # scipy.stats takes seconds to import
+
     sums = np.frombuffer(numerator)
     weight = np.frombuffer(denominator)
     units = len(weight)
@@ -67,23 +69,13 @@ def _interval(numerator: bytes, denominator: bytes) -> tuple[float, float] | Non
     if error[0] == 0 or not usable.any():
         return float(mean[0]), float(mean[0])
     t_values = (means[usable] - mean[0]) / errors[usable]
-    limit = _widest(units)
+    # largest half-width in standard errors: resamples of few units estimate it badly
+    limit = float(stdtrit(units - 1, _WIDEST))
     low, high = np.clip(np.quantile(t_values, _TAILS), -limit, limit)
     lower_end = float(mean[0] - high * error[0])
     if sums.min() >= 0:
         lower_end = max(lower_end, 0.0)
     return lower_end, float(mean[0] - low * error[0])
-
-
-@lru_cache(maxsize=64)
-def _widest(units: int) -> float:
-    """Return the largest half-width of an interval in standard errors.
-
-    Resamples of few units estimate it badly.
-    """
-    from scipy.special import stdtrit  # scipy.stats takes seconds to import
-
-    return float(stdtrit(units - 1, _WIDEST))
 
 
 def _mean_and_error(
@@ -312,6 +304,7 @@ def as_sums(name: str, values: ArrayLike) -> Floats:
     return array
 
 
+# a comparison of many agents uses the same signs again and again
 @lru_cache(maxsize=8)
 def _flips(units: int) -> tuple[Floats, int]:
     """Return the signs [N, U] of the test, and the number of observed ones beside them.
@@ -319,15 +312,9 @@ def _flips(units: int) -> tuple[Floats, int]:
     All 2^U signs and 0; of more than EXACT_UNITS units random ones and 1.
     """
     if units > EXACT_UNITS:
-        return _random_signs(units).astype(np.float64), 1
+        rng = np.random.default_rng(_SEED)
+        return rng.choice([-1.0, 1.0], size=(FLIPS, units)), 1
     return 1.0 - 2.0 * ((np.arange(1 << units)[:, None] >> np.arange(units)) & 1), 0
-
-
-# a comparison of many agents uses the same signs again and again: cached, as bytes
-@lru_cache(maxsize=64)
-def _random_signs(units: int) -> NDArray[np.int8]:
-    rng = np.random.default_rng(_SEED)
-    return rng.choice([-1.0, 1.0], size=(FLIPS, units)).astype(np.int8)
 
 
 @lru_cache(maxsize=8)

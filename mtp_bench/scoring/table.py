@@ -1,6 +1,6 @@
-"""All scenes and seeds of one agent in one table, a row per target."""
+"""All scenes and seeds of one agent: a table per target, and numbers per scene."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,7 +13,7 @@ from .bade import ONE_PER_TARGET, BudgetErrors, Budgets, CardBudget, errors_at
 from .definitions import KNOWN_SUBSETS, SUBSETS, Subset
 from .rows import AgentSetting, Budget
 from .score import SceneScore
-from .statistics import UnitSums, effective_number
+from .statistics import UnitSums, effective_number, ratio
 from .weights import Reference
 
 
@@ -37,7 +37,7 @@ class AgentScores:
 
 @dataclass(frozen=True, eq=False)
 class Bade:
-    """bADE per target [n], mean over seeds; m."""
+    """bADE per target [n] in metres, mean over seeds."""
 
     error: Floats
     missed: Floats  # the part from targets without a forecast
@@ -318,3 +318,74 @@ def _events(
     events["paper_ids"] = float(ids)
     events["paper_frag"] = float(sum(fragments))
     return events
+
+
+@dataclass(frozen=True)
+class SceneResult:
+    """One agent on one scene under one seed.
+
+    None: undefined, for lack of targets.
+    """
+
+    agent: str
+    scene: str
+    seed: int
+    frames: int
+    targets: int
+    covered: int  # targets with a forecast
+    min_ade: float | None  # m, mean over covered targets
+    min_fde: float | None  # m
+    coverage: float | None  # share of the targets with a forecast
+
+    @classmethod
+    def of(cls, agent: str, seed: int, score: SceneScore) -> "SceneResult":
+        """Return the numbers of a scored scene."""
+        targets = len(score)
+        covered = int(score.covered.sum())
+        return cls(
+            agent=agent,
+            scene=score.scene,
+            seed=seed,
+            frames=score.frames,
+            targets=targets,
+            covered=covered,
+            min_ade=ratio(float(score.min_ade[score.covered].sum()), covered),
+            min_fde=ratio(float(score.min_fde[score.covered].sum()), covered),
+            coverage=ratio(covered, targets),
+        )
+
+
+def rows_per_scene(tables: Sequence[AgentTable]) -> Iterator[dict[str, Any]]:
+    """Return a row per agent, seed and scene.
+
+    The seeds are numbered from 0.
+    ``bADE_sum`` is bADE over all targets, summed over those of the scene: its sums over
+    the scenes, divided by the number of targets and averaged over seeds, are the bADE
+    of the report. The budgets are those of all scenes.
+    """
+    for table in tables:
+        budgets = table.budgets
+        for seed, run in enumerate(table.setting.seeds):
+            errors = run_errors(run, budgets.all, budgets.false_known).error
+            sums = np.bincount(
+                table.scene, weights=errors.mean(axis=0), minlength=len(run)
+            )
+            for score, bade_sum in zip(run, sums.tolist(), strict=True):
+                result = SceneResult.of(table.setting.agent, seed, score)
+                yield {
+                    **table.setting.key,
+                    "seed": seed,
+                    "scene": result.scene,
+                    "frames": result.frames,
+                    "targets": result.targets,
+                    "covered": result.covered,
+                    "coverage": result.coverage,
+                    "minADE": result.min_ade,
+                    "minFDE": result.min_fde,
+                    "bADE": ratio(bade_sum, result.targets),
+                    "bADE_sum": bade_sum,
+                    "forecasts": score.forecasts,
+                    "false_forecasts": score.false_forecasts,
+                    "identity_switches": score.own_events["ids"],
+                    "ms_per_frame": 1e3 * score.seconds,
+                }

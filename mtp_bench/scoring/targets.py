@@ -189,9 +189,7 @@ def find_targets(scene: Scene, card: Card) -> Targets:
         raise DataError(f"scene {scene.name!r}: {error}") from None
     length = past + future
     place = _windows(objects.identity, objects.frame, length)
-    rows = np.zeros((0, length), dtype=np.intp)
-    if len(place):
-        rows = objects.order[place[:, None] + np.arange(length)]
+    rows = objects.order[place[:, None] + np.arange(length)]
     present = rows[:, past - 1]
     is_target = truth.eligible[present] & ~truth.neutral[present]
     rows = rows[is_target][np.argsort(present[is_target])]
@@ -297,10 +295,10 @@ def live_frames(scene: Scene, card: Card) -> Bools:
     return np.asarray(inside & (first_piece == last_piece))
 
 
-def left_out(scene: Scene, card: Card) -> dict[str, int]:
-    """Return counts of the holes in time of a scene, and of the targets they cost.
+def count_holes(scene: Scene, card: Card) -> dict[str, int]:
+    """Count the holes in time of a scene, and the targets they cost.
 
-    None without holes. They stand beside `Scene.skipped`.
+    Empty without holes. The counts stand beside `Scene.skipped`.
     """
     holes = int(pieces(scene, card).max(initial=0))
     if not holes:

@@ -39,9 +39,9 @@ from .events import separated_truth
 from .lineage import hypotheses, lineage_events, match_hypotheses
 from .targets import evaluated
 
-WEIGHED = SUBSETS[1:]  # "all" weighs every target alike
-EVENTS = ("ids", "lost", "reacquired")  # frag is lost or reacquired
-COUNTED = (*EVENTS, "frag")
+WEIGHTED_SUBSETS = SUBSETS[1:]  # "all" weighs every target alike
+EVENT_KINDS = ("ids", "lost", "reacquired")  # frag is lost or reacquired
+COUNTED_EVENTS = (*EVENT_KINDS, "frag")
 HEADER = ("env", "card", "definitions", "agent", "runs", "parameters")
 _KEY_DIGITS = 16
 _TOTALS = ("targets", "false_forecasts", "forecasts")
@@ -58,7 +58,7 @@ class SceneWeights:
     # [n, 3] ids, lost, reacquired of the one run without cut or noise: the paper's
     # condition
     stp: Bools
-    # EVENTS of that run, on all evaluated true boxes
+    # EVENT_KINDS of that run, on all evaluated true boxes
     stp_events: tuple[int, int, int]
     false_forecasts: int  # false forecasts of that run in live frames
     forecasts: int  # all forecasts of that run in live frames
@@ -107,8 +107,8 @@ class Reference:
     def totals(self) -> dict[str, Any]:
         """Totals over the scenes, shown at the head of the file."""
         totals: dict[str, Any] = dict.fromkeys(_TOTALS, 0)
-        events = np.zeros(len(EVENTS), dtype=np.int64)
-        counts = np.zeros(len(COUNTED), dtype=np.int64)
+        events = np.zeros(len(EVENT_KINDS), dtype=np.int64)
+        counts = np.zeros(len(COUNTED_EVENTS), dtype=np.int64)
         for scene in self.scenes.values():
             for name in _TOTALS:
                 totals[name] += getattr(scene, name)
@@ -117,8 +117,8 @@ class Reference:
         weights = np.round(counts / self.runs, 2).tolist()
         return {
             **totals,
-            "events_of_stp": dict(zip(EVENTS, events.tolist(), strict=True)),
-            "sum_of_weights": dict(zip(COUNTED, weights, strict=True)),
+            "events_of_stp": dict(zip(EVENT_KINDS, events.tolist(), strict=True)),
+            "sum_of_weights": dict(zip(COUNTED_EVENTS, weights, strict=True)),
         }
 
     @property
@@ -175,10 +175,10 @@ class Reference:
     def weight(self, scene: str, subset: str) -> NDArray[np.float64]:
         """Return the weights [n] from 0 to 1 of the targets of a scene.
 
-        ``subset``: one of WEIGHED; weights of the paper's are 0 or 1. Raises
+        ``subset``: one of WEIGHTED_SUBSETS; weights of the paper's are 0 or 1. Raises
         UnknownNameError for another subset and DataError for a scene without weights.
         """
-        require_known("weighted subset", subset, WEIGHED)
+        require_known("weighted subset", subset, WEIGHTED_SUBSETS)
         return self.weight_in(self.of(scene), subset)
 
     def weight_in(self, scene: SceneWeights, subset: str) -> NDArray[np.float64]:
@@ -187,7 +187,7 @@ class Reference:
             return scene.stp[:, 0].astype(np.float64)
         if subset == "paper_frag":
             return (scene.stp[:, 1] | scene.stp[:, 2]).astype(np.float64)
-        return scene.counts[:, COUNTED.index(subset)] / self.runs
+        return scene.counts[:, COUNTED_EVENTS.index(subset)] / self.runs
 
 
 def scene_key(env: str, scene: str) -> str:
@@ -196,14 +196,14 @@ def scene_key(env: str, scene: str) -> str:
 
 
 def tracking_events(scene: Scene, rollout: Rollout, card: Card) -> Bools:
-    """Return the EVENTS [R, 3] of the best hypothesis of a rollout, per true box."""
+    """Return the events [R, 3] of the best hypothesis, per true box."""
     scene = evaluated(scene)
     lineage = hypotheses(rollout, card)
     matched = match_hypotheses(scene.truth, rollout, lineage.member, card)
     best = lineage.best[scene.truth.frame_of_rows]
     truth = separated_truth(scene, card)
     events = lineage_events(truth, rollout, lineage, matched).of(best)
-    return np.concatenate([getattr(events, kind) for kind in EVENTS], axis=1)
+    return np.concatenate([getattr(events, kind) for kind in EVENT_KINDS], axis=1)
 
 
 def count_runs(events: Iterable[Bools], targets: int) -> NDArray[np.uint8]:
@@ -212,7 +212,7 @@ def count_runs(events: Iterable[Bools], targets: int) -> NDArray[np.uint8]:
     ``events``: for each run, the kinds of event of each target [targets, 3].
     "frag": lost or reacquired.
     """
-    counts = np.zeros((targets, len(COUNTED)), dtype=np.uint8)
+    counts = np.zeros((targets, len(COUNTED_EVENTS)), dtype=np.uint8)
     for run in events:
         counts += np.concatenate([run, run[:, 1:2] | run[:, 2:]], axis=1)
     return counts
@@ -268,11 +268,7 @@ def write_reference(
     entries = []
     for key, scene in scenes.items():
         entry = _SceneEntry(
-            targets=scene.targets,
-            false_forecasts=scene.false_forecasts,
-            forecasts=scene.forecasts,
-            stp_events=scene.stp_events,
-            way=scene.way,
+            **{name: getattr(scene, name) for name in _SceneEntry.model_fields}
         )
         content = json.dumps(entry.model_dump(mode="json", exclude_none=True))
         entries.append(f"  {json.dumps(key)}: {content}")
@@ -326,19 +322,14 @@ def _scenes(file: _ReferenceFile, path: Path) -> dict[str, SceneWeights]:
             f"{path}: targets of all scenes are {targets}, "
             f"expected at most {_MAX_TARGETS}"
         )
-    counts = _unpacked(file.counts, (targets, len(COUNTED)), f"{path}: counts")
-    stp = _unpacked(file.stp, (targets, len(EVENTS)), f"{path}: stp").astype(bool)
+    counts = _unpacked(file.counts, (targets, len(COUNTED_EVENTS)), f"{path}: counts")
+    stp = _unpacked(file.stp, (targets, len(EVENT_KINDS)), f"{path}: stp").astype(bool)
     scenes = {}
     start = 0
     for key, entry in entries.items():
         rows = slice(start, start + entry.targets)
         scenes[key] = SceneWeights(
-            counts=counts[rows],
-            stp=stp[rows],
-            stp_events=entry.stp_events,
-            false_forecasts=entry.false_forecasts,
-            forecasts=entry.forecasts,
-            way=entry.way,
+            counts[rows], stp[rows], **entry.model_dump(exclude={"targets"})
         )
         start += entry.targets
     return scenes

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import (
-    TEXTS,
+    TEXT_PATTERNS,
     Card,
     DetectionsSection,
     SourceSection,
+    cached_digest,
     folder_digest,
     instead_of_stored,
-    known_digest,
 )
 from ..core import (
     NO_ROWS,
@@ -167,7 +167,9 @@ def own_detections(card: Card) -> Path | None:
     if not path.exists():
         form = section.traits.detection_file
         raise MissingDataError(f"no file or folder {path}, expected {form}")
-    digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
+    digest = (
+        folder_digest(path, TEXT_PATTERNS) if path.is_dir() else cached_digest(path)
+    )
     if expected not in (None, digest):
         raise DataError(
             f"{path} has the sha256 {digest}, expected {expected}: the detections of "

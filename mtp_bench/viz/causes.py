@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core import wrap_angle
-from ..scoring import BELOW, FAULTS, LEAST_SHOWN, SURE
+from ..scoring import BELOW_THRESHOLD, FIXED_CONFIDENCE, LEAST_SHOWN, STAGE_PARTS
 from .evidence import (
     appeared,
     borrowed,
@@ -36,7 +36,7 @@ _COUNTS = (
 )
 _NEAREST = "nearest sample {forecast_error_m:.1f} m off where they meet"
 TEMPLATES = {  # reason -> evidence; keys of the values have their units
-    # parts of the error of a target, by the names in `PARTS`
+    # parts of the error of a target, by the names of `PART_NAMES`
     "predictor": _FORECAST,
     "rest": _FORECAST,
     "localisation": "the forecast begins {offset_m:.1f} m from the object",
@@ -82,7 +82,7 @@ HAPPENED = {  # kind of incident -> text
     MOMENT: "{object} is followed by {new_track}",
     "no event": "no false forecast of a {noun}",
 }
-_STAGES = {name: stage for stage, names in FAULTS.items() for name in names}
+_STAGES = {name: stage for stage, names in STAGE_PARTS.items() for name in names}
 _OF_DETECTIONS = ("no forecast", "other class", "off place")  # reasons
 
 
@@ -138,7 +138,7 @@ def ranked_parts(
         totals_m[stages[name]] += cost_m
 
     def gravity(name: str) -> tuple[bool, float, float]:
-        return name == BELOW, -totals_m[stages[name]], -parts[name]
+        return name == BELOW_THRESHOLD, -totals_m[stages[name]], -parts[name]
 
     return [
         (stages[name], name, parts[name])
@@ -162,14 +162,14 @@ def causes_of(focus: Focus) -> list[Cause]:
         return []
     is_borrowed = bool(borrowed(focus.replay)[at.row])
     causes: list[Cause] = []
-    is_sure = at.confidence is not None and at.confidence >= SURE
+    is_sure = at.confidence is not None and at.confidence >= FIXED_CONFIDENCE
     for stage, part_name, cost_m in ranked_parts(at.parts, is_borrowed):
         if causes and cost_m < LEAST_SHOWN:
             continue
         reason = part_name
         if is_borrowed and part_name in _OF_DETECTIONS:
             reason = "borrowed detections"
-        elif is_sure and part_name == BELOW:
+        elif is_sure and part_name == BELOW_THRESHOLD:
             reason = "filled budgets"
         causes.append(Cause(stage, reason, _MEASURES[reason](focus), cost_m))
     return causes

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core import Bools, Detections, Floats, Ints, Truth
-from ..scoring import PARTS, Pairs, match, near_pairs, pieces
+from ..scoring import PART_NAMES, Pairs, match, near_pairs, pieces
 from .focus import Focus, nearest_box
 from .run_replay import Replay
 
 # share of the forecast gate between a track's box and its detection without motion
 SMOOTHED_SHARE = 0.25
-_WITH_DETECTION = ("no_forecast", "other_class", "off_place")  # keys of PARTS
+_WITH_DETECTION = ("no_forecast", "other_class", "off_place")  # keys of PART_NAMES
 
 
 class Gate(NamedTuple):
@@ -208,6 +208,6 @@ def borrowed(replay: Replay) -> Bools:
     is_other = is_near & (owner_id >= 0) & (owner_id != truth.object_id[row])
     count = np.bincount(row[is_near], minlength=len(truth.box))
     of_others = np.bincount(row[is_other], minlength=len(truth.box))
-    columns = [list(PARTS).index(key) for key in _WITH_DETECTION]
+    columns = [list(PART_NAMES).index(key) for key in _WITH_DETECTION]
     explained = replay.part[:, columns].sum(axis=1) > 0
     return np.asarray((count > 0) & (count == of_others) & explained)

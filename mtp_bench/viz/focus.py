@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..core import Bools, Floats, Ints, to_metres
-from ..scoring import floored, pieces, sample_weights
+from ..scoring import drop_light_samples, pieces, sample_weights
 from .incident import Incident
 from .run_replay import Replay
 
@@ -248,7 +248,7 @@ class Focus:
         if row < 0:
             return None
         rollout = self.replay.rollout
-        sample_weight = floored(
+        sample_weight = drop_light_samples(
             sample_weights(rollout.forecast_log_weight[row : row + 1])
         )[0]
         if not sample_weight.any():

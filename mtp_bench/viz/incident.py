@@ -4,10 +4,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from ..scoring import BELOW, EVENTS
+from ..scoring import BELOW_THRESHOLD, EVENT_KINDS
 
 # spurious: false forecasts; collision: of the ego
-INCIDENT_KINDS = (*EVENTS, "spurious", "collision")
+INCIDENT_KINDS = (*EVENT_KINDS, "spurious", "collision")
 MOMENT = "moment"  # kind of the incident of an object in a frame without an event
 _LABELS = {"reacquired": "again", "spurious": "false forecast"}
 
@@ -46,7 +46,7 @@ class Incident:
     def blame(self) -> float:
         """The error without the part below threshold, m."""
         parts = self.parts or {}
-        return sum(value for name, value in parts.items() if name != BELOW)
+        return sum(value for name, value in parts.items() if name != BELOW_THRESHOLD)
 
     @property
     def label(self) -> str:

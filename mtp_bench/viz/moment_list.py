@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core import Bools, Floats, Ints, MtpBenchError, UnknownNameError
-from ..scoring import BELOW, PARTS, blame, history, named_parts, separated_truth
+from ..scoring import (
+    BELOW_THRESHOLD,
+    PART_NAMES,
+    blame,
+    history,
+    named_parts,
+    separated_truth,
+)
 from .causes import ranked_parts
 from .evidence import borrowed
 from .incident import INCIDENT_KINDS, Incident
@@ -45,11 +52,15 @@ class Moment:
 
 
 def costs(part: Floats, below: bool = False) -> Floats:
-    """Return costs [...] of the ``part`` [..., len(PARTS)] of errors, m.
+    """Return costs [...] of the ``part`` [..., len(PART_NAMES)] of errors, m.
 
     They are the blame, or with ``below`` the part below threshold.
     """
-    return part[..., list(PARTS.values()).index(BELOW)] if below else blame(part)
+    return (
+        part[..., list(PART_NAMES.values()).index(BELOW_THRESHOLD)]
+        if below
+        else blame(part)
+    )
 
 
 def moments(replay: Replay, below: bool = False) -> list[Moment]:
@@ -89,9 +100,11 @@ def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
     part = replay.part[rows]
     parts = named_parts(part.mean(axis=0))
     cause_name = next(iter(parts))
-    names = np.array(list(PARTS.values()))
+    names = np.array(list(PART_NAMES.values()))
     # largest part of each frame, with below threshold last
-    frame_cause = names[np.where(names == BELOW, -np.inf, part).argmax(axis=1)]
+    frame_cause = names[
+        np.where(names == BELOW_THRESHOLD, -np.inf, part).argmax(axis=1)
+    ]
     worst_row = int(
         rows[np.lexsort((-cost[rows].round(3), frame_cause != cause_name))[0]]
     )

@@ -13,19 +13,19 @@ from ..cards import Card
 from ..core import Bools, Floats, Ints, Rollout, RolloutError, Scene, require_known
 from ..env import LiveEpisode, true_ids
 from ..scoring import (
-    EVENTS,
-    PARTS,
+    EVENT_KINDS,
+    PART_NAMES,
     Candidates,
     RecordedForecasts,
     SceneParts,
     absent_causes,
     blame,
-    capped_error,
     check_rollout,
     evaluated,
     event_pairs,
     find_targets,
     gated_pairs,
+    keep_columns,
     lineage_events,
     live_frames,
     match_by_confidence,
@@ -33,7 +33,6 @@ from ..scoring import (
     match_neutral_last,
     named_parts,
     object_history,
-    of_columns,
     pieces,
     plain_parts,
     separated_truth,
@@ -68,7 +67,8 @@ class Replay:
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
     truth_forecast: Ints  # [R] forecast object matched to each true box, or -1
     worth: Floats  # [R, 2] minADE (m) and confidence of the forecast, or NaN
-    part: Floats  # [R, len(PARTS)] m, of the error of each true box; NaN: not a target
+    # [R, len(PART_NAMES)] m, of the error of each true box; NaN: not a target
+    part: Floats
     mean_blame_m: float = 0.0  # m, mean blame of a target of the run
     unsplit: str = ""  # why the error of forecasts is "rest"; empty: it is split
     thresholds: Floats | None = None  # [b] least confidence that each budget keeps
@@ -94,7 +94,7 @@ class Replay:
             forecast_false=np.zeros(len(rollout.object_box), dtype=bool),
             truth_forecast=no_matches,
             worth=np.full((len(no_matches), 2), np.nan),
-            part=np.full((len(no_matches), len(PARTS)), np.nan),
+            part=np.full((len(no_matches), len(PART_NAMES)), np.nan),
             first=first,
             judged=False,
         )
@@ -233,7 +233,7 @@ def replay(
     answers = Answers(rollout, card)
     chosen = np.flatnonzero(answers.shown)
     track_pairs = event_pairs(truth, rollout, card)
-    track_pairs = of_columns(track_pairs, chosen, len(answers.shown))
+    track_pairs = keep_columns(track_pairs, chosen, len(answers.shown))
     track_matches = match_neutral_last(track_pairs, truth.neutral, len(chosen))
     detection_pairs = gated_pairs(
         truth, detections.start, detections.box, detections.class_id, card
@@ -286,7 +286,7 @@ def _forecasts(
     if parts is None:
         max_error = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
         cause = np.where(errors.covered, -1, absent_causes(scene, targets, card))
-        plain_part = plain_parts(capped_error(errors.min_ade, max_error), cause)
+        plain_part = plain_parts(np.minimum(errors.min_ade, max_error), cause)
         mean_blame_m = float(blame(plain_part).mean()) if len(plain_part) else 0.0
         parts = SceneParts(plain_part, mean_blame_m, targets.distance)
     if not np.array_equal(parts.distance, targets.distance):
@@ -297,7 +297,7 @@ def _forecasts(
     worth = np.full((len(scene.truth.box), 2), np.nan)
     worth[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
     worth[:, 1] = np.append(rollout.object_confidence, np.nan)[forecast]
-    part = np.full((len(scene.truth.box), len(PARTS)), np.nan)
+    part = np.full((len(scene.truth.box), len(PART_NAMES)), np.nan)
     part[targets.row] = parts.part
     return worth, parts._replace(part=part), forecast, matching.false
 
@@ -312,7 +312,7 @@ def _identity_events(judged: Replay) -> list[Incident]:
     events = lineage.of(hypotheses.best[frame])
     track_ids = np.append(rollout.track_id, -1)  # row -1: no track
     incidents = []
-    for kind in EVENTS:
+    for kind in EVENT_KINDS:
         for row in np.flatnonzero(getattr(events, kind)[:, 0]).tolist():
             old_id = int(track_ids[events.old[row, 0]])
             wrong = bool(events.wrong[row, 0])

@@ -15,7 +15,7 @@ from mtp_bench.core.errors import MtpBenchError, RolloutError, UnknownNameError
 from mtp_bench.core.files import cache_root
 from mtp_bench.running.causes import run_parts
 from mtp_bench.running.stored import open_run
-from mtp_bench.scoring.parts import BELOW, PARTS, named_parts, parts_text, plain_parts
+from mtp_bench.scoring.parts import BELOW_THRESHOLD, PART_NAMES, named_parts, parts_text, plain_parts
 from mtp_bench.viz.evidence import borrowed
 from mtp_bench.viz.moment_list import find_incident, moments
 from mtp_bench.viz.played import PlayedRun
@@ -74,7 +74,7 @@ def test_every_fault_is_a_moment_with_its_cause(played: Replay) -> None:
 def test_a_forecast_is_below_threshold_where_its_confidence_is(played: Replay) -> None:
     assert played.thresholds is not None
     targets = np.isfinite(played.worth[:, 0]) & np.isfinite(played.part[:, 0])
-    below = played.part[targets, list(PARTS.values()).index(BELOW)]
+    below = played.part[targets, list(PART_NAMES.values()).index(BELOW_THRESHOLD)]
     assert ((below > 1e-9) == (played.worth[targets, 1] < played.thresholds.max())).all()
     assert (np.diff(played.thresholds) <= 0).all(), "larger budgets keep less sure forecasts"
 

@@ -13,7 +13,7 @@ from mtp_bench.judge import SceneRun, load_record, submit, verify
 from mtp_bench.judge.records import rerun
 from mtp_bench.judge.records.rerun import run_again
 from mtp_bench.judge.records.running import Plan, plan_run, rollouts_hash, rollouts_of, run_seed
-from mtp_bench.judge.records.storage import ROLLOUTS
+from mtp_bench.judge.records.storage import ROLLOUTS_SUFFIX
 from mtp_bench.judge.records.verifying import Verification
 from mtp_bench.running.options import RunOptions
 from tests.support.command_line import CommandLine, read_json, write_submission
@@ -114,7 +114,7 @@ def test_a_baseline_made_here_is_run_in_secret_alone(
     save_record(checked.record.model_copy(update={"hashes": hashes}), checked.path)
     assert [each.what for each in check("stp").differences] == ["hashes.rollouts"]
     assert len(ran) == 1
-    shutil.rmtree(checked.path.with_suffix(ROLLOUTS))
+    shutil.rmtree(checked.path.with_suffix(ROLLOUTS_SUFFIX))
     unscored = check("stp")
     assert (unscored.level, unscored.differences, len(ran)) == ("re-run", (), 2)
     assert "rollouts are not stored here" in unscored.notes[0]

@@ -12,7 +12,7 @@ import pytest
 import mtp_bench
 from mtp_bench.core import Task
 from mtp_bench.core.errors import MtpBenchError, SubmissionError, UnknownNameError
-from mtp_bench.scoring.scenes import SceneResult
+from mtp_bench.scoring.table import SceneResult
 from tests.support.command_line import write_submission
 from tests.support.small_scenes import Action, EchoAgent, make_noisy, make_scene as drawn
 

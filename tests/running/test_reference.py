@@ -28,7 +28,7 @@ from mtp_bench.running.reference import (
 )
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.bade import ONE_PER_TARGET, CardBudget
-from mtp_bench.scoring.weights import WEIGHED, read_reference, scene_key, tracking_events, write_reference
+from mtp_bench.scoring.weights import WEIGHTED_SUBSETS, read_reference, scene_key, tracking_events, write_reference
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import CARD, write_card
 
@@ -73,7 +73,7 @@ def test_the_plain_run_and_the_counts_are_those_of_the_scenes(card: str, kitti: 
         assert known.stp_events == tuple(score.own_events[kind] for kind in ("ids", "lost", "reacquired"))
         assert (known.counts <= RUNS).all()
         assert (known.counts[:, 3] >= known.counts[:, 1:3].max(axis=1)).all()
-        for subset in WEIGHED:
+        for subset in WEIGHTED_SUBSETS:
             assert made.weight(score.scene, subset).shape == (len(score),)
     assert made.totals["sum_of_weights"]["lost"] > 0
     assert made.budget == CardBudget(made.env, sum(score.false_forecasts for score in scores), sum(map(len, scores)))

@@ -9,7 +9,7 @@ import pytest
 from mtp_bench.core import pieces_of
 from mtp_bench.scoring import SceneScore, find_targets, live_frames, score_scene
 from mtp_bench.scoring.events import HOLES, LOST_TARGETS
-from mtp_bench.scoring.targets import left_out
+from mtp_bench.scoring.targets import count_holes
 from tests.support.scoring_scenes import Thing, answers_end_to_end, end_to_end, make_card, make_scene, random_case
 
 CARD = make_card(past=2, future=3)  # 10 frames per second
@@ -46,7 +46,7 @@ def test_no_past_or_future_crosses_a_hole(present: str, targets: list[int], list
         assert find_targets(changed, CARD).frame.tolist() == want
         assert np.flatnonzero(live_frames(changed, CARD)).tolist() == want
     holes = len(clips) - 1
-    assert left_out(scene, CARD) == ({HOLES: holes, LOST_TARGETS: lost} if holes else {})
+    assert count_holes(scene, CARD) == ({HOLES: holes, LOST_TARGETS: lost} if holes else {})
 
 
 def summed(scores: list[SceneScore]) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def test_each_side_of_a_hole_counts_as_a_scene(seed: int) -> None:
     want = summed([score_scene(*clip, CARD) for clip in zip(scenes, rollouts, strict=True)])
     for name, value in summed([whole]).items():
         np.testing.assert_allclose(value, want[name], atol=1e-9, err_msg=name)
-    assert (whole.skipped, whole.skipped[HOLES]) == (left_out(scene, CARD), 2)
+    assert (whole.skipped, whole.skipped[HOLES]) == (count_holes(scene, CARD), 2)
     crossing = score_scene(end_to_end(scenes, 0.1), rollout, CARD)
     assert sum(crossing.own_events.values()) > sum(whole.own_events.values())
     assert len(crossing) == len(whole) + whole.skipped[LOST_TARGETS]

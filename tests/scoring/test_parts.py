@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.scoring import AgentScores, References, score_scene, summarise
-from mtp_bench.scoring.parts import PARTS
+from mtp_bench.scoring.parts import PART_NAMES
 from mtp_bench.scoring.rows import Row
 from mtp_bench.scoring.targets import AbsentCause
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, with_detections
@@ -33,14 +33,14 @@ def costs(
     runs = (scores(other, samples) for other in others)
     references = {"x": References(associated=next(runs), tracks=next(runs))} if others else {}
     row = next(row for row in summarise([scores(said)], SMALL, references=references).rows if row.subset == "all")
-    values = {name: getattr(row, f"cost_{key}") for key, name in PARTS.items()}
+    values = {name: getattr(row, f"cost_{key}") for key, name in PART_NAMES.items()}
     assert sum(value or 0.0 for value in values.values()) == pytest.approx(row.error, abs=1e-9)
     return {name: round(value, 6) for name, value in values.items() if value}
 
 
 def test_every_cost_of_a_row_has_a_printed_name() -> None:
-    assert {f"cost_{part}" for part in PARTS} == {name for name in Row.model_fields if name.startswith("cost_")}
-    assert set(PARTS) == {*REFERENCES, "rest", "below_threshold", *(cause.name.lower() for cause in AbsentCause)}
+    assert {f"cost_{part}" for part in PART_NAMES} == {name for name in Row.model_fields if name.startswith("cost_")}
+    assert set(PART_NAMES) == {*REFERENCES, "rest", "below_threshold", *(cause.name.lower() for cause in AbsentCause)}
 
 
 CAR, BESIDE = Thing(1, 0, 0), Thing(1, 3, 0)

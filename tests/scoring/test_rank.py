@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from mtp_bench.scoring import rank_by_error
 from mtp_bench.scoring.definitions import Subset
-from mtp_bench.scoring.rank import Place, guard, why_not_on, why_unranked
+from mtp_bench.scoring.rank import Place, guard_reason, why_not_on, why_unranked
 from mtp_bench.scoring.statistics import UnitSums
 
 
@@ -54,7 +54,7 @@ def test_rounding_is_no_difference() -> None:
     difference = sums(above).minus(sums(unit))
     assert difference is not None
     assert difference.p == 1.0
-    assert guard(Agent(above), Agent(unit)) is None
+    assert guard_reason(Agent(above), Agent(unit)) is None
 
 
 @settings(derandomize=True, deadline=None, max_examples=15)
@@ -128,4 +128,4 @@ STEADY, UNSTEADY = np.full(8, 0.02), np.array([0.4, -0.3, 0.2, -0.2, 0.1, -0.1, 
 def test_event_subsets_rank_only_agents_that_are_no_worse_than_stp_over_all(gaps: Any, ranked: bool) -> None:
     error = np.ones(8)
     limits = (None if gap is None else Agent(error / (1 + gap)) for gap in gaps)
-    assert (guard(Agent(error), *limits) is None) == ranked
+    assert (guard_reason(Agent(error), *limits) is None) == ranked

@@ -12,7 +12,7 @@ import pytest
 from mtp_bench.core.errors import DataError
 from mtp_bench.scoring.definitions import WEIGHTS_DEFINITIONS
 from mtp_bench.scoring.weights import (
-    WEIGHED,
+    WEIGHTED_SUBSETS,
     Reference,
     SceneWeights,
     count_runs,
@@ -63,7 +63,7 @@ WEIGHTS = {  # of the four targets, in quarters
 }
 
 
-@pytest.mark.parametrize("subset", WEIGHED)
+@pytest.mark.parametrize("subset", WEIGHTED_SUBSETS)
 def test_the_weight_is_the_share_of_the_runs(reference: Reference, subset: str) -> None:
     weight = reference.weight("s", subset)
     assert weight.dtype == np.float64
@@ -76,7 +76,7 @@ def test_a_file_holds_the_same_and_no_scene(reference: Reference, tmp_path: Path
     write_reference(path, reference)
     again = read_reference(path)
     assert again.digest == reference.digest
-    for subset in WEIGHED:
+    for subset in WEIGHTED_SUBSETS:
         assert np.array_equal(again.weight("s", subset), reference.weight("s", subset))
     assert (again.of("s").stp_events, (again.of("s").false_forecasts, again.of("s").forecasts)) == ((2, 1, 1), (3, 7))
     text = path.read_text()

@@ -14,9 +14,10 @@ from scipy.spatial.transform import Rotation
 from mtp_bench import MTPEnv
 from mtp_bench.agent import load_submission
 from mtp_bench.cards import load_card, with_detections
+from mtp_bench.core import StoredTracks
 from mtp_bench.core.errors import DataError
 from mtp_bench.running.playing import run_scene
-from mtp_bench.running.track_export import TrackRows, write_tracks
+from mtp_bench.running.track_export import write_tracks
 from mtp_bench.scoring import find_targets
 from mtp_bench.scoring.weights import tracking_events as events_of
 from mtp_bench.sources import open_source, with_tracks
@@ -103,7 +104,7 @@ def test_submissions_are_read_as_they_were_written(root: Path, tmp_path: Path) -
     frame, walker = scene.truth.frame_of_rows, scene.truth.object_id == 2
     kept = scene.truth.select(~scene.truth.neutral & ~(walker & np.isin(frame, (8, 9))))
     ids = kept.object_id + 10 * ((kept.object_id == 0) & (kept.frame_of_rows >= 11))
-    rows = TrackRows(kept.frame_of_rows, ids, kept.class_id, kept.box, np.linspace(0, 1, len(ids)))
+    rows = StoredTracks(kept.start, kept.box, kept.velocity, kept.class_id, np.linspace(0, 1, len(ids)), ids)
     assert write_tracks([(scene, rows)], CARD, str(root), path) == len(ids)
     env = MTPEnv(CARD, str(root), evaluation=True, observe="tracks", tracks=str(path))
     rollout = run_scene(load_submission("given_tracks").build(env.task), env, LOG, 0, "given_tracks")

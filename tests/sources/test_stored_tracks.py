@@ -11,7 +11,7 @@ import pytest
 from mtp_bench.cards import Card, load_card, parse_card
 from mtp_bench.core import Scene, StoredTracks
 from mtp_bench.core.errors import DataError
-from mtp_bench.running.track_export import TrackRows, write_tracks
+from mtp_bench.running.track_export import write_tracks
 from mtp_bench.sources import open_source, with_tracks
 from mtp_bench.sources.stored_tracks import import_tracks
 from tests.support.nuscenes_root import SCENES, detection, nuscenes_card, sample, write_json, write_root
@@ -27,21 +27,21 @@ def tracked_scene(card: Card, data: str | Path, path: Path, name: str) -> tuple[
     return scene.tracks, scene
 
 
-def true_rows(scene: Scene) -> TrackRows:
+def true_rows(scene: Scene) -> StoredTracks:
     """The true boxes as tracks, with scores that tell the rows apart."""
     truth = scene.truth
     score = np.linspace(0.1, 0.9, len(truth.box))
-    return TrackRows(truth.frame_of_rows, truth.object_id, truth.class_id, truth.box, score)
+    return StoredTracks(truth.start, truth.box, truth.velocity, truth.class_id, score, truth.object_id)
 
 
-def require_same(found: StoredTracks, rows: TrackRows, rounding: float) -> None:
-    np.testing.assert_array_equal(found.frame_of_rows, rows.frame)
+def require_same(found: StoredTracks, rows: StoredTracks, rounding: float) -> None:
+    np.testing.assert_array_equal(found.start, rows.start)
     np.testing.assert_array_equal(found.class_id, rows.class_id)
     np.testing.assert_allclose(found.score, rows.score, atol=rounding)
     turned = np.remainder(found.box[:, 3] - rows.box[:, 3] + np.pi, 2 * np.pi) - np.pi
     np.testing.assert_allclose(turned, 0, atol=rounding)
     np.testing.assert_allclose(np.delete(found.box, 3, 1), np.delete(rows.box, 3, 1), atol=rounding)
-    pairs = set(zip(found.object_id.tolist(), rows.track_id.tolist(), strict=True))
+    pairs = set(zip(found.object_id.tolist(), rows.object_id.tolist(), strict=True))
     assert len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
 
 

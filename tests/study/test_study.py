@@ -14,7 +14,7 @@ import pytest
 
 from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions
-from mtp_bench.scoring import PARTS, Report, main_settings
+from mtp_bench.scoring import PART_NAMES, Report, main_settings
 from mtp_bench.viz import Study, study
 from mtp_bench.viz.studies.figures import FIGURES, FILE_SUFFIXES, PART_COLORS, draw_figures
 from mtp_bench.viz.studies.study import TABLE_SUFFIXES, study_page
@@ -121,7 +121,7 @@ def test_parts_are_told_apart(vision: str) -> None:
     def rgb(color: str) -> list[int]:
         return [int(color[i : i + 2], 16) for i in (1, 3, 5)]
 
-    assert set(PART_COLORS) == set(PARTS)
+    assert set(PART_COLORS) == set(PART_NAMES)
     for one, other in combinations(PART_COLORS.values(), 2):
         assert distance(rgb(one), rgb(other), vision) > APART, (one, other)
 

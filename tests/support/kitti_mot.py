@@ -13,7 +13,6 @@ from scipy.optimize import linear_sum_assignment
 
 from mtp_bench.core import Bools, Floats, Ints, Scene
 from mtp_bench.core.geometry import iou_3d
-from mtp_bench.running import track_export
 from mtp_bench.sources.kitti.files import KITTI_TYPES, BoxRows, read_detections, read_labels
 from mtp_bench.sources.kitti.poses import read_poses
 from mtp_bench.sources.kitti.source import NEIGHBOURS
@@ -26,9 +25,14 @@ SCORE_THRESHOLD = {"car": 3.240738, "pedestrian": 2.683133, "cyclist": 3.645319}
 
 
 @dataclass(frozen=True, eq=False)
-class TrackRows(track_export.TrackRows):
+class TrackRows:
     """Output of a tracker over a scene, one row per track and frame, with the score of the detection taken last."""
 
+    frame: Ints  # [R]
+    track_id: Ints  # [R]
+    class_id: Ints  # [R]
+    box: Floats  # [R, 7]
+    score: Floats  # [R]
     image_box: Floats  # [R, 4] of the detection taken last, px
 
     def keep(self, mask: Bools) -> "TrackRows":

@@ -11,7 +11,7 @@ from docs.generate.results import DRIVERS, PARTS_FILE, STORY, SUBSET_TEXT, fille
 from mtp_bench.cards import load_card
 from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.scoring.definitions import DEFINITIONS
-from mtp_bench.scoring.parts import FAULT_NAMES, PARTS
+from mtp_bench.scoring.parts import PART_NAMES, STAGE_NAMES
 from mtp_bench.viz.board.entries import Entry
 from tests.support.board_records import FEW, MAIN, board_of, made_up, made_up_board
 
@@ -79,15 +79,18 @@ def test_costs_are_differences_of_controls_and_references() -> None:
 def test_shares_of_the_error_by_part_of_the_stack_add_up() -> None:
     measured = json.loads(PARTS_FILE.read_text(encoding="utf-8"))
     for row in measured:
-        assert (list(row["parts"]), sum(row["parts"].values())) == (list(PARTS), pytest.approx(row["error"], abs=1e-9))
+        assert (list(row["parts"]), sum(row["parts"].values())) == (
+            list(PART_NAMES),
+            pytest.approx(row["error"], abs=1e-9),
+        )
         assert row["definitions"] in {"3.0", DEFINITIONS}  # full splits: the same numbers
         assert row["card"] == load_card(row["env"]).digest
     headings, _, *rows = rows_of(filled(marked("faults"), [], "page.md"))
-    assert headings == ["environment", "agent", "scenes; seeds", "bADE (m) ↓", *FAULT_NAMES.values()]
+    assert headings == ["environment", "agent", "scenes; seeds", "bADE (m) ↓", *STAGE_NAMES.values()]
     assert [row[:2] for row in rows] == [[row["env"], f"`{row['agent']}`"] for row in measured]
     for row in rows:
         shares = [float(cell.removesuffix(" %").replace("−", "-")) for cell in row[4:]]
-        assert sum(shares) == pytest.approx(100, abs=0.05 * len(FAULT_NAMES))
+        assert sum(shares) == pytest.approx(100, abs=0.05 * len(STAGE_NAMES))
 
 
 def test_agreement_is_kendalls_tau_of_the_orders() -> None:

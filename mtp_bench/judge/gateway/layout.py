@@ -36,7 +36,7 @@ from ...core import (
     network_files,
     open_regular,
 )
-from ...running import PLAYERS, all_kernels
+from ...running import PLAYER_ROOMS, all_kernels
 from ...sources import data_root
 
 SUBMISSION = "/submission"
@@ -76,7 +76,7 @@ MASKED = tuple(f"/proc/{name}" for name in _MASKED)
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom")
 # folders of shared libraries
 _SYSTEM = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib")
-LOADED = ("mtp_bench.agent", *PLAYERS)  # modules that a fork server imports
+LOADED = ("mtp_bench.agent", *PLAYER_ROOMS)  # modules that a fork server imports
 _THREADS = (
     "OMP_NUM_THREADS",
     "MKL_NUM_THREADS",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...cards import load_card
 from ...core import RecordError, card_ids, parse_json, read_bounded, validate_json
-from ...scoring import WEIGHTS, Subset, ratio
+from ...scoring import DRIVE_SCORE_WEIGHTS, Subset, ratio
 from .record import HiddenPart, Record, key_of
 from .results import DrivesPart, Results
 from .shipped import shipped
@@ -195,9 +195,9 @@ def _drive_problems(drives: DrivesPart, weight: list[float]) -> Iterator[str]:
             "of the scores are 0"
         )
     # the part of the score that is lost by all else than comfort
-    lost_score = sum(WEIGHTS.values()) * (1.0 - mean_score)
-    lost_score -= WEIGHTS["comfort"] * (1.0 - drives.comfort)
-    least_progress = 1.0 - lost_score / WEIGHTS["progress"]
+    lost_score = sum(DRIVE_SCORE_WEIGHTS.values()) * (1.0 - mean_score)
+    lost_score -= DRIVE_SCORE_WEIGHTS["comfort"] * (1.0 - drives.comfort)
+    least_progress = 1.0 - lost_score / DRIVE_SCORE_WEIGHTS["progress"]
     if drives.progress < least_progress - _TOLERANCE:
         yield (
             f"drives.progress is {drives.progress}, the scores need {least_progress:g}"

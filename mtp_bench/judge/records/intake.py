@@ -16,7 +16,7 @@ from .consistency import checked_record
 from .eligibility import may_observe, why_scored_otherwise, why_unranked
 from .record import Record
 from .shipped import FOR_BASELINES, shipped
-from .storage import ROLLOUTS, usable_record
+from .storage import ROLLOUTS_SUFFIX, usable_record
 from .trust import OWNERS, Trust, read_owners
 
 _RECORDS = "records"
@@ -89,7 +89,7 @@ def _refused_files(
         f"{path.relative_to(folder)}: stored rollouts stay with their makers (of "
         "recorded scenes they must not be published), expected records alone: take the "
         "folder out of the proposal"
-        for path in sorted(folder.rglob(f"*{ROLLOUTS}"))
+        for path in sorted(folder.rglob(f"*{ROLLOUTS_SUFFIX}"))
     ]
     removed = [
         f"{name}: is removed; only maintainers remove files (if the proposal did not: "
@@ -128,7 +128,7 @@ def _files(root: Path) -> dict[Path, str]:
             files[Path(parent).relative_to(root)] = "empty folder or submodule"
         for folder_name in tuple(folders):
             is_link = Path(parent, folder_name).is_symlink()
-            if folder_name.endswith(ROLLOUTS) and not is_link:
+            if folder_name.endswith(ROLLOUTS_SUFFIX) and not is_link:
                 folders.remove(folder_name)
         for file_name in (*folders, *names):
             file = Path(parent, file_name)

@@ -12,7 +12,7 @@ from ...running import DEFAULTS, RunOptions, agent_task
 from .ranking import STP, TRUTH
 from .record import Record
 from .running import plan_run
-from .storage import ROLLOUTS
+from .storage import ROLLOUTS_SUFFIX
 from .submitting import RECORDS, finished_record, plan_content, record_path
 
 
@@ -30,7 +30,7 @@ class RecordPiece:
 
         It is 0 before it is made.
         """
-        files = [self.target, *self.target.with_suffix(ROLLOUTS).rglob("*")]
+        files = [self.target, *self.target.with_suffix(ROLLOUTS_SUFFIX).rglob("*")]
         return sum(path.stat().st_size for path in files if path.is_file())
 
 

@@ -28,10 +28,10 @@ from ...core import (
     remove_leftovers,
     write_text,
 )
-from ...env import ARRAYS, drive_arrays, drive_of
+from ...env import ROLLOUT_ARRAYS, drive_arrays, drive_of
 from ...sources import read_arrays, write_arrays
 from ..gateway.limits import Isolation, SceneRun
-from .storage import PARTS, ROLLOUTS, seed_folder
+from .storage import PART_SUFFIX, ROLLOUTS_SUFFIX, seed_folder
 
 _PLAN = "plan.json"
 _LOCK = "lock"
@@ -54,7 +54,9 @@ class Parts:
             return None
         try:
             run_fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
-            drive = {name: arrays.pop(name) for name in arrays.keys() - ARRAYS.keys()}
+            drive = {
+                name: arrays.pop(name) for name in arrays.keys() - ROLLOUT_ARRAYS.keys()
+            }
             rollout = Rollout(scene, **arrays, drive=drive_of(drive))
             run_fields["isolation"] = Isolation(**run_fields["isolation"])
             return SceneRun(rollout, **run_fields)
@@ -71,7 +73,7 @@ class Parts:
         del run_fields["rollout"]
         arrays = {
             name: np.asarray(getattr(run.rollout, name), dtype)
-            for name, (dtype, _) in ARRAYS.items()
+            for name, (dtype, _) in ROLLOUT_ARRAYS.items()
         }
         arrays |= drive_arrays(run.rollout.drive)
         arrays[_OTHER_FIELDS] = np.array(json.dumps(run_fields))
@@ -98,12 +100,12 @@ def open_parts(
     another process writes this record, RecordError if finished scenes are left of an
     earlier command and not to ``resume``, or have another plan.
     """
-    parts_folder = record_file.with_suffix(PARTS)
+    parts_folder = record_file.with_suffix(PART_SUFFIX)
     make_folder(parts_folder)
     with locked(parts_folder / _LOCK, str(record_file)):
         if not resume:
             require_new(record_file)
-        remove_leftovers(record_file, record_file.with_suffix(ROLLOUTS))
+        remove_leftovers(record_file, record_file.with_suffix(ROLLOUTS_SUFFIX))
         _require_plan(parts_folder, plan)
         try:
             yield Parts(parts_folder)
@@ -122,7 +124,7 @@ def require_new(record_file: Path) -> None:
     """Raise RecordError if an interrupted command left finished scenes."""
     count = count_parts(record_file)
     if count:
-        parts_folder = record_file.with_suffix(PARTS)
+        parts_folder = record_file.with_suffix(PART_SUFFIX)
         raise RecordError(
             f"{parts_folder} holds {count} finished scenes of an interrupted submit: "
             "continue "
@@ -132,7 +134,7 @@ def require_new(record_file: Path) -> None:
 
 def count_parts(record_file: Path) -> int:
     """Count the finished scenes that an interrupted command left, over all seeds."""
-    paths = record_file.with_suffix(PARTS).glob("seed-*/*.npz")
+    paths = record_file.with_suffix(PART_SUFFIX).glob("seed-*/*.npz")
     return sum(not path.name.startswith(".") for path in paths)
 
 

@@ -14,15 +14,15 @@ from ...core import baseline_names, long_work
 from ...scoring import (
     NO_GAP,
     NOT_KINEMATIC,
+    REFERENCES_UNSTATED,
     SAW_TRUTH,
     SUBSETS,
-    UNSTATED,
+    GapPair,
     GapPairs,
-    Pair,
     PairedDifference,
     Place,
     Subset,
-    guard,
+    guard_reason,
     places_on,
 )
 from .attestation import Checked
@@ -56,8 +56,8 @@ class Standing:
     own_gaps: Mapping[Subset, float] = field(default_factory=dict)
     association_gaps: Mapping[Subset, float] = field(default_factory=dict)
     # why a gap on all targets is missing; None: it is there
-    gap_blank: str | None = UNSTATED
-    association_gap_blank: str | None = UNSTATED
+    gap_blank: str | None = REFERENCES_UNSTATED
+    association_gap_blank: str | None = REFERENCES_UNSTATED
     # of bADE, to STP's
     differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)
 
@@ -229,7 +229,7 @@ def _guarded(entrant: _Entrant, best_records: _Best) -> str | None:
     stp = best_records.get(STP)
     if stp is None:
         return "no record of stp beside it"
-    return guard(entrant, stp, _pairs(entrant, best_records).own.stp)
+    return guard_reason(entrant, stp, _pairs(entrant, best_records).own.stp)
 
 
 def _pairs(entrant: _Entrant, best_records: _Best) -> GapPairs:
@@ -238,22 +238,22 @@ def _pairs(entrant: _Entrant, best_records: _Best) -> GapPairs:
     own_pair = _pair(submission, "truth", best_records)
     kinematic = own_pair
     if submission.gap_references == "own":
-        kinematic = Pair(missing=NOT_KINEMATIC)
-    association = Pair(missing=SAW_TRUTH)
+        kinematic = GapPair(missing=NOT_KINEMATIC)
+    association = GapPair(missing=SAW_TRUTH)
     if entrant.record.env.observe != "truth":
         association = _pair(submission, "associated", best_records)
     return GapPairs(kinematic, own_pair, association)
 
 
-def _pair(submission: SubmissionPart, observe: str, best_records: _Best) -> Pair:
+def _pair(submission: SubmissionPart, observe: str, best_records: _Best) -> GapPair:
     names = gap_reference_names(submission, observe)
     if names is None and submission.gap_references == "own":
-        return Pair(missing="no reference with its predictor ships")
+        return GapPair(missing="no reference with its predictor ships")
     if names is None:
-        return Pair(missing=UNSTATED)
+        return GapPair(missing=REFERENCES_UNSTATED)
     stp, truth = map(best_records.get, names)
     absent_name = names[0] if stp is None else names[1]
-    return Pair(stp, truth, f"no record of {absent_name} beside it")
+    return GapPair(stp, truth, f"no record of {absent_name} beside it")
 
 
 def _with_gaps(
@@ -284,7 +284,7 @@ def _with_gaps(
 
 
 def _closed(
-    entrant: _Entrant, pair: Pair, subsets: Sequence[Subset]
+    entrant: _Entrant, pair: GapPair, subsets: Sequence[Subset]
 ) -> dict[Subset, float]:
     """Return the closed shares of a gap, on the subsets that define it."""
     gaps = {}
@@ -296,7 +296,7 @@ def _closed(
 
 
 def _gap_blank(
-    entrant: _Entrant, pair: Pair, gaps: Mapping[Subset, float]
+    entrant: _Entrant, pair: GapPair, gaps: Mapping[Subset, float]
 ) -> str | None:
     if "all" in gaps:
         return None

@@ -6,7 +6,7 @@ from pydantic import BeforeValidator, Field
 
 from ...agent import SubmissionName
 from ...core import Section
-from ...running import MOST_SEED
+from ...running import MAX_SEED
 from ..gateway.limits import Isolation, Limits
 from .fields import (
     MAX_LIST,
@@ -158,7 +158,7 @@ class Record(Results):
     scorer: ScorerPart
     reference: ReferencePart
     seeds: Annotated[
-        list[Annotated[int, Field(ge=0, le=MOST_SEED)]], Field(max_length=MAX_LIST)
+        list[Annotated[int, Field(ge=0, le=MAX_SEED)]], Field(max_length=MAX_LIST)
     ]
     versions: Annotated[dict[Name, Name], Field(max_length=MAX_LIST)]
     limits: Limits

@@ -8,7 +8,7 @@ from ...agent import Submission, digest_of, files_of, load_submission
 from ...cards import load_card
 from ...core import DataError, baseline_names, bundled, card_ids, read_toml
 from ...running import frozen_reference
-from ...scoring import WEIGHED, Reference, Subset
+from ...scoring import WEIGHTED_SUBSETS, Reference, Subset
 from .evaluation import scorer_digest
 
 FOR_BASELINES = (
@@ -138,6 +138,6 @@ def _sums(reference: Reference) -> dict[str, dict[Subset, float]]:
     sums: dict[str, dict[Subset, float]] = {}
     for key, scene in reference.scenes.items():
         sums[key] = {"all": float(scene.targets)}
-        for subset in WEIGHED:
+        for subset in WEIGHTED_SUBSETS:
             sums[key][subset] = float(reference.weight_in(scene, subset).sum())
     return sums

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...agent import PARTS as PARTS, ROLLOUTS as ROLLOUTS
+from ...agent import PART_SUFFIX as PART_SUFFIX, ROLLOUTS_SUFFIX as ROLLOUTS_SUFFIX
 from ...core import ABSENT, RecordError, Rollout, SectionT, read_bounded, validate_json
 from ...running import load_run
 from .canonical import digest_of
@@ -140,7 +140,9 @@ def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
     paths = []
     for path in folder.rglob("*.json"):
         parts = path.relative_to(folder).parts
-        is_other = any(p[0] == "." or p.endswith((ROLLOUTS, PARTS)) for p in parts)
+        is_other = any(
+            p[0] == "." or p.endswith((ROLLOUTS_SUFFIX, PART_SUFFIX)) for p in parts
+        )
         if env_id in ("", path.stem) and not is_other:
             paths.append(path)
     return sorted(paths)
@@ -161,7 +163,7 @@ def stored_rollouts(record_file: Path, record: Record) -> dict[int, list[Rollout
 
 
 def _seed_rollouts(record_file: Path, record: Record, seed: int) -> list[Rollout]:
-    rollout_folder = seed_folder(record_file.with_suffix(ROLLOUTS), seed)
+    rollout_folder = seed_folder(record_file.with_suffix(ROLLOUTS_SUFFIX), seed)
     if not rollout_folder.is_dir():
         raise RecordError(
             f"{record_file}: its rollouts of seed {seed} are not stored at "

@@ -38,7 +38,13 @@ from .evaluation import Evaluation
 from .parts import count_parts, open_parts, require_new
 from .record import EnvPart, MeasuredPart, Observed, Record, SubmissionPart
 from .running import Plan, Runs
-from .storage import PARTS, ROLLOUTS, record_text, seed_folder, usable_record
+from .storage import (
+    PART_SUFFIX,
+    ROLLOUTS_SUFFIX,
+    record_text,
+    seed_folder,
+    usable_record,
+)
 
 RECORDS = Path("leaderboard", "records")  # below the working folder: the checkout
 
@@ -128,7 +134,7 @@ def finished_record(
     ``rollouts``: they must be stored beside it.
     """
     if count_parts(record_file) or (
-        rollouts and not record_file.with_suffix(ROLLOUTS).is_dir()
+        rollouts and not record_file.with_suffix(ROLLOUTS_SUFFIX).is_dir()
     ):
         return None
     record = usable_record(record_file)
@@ -205,7 +211,7 @@ def require_target(
     require_folder(record_file)
     if record_file.parent.is_dir():
         require_file(record_file)
-    rollouts = record_file.with_suffix(ROLLOUTS)
+    rollouts = record_file.with_suffix(ROLLOUTS_SUFFIX)
     if rollouts.exists():
         for folder in rollouts.iterdir():
             require_run_folder(folder)
@@ -245,7 +251,7 @@ def _save(record_file: Path, plan: Plan, runs: Runs, record: Record) -> Record:
     try:
         with whole_file(record_file) as file:
             file.write_text(text, encoding="utf-8")
-            with whole_folder(record_file.with_suffix(ROLLOUTS)) as folder:
+            with whole_folder(record_file.with_suffix(ROLLOUTS_SUFFIX)) as folder:
                 for seed, rollouts in running.rollouts_of(runs).items():
                     info = running.info_of(plan, seed)
                     save_run(seed_folder(folder, seed), info, rollouts)
@@ -268,7 +274,7 @@ def _require_one_data(
                 raise DataError(
                     f"{name}: its data changed after {plan.submission.name} was run on "
                     "it, expected the same data in all scenes: delete "
-                    f"{record_file.with_suffix(PARTS)} and submit again"
+                    f"{record_file.with_suffix(PART_SUFFIX)} and submit again"
                 )
 
 

@@ -41,7 +41,7 @@ from .running import (
 )
 from .seal import Sealed
 from .shipped import FOR_BASELINES
-from .storage import ROLLOUTS, stored_rollouts
+from .storage import ROLLOUTS_SUFFIX, stored_rollouts
 from .submitting import declared_data, is_of_plan, plan_content, submission_part
 
 # fields of a record that follow from rollouts, card and data
@@ -261,7 +261,7 @@ def _made_here(
             "leave "
             "--made-here out"
         )
-    if record_file.with_suffix(ROLLOUTS).is_dir():
+    if record_file.with_suffix(ROLLOUTS_SUFFIX).is_dir():
         return _score_stored(record_file, record, plan.card, options, secret_runs)
     for note in _notes(record, reference):
         raise RecordError(

@@ -11,7 +11,7 @@ from ...cards import load_card
 from ...core import Column, Table, card_ids, clean_text
 from ...judge import LEVELS, STP, why_scored_otherwise
 from ...running import card_budget
-from ...scoring import NAMES, SUBSETS, PairedDifference, Subset
+from ...scoring import SUBSET_NAMES, SUBSETS, PairedDifference, Subset
 from ...sources import package_of
 from ..terminal.tables import parts_text
 from .columns import COLUMN, PAGE, ROW_COLUMNS, best_text, optional_columns
@@ -156,7 +156,7 @@ def _subset_row(entry: Entry, subset: Subset) -> dict[str, Any]:
     cells: dict[str, Any] = dict(row)
     # what ranks give is not in the row of a record
     cells |= {
-        "subset": NAMES[subset],
+        "subset": SUBSET_NAMES[subset],
         "sizes": f"{events} / {row.objects} / {row.scenes}",
         "same_gap": standing.own_gaps.get(subset),
         "association_gap": standing.association_gaps.get(subset),

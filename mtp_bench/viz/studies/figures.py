@@ -13,8 +13,8 @@ import numpy as np
 from ...agent import controls
 from ...running import HYPOTHESIS_CONTROLS
 from ...scoring import (
-    NAMES,
-    PARTS,
+    PART_NAMES,
+    SUBSET_NAMES,
     Details,
     Report,
     Row,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # after Okabe and Ito: people with any kind of colour vision tell them apart
 PART_COLORS = dict(
     zip(
-        PARTS,
+        PART_NAMES,
         (
             "#009e73",
             "#56b4e9",
@@ -119,7 +119,7 @@ def _draw_errors(report: Report) -> "Figure":
             axis.plot(row.error, place, marker="o", color=color)
             if row.interval is not None:
                 axis.hlines(place, *row.interval, color=color)
-        axis.set(title=NAMES[subset], xlabel="bADE, m")
+        axis.set(title=SUBSET_NAMES[subset], xlabel="bADE, m")
     return figure
 
 
@@ -133,7 +133,7 @@ def _draw_parts(report: Report) -> "Figure":
     places = np.arange(len(lines))
     right_m = np.zeros(len(lines))
     left_m = np.zeros(len(lines))
-    for key, name in PARTS.items():
+    for key, name in PART_NAMES.items():
         part_m = _values(_on(lines, "all"), f"cost_{key}")
         part_m = np.nan_to_num(np.array(part_m, dtype=float))
         start_m = np.where(part_m >= 0, right_m, left_m)
@@ -161,7 +161,7 @@ def _draw_hypotheses(report: Report) -> "Figure | None":
             agent = controls()[role]
             level_m = agents[agent][0].rows[subset].difference_to_stp
             axis.axhline(level_m, color="#6000d8", linestyle=line_style, label=agent)
-        axis.set(title=NAMES[subset], xlabel="hypotheses H")
+        axis.set(title=SUBSET_NAMES[subset], xlabel="hypotheses H")
     axes[0].set_ylabel("bADE less that of stp, m")
     _add_legend(figure, axes[0])
     return figure
@@ -211,7 +211,7 @@ def _draw_events(report: Report) -> "Figure":
             bars = axis.barh(place, count, color=AGENT_COLOR)
             axis.bar_label(bars, padding=2)
         axis.margins(x=0.2)
-        axis.set(title=NAMES[kind], xlabel="events")
+        axis.set(title=SUBSET_NAMES[kind], xlabel="events")
     return figure
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...core import Column, Table, Value, columns_of
 from ...scoring import (
-    NAMES,
+    SUBSET_NAMES,
     AgentSetting,
     Clear,
     Details,
@@ -60,7 +60,7 @@ def chosen_table(
     keys: Sequence[str],
     subsets: Sequence[Subset],
     all_settings: bool = True,
-    names: Mapping[Subset, str] = NAMES,
+    names: Mapping[Subset, str] = SUBSET_NAMES,
     title: str = "",
     table_name: str = "chosen",
 ) -> Table:

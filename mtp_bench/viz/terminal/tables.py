@@ -6,9 +6,9 @@ from textwrap import wrap
 
 from ...core import Column, Table, Value, columns_of, short
 from ...scoring import (
-    EVENTS,
+    EVENT_KINDS,
     KNOWN_SUBSETS,
-    PARTS,
+    PART_NAMES,
     RANKED_SUBSETS,
     AgentSetting,
     Bin,
@@ -31,7 +31,7 @@ from .chosen_table import (
 from .paper import PAPER_SUBSETS, paper_errors
 
 _EVENT_SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired", "lost", "frag")
-PART_KEYS = tuple(f"cost_{part}" for part in PARTS)
+PART_KEYS = tuple(f"cost_{part}" for part in PART_NAMES)
 _PARTS_WITH_FORECAST = 5  # the first of PART_KEYS
 _PART_TABLES: dict[str, tuple[str, Sequence[str]]] = {  # name -> title and keys
     "forecasts": (
@@ -257,7 +257,7 @@ def _tracking_table(report: Report) -> Table:
 
 def _own_events(line: AgentLine) -> str:
     """Return own events, with a star if the lineage was guessed."""
-    events = "/".join(str(line.details.own_events[kind]) for kind in EVENTS)
+    events = "/".join(str(line.details.own_events[kind]) for kind in EVENT_KINDS)
     return events + "*" * bool(line.details.guessed_parents)
 
 
@@ -302,7 +302,7 @@ def _bin_column(part: Bin) -> Column:
 def parts_text(row: Row) -> str:
     """Return the parts of bADE above half a centimetre as text."""
     texts = []
-    for key, name in zip(PART_KEYS, PARTS.values(), strict=True):
+    for key, name in zip(PART_KEYS, PART_NAMES.values(), strict=True):
         part_m = getattr(row, key)
         if abs(part_m or 0.0) >= _MIN_SHOWN_PART_M:
             texts.append(f"{name} {_METRES.text(part_m)}")
