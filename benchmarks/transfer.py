@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench.core.parallel import Workers
-from mtp_bench.prediction.learned.local import to_absolute
 from mtp_bench.prediction.learned.network import network_of
 from mtp_bench.prediction.learned.predictor import StoredWeights, read_weights
 from mtp_bench.prediction.presence import file_of, read_model
+from mtp_bench.prediction.windows import to_absolute
 from mtp_bench.running.options import RunOptions
 from mtp_bench.training import Windows, windows
 from mtp_bench.training.predictors import (

@@ -14,12 +14,6 @@ from .kinematic import (
     KinematicPredictor as KinematicPredictor,
 )
 from .lanes import LanePredictor as LanePredictor
-from .learned.local import (
-    Arrays as Arrays,
-    local_future as local_future,
-    local_inputs as local_inputs,
-    to_absolute as to_absolute,
-)
 from .learned.modes import straight_future as straight_future
 from .learned.network import (
     Network as Network,
@@ -51,8 +45,12 @@ from .presence import (
 )
 from .windows import (
     LANE_FIELDS as LANE_FIELDS,
+    Arrays as Arrays,
     Surroundings as Surroundings,
     TrackWindows as TrackWindows,
     lanes_of as lanes_of,
+    local_future as local_future,
+    local_inputs as local_inputs,
+    to_absolute as to_absolute,
     windows_of as windows_of,
 )

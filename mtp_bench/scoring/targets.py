@@ -1,7 +1,7 @@
 """Targets, why one may lack a forecast, live frames and units of uncertainty.
 
 Definitions: docs/definitions, "Targets" and "Ranks". Neutral objects, which no label
-could confirm or refute, are no targets. KITTI is labelled in images: an object is
+could confirm or refute, are left out. KITTI is labelled in images: an object is
 placed into the image from its x and y alone, since an agent could choose the other
 numbers of a forecast freely.
 """

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mtp_bench.core import Ints
-from mtp_bench.prediction.learned.local import local_future
 from mtp_bench.prediction.learned.network import Network, Sizes
-from mtp_bench.prediction.windows import Surroundings, TrackWindows
+from mtp_bench.prediction.windows import Surroundings, TrackWindows, local_future
 from mtp_bench.training.fitting import TrainingSet
 
 SIZES = Sizes(("car", "pedestrian"), past=4, future=3, modes=5, dt=0.5)

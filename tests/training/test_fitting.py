@@ -10,12 +10,11 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from mtp_bench.core import starts_of
 from mtp_bench.prediction.learned.affinity import AffinityNetwork
-from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
 from mtp_bench.prediction.learned.network import Network
 from mtp_bench.prediction.learned.ptp import Ptp
 from mtp_bench.prediction.learned.tracking_free import TrackingFree
-from mtp_bench.prediction.windows import Surroundings
+from mtp_bench.prediction.windows import Arrays, Surroundings
 from mtp_bench.training.fitting import FittedNetwork, TrainingPlan, TrainingSet, fit, ordered_batches, shuffled_batches
 from mtp_bench.training.losses import vary_tracks
 from tests.support.random_windows import SIZES, random_training_set, random_windows

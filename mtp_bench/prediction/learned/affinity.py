@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..windows import Arrays, one_hot
 from .around import FINE, around_inputs, fitted_velocity, shares
 from .layers import (
     Array,
@@ -24,7 +25,6 @@ from .layers import (
     namespace,
     standardised,
 )
-from .local import Arrays, one_hot
 from .modes import NETWORK as MODES
 from .network import Recipe, Sizes
 

@@ -8,9 +8,8 @@ import numpy as np
 
 from ...core import Floats, Ints, starts_of, wrap_angle
 from ..kalman import rotation
-from ..windows import Surroundings, TrackWindows
+from ..windows import Arrays, Surroundings, TrackWindows, single_precision
 from .layers import Array, namespace
-from .local import Arrays, single_precision
 from .network import Sizes
 
 NEAREST = 6  # M: detections of a frame that are kept, at most

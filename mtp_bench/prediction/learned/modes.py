@@ -8,7 +8,16 @@ Guzman-Rivera et al. 2012; for trajectories Cui et al. 2019).
 import numpy as np
 
 from ...core import Ints
-from ..windows import Surroundings, TrackWindows
+from ..windows import (
+    PER_FRAME,
+    Arrays,
+    Surroundings,
+    TrackWindows,
+    history,
+    local_inputs,
+    mean_velocity,
+    one_hot,
+)
 from .layers import (
     Array,
     Inputs,
@@ -20,7 +29,6 @@ from .layers import (
     namespace,
     standardised,
 )
-from .local import PER_FRAME, Arrays, history, local_inputs, mean_velocity, one_hot
 from .network import Recipe, Sizes
 
 HIDDEN = 256

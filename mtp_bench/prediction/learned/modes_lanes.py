@@ -9,9 +9,8 @@ import numpy as np
 from ...core import Floats, Ints
 from ..kalman import rotation
 from ..lane_paths import STEP, lane_paths
-from ..windows import Surroundings, TrackWindows
+from ..windows import Arrays, Surroundings, TrackWindows, mean_velocity
 from .layers import Array, Inputs, Weights, namespace, relu
-from .local import Arrays, mean_velocity
 from .modes import Modes
 from .network import Recipe, Sizes
 

@@ -10,9 +10,8 @@ from typing import Protocol, Self
 import numpy as np
 
 from ...core import Ints, SubmissionError, Task, require_known
-from ..windows import Surroundings, TrackWindows
+from ..windows import Arrays, Surroundings, TrackWindows
 from .layers import Array, Inputs, Shapes, Weights
-from .local import Arrays
 
 
 @dataclass(frozen=True)

@@ -31,9 +31,8 @@ from ...core import (
     weights_folder,
     whole_file,
 )
-from ..windows import shown_as_truth, surroundings_of, windows_of
+from ..windows import Arrays, shown_as_truth, surroundings_of, to_absolute, windows_of
 from .around import detections_of_tracks
-from .local import Arrays, to_absolute
 from .network import Network, Sizes, network_of, require_lanes
 
 # numbers are pairs of bytes

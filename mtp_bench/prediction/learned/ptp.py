@@ -16,7 +16,16 @@ objects hold the position of the other one.
 import numpy as np
 
 from ...core import Ints
-from ..windows import Surroundings, TrackWindows
+from ..windows import (
+    PER_FRAME,
+    Arrays,
+    Surroundings,
+    TrackWindows,
+    history,
+    local_inputs,
+    mean_velocity,
+    one_hot,
+)
 from .layers import (
     INPUT_LIMIT,
     Array,
@@ -35,7 +44,6 @@ from .layers import (
     relu,
     standardised,
 )
-from .local import PER_FRAME, Arrays, history, local_inputs, mean_velocity, one_hot
 from .modes import LEAST_SPREAD, spread_of, statistics, straight_future
 from .network import Recipe, Sizes, Stage
 

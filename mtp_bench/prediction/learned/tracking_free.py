@@ -7,6 +7,7 @@ described relative to the object's present box, and pooled by attention.
 
 import numpy as np
 
+from ..windows import Arrays, one_hot
 from .around import FINE, ages, around_inputs, fitted_velocity, shares
 from .layers import (
     Array,
@@ -22,7 +23,6 @@ from .layers import (
     sigmoid,
     standardised,
 )
-from .local import Arrays, one_hot
 from .modes import at_velocity, outputs_of, split_output, spread_of, statistics
 from .network import Recipe, Sizes
 

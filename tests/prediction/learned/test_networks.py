@@ -13,12 +13,20 @@ from mtp_bench.prediction.kalman import rotation
 from mtp_bench.prediction.learned.affinity import AffinityNetwork, soft_past
 from mtp_bench.prediction.learned.around import around_inputs, detections_of_tracks, fitted_velocity, nearest, shares
 from mtp_bench.prediction.learned.layers import lstm, lstm_shapes
-from mtp_bench.prediction.learned.local import Arrays, local_future, local_inputs, mean_velocity, to_absolute
 from mtp_bench.prediction.learned.modes import LEAST_SPREAD, spread_of
 from mtp_bench.prediction.learned.network import Network, networks
 from mtp_bench.prediction.learned.predictor import LearnedPredictor
 from mtp_bench.prediction.learned.tracking_free import support
-from mtp_bench.prediction.windows import Surroundings, TrackWindows, shown_as_truth
+from mtp_bench.prediction.windows import (
+    Arrays,
+    Surroundings,
+    TrackWindows,
+    local_future,
+    local_inputs,
+    mean_velocity,
+    shown_as_truth,
+    to_absolute,
+)
 from mtp_bench.training.losses import LOSSES, vary_detections, vary_tracks
 from mtp_bench.training.predictors import TrainingRequest, training_windows
 from tests.support.random_windows import NOTHING_SEEN, SIZES, random_windows

@@ -16,7 +16,6 @@ from mtp_bench.cards import load_card
 from mtp_bench.core import Ints
 from mtp_bench.core.networks import PACKED_SUFFIX, SHIPPED_WEIGHTS, WEIGHTS_VARIABLE
 from mtp_bench.prediction import GreedySampler, KMeansSampler, LearnedPredictor
-from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
 from mtp_bench.prediction.learned.network import Network, Sizes, network_of
 from mtp_bench.prediction.learned.predictor import (
@@ -27,7 +26,7 @@ from mtp_bench.prediction.learned.predictor import (
     require_fit,
     write_weights,
 )
-from mtp_bench.prediction.windows import Surroundings, TrackWindows, surroundings_of
+from mtp_bench.prediction.windows import Arrays, Surroundings, TrackWindows, surroundings_of
 from mtp_bench.tracking import HypothesisTracker
 from tests.support.tracking_scenes import at_once, frame, kitti_task, observation
 
