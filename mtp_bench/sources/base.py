@@ -114,8 +114,9 @@ class SourcePackage:
     dataset: Dataset  # such as its licence
     # where the files are, see `Dataset.status`
     locate: Callable[[Card, DataRoot], DataStatus]
-    # in which trackers store their tracks of this dataset
+    # form in which trackers store their tracks of this dataset
     tracks: TrackForm | None = None
+    # as `opening.prepare`; by default there is no work
     prepare: Callable[[Card, DataRoot, int | None, int], Work] = (
         lambda card, data, scenes, workers: (0, ())
     )
@@ -127,7 +128,7 @@ class SourcePackage:
     lanes: Callable[[Card, DataRoot, Scene], Sequence[Lane]] = (
         lambda card, data, scene: scene.lanes
     )
-    # for pictures
+    # shown in pictures of a scene
     images: Callable[[Card, DataRoot, Scene], Sequence[CameraImage]] = (
         lambda card, data, scene: ()
     )
@@ -221,13 +222,16 @@ def require_rate(card: Card, dataset: str, rate_hz: float, stride: int = 1) -> N
 
 
 def class_ids(known_names: Sequence[str], classes: Sequence[str]) -> Ints:
-    """Return the index in the task of each known class, -1 if it is not there."""
+    """Return the index among ``classes`` of each known name, -1 if missing."""
     class_index = {name: number for number, name in enumerate(classes)}
     return np.array([class_index.get(name, -1) for name in known_names], dtype=np.int64)
 
 
 def names_by_number(number: Ints, name: NDArray[Any]) -> dict[int, str]:
-    """Return the name in the files of each number [R], where they differ."""
+    """Name each object whose name differs from its number.
+
+    ``number`` and ``name`` [R]: those of the object in each row, in its file.
+    """
     numbers, rows = np.unique(number, return_index=True)
     words = name[rows].astype(np.str_).tolist()
     pairs = zip(numbers.tolist(), words, strict=True)
@@ -241,6 +245,7 @@ def lane_around(center: Floats, junction: bool) -> Lane:
     """
     point_step = np.gradient(center, axis=0)
     border_offset = HALF_LANE * np.stack([-point_step[:, 1], point_step[:, 0]], axis=1)
+    # repeated points have no direction
     border_offset /= np.maximum(np.linalg.norm(point_step, axis=1), 1e-9)[:, None]
     return Lane(
         center, center + border_offset, center - border_offset, junction=junction
@@ -250,17 +255,17 @@ def lane_around(center: Floats, junction: bool) -> Lane:
 def link_lanes(
     lanes: Mapping[KeyT, Lane], successors: Mapping[KeyT, Iterable[KeyT]]
 ) -> tuple[Lane, ...]:
-    """Return lanes that know their successors by number.
+    """Return lanes with the numbers of their successors.
 
-    Others are left out.
+    A number is a place among ``lanes``; other successors are left out.
     """
     lane_number = {key: index for index, key in enumerate(lanes)}
     linked_lanes: list[Lane] = []
     for key, lane in lanes.items():
-        lane_following = tuple(
+        following = tuple(
             lane_number[name] for name in successors[key] if name in lane_number
         )
-        linked_lanes.append(replace(lane, following=lane_following))
+        linked_lanes.append(replace(lane, following=following))
     return tuple(linked_lanes)
 
 
@@ -326,6 +331,7 @@ def usable(scene: Scene) -> Scene:
         skipped[f"{kind} without a score, taken as 1"] += int(is_unscored.sum())
         scored = replace(rows, score=np.where(is_unscored, 1.0, rows.score))
         changes[name] = scored.select(has_size)
+    # + drops counts of 0
     if +skipped == scene.skipped:
         return scene
     return replace(scene, skipped=dict(+skipped), **changes)

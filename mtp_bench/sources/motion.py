@@ -38,6 +38,7 @@ def backward_velocity(
     """
     velocity = np.full(position.shape, np.nan)
     row_order = np.lexsort((frame, object_id))
+    # a hole in time makes a step larger than 1
     frame_steps = np.diff(frame[row_order]) + np.diff(
         pieces_of(time, period)[frame[row_order]]
     )
@@ -160,7 +161,7 @@ def people_scene(
 def extent(box: Floats) -> tuple[float, float, float, float] | None:
     """Return least x and y, largest x and y of boxes [R, 7], m.
 
-    None without any.
+    None without boxes.
     """
     if not len(box):
         return None
@@ -170,7 +171,10 @@ def extent(box: Floats) -> tuple[float, float, float, float] | None:
 
 
 def middle(place: Floats) -> Floats:
-    """Return the middle x y 0 0 of places [R, 2] or more, in whole metres."""
+    """Return the centre x y 0 0 of the extent of places.
+
+    ``place`` [R, 2 or more] m. The centre is in whole metres, 0 without places.
+    """
     point = np.zeros(4)
     if len(place):
         corner_sum = place[:, :2].min(axis=0) + place[:, :2].max(axis=0)

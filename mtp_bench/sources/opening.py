@@ -23,14 +23,14 @@ Note = Callable[[str], object]
 
 
 @dataclass(frozen=True)
-class _Drives:
+class _DrivenScenes:
     """Names of the scenes of a closed loop, whose content each agent changes."""
 
     env_id: str
     names: tuple[str, ...]
 
     def load(self, name: str) -> Scene:
-        """Raise DataError."""
+        """Raise DataError: the scene exists once an agent has driven in it."""
         raise DataError(
             f"{self.env_id} has no scene {name!r} before an agent drives in it: run "
             "one, and open its run"
@@ -46,12 +46,14 @@ def open_source(card: Card, data: DataRoot = None) -> SceneSource:
     """
     with long_work(f"opening {card.id}"):
         source = package_of(card).open(card, data)
-    if card.drive is not None:
-        return _Drives(card.id, source.names)
+    if card.drive is not None:  # a closed loop: driving makes the scenes
+        return _DrivenScenes(card.id, source.names)
 
     def complete(scene: Scene) -> Scene:
         scene = detected(usable(scene), card)
-        return scene if card.lanes is None else _with_lanes(scene, card, data)
+        if card.lanes is None:
+            return scene
+        return _with_lanes(scene, card, data)
 
     return ChangedScenes(source, complete)
 
@@ -61,8 +63,9 @@ def with_tracks(
 ) -> SceneSource:
     """Return the scenes of a source with the stored tracks of another program.
 
-    ``path``: in a form of `sources.stored_tracks`. ``card`` and ``data``: those that
-    ``source`` was opened with. Raises DataError if ``path`` holds no tracks for it.
+    ``path``: tracks in a form that `sources.stored_tracks` lists. ``card`` and
+    ``data``: those that ``source`` was opened with. Raises DataError if ``path`` holds
+    no tracks for the card.
     """
     card.require_same_scenes(
         "which takes no stored tracks",
@@ -147,6 +150,7 @@ def prepare(
     with long_work(f"preparing scenes of {card.id}, once per machine") as work:
         count, names = package_of(card).prepare(card, data, scenes, workers)
         work.started(count)
+        # each name comes when its piece of work is done
         for name in names:
             work.done(name)
 

@@ -212,10 +212,10 @@ def _parse_numbers(table: RowTable, column: TableColumn, arrow_values: Any) -> A
         raise
 
 
-def _require_size(path: Path, size_bytes: int, kind: str = "") -> None:
+def _require_size(path: Path, size_bytes: int, state: str = "") -> None:
     if size_bytes > MAX_FILE_BYTES:
         raise DataError(
-            f"{path}: {size_bytes >> 20} MiB{kind}, expected at most "
+            f"{path}: {size_bytes >> 20} MiB{state}, expected at most "
             f"{MAX_FILE_BYTES >> 20} MiB"
         )
 
@@ -238,6 +238,7 @@ def _read_cells(
     """Return the cells of a text as an Arrow table, and the line of each row.
 
     ``first_line``: number of the first line of ``text``. Blank lines are left out.
+    Raises DataError for the first row with too many or too few cells.
     """
     from pyarrow import ArrowInvalid, BufferReader, compute, csv, schema, string
 
@@ -254,9 +255,9 @@ def _read_cells(
 
     first_row = text.lstrip("\r\n").partition("\n")[0]
     if problem := _other_separator(first_row, delimiter):
-        number = first_line + text[: text.index(first_row)].count("\n")
-        raise DataError(f"{path}, line {number}: {problem}")
-    # rows have numbers only without threads
+        line_number = first_line + text[: text.index(first_row)].count("\n")
+        raise DataError(f"{path}, line {line_number}: {problem}")
+    # Arrow numbers misfits only without threads
     read_options = csv.ReadOptions(use_threads=False, column_names=names)
     parse_options = csv.ParseOptions(
         delimiter=delimiter,
@@ -271,21 +272,22 @@ def _read_cells(
     except ArrowInvalid as error:
         if not misfits:
             raise DataError(f"{path} cannot be read as a table: {error}") from None
-        number = misfits[0].number + first_line - 1
-        problem = _layout_problem(misfits[0], names, delimiter)
-        is_last = misfits[0].number == len(text.splitlines())
-        cut_off = ": is the file cut off?" * (is_last and problem.endswith("missing"))
-        raise DataError(f"{path}, line {number}: {problem}{cut_off}") from None
+        misfit = misfits[0]
+        is_last = misfit.number == len(text.splitlines())
+        problem = _layout_problem(misfit, names, delimiter, is_last)
+        line_number = first_line + misfit.number - 1
+        raise DataError(f"{path}, line {line_number}: {problem}") from None
     is_filled = np.zeros(arrow_cells.num_rows, dtype=bool)
     for arrow_values in arrow_cells.columns:
         is_filled |= compute.not_equal(arrow_values, "").to_numpy()
-    line = first_line + np.flatnonzero(is_filled)
-    return arrow_cells.filter(is_filled), line
+    line_numbers = first_line + np.flatnonzero(is_filled)
+    return arrow_cells.filter(is_filled), line_numbers
 
 
 def _other_separator(line: str, delimiter: str) -> str:
-    """Name the separator that divides a line if it is another one, else nothing."""
+    """Describe the separator of a line if it is another one, else return ""."""
     cells = line.split(delimiter)
+    # "1, 2" has blanks, but commas separate it
     if len(cells) > 1 and not cells[0].endswith((",", ";")):
         return ""
     counts = {
@@ -296,12 +298,17 @@ def _other_separator(line: str, delimiter: str) -> str:
     word = max(counts, key=lambda word: counts[word])
     if not counts[word]:
         return ""
-    expected = next(word for word, one in _SEPARATORS.items() if one == delimiter)
+    expected = next(name for name, sign in _SEPARATORS.items() if sign == delimiter)
     return f"this file is separated by {word}, expected {expected}"
 
 
-def _layout_problem(misfit: Any, names: Sequence[str], delimiter: str) -> str:
-    """Describe a row of Arrow that has too many or too few cells."""
+def _layout_problem(
+    misfit: Any, names: Sequence[str], delimiter: str, is_last: bool
+) -> str:
+    """Describe a row of Arrow that has too many or too few cells.
+
+    ``is_last``: it is the last row, which a cut-off file leaves incomplete.
+    """
     line = misfit.text or ""
     count = misfit.actual_columns
     if problem := _other_separator(line, delimiter):
@@ -309,8 +316,9 @@ def _layout_problem(misfit: Any, names: Sequence[str], delimiter: str) -> str:
     got = f"{count} columns, expected {len(names)} ({', '.join(names)})"
     cells = line.split(delimiter)
     if count < len(names):
-        return f"{got}; column {count + 1} ({names[count]}) is missing"
-    if len(cells) != count:  # commas in quotes
+        problem = f"{got}; column {count + 1} ({names[count]}) is missing"
+        return f"{problem}: is the file cut off?" if is_last else problem
+    if len(cells) != count:  # quotes hide delimiters from Arrow alone
         return got
     first_extra = reprlib.repr(cells[len(names)].strip())
     advice = "remove what is not listed"

@@ -27,6 +27,7 @@ def require_rotations(rotation: Floats, where: Callable[[int], str]) -> None:
 def yaw_of(rotation: Floats) -> Floats:
     """Return headings [R] rad of the x axes that quaternions [R, 4] turn."""
     w, x, y, z = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
+    # y and x of the turned axis
     return np.asarray(np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
 
 
@@ -43,5 +44,6 @@ def multiply(first: Floats, second: Floats) -> Floats:
 def rotate_vectors(rotation: Floats, vectors: Floats) -> Floats:
     """Rotate vectors [R, 3] by unit quaternions [R, 4]."""
     axis = rotation[:, 1:]
-    half_turn = np.cross(axis, vectors)
-    return vectors + 2 * (rotation[:, :1] * half_turn + np.cross(axis, half_turn))
+    # v + 2 w (a x v) + 2 a x (a x v) for the quaternion w, a
+    axis_cross = np.cross(axis, vectors)
+    return vectors + 2 * (rotation[:, :1] * axis_cross + np.cross(axis, axis_cross))

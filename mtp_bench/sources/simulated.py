@@ -20,8 +20,8 @@ from .motion import as_places, extent, looking_back
 if TYPE_CHECKING:
     from ..detector import OpenScene, Sensor
 
-MAX_STORED_BYTES = 2**25  # of detected boxes that a process keeps
-_STORED: dict[bytes, Detections] = {}
+MAX_SIMULATED_BYTES = 2**25  # of detected boxes that a process keeps
+_SIMULATED: dict[bytes, Detections] = {}
 _LOCK = Lock()
 RowsT = TypeVar("RowsT", Truth, Detections)
 
@@ -36,7 +36,8 @@ def detected(
     the next frame: true velocities that do are replaced by backward ones. An unknown
     velocity is measured as 0, as that of a false positive, since a missing one would
     show that a box is true and new. If every frame has its own frame of reference,
-    velocities are those in the world, turned into the frames.
+    velocities are those in the world, turned into the frames. ``going_on``: state of a
+    closed loop.
     """
     if card.detector is None or (scene.detector and not scene.simulated):
         return scene
@@ -49,17 +50,19 @@ def detected(
     if visible is None:
         visible = visible_fractions(scene.truth, scene.ego)
     period_s = 1.0 / card.task.rate
-    truth, world = _measured_world(scene, card, period_s)
+    truth, world_scene = _measured_world(scene, card, period_s)
     scene_seed = _scene_seed(card.detector.seed, scene.name) if seed is None else seed
-    noise = card.task.classes, profile, sensor, scene_seed, period_s
+    detector_settings = card.task.classes, profile, sensor, scene_seed, period_s
 
     def simulate_scene() -> Detections:
-        fractions = visibility_of(world.truth, world.ego, sensor, visible)
-        return simulate(world.truth, world.ego, *noise, fractions, going_on)
+        fractions = visibility_of(world_scene.truth, world_scene.ego, sensor, visible)
+        return simulate(
+            world_scene.truth, world_scene.ego, *detector_settings, fractions, going_on
+        )
 
     if seed is None and going_on is None:
-        arrays = [visible, world.ego, *vars(world.truth).values()]
-        detections = _simulated_once(noise, arrays, simulate_scene)
+        arrays = [visible, world_scene.ego, *vars(world_scene.truth).values()]
+        detections = _simulated_once(detector_settings, arrays, simulate_scene)
     else:
         detections = simulate_scene()
     if scene.world is not None:
@@ -82,20 +85,20 @@ def _measured_world(scene: Scene, card: Card, period_s: float) -> tuple[Truth, S
     truth = scene.truth
     if card.velocity and card.source.traits.velocity_ahead:
         truth = looking_back(truth, scene.time, period_s)
-    world = in_world(replace(scene, truth=truth))
+    world_scene = in_world(replace(scene, truth=truth))
     if not card.velocity:
-        return truth, world
-    measured = world.truth
+        return truth, world_scene
+    measured = world_scene.truth
     if scene.world is not None:  # velocities in other frames of reference
         measured = looking_back(measured, scene.time, period_s)
     velocity = np.nan_to_num(measured.velocity)
-    return truth, replace(world, truth=replace(measured, velocity=velocity))
+    return truth, replace(world_scene, truth=replace(measured, velocity=velocity))
 
 
 def _sensor(section: DetectorSection, scene: Scene, bounded_by_truth: bool) -> Sensor:
     """Return the sensor of a card's detector.
 
-    Its area may be that of the truth.
+    ``bounded_by_truth``: without an area in the card, it is that of the true boxes.
     """
     from ..detector import Sensor
 
@@ -112,24 +115,27 @@ def _scene_seed(seed: int, name: str) -> int:
 
 
 def _simulated_once(
-    noise: object, arrays: Sequence[Any], simulate: Callable[[], Detections]
+    detector_settings: object, arrays: Sequence[Any], simulate: Callable[[], Detections]
 ) -> Detections:
-    """Simulate detections once per ``noise`` and ``arrays``.
+    """Simulate detections once per ``detector_settings`` and ``arrays``.
 
     All settings of a comparison play the same scenes.
     """
-    sha256 = hashlib.sha256(repr(noise).encode())
+    sha256 = hashlib.sha256(repr(detector_settings).encode())
     for array in arrays:
         sha256.update(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
     key = sha256.digest()
     with _LOCK:
-        detections = _STORED.pop(key, None)
+        detections = _SIMULATED.pop(key, None)
     if detections is None:
         detections = simulate()
     with _LOCK:
-        _STORED[key] = detections
-        while sum(entry.box.nbytes for entry in _STORED.values()) > MAX_STORED_BYTES:
-            del _STORED[next(iter(_STORED))]  # not asked for for longest
+        _SIMULATED[key] = detections
+        while (
+            sum(entry.box.nbytes for entry in _SIMULATED.values()) > MAX_SIMULATED_BYTES
+        ):
+            del _SIMULATED[next(iter(_SIMULATED))]  # the least recently used
+    # a copy, since a caller may write into it
     columns = {name: np.array(values) for name, values in vars(detections).items()}
     return replace(detections, **columns)
 
@@ -165,6 +171,7 @@ def in_frames(
     previous_frame = np.where(is_first, frame, frame - 1)
     step_s = np.where(is_first, 1.0, time[frame] - time[previous_frame])[:, None]
     box = _to_frame(detections.box, world[frame])
+    # without a frame before: moved for 1 s in its own frame, which turns the velocity
     earlier_box = detections.box.copy()
     earlier_box[:, :2] -= step_s * detections.velocity
     moved_m = box[:, :2] - _to_frame(earlier_box, world[previous_frame])[:, :2]

@@ -89,9 +89,9 @@ def with_stored(
     count per class.
     """
     row_order = np.argsort(frame, kind="stable")
-    _, name_index = np.unique(identity, return_inverse=True)
+    _, identity_index = np.unique(identity, return_inverse=True)
     _, track_number = np.unique(
-        np.stack([name_index, class_id]), axis=1, return_inverse=True
+        np.stack([identity_index, class_id]), axis=1, return_inverse=True
     )
     track_number = track_number.reshape(-1)
     tracks = StoredTracks(
@@ -121,7 +121,8 @@ def import_tracks(
 ) -> tuple[int, int]:
     """Write the stored tracks of the scenes ``names``, a table for each scene.
 
-    Returns the numbers of scenes and of boxes. Raises DataError for wrong tracks, and
+    ``report_done`` gets the name of each written scene. Scenes without tracks are
+    skipped. Returns the numbers of scenes and of boxes. Raises DataError for wrong tracks, and
     MtpBenchError if the folder is not empty; it then writes no file.
     """
     scene_count = 0
@@ -168,6 +169,7 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
     table.refuse_second_box(frame, table["id"], table["class"])
     track_names = table["id"]
     identity = track_names
+    # whole numbers keep their order as numbers: 10 comes after 9
     if np.array_equal(track_number.astype(np.str_), track_names):
         identity = track_number
     is_used = class_id >= 0
@@ -210,7 +212,9 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
 
 
 TABLE = TrackForm(
-    "a folder with a table <scene>.csv or <scene>.parquet for each scene",
-    lambda path: path.is_dir() and any(any(path.glob(f"*.{form}")) for form in FORMS),
-    _open,
+    name="a folder with a table <scene>.csv or <scene>.parquet for each scene",
+    fits=lambda path: (
+        path.is_dir() and any(any(path.glob(f"*.{form}")) for form in FORMS)
+    ),
+    open=_open,
 )

@@ -90,9 +90,12 @@ def decode(
     except RecursionError:
         raise DataError(f"{source} cannot be read as JSON: nested too deeply") from None
     except msgspec.ValidationError as error:
+        # msgspec says "Expected `int`, got `str` - at `$.key[0]`"
         problem, _, place = str(error).partition(" - at `$")
         where = f"{source}, {place.rstrip('`')}".removesuffix(", ")
         raise DataError(f"{where}: {problem[0].lower()}{problem[1:]}") from None
     except (msgspec.DecodeError, ValueError) as error:
-        advice = "; is the file cut off?" * ("truncated" in str(error))
-        raise DataError(f"{source} cannot be read as JSON: {error}{advice}") from None
+        problem = f"{source} cannot be read as JSON: {error}"
+        if "truncated" in str(error):
+            problem += "; is the file cut off?"
+        raise DataError(problem) from None

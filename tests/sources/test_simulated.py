@@ -103,7 +103,7 @@ def test_detections_are_simulated_once_and_nobody_can_change_those_that_are_kept
 ) -> None:
     truth, ego = traffic(frames=20)
     scene = Scene("kept", np.arange(20) / CARD.task.rate, ego, truth, no_detections(20))
-    monkeypatch.setattr(simulated, "_STORED", {})
+    monkeypatch.setattr(simulated, "_SIMULATED", {})
     first = detected(scene, CARD).detections
     expected = {name: column.copy() for name, column in vars(first).items()}
     first.box[:] = 0.0
@@ -113,7 +113,7 @@ def test_detections_are_simulated_once_and_nobody_can_change_those_that_are_kept
         np.testing.assert_array_equal(column, expected[name])
     simulate.assert_not_called()
     detected(replace(scene, name="of another name, so another noise"), CARD)
-    monkeypatch.setattr(simulated, "MAX_STORED_BYTES", 0)
+    monkeypatch.setattr(simulated, "MAX_SIMULATED_BYTES", 0)
     detected(replace(scene, ego=ego + 1.0), CARD)
     assert len(simulate.mock_calls) == 2
-    assert not simulated._STORED
+    assert not simulated._SIMULATED

@@ -166,7 +166,7 @@ def _open(card: Card, data: DataRoot, path: Path) -> ReadTracks:
 
 
 FORM = TrackForm(
-    "a .feather file in the form of Argoverse 2's tracking submission",
-    lambda path: path.is_file() and path.suffix == ".feather",
-    _open,
+    name="a .feather file in the form of Argoverse 2's tracking submission",
+    fits=lambda path: path.is_file() and path.suffix == ".feather",
+    open=_open,
 )

@@ -314,7 +314,7 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
 
 
 FORM = TrackForm(
-    "a folder with a KITTI tracking result <sequence>.txt for each scene",
-    lambda path: path.is_dir() and any(path.glob("*.txt")),
-    _open,
+    name="a folder with a KITTI tracking result <sequence>.txt for each scene",
+    fits=lambda path: path.is_dir() and any(path.glob("*.txt")),
+    open=_open,
 )

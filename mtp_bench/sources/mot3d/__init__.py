@@ -172,10 +172,13 @@ def split_frames(card: Card, length: int) -> dict[str, Ints]:
 
 
 def _select(table: RowTable, frame_numbers: Ints) -> tuple[RowTable, Ints]:
-    """Return the rows [n] of ``frame_numbers`` and the frame of each [n], sorted."""
-    frame = table.whole_numbers("frame")
-    rows = sorted_rows(frame, np.isin(frame, frame_numbers))
-    return table.select(rows), np.searchsorted(frame_numbers, frame[rows])
+    """Return the rows in a scene's frames, sorted, and the frame of each.
+
+    ``frame_numbers`` [F]: official numbers of the scene's frames, which count from 0.
+    """
+    number = table.whole_numbers("frame")
+    rows = sorted_rows(number, np.isin(number, frame_numbers))
+    return table.select(rows), np.searchsorted(frame_numbers, number[rows])
 
 
 def read_sequence_info(path: Path) -> SequenceInfo:
@@ -189,16 +192,17 @@ def read_sequence_info(path: Path) -> SequenceInfo:
     try:
         parser.read_string(read_text(path), source=str(path))
         section = dict(parser.items("Sequence"))
+        # strict=False: the values are texts
         return msgspec.convert(section, SequenceInfo, strict=False)
     except (configparser.Error, msgspec.ValidationError) as error:
-        problem = " ".join(str(error).split())
+        problem = " ".join(str(error).split())  # in one line
         raise DataError(f"{path} cannot be read: {problem}") from None
 
 
 def read_rows(path: Path, length: int) -> RowTable:
-    """Read rows of either file in a sequence of ``length`` frames.
+    """Read the rows of `TRUTH` or `DETECTIONS` of a sequence.
 
-    Frames count from 1. The id of detections is -1, and their confidence is the score;
+    Frames count from 1 to ``length``. The id of detections is -1, and their confidence is the score;
     true people with confidence 0 are not to be evaluated. X, Y and Z are metres of the
     foot point. An empty file gives no rows. DataError names the line that is wrong.
     Sequences of the 2D benchmark have these names, but no ground coordinates.

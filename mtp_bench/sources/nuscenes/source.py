@@ -255,7 +255,7 @@ def _open(card: Card, data: DataRoot, path: Path) -> ReadTracks:
 
 
 FORM = TrackForm(
-    "a .json file in the submission form of the nuScenes tracking task",
-    lambda path: path.is_file() and path.suffix == ".json",
-    _open,
+    name="a .json file in the submission form of the nuScenes tracking task",
+    fits=lambda path: path.is_file() and path.suffix == ".json",
+    open=_open,
 )

@@ -77,16 +77,22 @@ class People:
         root = DATASET.find(data, files[0])
         min_frames = card.task.past + card.task.future
         self._scenes: dict[str, tuple[Path, Ints]] = {}
-        for path in (root / file for file in files):
-            frame_numbers = np.unique(read_recording(path)[0])
+        for file in files:
+            path = root / file
+            frame_number, _, _ = read_recording(path)
+            frame_numbers = np.unique(frame_number)
+            # [:1] as the file may have no frames
             scene_index = (frame_numbers - frame_numbers[:1]) // (
                 FRAME_STEP * SCENE_FRAMES
             )
-            for part in np.split(
+            for scene_frames in np.split(
                 frame_numbers, np.flatnonzero(np.diff(scene_index)) + 1
             ):
-                if len(part) >= min_frames:
-                    self._scenes[f"{path.stem}-{part[0]:05d}"] = path, part
+                if len(scene_frames) >= min_frames:
+                    self._scenes[f"{path.stem}-{scene_frames[0]:05d}"] = (
+                        path,
+                        scene_frames,
+                    )
         if not self._scenes:
             raise DataError(
                 f"{root} has no scene of at least {min_frames} frames: task.past and "
@@ -101,10 +107,12 @@ class People:
         """
         path, frame_numbers = self._scenes[name]
         frame_number, person, place = read_recording(path)
-        rows = np.isin(frame_number, frame_numbers)
+        is_shown = np.isin(frame_number, frame_numbers)
         time = frame_numbers / FRAME_STEP / RATE_HZ
-        frame = np.searchsorted(frame_numbers, frame_number[rows])
-        truth = people_truth(frame, place[rows], person[rows], time, 1 / RATE_HZ)
+        frame = np.searchsorted(frame_numbers, frame_number[is_shown])
+        truth = people_truth(
+            frame, place[is_shown], person[is_shown], time, 1 / RATE_HZ
+        )
         return people_scene(name, path.stem, time, middle(place), truth)
 
 

@@ -32,7 +32,7 @@ RATE_HZ = 2.0
 # frames are numbered 0, 5, ..., 1995, as in the video at 10 Hz
 FRAME_STEP = 5
 SCENE_FRAMES = 40  # 20 s, the length of a nuScenes scene
-_SCENE_STEP = SCENE_FRAMES * FRAME_STEP
+_SCENE_STEP = SCENE_FRAMES * FRAME_STEP  # between the first frames of two scenes
 SCENES = {f"wildtrack-{n:04d}": n for n in range(0, 2000, _SCENE_STEP)}  # first frame
 # MVDet's test frames, the only ones with stored detections
 STORED = "wildtrack-1800"
@@ -106,13 +106,13 @@ class Wildtrack:
         frame_numbers = SCENES[name] + FRAME_STEP * np.arange(SCENE_FRAMES)
         time = np.arange(SCENE_FRAMES) / RATE_HZ
         truth = _read_truth(self.root / ANNOTATIONS, frame_numbers, time)
-        middle = np.zeros(4)
-        middle[:2] = np.array(CORNER) + CELL_M * np.array(GRID) / 2
+        reference_point = np.zeros(4)
+        reference_point[:2] = np.array(CORNER) + CELL_M * np.array(GRID) / 2
         stored = None
         if self._is_stored(name):
             detections = read_detections(self.root / DETECTIONS, frame_numbers)
             stored = detections, str(self.section.detector)
-        return people_scene(name, "wildtrack", time, middle, truth, stored)
+        return people_scene(name, "wildtrack", time, reference_point, truth, stored)
 
 
 def _read_truth(folder: Path, frame_numbers: Ints, time: Floats) -> Truth:
