@@ -125,6 +125,7 @@ class ActionField:
 
 @lru_cache(maxsize=1024)  # asked for at every step of an env
 def _shape_of(shape: str, *sizes: int) -> tuple[int, ...]:
+    """Return the numbers of a shape, given the sizes for N, H, O, K and T."""
     size_of_letter = dict(zip("NHOKT", sizes, strict=True))
     return tuple([size_of_letter.get(part) or int(part) for part in shape.split()])
 

@@ -131,8 +131,9 @@ def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
     """
     rows = np.arange(len(tracks.box))
     if len(rows) > task.tracks:
-        in_none = np.ones((1, len(rows)), dtype=bool)
-        first_hypothesis = np.vstack([tracks.member, in_none]).argmax(axis=0)
+        # a last hypothesis that holds every track
+        all_tracks = np.ones((1, len(rows)), dtype=bool)
+        first_hypothesis = np.vstack([tracks.member, all_tracks]).argmax(axis=0)
         order = np.argsort(first_hypothesis, kind="stable")
         rows = np.sort(order[: task.tracks])
     fields = {
@@ -154,9 +155,10 @@ def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
 def _array(
     name: str, value: ArrayLike, kinds: str, *shapes: tuple[int | str, ...]
 ) -> NDArray[Any]:
-    """Return the argument as an array of one of the shapes.
+    """Return the argument ``name`` as an array of one of the ``shapes``.
 
-    A letter fits any size.
+    A letter in a shape fits any size. ``kinds``: accepted kinds of dtype. Raises
+    ShapeError.
     """
     try:
         array = np.asarray(value)

@@ -78,6 +78,7 @@ class CheckedAction:
     @property
     def readable(self) -> bool:
         """True if all fields of the objects could be read."""
+        # a problem with an example is that of rows
         needed = {"action", *_FIELD_NAMES["objects"]}
         return not any(
             problem.field in needed and problem.level == "error" and not problem.example
@@ -187,7 +188,7 @@ def _read_field(
 def _claimed_rows(kind: RowKind, arrays: Arrays, task: Task) -> Bools:
     """Mask the rows that the action declares present.
 
-    All if that cannot be read.
+    All rows if the field that declares them cannot be read.
     """
     name = _DECLARED_BY[kind]
     if name not in arrays:
@@ -200,7 +201,7 @@ def _claimed_rows(kind: RowKind, arrays: Arrays, task: Task) -> Bools:
 def _check_rows(
     arrays: Arrays, kind: RowKind, rows: Ints, task: Task
 ) -> tuple[Bools, list[ActionProblem]]:
-    """Return which claimed ``rows`` [n] are sound [n], and problems."""
+    """Return a mask [n] of the claimed ``rows`` [n] that are sound, and problems."""
     sound = np.ones(len(rows), dtype=bool)
     problems: list[ActionProblem] = []
     if not len(rows):
@@ -232,7 +233,7 @@ def _check_membership(
 ) -> list[ActionProblem]:
     """Find ids twice in a hypothesis, and tracks in none.
 
-    The tracks with such ids are taken out of ``sound``.
+    Writes to ``sound``: tracks with such ids are no longer sound.
     """
     problems: list[ActionProblem] = []
     if not sound["tracks"].any():
@@ -271,7 +272,7 @@ def _check_membership(
 def _repeated_ids(track_id: Ints, member: Bools) -> Bools:
     """Mask the tracks [N] whose id another track of a hypothesis has.
 
-    Member [H, N].
+    ``member`` [H, N]: tracks of each hypothesis.
     """
     repeated = np.zeros(len(track_id), dtype=bool)
     rows = np.flatnonzero(member.any(axis=0))

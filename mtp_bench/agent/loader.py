@@ -79,7 +79,10 @@ class Submission(Manifest):
         return agent
 
     def require_copy(self) -> None:
-        """Raise MtpBenchError unless other processes can make its agents."""
+        """Raise MtpBenchError unless other processes can make its agents.
+
+        They can: they read the folder.
+        """
 
     def factory(self, parameters: dict[str, Any]) -> "Callable[[Task], Agent]":
         """Return a function that makes agents in any process."""
@@ -169,21 +172,22 @@ def _find(name: str | Path) -> Path:
 def _check_parameters(
     name: str, function: Callable[..., Any], values: dict[str, Any]
 ) -> None:
-    """Raise an error for unknown parameters, and for those without a value."""
+    """Raise an error unless ``values`` fit the parameters of a build function.
+
+    ``name`` of the submission. The first parameter is the task.
+    """
     signature = list(inspect.signature(function).parameters.values())
     if not signature:
         raise SubmissionError(
             f"{name}: {function.__name__} takes no parameters, "
             "expected the task as its first parameter"
         )
-    kinds = {parameter.kind for parameter in signature[1:]}
-    if inspect.Parameter.VAR_KEYWORD in kinds:
-        return
-    parameters = {
-        parameter.name: parameter
-        for parameter in signature[1:]
-        if parameter.kind is not parameter.VAR_POSITIONAL
-    }
+    parameters: dict[str, inspect.Parameter] = {}
+    for parameter in signature[1:]:
+        if parameter.kind is parameter.VAR_KEYWORD:  # takes every name
+            return
+        if parameter.kind is not parameter.VAR_POSITIONAL:
+            parameters[parameter.name] = parameter
     hint = f"parameters stand in {MANIFEST} and behind the task in build"
     for key in values:
         require_known(f"parameter of {name}", key, parameters, hint)
@@ -200,11 +204,12 @@ class ObjectSubmission(Submission):
 
     Every scene gets a copy of it, so that what an object keeps from one scene to the
     next does not count; attributes of its class, globals and NumPy's global random
-    numbers are not copied. What cannot be is used itself, in one process.
+    numbers are not copied. An object that cannot be copied is used itself, in one
+    process.
     """
 
     player: Any  # the agent, build function or class
-    copied: bytes | None  # pickled; None: impossible
+    copied: bytes | None  # the pickled player; None: impossible
     obstacle: str = ""  # reason why it cannot be copied
 
     @classmethod
@@ -303,7 +308,7 @@ def _is_agent(player: object) -> bool:
 def _with_task(kind: type) -> Callable[..., Any]:
     """Return a class as a build function.
 
-    It gets the task if its first parameter has no default.
+    The class gets the task if its first parameter has no default.
     """
     parameters = list(inspect.signature(kind).parameters.values())
     if parameters:

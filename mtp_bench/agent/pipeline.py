@@ -101,24 +101,27 @@ class Pipeline:
                 f"predict returned a {type(forecasts).__name__}, "
                 "expected mtp_bench.agent.Forecasts"
             )
-        row = forecasts.rows_of(used_tracks)
-        row = np.where(leaf >= 0, row[np.arange(len(row)), leaf], -1)  # [O, H]
+        row_of_track = forecasts.rows_of(used_tracks)  # [H, N]
+        leaf_row = row_of_track[np.arange(len(row_of_track)), leaf]
+        row = np.where(leaf >= 0, leaf_row, -1)  # [O, H]
         log_weight = tracks.log_weight
         if self._uniform:
             log_weight = np.zeros(len(log_weight))
         pools = make_pools(row, log_weight)
         seed = [task.seed, self._frame_number + 1, _SAMPLING_STREAM]
         rng = np.random.default_rng(seed)
-        samples, weight = reduce_pools(pools, forecasts, task, self._sampler, rng)
+        samples, sample_log_weight = reduce_pools(
+            pools, forecasts, task, self._sampler, rng
+        )
         confidence = self._confidence(used_tracks, leaf, forecasts.presence, row)
         if forecasts.present is not None:
             objects = _with_centres(objects, row, forecasts.present)
         # a predictor may leave tracks without a forecast
-        has_forecast = np.asarray(np.isfinite(weight).any(axis=1))
+        has_forecast = np.asarray(np.isfinite(sample_log_weight).any(axis=1))
         if not has_forecast.all():
             objects = select(objects, has_forecast)
             samples = samples[has_forecast]
-            weight = weight[has_forecast]
+            sample_log_weight = sample_log_weight[has_forecast]
             confidence = confidence[has_forecast]
         for axis in range(2):
             samples[..., axis] -= objects.box[:, None, None, axis]
@@ -127,7 +130,7 @@ class Pipeline:
             objects.box,
             objects.class_id,
             _within_limit(samples),
-            weight,
+            sample_log_weight,
             confidence=confidence,
             tracks=tracks,
             checked=False,
@@ -157,7 +160,7 @@ class Pipeline:
 def _used_tracks(tracks: Tracks, objects: Objects) -> tuple[Tracks, Ints]:
     """Return the tracks that stand for objects, and each object's [O, H].
 
-    -1: none in this hypothesis.
+    The latter are rows of the former, -1 for an object without one in the hypothesis.
     """
     used = np.zeros(len(tracks.box) + 1, dtype=bool)  # -1 (no track) marks the last one
     used[objects.leaf] = True
@@ -171,6 +174,7 @@ def _used_tracks(tracks: Tracks, objects: Objects) -> tuple[Tracks, Ints]:
 
 def _with_centres(objects: Objects, row: Ints, present: Floats) -> Objects:
     """Put the objects where the forecasts of their heaviest hypothesis begin."""
+    # hypotheses are sorted by falling weight
     first = (row >= 0).argmax(axis=1)
     heaviest = row[np.arange(len(row)), first]
     box = np.concatenate([present[heaviest], objects.box[:, 2:]], axis=1)
@@ -213,6 +217,7 @@ def make_pools(row: Ints, log_weight: Floats) -> Pools:
     order = np.argsort(key, kind="stable")
     key = key[order]
     hypothesis = hypothesis[order]
+    # the slice: without entries there is no first one
     is_first = np.append(True, key[1:] != key[:-1])[: len(key)]
     first = np.flatnonzero(is_first)
     start = np.searchsorted(owner[order][first], np.arange(len(row) + 1))
@@ -230,17 +235,17 @@ def reduce_pools(
     sampler: Sampler,
     rng: np.random.Generator,
 ) -> tuple[Floats, Floats]:
-    """Return samples [O, K, T, 2] and log-weights [O, K].
+    """Return samples [O, K, T, 2] and log-weights [O, K] of the objects.
 
-    -inf for samples that do not exist. Only objects with more than K samples go through
-    the sampler.
+    Samples that do not exist have the log-weight -inf. Only objects with more than K
+    samples go through the sampler.
     """
     per_row, future = forecasts.samples.shape[1:3]
-    weight = normalised(forecasts)
-    size = np.diff(pools.start) * per_row
-    samples = np.zeros((len(size), task.samples, future, 2))
+    sample_log_weight = normalised(forecasts)
+    pool_size = np.diff(pools.start) * per_row
+    samples = np.zeros((len(pool_size), task.samples, future, 2))
     log_weight = np.full(samples.shape[:2], -np.inf)
-    fits = size <= task.samples
+    fits = pool_size <= task.samples
     entry, owner, place = _entries(pools.start, fits)
     row = forecasts.row
     if row is not None and np.ndim(row) == 2 and len(row) * per_row <= task.samples:
@@ -248,24 +253,26 @@ def reduce_pools(
         place = pools.hypothesis[entry]
     slot = place[:, None] * per_row + np.arange(per_row)
     entry_row = pools.row[entry]
-    entry_weight = weight[entry_row] + pools.log_mass[entry][:, None]
+    entry_weight = sample_log_weight[entry_row] + pools.log_mass[entry][:, None]
     samples[owner[:, None], slot] = forecasts.samples[entry_row]
     log_weight[owner[:, None], slot] = entry_weight
-    large = np.flatnonzero(~fits)
-    table_row, log_mass = entry_table(pools, large)
+    large_objects = np.flatnonzero(~fits)
+    table_row, log_mass = entry_table(pools, large_objects)
     objects_per_call = max(1, _SAMPLES_PER_CALL // max(table_row.shape[1] * per_row, 1))
-    for first in range(0, len(large), objects_per_call):
+    for first in range(0, len(large_objects), objects_per_call):
         part = slice(first, first + objects_per_call)
-        pool = padded(forecasts.samples, weight, table_row[part], log_mass[part])
+        pool = padded(
+            forecasts.samples, sample_log_weight, table_row[part], log_mass[part]
+        )
         reduced = sampler.reduce(*pool, task.samples, rng)
-        samples[large[part]], log_weight[large[part]] = reduced
+        samples[large_objects[part]], log_weight[large_objects[part]] = reduced
     return samples, log_weight
 
 
 def normalised(forecasts: Forecasts) -> Floats:
-    """Scale log-weights [R, S] to the same sum in each row.
+    """Scale log-weights [R, S] so that the weights of each row sum to 1.
 
-    -inf throughout where there is no forecast.
+    Without log-weights all are 0, and without a forecast all of a row are -inf.
     """
     if forecasts.log_weight is None:
         return np.zeros(forecasts.samples.shape[:2])
@@ -287,29 +294,31 @@ def _entries(start: Ints, mask: Bools) -> tuple[Ints, Ints, Ints]:
 
 
 def entry_table(pools: Pools, objects: Ints) -> tuple[Ints, Floats]:
-    """Return rows [o, E] and log-masses [o, E] of entries.
+    """Return rows [o, E] and log-masses [o, E] of the entries of o objects.
 
-    Missing entries have row 0 and mass -inf.
+    ``objects`` [o]: their numbers, ascending. Missing entries have row 0 and log-mass
+    -inf.
     """
     mask = np.zeros(len(pools.start) - 1, dtype=bool)
     mask[objects] = True
     entry, owner, place = _entries(pools.start, mask)
-    line = np.searchsorted(objects, owner)
+    table_row = np.searchsorted(objects, owner)
     row = np.zeros((len(objects), place.max(initial=-1) + 1), dtype=np.int64)
     log_mass = np.full(row.shape, -np.inf)
-    row[line, place] = pools.row[entry]
-    log_mass[line, place] = pools.log_mass[entry]
+    row[table_row, place] = pools.row[entry]
+    log_mass[table_row, place] = pools.log_mass[entry]
     return row, log_mass
 
 
 def padded(
-    samples: Floats, weight: Floats, row: Ints, log_mass: Floats
+    samples: Floats, sample_log_weight: Floats, row: Ints, log_mass: Floats
 ) -> tuple[Floats, Floats]:
     """Return samples [o, S, T, 2] and log-weights [o, S] of pools.
 
-    ``row`` and ``log_mass`` [o, E]: row and log-mass of each entry of a pool.
+    ``samples`` and ``sample_log_weight``: those of rows of forecasts. ``row`` and
+    ``log_mass`` [o, E]: row and log-mass of each entry of a pool.
     """
     pools = len(row)
     pool = samples.take(row, axis=0).reshape(pools, -1, *samples.shape[2:])
-    log_weight = weight[row] + log_mass[:, :, None]
+    log_weight = sample_log_weight[row] + log_mass[:, :, None]
     return pool, log_weight.reshape(pools, -1)

@@ -79,7 +79,7 @@ class Forecasts:
     row: Ints | None = None
 
     def __post_init__(self) -> None:
-        if np.ndim(self.samples) != len("RSTx"):
+        if np.ndim(self.samples) != 4:
             raise ShapeError(
                 f"forecasts.samples has shape {np.shape(self.samples)}, expected "
                 "[rows, samples, frames, 2]; one sample each is [rows, 1, frames, 2]"

@@ -50,6 +50,7 @@ def _unknown(values: Arrays, name: str, task: Task) -> Bools:
 
 def _not_a_log_weight(values: Arrays, name: str, task: Task) -> Bools:
     broken = np.isnan(values[name]) | np.isposinf(values[name])
+    # a row has one number, or one per sample
     return np.asarray(broken.any(axis=tuple(range(1, broken.ndim))))
 
 
@@ -69,7 +70,7 @@ def _sample_not_finite(values: Arrays, name: str, task: Task) -> Bools:
 
 
 def _sample_too_far(values: Arrays, name: str, task: Task) -> Bools:
-    if (np.abs(values[name]) <= FORECAST_REACH).all():
+    if (np.abs(values[name]) <= FORECAST_REACH).all():  # quick, and nearly always
         return np.zeros(len(values[name]), dtype=bool)
     offset = values[name].astype(np.float64)
     length = np.hypot(offset[..., 0], offset[..., 1]).max(axis=-1)

@@ -203,13 +203,14 @@ def _entries(folder: Path, depth: int) -> Iterator[os.DirEntry[str]]:
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:
-    """Return True for a folder, False for a file.
+    """Return True for a folder to enter, False for a file or one of FOLDERS.
 
     Raises SubmissionError for an entry that a submission cannot hold, such as a link.
     """
     try:
         entry.name.encode()
     except UnicodeEncodeError:
+        # [1:] leaves out the b of bytes
         shown = ascii(entry.path.encode(errors="surrogateescape"))[1:]
         raise SubmissionError(f"{shown}: its name is not UTF-8: rename it") from None
     kind = file_kind(entry.stat(follow_symlinks=False).st_mode)

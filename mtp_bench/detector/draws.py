@@ -98,18 +98,18 @@ class Draws:
             [self.seed, _VERSION, int(self.subject), self.number, int(kind)]
         )
 
-    def uniforms(self, parts: tuple[int, ...], keys: Keys) -> Floats:
+    def uniforms(self, constants: tuple[int, ...], keys: Keys) -> Floats:
         """Return uniform numbers in (0, 1) [m, ...] for keys of `keys_of`.
 
-        Each key gets m numbers, one for each of the `parts`.
+        Each key gets m numbers, one for each of the hash ``constants`` of `parts`.
         """
-        offsets = _offsets(self._key, parts).reshape(-1, *[1] * keys.ndim)
+        offsets = _offsets(self._key, constants).reshape(-1, *[1] * keys.ndim)
         hash_bits = _mixed(offsets + keys)
         hash_bits >>= _LOW_BITS
-        uniform_number = hash_bits.astype(np.float64)
-        uniform_number += 0.5
-        uniform_number *= 2.0**-53
-        return uniform_number
+        uniform_numbers = hash_bits.astype(np.float64)
+        uniform_numbers += 0.5  # never 0
+        uniform_numbers *= 2.0**-53  # the hash has 53 bits left
+        return uniform_numbers
 
     def uniform(self, kind: NoiseKind, component: int, keys: Keys) -> Floats:
         """Return a uniform number in (0, 1) for each key of `keys_of`."""
@@ -125,17 +125,20 @@ def parts(component: int, *kinds: NoiseKind) -> tuple[int, ...]:
 
     `Draws.uniforms` draws the numbers of all of them at once.
     """
+    # 64: more than the components of a kind
     return tuple([64 * int(kind) + int(component) + 1 for kind in kinds])
 
 
 @lru_cache(maxsize=64)
 def _seeded(*words: int) -> int:
+    """Return a hash of integers, of 64 bits."""
     return int(np.random.SeedSequence(words).generate_state(1, np.uint64)[0])
 
 
 @lru_cache(maxsize=4096)
-def _offsets(key: int, parts: tuple[int, ...]) -> Keys:
-    offsets = [(key + part * int(_GOLDEN)) % 2**64 for part in parts]
+def _offsets(key: int, constants: tuple[int, ...]) -> Keys:
+    """Return the hash of ``key`` and each constant."""
+    offsets = [(key + constant * int(_GOLDEN)) % 2**64 for constant in constants]
     return _mixed(np.array(offsets, dtype=np.uint64))
 
 
@@ -145,8 +148,8 @@ def keys_of(*index: Ints | Keys) -> Keys:
     ``index``: arrays of a common shape, of integers or of such keys.
     """
     hash_state = np.zeros(1, dtype=np.uint64)
-    for uniform_number in index:
-        hash_state = extended_key(hash_state, uniform_number)
+    for integers in index:
+        hash_state = extended_key(hash_state, integers)
     return hash_state
 
 
@@ -172,6 +175,7 @@ def stationary(after_no: Floats, after_yes: Floats) -> Floats:
 
     The arguments are the chances of "yes" after a "no" and after a "yes".
     """
+    # solves p = (1 - p) after_no + p after_yes
     return after_no / np.maximum(1.0 - after_yes + after_no, _MIN_DIVISOR)
 
 
@@ -185,6 +189,7 @@ def at_period(
     if steps == 1.0:
         return after_no, after_yes
     long_run = stationary(after_no, after_yes)
+    # the difference of its chances is the correlation of a chain over one step
     correlation = decayed(after_yes - after_no, steps)
     return long_run * (1.0 - correlation), long_run + (1.0 - long_run) * correlation
 
@@ -201,13 +206,12 @@ def decayed(correlation: Floats, steps: float) -> Floats:
     return np.asarray(sign * np.abs(correlation) ** steps)
 
 
-def exponential(latent: Floats) -> Floats:
-    """Return exponential numbers of mean 1.
+def exponential(normal: Floats) -> Floats:
+    """Return exponential numbers of mean 1, made of standard normal ones.
 
-    A number has the same rank in its distribution as the standard normal number from
-    which it is made.
+    A number has the same rank in its distribution as the normal number.
     """
-    return np.asarray(-log_ndtr(-latent))
+    return np.asarray(-log_ndtr(-normal))
 
 
 def skewed(normal: Floats, positive: Floats, share: Floats | float) -> Floats:
@@ -221,11 +225,14 @@ def skewed(normal: Floats, positive: Floats, share: Floats | float) -> Floats:
 
 
 def skewed_cdf(value: Floats, share: Floats | float) -> Floats:
-    """Return the distribution function of `skewed` numbers."""
+    """Return the distribution function of `skewed` numbers.
+
+    Shifted by the mean of the exponential part, it is that of a sum as in `_log_tail`.
+    """
     normal = np.sqrt(1.0 - share)
     tail = np.sqrt(np.maximum(share, 1e-6))
-    density = np.exp(np.minimum(_log_tail(value + tail, normal, tail), 0.0))
-    chance = np.clip(ndtr((value + tail) / normal) - density, 0.0, 1.0)
+    tail_chance = np.exp(np.minimum(_log_tail(value + tail, normal, tail), 0.0))
+    chance = np.clip(ndtr((value + tail) / normal) - tail_chance, 0.0, 1.0)
     return np.asarray(np.where(np.asarray(share) > 0, chance, ndtr(value)))
 
 
@@ -251,6 +258,7 @@ def _log_tail(value: Floats, normal: Any, tail: Any) -> Any:
 @lru_cache(maxsize=256)
 def skewed_quantile(chance: float, share: float) -> float:
     """Return the value that `skewed` numbers exceed with a chance."""
+    # no chance in double precision has a quantile outside of these
     low_value = -12.0
     high_value = 60.0
     for _ in range(_HALVINGS):
@@ -273,9 +281,9 @@ class Memory:
     """
 
     frame: int = -1  # the one that is detected
-    # column, first frame, class index, by id
+    # by id: column, first frame, class index
     objects: dict[int, tuple[int, int, int]] = field(default_factory=dict)
-    # last numbers, by column, of subjects and kinds
+    # numbers of the last frame, one per column, by subject and kinds
     series: dict[Any, Floats] = field(default_factory=dict)
     # results that do not change, by name
     results: dict[Any, Any] = field(default_factory=dict)
@@ -292,9 +300,9 @@ class Memory:
         return numbers
 
     def grown(self, name: Any, keys: Keys, make: Callable[[Keys], Floats]) -> Floats:
-        """Return numbers of objects, on the last axis.
+        """Return the numbers ``name`` of the objects ``keys`` [J], on the last axis.
 
-        ``make`` draws them by the keys of objects [J], of new objects alone.
+        ``make`` draws those of objects that are new since the last call.
         """
         numbers = remembered(self, name, lambda: make(keys))
         count = numbers.shape[-1]

@@ -22,7 +22,9 @@ from .visibility import Sensor, polar
 
 _SIZE_DEVIATION = 0.1  # of each side, share of its mean
 _MIN_SIZE = 0.3  # of each side, share of its mean
-_MAX_BEARINGS = 100  # drawn until a place is inside the area
+# drawn until a place is inside the area, first of the bearing alone and then as often
+# of bearing and distance
+_MAX_BEARINGS = 100
 # random part of the quality that decides the errors of false positives
 _FALSE_QUALITY = -1.0
 
@@ -103,7 +105,9 @@ def draw_places(
     uniform numbers [B, 2]. A place outside the sensor's area gets a new bearing; if no
     bearing fits, also a new distance.
     """
-    area = (-np.inf,) * 2 + (np.inf,) * 2 if sensor.area is None else sensor.area
+    area = sensor.area
+    if area is None:
+        area = -np.inf, -np.inf, np.inf, np.inf
     view_rad = min(sensor.field_of_view, 2 * np.pi)
     uniform = numbers()
     for attempt in range(2 * _MAX_BEARINGS + 1):
@@ -139,9 +143,9 @@ def ground_height(place_xy: Floats, frame: Ints, scene: SensedScene) -> Floats:
     )
     row_order = np.argsort(frame, kind="stable")
     frame_starts = np.searchsorted(frame[row_order], np.arange(truth.frames + 1))
-    for t in np.flatnonzero(np.diff(frame_starts)):
-        rows = truth.rows(int(t))
-        place_index = row_order[frame_starts[t] : frame_starts[t + 1]]
+    for used_frame in np.flatnonzero(np.diff(frame_starts)):
+        rows = truth.rows(int(used_frame))
+        place_index = row_order[frame_starts[used_frame] : frame_starts[used_frame + 1]]
         if rows.stop > rows.start:
             squared_offset = place_xy[place_index, :, None] - truth.box[rows, :2].T
             squared_offset *= squared_offset
@@ -181,10 +185,8 @@ def reported_classes(
     present_classes = candidates[box_counts[candidates] > 0]
     if not len(present_classes):
         same_name = candidates[np.array(classes)[candidates] == noise_name]
-        single_class = [*same_name, *candidates][:1]
-        return ReportedClasses(
-            np.array(single_class), np.ones(1), np.array([free.size])
-        )
+        single_class = same_name[:1] if len(same_name) else candidates[:1]
+        return ReportedClasses(single_class, np.ones(1), np.array([free.size]))
     mean_sizes = [
         truth.box[truth.class_id == k, 4:].mean(axis=0) for k in present_classes
     ]

@@ -76,16 +76,16 @@ def free_false_positives(
     parameters = noise.free
     assert parameters is not None  # as `reported_classes` has seen
     draws = Draws(seed, NoiseSubject.FREE, number)
-    shown_members = remembered(
+    appearances = remembered(
         scene.memory,
         ("free", number),
         lambda: _appearances(noise, parameters, classes, scene, draws),
     )
-    members = shown_members.members
-    rows = np.arange(len(shown_members.member))
+    members = appearances.members
+    rows = np.arange(len(appearances.member))
     if scene.memory is not None:
-        rows = np.flatnonzero(shown_members.frame == scene.memory.frame)
-    used_members, used_row = np.unique(shown_members.member[rows], return_inverse=True)
+        rows = np.flatnonzero(appearances.frame == scene.memory.frame)
+    used_members, used_row = np.unique(appearances.member[rows], return_inverse=True)
     birth_frame = members.birth[used_members]
     family_number = members.family[used_members]
     ego = scene.ego[birth_frame]
@@ -105,17 +105,17 @@ def free_false_positives(
         [place_xy, center_z, members.heading[used_members], box_sizes]
     )
     within_reach = np.hypot(*(place_xy - ego[:, :2]).T) <= scene.sensor.reach
-    shown = within_reach[used_row]
-    rows = rows[shown]
-    used_row = used_row[shown]
+    is_reached = within_reach[used_row]
+    rows = rows[is_reached]
+    used_row = used_row[is_reached]
     detected = DetectedRows(
-        shown_members.frame[rows],
+        appearances.frame[rows],
         box[used_row],
         np.zeros((len(rows), 2)),
         members.class_id[used_members[used_row]],
-        shown_members.score[rows],
+        appearances.score[rows],
     )
-    return select(shown_members.errors, rows), detected
+    return select(appearances.errors, rows), detected
 
 
 def _appearances(
@@ -178,20 +178,20 @@ def _visible(
 
 
 def _latent(
-    parameters: FreeFalsePositives, grid: Grid, draws: Draws, class_number: NoiseKind
+    parameters: FreeFalsePositives, grid: Grid, draws: Draws, kind: NoiseKind
 ) -> tuple[Floats, Floats]:
     """Return normal numbers that change over frames [R].
 
-    The second result is a constant normal number of each object [J].
+    Also returns a constant normal number of each object [J].
     """
     ar = parameters.ar / max(1 - parameters.bias, 1e-12)
-    rng = draws.generator(class_number)  # hashing so many numbers would take long
+    rng = draws.generator(kind)  # hashing so many numbers would take long
     constant = rng.standard_normal(len(grid.ids))
     push, white = rng.standard_normal((2, len(grid.cells[0])))
     # siblings share the numbers of their family
     new = grid.on_grid(white)[grid.frame, grid.column]
     phi = np.array([[parameters.phi]])
-    series = grid.autoregression(phi, draws, (class_number,), push[None])[0]
+    series = grid.autoregression(phi, draws, (kind,), push[None])[0]
     return np.sqrt(ar) * series + np.sqrt(1 - ar) * new, constant
 
 
@@ -218,13 +218,13 @@ def _draw_members(
     class_number = kind_rng.choice(len(classes.share), members, p=classes.share)
     side_normal = draws.generator(NoiseKind.SIZE).standard_normal((members, 3))
     return _Members(
-        birth_frame[family_number],
-        life_frames[family_number],
-        family_number,
-        np.where(is_first[:, None], 0.0, place_shift),
-        wrap_angle(2 * np.pi * heading_turns)[family_number],
-        spread_sizes(classes.size[class_number], side_normal),
-        classes.class_id[class_number],
+        birth=birth_frame[family_number],
+        life=life_frames[family_number],
+        family=family_number,
+        shift=np.where(is_first[:, None], 0.0, place_shift),
+        heading=wrap_angle(2 * np.pi * heading_turns)[family_number],
+        size=spread_sizes(classes.size[class_number], side_normal),
+        class_id=classes.class_id[class_number],
     )
 
 
@@ -238,13 +238,14 @@ def _draw_births(
     """
     factor = 1.0
     if parameters.dispersion > 1.0:
-        number_shape = parameters.rate / (parameters.dispersion - 1.0)
+        # of mean 1 and variance (dispersion - 1) / rate
+        gamma_shape = parameters.rate / (parameters.dispersion - 1.0)
         factor = float(
-            draws.generator(NoiseKind.SCENE).gamma(number_shape) / number_shape
+            draws.generator(NoiseKind.SCENE).gamma(gamma_shape) / gamma_shape
         )
-    birth_rate = parameters.rate * scene.field_ratio
+    visible_members = parameters.rate * scene.field_ratio
     alive_families = (
-        birth_rate * factor / parameters.chance / (1.0 + parameters.siblings)
+        visible_members * factor / parameters.chance / (1.0 + parameters.siblings)
     )
     mean_births = np.full(len(scene.ego), alive_families * (1.0 - survive))
     mean_births[:1] = alive_families

@@ -51,6 +51,7 @@ class Neighbours:
             return cls(NO_ROWS, NO_ROWS, np.zeros(0))
         from scipy.spatial import KDTree
 
+        # rows of different moments are too far apart to be pairs
         separated = np.column_stack([place, 2.0 * length * moment])
         tree = KDTree(separated, balanced_tree=False, compact_nodes=False)
         one, two = tree.query_pairs(length, output_type="ndarray").reshape(-1, 2).T
@@ -175,7 +176,8 @@ class Grid:
         column = self.column[row]
         if self.memory is not None:
             part = replace(self, frame=frame, column=column)
-            vars(part)["object_keys"] = self.object_keys  # the objects are the same
+            # the same objects: their keys are not hashed again
+            vars(part)["object_keys"] = self.object_keys
             return part
         objects, column = np.unique(column, return_inverse=True)
         end = np.zeros(len(objects), dtype=np.int64)
@@ -239,6 +241,7 @@ class Grid:
         frame, column = self.cells
         phi = decayed(phi, self.steps)
         scale = np.sqrt(1.0 - phi**2).take(self.noise_number[column], axis=1)
+        # the first number of an object has the variance 1 already
         scale[:, np.flatnonzero(frame == self.span[0][column])] = 1.0
         if push is None:
             push = ndtri(draws.uniforms(parts(Component.PUSH, *kinds), self.cell_keys))
@@ -268,9 +271,9 @@ class Grid:
         """
         bias, phi, shared, _ = self.of_noise(memories).T
         series = self.autoregression(phi, draws, kinds)
-        numbers = parts(Component.BIAS, *kinds)
+        bias_parts = parts(Component.BIAS, *kinds)
         constant = self.constant(
-            draws, kinds, lambda keys: ndtri(draws.uniforms(numbers, keys))
+            draws, kinds, lambda keys: ndtri(draws.uniforms(bias_parts, keys))
         )
         constant = np.sqrt(bias).take(self.noise_number, axis=1) * constant
         value = np.sqrt(1 - bias).take(self.row_noise, axis=1) * series
@@ -312,12 +315,12 @@ def truth_grid(
     ``noise``: noise of each class index. ``memory``: state of the frames before,
     if only the last frame has rows.
     """
-    distinct, number = remembered(memory, "noise", lambda: _distinct(noise))
+    distinct, noise_of_class = remembered(memory, "noise", lambda: _distinct(noise))
     if memory is None:
         ids, first, column = np.unique(
             truth.object_id, return_index=True, return_inverse=True
         )
-        noise_number = number[truth.class_id[first]]
+        noise_number = noise_of_class[truth.class_id[first]]
         frame = truth.frame_of_rows
         return Grid(truth.frames, ids, frame, column, distinct, noise_number, steps)
     objects = memory.objects
@@ -327,15 +330,15 @@ def truth_grid(
     ):
         objects.setdefault(object_id, (len(objects), memory.frame, class_id))
         columns.append(objects[object_id][0])
-    facts = np.array(list(objects.values()), dtype=np.int64).reshape(-1, 3)
-    _, first_frame, class_ids = facts.T
+    object_facts = np.array(list(objects.values()), dtype=np.int64).reshape(-1, 3)
+    _, first_frame, class_ids = object_facts.T
     return Grid(
         frames=truth.frames,
         ids=np.array(list(objects), dtype=np.int64),
         frame=np.full(len(columns), memory.frame),
         column=np.array(columns, dtype=np.int64),
         noise=distinct,
-        noise_number=number[class_ids],
+        noise_number=noise_of_class[class_ids],
         steps=steps,
         lives=(first_frame, np.full(len(objects), memory.frame + 1)),
         memory=memory,
@@ -343,7 +346,7 @@ def truth_grid(
 
 
 def _distinct(noise: Sequence[ClassNoise]) -> tuple[tuple[ClassNoise, ...], Ints]:
-    """Return different noises, and a number per class index."""
+    """Return different noises, and the number of that of each class index."""
     distinct: list[ClassNoise] = []
     for class_noise in noise:
         if class_noise not in distinct:

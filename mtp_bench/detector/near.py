@@ -25,6 +25,7 @@ _PLACE = (
     *parts(Component.BIAS, NoiseKind.CLASS),
     *parts(Component.SECOND, NoiseKind.CLASS),
 )
+# of a noise without any: too unlikely to be visible
 _NONE = NearFalsePositives(
     bias=0,
     ar=0,
@@ -111,12 +112,13 @@ def _slots_of(grid: Grid) -> Grid:
 
 
 def classes_of_same_noise(truth: Truth, noise_names: Sequence[str]) -> list[Ints]:
-    """Return for every class the others with the same of ``noise_names``.
+    """Return for every class the indices of others with the same noise.
 
-    The most frequent ones of the scene come first.
+    ``noise_names``: name of the noise of each class. The most frequent classes of the
+    truth come first.
     """
-    boxes = np.bincount(truth.class_id, minlength=len(noise_names))
-    order = np.argsort(-boxes, kind="stable")
+    box_count = np.bincount(truth.class_id, minlength=len(noise_names))
+    order = np.argsort(-box_count, kind="stable")
     names = np.array(noise_names)
     return [order[(names[order] == names[k]) & (order != k)] for k in range(len(names))]
 
@@ -126,6 +128,7 @@ def _parameters(noise: ClassNoise) -> NearFalsePositives:
 
 
 def _numbers(noise: ClassNoise) -> tuple[float, ...]:
+    """Return bias, share of the rest that is autoregressive, phi, parent and same."""
     parameters = _parameters(noise)
     ar = parameters.ar / max(1 - parameters.bias, 1e-12)
     return parameters.bias, ar, parameters.phi, parameters.parent, *parameters.same
@@ -133,7 +136,7 @@ def _numbers(noise: ClassNoise) -> tuple[float, ...]:
 
 def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, Floats]:
     """Return visible rows, and the ranks of their quality among those."""
-    phi = slots.of_noise(_numbers)[:, 2]
+    _, _, phi, *_ = slots.of_noise(_numbers).T
     bias, ar, _, parent, *_ = slots.of_rows(_numbers).T
     series = slots.autoregression(phi[None], draws, (NoiseKind.QUALITY,))[0]
     new = draws.normal(NoiseKind.QUALITY, Component.WHITE, slots.row_keys)
@@ -148,10 +151,10 @@ def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, F
     quality_rank = np.full(len(quality), np.nan)
     for noise, rows in slots.by_noise():
         parameters = _parameters(noise)
-        reported_rows, index_rank = best_ranks(
+        best_rows, best_rank = best_ranks(
             quality[rows], parameters.bias, parameters.chance
         )
-        quality_rank[rows[reported_rows]] = index_rank
+        quality_rank[rows[best_rows]] = best_rank
     visible = np.flatnonzero(np.isfinite(quality_rank))
     return visible, quality_rank[visible]
 
@@ -214,16 +217,15 @@ def _classes(
     A class is that of the object, or another one with the same noise. ``uniform`` and
     ``other_uniform``: two uniform numbers, which decide it.
     """
-    same_share = slots.of_rows(_numbers)[:, 4:]
+    _, _, _, _, *same_shares = slots.of_rows(_numbers).T
     distance_band = np.digitize(offset_m, BESIDE_DISTANCES_M)
-    is_wrong = uniform >= same_share[np.arange(len(offset_m)), distance_band]
+    is_wrong = uniform >= np.choose(distance_band, same_shares)
     class_id = np.array(true_class)
     for k in set(true_class[is_wrong].tolist()):
         rows = np.flatnonzero(is_wrong & (true_class == k))
         class_count = len(similar[k])
         if class_count:
-            quality_rank = np.floor(other_uniform[rows] ** 2 * class_count).astype(
-                np.int64
-            )
-            class_id[rows] = similar[k][quality_rank]
+            # the square makes the frequent classes likelier
+            place = np.floor(other_uniform[rows] ** 2 * class_count).astype(np.int64)
+            class_id[rows] = similar[k][place]
     return class_id

@@ -16,14 +16,14 @@ QUANTILES = 11  # of distances, at `DISTANCE_RANKS`: 0, 10, ..., 100 %
 DISTANCE_RANKS = np.linspace(0.0, 1.0, QUANTILES)
 # ranks at which scores are stored: denser where scores are high
 SCORE_RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)
+DISTANCE_UNIT_M = 10.0  # of the distances d
 SLOTS_PER_BOX = 2  # places beside every true box at which a false positive can appear
-_SIMILAR = {  # for profiles without a class
+_SIMILAR = {  # class -> the one whose noise it has in profiles without the class
     "cyclist": "bicycle",
     "bicycle": "motorcycle",
     "construction_vehicle": "truck",
 }
-
-
+_ROUNDING = 0.01  # of a sum of shares
 _ASCENDING = rule(
     lambda values: all(a <= b for a, b in itertools.pairwise(values)),
     "expected ascending numbers",
@@ -56,7 +56,7 @@ class LatentMemory(Section):
     @classmethod
     def _shares_are_complete(cls, white: float, info: ValidationInfo) -> float:
         total = white + info.data.get("bias", 0.0) + info.data.get("ar", 0.0)
-        if {"bias", "ar"} <= set(info.data) and abs(total - 1.0) > 0.01:
+        if {"bias", "ar"} <= set(info.data) and abs(total - 1.0) > _ROUNDING:
             raise ValueError(f"bias + ar + white is {total:.4g}, expected 1")
         return white
 

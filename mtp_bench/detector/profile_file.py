@@ -84,6 +84,7 @@ def with_variant(profile: Profile, variant: Variant) -> Profile:
 
 
 def _without_memory(noise: ClassNoise) -> dict[str, Any]:
+    """Return the parts of a noise that lose their memory."""
     from .draws import stationary  # SciPy takes long to import
 
     heading = noise.heading
@@ -102,6 +103,7 @@ def _without_memory(noise: ClassNoise) -> dict[str, Any]:
 
 
 def _harder(noise: ClassNoise) -> dict[str, Any]:
+    """Return the parts of a noise that become harder."""
     first, *other_levels = noise.quality.location
     location = (first - _HARD_QUALITY_LOSS, *other_levels)
     changes: dict[str, Any] = {"quality": _with(noise.quality, location=location)}
@@ -166,6 +168,7 @@ def toml_values(content: dict[str, Any]) -> list[str]:
 
 
 def _key(name: str) -> str:
+    """Return a key of TOML, in quotes if it needs them."""
     if re.fullmatch("[A-Za-z0-9_-]+", name):
         return name
     return json.dumps(name, ensure_ascii=False)

@@ -15,7 +15,7 @@ from .draws import (
     skewed_quantile,
 )
 from .grid import Grid, Neighbours, Shares, shares_of
-from .profile import SCORE_RANKS, ClassNoise
+from .profile import DISTANCE_UNIT_M, SCORE_RANKS, ClassNoise
 from .visibility import HIDDEN, LARGELY, PARTLY, Visibility
 
 
@@ -64,7 +64,7 @@ def random_quality(grid: Grid, neighbours: Neighbours, draws: Draws) -> Floats:
 
 
 def _memories(noise: ClassNoise) -> tuple[Shares, Shares]:
-    lapses = noise.quality.lapses
+    lapses = noise.quality.lapses  # no part of them is new in every frame
     return shares_of(noise.quality), (lapses.bias, lapses.phi, lapses.shared, 0.0)
 
 
@@ -73,7 +73,7 @@ def quality_features(visibility: Visibility) -> Floats:
 
     They are 1, d, d^2, partly, largely occluded, hidden, truncated.
     """
-    distance = visibility.distance / 10
+    distance = visibility.distance / DISTANCE_UNIT_M
     levels = [visibility.occlusion == level for level in (PARTLY, LARGELY, HIDDEN)]
     powers = [np.ones(len(distance)), distance, distance**2]
     return np.stack([*powers, *levels, visibility.truncated], axis=-1)

@@ -31,7 +31,7 @@ class OpenScene:
     Detections of a frame do not depend on later frames.
     """
 
-    frames: int  # at most
+    frames: int  # of the finished scene, at most
     known_truth: Truth  # true boxes whose classes and sizes false positives have
     level: float = 0.0  # m, of the ground
     # state after the frames before, if only the last frame has boxes
@@ -73,17 +73,21 @@ def simulate(
     qualities = draw_qualities(grid, visibility, neighbours, draws)
 
     in_coverage = sensor.covers(visibility.distance, visibility.bearing)
-    hit = np.flatnonzero(qualities.reported & in_coverage)
+    hit_rows = np.flatnonzero(qualities.reported & in_coverage)
     box, velocity = detected_boxes(
-        truth.box[hit],
-        truth.velocity[hit],
-        draw_errors(grid, neighbours, draws, hit),
-        visibility.distance[hit],
-        (visibility.bearing + scene.ego[grid.frame, 3])[hit],
-        qualities.random[hit],
+        truth.box[hit_rows],
+        truth.velocity[hit_rows],
+        draw_errors(grid, neighbours, draws, hit_rows),
+        visibility.distance[hit_rows],
+        (visibility.bearing + scene.ego[grid.frame, 3])[hit_rows],
+        qualities.random[hit_rows],
     )
     objects = DetectedRows(
-        grid.frame[hit], box, velocity, truth.class_id[hit], qualities.score[hit]
+        grid.frame[hit_rows],
+        box,
+        velocity,
+        truth.class_id[hit_rows],
+        qualities.score[hit_rows],
     )
 
     known_truth = truth if going_on is None else going_on.known_truth
@@ -95,14 +99,15 @@ def simulate(
             _reported_classes(known_truth, classes, noise_names, profile),
         ),
     )
-    false = [near_false_positives(grid, scene, qualities, similar, seed)]
-    for number, noise in enumerate(profile.classes.values()):
-        noise_classes = reported[number]
+    false_positives = [near_false_positives(grid, scene, qualities, similar, seed)]
+    for noise_number, noise in enumerate(profile.classes.values()):
+        noise_classes = reported[noise_number]
         if noise_classes is not None:
-            false.append(
-                free_false_positives(noise, noise_classes, scene, number, seed)
+            false_positives.append(
+                free_false_positives(noise, noise_classes, scene, noise_number, seed)
             )
-    rows = [objects, detect_false_positives(false, scene)]
+    rows = [objects, detect_false_positives(false_positives, scene)]
+    # free false positives are drawn up to the end of an open scene
     if going_on is not None and memory is None:
         rows = [select(part, part.frame < frames) for part in rows]
     return sorted_detections(rows, frames)

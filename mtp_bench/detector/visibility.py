@@ -134,10 +134,7 @@ def _in_box_frame(box: Floats, sensor: Floats) -> tuple[Floats, Floats]:
 def _first_in_sectors(
     box: Floats, frame: Ints, sensor: Floats, middle_rad: Floats, half_rad: Floats
 ) -> Floats:
-    """Return the visible share [R] of boxes.
-
-    They do not contain the sensor.
-    """
+    """Return the visible share [R] of boxes that do not contain the sensor."""
     end_angles = np.remainder(
         np.concatenate([middle_rad - half_rad, middle_rad + half_rad]), _FULL_TURN
     )
@@ -162,52 +159,52 @@ def _first_in_sectors(
     begin = sector_at(middle_rad - half_rad - _ANGLE_MARGIN_RAD)
     end = sector_at(middle_rad + half_rad + _ANGLE_MARGIN_RAD)
     ray_counts = np.minimum((end - begin - 1) % sector_count + 2, sector_count)
-    box_owner = np.repeat(np.arange(len(box)), ray_counts)
-    ray_step = np.arange(len(box_owner)) - np.repeat(
+    ray_box = np.repeat(np.arange(len(box)), ray_counts)
+    ray_number = np.arange(len(ray_box)) - np.repeat(
         np.cumsum(ray_counts) - ray_counts, ray_counts
     )
     sector_index = (
-        first_sector[box_owner]
-        + (begin[box_owner] + ray_step) % sector_count[box_owner]
+        first_sector[ray_box] + (begin[ray_box] + ray_number) % sector_count[ray_box]
     )
     hit_mask = (
-        np.abs(wrap_angle(ray_angle[sector_index] - middle_rad[box_owner]))
-        <= half_rad[box_owner]
+        np.abs(wrap_angle(ray_angle[sector_index] - middle_rad[ray_box]))
+        <= half_rad[ray_box]
     )
-    box_owner = box_owner[hit_mask]
+    ray_box = ray_box[hit_mask]
     sector_index = sector_index[hit_mask]
 
-    distance_m = _entry_distance(ray_angle[sector_index], box_owner, box, sensor)
+    distance_m = _entry_distance(ray_angle[sector_index], ray_box, box, sensor)
     nearest_m = np.full(len(ray_angle), np.inf)
     np.minimum.at(nearest_m, sector_index, distance_m)
-    # among equally near boxes the first one counts
+    # among equally near boxes the first one counts, so it is assigned last
     first_hit = np.flatnonzero(distance_m == nearest_m[sector_index])[::-1]
     sector_owner = np.full(len(ray_angle), -1)
-    sector_owner[sector_index[first_hit]] = box_owner[first_hit]
-    used = sector_owner >= 0
-    angle_rad = np.bincount(
-        sector_owner[used], weights=sector_width[used], minlength=len(box)
+    sector_owner[sector_index[first_hit]] = ray_box[first_hit]
+    has_owner = sector_owner >= 0
+    visible_rad = np.bincount(
+        sector_owner[has_owner], weights=sector_width[has_owner], minlength=len(box)
     )
-    return np.minimum(angle_rad / np.maximum(2 * half_rad, _MIN_DIVISOR), 1.0)
+    return np.minimum(visible_rad / np.maximum(2 * half_rad, _MIN_DIVISOR), 1.0)
 
 
 def _entry_distance(
-    ray_angle: Floats, box_owner: Ints, box: Floats, sensor: Floats
+    ray_angle: Floats, ray_box: Ints, box: Floats, sensor: Floats
 ) -> Floats:
     """Return the distances [n], m, where rays enter boxes.
 
-    ``ray_angle`` [n]: directions, rad; ``box_owner`` [n]: rows of the boxes.
+    ``ray_angle`` [n]: directions, rad; ``ray_box`` [n]: row of the box of each ray. A
+    ray is inside of a box once it has passed the first of each pair of sides.
     """
-    turn_rad = ray_angle - box[box_owner, 3]
+    turn_rad = ray_angle - box[ray_box, 3]
     entry_m = np.full(len(turn_rad), -np.inf)
     along, across = _in_box_frame(box, sensor)
-    for start, ray_step, size in (
+    for box_offset, ray_axis, side_length in (
         (along, np.cos(turn_rad), box[:, 4]),
         (across, np.sin(turn_rad), box[:, 5]),
     ):
         inverse = 1.0 / np.where(
-            np.abs(ray_step) < _MIN_DIVISOR, _MIN_DIVISOR, ray_step
+            np.abs(ray_axis) < _MIN_DIVISOR, _MIN_DIVISOR, ray_axis
         )
-        half_depth = np.abs(inverse) * (size[box_owner] / 2)
-        entry_m = np.maximum(entry_m, -start[box_owner] * inverse - half_depth)
+        half_depth = np.abs(inverse) * (side_length[ray_box] / 2)
+        entry_m = np.maximum(entry_m, -box_offset[ray_box] * inverse - half_depth)
     return entry_m

@@ -163,7 +163,7 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
         lambda row: f"frame {frame[row]}, {problem}",
         "frame",
     )
-    check_ranges(table, true=False)
+    check_ranges(table, positive_sizes=False)
     _refuse_misspelt(table, classes)
     # an id in another class is another track
     table.refuse_second_box(frame, table["id"], table["class"])

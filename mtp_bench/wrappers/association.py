@@ -102,6 +102,7 @@ class AssociationOnly(
             predictor = KinematicPredictor()
         # the first one keeps the tracks of the agent, the second one, for a relative
         # reward, those of the policy `nearest`
+        player_count = 2 if relative else 1
         self._players = [
             Associator(
                 self._inner.task,
@@ -110,7 +111,7 @@ class AssociationOnly(
                 choices,
                 near,
             )
-            for _ in range(1 + relative)
+            for _ in range(player_count)
         ]
         self._player = self._players[0]
         self.shape = self._player.shape  # shape of the table
@@ -183,7 +184,7 @@ class AssociationOnly(
         try:
             choice: NDArray[Any] = np.asarray(action)
         except ValueError:  # rows of different lengths
-            choice = np.zeros(0)
+            choice = np.zeros(0)  # refused below
         if not self.action_space.contains(choice):
             shown = action.tolist() if isinstance(action, np.ndarray) else action
             expected = f"{self.shape[0]} whole numbers from 0 to {self.options - 1}"
@@ -282,7 +283,8 @@ class PerDetection(
         earlier_choice = self._choice.copy()
         self._choice[self._place] = action
         self._place += 1
-        if self._place < self._table[:, 0].sum():
+        detection_count = self._table[:, 0].sum()  # column 0: 1 if it is present
+        if self._place < detection_count:
             if (self._choice != earlier_choice).any():
                 reward = self._worth(self._choice) - self._worth(earlier_choice)
             self._frame_reward += reward

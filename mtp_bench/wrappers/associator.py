@@ -23,7 +23,7 @@ from ..core import (
 
 # from -1 to 1: an observation, the table of a frame, or a row of it
 Numbers = NDArray[np.float32]
-FREE = -1  # identity of a slot without a track; as a slot: a new track
+FREE = -1  # identity of a slot without a track; as a slot: none, as of a new track
 IGNORE = 0  # the choice that leaves a detection out
 NEW = 1  # the choice that begins a track
 CONTINUE = 2  # CONTINUE + i: the choice of the i-th nearest track
@@ -97,7 +97,10 @@ class Associator:
         return clipped
 
     def _find_slots(self, box: Floats, class_id: Ints) -> None:
-        """Find the nearest slots that detections [m] may continue, [m, choices]."""
+        """Find the nearest slots that detections [m] may continue, [m, choices].
+
+        Sets `_nearest_slots`, FREE where there is none, and `_nearest_m`.
+        """
         slots = self._slots
         offset = box[:, None, :2] - slots.expected[None, :, :2]
         distance = np.linalg.norm(offset, axis=2)
@@ -105,15 +108,15 @@ class Associator:
         too_far = distance >= self._max_distance_m
         distance[other_class | (slots.identity == FREE) | too_far] = np.inf
         order = np.argsort(distance, axis=1, kind="stable")[:, : self._choices]
-        self._distance = np.take_along_axis(distance, order, axis=1)
-        self._order = np.where(np.isfinite(self._distance), order, FREE)
+        self._nearest_m = np.take_along_axis(distance, order, axis=1)
+        self._nearest_slots = np.where(np.isfinite(self._nearest_m), order, FREE)
 
     def _track_columns(self) -> Floats:
         """Return the columns [m, 4 choices] of nearest tracks."""
         slots = self._slots
-        slot = self._order
+        slot = self._nearest_slots
         exists = slot != FREE
-        nearness = np.maximum(0, 1 - self._distance / self._max_distance_m)
+        nearness = np.maximum(0, 1 - self._nearest_m / self._max_distance_m)
         certainty = 1 - 1 / np.maximum(slots.hits[slot], 1)
         waited = slots.unseen[slot] / (_MAX_UNSEEN + 1)
         columns = np.stack([exists, nearness, certainty, waited])
@@ -135,8 +138,9 @@ class Associator:
         new = np.flatnonzero(choice == NEW)
         continuing = np.flatnonzero(choice >= CONTINUE)
         rank = choice[continuing] - CONTINUE
-        slot = self._order[continuing, rank]
-        distance = self._distance[continuing, rank]
+        slot = self._nearest_slots[continuing, rank]
+        distance = self._nearest_m[continuing, rank]
+        # of the detections that choose a track, the nearest one continues it
         by_distance = np.argsort(distance, kind="stable")  # inf: no such track
         _, first = np.unique(slot[by_distance], return_index=True)
         winner = by_distance[first]
@@ -191,12 +195,12 @@ class Slots:
     def choose(self, rows: Ints, slots: Ints) -> None:
         """Assign the detections ``rows`` of the next frame to tracks in ``slots``.
 
-        FREE for new ones.
+        The slot of a new track is FREE. It gets a free one, if any is left.
         """
         new = np.flatnonzero(slots == FREE)
-        free = np.flatnonzero(self.identity == FREE)[: len(new)]
+        free_slots = np.flatnonzero(self.identity == FREE)[: len(new)]
         chosen = slots.copy()
-        chosen[new[: len(free)]] = free
+        chosen[new[: len(free_slots)]] = free_slots
         has_slot = chosen != FREE
         self._rows = rows[has_slot]
         self._chosen = chosen[has_slot]

@@ -6,9 +6,9 @@ from .source import Argoverse2, scene_lanes
 from .submission import FORM
 
 PACKAGE = SourcePackage(
-    Argoverse2,
-    DATASET,
-    lambda card, data: DATASET.status(data, LOGS),
-    FORM,
+    open=Argoverse2,
+    dataset=DATASET,
+    locate=lambda card, data: DATASET.status(data, LOGS),
+    tracks=FORM,
     lanes=scene_lanes,
 )

@@ -106,7 +106,7 @@ SIZE = "length_m width_m height_m"
 BOX = f"{PLACE} {SIZE} {ROTATION}"
 RATE_HZ = 10.0  # of the sweeps, nominal
 SECOND_NS = 1e9
-_INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])  # inverts a unit quaternion
 
 
 def read_feather(
@@ -233,12 +233,12 @@ class Sweeps:
     def to_ego(self, frame: Ints, box: Floats) -> tuple[Floats, Floats]:
         """Return centres [R, 3] and quaternions [R, 4] of boxes in the ego frame.
 
-        ``box`` [R, 7] is in the frame of the scene. It is the inverse of `boxes`.
+        ``box`` [R, 7] is in the frame of the scene. This inverts `boxes`.
         """
         sweep = frame * self.stride
-        inverse = self.rotation[sweep] * _INVERSE
-        upright = np.zeros((len(box), 4))
-        upright[:, 0] = np.cos(box[:, 3] / 2)
-        upright[:, 3] = np.sin(box[:, 3] / 2)
+        inverse = self.rotation[sweep] * _CONJUGATE
+        yaw_rotation = np.zeros((len(box), 4))
+        yaw_rotation[:, 0] = np.cos(box[:, 3] / 2)
+        yaw_rotation[:, 3] = np.sin(box[:, 3] / 2)
         place = rotate_vectors(inverse, box[:, :3] - self.place[sweep])
-        return place, multiply(inverse, upright)
+        return place, multiply(inverse, yaw_rotation)

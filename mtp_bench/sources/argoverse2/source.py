@@ -120,7 +120,7 @@ class Argoverse2:
         if not stored:
             return no_detections(frames), ""
         [(path, detections)] = stored.items()
-        if not is_named:
+        if not is_named:  # a named file has a threshold of its own
             is_likely = detections.score >= self.section.min_detection_score
             detections = detections.select(is_likely)
         return detections, stored_label(path.stem)
@@ -234,7 +234,7 @@ def _points(border: list[_Point]) -> Floats:
 
 def lane_between(left_border: Floats, right_border: Floats) -> Lane:
     """Return the lane between a left and a right border [n, 3]."""
-    # else the lane turns about one point
+    # a lane may turn about one point, which stands against all of the other border
     if min(len(left_border), len(right_border)) > 1:
         left_border = even(left_border, CENTER_POINTS)
         right_border = even(right_border, CENTER_POINTS)

@@ -55,9 +55,9 @@ class LogBoxes:
 
 
 def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
-    """Read detections of a log within reach, sorted by frame.
+    """Read detections of a log within reach, without velocities.
 
-    Without velocities. Otherwise they are in the order of the file. Raises DataError
+    They are sorted by frame, then in the order of the file. Raises DataError
     for a cell that is wrong, and for a time at which the log has no sweep.
     """
     boxes = read_boxes(path, sweeps, card, "score", log=sweeps.folder.name)
@@ -74,7 +74,7 @@ def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
 def read_tracks(path: Path, sweeps: Sweeps, card: Card, scene: Scene) -> Scene:
     """Return the scene with the tracks of its log within reach.
 
-    Raises DataError as `read_detections`, or without any.
+    Raises DataError as `read_detections`, and if the log has no tracks.
     """
     boxes = read_boxes(path, sweeps, card, "score", "track_id", scene.name)
     is_used = boxes.within_reach
@@ -142,8 +142,11 @@ def tracking_submission(
     ``classes`` [R]: names of the task's classes.
     """
     sweeps = _sweeps(card, data, scene)
-    category = {label: name for name, label in reversed(list(CATEGORIES.items()))}
-    categories = [category[name] for name in classes.tolist()]
+    # reversed: of the categories of a class the first one stays
+    category_of_class = {
+        label: name for name, label in reversed(list(CATEGORIES.items()))
+    }
+    categories = [category_of_class[name] for name in classes.tolist()]
     place, rotation = sweeps.to_ego(frame, box)
     columns = np.hstack([place, box[:, 4:], rotation]).T
     return {

@@ -22,11 +22,12 @@ FORM = "a file of 123D"
 def read_arrow(
     path: Path, columns: Mapping[str, int], prefix: str = ""
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Read columns by name, less the ``prefix`` of those in the file, and metadata.
+    """Read columns by name, and the metadata of the file.
 
-    ``columns``: their names, and how many numbers [R, n] each entry is; 0 for words or
-    bytes [R]. Entries of lists stand one after the other, and "row" [R] has the row of
-    each. Raises DataError for a file that is wrong.
+    ``columns``: their names without the ``prefix`` that they have in the file, and how
+    many numbers [R, n] each entry is; 0 for words or bytes [R]. Entries of lists stand
+    one after the other, and a further array "row" [R] has the row of each. Raises
+    DataError for a file that is wrong.
     """
     from pyarrow import compute, ipc
 
@@ -100,10 +101,12 @@ def read_lanes(path: Path, ego_place: Floats, origin: Floats) -> tuple[Lane, ...
 
     The ``origin`` [3] is subtracted. Raises DataError for a map that is wrong.
     """
-    columns, about = read_arrow(path, {"object_id": 1, "map_layer": 1, "features": 0})
-    # Argoverse 2 makes the middle line of the borders
-    has_center = about.get("dataset") != "av2-sensor"
-    groups: dict[int, int | None] = {}
+    columns, metadata = read_arrow(
+        path, {"object_id": 1, "map_layer": 1, "features": 0}
+    )
+    # Argoverse 2 stores borders alone: the middle line is made of them
+    has_center = metadata.get("dataset") != "av2-sensor"
+    group_of_lane: dict[int, int | None] = {}
     lanes: dict[int, Lane] = {}
     successors: dict[int, list[int]] = {}
     junction_groups: set[int | None] = set()
@@ -119,11 +122,11 @@ def read_lanes(path: Path, ego_place: Floats, origin: Floats) -> tuple[Lane, ...
             elif feature.lane_type != _BIKE_LANE:
                 lane = _lane(feature, origin, has_center)
                 if is_near(lane, ego_place, ROAD_REACH_M):
-                    groups[object_id] = feature.lane_group_id
+                    group_of_lane[object_id] = feature.lane_group_id
                     lanes[object_id] = lane
                     successors[object_id] = feature.successor_ids
     for object_id, lane in lanes.items():
-        junction = groups[object_id] in junction_groups
+        junction = group_of_lane[object_id] in junction_groups
         lanes[object_id] = replace(lane, junction=junction)
     return link_lanes(lanes, successors)
 
@@ -134,6 +137,7 @@ def _lane(feature: Feature, origin: Floats, has_center: bool) -> Lane:
     lines: list[Floats] = []
     for packed in packed_lines:
         line = points(packed)
+        # a line may lack z
         lines.append(line - origin[: line.shape[1]])
     if not has_center:
         return lane_between(lines[1], lines[2])

@@ -24,7 +24,7 @@ SECOND_US = 1e6
 ROUNDING_US = 1  # by which a time of the ego may be off
 # age of the last pose from which a frame has none, and is left out
 MAX_POSE_AGE_US = 100_000
-# over which the motion of the ego is taken
+# over which the velocity of the ego is taken
 MOTION_SPAN_US = 50_000
 LABELS = Path(__file__).with_name("labels.toml")
 BOXES = "box_detections_se3"
@@ -51,7 +51,8 @@ def import_logs(
     """Write the log, or the logs of a split, as scenes into ``folder``.
 
     ``source``: their folder. ``reach_m``: from the ego, within which objects are true.
-    Returns the numbers of rows, by table, and of logs. Raises DataError for a log that
+    ``report_done`` gets the name of each written log. Returns the numbers of "logs", of
+    rows of "truth" and "ego", and of "lanes". Raises DataError for a log that
     is wrong, and MtpBenchError if ``folder`` is not empty; it then writes no file.
     """
     counts = Counter[str]()
@@ -93,14 +94,14 @@ def log_tables(log: Path, rate_hz: float, reach_m: float) -> dict[str, Columns]:
 
     Raises DataError for a log that is wrong.
     """
-    _, about = read_arrow(log / f"{SYNC}.arrow", {})
-    if "interpolated" in str(about.get("split")):
+    _, log_metadata = read_arrow(log / f"{SYNC}.arrow", {})
+    if "interpolated" in str(log_metadata.get("split")):
         raise DataError(
-            f"{log} is of the split {about['split']!r}, whose boxes between keyframes "
-            "show the next keyframe; convert the split without interpolation"
+            f"{log} is of the split {log_metadata['split']!r}, whose boxes between "
+            "keyframes show the next keyframe; convert the split without interpolation"
         )
     path = log / f"{BOXES}.arrow"
-    boxes, metadata = read_arrow(path, _BOX_COLUMNS, f"{BOXES}.")
+    boxes, box_metadata = read_arrow(path, _BOX_COLUMNS, f"{BOXES}.")
     time = boxes["timestamp_us"][:, 0]
     if not (np.diff(time) > 0).all():
         raise DataError(
@@ -109,18 +110,18 @@ def log_tables(log: Path, rate_hz: float, reach_m: float) -> dict[str, Columns]:
     ego, has_pose, origin = _read_poses(log / f"{EGO}.arrow", time)
     rows = np.flatnonzero(has_pose)[:: _stride(log, time, rate_hz)]
     ego = ego[rows]
-    labels = _read_labels(path, metadata, boxes["label"][:, 0])
-    seconds = (time[rows] - time[rows[0]]) / SECOND_US
+    labels = _read_labels(path, box_metadata, boxes["label"][:, 0])
+    time_s = (time[rows] - time[rows[0]]) / SECOND_US
     pose = dict(zip(("x", "y", "z", "yaw"), ego.T, strict=True))
     tables = {
         "truth": _truth(boxes, labels, rows, ego, origin, reach_m),
-        "ego": {"frame": np.arange(len(rows)), "time": seconds, **pose},
+        "ego": {"frame": np.arange(len(rows)), "time": time_s, **pose},
     }
     map_path = log / "map.arrow"
     if not map_path.exists():  # some datasets have a map for each city
-        dataset = about.get("dataset")
-        city_map = f"maps/{dataset}/{dataset}_{about.get('location')}.arrow"
-        map_path = log.parent.parent.parent / city_map
+        dataset = log_metadata.get("dataset")
+        city_map = f"maps/{dataset}/{dataset}_{log_metadata.get('location')}.arrow"
+        map_path = log.parent.parent.parent / city_map  # logs/<split>/<log>
     if map_path.exists():
         lanes = read_lanes(map_path, ego[:, :2], origin)
         if lanes:
@@ -129,7 +130,10 @@ def log_tables(log: Path, rate_hz: float, reach_m: float) -> dict[str, Columns]:
 
 
 def _stride(log: Path, time: Floats, rate_hz: float) -> int:
-    """Return n, if every n-th frame of a log gives the rate."""
+    """Return the n for which every n-th frame of a log gives the rate.
+
+    ``time`` [F] us. Raises DataError if there is none.
+    """
     if len(time) < 2:
         return 1
     log_rate_hz = SECOND_US / float(np.median(np.diff(time)))
@@ -181,9 +185,10 @@ def _truth(
 def _read_poses(path: Path, time: Floats) -> tuple[Floats, Bools, Floats]:
     """Return poses x y z yaw [F, 4] of the ego at ``time`` [F] us.
 
-    And the frames [F] that have one, and the origin [3]. A pose is the one of that
-    time, else the last one before it and the motion until then: no later one is used.
-    The origin is the first pose in whole metres, and is subtracted.
+    Also returns a mask [F] of the frames that have a pose, and the origin [3]. A pose
+    is the one of that time, else the last one before it, moved on with the velocity
+    until then: no later one is used. The origin is the first pose in whole metres, and
+    is subtracted.
     """
     pose_columns, _ = read_arrow(path, {"timestamp_us": 1, "imu_se3": 7}, f"{EGO}.")
     pose_order = np.argsort(pose_columns["timestamp_us"][:, 0], kind="stable")

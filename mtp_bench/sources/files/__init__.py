@@ -5,8 +5,8 @@ from .save import save_scene as save_scene
 from .source import DATASET, OwnScenes, files_status
 
 PACKAGE = SourcePackage(
-    OwnScenes,
-    DATASET,
-    files_status,
+    open=OwnScenes,
+    dataset=DATASET,
+    locate=files_status,
     images=lambda card, data, scene: OwnScenes(card).images(scene.name),
 )

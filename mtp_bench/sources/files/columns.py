@@ -247,7 +247,10 @@ def check_frames(time: Floats, ego: Floats, card: Card, where: str) -> None:
         raise DataError(f"{where}: no frames, expected at least one")
     rises = (np.abs(time) < np.inf) & (np.diff(time, prepend=-np.inf) > 0)
     expected = "expected a number above that of the frame before"
-    refuse(~rises, lambda t: f"{where}: time {time[t]:g} of frame {t}, {expected}")
+    refuse(
+        ~rises,
+        lambda frame: f"{where}: time {time[frame]:g} of frame {frame}, {expected}",
+    )
     place = ego[:, :3]
     yaw = ego[:, 3]
 
@@ -259,7 +262,9 @@ def check_frames(time: Floats, ego: Floats, card: Card, where: str) -> None:
     refuse(~(np.abs(place) <= MAX_COORDINATE_M).ravel(), place_problem)
     refuse(
         ~(np.abs(yaw) <= MAX_ANGLE_RAD),
-        lambda t: f"{where}: yaw of the ego in frame {t} is {yaw[t]:g}, {RADIANS}",
+        lambda frame: (
+            f"{where}: yaw of the ego in frame {frame} is {yaw[frame]:g}, {RADIANS}"
+        ),
     )
     _check_period(time, card, where)
 
@@ -277,15 +282,15 @@ def _check_period(time: Floats, card: Card, where: str) -> None:
         )
 
 
-def check_ranges(table: RowTable, true: bool = True) -> None:
+def check_ranges(table: RowTable, positive_sizes: bool = True) -> None:
     """Raise DataError for the first number outside of its range.
 
-    Only ``true`` boxes need a size above 0.
+    ``positive_sizes``: sizes must be above 0, as those of true boxes.
     """
     for column, (smallest, largest, expected) in _RANGES.items():
         if column not in table:
             continue
-        may_be_negative = column in "lwh" and not true
+        may_be_negative = column in ("l", "w", "h") and not positive_sizes
         low = -LIMIT if may_be_negative else smallest
         _check_range(table, column, low, largest, expected)
 
@@ -301,7 +306,7 @@ def _check_range(
 
 
 def check_objects(
-    table: RowTable, frame: Ints, number: Ints, classes: Sequence[str]
+    table: RowTable, frame: Ints, object_number: Ints, classes: Sequence[str]
 ) -> None:
     """Raise DataError for impossible objects.
 
@@ -318,8 +323,8 @@ def check_objects(
         object_names[used_rows],
         lambda row: table.where(used_rows[row]),
     )
-    row_order = used_rows[np.lexsort((frame[used_rows], number[used_rows]))]
-    same_object = np.diff(number[row_order]) == 0
+    row_order = used_rows[np.lexsort((frame[used_rows], object_number[used_rows]))]
+    same_object = np.diff(object_number[row_order]) == 0
     is_changed = np.zeros(len(class_names), dtype=bool)
     is_changed[row_order[1:]] = same_object & (
         class_names[row_order[1:]] != class_names[row_order[:-1]]

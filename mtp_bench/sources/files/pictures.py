@@ -29,11 +29,13 @@ def lanes_of(table: RowTable) -> tuple[Lane, ...]:
     table.refuse(is_single, "the only point of this lane, expected two or more", "lane")
     lane_order = np.argsort(first_row)
     sorted_rows = np.argsort(lane_of_row, kind="stable")
-    rows = np.split(sorted_rows, np.cumsum(point_count)[:-1])
+    rows_of_lane = np.split(sorted_rows, np.cumsum(point_count)[:-1])
     lane_numbers = {
         name: index for index, name in enumerate(lane_names[lane_order].tolist())
     }
-    return tuple(_lane(table, rows[lane], lane_numbers) for lane in lane_order.tolist())
+    return tuple(
+        _lane(table, rows_of_lane[lane], lane_numbers) for lane in lane_order.tolist()
+    )
 
 
 def _lane(table: RowTable, rows: Ints, lane_numbers: Mapping[str, int]) -> Lane:

@@ -29,7 +29,7 @@ from .pictures import lane_columns
 
 Columns = dict[str, NDArray[Any]]
 TableForm = Literal["csv", "parquet"]
-# longest quoted name: file names have at most 255 bytes, and writers need some
+# longest quoted name: file names have at most 255 bytes, and writers add some
 MAX_NAME_LETTERS = 200
 # fields that tables do not have, with the value of a scene without them
 _EMPTY: dict[str, Any] = {
@@ -46,7 +46,9 @@ _ADVICE = "which would be lost: choose another folder, or move it away"
 def save_scene(
     scene: Scene, folder: str | Path, classes: Sequence[str], form: TableForm = "csv"
 ) -> Path:
-    """Write a scene as tables into a sub-folder of ``folder``, and return that.
+    """Write a scene as tables into a sub-folder, and return that.
+
+    It is a sub-folder of ``folder``, named as the scene.
 
     ``classes``: names of its class ids, as ``task.classes`` of a card. Reading gives
     equal numbers to the last bit, but ids of objects that have names are written as
@@ -77,6 +79,7 @@ def _require_storable(scene: Scene) -> None:
     filled: list[str] = []
     for name, empty in _EMPTY.items():
         value = getattr(scene, name)
+        # the empty value of an array is None, and != would compare each number
         if isinstance(value, np.ndarray) or value != empty:
             filled.append(name)
     if filled:
@@ -121,7 +124,7 @@ def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, Columns]:
     impossible object ids.
     """
     where = f"scene {scene.name!r}: "
-    names = np.array(classes, dtype=np.str_)
+    class_names = np.array(classes, dtype=np.str_)
     truth = scene.truth
     detections = scene.detections
     if not isinstance(truth, Truth):
@@ -131,12 +134,12 @@ def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, Columns]:
             f"{where}detections is {type(detections).__name__}, expected Detections; "
             "use one without rows for none"
         )
-    _check_rows(f"{where}truth", truth, scene.frames, len(names))
-    _check_rows(f"{where}detections", detections, scene.frames, len(names))
+    _check_rows(f"{where}truth", truth, scene.frames, len(class_names))
+    _check_rows(f"{where}detections", detections, scene.frames, len(class_names))
     _check_objects(scene, f"{where}truth")
     pose = dict(zip(("x", "y", "z", "yaw"), np.asarray(scene.ego).T, strict=True))
     frame = np.arange(scene.frames)
-    columns = box_columns(truth, names)
+    columns = box_columns(truth, class_names)
     true_columns = {
         "frame": columns.pop("frame"),
         "id": np.asarray(truth.object_id),
@@ -150,21 +153,21 @@ def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, Columns]:
         "ego": {"frame": frame, "time": np.asarray(scene.time), **pose},
         "truth": true_columns,
     }
-    # otherwise it has none, which differs from an empty frame
+    # without a table the detections are unknown, with an empty one there are none
     if scene.detector or len(detections.box):
-        columns = box_columns(detections, names)
+        columns = box_columns(detections, class_names)
         tables["detections"] = {**columns, "score": detections.score}
     return tables
 
 
-def box_columns(rows: Truth | Detections, names: NDArray[np.str_]) -> Columns:
+def box_columns(rows: Truth | Detections, class_names: NDArray[np.str_]) -> Columns:
     """Return the columns of boxes.
 
-    ``names``: name of each class id.
+    ``class_names``: name of each class id.
     """
     return {
         "frame": rows.frame_of_rows,
-        "class": names[np.asarray(rows.class_id, dtype=np.int64)],
+        "class": class_names[np.asarray(rows.class_id, dtype=np.int64)],
         **dict(zip(BOX_COLUMNS, np.asarray(rows.box).T, strict=True)),
         **dict(zip(("vx", "vy"), np.asarray(rows.velocity).T, strict=True)),
     }
@@ -202,7 +205,7 @@ def _check_objects(scene: Scene, where: str) -> None:
 
 
 def _check_rows(
-    where: str, rows: Truth | Detections, frames: int, classes: int
+    where: str, rows: Truth | Detections, frames: int, class_count: int
 ) -> None:
     """Raise DataError unless rows are divided into frames and have known classes."""
     row_start = np.asarray(rows.start)
@@ -213,14 +216,15 @@ def _check_rows(
                 f"{where}.{name} is {values.dtype} {list(values.shape)}, expected a "
                 "row of whole numbers"
             )
+    # slices, since ``start`` may be empty
     row_borders = (len(row_start) - 1, *row_start[:1], *row_start[-1:])
     if row_borders != (frames, 0, len(rows.box)) or (np.diff(row_start) < 0).any():
         raise DataError(
             f"{where}.start does not divide the {len(rows.box)} rows into {frames} "
             "frames"
         )
-    if len(class_id) and (class_id.min() < 0 or class_id.max() >= classes):
+    if len(class_id) and (class_id.min() < 0 or class_id.max() >= class_count):
         raise DataError(
             f"{where}.class_id has {class_id.min()} to {class_id.max()}, expected "
-            f"indices of {classes} classes"
+            f"indices of {class_count} classes"
         )

@@ -55,9 +55,10 @@ _MIN_SIMILARITY = 0.85
 
 
 def read_scene(folder: Path, card: Card) -> Scene:
-    """Read the scene with the tables in ``folder``, which has its name.
+    """Read the scene that the tables in ``folder`` hold.
 
-    Rows of classes outside the task are skipped. Raises DataError that names the file,
+    The name of the folder is that of the scene. Rows of classes outside the task are
+    skipped. Raises DataError that names the file,
     the line and the column that is wrong.
     """
     _refuse_misspelt(folder)
@@ -89,12 +90,12 @@ def read_scene(folder: Path, card: Card) -> Scene:
 def read_images(folder: Path, card: Card) -> tuple[CameraImage, ...]:
     """Return the camera images of the scene in ``folder``.
 
-    None without their table. Raises DataError as `read_scene`.
+    Empty without their table. Raises DataError as `read_scene`.
     """
     images = _read_tables(folder, ["images"])
     if not images:
         return ()
-    # the rows of an ego table are the frames
+    # an ego table defines the frames alone
     tables = _read_tables(folder, ["ego"]) or _read_tables(folder, TABLES)
     frame_numbers, _ = scene_frames(str(folder), tables, card.task.rate)
     return images_of(images["images"], folder, frame_numbers)
@@ -116,7 +117,7 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
             columns[column] = np.asarray(columns[column], dtype=np.float64)
         row_numbers = np.arange(len(columns["frame"]))
         table = RowTable(f"{where}: {name}", "row", row_numbers, columns)
-        check_ranges(table, name == "truth")
+        check_ranges(table, positive_sizes=name == "truth")
         if name == "truth":
             check_objects(table, columns["frame"], columns["id"], card.task.classes)
     return _for_card(scene, card, where, "detections" in tables)
@@ -159,10 +160,10 @@ def _refuse_misspelt(folder: Path) -> None:
 
 
 def _for_card(scene: Scene, card: Card, where: str, has_detections: bool) -> Scene:
-    """Return the scene as the card says.
+    """Return the scene with the truth and the detections that the card states.
 
-    The card says if its truth is complete, and if its detections are stored or
-    simulated.
+    The truth may be incomplete. Detections are those of the files, or left out for a
+    simulated detector.
     """
     if not card.source.traits.truth_complete:
         scene = replace(scene, truth_complete=False)
@@ -176,8 +177,9 @@ def _for_card(scene: Scene, card: Card, where: str, has_detections: bool) -> Sce
             f"{where}: its truth has prediction targets only, so a simulated detector "
             "would miss all other objects; use the detections of the files"
         )
-    none = no_detections(scene.frames)
-    return replace(scene, detections=none, detector="", simulated=False)
+    # simulated detections take the place of those of the files
+    no_rows = no_detections(scene.frames)
+    return replace(scene, detections=no_rows, detector="", simulated=False)
 
 
 def _true_scene(
@@ -257,7 +259,7 @@ def _usable_rows(
 
     All rows are checked. The rows are sorted by frame and otherwise in their order.
     """
-    check_ranges(table, name == "truth")
+    check_ranges(table, positive_sizes=name == "truth")
     class_names = table["class"]
     is_used = np.isin(class_names, list(classes))
     if len(class_names) and not is_used.any():
@@ -308,7 +310,7 @@ def scores_of(table: RowTable) -> Floats:
 
 
 def class_ids_of(table: RowTable, classes: Sequence[str]) -> Ints:
-    """Return the index of each row's class among ``classes`` [R], else -1."""
+    """Return the index [R] of each row's class among ``classes``, else -1."""
     names, index = np.unique(table["class"], return_inverse=True)
     return class_ids(names.tolist(), classes)[index]
 

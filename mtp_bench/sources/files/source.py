@@ -62,7 +62,7 @@ class OwnScenes:
     def images(self, name: str) -> tuple[CameraImage, ...]:
         """Return the camera images of a scene in a folder.
 
-        None for a `Scene`.
+        Empty for a `Scene` object.
         """
         if name not in self._folders:
             return ()
@@ -133,5 +133,5 @@ def files_status(card: Card, data: object = None) -> DataStatus:
     folder = split_folder(Path(section.folder or ""), section.split)
     has_folder = section.folder is not None and folder.is_dir()
     if section.scenes is None and not has_folder:
-        return DataStatus(DATASET, None, (folder,))
-    return DataStatus(DATASET, folder, (folder,))
+        return DataStatus(DATASET, root=None, searched=(folder,))
+    return DataStatus(DATASET, root=folder, searched=(folder,))

@@ -6,9 +6,9 @@ from .poses import scene_images
 from .source import FORM, KittiTracking
 
 PACKAGE = SourcePackage(
-    KittiTracking,
-    DATASET,
-    lambda card, data: DATASET.status(data, LABELS),
-    FORM,
+    open=KittiTracking,
+    dataset=DATASET,
+    locate=lambda card, data: DATASET.status(data, LABELS),
+    tracks=FORM,
     images=scene_images,
 )

@@ -85,9 +85,10 @@ def read_labels(path: Path) -> BoxRows:
 def read_detections(folder: Path, name: str, kind: str, code: int) -> BoxRows:
     """Read the detections of one sequence and class.
 
-    An empty file gives no rows. They lie in a folder for each class, as of AB3DMOT,
-    whose number of the class is ``code``, or in one file for all types, in the result
-    form of KITTI's benchmark. Scores are raw logits. NaN and sizes that are not positive
+    ``name``: the sequence. ``kind``: type in the labels, such as "Car"; ``code``:
+    AB3DMOT's number of it. An empty file gives no rows. The file lies in a folder of
+    its class, as AB3DMOT's, or holds all types in the result form of KITTI's benchmark.
+    Scores are raw logits. NaN and sizes that are not positive
     are kept. DataError names the line that is wrong.
     """
     if (folder / kind).is_dir():
@@ -118,16 +119,18 @@ def require_kinds(table: RowTable) -> None:
 
 
 def read_odometry(path: Path) -> Floats:
-    """Read poses [F, 3, 4] camera to world, one row of 12 numbers per frame.
+    """Read the poses [F, 3, 4] of a camera, which turn and shift to the world.
 
-    The world has the camera axes of frame 0.
+    The file has one row of 12 numbers per frame. The world has the camera axes of
+    frame 0.
     """
     table = read_frames(path, ODOMETRY)
     pose = table.matrix(ODOMETRY).reshape(-1, 3, 4)
     rotation = pose[:, :, :3]
     error = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+    is_mirrored = np.linalg.det(rotation) < 0
     table.refuse(
-        (error > ROUNDING) | (np.linalg.det(rotation) < 0),
+        (error > ROUNDING) | is_mirrored,
         "expected a rotation in the first three columns of a 3 x 4 matrix",
     )
     return pose
@@ -191,7 +194,7 @@ def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats
 
 
 def read_sequence_map(path: Path) -> dict[str, int]:
-    """Read the frames of each sequence, in the order of the file.
+    """Read the number of frames of each sequence, in the order of the file.
 
     Its rows are ``0001 empty 000000 000447``; empty without a file.
     """

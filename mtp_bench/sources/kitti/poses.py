@@ -84,11 +84,12 @@ class Poses:
         The inverse of `to_world`.
         """
         rotation = self.rotation[frame]
-        # the heading's shadow in the world is the box's heading there
+        # a heading in the sensor's ground plane, whose horizontal part in the world is
+        # that of the box
         shadow = unit_vectors(box[:, 3])[..., None]
         heading = np.linalg.solve(rotation[:, :2, :2], shadow)[..., 0]
         offset = (box[:, :3] - self.position[frame])[..., None]
-        # odometry's are rotations up to rounding
+        # solved, not transposed: odometry's matrices are rounded
         place = np.linalg.solve(rotation, offset)[..., 0]
         yaw = np.arctan2(heading[:, 1], heading[:, 0])
         return np.column_stack([place, yaw, box[:, 4:]])
@@ -184,7 +185,8 @@ def image_field(
 ) -> ImageField:
     """Return the area in which the image of each frame can confirm objects.
 
-    ``path`` of the calibration, ``poses`` of the F frames, ``region`` [R, 4] and
+    ``path`` of the calibration, ``poses`` of the F frames; ``ego_motion``: the scene is
+    in the world, not in the sensor frame of each image; ``region`` [R, 4] and
     ``region_start`` [F + 1] of DontCare. The ground is level below the camera: that
     fits the labels better than ground that tilts with it.
     """
@@ -194,12 +196,13 @@ def image_field(
     heading = ego[:, 3]
     rotation = poses.rotation.swapaxes(1, 2)  # scene to sensor
     if not ego_motion:
-        level = np.column_stack([np.zeros((len(heading), 2)), heading])
-        rotation = rotation @ _rotations(level)
+        level_attitude = np.column_stack([np.zeros((len(heading), 2)), heading])
+        rotation = rotation @ _rotations(level_attitude)
         origin = np.zeros_like(origin)
         heading = np.zeros_like(heading)
     rotation = camera[:, :3] @ SENSOR_FROM_CAMERA.T @ rotation
     shift = camera[:, 3] - np.einsum("fij,fj->fi", rotation, origin)
+    # tells the recording day
     focal_length = min(SIZES, key=lambda length: abs(length - camera[0, 0]))
     return ImageField(
         projection=np.concatenate([rotation, shift[..., None]], axis=2),

@@ -61,6 +61,7 @@ from .files import (
 )
 from .poses import FRAME_PERIOD, Poses, image_field, read_poses
 
+RATE_HZ = 10.0  # nominal, see `poses.FRAME_PERIOD`
 # Types that KITTI's own evaluation leaves out of account: their annotation overlaps
 # with the class.
 NEIGHBOURS = {
@@ -84,7 +85,7 @@ class KittiTracking:
         self.section = section_of(card, KittiSource)
         self.root = DATASET.find(data, LABELS)
         require_classes(card, "KITTI", KITTI_TYPES)
-        require_rate(card, "KITTI", 10.0, self.section.stride)
+        require_rate(card, "KITTI", RATE_HZ, self.section.stride)
         self.names = split_names(self.root, self.section.split)
         self._detections: Path | None = None
         if card.detector is None:
@@ -155,14 +156,17 @@ class Frames:
     @property
     def count(self) -> int:
         """Number of frames of the scene."""
-        return -(-self.length // self.stride)
+        return len(range(0, self.length, self.stride))
 
     def starts(self, frame: Ints) -> Ints:
-        """Return the first row of each frame of the scene, and the number of rows."""
+        """Return the first row of each frame of the scene, and the number of rows.
+
+        ``frame`` [R]: number in the sequence of each row, sorted.
+        """
         return starts_of_sorted(frame // self.stride, self.count)
 
     def place(self, box: Floats, frame: Ints) -> Floats:
-        """Return boxes in the frame of reference of the scene."""
+        """Return sensor boxes [R, 7] in the scene's frame of reference."""
         return self.poses.to_world(box, frame) if self.poses else box
 
     def check(self, rows: BoxRows) -> None:
@@ -276,7 +280,7 @@ def result_lines(
 ) -> list[str]:
     """Return lines of boxes [R, 7] in the scene's frame of reference.
 
-    Fields of the image are -1.
+    Truncation, occlusion, alpha and the rectangle in the image are unknown: -1, -10.
     """
     fields = camera_fields(box if poses is None else poses.to_sensor(box, frame))
     lines: list[str] = []

@@ -62,10 +62,10 @@ class TrueBoxes:
 def read_annotations(
     paths: Mapping[str, Path], prediction: Path | None, keyframes: Keyframes
 ) -> TrueBoxes:
-    """Read all boxes.
+    """Read the boxes of all objects.
 
-    DataError names the file and token that is wrong. ``prediction``: the list of
-    targets, if any.
+    ``paths``: tables by name; ``prediction``: file of the prediction targets, if any.
+    DataError names the file and token that is wrong.
     """
     instances = by_token(paths["instance"], _Instance)
     box_path = paths["sample_annotation"]

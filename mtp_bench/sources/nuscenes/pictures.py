@@ -140,6 +140,7 @@ def read_lanes(path: Path, changed_ns: int = 0) -> tuple[Lane, ...]:
 
 def _center(parts: list[_Path]) -> Floats:
     """Return points [n, 2] of a middle line."""
+    # np.inf: the first point always stays
     line = np.concatenate([np.zeros((0, 2)), *(_points(part) for part in parts)])
     step_m = np.linalg.norm(np.diff(line, axis=0, prepend=np.inf), axis=1)
     return np.asarray(line[step_m > _MIN_STEP_M])
@@ -154,6 +155,7 @@ def _points(part: _Path) -> Floats:
         point_count = max(1, math.ceil(length_m / MAX_STEP_M)) + 1
         station_m = np.linspace(0.0, length_m, point_count)[1:]
         end_heading = heading + curvature * station_m
+        # chord of an arc of the angle a: length sin(a / 2) / (a / 2)
         chord_m = station_m * np.sinc(curvature * station_m / (2 * np.pi))
         chord_heading = (heading + end_heading) / 2
         offset = chord_m[:, None] * unit_vectors(chord_heading)
@@ -259,6 +261,7 @@ def _projections(
     intrinsic = floats([mount.camera_intrinsic for mount in mounts], 9)
     to_ego = _matrices(rotation).swapaxes(1, 2)
     to_mount = _matrices(mount_rotation).swapaxes(1, 2)
+    # a place p is at to_mount (to_ego p - shift) in the camera
     shift = np.einsum("nij,nj->ni", to_ego, place) + mount_place
     pose = np.concatenate([to_ego, -shift[..., None]], axis=2)
     return np.asarray(intrinsic.reshape(-1, 3, 3) @ to_mount @ pose)

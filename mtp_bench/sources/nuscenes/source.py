@@ -4,7 +4,7 @@ Tracks come in the submission form of the tracking task: one JSON file, boxes in
 global frame.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -127,10 +127,14 @@ def prepare_nuscenes(
 ) -> Work:
     """Make the compact copy of the tables and detections of ``card``, if missing.
 
-    It is one piece of work. Raises DataError for everything that stops the card's
-    scenes from being read.
+    It is one piece of work, whatever ``scenes`` and ``workers`` are. Raises DataError
+    for everything that stops the card's scenes from being read.
     """
-    return 1, (NuScenes(card, data).section.version for _ in range(1))
+
+    def open_once() -> Iterator[str]:
+        yield NuScenes(card, data).section.version
+
+    return 1, open_once()
 
 
 def scene_truth(
@@ -138,7 +142,7 @@ def scene_truth(
 ) -> Truth:
     """Return the truth of a scene from its cached arrays.
 
-    ``listed``: only of listed objects, whose listed rows are eligible.
+    ``listed``: only of prediction targets, eligible in the frames that list them.
     """
     class_id = class_ids(CLASSES, classes)[arrays["class_id"]]
     object_id = arrays["object_id"]
@@ -149,7 +153,7 @@ def scene_truth(
         eligible = arrays["listed"]
         is_target = np.isin(object_id, object_id[eligible])
         is_used &= is_target
-        neutral = neutral & ~is_target
+        neutral = neutral & ~is_target  # a target counts, whatever its category
     truth = Truth(
         start=arrays["start"],
         box=arrays["box"],
@@ -212,9 +216,10 @@ def scene_tracks(
 def submission_box(
     token: str, box: Floats, velocity: Floats, name: str, identity: str, score: float
 ) -> dict[str, Any]:
-    """Return one box [7] of the scene's frame of reference, as the form has it.
+    """Return one box of a submission to the tracking task.
 
-    ``velocity`` [2] m/s.
+    ``token`` of the sample; ``box`` [7] in the scene's frame of reference; ``velocity``
+    [2] m/s; ``name`` of the class.
     """
     x, y, z, yaw, length, width, height = np.asarray(box, dtype=np.float64).tolist()
     return {

@@ -84,12 +84,12 @@ class CachedFolder:
         source_files = list(self.sources.values())
         work_name = source_files[0].name if len(source_files) == 1 else self.prefix
         work_text = f"reading {work_name} of nuScenes, once per machine"
-        work_seconds = (
+        expected_seconds = (
             sum(file.stat().st_size for file in source_files) / _BYTES_PER_SECOND
         )
         self.path.parent.mkdir(parents=True, exist_ok=True)
         lock = FileLock(self.path.with_name(f".{self.path.name}.lock"))
-        with long_work(work_text, work_seconds), lock:
+        with long_work(work_text, expected_seconds), lock:
             arrays = read_arrays(path)  # another process may have filled it meanwhile
             if arrays is None:
                 self._fill()
@@ -137,7 +137,7 @@ class TableStore:
     cache: CachedFolder
     scenes: tuple[str, ...]  # [S] names, sorted
     start: Ints  # [S + 1] first row of each scene among all samples
-    targets: Ints | None  # [S] prediction targets; None without the list of targets
+    targets: Ints | None  # [S] number of prediction targets; None without their list
 
     def samples(self, scene: str) -> range:
         """Return the rows of the samples of a scene."""

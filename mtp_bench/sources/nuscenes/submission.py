@@ -164,7 +164,8 @@ def _require_upright(
 
     require_rotations(rotation, where)
     _, x, y, _ = rotation.T
-    is_tilted = 1.0 - 2.0 * (x * x + y * y) < np.sqrt(0.5)  # by over 45 degrees
+    cos_tilt = 1.0 - 2.0 * (x * x + y * y)
+    is_tilted = cos_tilt < np.sqrt(0.5)  # by over 45 degrees
     if is_tilted.sum() > MAX_TILTED_SHARE * len(boxes):
         row = int(np.argmax(is_tilted))
         raise DataError(

@@ -225,6 +225,7 @@ def _check_steps(
         if not len(steps_s):
             continue
         median_s = float(np.median(steps_s))
+        # two samples at one time are wrong, too
         if not steps_s.all() or not MIN_STEP_S <= median_s <= MAX_STEP_S:
             row = first + int(np.argmin(steps_s))
             raise DataError(
@@ -256,7 +257,7 @@ def _read_lidar_poses(
         channel = find(channels, record, "calibrated_sensor_token", path)
         if channel != LIDAR or not record.is_key_frame:
             continue
-        find(row_of_token, record, "sample_token", path)
+        find(row_of_token, record, "sample_token", path)  # refuses an unknown one
         if record.sample_token in poses:
             raise DataError(
                 f"{path}, record {record.token!r}: a second {LIDAR} keyframe of its "
