@@ -240,10 +240,10 @@ def reduce_pools(
     Samples that do not exist have the log-weight -inf. Only objects with more than K
     samples go through the sampler.
     """
-    per_row, future = forecasts.samples.shape[1:3]
+    per_row, frames = forecasts.samples.shape[1:3]  # samples per row
     sample_log_weight = normalised(forecasts)
     pool_size = np.diff(pools.start) * per_row
-    samples = np.zeros((len(pool_size), task.samples, future, 2))
+    samples = np.zeros((len(pool_size), task.samples, frames, 2))
     log_weight = np.full(samples.shape[:2], -np.inf)
     fits = pool_size <= task.samples
     entry, owner, place = _entries(pools.start, fits)

@@ -142,14 +142,14 @@ def _offsets(key: int, constants: tuple[int, ...]) -> Keys:
     return _mixed(np.array(offsets, dtype=np.uint64))
 
 
-def keys_of(*index: Ints | Keys) -> Keys:
+def keys_of(*arrays: Ints | Keys) -> Keys:
     """Return a hash key for each tuple of integers.
 
-    ``index``: arrays of a common shape, of integers or of such keys.
+    ``arrays``, of a common shape: of integers or of such keys.
     """
     hash_state = np.zeros(1, dtype=np.uint64)
-    for integers in index:
-        hash_state = extended_key(hash_state, integers)
+    for array in arrays:
+        hash_state = extended_key(hash_state, array)
     return hash_state
 
 

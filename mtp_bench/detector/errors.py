@@ -65,7 +65,8 @@ def draw_errors(
 ) -> BoxErrors:
     """Draw the errors of rows of a grid.
 
-    ``row_index``: some rows; None: all. ``neighbours``, if any, share the lasting ones.
+    ``row_index``: some rows; None: all. ``neighbours``, if any, share the lasting part
+    of the position errors.
     """
     # without memory and neighbours the numbers of a row do not need other rows
     if row_index is not None and grid.memory is None and neighbours is None:
@@ -193,7 +194,7 @@ def _flips(grid: Grid, draws: Draws) -> Bools:
         grid.memory.series[name] = is_flipped.astype(np.float64)
         return np.asarray(is_flipped[grid.column])
     uniform = grid.on_grid(uniform, elsewhere=1.0)
-    begins = np.arange(grid.frames)[:, None] == grid.span[0] % grid.frames
+    begins = np.arange(grid.frames)[:, None] == grid.span[0]
     states = uniform < np.where(begins, first_chance, after_no)
     flips_again = uniform < np.where(begins, first_chance, after_yes)
     for t in range(1, grid.frames):

@@ -170,12 +170,12 @@ def reported_classes(
     noise_name: str,
     noise: ClassNoise,
 ) -> ReportedClasses | None:
-    """Return the ``classes`` that have the noise ``noise_name``.
+    """Return the classes that have the noise ``noise_name``.
 
-    The share of a class is proportional to its number of true boxes in the scene.
-    ``noise_names``: name of the noise of each class. Without such boxes: the class of
-    that name, or the first one with this noise, with the size of ``noise.free``. None
-    if no class has the noise, and without free false positives.
+    ``noise_names``: name of the noise of each of the ``classes``. The share of a class
+    is proportional to its number of true boxes in the scene. Without such boxes: the
+    class of that name, or the first one with this noise, with the size of
+    ``noise.free``. None if no class has the noise, or it has no free false positives.
     """
     free = noise.free
     candidates = np.flatnonzero(np.array(noise_names) == noise_name)

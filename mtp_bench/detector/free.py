@@ -149,7 +149,7 @@ def _appearances(
         member_row[rows],
         (members.birth[member_row] + member_age)[rows],
         score[reported],
-        draw_errors(grid, None, draws, rows),
+        draw_errors(grid, neighbours=None, draws=draws, row_index=rows),
     )
 
 
@@ -166,8 +166,12 @@ def _visible(
         column=members.family[grid.column],
         noise_number=np.zeros(members.families, dtype=np.int64),
     )
-    single, single_constant = _latent(parameters, grid, draws, NoiseKind.QUALITY)
-    common, common_constant = _latent(parameters, family_grid, draws, NoiseKind.FAMILY)
+    single, single_constant = _quality_normals(
+        parameters, grid, draws, NoiseKind.QUALITY
+    )
+    common, common_constant = _quality_normals(
+        parameters, family_grid, draws, NoiseKind.FAMILY
+    )
     common_weight = np.sqrt(parameters.family)
     single_weight = np.sqrt(1 - parameters.family)
     constant = common_weight * common_constant[members.family]
@@ -177,7 +181,7 @@ def _visible(
     return best_ranks(quality, parameters.bias, parameters.chance)
 
 
-def _latent(
+def _quality_normals(
     parameters: FreeFalsePositives, grid: Grid, draws: Draws, kind: NoiseKind
 ) -> tuple[Floats, Floats]:
     """Return normal numbers that change over frames [R].
@@ -243,6 +247,7 @@ def _draw_births(
         factor = float(
             draws.generator(NoiseKind.SCENE).gamma(gamma_shape) / gamma_shape
         )
+    # a member is visible with `chance`, and a family has 1 + `siblings` members
     visible_members = parameters.rate * scene.field_ratio
     alive_families = (
         visible_members * factor / parameters.chance / (1.0 + parameters.siblings)

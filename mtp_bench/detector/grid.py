@@ -84,7 +84,7 @@ class Neighbours:
         `bincount` adds in the order of the pairs, so that the sum of a row does not
         depend on other rows.
         """
-        return np.array([np.bincount(self.row, line, rows) for line in terms])
+        return np.array([np.bincount(self.row, term, rows) for term in terms])
 
 
 # names of fields, or a function of a module: its values are remembered
@@ -287,7 +287,8 @@ class Grid:
 
         The new ones differ in every frame.
         """
-        share = self.of_noise(memories).T[3].take(self.row_noise, axis=1)
+        _, _, _, new_share = self.of_noise(memories).T
+        share = new_share.take(self.row_noise, axis=1)
         return np.asarray(np.sqrt(1 - share) * lasting + np.sqrt(share) * new)
 
 
@@ -328,6 +329,7 @@ def truth_grid(
     for object_id, class_id in zip(
         truth.object_id.tolist(), truth.class_id.tolist(), strict=True
     ):
+        # a new object gets the next column
         objects.setdefault(object_id, (len(objects), memory.frame, class_id))
         columns.append(objects[object_id][0])
     object_facts = np.array(list(objects.values()), dtype=np.int64).reshape(-1, 3)

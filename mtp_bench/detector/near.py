@@ -71,6 +71,7 @@ def near_false_positives(
     slot_scores = _scores(
         visible_slots, quality_rank, of_object & (offset_m < BESIDE_DISTANCES_M[0])
     )
+    # a duplicate
     needs_object = of_object & (offset_m < BESIDE_DISTANCES_M[1])
     is_reported = slot_scores >= visible_slots.of_rows("quality.floor")
     is_reported &= ~(needs_object & ~qualities.detected[true_row])
@@ -92,7 +93,10 @@ def near_false_positives(
         class_id[reported_rows],
         slot_scores[reported_rows],
     )
-    return draw_errors(slots, None, draws, visible[reported_rows]), rows
+    errors = draw_errors(
+        slots, neighbours=None, draws=draws, row_index=visible[reported_rows]
+    )
+    return errors, rows
 
 
 def _slots_of(grid: Grid) -> Grid:

@@ -46,6 +46,7 @@ def draw_qualities(
     for noise, rows in grid.by_noise():
         curve = noise.quality
         row_scores[rows] = np.interp(quality[rows], curve.latent, curve.score)
+        # the curve begins at the least quality of a detection
         is_detected[rows] = quality[rows] >= curve.latent[0]
     is_reported = is_detected & (row_scores >= grid.of_rows("quality.floor"))
     return Qualities(random, row_scores, is_detected, is_reported)

@@ -43,7 +43,7 @@ def read_arrays(path: Path) -> Arrays | None:
 def write_arrays(path: Path, arrays: Arrays, level: int = 1) -> None:
     """Write arrays with a hash of their content, atomically.
 
-    Raises OSError. ``level`` of compression.
+    ``level`` of compression, 0 to 9. Raises OSError.
     """
     digest = np.array(content_hash(arrays))
     with whole_file(path) as part_path:

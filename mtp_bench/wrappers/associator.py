@@ -99,7 +99,7 @@ class Associator:
     def _find_slots(self, box: Floats, class_id: Ints) -> None:
         """Find the nearest slots that detections [m] may continue, [m, choices].
 
-        Sets `_nearest_slots`, FREE where there is none, and `_nearest_m`.
+        Sets `_nearest_slots`, FREE for a missing one, and `_nearest_m`.
         """
         slots = self._slots
         offset = box[:, None, :2] - slots.expected[None, :, :2]

@@ -205,7 +205,7 @@ class _Map(msgspec.Struct):
 def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
     """Return the lanes of a log in the frame of its scene.
 
-    None without a map. Raises DataError for a wrong map.
+    Empty without a map. Raises DataError for a wrong map.
     """
     folder = log_folder(card, data, scene.name)
     paths = sorted(folder.glob("map/log_map_archive_*.json"))

@@ -101,7 +101,8 @@ def read_boxes(
 ) -> LogBoxes:
     """Read boxes with further columns ``numbers`` and ``words``.
 
-    ``log``: read only its rows. Raises DataError as `read_feather`, and for an unknown
+    ``log``: read only its rows. Sweeps between frames, and classes outside the task,
+    are left out. Raises DataError as `read_feather`, and for an unknown
     category or time.
     """
     table, stamp = read_feather(path, f"{BOX} {numbers}", f"category {words}", log)

@@ -61,7 +61,7 @@ def read_arrow(
 
 
 def _to_numpy(column: Any, width: int, name: str) -> Any:
-    """Return numbers [R, width] of a column, or its words or bytes [R]."""
+    """Return numbers [R, width] of a column, or words or bytes [R] for width 0."""
     from pyarrow import float64, list_
 
     if width > 1:
@@ -70,6 +70,7 @@ def _to_numpy(column: Any, width: int, name: str) -> Any:
     if not width:
         return values
     numbers = np.asarray(values, dtype=np.float64).reshape(-1, width)
+    # single numbers are times and ids, which may be larger
     if width > 1 and not (np.abs(numbers) <= LIMIT).all():
         raise ValueError(f"{name} has a number that is not finite, or beyond {LIMIT:g}")
     return numbers

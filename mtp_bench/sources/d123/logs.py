@@ -132,7 +132,7 @@ def log_tables(log: Path, rate_hz: float, reach_m: float) -> dict[str, Columns]:
 def _stride(log: Path, time: Floats, rate_hz: float) -> int:
     """Return the n for which every n-th frame of a log gives the rate.
 
-    ``time`` [F] us. Raises DataError if there is none.
+    ``time`` [F] us. Raises DataError for another rate.
     """
     if len(time) < 2:
         return 1
@@ -209,11 +209,11 @@ def _read_poses(path: Path, time: Floats) -> tuple[Floats, Bools, Floats]:
     yaw = np.unwrap(yaw_of(pose[:, 3:]))
     pose_state = np.column_stack([pose[:, :3] - origin, yaw])
     span_start = pose_time[last_pose] - MOTION_SPAN_US
-    first_pose = np.maximum(np.searchsorted(pose_time, span_start, "right") - 1, 0)
-    span_us = np.maximum(pose_time[last_pose] - pose_time[first_pose], 1.0)
+    earlier_pose = np.maximum(np.searchsorted(pose_time, span_start, "right") - 1, 0)
+    span_us = np.maximum(pose_time[last_pose] - pose_time[earlier_pose], 1.0)
     motion_share = np.where(age_us > ROUNDING_US, age_us, 0.0) / span_us
     ego = pose_state[last_pose] + motion_share[:, None] * (
-        pose_state[last_pose] - pose_state[first_pose]
+        pose_state[last_pose] - pose_state[earlier_pose]
     )
     ego[:, 3] = wrap_angle(ego[:, 3])
     return ego, has_pose, origin

@@ -102,9 +102,9 @@ def read_images(folder: Path, card: Card) -> tuple[CameraImage, ...]:
 
 
 def checked_scene(scene: Scene, card: Card) -> Scene:
-    """Return a `Scene` object for ``card``, whose classes its class ids index.
+    """Check a user's `Scene` object, and fit it to ``card``.
 
-    Raises DataError for impossible values.
+    Its class ids index the classes of the task. Raises DataError for impossible values.
     """
     where = f"scene {scene.name!r}"
     tables = scene_tables(scene, card.task.classes)

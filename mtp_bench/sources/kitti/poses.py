@@ -100,7 +100,9 @@ def integrated_poses(
 ) -> Poses:
     """Return poses from the integrated velocity and the attitude of the GPS/IMU unit.
 
-    ``velocity`` [F, 3] m/s east, north, up; ``attitude`` [F, 3] rad.
+    ``velocity`` [F, 3] m/s east, north, up; ``attitude`` [F, 3] rad; ``imu_to_camera``:
+    `read_imu_to_camera`.
+
     Differences of latitude and longitude jitter by centimetres from frame to frame: the
     unit's samples come every 10 ms and are not those of the images. The slow drift of
     the integral does not matter within a forecast.
@@ -149,14 +151,17 @@ def poses_from_imu(path: Floats, attitude: Floats, imu_to_camera: Floats) -> Pos
 
 
 def _from_first(rotation: Floats, position: Floats) -> Poses:
-    """Return poses in the level frame of the first one."""
+    """Return poses in the level frame of the first one.
+
+    ``rotation`` [F, 3, 3] and ``position`` [F, 3]: from the sensor to a level world.
+    """
     yaw = np.arctan2(rotation[0, 1, 0], rotation[0, 0, 0])
     cos = np.cos(yaw)
     sin = np.sin(yaw)
-    level_rotation = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    turn_back = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return Poses(
-        rotation=level_rotation @ rotation,
-        position=(position - position[0]) @ level_rotation.T,
+        rotation=turn_back @ rotation,
+        position=(position - position[0]) @ turn_back.T,
     )
 
 
@@ -165,6 +170,7 @@ def _rotations(attitude: Floats) -> Floats:
 
     A rotation turns the axes forward, left, up into east, north, up.
     """
+    # cosines and sines of roll, pitch, yaw
     cr, cp, cy = np.cos(attitude).T
     sr, sp, sy = np.sin(attitude).T
     rows = [

@@ -82,7 +82,7 @@ class _Map(msgspec.Struct):
 def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
     """Return the lanes near the path of the ego, in the global frame.
 
-    None if there is no map of its location. Raises DataError for a map or a table that
+    Empty without a map of its location. Raises DataError for a map or a table that
     is wrong.
     """
     root = DATASET.find(data, VERSIONS)

@@ -76,18 +76,16 @@ class People:
         files = files_of(card)
         root = DATASET.find(data, files[0])
         min_frames = card.task.past + card.task.future
+        # file and frame numbers of each scene
         self._scenes: dict[str, tuple[Path, Ints]] = {}
         for file in files:
             path = root / file
-            frame_number, _, _ = read_recording(path)
-            frame_numbers = np.unique(frame_number)
+            row_frame, _, _ = read_recording(path)
+            file_frames = np.unique(row_frame)
             # [:1] as the file may have no frames
-            scene_index = (frame_numbers - frame_numbers[:1]) // (
-                FRAME_STEP * SCENE_FRAMES
-            )
-            for scene_frames in np.split(
-                frame_numbers, np.flatnonzero(np.diff(scene_index)) + 1
-            ):
+            scene_index = (file_frames - file_frames[:1]) // (FRAME_STEP * SCENE_FRAMES)
+            scene_starts = np.flatnonzero(np.diff(scene_index)) + 1
+            for scene_frames in np.split(file_frames, scene_starts):
                 if len(scene_frames) >= min_frames:
                     self._scenes[f"{path.stem}-{scene_frames[0]:05d}"] = (
                         path,
@@ -105,11 +103,11 @@ class People:
 
         DataError names the file and line that is wrong.
         """
-        path, frame_numbers = self._scenes[name]
-        frame_number, person, place = read_recording(path)
-        is_shown = np.isin(frame_number, frame_numbers)
-        time = frame_numbers / FRAME_STEP / RATE_HZ
-        frame = np.searchsorted(frame_numbers, frame_number[is_shown])
+        path, scene_frames = self._scenes[name]
+        row_frame, person, place = read_recording(path)
+        is_shown = np.isin(row_frame, scene_frames)
+        time = scene_frames / FRAME_STEP / RATE_HZ
+        frame = np.searchsorted(scene_frames, row_frame[is_shown])
         truth = people_truth(
             frame, place[is_shown], person[is_shown], time, 1 / RATE_HZ
         )

@@ -130,22 +130,22 @@ def read_detections(path: Path, frame_numbers: Ints) -> Detections:
     line that is wrong.
     """
     table = read_table(path, "frame gx gy")
-    frame_number = table.whole_numbers("frame")
+    row_frame = table.whole_numbers("frame")
     cell = table.matrix("gx gy")
     is_outside = ((cell < 0) | (cell >= GRID)).any(axis=1)
     grid = f"is off the grid of {GRID[0]} x {GRID[1]}"
     table.refuse(
         is_outside, lambda row: f"cell {cell[row, 0]:g} {cell[row, 1]:g} {grid}"
     )
-    is_repeated = repeated(frame_number, *cell.T)
+    is_repeated = repeated(row_frame, *cell.T)
     table.refuse(is_repeated, "a second detection at the place of an earlier line")
     problem = "is not among the annotated test frames"
     expected = f"{frame_numbers[0]}, {frame_numbers[1]}, ..., {frame_numbers[-1]}"
     table.refuse(
-        ~np.isin(frame_number, frame_numbers),
-        lambda row: f"frame {frame_number[row]} {problem}, {expected}",
+        ~np.isin(row_frame, frame_numbers),
+        lambda row: f"frame {row_frame[row]} {problem}, {expected}",
     )
-    frame = np.searchsorted(frame_numbers, frame_number)
+    frame = np.searchsorted(frame_numbers, row_frame)
     score = np.ones(len(frame))  # the file has no scores
     return people_detections(frame, metres(cell), score, len(frame_numbers))
 
