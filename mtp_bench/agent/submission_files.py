@@ -213,6 +213,7 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         # [1:] leaves out the b of bytes
         shown = ascii(entry.path.encode(errors="surrogateescape"))[1:]
         raise SubmissionError(f"{shown}: its name is not UTF-8: rename it") from None
+    # "" for a regular file
     kind = file_kind(entry.stat(follow_symlinks=False).st_mode)
     if kind == "link":
         target = "folder" if Path(entry.path).is_dir() else "file"

@@ -122,8 +122,8 @@ def import_tracks(
     """Write the stored tracks of the scenes ``names``, a table for each scene.
 
     ``report_done`` gets the name of each written scene. Scenes without tracks are
-    skipped. Returns the numbers of scenes and of boxes. Raises DataError for wrong tracks, and
-    MtpBenchError if the folder is not empty; it then writes no file.
+    skipped. Returns the numbers of scenes and of boxes. Raises DataError for wrong
+    tracks, and MtpBenchError if the folder is not empty; it then writes no file.
     """
     scene_count = 0
     box_count = 0

@@ -57,8 +57,8 @@ class LogBoxes:
 def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
     """Read detections of a log within reach, without velocities.
 
-    They are sorted by frame, then in the order of the file. Raises DataError
-    for a cell that is wrong, and for a time at which the log has no sweep.
+    They are sorted by frame, then in the order of the file. Raises DataError for a cell
+    that is wrong, and for a time at which the log has no sweep.
     """
     boxes = read_boxes(path, sweeps, card, "score", log=sweeps.folder.name)
     is_used = boxes.within_reach
@@ -102,8 +102,8 @@ def read_boxes(
     """Read boxes with further columns ``numbers`` and ``words``.
 
     ``log``: read only its rows. Sweeps between frames, and classes outside the task,
-    are left out. Raises DataError as `read_feather`, and for an unknown
-    category or time.
+    are left out. Raises DataError as `read_feather`, and for an unknown category or
+    time.
     """
     table, stamp = read_feather(path, f"{BOX} {numbers}", f"category {words}", log)
     category_names = table["category"]

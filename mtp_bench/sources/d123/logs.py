@@ -52,8 +52,8 @@ def import_logs(
 
     ``source``: their folder. ``reach_m``: from the ego, within which objects are true.
     ``report_done`` gets the name of each written log. Returns the numbers of "logs", of
-    rows of "truth" and "ego", and of "lanes". Raises DataError for a log that
-    is wrong, and MtpBenchError if ``folder`` is not empty; it then writes no file.
+    rows of "truth" and "ego", and of "lanes". Raises DataError for a log that is wrong,
+    and MtpBenchError if ``folder`` is not empty; it then writes no file.
     """
     counts = Counter[str]()
     logs = _log_folders(source.expanduser().absolute())

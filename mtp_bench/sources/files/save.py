@@ -48,12 +48,11 @@ def save_scene(
 ) -> Path:
     """Write a scene as tables into a sub-folder, and return that.
 
-    It is a sub-folder of ``folder``, named as the scene.
-
-    ``classes``: names of its class ids, as ``task.classes`` of a card. Reading gives
-    equal numbers to the last bit, but ids of objects that have names are written as
-    these names and numbered anew when they are read. Raises DataError for a wrong
-    scene, and MtpBenchError if it cannot be written or would replace other files.
+    It is a sub-folder of ``folder``, named as the scene. ``classes``: names of its
+    class ids, as ``task.classes`` of a card. Reading gives equal numbers to the last
+    bit, but ids of objects that have names are written as these names and numbered anew
+    when they are read. Raises DataError for a wrong scene, and MtpBenchError if it
+    cannot be written or would replace other files.
     """
     require_known("form of a scene", form, FORMS)
     check_scene_name(scene.name)

@@ -58,8 +58,8 @@ def read_scene(folder: Path, card: Card) -> Scene:
     """Read the scene that the tables in ``folder`` hold.
 
     The name of the folder is that of the scene. Rows of classes outside the task are
-    skipped. Raises DataError that names the file,
-    the line and the column that is wrong.
+    skipped. Raises DataError that names the file, the line and the column that is
+    wrong.
     """
     _refuse_misspelt(folder)
     tables = _read_tables(folder, (*TABLES, "lanes"))

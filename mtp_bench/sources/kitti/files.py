@@ -71,14 +71,14 @@ def read_labels(path: Path) -> BoxRows:
     require_kinds(table)
     frame = table.whole_numbers("frame")
     object_id = table.whole_numbers("id")
-    boxed = table["type"] != "DontCare"
-    boxed_table = table.select(boxed)
+    is_boxed = table["type"] != "DontCare"
+    boxed_table = table.select(is_boxed)
     is_flat = (boxed_table.matrix("height width length") <= 0).any(axis=1)
     boxed_table.refuse(is_flat, "a box with a size that is not above 0")
     boxed_table.refuse_degrees("rotation_y")
-    boxed_table.refuse_second_box(frame[boxed], object_id[boxed])
+    boxed_table.refuse_second_box(frame[is_boxed], object_id[is_boxed])
     box = sensor_boxes(table.matrix(BOX_FIELDS))
-    box[~boxed] = np.nan
+    box[~is_boxed] = np.nan
     return BoxRows(table, frame, box)
 
 
@@ -88,8 +88,8 @@ def read_detections(folder: Path, name: str, kind: str, code: int) -> BoxRows:
     ``name``: the sequence. ``kind``: type in the labels, such as "Car"; ``code``:
     AB3DMOT's number of it. An empty file gives no rows. The file lies in a folder of
     its class, as AB3DMOT's, or holds all types in the result form of KITTI's benchmark.
-    Scores are raw logits. NaN and sizes that are not positive
-    are kept. DataError names the line that is wrong.
+    Scores are raw logits. NaN and sizes that are not positive are kept. DataError names
+    the line that is wrong.
     """
     if (folder / kind).is_dir():
         path = folder / kind / f"{name}.txt"
@@ -121,16 +121,18 @@ def require_kinds(table: RowTable) -> None:
 def read_odometry(path: Path) -> Floats:
     """Read the poses [F, 3, 4] of a camera, which turn and shift to the world.
 
-    The file has one row of 12 numbers per frame. The world has the camera axes of
-    frame 0.
+    The file has one row of 12 numbers per frame. The world has the camera axes of frame
+    0.
     """
     table = read_frames(path, ODOMETRY)
     pose = table.matrix(ODOMETRY).reshape(-1, 3, 4)
     rotation = pose[:, :, :3]
-    error = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+    rotation_error = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(
+        axis=(1, 2)
+    )
     is_mirrored = np.linalg.det(rotation) < 0
     table.refuse(
-        (error > ROUNDING) | is_mirrored,
+        (rotation_error > ROUNDING) | is_mirrored,
         "expected a rotation in the first three columns of a 3 x 4 matrix",
     )
     return pose

@@ -202,10 +202,10 @@ def read_sequence_info(path: Path) -> SequenceInfo:
 def read_rows(path: Path, length: int) -> RowTable:
     """Read the rows of `TRUTH` or `DETECTIONS` of a sequence.
 
-    Frames count from 1 to ``length``. The id of detections is -1, and their confidence is the score;
-    true people with confidence 0 are not to be evaluated. X, Y and Z are metres of the
-    foot point. An empty file gives no rows. DataError names the line that is wrong.
-    Sequences of the 2D benchmark have these names, but no ground coordinates.
+    Frames count from 1 to ``length``. The id of detections is -1, and their confidence
+    is the score; true people with confidence 0 are not to be evaluated. X, Y and Z are
+    metres of the foot point. An empty file gives no rows. DataError names the line that
+    is wrong. Sequences of the 2D benchmark have these names, but no ground coordinates.
     """
     table = read_table(path, COLUMNS, ",")
     frame = table.whole_numbers("frame")

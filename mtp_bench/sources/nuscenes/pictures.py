@@ -82,8 +82,8 @@ class _Map(msgspec.Struct):
 def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
     """Return the lanes near the path of the ego, in the global frame.
 
-    Empty without a map of its location. Raises DataError for a map or a table that
-    is wrong.
+    Empty without a map of its location. Raises DataError for a map or a table that is
+    wrong.
     """
     root = DATASET.find(data, VERSIONS)
     if not (root / EXPANSION).is_dir():
