@@ -12,7 +12,7 @@ from ..scoring import Hypotheses, box_pairs, hypotheses, match
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """A rollout, or the last frames of an episode, and what follows without truth."""
+    """A rollout, or the last frames of an episode, and what is derived without truth."""
 
     rollout: Rollout
     card: Card
@@ -49,6 +49,7 @@ class Answers:
             "center_distance",
             self.card.per_class(self.card.task.forecast_gate),
         )
+        # an object without a match, -1, takes the -1 at the end
         return np.append(chosen, -1)[match(pairs, len(rollout.object_box))]
 
     @property

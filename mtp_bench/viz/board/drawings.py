@@ -104,9 +104,7 @@ def nice_scale(low: float, high: float) -> Scale:
     power_of_ten = 10.0 ** math.floor(math.log10(min_step))
     nice_steps = [factor * power_of_ten for factor in (1.0, 2.0, 5.0, 10.0)]
     rounding = 1e-9
-    tick_step = next(
-        step for step in nice_steps if step >= min_step * (1 - rounding)
-    )
+    tick_step = next(step for step in nice_steps if step >= min_step * (1 - rounding))
     first_tick = math.ceil((scale_middle - half_span) / tick_step)
     last_tick = math.floor((scale_middle + half_span) / tick_step) + 1
     ticks = tuple(round(i * tick_step, 9) for i in range(first_tick, last_tick))
@@ -178,7 +176,7 @@ def _scene_errors(entry: Entry) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class CurveChart:
-    """Error of an entry over the false forecasts allowed, as a drawing in user units."""
+    """Error of an entry over the false forecasts allowed, drawn in user units."""
 
     curve: Sequence[Point]
     stp_curve: Sequence[Point]  # empty without one, and for STP itself
