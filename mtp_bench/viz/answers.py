@@ -12,7 +12,7 @@ from ..scoring import Hypotheses, box_pairs, hypotheses, match
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """A rollout, or the last frames of an episode, and what is derived without truth."""
+    """A rollout, or the last frames of an episode, and what follows from it alone."""
 
     rollout: Rollout
     card: Card

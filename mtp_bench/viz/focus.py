@@ -109,6 +109,10 @@ class Focus:
         )
 
     def _rows_by_frame(self, chosen: Bools, frame: Ints) -> Ints:
+        """Return the ``chosen`` row [F] of each frame, or -1.
+
+        ``chosen`` masks rows of a table, at most one of each ``frame``.
+        """
         rows = np.full(self.replay.frames, -1)
         rows[frame[chosen]] = np.flatnonzero(chosen)
         return rows

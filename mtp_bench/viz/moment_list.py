@@ -159,6 +159,10 @@ def _frame_at(replay: Replay, time_s: float, text: str) -> int:
 
 
 def _require_frame(replay: Replay, t: int, text: str) -> int:
+    """Return frame ``t``, which a user named ``text``.
+
+    Raises MtpBenchError if the scene ends before.
+    """
     if t >= replay.frames:
         raise MtpBenchError(
             f"{text}: scene {replay.scene.name} ends at frame {replay.frames - 1}, "

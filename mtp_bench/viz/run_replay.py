@@ -64,8 +64,9 @@ class Replay:
     detection_false: Bools  # [D] false positives, by the event gate
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
     truth_forecast: Ints  # [R] row of the forecast matched to each true box, or -1
-    worth: Floats  # [R, 2] minADE (m) and confidence of the forecast, or NaN
-    # [R, len(PART_NAMES)] m, of the error of each true box; NaN: not a target
+    # [R, 2] minADE (m) and confidence of the forecast of each true box, or NaN
+    worth: Floats
+    # [R, len(PART_NAMES)] m, parts of the error of each true box; NaN: not a target
     part: Floats
     mean_blame_m: float = 0.0  # m, mean blame of a target of the run
     unsplit: str = ""  # why the error of forecasts is "rest"; empty: it is split

@@ -66,6 +66,7 @@ def _declared_columns(section: str) -> list[Column]:
 
 
 def _driving_columns() -> list[Column]:
+    """Return the columns of drives, whose keys begin with "drive_"."""
     columns = []
     for column in columns_of(DrivingRow)[1:]:  # without that of the agent
         key = f"drive_{column.key.removeprefix('drive_')}"

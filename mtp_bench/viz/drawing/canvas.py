@@ -295,6 +295,7 @@ def text_size(text: str, size_px: int) -> tuple[float, float]:
 
 
 def _points(pixels: Floats) -> list[tuple[float, ...]]:
+    """Return ``pixels`` [n, 2] as points of the enlarged image."""
     return [tuple(point) for point in (pixels * FINER).tolist()]
 
 

@@ -176,6 +176,7 @@ class _CloseUp:
             self.marks.insert(0, mark)
 
     def _boxes(self, box: Floats, mark: Mark) -> None:
+        """Draw boxes [n, 7] in the style of ``mark``."""
         if mark.box is not None:
             self.canvas.boxes(box, mark.box)
         self._note(mark, box[:, :2])
@@ -284,4 +285,5 @@ class _CloseUp:
         return names
 
     def _name(self, box: Floats, text: str, role: str) -> Named:
+        """Return a name for the place of a box, off half its width."""
         return box[:2], text, role, 0.5 * float(box[5]) * self.canvas.scale

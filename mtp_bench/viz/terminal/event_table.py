@@ -145,6 +145,7 @@ def in_order(rows: Sequence[Listed], order: str) -> list[Listed]:
 
 
 def _cost(row: Listed) -> tuple[float, ...]:
+    """Return the sort key of "cost", see `in_order`."""
     event = row.incident
     if event.error is None:
         return -1.0, _confidence(row)
