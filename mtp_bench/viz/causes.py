@@ -111,10 +111,9 @@ def cause_text(cause: Cause) -> str:
 
 def cause_line(cause: Cause) -> str:
     """Return title, cost in metres and evidence of a cause."""
-    line = cause.title
-    if cause.cost_m is not None:
-        line += f", {cause.cost_m:.1f} m"
-    return f"{line}: {cause_text(cause)}".removesuffix(": ")
+    cost = "" if cause.cost_m is None else f", {cause.cost_m:.1f} m"
+    evidence = cause_text(cause)
+    return f"{cause.title}{cost}: {evidence}" if evidence else f"{cause.title}{cost}"
 
 
 def ranked_parts(

@@ -71,7 +71,7 @@ def moments(replay: Replay, below: bool = False) -> list[Moment]:
     threshold_m = replay.mean_blame_m
     if below and np.isfinite(cost).any():
         threshold_m = float(np.nanmean(cost))
-    # the margin: all of them where they cost the same
+    # a margin for rounding: frames that all cost the same are all bad
     is_bad = (cost > 0) & (cost >= threshold_m * (1 - 1e-9))
     found_moments = [_moment(replay, rows, cost) for rows in _spans(replay, is_bad)]
     return sorted(found_moments, key=lambda moment: -moment.cost)
@@ -82,7 +82,7 @@ def _spans(replay: Replay, is_bad: Bools) -> Iterator[Ints]:
     truth = replay.scene.truth
     identity = separated_truth(replay.scene, replay.card).object_id
     objects = history(truth.frame_of_rows, identity)
-    positions = np.flatnonzero(is_bad[objects.order])
+    positions = np.flatnonzero(is_bad[objects.order])  # by object, then by frame
     if not len(positions):
         return
     max_step = 1 + round(GAP_SECONDS * replay.card.task.rate)
