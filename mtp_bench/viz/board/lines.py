@@ -15,7 +15,7 @@ from ...scoring import SUBSET_NAMES, SUBSETS, PairedDifference, Subset
 from ...sources import package_of
 from ..terminal.tables import parts_text
 from .columns import COLUMN, PAGE, ROW_COLUMNS, best_text, optional_columns
-from .drawings import WIDTH, bar_of, curve_chart, scale_of, scene_chart
+from .drawings import WIDTH, Scale, bar_of, curve_chart, scale_of, scene_chart
 from .entries import Entry, empty_error, has_map, is_simulated
 
 _MAX_LETTERS = 120  # of a text in a row: the details show all of it
@@ -37,7 +37,6 @@ def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
     columns = _shown_columns(entries)
     scale = scale_of(entries)
     card_digests = {entry.record.env.card_digest for entry in entries}
-    ranked = [entry for entry in entries if entry.place is not None]
     board: dict[str, Any] = {
         "env": env_id,
         "name": short_name(env_id),
@@ -48,7 +47,7 @@ def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
         "drive": first_entry.driving is not None,
         "card_digests": sorted(card_digests - {""}),
         "split": record.env.split,
-        "ranked_count": len(ranked),
+        "ranked_count": sum(entry.place is not None for entry in entries),
         "first_row": first_entry.row,
         "empty_error": empty_error(entries),
         "answer": answer_of(compared),
@@ -57,8 +56,7 @@ def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
         "columns": columns,
         "groups": _groups(columns),
         "scale": scale,
-        # where a difference is 0, in user units
-        "zero_x": scale.x(0.0) if scale is not None else WIDTH / 2,
+        "zero_x": _zero_x(scale),
         "reference": reference,
     }
     best = {}
@@ -66,6 +64,11 @@ def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
         best[column.key] = best_text(column, entries)
     board["lines"] = [_line(entry, board, best) for entry in entries]
     return board
+
+
+def _zero_x(scale: Scale | None) -> float:
+    """Return where a difference of 0 is drawn, in user units."""
+    return WIDTH / 2 if scale is None else scale.x(0.0)
 
 
 def _shown_columns(entries: Sequence[Entry]) -> list[Column]:
