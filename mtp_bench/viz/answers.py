@@ -12,7 +12,7 @@ from ..scoring import Hypotheses, box_pairs, hypotheses, match
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """A rollout, or the last frames of an episode, with what needs no truth."""
+    """A rollout, or the last frames of an episode, and what follows from it alone."""
 
     rollout: Rollout
     card: Card
@@ -31,10 +31,10 @@ class Answers:
 
     @cached_property
     def object_track(self) -> Ints:
-        """Track [O] of the best hypothesis at each forecast object.
+        """Row [O] of the best hypothesis's track at each forecast object.
 
-        It is the nearest, -1 without one. It lies inside the forecast gate; the
-        matching is one-to-one. An action does not say which track a forecast belongs
+        It is -1 without a track. Objects and tracks are matched one-to-one by distance,
+        inside the forecast gate. An action does not say which track a forecast belongs
         to: this is only for names.
         """
         rollout = self.rollout
@@ -49,18 +49,20 @@ class Answers:
             "center_distance",
             self.card.per_class(self.card.task.forecast_gate),
         )
+        # an object without a match, -1, takes the -1 at the end
         return np.append(chosen, -1)[match(pairs, len(rollout.object_box))]
 
     @property
     def object_track_id(self) -> Ints:
-        """Id [O] of that track, -1 without one."""
+        """Id [O] of the track of `object_track`, -1 without one."""
         return np.append(self.rollout.track_id, -1)[self.object_track]
 
     @cached_property
     def earlier(self) -> Ints:
-        """Row [N, H] of each track in the frame before.
+        """Row [N, H] of each track in the frame before, by hypothesis.
 
-        It is -1 for a new track. It follows the lineage of each hypothesis.
+        The frame before is that of the hypothesis's parent. It is -1 for a new track,
+        and for one that the hypothesis does not hold.
         """
         rollout = self.rollout
         member = self.hypotheses.member
@@ -69,21 +71,22 @@ class Answers:
             rows = rollout.tracks.rows(t)
             past = rollout.tracks.rows(t - 1)
             same_id = rollout.track_id[rows][:, None] == rollout.track_id[past]
-            i, j = np.nonzero(same_id)
-            past_member = member[past][j][:, self.hypotheses.parent[t]]
-            pair, hypothesis = np.nonzero(member[rows][i] & past_member)
-            earlier[rows.start + i[pair], hypothesis] = past.start + j[pair]
+            now_index, past_index = np.nonzero(same_id)
+            in_parent = member[past][past_index][:, self.hypotheses.parent[t]]
+            pair, hypothesis = np.nonzero(member[rows][now_index] & in_parent)
+            past_rows = past.start + past_index[pair]
+            earlier[rows.start + now_index[pair], hypothesis] = past_rows
         return earlier
 
     def past(self, rows: Ints, hypothesis: int, frames: int) -> Ints:
-        """Return rows of tracks now and in the frames before.
+        """Return rows [n, frames + 1] of tracks, from now back in time.
 
-        Their shape is [n, frames + 1]. ``rows`` [n] are those of the tracks of a
-        hypothesis. A track that did not exist then repeats its first row.
+        ``rows`` [n]: those of tracks of ``hypothesis`` now. ``frames``: number of
+        frames to go back. A track that did not exist then repeats its first row.
         """
         frame = self.rollout.tracks.frame_of_rows
         past_rows = [rows]
-        lineage = np.full(len(rows), hypothesis)
+        lineage = np.full(len(rows), hypothesis)  # hypothesis of each row, back in time
         for _ in range(frames):
             row = past_rows[-1]
             row_before = self.earlier[row, lineage]

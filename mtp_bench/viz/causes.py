@@ -94,7 +94,7 @@ class Cause(NamedTuple):
     stage: str
     reason: str  # key of `TEMPLATES`
     values: Values  # columns of this reason; empty where nothing can be measured
-    cost_m: float | None  # share of the error; None: the event has no error
+    cost_m: float | None = None  # share of the error; None: the event has no error
 
     @property
     def title(self) -> str:
@@ -105,19 +105,15 @@ class Cause(NamedTuple):
 
 
 def cause_text(cause: Cause) -> str:
-    """Return the evidence of a cause in words.
-
-    It is empty where nothing can be measured.
-    """
+    """Return the evidence of a cause in words, empty if not measured."""
     return TEMPLATES[cause.reason].format(**cause.values) if cause.values else ""
 
 
 def cause_line(cause: Cause) -> str:
     """Return title, cost in metres and evidence of a cause."""
-    line = cause.title
-    if cause.cost_m is not None:
-        line += f", {cause.cost_m:.1f} m"
-    return f"{line}: {cause_text(cause)}".removesuffix(": ")
+    cost = "" if cause.cost_m is None else f", {cause.cost_m:.1f} m"
+    evidence = cause_text(cause)
+    return f"{cause.title}{cost}: {evidence}" if evidence else f"{cause.title}{cost}"
 
 
 def ranked_parts(
@@ -137,12 +133,12 @@ def ranked_parts(
     for name, cost_m in parts.items():
         totals_m[stages[name]] += cost_m
 
-    def gravity(name: str) -> tuple[bool, float, float]:
+    def sort_key(name: str) -> tuple[bool, float, float]:
         return name == BELOW_THRESHOLD, -totals_m[stages[name]], -parts[name]
 
     return [
         (stages[name], name, parts[name])
-        for name in sorted(parts, key=gravity)
+        for name in sorted(parts, key=sort_key)
         if parts[name] > 0 and totals_m[stages[name]] >= LEAST_SHOWN
     ]
 
@@ -155,7 +151,7 @@ def causes_of(focus: Focus) -> list[Cause]:
     at = focus.at
     if at.kind == "collision":
         evidence = collision_evidence(focus)
-        return [Cause(*evidence.cause, evidence._asdict(), None)]
+        return [Cause(*evidence.cause, evidence._asdict())]
     if at.kind == "spurious":
         return [_false_forecast(focus)]
     if not at.parts:
@@ -164,7 +160,7 @@ def causes_of(focus: Focus) -> list[Cause]:
     causes: list[Cause] = []
     is_sure = at.confidence is not None and at.confidence >= FIXED_CONFIDENCE
     for stage, part_name, cost_m in ranked_parts(at.parts, is_borrowed):
-        if causes and cost_m < LEAST_SHOWN:
+        if causes and cost_m < LEAST_SHOWN:  # the gravest is shown however small
             continue
         reason = part_name
         if is_borrowed and part_name in _OF_DETECTIONS:
@@ -180,7 +176,7 @@ def headline(focus: Focus) -> str:
     causes = causes_of(focus)
     if causes:
         return causes[0].title
-    if focus.at.object_id < 0:
+    if focus.at.object_id < 0:  # another run has a false forecast there
         return "no false forecast"
     return "not a target" if focus.at.parts is None else "no error"
 
@@ -189,7 +185,7 @@ def happened(focus: Focus) -> str:
     """Return name, time and event of a moment in one sentence."""
     at = focus.at
     name = at.name
-    event = at
+    event = at  # or the event of the object in the frame of a moment
     for other in focus.replay.events:
         is_same = (other.object_id, other.frame) == (at.object_id, at.frame)
         if at.kind == MOMENT and is_same:
@@ -209,6 +205,7 @@ def sentence(focus: Focus) -> str:
 
 
 def _event_values(focus: Focus, event: Incident) -> Values:
+    """Return the values that the texts of `HAPPENED` name."""
     old_track, new_track = (
         "no track" if track_id < 0 else focus.track_name(track_id)
         for track_id in (event.old_id, event.new_id)
@@ -234,10 +231,8 @@ def _event_values(focus: Focus, event: Incident) -> Values:
     return values
 
 
-# ---- evidence of the parts of an error
-
-
 def _forecast(focus: Focus) -> Values:
+    """Measure the ways of the nearest sample and of the object."""
     forecast = focus.forecast(focus.at.frame)
     future = focus.future(focus.at.frame)
     if forecast is None or not len(future):
@@ -252,7 +247,7 @@ def _forecast(focus: Focus) -> Values:
         way = places[-1] - places[0]
         turn = wrap_angle(np.arctan2(way[1], way[0]) - heading)
         values[f"{prefix}way_m"] = float(np.hypot(*way))
-        values[f"{prefix}turn_deg"] = round(float(np.degrees(turn))) + 0.0
+        values[f"{prefix}turn_deg"] = round(float(np.degrees(turn))) + 0.0  # not -0
     return values
 
 
@@ -268,12 +263,12 @@ def _history(focus: Focus) -> Values:
     if forecast is None or forecast.track_id < 0:
         return {}
     rate_hz = focus.replay.card.task.rate
-    frames = round(rate_hz)
-    age = len(trail(focus, forecast.track_id, t, t + 1)) - 1
-    values: Values = {"track_age_s": age / rate_hz}
+    second_frames = round(rate_hz)
+    age_frames = len(trail(focus, forecast.track_id, t, t + 1)) - 1
+    values: Values = {"track_age_s": age_frames / rate_hz}
     places = {
-        "speed_mps": trail(focus, forecast.track_id, t, frames + 1),
-        "true_speed_mps": focus.path(t, t - frames),
+        "speed_mps": trail(focus, forecast.track_id, t, second_frames + 1),
+        "true_speed_mps": focus.path(t, t - second_frames),
     }
     for name, path in places.items():
         steps = max(1, len(path) - 1)
@@ -282,22 +277,26 @@ def _history(focus: Focus) -> Values:
 
 
 def _association(focus: Focus) -> Values:
+    """Name the track of the forecast, its last object and its detection."""
     t = focus.at.frame
     forecast = focus.forecast(t)
     if forecast is None or forecast.track_id < 0:
         return {}
     detection_row = taken_detection(focus, forecast.track_id, t)
-    detection = "no detection"
-    if detection_row >= 0:
-        owner = focus.name_of(owner_of(focus, detection_row, t))
-        is_object = focus.replay.detected[detection_row] == focus.at.object_id
-        detection = f"the detection of {owner}" if owner else "a detection of no object"
-        if is_object:
-            detection = "its detection"
+    if detection_row < 0:
+        detection = "no detection"
+    elif focus.replay.detected[detection_row] == focus.at.object_id:
+        detection = "its detection"
+    elif owner := focus.name_of(owner_of(focus, detection_row, t)):
+        detection = f"the detection of {owner}"
+    else:
+        detection = "a detection of no object"
     track_rows = focus.until_gap(focus.track_rows(forecast.track_id), t - 1, 0)
     truth_rows = focus.truth_of_track[track_rows]  # the newest first
+    truth_rows = truth_rows[truth_rows >= 0]
     followed = "no object"
-    for row in truth_rows[truth_rows >= 0][:1]:
+    if len(truth_rows):
+        row = int(truth_rows[0])
         is_object = focus.replay.scene.truth.object_id[row] == focus.at.object_id
         followed = "it" if is_object else focus.name_of(row)
     return {
@@ -308,7 +307,7 @@ def _association(focus: Focus) -> Values:
 
 
 def _detection(focus: Focus) -> Values:
-    """Measure the detection of the object or its class."""
+    """Measure the detection of the object, or the nearest of its class."""
     row = object_detection(focus, focus.at.frame)
     if row < 0:
         return {}
@@ -375,16 +374,16 @@ _MEASURES: dict[str, Callable[[Focus], Values]] = {
 
 
 def _false_forecast(focus: Focus) -> Cause:
-    """Explain a false forecast, which uses up the budgets."""
+    """Return the cause of a false forecast, the first that applies."""
     t = focus.at.frame
     truth = focus.replay.scene.truth
-    mistaken = of_other_class(focus, t, truth)
+    mistaken_row = of_other_class(focus, t, truth)
     rows = truth.rows(t)
     same_class = truth.class_id[rows] == focus.at.class_id
-    doubled = nearest_box(truth.box, rows, same_class, focus.place(t), focus.gate_m)
+    second_row = nearest_box(truth.box, rows, same_class, focus.place(t), focus.gate_m)
     for stage, reason, row in (
-        ("detector", "mistaken class", mistaken),
-        ("tracker", "second forecast", doubled),
+        ("detector", "mistaken class", mistaken_row),
+        ("tracker", "second forecast", second_row),
     ):
         if row >= 0:
             values = {
@@ -392,9 +391,9 @@ def _false_forecast(focus: Focus) -> Cause:
                 "owner": focus.name_of(row),
                 "distance_m": distance_to(focus, truth.box[row]),
             }
-            return Cause(stage, reason, values, None)
+            return Cause(stage, reason, values)
     detection_row = taken_detection(focus, focus.at.new_id, t)
     if detection_row < 0:
-        return Cause("tracker", "no detection", {"track_id": focus.at.new_id}, None)
+        return Cause("tracker", "no detection", {"track_id": focus.at.new_id})
     score = float(focus.replay.scene.detections.score[detection_row])
-    return Cause("detector", "false detection", {"score": score}, None)
+    return Cause("detector", "false detection", {"score": score})

@@ -41,7 +41,7 @@ def gate(focus: Focus) -> Gate:
 
 
 def reach(focus: Focus) -> float:
-    """Return the distance within which boxes are at the object, m.
+    """Return the distance within which boxes count as at the object, m.
 
     It is the forecast gate, or the event gate if that is larger.
     """
@@ -60,8 +60,8 @@ def distance_to(focus: Focus, place: Floats) -> float:
 def trail(focus: Focus, track_id: int, t: int, frames: int) -> Floats:
     """Return places [n, 2] of a track until ``t``, now last.
 
-    They are those of the last ``frames`` frames. It is empty if the track is not output
-    at ``t``.
+    They are those of the last ``frames`` frames, up to a gap: none if the track is not
+    output at ``t``.
     """
     rows = focus.until_gap(focus.track_rows(track_id), t, t - frames + 1)[::-1]
     return focus.replay.rollout.track_box[rows, :2].astype(np.float64)
@@ -73,7 +73,7 @@ def expected(focus: Focus, track_id: int, t: int) -> Floats | None:
     Its last two boxes before go on at constant velocity. None for a track that was not
     there then, and after a hole in time.
     """
-    previous = trail(focus, track_id, t, 3)[:-1]
+    previous = trail(focus, track_id, t, 3)[:-1]  # from one alone it stands still
     return np.asarray(2 * previous[-1] - previous[0]) if len(previous) else None
 
 
@@ -147,7 +147,7 @@ def object_detection(focus: Focus, t: int) -> int:
     if not len(rows):
         return -1
     is_object = focus.replay.detected[rows] == focus.at.object_id
-    return int(rows[np.argmax(is_object)])
+    return int(rows[np.argmax(is_object)])  # the first, or the nearest without one
 
 
 def appeared(focus: Focus, t: int) -> int:
@@ -167,7 +167,7 @@ def last_detected(focus: Focus, t: int) -> int:
 
 
 def of_other_class(focus: Focus, t: int, table: Detections | Truth) -> int:
-    """Return the nearest box of another class, or -1.
+    """Return the row of the nearest box of another class, or -1.
 
     ``table``: the detections, or the true boxes.
     """
@@ -177,7 +177,7 @@ def of_other_class(focus: Focus, t: int, table: Detections | Truth) -> int:
 
 
 def owner_of(focus: Focus, detection_row: int, t: int) -> int:
-    """Return the other true box of a detection, or -1."""
+    """Return the row of the other object that a detection is of, or -1."""
     truth = focus.replay.scene.truth
     object_id = focus.replay.detected[detection_row]
     if object_id in (-1, focus.at.object_id):
@@ -190,13 +190,13 @@ def owner_of(focus: Focus, detection_row: int, t: int) -> int:
 def borrowed(replay: Replay) -> Bools:
     """Mask true boxes [R] with detections of other objects alone.
 
-    Detections within two gates count, and boxes whose error has a cause that a
-    detection explains.
+    Detections within two forecast gates count. Boxes are left out unless their error
+    has one of the parts `_WITH_DETECTION`.
     """
     truth = replay.scene.truth
     detections = replay.scene.detections
     gate_m = np.asarray(replay.card.per_class(replay.card.task.forecast_gate), float)
-    row, column, distance_m = near_pairs(
+    row, detection_row, distance_m = near_pairs(
         truth.frame_of_rows,
         truth.box[:, :2],
         detections.frame_of_rows,
@@ -204,7 +204,7 @@ def borrowed(replay: Replay) -> Bools:
         2 * float(gate_m.max()),
     )
     is_near = distance_m <= 2 * gate_m[truth.class_id[row]]
-    owner_id = replay.detected[column]
+    owner_id = replay.detected[detection_row]
     is_other = is_near & (owner_id >= 0) & (owner_id != truth.object_id[row])
     count = np.bincount(row[is_near], minlength=len(truth.box))
     of_others = np.bincount(row[is_other], minlength=len(truth.box))

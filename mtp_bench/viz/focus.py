@@ -19,8 +19,8 @@ def nearest_box(
 ) -> int:
     """Return the row of the candidate nearest to ``place`` [2], or -1.
 
-    Candidates are some of the ``rows`` of one frame. Those farther than ``radius_m``
-    are left out.
+    ``rows``: those of one frame, of which ``is_candidate`` masks some. Those farther
+    than ``radius_m`` are left out.
     """
     distance_m = np.hypot(*(box[rows, :2] - place).T)
     distance_m[~is_candidate] = np.inf
@@ -109,6 +109,10 @@ class Focus:
         )
 
     def _rows_by_frame(self, chosen: Bools, frame: Ints) -> Ints:
+        """Return the ``chosen`` row [F] of each frame, or -1.
+
+        ``chosen`` masks rows of a table, at most one of each ``frame``.
+        """
         rows = np.full(self.replay.frames, -1)
         rows[frame[chosen]] = np.flatnonzero(chosen)
         return rows
@@ -116,7 +120,8 @@ class Focus:
     def until_gap(self, rows: Ints, first_frame: int, last_frame: int) -> Ints:
         """Return the ``rows`` [F] of an interval up to a gap.
 
-        A gap is a row of -1 or a hole in time. The last frame may lie before the first.
+        A gap is a row of -1 or a hole in time. If the last frame lies before the first,
+        the rows go back in time.
         """
         frame_step = 1
         if last_frame < first_frame:
@@ -161,7 +166,7 @@ class Focus:
 
     @cached_property
     def shown(self) -> Bools:
-        """Tracks [N] of this hypothesis."""
+        """Mask [N] of the tracks of this hypothesis."""
         frame = self.replay.rollout.tracks.frame_of_rows
         member = self.replay.answers.hypotheses.member
         return member[np.arange(len(frame)), self.hypothesis[frame]]
@@ -174,17 +179,18 @@ class Focus:
 
     @cached_property
     def track_of_truth(self) -> Ints:
-        """Track [R] of each true box in this hypothesis, or -1."""
+        """Row [R] of the track of each true box in this hypothesis, or -1."""
         replay = self.replay
         frame = replay.scene.truth.frame_of_rows
         chosen = self.hypothesis[frame]
         matched = replay.matched[np.arange(len(frame)), chosen]
         is_best = chosen == replay.answers.hypotheses.best[frame]
+        # of the best hypothesis the scorer's own matching is known
         return np.where(is_best, replay.truth_track, matched)
 
     @cached_property
     def truth_of_track(self) -> Ints:
-        """True box [N + 1] of each track, -1 for row -1."""
+        """Row [N + 1] of the true box of each track, or -1, also for track row -1."""
         truth_rows = np.full(len(self.replay.rollout.track_id) + 1, -1)
         matched = np.flatnonzero(self.track_of_truth >= 0)
         truth_rows[self.track_of_truth[matched]] = matched
@@ -212,10 +218,7 @@ class Focus:
         return self.at.frame + 1 + int(followed[0]) if len(followed) else -1
 
     def other_object(self, track_id: int, t: int) -> int:
-        """Return the other true box that a track follows.
-
-        It is a row of frame ``t``, -1 without one.
-        """
+        """Return the row of another object that a track follows at ``t``, or -1."""
         truth_row = int(self.truth_of_track[self.track_rows(track_id)[t]])
         return -1 if truth_row == self.rows[t] else truth_row
 
@@ -240,9 +243,9 @@ class Focus:
     # ---- its forecasts
 
     def forecast(self, t: int) -> ObjectForecast | None:
-        """Return the forecast that the scorer matches to the object.
+        """Return the forecast that the scorer matches to the object at ``t``.
 
-        Without one it is that of the object's track then.
+        Without one it is that of the object's track then. None without either.
         """
         row = self._forecast_row(t)
         if row < 0:
@@ -269,6 +272,7 @@ class Focus:
         return ObjectForecast(t, track_id, start, samples, int(nearest))
 
     def _forecast_row(self, t: int) -> int:
+        """Return the row of the forecast of frame ``t``, or -1."""
         row = int(np.append(self.replay.truth_forecast, -1)[self.rows[t]])
         if row >= 0:
             return row

@@ -111,6 +111,7 @@ def counterpart(replay: Replay, at: Incident) -> Incident:
             at, kind=MOMENT, name="no event", row=-1, new_id=-1, confidence=None
         )
     track_id = int(replay.answers.object_track_id[row])
+    # the run of false forecasts that this one is part of
     incident = next(
         run
         for run in replay.incidents
@@ -135,8 +136,8 @@ def focuses_of(replays: Sequence[Replay], at: Incident) -> list[Focus]:
 
 def frames_around(scene: Scene, t: int) -> range:
     """Return the frames within `AROUND_SECONDS` of frame ``t``."""
-    offset_m = np.abs(scene.time - scene.time[t])
-    frames = np.flatnonzero(offset_m <= AROUND_SECONDS + 1e-6)
+    offset_s = np.abs(scene.time - scene.time[t])
+    frames = np.flatnonzero(offset_s <= AROUND_SECONDS + 1e-6)  # rounding
     return range(int(frames[0]), int(frames[-1]) + 1)
 
 
@@ -148,26 +149,27 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
     rollout = replay.rollout
     frames_back = round(TRAIL_SECONDS * replay.card.task.rate)
     tracks = tuple(_tracks(focus, t, frames_back))
-    track_rows = _rows([focus.track_rows(track.track_id)[t] for track in tracks])
-    object_rows = _rows([focus.rows[t]])
+    track_rows = _existing_rows(
+        [focus.track_rows(track.track_id)[t] for track in tracks]
+    )
+    object_rows = _existing_rows([focus.rows[t]])
     shown_detections = [track.detection for track in tracks]
     if len(object_rows):
         shown_detections.append(of_other_class(focus, t, detections))
     shown_detections += near_detections(focus, t)[:MAX_DETECTIONS].tolist()
-    detection_rows = np.unique(_rows(shown_detections))
+    detection_rows = np.unique(_existing_rows(shown_detections))
     owners = [owner_of(focus, row, t) for row in detection_rows.tolist()]
     followed = [focus.other_object(track.track_id, t) for track in tracks]
     neighbour = _nearest_other(focus, t)
-    other_rows = np.unique(_rows([*followed, neighbour, *owners]))
-    hidden = rollout.tracks.start[t] + np.flatnonzero(
-        ~focus.shown[rollout.tracks.rows(t)]
-    )
+    other_rows = np.unique(_existing_rows([*followed, neighbour, *owners]))
+    is_hidden = ~focus.shown[rollout.tracks.rows(t)]  # in other hypotheses
+    hidden_rows = rollout.tracks.start[t] + np.flatnonzero(is_hidden)
     texts = [
         _detection_text(focus, row, owner)
         for row, owner in zip(detection_rows.tolist(), owners, strict=True)
     ]
     dim_truth = _without(truth.rows(t), object_rows, other_rows)
-    dim_track = _without(rollout.tracks.rows(t), hidden, track_rows)
+    dim_track = _without(rollout.tracks.rows(t), hidden_rows, track_rows)
     dim_detection = _without(detections.rows(t), detection_rows)
     return FocusFrame(
         frame=t,
@@ -204,7 +206,7 @@ def _tracks(focus: Focus, t: int, frames_back: int) -> Iterator[ShownTrack]:
 
 
 def _nearest_other(focus: Focus, t: int) -> int:
-    """Return the nearest other true object, or -1."""
+    """Return the row of the nearest other true object, or -1."""
     truth = focus.replay.scene.truth
     rows = truth.rows(t)
     is_other = np.arange(rows.start, rows.stop) != focus.rows[t]
@@ -221,21 +223,21 @@ def _detection_text(focus: Focus, row: int, owner: int) -> str:
     return f"{text}, of {focus.name_of(owner)}" if owner >= 0 else text
 
 
-def _rows(rows: Iterable[int]) -> Ints:
+def _existing_rows(rows: Iterable[int]) -> Ints:
     """Return the rows without -1."""
     return np.array([row for row in rows if row >= 0], dtype=np.int64)
 
 
-def _without(rows: slice, *shown_rows: Ints) -> Ints:
-    """Return the rows of a frame that are not shown otherwise."""
-    return np.setdiff1d(np.arange(rows.start, rows.stop), np.concatenate(shown_rows))
+def _without(rows: slice, *left_out: Ints) -> Ints:
+    """Return the rows of a frame without those ``left_out``."""
+    return np.setdiff1d(np.arange(rows.start, rows.stop), np.concatenate(left_out))
 
 
 # ---- the window
 
 
 def length_of(focus: Focus) -> float:
-    """Return the length of the object or else its track, m."""
+    """Return the length of the object, else of its track, else 2 m."""
     t = focus.at.frame
     replay = focus.replay
     if focus.rows[t] >= 0:
@@ -247,11 +249,12 @@ def length_of(focus: Focus) -> float:
 def turn_of(focus: Focus) -> float:
     """Return the direction of the object's way, rad.
 
-    It is 0 for a false forecast, else that of its future, or its heading if it stands.
+    It is `Focus.facing` if that is stated, and 0 for a false forecast. Else it is that
+    of the object's future, or its heading if it stands.
     """
-    row = focus.rows[focus.at.frame]
     if focus.facing is not None:
         return focus.facing
+    row = focus.rows[focus.at.frame]
     if row < 0:
         return 0.0
     future = focus.future(focus.at.frame)
@@ -272,20 +275,25 @@ def window_of(
     """
     turn = turn_of(focus)
     shown = compared or (focus,)
-    offsets_m = [_things(run, is_close) - run.place(run.at.frame) for run in shown]
+    offsets_m = [
+        _places_to_show(run, is_close) - run.place(run.at.frame) for run in shown
+    ]
     offset_m = MARGIN * rotate(np.concatenate(offsets_m), -turn)
     low = offset_m.min(axis=0)
     high = offset_m.max(axis=0)
+    # the window holds both ends, of which the far one is at most 1 + OFF_CENTER halves
+    # from the object
     half = np.maximum((high - low) / 2, np.maximum(high, -low) / (1 + OFF_CENTER))
     smallest = 1.5 + 1.2 * max(map(length_of, shown))
-    half = np.clip(half, smallest, max(smallest, CLOSE_M) if is_close else LARGEST_M)
+    largest = max(smallest, CLOSE_M) if is_close else LARGEST_M
+    half = np.clip(half, smallest, largest)
     offset = np.clip((low + high) / 2, -OFF_CENTER * half, OFF_CENTER * half)
     x, y = (focus.place(t) + rotate(offset, turn)).tolist()
     return Window(x, y, float(2 * half[0]), float(2 * half[1]), turn)
 
 
-def _things(focus: Focus, is_close: bool) -> Floats:
-    """Return places [n, 2] that the picture has to show."""
+def _places_to_show(focus: Focus, is_close: bool) -> Floats:
+    """Return places [n, 2] that the picture has to show at the event."""
     t = focus.at.frame
     shown = frame_of(focus, t)
     boxes = [*shown.object_box, *shown.other_boxes, *shown.detection_box]

@@ -56,24 +56,22 @@ def costs(part: Floats, below: bool = False) -> Floats:
 
     They are the blame, or with ``below`` the part below threshold.
     """
-    return (
-        part[..., list(PART_NAMES.values()).index(BELOW_THRESHOLD)]
-        if below
-        else blame(part)
-    )
+    if below:
+        return part[..., list(PART_NAMES.values()).index(BELOW_THRESHOLD)]
+    return blame(part)
 
 
 def moments(replay: Replay, below: bool = False) -> list[Moment]:
     """List the moments of a run by falling cost.
 
     A frame is bad if its cost is at least the mean of the run. ``below``: the cost is
-    the part below threshold, instead of all others.
+    the part below threshold, instead of the blame, which has all others.
     """
     cost = costs(replay.part, below)
     threshold_m = replay.mean_blame_m
     if below and np.isfinite(cost).any():
         threshold_m = float(np.nanmean(cost))
-    # the margin: all of them where they cost the same
+    # a margin for rounding: frames that all cost the same are all bad
     is_bad = (cost > 0) & (cost >= threshold_m * (1 - 1e-9))
     found_moments = [_moment(replay, rows, cost) for rows in _spans(replay, is_bad)]
     return sorted(found_moments, key=lambda moment: -moment.cost)
@@ -84,18 +82,19 @@ def _spans(replay: Replay, is_bad: Bools) -> Iterator[Ints]:
     truth = replay.scene.truth
     identity = separated_truth(replay.scene, replay.card).object_id
     objects = history(truth.frame_of_rows, identity)
-    positions = np.flatnonzero(is_bad[objects.order])
+    positions = np.flatnonzero(is_bad[objects.order])  # by object, then by frame
     if not len(positions):
         return
     max_step = 1 + round(GAP_SECONDS * replay.card.task.rate)
     other_object = np.diff(objects.identity[positions]) != 0
     is_gap = np.diff(objects.frame[positions]) > max_step
     for span in np.split(positions, np.flatnonzero(other_object | is_gap) + 1):
-        rows = objects.order[span[0] : span[-1] + 1]
+        rows = objects.order[span[0] : span[-1] + 1]  # with short gaps inside
         yield rows[np.isfinite(replay.part[rows, 0])]
 
 
 def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
+    """Return the moment of the targets ``rows`` [n], with ``cost`` [R], m."""
     frame = replay.scene.truth.frame_of_rows
     part = replay.part[rows]
     parts = named_parts(part.mean(axis=0))
@@ -105,9 +104,9 @@ def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
     frame_cause = names[
         np.where(names == BELOW_THRESHOLD, -np.inf, part).argmax(axis=1)
     ]
-    worst_row = int(
-        rows[np.lexsort((-cost[rows].round(3), frame_cause != cause_name))[0]]
-    )
+    # the frames of the moment's cause first, each by falling cost
+    order = np.lexsort((-cost[rows].round(3), frame_cause != cause_name))
+    worst_row = int(rows[order[0]])
     cause_part = part[:, names == cause_name].ravel()
     borrowed_part = cause_part[borrowed(replay)[rows]]
     place = replay.scene.truth.box[worst_row, :2]
@@ -146,18 +145,24 @@ def find_incident(replay: Replay, text: str) -> Incident:
     for moment in moments(replay):
         if moment.at.row in rows:
             return moment.at
+    # an object without a moment: its costliest frame, targets before others
     cost = np.nan_to_num(costs(replay.part)[rows], nan=-1.0)
     return replay.moment(int(rows[np.argmax(cost)]))
 
 
 def _frame_at(replay: Replay, time_s: float, text: str) -> int:
+    """Return the frame nearest to a time, at most a second after the last."""
     time = replay.scene.time - replay.scene.time[0]
     if time_s > time[-1] + 1.0:
-        _require_frame(replay, replay.frames, text)
+        _require_frame(replay, replay.frames, text)  # raises the error
     return int(np.argmin(np.abs(time - time_s)))
 
 
 def _require_frame(replay: Replay, t: int, text: str) -> int:
+    """Return frame ``t``, which a user named ``text``.
+
+    Raises MtpBenchError if the scene ends before.
+    """
     if t >= replay.frames:
         raise MtpBenchError(
             f"{text}: scene {replay.scene.name} ends at frame {replay.frames - 1}, "
@@ -194,7 +199,7 @@ def _rows_of(replay: Replay, name: str) -> Ints:
     object_ids, first_rows = np.unique(scene.truth.object_id, return_index=True)
     names = {number: scene.name_of(number) for number in object_ids.tolist()}
     numbers = _named_objects(names, name)
-    if len(numbers) != 1:
+    if len(numbers) != 1:  # the class may come before
         noun, _, object_word = name.rpartition(" ")
         class_ids = scene.truth.class_id[first_rows].tolist()
         classes = [replay.card.task.classes[class_id] for class_id in class_ids]

@@ -36,7 +36,10 @@ def require_own_folder(folder: Path, mark: str, writer: str) -> None:
 
 
 def source_of(text: str) -> str:
-    """Name a style or script in a content security policy."""
+    """Return the digest that allows a text in a content security policy.
+
+    ``text``: a style or script.
+    """
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
     return f"'sha256-{digest}'"
 

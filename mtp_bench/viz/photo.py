@@ -42,13 +42,16 @@ def photo_of(focus: Focus) -> Photo | None:
     None if no camera sees it.
     """
     boxes = _event_boxes(focus)
+    if not boxes:
+        return None
     best = None
     best_area = 0.0
-    for image in focus.replay.images if boxes else ():
+    for image in focus.replay.images:
         if image.frame != focus.at.frame:
             continue
         edges = [(role, projected(image.projection, box)) for role, box in boxes]
-        points = np.clip(edges[0][1].reshape(-1, 2), 0, image.size)
+        _, object_edges = edges[0]
+        points = np.clip(object_edges.reshape(-1, 2), 0, image.size)
         if not len(points):
             continue
         low = points.min(axis=0)
@@ -84,9 +87,10 @@ def projected(projection: Floats, box: Floats) -> Floats:
     # [12, 2, 3] pixels times metres, metres
     ends = (np.column_stack([corners, np.ones(8)]) @ projection.T)[EDGES]
     ends = ends[ends[..., 2].max(axis=1) > CLOSE_M]
+    # ends that are too close move along their edges to the depth CLOSE_M
     missing_m = np.maximum(CLOSE_M - ends[..., 2:], 0.0)  # [n, 2, 1]
     way = ends[:, ::-1] - ends
-    depth_m = np.where(missing_m > 0, way[..., 2:], 1.0)
+    depth_m = np.where(missing_m > 0, way[..., 2:], 1.0)  # 1: of ends that stay
     ends = ends + missing_m / depth_m * way
     return np.asarray(ends[..., :2] / ends[..., 2:])
 
@@ -127,12 +131,14 @@ def photo_row(photo: Photo, width_px: int) -> Image.Image:
 def _draw_part(
     photo: Photo, picture: Image.Image, size_px: tuple[int, int], radius_px: float
 ) -> Image.Image:
-    """Draw the ``picture`` of a photo with its boxes.
+    """Draw the ``picture`` of a photo with its boxes, in ``size_px`` pixels.
 
-    It shows at most ``radius_px`` pixels of it around the event.
+    It shows at most ``radius_px`` pixels of the picture on each side of the object,
+    more along the longer side.
     """
     image_size = np.array(picture.size, dtype=np.float64)
     half = np.minimum(radius_px * np.array(size_px) / min(size_px), image_size / 2)
+    # beside an edge of the picture the part is moved inside
     low = np.clip(photo.middle, half, image_size - half) - half
     scale = float(min(np.array(size_px) / (2 * half)))
     inner = np.maximum(1, np.rint(2 * half * scale)).astype(int)

@@ -11,7 +11,8 @@ from .focus import Focus, nearest_box
 from .run_replay import Replay
 
 BEFORE_SECONDS = 3.0  # before a collision, in which outputs are counted
-MIN_SHARE = 0.5  # of frames, and confidence, below which something was missing
+# of frames with an output, and mean confidence, below which a stage failed
+MIN_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,7 @@ def plan_at(replay: Replay, t: int) -> ShownPlan | None:
     if drive is None or t >= len(drive.plan):
         return None
     rate_hz = replay.card.task.rate
+    # the traffic has RATE steps per second, of which each frame has several
     acceleration = float(drive.acceleration[t * round(RATE / rate_hz)])
     # [T] m/s, means of the steps
     speed = np.hypot(*np.diff(drive.plan[t], axis=0).T) * rate_hz
@@ -83,9 +85,9 @@ def collision_evidence(focus: Focus) -> CollisionEvidence:
     object_id = focus.at.object_id
     first = max(0, t - round(BEFORE_SECONDS * replay.card.task.rate))
     frames = first + np.flatnonzero(focus.rows[first:t] >= 0)
-    if not len(frames):
+    if not len(frames):  # the object has just appeared
         frames = np.array([t])
-    detected = replay.scene.detections.frame_of_rows[replay.detected == object_id]
+    detected_in = replay.scene.detections.frame_of_rows[replay.detected == object_id]
     switch_s = np.nan
     for event in replay.events:
         if (event.kind, event.object_id) == ("ids", object_id) and event.frame >= first:
@@ -98,7 +100,7 @@ def collision_evidence(focus: Focus) -> CollisionEvidence:
     error_m, confidence = means
     return CollisionEvidence(
         frames=len(frames),
-        detected_frames=int(np.isin(frames, detected).sum()),
+        detected_frames=int(np.isin(frames, detected_in).sum()),
         forecast_frames=len(forecasts),
         forecast_error_m=error_m,
         confidence=confidence,
@@ -108,11 +110,10 @@ def collision_evidence(focus: Focus) -> CollisionEvidence:
 
 
 def _forecast_then(focus: Focus, frame: int) -> tuple[float, float]:
-    """Return error at the collision, m, and confidence.
+    """Return the error of a forecast at the collision, m, and its confidence.
 
-    They are those of the forecast of ``frame``. Both are NaN without a forecast. It is
-    the one that begins nearest to the object inside its gate: the scorer matches no
-    forecast this late.
+    It is the forecast made in ``frame`` that begins nearest to the object, inside its
+    gate: the scorer matches no forecast this late. Both are NaN without a forecast.
     """
     rollout = focus.replay.rollout
     rows = rollout.objects.rows(frame)

@@ -9,7 +9,7 @@ from ..running import OpenedRun, RunOptions, run_parts
 from ..scoring import find_targets
 from .run_replay import Replay, replay
 
-_SERIAL_SCENES = 4  # are scored before other processes have started
+_SERIAL_SCENES = 4  # so few are scored before other processes have started
 
 
 class PlayedRun:
@@ -27,17 +27,18 @@ class PlayedRun:
     ) -> Replay:
         """Replay one rollout.
 
-        ``scene``: with a road. ``agent``: in place of its name. Causes of other data
-        are found again.
+        ``scene``: its scene with a road, None: as stored. ``agent``: name to show in
+        place of that of the run.
         """
         card = self.opened.card
         name = rollout.scene
-        content = self.opened.scene(name) if scene is None else scene
-        distance = find_targets(content, card).distance
+        scene = self.opened.scene(name) if scene is None else scene
+        distance = find_targets(scene, card).distance
         if not np.array_equal(self.parts[name].distance, distance):
+            # the causes are of other data
             self.parts = run_parts(self.opened, self._options, again=True)
         agent = agent or self.opened.run.info.agent
-        return replay(content, rollout, card, agent, self.parts[name])
+        return replay(scene, rollout, card, agent, self.parts[name])
 
 
 def replays(

@@ -59,15 +59,14 @@ class Replay:
 
     scene: Scene
     answers: Answers
-    truth_track: (
-        Ints  # [R] track of the best hypothesis matched to each true box, or -1
-    )
+    truth_track: Ints  # [R] row of the best hypothesis's track of each true box, or -1
     track_false: Bools  # [N] in the best hypothesis, and of no true object
     detection_false: Bools  # [D] false positives, by the event gate
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
-    truth_forecast: Ints  # [R] forecast object matched to each true box, or -1
-    worth: Floats  # [R, 2] minADE (m) and confidence of the forecast, or NaN
-    # [R, len(PART_NAMES)] m, of the error of each true box; NaN: not a target
+    truth_forecast: Ints  # [R] row of the forecast matched to each true box, or -1
+    # [R, 2] minADE (m) and confidence of the forecast of each true box, or NaN
+    worth: Floats
+    # [R, len(PART_NAMES)] m, parts of the error of each true box; NaN: not a target
     part: Floats
     mean_blame_m: float = 0.0  # m, mean blame of a target of the run
     unsplit: str = ""  # why the error of forecasts is "rest"; empty: it is split
@@ -80,21 +79,22 @@ class Replay:
 
     @classmethod
     def of_episode(cls, episode: LiveEpisode, back: int) -> "Replay":
-        """Return the last ``back`` + 1 frames without judgement."""
+        """Return the last ``back`` + 1 frames of an episode, without judgement."""
         first = max(0, episode.frame - back)
         scene = episode.scene
         rollout = episode.rollout(first)
-        no_matches = np.zeros(len(scene.truth.box), dtype=np.int64)
+        # 0, not -1: boxes that are not compared are not drawn as missed
+        unjudged = np.zeros(len(scene.truth.box), dtype=np.int64)
         return cls(
             scene=scene,
             answers=Answers(rollout, episode.card),
-            truth_track=no_matches,
+            truth_track=unjudged,
             track_false=np.zeros(len(rollout.track_id), dtype=bool),
             detection_false=np.zeros(len(scene.detections.box), dtype=bool),
             forecast_false=np.zeros(len(rollout.object_box), dtype=bool),
-            truth_forecast=no_matches,
-            worth=np.full((len(no_matches), 2), np.nan),
-            part=np.full((len(no_matches), len(PART_NAMES)), np.nan),
+            truth_forecast=unjudged,
+            worth=np.full((len(unjudged), 2), np.nan),
+            part=np.full((len(unjudged), len(PART_NAMES)), np.nan),
             first=first,
             judged=False,
         )
@@ -124,7 +124,7 @@ class Replay:
 
     @cached_property
     def matched(self) -> NDArray[np.intp]:
-        """Track [R, H] of each hypothesis matched to each true box.
+        """Row [R, H] of the track of each true box, by hypothesis.
 
         It is -1 without one and for neutral boxes.
         """
@@ -133,9 +133,9 @@ class Replay:
 
     @cached_property
     def detected(self) -> Ints:
-        """True object [D] of each detection, or -1.
+        """Id [D] of the true object of each detection, or -1.
 
-        It lies inside the forecast gate. The matching is one-to-one.
+        Both are matched one-to-one, inside the forecast gate.
         """
         table = self.scene.detections
         return true_ids(
@@ -153,8 +153,8 @@ class Replay:
         Raises UnknownNameError without it.
         """
         incidents = {incident.name: incident for incident in self.incidents}
-        what = f"event of scene {self.scene.name}"
-        require_known(what, name, incidents, "`mtp-bench events` lists them")
+        kind = f"event of scene {self.scene.name}"
+        require_known(kind, name, incidents, "`mtp-bench events` lists them")
         return incidents[name]
 
     @cached_property
@@ -222,8 +222,8 @@ def replay(
 ) -> Replay:
     """Return the run of a scene with its judgement.
 
-    ``parts``: of the errors of its targets, in their order; None: of their plain
-    errors, without references. Raises RolloutError for a rollout of another scene or
+    ``parts``: those of the errors of its targets, in their order. If None, those of
+    forecasts are not split. Raises RolloutError for a rollout of another scene or
     another number of frames or classes.
     """
     check_rollout(scene, rollout, card)

@@ -34,7 +34,7 @@ def _value_at(path: str, entry: Entry) -> Value:
 
 
 def _row_value(column: Column, subset: Subset, entry: Entry) -> Value:
-    """Return the value of a row.
+    """Return the value of ``column`` in an entry's row of ``subset``.
 
     None for drives and for subsets without results.
     """
@@ -44,7 +44,7 @@ def _row_value(column: Column, subset: Subset, entry: Entry) -> Value:
 
 
 def _row_column(column: Column, subset: Subset = "all", **fields: Any) -> Column:
-    """Return a column of report rows as one of entries."""
+    """Convert a column of report rows to one of entries, with other ``fields``."""
     return replace(column, read=partial(_row_value, column, subset), **fields)
 
 
@@ -66,8 +66,9 @@ def _declared_columns(section: str) -> list[Column]:
 
 
 def _driving_columns() -> list[Column]:
+    """Return the columns of drives, whose keys begin with "drive_"."""
     columns = []
-    for column in columns_of(DrivingRow)[1:]:
+    for column in columns_of(DrivingRow)[1:]:  # without that of the agent
         key = f"drive_{column.key.removeprefix('drive_')}"
         reader = partial(_value_at, f"driving.{column.key}")
         columns.append(replace(column, key=key, optional=True, read=reader))
@@ -85,9 +86,9 @@ COLUMN = {column.key: column for column in _ON_PAGE}
 def optional_columns(entries: Collection[Entry]) -> list[Column]:
     """Return the optional columns that the scorer declares for rows."""
     row_type: type[Row] = Row
-    for entry in entries:
-        row_type = type(entry.row)
-        break
+    first_entry = next(iter(entries), None)  # all have rows of one type
+    if first_entry is not None:
+        row_type = type(first_entry.row)
     return [column for column in columns_of(row_type) if column.optional]
 
 
@@ -95,7 +96,7 @@ def board_table(entries: Sequence[Entry], name: str) -> Table:
     """Return every number of the entries, for other programs.
 
     The numbers are rounded as records are. An optional number that no entry has is left
-    out: records are older than a new metric.
+    out, as that of a metric newer than all records.
     """
     row_columns = map(_row_column, optional_columns(entries))
     columns = []

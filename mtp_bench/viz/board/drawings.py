@@ -13,7 +13,7 @@ from ...core import Floats
 from ...scoring import PairedDifference, Point
 from .entries import Entry
 
-# user units
+# in SVG user units
 WIDTH = 150.0  # of a drawing of an interval
 BAR_WIDTH = 120.0  # of the longest bar of a scene
 PAD = 9.0  # left and right of the scale
@@ -21,7 +21,8 @@ MAX_TICKS = 5
 MAX_SCENES = 40  # of an entry
 _MAX_DISTANCE = 3.0  # of a value from 0, in medians
 _MARGIN = 0.04  # of a scale beyond its values, on each side
-_MAX_POINTS = 50
+_MAX_POINTS = 50  # of a curve
+_EDGE = 1.0  # user units at the end of an axis, for half the width of a line
 # axes of curves where false forecasts are known, and where they are not
 _KNOWN_AXIS = "false forecasts allowed per target"
 _KNOWN_TICKS = (0.0, 0.2, 0.5, 1.0, 2.0, 5.0)
@@ -46,7 +47,7 @@ class Scale:
         return (inside - self.low) / (self.high - self.low)
 
     def x(self, value: float) -> float:
-        """Return the horizontal place of a value."""
+        """Return the horizontal place of a value, in user units."""
         return round(PAD + self.share(value) * (WIDTH - 2 * PAD), 1)
 
 
@@ -73,10 +74,10 @@ def scale_of(entries: Sequence[Entry]) -> Scale | None:
 def bar_of(
     scale: Scale | None, difference: PairedDifference | None
 ) -> dict[str, float] | None:
-    """Return the bar of a difference and its interval.
+    """Place a difference and its interval on a scale, in user units.
 
-    It is a point without an interval. Arrows show that it goes on below or above the
-    scale.
+    "below" and "above" are True where the interval goes on beyond the scale. Without
+    an interval both ends are the difference.
     """
     if scale is None or difference is None:
         return None
@@ -95,15 +96,15 @@ def nice_scale(low: float, high: float) -> Scale:
 
     It has at least one tick, and few round ones.
     """
+    # equal values need a span as well
     value_span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
     scale_middle = (low + high) / 2
     half_span = value_span * (0.5 + _MARGIN)
     min_step = value_span / (MAX_TICKS - 1)
     power_of_ten = 10.0 ** math.floor(math.log10(min_step))
     nice_steps = [factor * power_of_ten for factor in (1.0, 2.0, 5.0, 10.0)]
-    tick_step = next(
-        tick_step for tick_step in nice_steps if tick_step >= min_step * (1 - 1e-9)
-    )
+    rounding = 1e-9
+    tick_step = next(step for step in nice_steps if step >= min_step * (1 - rounding))
     first_tick = math.ceil((scale_middle - half_span) / tick_step)
     last_tick = math.floor((scale_middle + half_span) / tick_step) + 1
     ticks = tuple(round(i * tick_step, 9) for i in range(first_tick, last_tick))
@@ -111,14 +112,15 @@ def nice_scale(low: float, high: float) -> Scale:
 
 
 def _limits(difference: PairedDifference) -> tuple[float, float]:
+    """Return the interval of a difference, without one the difference twice."""
     return difference.interval or (difference.mean, difference.mean)
 
 
 def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
     """Return bars of scenes, with a mark at the error of ``reference``.
 
-    Of many scenes those MAX_SCENES with the largest sums of errors, of equal ones the
-    first; in the order of the record.
+    At most MAX_SCENES are shown, those with the largest sums of errors, in the order of
+    the record.
     """
     error_sums, target_counts = _scene_sums(entry)
     scene_errors = _scene_errors(entry)
@@ -130,6 +132,7 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
     largest_error = max(
         [*scene_errors.values(), *reference_errors.values()], default=0.0
     )
+    # bars without errors have no width
     per_metre = BAR_WIDTH / (largest_error or math.inf)
     heaviest = np.argsort(-error_sums, kind="stable")[:MAX_SCENES]
     bars = []
@@ -150,9 +153,9 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
 
 
 def _scene_sums(entry: Entry) -> tuple[Floats, Floats]:
-    """Return the sum of errors, m, and the targets of scenes.
+    """Return sums of errors [S], m, and numbers of targets [S].
 
-    Both are [S].
+    S: the scenes of the record.
     """
     record = entry.record
     errors = record.targets.scene_sums(record.unit_error("all"))
@@ -173,13 +176,14 @@ def _scene_errors(entry: Entry) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class CurveChart:
-    """The curve of one entry, and its size in user units."""
+    """Error of an entry over the false forecasts allowed, drawn in user units."""
 
     curve: Sequence[Point]
     stp_curve: Sequence[Point]  # empty without one, and for STP itself
-    max_forecasts: float  # of the horizontal axis, which is one of square roots from 0
+    # end of the horizontal axis, which begins at 0 and is scaled by square roots
+    max_forecasts: float
     scale: Scale  # of the vertical axis, m
-    axis: str  # text of the horizontal one
+    axis: str  # text of the horizontal axis
     ticks: Sequence[float]
     width: float = 340.0
     height: float = 180.0
@@ -195,17 +199,16 @@ class CurveChart:
         """Return the horizontal place of a number of false forecasts."""
         inside = min(max(forecasts, 0.0), self.max_forecasts)
         share = math.sqrt(inside / self.max_forecasts)
-        return round(
-            self.left_margin + share * (self.width - self.left_margin - 1.0), 1
-        )
+        width = self.width - self.left_margin - _EDGE
+        return round(self.left_margin + share * width, 1)
 
     def y(self, error_m: float) -> float:
         """Return the vertical place of an error."""
-        height = self.height - self.bottom_margin - 2.0
-        return round(1.0 + (1.0 - self.scale.share(error_m)) * height, 1)
+        height = self.height - self.bottom_margin - 2 * _EDGE
+        return round(_EDGE + (1.0 - self.scale.share(error_m)) * height, 1)
 
     def line(self, curve: Sequence[Point]) -> str:
-        """Return the points of a line.
+        """Return ``curve`` as the points of an SVG polyline.
 
         Of a level stretch they are its two ends.
         """
@@ -245,8 +248,8 @@ def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
 
 
 def _curve_of(entry: Entry) -> list[Point]:
-    """Return numbers of false forecasts and errors.
+    """Return an entry's curve: numbers of false forecasts with errors, m.
 
-    Empty without such a curve.
+    It is empty for records without one.
     """
     return sorted(entry.record.curve)[:_MAX_POINTS]

@@ -23,7 +23,7 @@ from ...scoring import (
 
 # as `networks.file_name` writes it
 _NETWORK_FILE = re.compile(r"(\w+-(?:truth|tracklets))-(MTP-[\w-]+)\.safetensors")
-_LAST_PLACE = 1000  # behind all envs whose card states a place
+_LAST_PLACE = 1000  # behind all envs whose card states a place on the page
 LEVEL_TEXT: dict[Level, str] = {
     "scored": "checked by its authors alone",
     "re-scored": "scored again from the stored rollouts",
@@ -69,7 +69,7 @@ class Entry(LinkedRecord):
     @property
     def among_best(self) -> bool:
         """True if it is ranked and not significantly worse than the best."""
-        span = self.standing.places["all"].span
+        span = self.standing.places["all"].span  # of ranks that tests leave open
         return span is not None and span[0] == 1
 
     @property
@@ -121,7 +121,7 @@ class Entry(LinkedRecord):
         Empty without one.
         """
         for text in self.record.training_data:
-            if text.endswith(ON_SCORED):
+            if text.endswith(ON_SCORED):  # as `Submission.note_on` writes it
                 return text
         return ""
 
@@ -134,15 +134,16 @@ class Entry(LinkedRecord):
         trainings = []
         for name in self.record.submission.networks:
             if file := _NETWORK_FILE.fullmatch(name):
-                network = NetworkState(file[1], file[2], trained=False, ships=False)
-                trainings.append(network)
+                network, env_id = file.groups()
+                state = NetworkState(network, env_id, trained=False, ships=False)
+                trainings.append(state)
         return trainings
 
     @property
     def weights(self) -> str | None:
-        """Text "ships" or "train in 4 min".
+        """State of the weights: "ships", "train" or "train in 4 min".
 
-        None for others than baselines.
+        None for submissions other than baselines.
         """
         if not self.trainings:
             return "ships" if is_baseline(self.record) else None
@@ -161,14 +162,14 @@ class Entry(LinkedRecord):
         """
         if self.signed is None:
             return ""
-        by = f"{self.signed.statement.date} by {self.signed.signer}"
+        check = f"{self.signed.statement.date} by {self.signed.signer}"
         earlier = self.record.converted_from
         if self.converted and earlier is not None:
-            converted = f"converted {by}, not run again"
+            conversion = f"converted {check}, not run again"
             if earlier.date is None:
-                return converted
-            by = f"{earlier.date} by {earlier.signer}; {converted}"
-        return f"{by}; seal {self.seal}" if self.seal else by
+                return conversion
+            check = f"{earlier.date} by {earlier.signer}; {conversion}"
+        return f"{check}; seal {self.seal}" if self.seal else check
 
     @property
     def row(self) -> Row:
@@ -187,7 +188,7 @@ class Entry(LinkedRecord):
         changes: dict[str, Any] = {"agent": self.name}
         difference = self.standing.differences.get("all")
         if difference is not None:
-            # of scores, not of errors
+            # the standing has that of errors, 1 - score: its sign is the opposite
             changes |= {"difference": -difference.mean, "p": difference.p}
             if difference.interval is not None:
                 low, high = difference.interval
@@ -237,7 +238,7 @@ def entries_of(
     """Return the entries of records in their order.
 
     The order is by environment, place, bADE and name, with partial records last.
-    ``subsets``: those of their standings; without a page "all" is enough.
+    ``subsets``: those on which entries are ranked. Only a page needs more than "all".
     """
     ranked = standings(linked_records, subsets)
     entries = [
@@ -265,6 +266,10 @@ def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
 
 
 def _sort_key(entry: Entry) -> tuple[object, ...]:
+    """Return a key for the order of `entries_of`.
+
+    Entries outside the main ranking are last, references first among them.
+    """
     return (
         _env_order(entry.env),
         entry.part != "",
@@ -281,13 +286,16 @@ def _sort_key(entry: Entry) -> tuple[object, ...]:
 def _env_order(env_id: str) -> tuple[bool, int, str]:
     """Return a sort key of environments: those without a map first.
 
-    Then by the place that the card states; others recorded, then simulated.
+    Then by the place that the card states. Of those without a place the recorded ones
+    come before the simulated.
     """
     place = None
     if env_id in card_ids():
         place = load_card(env_id).board
     if place is None:
-        place = _LAST_PLACE + is_simulated(env_id)
+        place = _LAST_PLACE
+        if is_simulated(env_id):
+            place += 1
     return has_map(env_id), place, env_id
 
 

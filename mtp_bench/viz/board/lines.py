@@ -15,11 +15,11 @@ from ...scoring import SUBSET_NAMES, SUBSETS, PairedDifference, Subset
 from ...sources import package_of
 from ..terminal.tables import parts_text
 from .columns import COLUMN, PAGE, ROW_COLUMNS, best_text, optional_columns
-from .drawings import WIDTH, bar_of, curve_chart, scale_of, scene_chart
+from .drawings import WIDTH, Scale, bar_of, curve_chart, scale_of, scene_chart
 from .entries import Entry, empty_error, has_map, is_simulated
 
-_MAX_LETTERS = 120  # of a text in a row: all of it is in the details
-# the clauses of a description after the first
+_MAX_LETTERS = 120  # of a text in a row: the details show all of it
+# the clauses of a description after the first, which has at least 28 letters
 _LATER_CLAUSES = re.compile(r"^(.{28}.*?)(?:; |: |, [a-z]| \().*")
 _SIGNED = COLUMN["difference"]
 _PARTS = {"localisation": "with forecast", "missed": "without forecast"}
@@ -30,16 +30,13 @@ def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
     """Return the content of the template for one table."""
     env_id = entries[0].env
     compared = [entry for entry in entries if entry.compared]
-    first_entry = [*compared, *entries][0]
+    # its record states the conditions of the table: those of the main ranking, if any
+    first_entry = compared[0] if compared else entries[0]
     record = first_entry.record
     reference = next((entry for entry in compared if entry.name == STP), None)
     columns = _shown_columns(entries)
     scale = scale_of(entries)
-    cards = set()
-    ranked_count = 0
-    for entry in entries:
-        cards.add(entry.record.env.card_digest)
-        ranked_count += entry.place is not None
+    card_digests = {entry.record.env.card_digest for entry in entries}
     board: dict[str, Any] = {
         "env": env_id,
         "name": short_name(env_id),
@@ -48,18 +45,18 @@ def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
         "simulated": is_simulated(env_id),
         "map": has_map(env_id),
         "drive": first_entry.driving is not None,
-        "cards": sorted(cards - {""}),
+        "card_digests": sorted(card_digests - {""}),
         "split": record.env.split,
-        "ranked": ranked_count,
-        "size": first_entry.row,
+        "ranked_count": sum(entry.place is not None for entry in entries),
+        "first_row": first_entry.row,
         "empty_error": empty_error(entries),
         "answer": answer_of(compared),
-        "few": {"turning", *_unranked_subsets(entries)},
+        # agents are never ranked on turning targets
+        "faint_columns": {"turning", *_unranked_subsets(entries)},
         "columns": columns,
         "groups": _groups(columns),
         "scale": scale,
-        # place of a difference of 0
-        "zero": scale.x(0.0) if scale is not None else WIDTH / 2,
+        "zero_x": _zero_x(scale),
         "reference": reference,
     }
     best = {}
@@ -67,6 +64,11 @@ def board_of(entries: Sequence[Entry]) -> dict[str, Any]:
         best[column.key] = best_text(column, entries)
     board["lines"] = [_line(entry, board, best) for entry in entries]
     return board
+
+
+def _zero_x(scale: Scale | None) -> float:
+    """Return where a difference of 0 is drawn, in user units."""
+    return WIDTH / 2 if scale is None else scale.x(0.0)
 
 
 def _shown_columns(entries: Sequence[Entry]) -> list[Column]:
@@ -80,7 +82,10 @@ def _shown_columns(entries: Sequence[Entry]) -> list[Column]:
 
 
 def _groups(columns: Sequence[Column]) -> list[tuple[str, list[Column]]]:
-    """Return headings above columns that stand together on screens of any width."""
+    """Return groups of columns under one heading, which have one class.
+
+    Screens show or leave out all columns of a class.
+    """
     groups = []
     by_heading = groupby(columns, lambda column: (column.group, PAGE[column.key]))
     for (heading, _), members in by_heading:
@@ -126,6 +131,7 @@ def subset_table(entry: Entry) -> Table:
     """Return the numbers of an entry by subset, or its drives."""
     if entry.driving is not None:
         return Table("driving", "How its forecasts drive", "", [entry.driving])
+    # read=None: values are those of `_subset_row` by key, not of an entry
     columns = [
         ROW_COLUMNS["subset"],
         Column(key="rank"),
@@ -142,7 +148,7 @@ def subset_table(entry: Entry) -> Table:
         Column("events / objects / scenes", "-", key="sizes"),
     ]
     for metric in optional_columns([entry]):
-        if not metric.key.startswith("cost_"):
+        if not metric.key.startswith("cost_"):  # the parts of bADE have a drawing
             columns.append(metric)
     rows = [_subset_row(entry, subset) for subset in entry.sums.subsets]
     return Table("subsets", "Errors in metres", "", rows, columns)
@@ -154,7 +160,7 @@ def _subset_row(entry: Entry, subset: Subset) -> dict[str, Any]:
     standing = entry.standing
     events = Column(format=".0f").text(row.events)
     cells: dict[str, Any] = dict(row)
-    # what ranks give is not in the row of a record
+    # ranks and tests depend on other records: the row of a record lacks them
     cells |= {
         "subset": SUBSET_NAMES[subset],
         "sizes": f"{events} / {row.objects} / {row.scenes}",
@@ -214,26 +220,27 @@ def _line(
     line = {
         "entry": entry,
         "record": record,
-        "reference": entry is board["reference"],
+        "is_reference": entry is board["reference"],
         "authors": _short(authors),
         "links": [link for link in _links(entry) if len(link[1]) <= _MAX_LETTERS],
         "license": _short(submission.license),
-        "trained": _short(entry.trained_on_scored),
-        "what": _short(_LATER_CLAUSES.sub(r"\1", submission.description)),
+        "trained_on_scored": _short(entry.trained_on_scored),
+        "summary": _short(_LATER_CLAUSES.sub(r"\1", submission.description)),
         "cells": cells,
-        "best": best_keys,
-        "level": LEVELS.index(entry.level),
+        "best_keys": best_keys,
+        "level_index": LEVELS.index(entry.level),
         "bar": bar_of(board["scale"], entry.difference),
-        "difference": difference_text(entry),
-        "old": why_scored_otherwise(record) is not None,
+        "difference_text": difference_text(entry),
+        "has_old_scorer": why_scored_otherwise(record) is not None,
         "all_authors": "",
-        "why": "",
+        "why_unranked": "",
     }
     if len(authors) > _MAX_LETTERS:
         # for the search
         line["all_authors"] = clean_text(authors, len(authors))
+    # above the table it is said once for the compared, and a tag names a partial record
     if not (entry.compared or entry.part):
-        line["why"] = _short(entry.why.removeprefix(f"{record.status}: "))
+        line["why_unranked"] = _short(entry.why.removeprefix(f"{record.status}: "))
     return line
 
 
@@ -279,33 +286,32 @@ def _about(env_id: str) -> dict[str, Any] | None:
 def answer_of(compared: Sequence[Entry]) -> dict[str, Any] | None:
     """Return the content of ``answer.html`` for the ``compared`` entries of a table.
 
-    None without one. Without ranks the first one is that of the lowest bADE on the
-    public scenes.
+    It names the best entry, those that are not significantly worse, and the next one.
+    None without entries. Without ranks the best has the lowest bADE on the public
+    scenes.
     """
     if not compared:
         return None
     best = compared[0]
+    ranked = [entry for entry in compared if entry.place is not None]
     answer: dict[str, Any] = {
         "entry": best,
         "equals": [],
-        "others": -1,
+        "others": len(ranked) - 1,
         "worse": 0,
-        "less_stp": _lead(best.difference),
+        "lead_over_stp": _lead(best.difference),
         "next": None,
-        "less_next": None,
+        "lead_over_next": None,
     }
-    for entry in compared:
-        if entry.place is None:
-            continue
-        answer["others"] += 1
+    for entry in ranked:
         if entry is not best and entry.among_best:
             answer["equals"].append(entry)
         if answer["next"] is None and not entry.among_best:
             answer["next"] = entry
-            answer["less_next"] = _lead(best.minus(entry, "all"))
+            answer["lead_over_next"] = _lead(best.minus(entry, "all"))
     span = best.standing.places["all"].span
-    if span is not None:
-        answer["worse"] = answer["others"] + 1 - span[1]
+    if span is not None:  # its end is the last rank that tests leave open to the best
+        answer["worse"] = len(ranked) - span[1]
     return answer
 
 
@@ -321,7 +327,7 @@ def _lead(difference: PairedDifference | None) -> dict[str, str] | None:
     """
     if difference is None or difference.interval is None:
         return None
-    sign = 1
+    sign = 1  # of the limits: the word says that of the difference
     word = "higher"
     if difference.mean < 0:
         sign = -1

@@ -74,17 +74,17 @@ def board_files(
     """Return the page of ``entries`` (from `entries_of`) and its parts.
 
     An overview comes first, then a table per environment. Environments with a map
-    follow with an overview of their own: they are in no order with the others.
-    ``folder``: name of the parts' folder beside the page. ``pages``: addresses of
-    others. No date, path or random id.
+    follow with an overview of their own: their ranks do not compare with the others.
+    ``folder``: name of the parts' folder beside the page. ``pages``: other pages that
+    it links to. The files contain no date of today, path or random id.
     """
     by_env = by_board(entries)
     boards = [board_of(members) for members in by_env.values()]
     groups = []
-    for lanes in (False, True):
-        members = [entry for entry in entries if has_map(entry.env) == lanes]
+    for with_map in (False, True):
+        members = [entry for entry in entries if has_map(entry.env) == with_map]
         if members:
-            shown = [board for board in boards if board["map"] == lanes]
+            shown = [board for board in boards if board["map"] == with_map]
             groups.append((overview_of(members), shown))
     content = {
         "parts": quote(folder),
@@ -109,7 +109,7 @@ def overview_of(entries: Sequence[Entry]) -> list[tuple[str, list[Entry | None]]
     env_ids = list(by_board(entries))
     entries_by_name: dict[str, dict[str, Entry]] = {}
     for entry in entries:
-        # of several of one name the first
+        # the first of several entries of one name
         entries_by_name.setdefault(entry.name, {}).setdefault(entry.env, entry)
     references = {entry.name for entry in entries if entry.saw_truth}
     rows = []
@@ -141,7 +141,7 @@ def _table_files(entries: Sequence[Entry], name: str) -> dict[str, str]:
 def _page(entries: Sequence[Entry], content: dict[str, Any], pages: Pages) -> str:
     style = text_of(_FOLDER, "board.css")
     script = text_of(_FOLDER, "board.js")
-    # this style, this script and its own parts, pictures beside the page
+    # allowed are this style, this script and the parts that it loads, and pictures
     policy = (
         f"default-src 'none'; style-src {source_of(style)}; script-src "
         f"{source_of(script)} 'strict-dynamic'; img-src 'self' data:; base-uri 'none'; "

@@ -81,14 +81,14 @@ def _difference(entry: Entry) -> str:
     column = COLUMN["difference"]
     if entry.driving is not None:
         column = COLUMN["drive_difference"]
-    mark = _SIGNIFICANT_MARK if entry.verdict else " "
+    mark = _SIGNIFICANT_MARK if entry.verdict else " "  # one column for either
     return column.shown(entry) + mark
 
 
 def _notes(entries: Sequence[Entry]) -> list[str]:
     """Return the lines below a table.
 
-    Most have the names of the agents they are about.
+    Most name the agents that they are about.
     """
     notes = _reason_notes(entries)
     if has_map(entries[0].env):
@@ -129,4 +129,5 @@ def _level_notes(entries: Sequence[Entry]) -> list[str]:
 
 
 def _printable(text: str) -> str:
+    """Replace what a terminal cannot show, and cut nothing off."""
     return clean_text(text, len(text) + 1)

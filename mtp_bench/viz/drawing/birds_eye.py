@@ -65,10 +65,10 @@ class NamedBox(NamedTuple):
 
 
 def windows_of(scene: Scene, card: Card) -> list[Window]:
-    """Return the window of each frame.
+    """Return the window of each frame, all of one size.
 
-    It is by the detections of the scene. Without detections it is by the true boxes. It
-    follows the ego or stays; it never turns, and its size never changes.
+    They hold nearly all detections, or true boxes in a scene without detections. They
+    move with the ego if there is one, but never turn.
     """
     table = scene.detections if len(scene.detections.box) else scene.truth
     box_places = table.box[:, :2]
@@ -77,6 +77,7 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
     if not card.has_ego:
         if not len(box_places):
             box_places = scene.ego[:, :2]
+        # few boxes far off would make all others small
         low = np.quantile(box_places, 0.01, axis=0) - MARGIN_M
         high = np.quantile(box_places, 0.99, axis=0) + MARGIN_M
         return [
@@ -85,7 +86,8 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
     pose = scene.ego[table.frame_of_rows]
     offset_m = rotate(box_places - pose[:, :2], -pose[:, 3])
     offset_m = np.append(offset_m, [[0.0, 0.0]], axis=0)  # scenes without boxes
-    # where detections reach too far for one picture, those near the ego matter most
+    # the side with most detections has most room; where they reach too far for one
+    # picture, those near the ego matter most
     ahead = np.clip(np.median(offset_m[:, 0]), -LARGEST_M / 2, LARGEST_M / 2)
     reach = np.abs(offset_m - [ahead, 0.0]).max(axis=1)
     size = 2 * float(np.clip(np.quantile(reach, 0.9), SMALLEST_M, LARGEST_M))
@@ -101,15 +103,16 @@ def draw_frame(replay: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     """Draw frame ``t`` of a run [height, width, 3] in `SIZE`."""
     truth = replay.scene.truth
     canvas = Canvas(SIZE[0] - PANEL, SIZE[1], window)
+    rollout_frame = t - replay.first
     draw_lanes(canvas, replay)
-    _draw_forecasts(canvas, replay, t - replay.first)
-    named_boxes = _draw_tracks(canvas, replay, t - replay.first)
+    _draw_forecasts(canvas, replay, rollout_frame)
+    named_boxes = _draw_tracks(canvas, replay, rollout_frame)
     _draw_boxes(canvas, replay, t)
     draw_plan(canvas, replay, t)
     # the newest event of each object lately, at the place of the object now
     object_ids = truth.object_id[truth.rows(t)].tolist()
     box_places = dict(zip(object_ids, truth.box[truth.rows(t), :2], strict=True))
-    ring_px = min(max(10.0, 2.5 * canvas.scale), 20.0)
+    ring_px = min(max(10.0, 2.5 * canvas.scale), 20.0)  # 2.5 m, if that is visible
     events = replay.recent(t, EVENT_SECONDS * replay.card.task.rate)
     event_places = [
         box_places.get(e.object_id, np.array(e.position[:2])) for e in events
@@ -133,10 +136,7 @@ def draw_frame(replay: Replay, t: int, window: Window) -> NDArray[np.uint8]:
 
 
 def draw_lanes(canvas: Canvas, replay: Replay) -> None:
-    """Draw the road.
-
-    Lanes have directions where agents see these.
-    """
+    """Draw the road, with directions of lanes where agents see lanes."""
     outlines = {}
     for lane in replay.scene.lanes:
         outline = np.concatenate([lane.left, lane.right[::-1]])
@@ -175,22 +175,22 @@ def draw_plan(canvas: Canvas, replay: Replay, t: int) -> list[tuple[Mark, Floats
     ]
 
 
-def _draw_tracks(canvas: Canvas, replay: Replay, answered: int) -> list[NamedBox]:
-    """Draw trails and tracks of an answered frame.
+def _draw_tracks(canvas: Canvas, replay: Replay, rollout_frame: int) -> list[NamedBox]:
+    """Draw trails and tracks of one frame.
 
-    Returns the tracks, false ones last.
+    Returns their boxes with ids as names, false ones last.
     """
     rollout = replay.rollout
     answers = replay.answers
-    rows = np.arange(*rollout.tracks.start[[answered, answered + 1]])
+    rows = np.arange(*rollout.tracks.start[[rollout_frame, rollout_frame + 1]])
     is_shown = answers.shown[rows]
     is_other = answers.hypotheses.member[rows].any(axis=1) & ~is_shown
     boxes = rollout.track_box.astype(np.float64)
     canvas.boxes(boxes[rows[is_other]], OTHER_HYPOTHESIS)
     rows = rows[is_shown]
     frames_back = max(1, round(TRAIL_SECONDS * replay.card.task.rate))
-    best = int(answers.hypotheses.best[answered])
-    past = answers.past(rows, best, min(answered, frames_back))
+    best = int(answers.hypotheses.best[rollout_frame])
+    past = answers.past(rows, best, min(rollout_frame, frames_back))
     trails = boxes[past, :2]
     is_false = replay.track_false[rows]
     canvas.lines(trails[is_false], FALSE, 1.0, 150)
@@ -205,24 +205,26 @@ def _draw_tracks(canvas: Canvas, replay: Replay, answered: int) -> list[NamedBox
     return named_boxes
 
 
-def _draw_forecasts(canvas: Canvas, replay: Replay, answered: int) -> None:
+def _draw_forecasts(canvas: Canvas, replay: Replay, rollout_frame: int) -> None:
     """Draw the heaviest samples of each object, lighter ones fainter.
 
     Each has a dot at its end. Of a false forecast there is one, fainter still.
     """
     rollout = replay.rollout
-    objects = rollout.objects.rows(answered)
+    objects = rollout.objects.rows(rollout_frame)
     starts = rollout.object_box[objects, :2].astype(np.float64)
     weights = sample_weights(rollout.forecast_log_weight[objects])
-    for i in np.flatnonzero(canvas.inside(starts, canvas.width / 4)):
+    # forecasts may lead into the picture from outside
+    for i in np.flatnonzero(canvas.inside(starts, margin_px=canvas.width / 4)):
         is_false = replay.forecast_false[objects.start + i]
-        color, width, max_samples, dim = FALSE_STYLE if is_false else FORECAST_STYLE
+        style = FALSE_STYLE if is_false else FORECAST_STYLE
+        color, width, max_samples, opacity = style
         paths = starts[i] + to_metres(rollout.forecast[objects.start + i])
         heaviest = np.argsort(-weights[i], kind="stable")[:max_samples]
         for sample in heaviest[weights[i][heaviest] > 0][::-1]:
             path = canvas.pixels(np.concatenate([starts[i, None], paths[sample]]))
             share = float(weights[i][sample] / weights[i].max())
-            alpha = round(dim * (100 + 140 * share))
+            alpha = round(opacity * (100 + 140 * share))  # light ones can still be seen
             canvas.stroke(path, color, width, alpha)
             canvas.dot(path[-1], 1.6 * width, color, alpha)
 
@@ -254,7 +256,7 @@ def _heading(replay: Replay, t: int) -> Iterator[Text]:
     yield f"frame {t} of {scene.frames - 1}   {time}", MIDDLE, BLACK
     plan = plan_at(replay, t)
     if plan is not None:
-        acceleration = round(plan.acceleration, 1) + 0.0
+        acceleration = round(plan.acceleration, 1) + 0.0  # never -0.0
         text = f"ego: {acceleration:+.1f} m/s2, risk {plan.risk:.0%}"
         yield text, MIDDLE, BLACK
     log_weight = replay.rollout.hypothesis_log_weight[t - replay.first]

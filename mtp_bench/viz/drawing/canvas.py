@@ -3,7 +3,7 @@
 Everything is drawn larger and reduced, so that no edge is jagged. No meaning depends on
 colour alone: truth is a bold outline (dashed where it is not tracked), a detection
 thin, a track filled, a false positive crossed. A text is put at a free place beside its
-thing, or left_px out.
+thing, or left out.
 """
 
 from collections.abc import Iterable
@@ -24,7 +24,7 @@ GRAY = (90, 90, 90)
 EDGE = (200, 200, 200)
 FINER = 2  # everything is drawn this much larger
 DASH_PX = 4.0
-HEADING_PX = 20.0  # that a heading may stand out of the picture
+HEADING_PX = 20.0  # that the heading of a box may reach beyond its corners
 SMALL, MIDDLE, LARGE = 11, 13, 16  # pixels of letters
 BOARD_GAPS_PX = (8.0, 26.0, 48.0, 76.0, 110.0)  # from a thing to a board with its name
 # degrees, directions from a thing to its text
@@ -67,8 +67,8 @@ class Canvas:
 
     def pixels(self, xy: Floats) -> Floats:
         """Convert places [..., 2], m, to pixels [..., 2], y downwards."""
-        gap = np.asarray(xy, dtype=np.float64) - [self.window.x, self.window.y]
-        rotated = rotate(gap, -self.window.turn)
+        offset_m = np.asarray(xy, dtype=np.float64) - [self.window.x, self.window.y]
+        rotated = rotate(offset_m, -self.window.turn)
         return rotated * [self.scale, -self.scale] + [self.width / 2, self.height / 2]
 
     def inside(self, xy: Floats, margin_px: float | Floats = 0.0) -> Bools:
@@ -82,8 +82,8 @@ class Canvas:
         pixels = self.pixels(xy)
         if not len(pixels):
             return False
-        ends_inside = (pixels.min(axis=0) <= (self.width, self.height)).all()
-        return bool(ends_inside and (pixels.max(axis=0) >= 0).all())
+        begins_before_end = (pixels.min(axis=0) <= (self.width, self.height)).all()
+        return bool(begins_before_end and (pixels.max(axis=0) >= 0).all())
 
     # ---- lines and boxes
 
@@ -109,7 +109,7 @@ class Canvas:
     ) -> None:
         """Draw a polyline through ``pixels`` [n, 2], ``width`` pixels wide."""
         thick = max(1, round(width * FINER))
-        joint = "curve" if thick > 3 else None
+        joint = "curve" if thick > 3 else None  # gaps in thin lines cannot be seen
         for part in _dashes(pixels) if dashed else [pixels]:
             self.draw.line(_points(part), (*color, alpha), thick, joint)
 
@@ -117,7 +117,7 @@ class Canvas:
         """Fill the area inside places [n, 2] of the world, m."""
         self.draw.polygon(_points(self.pixels(path)), fill=color)
 
-    def boxes(self, box: Floats, mark: Outline) -> None:
+    def boxes(self, box: Floats, outline: Outline) -> None:
         """Draw boxes [n, 7].
 
         They are x y z yaw l w h, in m and rad. Those out of sight are skipped.
@@ -126,17 +126,18 @@ class Canvas:
         box = box[self.inside(box[:, :2], diagonal_px + HEADING_PX)]
         for row in box:
             corners = self.pixels(bev_corners(row))
-            if mark.fill:
-                self.draw.polygon(_points(corners), fill=(*mark.color, mark.fill))
-            lines = [corners[[0, 2]], corners[[1, 3]]] if mark.crossed else []
-            if mark.heading:
+            if outline.fill:
+                fill = (*outline.color, outline.fill)
+                self.draw.polygon(_points(corners), fill=fill)
+            lines = [corners[[0, 2]], corners[[1, 3]]] if outline.crossed else []
+            if outline.heading:  # from the middle of the front, corners 0 and 3
                 tick_m = row[4] / 2 + max(0.4, 0.25 * row[4])
                 tip = self.pixels(row[:2] + unit_vectors(row[3]) * tick_m)
                 lines.append(np.stack([corners[[0, 3]].mean(axis=0), tip]))
             edge = corners[[0, 1, 2, 3, 0]]
-            self.stroke(edge, mark.color, mark.width, dashed=mark.dashed)
+            self.stroke(edge, outline.color, outline.width, dashed=outline.dashed)
             for line in lines:
-                self.stroke(line, mark.color, mark.width)
+                self.stroke(line, outline.color, outline.width)
 
     # ---- signs
 
@@ -177,7 +178,7 @@ class Canvas:
     ) -> None:
         """Write a text with its top left at a pixel.
 
-        ``edge``: with a white one.
+        ``edge``: letters have a white edge.
         """
         self.draw.text(
             (round(x * FINER), round(y * FINER)),
@@ -189,7 +190,10 @@ class Canvas:
         )
 
     def label(self, xy: Floats, text: str, color: Color, reach_px: float) -> None:
-        """Write a small text beside a thing at ``xy`` [2], if possible."""
+        """Write a small text beside a thing at ``xy`` [2], if there is room.
+
+        ``reach_px``: pixels from the middle of the thing to its edge.
+        """
         place = self._free_place(xy, text_size(text, SMALL), (reach_px + 1.0,))
         if place is not None:
             self.text(place[0], place[1], text, SMALL, color, edge=True)
@@ -204,8 +208,8 @@ class Canvas:
     ) -> None:
         """Write a text on a board beside a thing at ``xy`` [2].
 
-        The line begins ``reach_px`` pixels from the thing. The text is left out where
-        there is no room.
+        A line from ``reach_px`` pixels off the thing joins both. The text is left out
+        where there is no room.
         """
         wide, high = text_size(text, size_px)
         gaps = [reach_px + gap for gap in BOARD_GAPS_PX]
@@ -213,7 +217,7 @@ class Canvas:
         if place is None:
             return
         start = self.pixels(xy)
-        end = np.clip(start, place[:2], place[2:])
+        end = np.clip(start, place[:2], place[2:])  # the nearest point of the board
         start = start + reach_px * (end - start) / max(np.hypot(*(end - start)), 1e-9)
         self.stroke(np.stack([start, end]), color, 1.0)
         square = [round(edge * FINER) for edge in place]
@@ -223,7 +227,10 @@ class Canvas:
     def _free_place(
         self, xy: Floats, size_px: tuple[float, float], gaps: Iterable[float]
     ) -> Rectangle | None:
-        """Take a free rectangle of ``size_px`` pixels beside a place."""
+        """Take a free rectangle of ``size_px`` pixels beside a place.
+
+        ``gaps``: distances from it in pixels, tried in this order. None without room.
+        """
         if not self.inside(xy):
             return None
         half = np.array(size_px) / 2
@@ -237,6 +244,7 @@ class Canvas:
         return None
 
     def _is_free(self, place: Rectangle) -> bool:
+        """Check that a rectangle is in the picture and off all texts."""
         left_px, top, right, bottom = place
         if min(left_px, top) < 2 or right > self.width - 2 or bottom > self.height - 2:
             return False
@@ -247,7 +255,7 @@ class Canvas:
 
     def scale_bar(self) -> None:
         """Draw a bar of a round number of metres."""
-        max_m = self.width / self.scale / 5
+        max_m = self.width / self.scale / 5  # a fifth of the picture
         power = 10.0 ** np.floor(np.log10(max_m))
         steps = [step * power for step in (0.5, 1.0, 2.0, 5.0) if step * power <= max_m]
         text = f"{steps[-1]:g} m"
@@ -287,6 +295,7 @@ def text_size(text: str, size_px: int) -> tuple[float, float]:
 
 
 def _points(pixels: Floats) -> list[tuple[float, ...]]:
+    """Return ``pixels`` [n, 2] as points of the enlarged image."""
     return [tuple(point) for point in (pixels * FINER).tolist()]
 
 

@@ -32,7 +32,7 @@ EXPECTED = Mark("expected at constant velocity", sign="cross")
 DIM_DETECTION = Mark("other detections", Outline((215, 215, 215), 0.8, dashed=True))
 DIM_TRACK = Mark("other tracks", Outline(DIM, 0.8))
 DIM_TRUTH = Mark("other true objects", Outline(DIM, 0.8, fill=50))
-SHORT_GAP_M = 1.0  # gaps that need neither a line nor a distance
+SHORT_GAP_M = 1.0  # shorter gaps need no distance, and half as long ones no line
 Named = tuple[Floats, str, str, float]  # place [2], text, role, reach in pixels
 
 
@@ -69,7 +69,7 @@ class _CloseUp:
     @property
     def radius_px(self) -> float:
         """Radius of the ring around the object."""
-        diagonal_m = 1.4
+        diagonal_m = 1.4  # of a false forecast, where no true box is
         if len(self.shown.object_box):
             diagonal_m = np.hypot(*self.shown.object_box[0, 4:6])
         return float(np.clip(0.6 * diagonal_m * self.canvas.scale, 15.0, 110.0))
@@ -102,13 +102,15 @@ class _CloseUp:
         shown = self.shown
         for role, forecast in self.forecasts:
             is_new = role == "now"
+            width = 2.0
             color = ROLES[self._role(role, forecast)]
             if is_new:
+                width = 3.0
                 starts = np.broadcast_to(forecast.start, (len(forecast.samples), 1, 2))
                 paths = np.concatenate([starts, forecast.samples], axis=1)
                 self.canvas.lines(paths, color, 1.0, 70)
             text = self._forecast_name(forecast)
-            mark = Mark(text, line=color, width=2.0 + is_new, dashed=not is_new)
+            mark = Mark(text, line=color, width=width, dashed=not is_new)
             self._path(forecast.nearest_path, mark)
         for track in shown.tracks:
             self.canvas.lines([track.trail], ROLES[track.role], 2.0, 130)
@@ -148,24 +150,21 @@ class _CloseUp:
         rule = gate(self.focus)
         pixel = canvas.pixels(self.place)
         if len(self.shown.object_box):
-            sign = "none"
-            if not rule.by_iou:
+            sign = ""
+            if not rule.by_iou:  # only a distance can be drawn
                 sign = "circle"
                 canvas.circle(pixel, rule.threshold * canvas.scale, GRAY)
             text = f"event gate: {rule.text}"
             self._note(Mark(text, line=GRAY, sign=sign), self.place)
-        if self._is_on:
+        if self._shows_event:
             canvas.ring(pixel, self.radius_px)
             is_event = self.focus.at.kind in INCIDENT_KINDS
             text = "the event" if is_event else "the object looked at"
             self._note(Mark(text, sign="ring"), self.place)
 
     @property
-    def _is_on(self) -> bool:
-        """True from the frame before the event on.
-
-        A false forecast has an end.
-        """
+    def _shows_event(self) -> bool:
+        """True from the frame before the event on, until a false forecast ends."""
         at = self.focus.at
         if self.shown.frame < at.frame - 1:
             return False
@@ -177,6 +176,7 @@ class _CloseUp:
             self.marks.insert(0, mark)
 
     def _boxes(self, box: Floats, mark: Mark) -> None:
+        """Draw boxes [n, 7] in the style of ``mark``."""
         if mark.box is not None:
             self.canvas.boxes(box, mark.box)
         self._note(mark, box[:, :2])
@@ -197,7 +197,7 @@ class _CloseUp:
         return role
 
     def _forecast_name(self, forecast: ObjectForecast) -> str:
-        """Name a forecast by its time and other track."""
+        """Name a forecast by its time, and by its track if that is unexpected."""
         focus = self.focus
         follower = focus.at.new_id
         if focus.at.object_id >= 0:
@@ -212,7 +212,7 @@ class _CloseUp:
         return f"{text} at {focus.seconds(forecast.frame):.1f} s"
 
     def _followed(self, track: ShownTrack) -> str:
-        """Return the object that a track follows, in words."""
+        """Return the object that a track follows in words, or an empty text."""
         focus = self.focus
         other_row = focus.other_object(track.track_id, self.shown.frame)
         if other_row >= 0:
@@ -285,4 +285,5 @@ class _CloseUp:
         return names
 
     def _name(self, box: Floats, text: str, role: str) -> Named:
+        """Return a name for the place of a box, off half its width."""
         return box[:2], text, role, 0.5 * float(box[5]) * self.canvas.scale

@@ -33,7 +33,7 @@ class Mark:
     sign: str = ""  # "ring", "cross" or "circle", the latter in the colour of the line
 
     def draw(self, canvas: Canvas, y: float) -> None:
-        """Draw it at height ``y`` where a metre is a pixel."""
+        """Draw it at height ``y`` of a column, whose metres are pixels."""
         middle = np.array([28.0, y])
         color = self.line or BLACK
         if self.sign == "ring":
@@ -48,6 +48,7 @@ class Mark:
             if self.box is None:
                 canvas.dot(ends[1], 1.5 + self.width, color)
         if self.box is not None:
+            # a box is in metres from the middle of the canvas, upwards
             place = (30.0 - canvas.width / 2, canvas.height / 2 - y)
             canvas.boxes(np.array([[*place, 0.0, 0.0, 18.0, 10.0, 1.0]]), self.box)
 
@@ -77,17 +78,18 @@ def _write(canvas: Canvas, y: float, texts: Sequence[Text]) -> float:
 
     Returns the y below them.
     """
-    for text, letters, color in texts:
-        lines = wrapped(text, letters, canvas.width - 2 * TEXT_LEFT_PX)
-        line_px = LINE_HEIGHT * letters
+    for text, letter_px, color in texts:
+        lines = wrapped(text, letter_px, canvas.width - 2 * TEXT_LEFT_PX)
+        line_px = LINE_HEIGHT * letter_px
         if y + line_px * len(lines) < canvas.height:
             for line in lines:
-                canvas.text(TEXT_LEFT_PX, y, line, letters, color)
+                canvas.text(TEXT_LEFT_PX, y, line, letter_px, color)
                 y += line_px
     return y
 
 
 def _draw_bars(canvas: Canvas, y: float, parts: Mapping[str, float]) -> float:
+    """Draw the bars of ``parts``, m, from ``y`` on, and return the y below."""
     largest = max(map(abs, parts.values()), default=0.0)
     for name, value in parts.items():
         right = BAR_LEFT_PX + BAR_PX * abs(value) / largest
@@ -101,6 +103,10 @@ def _draw_bars(canvas: Canvas, y: float, parts: Mapping[str, float]) -> float:
 
 
 def _draw_marks(canvas: Canvas, y: float, marks: Sequence[Mark]) -> float:
+    """Draw marks with their texts, closer together where room is short.
+
+    Returns the y below them.
+    """
     texts = [
         wrapped(mark.text, MIDDLE, canvas.width - NAME_LEFT_PX - 6) for mark in marks
     ]

@@ -21,6 +21,8 @@ SIZE = (1200, 800)  # pixels, of a report
 COLUMN = 300  # pixels of the width
 CAPTION = 46
 ROW = 256  # pixels of the height for the small pictures, with their captions
+LEFT_PX = 14  # of a text
+TEXT_TOP_PX = 29  # below the line of stage and title
 LINE_PX = 24
 LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
 MAX_CAUSES = 3
@@ -63,7 +65,8 @@ def save_report(path: Path, *focuses: Focus) -> None:
     metadata.add_text("Description", "\n".join(map(sentence, focuses)))
     metadata.add_text("Software", f"mtp_bench {__version__}")
     image = stacked([report(focus, focuses) for focus in focuses])
-    if image.height == len(focuses) * SIZE[1]:  # camera images need all their colours
+    has_photos = image.height > len(focuses) * SIZE[1]
+    if not has_photos:  # few colours are enough
         image = image.quantize(128, dither=Image.Dither.NONE)
     with whole_file(path) as part:
         image.save(part, format="PNG", pnginfo=metadata, optimize=True)
@@ -78,33 +81,39 @@ def picture(
     """
     image = Image.new("RGB", size_px, PAPER)
     texts = [happened(focus), *map(cause_line, causes_of(focus)[:MAX_CAUSES])]
-    text_px = size_px[0] - 28
+    text_px = size_px[0] - 2 * LEFT_PX
     lines = [line for text in texts for line in wrapped(text, LARGE, text_px)]
-    top = 40 + LINE_PX * len(lines)
+    top = TEXT_TOP_PX + LINE_PX * len(lines) + 11  # of the close-up
     width_px = size_px[0] - COLUMN
     height_px = size_px[1] - top
     window = window_of(focus, t, compared)
     close_up, marks = draw_focus(focus, t, (width_px, height_px), window)
     image.paste(close_up, (0, top))
-    up = "north is up" if focus.at.object_id < 0 else "the object will be to the right"
-    remarks = [(REMARK.format(up), SMALL - 1, GRAY)]
+    orientation = "the object will be to the right"
+    if focus.at.object_id < 0:
+        orientation = "north is up"
+    remarks = [(REMARK.format(orientation), SMALL - 1, GRAY)]
     heading = [(_error_text(focus, t), SMALL, BLACK)]
-    parts = {n: v for n, v in _parts(focus, t).items() if abs(v) >= LEAST_SHOWN}
+    parts = {
+        name: part_m
+        for name, part_m in _parts(focus, t).items()
+        if abs(part_m) >= LEAST_SHOWN
+    }
     key = column((COLUMN, height_px), heading, marks, remarks, parts)
     image.paste(key, (width_px, top))
     ink = ImageDraw.Draw(image)
     title = _title(focus, t)
     color: Color = BLACK
-    lasts = focus.at.object_id < 0 and focus.at.frame < t <= focus.at.until
-    if t != focus.at.frame and not lasts:
+    is_false_run = focus.at.object_id < 0 and focus.at.frame < t <= focus.at.until
+    if t != focus.at.frame and not is_false_run:
         color = GRAY
         title += f"   The text is of {focus.seconds(focus.at.frame):.1f} s:"
     stage = headline(focus).capitalize()
-    ink.text((14, 5), stage, color, font(LARGE), stroke_width=0.4)
-    title_left = 34 + text_size(stage, LARGE)[0]
+    ink.text((LEFT_PX, 5), stage, color, font(LARGE), stroke_width=0.4)
+    title_left = LEFT_PX + 20 + text_size(stage, LARGE)[0]
     ink.text((title_left, 10), title, GRAY, font(SMALL))
     for i, line in enumerate(lines):
-        ink.text((14, 29 + LINE_PX * i), line, color, font(LARGE - 1))
+        ink.text((LEFT_PX, TEXT_TOP_PX + LINE_PX * i), line, color, font(LARGE - 1))
     ink.rectangle([0, top, width_px - 1, size_px[1] - 1], outline=EDGE)
     return image
 
@@ -146,7 +155,7 @@ def _title(focus: Focus, t: int) -> str:
 
 
 def _strip(focus: Focus, compared: Sequence[Focus]) -> Image.Image:
-    """Draw the frames around the event from near."""
+    """Draw close-ups of the event, and of the frames before and after it."""
     width_px = SIZE[0] // 3
     image = Image.new("RGB", (SIZE[0], ROW), PAPER)
     ink = ImageDraw.Draw(image)
@@ -166,7 +175,7 @@ def _strip(focus: Focus, compared: Sequence[Focus]) -> Image.Image:
 
 
 def _follower(focus: Focus, t: int) -> tuple[str, Color]:
-    """Return text and colour of the track that follows."""
+    """Tell which track follows the object at ``t``, in its colour."""
     track_id = focus.at.new_id
     if focus.at.object_id < 0:
         is_output = focus.track_rows(track_id)[t] >= 0

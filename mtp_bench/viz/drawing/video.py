@@ -22,9 +22,9 @@ MIN_DURATION_MS = 20  # of a picture of a gif: viewers slow down shorter ones
 Picture = NDArray[Any]  # uint8 [height, width, 3]
 
 
-def require_encoder(kind: str) -> None:
+def require_encoder(suffix: str) -> None:
     """Raise MtpBenchError unless files with this suffix can be written here."""
-    if kind == ".mp4":
+    if suffix == ".mp4":
         try:
             import av  # noqa: F401
         except ImportError:
@@ -56,7 +56,7 @@ def write_video(
     rate: float,
     on_frame: Callable[[], object] = lambda: None,
 ) -> None:
-    """Write one or more ``frames`` of `SIZE` at ``rate`` per second.
+    """Write one or more ``frames`` of `SIZE`, ``rate`` of them per second.
 
     The file is complete or not there at all. ``on_frame`` is called after each frame.
     """

@@ -48,15 +48,16 @@ Labels = Sequence[str] | None
 class Log:
     """Target of entities: a recording, the frames and timelines, a prefix of paths.
 
-    The rows of an entity are those of all frames from ``first`` on, which has those
-    from ``row_start[0]`` to ``row_start[1]``.
+    The methods take the rows of all frames from ``first`` on, of which those of
+    ``frames`` are logged. Frame ``first`` has the rows from ``row_start[0]`` to
+    ``row_start[1]``.
     """
 
     recording: rr.RecordingStream
     scene: Scene
     frames: range  # that are logged
     root: str = ""  # prefix of the paths
-    # of the seconds since frame 0; beside "time" the frames have "frame"
+    # name of that of the seconds since frame 0; "time" comes with one of frames
     timeline: str = "time"
     first: int = 0
 
@@ -111,7 +112,7 @@ class Log:
         labels: Sequence[str],
         size: float,
     ) -> None:
-        """Log names [R] and dots of ``size`` at places [R, 3].
+        """Log names [R] and dots of ``size`` screen units at places [R, 3].
 
         Their colours [R, 3] are made lighter: a viewer writes them on dark ground.
         """
@@ -137,7 +138,7 @@ class Log:
         seconds = (self.scene.time - self.scene.time[0])[frame]
         duration = np.rint(seconds * 1e9).astype("timedelta64[ns]")
         times = [rr.TimeColumn(self.timeline, duration=duration)]
-        if self.timeline != EVENT:  # whose frames are logged for the second time
+        if self.timeline != EVENT:  # its frames have been logged by "time" already
             times.append(rr.TimeColumn("frame", sequence=frame))
             if style is not None:
                 self.recording.log(self.root + entity_path, style, static=True)
@@ -156,11 +157,14 @@ def log_map(recording: rr.RecordingStream, replay: Replay, root: str = "") -> No
     The directions of lanes are logged where agents see these.
     """
     recording.log(f"{root}world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    # not the true boxes, which an evaluation does not show
+    # the lower side of detections, as an evaluation does not show true boxes
     boxes = replay.scene.detections.box
     ground = float(np.median(boxes[:, 2] - boxes[:, 6] / 2)) if len(boxes) else 0.0
     lanes = replay.scene.lanes
-    borders = [side for l in lanes if not l.junction for side in (l.left, l.right)]
+    borders: list[Floats] = []
+    for lane in lanes:
+        if not lane.junction:
+            borders += [lane.left, lane.right]
     arrows: list[Floats] = []
     if replay.card.lanes is not None:
         arrows = list(arrows_of(lanes))
@@ -240,11 +244,11 @@ def log_plan(log: Log, replay: Replay) -> None:
 
 
 def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
-    """Return the ways of objects within the horizon.
+    """Return the true paths of evaluated objects over ``future`` frames.
 
-    Their start is [F + 1], their points are [R, future + 1, 3]. They are those of
-    evaluated objects within the horizon, up to a gap. In ``truth`` objects have another
-    identity after a hole in time.
+    Returns the first path of each frame [F + 1] and the points of all
+    [R, future + 1, 3]. Before a gap a path ends, and repeats its last point. In
+    ``truth`` objects have another identity after a hole in time.
     """
     previous = history(truth.frame_of_rows, truth.object_id).previous()
     following = np.arange(len(previous))  # a row without a successor follows itself
@@ -262,8 +266,8 @@ def log_answers(
 ) -> None:
     """Log tracks and trails of hypotheses, and forecasts.
 
-    The ``level`` may leave out forecasts. False forecasts have an entity of their own,
-    so that they can be hidden.
+    ``level`` of `LEVELS`: "tracks" leaves out forecasts. False forecasts have an entity
+    of their own, so that they can be hidden.
     """
     rollout = replay.rollout
     rate_hz = replay.card.task.rate
@@ -300,7 +304,8 @@ def _log_forecasts(
     is_stated = np.isfinite(weight) & chosen[:, None]
     if level != "all":
         order = np.argsort(-weight, axis=1, kind="stable")
-        is_stated &= np.argsort(order, axis=1, kind="stable") < TOP_SAMPLES
+        rank = np.argsort(order, axis=1, kind="stable")
+        is_stated &= rank < TOP_SAMPLES
     row, sample = np.nonzero(is_stated)
     steps = to_metres(rollout.forecast[row, sample])
     # the first point is the object itself, and the height does not change
@@ -318,6 +323,7 @@ def trail_frames(rate_hz: float) -> int:
 
 
 def _stride(rate_hz: float) -> int:
+    """Return the number of frames from one point of a trail to the next."""
     return max(1, round(rate_hz / MAX_TRAIL_HZ))
 
 
@@ -325,5 +331,5 @@ def _either(mask: Bools, yes: Color, no: Color) -> Colors:
     return np.where(mask[:, None], yes, no).astype(np.uint8)
 
 
-def _all(row_colors: Color, count: int) -> Colors:
-    return np.full((count, 3), row_colors, dtype=np.uint8)
+def _all(color: Color, count: int) -> Colors:
+    return np.full((count, 3), color, dtype=np.uint8)

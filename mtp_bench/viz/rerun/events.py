@@ -96,8 +96,8 @@ def log_focus(log: Log, focuses: Sequence[Focus], focus: Focus) -> None:
     log.recording.log(f"{log.root}focus/picture", picture, static=True)
     text = rr.TextDocument(drawable(event_text(focus)), media_type="text/markdown")
     log.recording.log(f"{log.root}focus/text", text, static=True)
-    if focus is focuses[0]:
-        radius_m = 0.4 + 0.65 * length_of(focus)
+    if focus is focuses[0]:  # one ring for all runs
+        radius_m = 0.4 + 0.65 * length_of(focus)  # more than half of it
         circle = radius_m * unit_vectors(np.linspace(0.0, 2 * np.pi, 49))
         position = focus.at.position
         ring = np.insert(circle + position[:2], 2, position[2], axis=1)
@@ -156,7 +156,7 @@ def lanes(replay: Replay) -> dict[int, list[int | None]]:
     frames = truth.frame_of_rows.tolist()
     tracks = np.append(replay.rollout.track_id, -1)[replay.truth_track].tolist()
     object_lanes: dict[int, list[int | None]] = {}
-    for row in np.lexsort((truth.object_id,)).tolist():
+    for row in np.lexsort((truth.object_id,)).tolist():  # lanes are in this order
         if not truth.neutral[row]:
             object_id = int(truth.object_id[row])
             lane = object_lanes.setdefault(object_id, [None] * replay.frames)
@@ -167,7 +167,10 @@ def lanes(replay: Replay) -> dict[int, list[int | None]]:
 def _log_lane(
     log: Log, entity_path: str, states: Sequence[str], colors: Colors
 ) -> None:
-    """Log a lane with states [F], "" for none, and colours."""
+    """Log where the states [F] of a lane change, with their colours [F, 3].
+
+    The state "" is not shown.
+    """
     color_of_state = dict(zip(states, packed(colors), strict=True))
     color_of_state.pop("", None)
     names = list(color_of_state)
@@ -195,7 +198,7 @@ class Curve(NamedTuple):
 
 
 def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
-    """Return curves of an event or scene by plot title."""
+    """Return curves by the titles of their plots: of an event, else of the scene."""
     if focus is None:
         part = np.full((replay.frames, len(PART_NAMES)), np.nan)
         is_target = np.isfinite(replay.part[:, 0])

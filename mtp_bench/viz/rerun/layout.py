@@ -75,7 +75,8 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
     views_each = max(1, MAX_VIEWS // len(agents)) if at is None else 1
     views = [view for agent in agents for view in _views(agent, eye, views_each)]
-    curves = [curve for agent in agents for curve in _curves(agent, len(agents) > 1)]
+    in_tabs = len(agents) > 1
+    curves = [curve for agent in agents for curve in _curves(agent, in_tabs)]
     below = rrb.Horizontal(*curves, _lanes(agents))
     if at is None:
         shares = [*[1.0] * len(views), 0.7]
@@ -126,7 +127,7 @@ def _blueprint(
 
 
 def _eye(agent: ShownAgent, at: Incident | None) -> Eye:
-    """Return an eye on the event, the sensors or detections."""
+    """Return an eye on the event ``at``, else the sensors, else the detections."""
     world = f"/{agent.shared}world"
     if at is not None:
         return Eye(np.array(at.position), NEAR_M)
@@ -134,7 +135,7 @@ def _eye(agent: ShownAgent, at: Incident | None) -> Eye:
         return Eye(np.zeros(3), 2 * NEAR_M, f"{world}/follow")
     detections = agent.replay.scene.detections
     places: Floats = np.zeros((1, 3))
-    if detections.start[1]:
+    if detections.start[1]:  # frame 0 has some
         places = detections.box[detections.rows(0), :3]
     center = np.median(places, axis=0)
     distance_m = np.hypot(*(places - center)[:, :2].T)
@@ -167,7 +168,7 @@ def _views(agent: ShownAgent, eye: Eye, max_views: int) -> list[Any]:
 
 
 def _curves(agent: ShownAgent, in_tabs: bool) -> list[Any]:
-    """Return plots of errors and of an event's distances."""
+    """Return the plots of `curves_of`, as one view if ``in_tabs``."""
     plots = []
     for number, title in enumerate(curves_of(agent.replay, agent.focus)):
         corner = rrb.Corner2D.RightTop if number else rrb.Corner2D.LeftTop

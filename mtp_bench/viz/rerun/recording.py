@@ -99,7 +99,8 @@ def _log_runs(
     focuses = [agent.focus for agent in agents if agent.focus is not None]
     log_map(recording, agents[0].replay)
     logs = [Log(recording, scene, range(scene.frames))]
-    # a viewer begins at the first time of a timeline: a layout has no field for it
+    # a viewer begins at the first time of a timeline, which no layout can change: that
+    # of the event has no earlier frames
     if at is not None:
         frames = frames_around(scene, at.frame)
         logs.append(Log(recording, scene, frames, timeline=EVENT))
@@ -147,12 +148,14 @@ class LiveRecording:
             return
         t = episode.frame
         replay = Replay.of_episode(episode, trail_frames(episode.card.task.rate))
+        # a new episode has a new list of actions
         if self._episode is None or self._episode.actions is not episode.actions:
             self._episode = episode
             self._root = f"episode-{next(_EPISODES)}/"
-            # the default: a layout that the user has sent or made stays
-            weights = dict.fromkeys(range(TOP_HYPOTHESES), np.nan)  # they change
+            # NaN is not shown: weights change while a title does not
+            weights = dict.fromkeys(range(TOP_HYPOTHESES), np.nan)
             agent = ShownAgent(replay, weights, root=self._root, shared=self._root)
+            # as the default: a layout that the user has sent or made stays
             self._recording.send_blueprint(
                 live_layout(agent), make_active=False, make_default=True
             )

@@ -64,7 +64,7 @@ def track_colors(track_id: Ints) -> Colors:
 
 
 def packed(colors: Colors | Color | Sequence[Color]) -> NDArray[np.uint32]:
-    """Pack red, green, blue [N, 3] into opaque numbers [N]."""
+    """Pack red, green, blue [N, 3] into numbers [N] of RGBA, opaque."""
     rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
     number: NDArray[np.uint32] = rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32)
     return number + np.uint32(255)
@@ -73,7 +73,7 @@ def packed(colors: Colors | Color | Sequence[Color]) -> NDArray[np.uint32]:
 def drawable(text: str) -> str:
     """Replace signs that the viewer's only font may lack by "?".
 
-    One of them would end the viewer.
+    The viewer would crash at one of them.
     """
     return re.sub(_DRAWABLE, "?", text)
 
@@ -164,7 +164,8 @@ def _distinct(names: Sequence[str]) -> list[str]:
 def _hypotheses(replay: Replay, level: str, at: Incident | None) -> dict[int, float]:
     """Return hypotheses of a level with weights, heaviest first.
 
-    They are all that ever hold a track, or the heaviest of them.
+    Level "all" has all that ever hold a track, others the TOP_HYPOTHESES heaviest of
+    them. Without any it is hypothesis 0.
     """
     weights = np.exp(replay.rollout.hypothesis_log_weight.astype(np.float64))
     weight = weights.mean(axis=0) if at is None else weights[at.frame]

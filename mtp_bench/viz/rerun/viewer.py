@@ -58,7 +58,7 @@ def show_recording(replays: Sequence[Replay], level: str, at: Incident | None) -
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.rrd"
         save_recording(path, replays, level, at)
-        # which the viewer reads although the file is gone then
+        # the viewer reads the open file to its end although it is deleted
         with path.open("rb") as content:
             start_viewer(free_port(), ["--hide-welcome-screen", "-"], content)
 
@@ -73,7 +73,7 @@ def serve_recording(
 
     ``ready`` gets the address. Raises MtpBenchError if the server does not start.
     """
-    # a server that is ended does not leave one behind
+    # SIGTERM is handled as Ctrl-C, so that this process stops its server
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     port = free_port()
     page_port = free_port()
@@ -118,8 +118,8 @@ def start_viewer(
         stderr=quiet,
         start_new_session=True,
     )
-    end = time.monotonic() + START_SECONDS
-    while viewer.poll() is None and time.monotonic() < end:
+    deadline = time.monotonic() + START_SECONDS
+    while viewer.poll() is None and time.monotonic() < deadline:
         with suppress(OSError):
             socket.create_connection((LOCAL, port), timeout=1.0).close()
             return viewer

@@ -2,7 +2,7 @@
 
 from base64 import b64encode
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -48,6 +48,7 @@ PART_COLORS = dict(
 )
 AGENT_COLOR = "#0072b2"
 REFERENCE_COLOR = "#8a929a"  # of agents that saw the truth
+CONTROL_COLOR = "#6000d8"
 FILE_SUFFIXES = (".svg", ".pdf", ".png")
 _NO_DATE: dict[str, dict[str, None]] = {  # equal figures have equal bytes
     ".svg": {"Date": None},
@@ -151,7 +152,8 @@ def _draw_hypotheses(report: Report) -> "Figure | None":
     swept = {agent: lines for agent, lines in agents.items() if len(lines) > 1}
     if not swept:
         return None
-    subsets = _subsets_with(chain.from_iterable(swept.values()), "difference_to_stp")
+    swept_lines = list(chain.from_iterable(swept.values()))
+    subsets = _subsets_with(swept_lines, "difference_to_stp")
     figure, axes = _panels(len(subsets))
     for axis, subset in zip(axes, subsets, strict=True):
         axis.axhline(0.0, color=REFERENCE_COLOR, label="stp")
@@ -160,7 +162,9 @@ def _draw_hypotheses(report: Report) -> "Figure | None":
         for role, line_style in zip(HYPOTHESIS_CONTROLS, ("--", ":"), strict=True):
             agent = controls()[role]
             level_m = agents[agent][0].rows[subset].difference_to_stp
-            axis.axhline(level_m, color="#6000d8", linestyle=line_style, label=agent)
+            axis.axhline(
+                level_m, color=CONTROL_COLOR, linestyle=line_style, label=agent
+            )
         axis.set(title=SUBSET_NAMES[subset], xlabel="hypotheses H")
     axes[0].set_ylabel("bADE less that of stp, m")
     _add_legend(figure, axes[0])
@@ -230,17 +234,15 @@ def _scored_lines(report: Report) -> list[AgentLine]:
     return sorted(lines, key=sort_error)
 
 
-def _subsets_with(lines: Iterable[AgentLine], key: str) -> list[Subset]:
-    """Return the subsets on which every row has ``key``."""
-    all_lines = list(lines)
+def _subsets_with(lines: Sequence[AgentLine], key: str) -> list[Subset]:
+    """Return the subsets on which the field ``key`` has a value in every line."""
     return [
-        subset
-        for subset in _SUBSETS
-        if None not in _values(_on(all_lines, subset), key)
+        subset for subset in _SUBSETS if None not in _values(_on(lines, subset), key)
     ]
 
 
 def _on(lines: Sequence[AgentLine], subset: Subset) -> list[Row]:
+    """Return the rows of ``lines`` on a subset."""
     return [line.rows[subset] for line in lines]
 
 
@@ -264,7 +266,7 @@ def _row_panels(
     for axis in axes:
         axis.grid(axis="x")
         axis.set_yticks(range(len(lines)), [""] * len(lines))
-        axis.set_ylim(len(lines) - 0.5, -0.5)
+        axis.set_ylim(len(lines) - 0.5, -0.5)  # the first row is at the top
     axes[0].set_yticklabels(list(map(label_of, _on(lines, "all"))))
     return figure, axes
 

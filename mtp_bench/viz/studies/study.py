@@ -82,12 +82,13 @@ def study(
     options.card(env_id).require_same_scenes("of which there is no study")
     comparison = compare(agents, env_id, options)
     report = comparison.report
-    ran = dict.fromkeys(setting.submission.name for setting in comparison.settings)
-    compared = [name for name in ran if name in agents or name not in control_names()]
-    lines = list(warnings(report))
+    names = dict.fromkeys(setting.submission.name for setting in comparison.settings)
+    # controls run beside the agents; a verdict is given on those that were asked for
+    compared = [name for name in names if name in agents or name not in control_names()]
+    warning_lines = list(warnings(report))
     skipped = skipped_line(comparison.skipped)
     if skipped:
-        lines.append(skipped)
+        warning_lines.append(skipped)
     with whole_folder(folder) as part:
         make_folder(part / "figures")
         result = Study(
@@ -96,7 +97,7 @@ def study(
             tables=study_tables(report),
             figures=draw_figures(report, part / "figures"),
             findings=verdict(report, compared),
-            warnings=lines,
+            warnings=warning_lines,
         )
         _write_tables(part / "tables", result.tables)
         write_text(part / _PAGE, study_page(result, command))
@@ -168,7 +169,7 @@ def study_tables(report: Report) -> dict[str, Table]:
 
 
 def _event_table(report: Report) -> Table:
-    """Return the agents' own events in the first seed."""
+    """Return the events of each agent's own tracks, of the first seed."""
     rows = []
     for details in report.details:
         in_all_hypotheses = {"all_h_ids": details.own["all_h_ids"].targets}

@@ -98,9 +98,9 @@ def _chosen_columns(
 
 
 def subset_column(column: Column, subset: Subset, title: str = "") -> Column:
-    """Return a column of report rows as one of lines.
+    """Convert a column of report rows to one of agent lines.
 
-    It reads the row of ``subset``.
+    It reads the row of ``subset``, whose name comes before its key.
     """
     key = column.key
     if subset != "all":
@@ -122,7 +122,7 @@ def _agent_columns() -> Iterator[Column]:
 
 
 def _part_column(column: Column, part_of: Callable[[AgentLine], Any]) -> Column:
-    """Return a column of parts of lines as one of lines."""
+    """Convert a column of a part of an agent line to one of agent lines."""
 
     def read(line: AgentLine) -> Value:
         part = part_of(line)

@@ -58,7 +58,7 @@ class Listed:
         view = command_line("view", folder, **options, data=data, env=env)
         drive = replay.rollout.drive
         if incident.kind == "collision" and drive is not None:
-            (cause,) = causes_of(Focus(replay, incident))
+            (cause,) = causes_of(Focus(replay, incident))  # a collision has one
             fields["cause"] = f"{cause.stage}: {cause_text(cause)}"
             fields["drive"] = drive
         class_name = replay.card.task.classes[incident.class_id]
@@ -73,7 +73,7 @@ class Listed:
         return f"{self.class_name} {self.scene.short_name(object_id)}"
 
     def record(self, *names: str) -> dict[str, Any]:
-        """Return what ``--json`` states of any row.
+        """Return the fields of ``--json`` that events and moments share.
 
         ``names``: further fields of the incident.
         """
@@ -111,7 +111,7 @@ class Tally:
     wrong: int = 0  # losses whose old track is still output
     forecasts: int = 0  # false ones
     scenes: int = 0
-    complete: bool = True  # the truth: else no forecast is called false
+    complete: bool = True  # truth of all scenes: else no forecast is called false
     driven: bool = False  # in a closed loop
 
     def add(self, replay: Replay) -> None:
@@ -145,6 +145,7 @@ def in_order(rows: Sequence[Listed], order: str) -> list[Listed]:
 
 
 def _cost(row: Listed) -> tuple[float, ...]:
+    """Return the sort key of "cost", see `in_order`."""
     event = row.incident
     if event.error is None:
         return -1.0, _confidence(row)
@@ -192,16 +193,20 @@ def event_table(rows: Sequence[Listed]) -> Table:
 def _cells(row: Listed) -> dict[str, Any]:
     """Return the record of an event, and its table texts."""
     event = row.incident
+    # one number if both are the same
     frames = dict.fromkeys(map(str, (event.frame, event.until)))
     old_id, new_id = (
         BLANK if track_id < 0 else str(track_id)
         for track_id in (event.old_id, event.new_id)
     )
     track = new_id if event.kind == "spurious" else f"{old_id} → {new_id}"
+    name = event.name
+    if event.wrong:
+        name += "*"
     return {
         **_record(row),
         "frames": "–".join(frames),
-        "event": event.name + "*" * event.wrong,
+        "event": name,
         "object_name": row.object_name,
         "track": track,
         "parts_text": event.parts and parts_text(event.parts, most=2),
@@ -209,7 +214,7 @@ def _cells(row: Listed) -> dict[str, Any]:
 
 
 def tally_line(tally: Tally, all_listed: bool) -> str:
-    """Return the numbers of events, and how to list the others."""
+    """Return the numbers of events, and how to list those left out."""
     count = tally.events
     tracks = (
         f"{counted(count['ids'], 'identity switch', 'es')}, {count['lost']} lost "
@@ -236,11 +241,11 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
     )
 
 
-def show_collisions(rows: Sequence[Listed], shown: str = "") -> None:
+def show_collisions(rows: Sequence[Listed], shown_command: str = "") -> None:
     """Print a line per collision, and the command of the first.
 
     Those at fault come first, then those of the fastest ego. The command is left out
-    if it is ``shown`` above.
+    if it is the ``shown_command`` above.
     """
     collisions = [(row.drive, row) for row in rows if row.drive is not None]
     collisions.sort(key=lambda pair: (not pair[0].at_fault, -_last_step_m(pair[0])))
@@ -248,13 +253,13 @@ def show_collisions(rows: Sequence[Listed], shown: str = "") -> None:
         fault = "at fault" if drive.at_fault else "not at fault"
         collision = f"collision at {drive.seconds:.1f} s with {row.object_name}"
         show_lines([f"scene {row.scene.name}: {collision}, {fault}; {row.cause}"])
-    if collisions and collisions[0][1].view != shown:
+    if collisions and collisions[0][1].view != shown_command:
         show_lines([f"To look at the first collision; {_PICTURE}"])
         show_command(collisions[0][1].view)
 
 
 def _last_step_m(drive: Drive) -> float:
-    """Return the length of the first step of the last plan."""
+    """Return the length of the last plan's first step, which grows with speed."""
     return float(np.hypot(*np.diff(drive.plan[-1, :2], axis=0)[0]))
 
 

@@ -30,6 +30,7 @@ def notes(report: Report) -> list[str]:
 
 
 def _column_note(report: Report) -> str:
+    """Return the meaning of the columns that a report has."""
     meaning = (
         "minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain "
         "STP has that event, as in the paper."
@@ -38,10 +39,10 @@ def _column_note(report: Report) -> str:
     env = shipped_env(report)
     if any(paper_errors(env, row) for row in report.rows):
         sentences.append("(paper): the paper's numbers.")
-    for details in report.details[:1]:
-        if details.nothing_predicted is not None:
-            error = short(details.nothing_predicted)
-            sentences.append(f"c, if nothing is predicted: {error}.")
+    if report.details:
+        error = report.details[0].nothing_predicted  # the same for all agents
+        if error is not None:
+            sentences.append(f"c, if nothing is predicted: {short(error)}.")
     sentences += [
         f"{BLANK} as a rank: shown only.",
         f"Definitions {report.definitions}.",

@@ -20,7 +20,7 @@ def paper_errors(env_id: str, row: Row) -> PaperErrors:
     roles = {agent: role for role, agent in controls().items()}
     role = roles.get(row.agent, "")
     errors = _dataset_errors(env_id).get(role, {})
-    if role == "several":
+    if role == "several":  # the paper has errors for each budget and number H
         return dict(errors.get(row.budget, {}).get(str(row.hypotheses), {}))
     return dict(errors)
 
@@ -36,7 +36,8 @@ def paper_gap(env_id: str, row: Row) -> float | None:
     agent = paper_errors(env_id, row).get("ids")
     if single is None or truth is None or agent is None:
         return None
-    return float((single[0] - agent[0]) / (single[0] - truth[0]))
+    stp_minade = single[0]
+    return float((stp_minade - agent[0]) / (stp_minade - truth[0]))
 
 
 @cache

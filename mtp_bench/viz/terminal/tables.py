@@ -32,7 +32,7 @@ from .paper import PAPER_SUBSETS, paper_errors
 
 _EVENT_SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired", "lost", "frag")
 PART_KEYS = tuple(f"cost_{part}" for part in PART_NAMES)
-_PARTS_WITH_FORECAST = 5  # the first of PART_KEYS
+_PARTS_WITH_FORECAST = 5  # so many of PART_KEYS, the first
 _PART_TABLES: dict[str, tuple[str, Sequence[str]]] = {  # name -> title and keys
     "forecasts": (
         "bADE of targets with and without a forecast",
@@ -167,8 +167,10 @@ def paper_table(report: Report) -> Table:
         errors = paper_errors(env, setting)
         if not errors:
             continue
-        hypotheses = f" {setting.hypotheses}".removesuffix(" 1")
-        row: dict[str, str | None] = {"agent": f"{setting.agent}{hypotheses}"}
+        name = setting.agent
+        if setting.hypotheses != 1:
+            name += f" {setting.hypotheses}"
+        row: dict[str, str | None] = {"agent": name}
         for subset, paper_subset in PAPER_SUBSETS.items():
             row[subset] = _displacements(block[subset].minADE, block[subset].minFDE)
             paper = errors.get(paper_subset, (None, None))
@@ -258,7 +260,9 @@ def _tracking_table(report: Report) -> Table:
 def _own_events(line: AgentLine) -> str:
     """Return own events, with a star if the lineage was guessed."""
     events = "/".join(str(line.details.own_events[kind]) for kind in EVENT_KINDS)
-    return events + "*" * bool(line.details.guessed_parents)
+    if line.details.guessed_parents:
+        events += "*"
+    return events
 
 
 _OWN_EVENT_COLUMNS = (
@@ -275,28 +279,33 @@ _OWN_EVENT_COLUMNS = (
 def _bin_tables(report: Report) -> Iterator[Table]:
     """Yield bADE by distance, class and motion, at equal samples."""
     lines = agent_lines(report)
+    # reports without settings at equal samples show all
     lines = [line for line in lines if line.details.budget == "equal"] or lines
     if not lines:
         return
-    setting_columns = [subset_column(column, "all") for column in columns_of(Row)[:2]]
+    agent_and_hypotheses = columns_of(Row)[:2]
+    setting_columns = [subset_column(column, "all") for column in agent_and_hypotheses]
     for by in ("distance", "class", "motion"):
-        bins = [part for part in lines[0].details.bins if part.by == by]
+        bins = [
+            target_bin for target_bin in lines[0].details.bins if target_bin.by == by
+        ]
         if bins:
             columns = [*setting_columns, *map(_bin_column, bins)]
             yield Table(by, f"bADE (m) by {by}, targets", "", lines, columns)
 
 
-def _bin_column(part: Bin) -> Column:
-    """Return the column of bADE in a bin, with its targets."""
-    name = wrap(part.bin.replace("_", " "), _BIN_HEADING_WIDTH)
+def _bin_column(target_bin: Bin) -> Column:
+    """Return the column of bADE in a bin, with its targets in the heading."""
+    heading_lines = wrap(target_bin.bin.replace("_", " "), _BIN_HEADING_WIDTH)
+    heading_lines.append(str(target_bin.errors.targets))
 
     def read(line: AgentLine) -> Value:
         for candidate in line.details.bins:
-            if (candidate.by, candidate.bin) == (part.by, part.bin):
+            if (candidate.by, candidate.bin) == (target_bin.by, target_bin.bin):
                 return candidate.errors.error
         return None
 
-    return Column("\n".join([*name, str(part.errors.targets)]), key=part.bin, read=read)
+    return Column("\n".join(heading_lines), key=target_bin.bin, read=read)
 
 
 def parts_text(row: Row) -> str:

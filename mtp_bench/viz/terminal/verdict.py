@@ -46,11 +46,11 @@ _SHARE = Column(format=".1%")
 
 
 class GapForm(NamedTuple):
-    """Fields of a row about a gap, and the gap's name."""
+    """Names of the fields of a row about a gap, and the gap's name."""
 
     share: str
     interval: str
-    blank_because: str
+    blank_because: str  # empty: rows give no reason for a missing share
     name: str
 
 
@@ -77,11 +77,10 @@ _ASSOCIATION_GAP = GapForm(
 def short_verdict(report: Report, names: Sequence[str]) -> str:
     """Return one sentence about the submissions ``names``.
 
-    It is empty if nothing can be compared.
-
-    Of baselines: what perfect association and several hypotheses win beyond the
-    controls on identity switches. Of others: the best agent over all targets, and its
-    difference to the next one, or to the best of ``names``.
+    On baselines it states the gains of perfect association and of several hypotheses
+    over the controls on identity switches. Else it states the best agent over all
+    targets, and its difference to the next one, or to the best of ``names``. It is
+    empty if no such numbers exist.
     """
     submitted = [name for name in names if name not in controls().values()]
     association = _paired(report, ASSOCIATED, SAME_SAMPLES, "ids")
@@ -111,9 +110,11 @@ def _gain(pair: PairedRow) -> str:
 
 
 def _best(report: Report, names: Sequence[str]) -> str:
-    """Return the best agent over all targets, and its lead."""
+    """Return the best agent over all targets, and its lead, in a sentence."""
     rows = _rankable_rows(report)
-    best, *rivals = [*rows] or [""]
+    if not rows:
+        return ""
+    best, *rivals = rows
     if best not in names:
         rivals = [name for name in rivals if name in names]
     if not rivals:
@@ -198,13 +199,13 @@ def _paired(report: Report, agent: str, control: str, subset: str) -> PairedRow 
 
 
 def _cost(pair: PairedRow) -> str:
-    """Return the error of the control less that of the agent."""
+    """Return the error of the control less that of the agent, as text."""
     cost_m = -(pair.error or 0.0)
     return f"{_SIGNED.text(cost_m)} m ({_chance(_negated(pair.interval), pair.p)})"
 
 
 def _negated(interval: Interval | None) -> Interval | None:
-    """Return the interval of the number with its sign reversed."""
+    """Return the interval of a number whose sign is reversed."""
     return None if interval is None else (-interval[1], -interval[0])
 
 
@@ -245,7 +246,7 @@ def _gap_texts(block: Mapping[Subset, Row]) -> dict[str, list[str]]:
     for gap in (_GAP, _GAP_SAME_PREDICTOR, _ASSOCIATION_GAP):
         shares = _shares(block, gap)
         if gap is _GAP_SAME_PREDICTOR and shares == _shares(block, _GAP):
-            continue
+            continue  # it would say the same twice
         for verb, of_subsets in shares.items():
             texts[verb].append(f"the {gap.name} by {' and '.join(of_subsets)}")
         reason = getattr(block["all"], gap.blank_because, None)
@@ -310,7 +311,7 @@ def _unranked_on(report: Report, subset: str) -> Iterator[str]:
 def _chance(
     interval: Interval | None, p: float | None, column: Column = _SIGNED
 ) -> str:
-    """Return an interval, p, and whether it could be chance."""
+    """Return interval and p as text, and if the difference could be chance."""
     if interval is None or p is None:
         return "too few recordings for an interval"
     p_text = "p < 0.001" if p < 0.001 else f"p = {p:.3f}"

@@ -52,12 +52,12 @@ class WorstRow(Listed):
         return self.scene.seconds(self.incident.until)
 
 
-def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
+def worst_table(rows: Sequence[WorstRow], total_cost_m: float) -> Table:
     """Return one row per moment, to be shown with WORST_CAPTION below.
 
-    ``total``: cost of all targets of the run, m.
+    ``total_cost_m``: of all targets of the run.
     """
-    cells = [_record(row) | _cells(row, total) for row in rows]
+    cells = [_record(row) | _cells(row, total_cost_m) for row in rows]
     columns = [
         Column("moment", key="object"),
         Column(key="seconds"),
@@ -72,7 +72,7 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
     return Table("worst", "Worst moments", "", cells, columns)
 
 
-def _cells(row: WorstRow, total: float) -> dict[str, Any]:
+def _cells(row: WorstRow, total_cost_m: float) -> dict[str, Any]:
     """Return the cells that the record of a row lacks."""
     causes = parts_text(row.moment.parts, most=3)
     if row.moment.borrowed:
@@ -80,21 +80,21 @@ def _cells(row: WorstRow, total: float) -> dict[str, Any]:
     return {
         "object": f"{row.class_name} {row.incident.name}",
         "seconds": f"{row.start:.1f}–{row.end:.1f}",
-        "share": row.moment.cost / total,
+        "share": row.moment.cost / total_cost_m,
         "causes": causes,
     }
 
 
 def worst_json(
     rows: Sequence[WorstRow],
-    total: float,
+    total_cost_m: float,
     parts: Mapping[str, float],
     env_id: str,
     agent: str,
 ) -> dict[str, Any]:
     """Return the content of ``worst --json``.
 
-    ``parts``: of the run's error, m; ``total``: cost of all targets, m.
+    ``parts``: those of the run's error, m. ``total_cost_m``: of all targets.
     """
     return {
         "env": env_id,
@@ -102,7 +102,7 @@ def worst_json(
         "error": sum(parts.values()),
         "parts": dict(parts),
         "faults": by_fault(parts),
-        "cost": total,
+        "cost": total_cost_m,
         "moments": [_record(row) for row in rows],
     }
 
@@ -126,7 +126,10 @@ def _record(row: WorstRow) -> dict[str, Any]:
 
 
 def run_line(parts: Mapping[str, float], scenes: int) -> str:
-    """Return the error of all targets, and shares by fault."""
+    """Return the error of all targets, and its shares by fault, in a line.
+
+    ``parts``: those of the error, m. ``scenes``: number of scenes.
+    """
     error_m = sum(parts.values())
     shares = [
         f"{fault} {part_m / error_m:.0%}"
