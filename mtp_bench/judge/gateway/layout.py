@@ -325,7 +325,7 @@ def _interpreter_files() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
 
 
 def _add(shown: list[tuple[str, str]], paths: Iterable[str]) -> None:
-    """Add existing paths that are not shown already."""
+    """Add existing paths to ``shown``, but for those inside others."""
     shown += [
         (path, path)
         for path in paths

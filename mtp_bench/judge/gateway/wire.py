@@ -38,7 +38,7 @@ def encode(
 ) -> bytes:
     """Return a message as one block of bytes.
 
-    An array that is None is sent as unusable.
+    None stands for an array that cannot be used.
     """
     entries: list[tuple[str, str, tuple[int, ...]]] = []
     body: list[memoryview] = []
