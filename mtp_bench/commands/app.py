@@ -19,10 +19,11 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from ..core import MtpBenchError, __version__, clean_text, long_work
-from .output import fail, said_of, say
+from .output import error_text, fail, say
 
 NUMBA_SETTINGS = Path(".numba_config.yaml")  # read by Numba from the current folder
 INTERRUPTED = 130  # exit status, as shells have it
+_MAX_SHOWN = 100  # characters of a wrong value
 _TEXT_FILE = Path(__file__).with_name("commands.toml")
 _TEXTS = tomllib.loads(_TEXT_FILE.read_text(encoding="utf-8"))
 SUMMARIES = _TEXTS["summaries"]  # by command
@@ -63,13 +64,13 @@ class Commands(TyperGroup):
         content = getattr(module, function_name)
         if isinstance(content, Typer):
             return get_command(content)
-        from .options import opened
+        from .options import with_expanded_options
 
-        single = Typer(
+        command_app = Typer(
             add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
         )
-        single.command(cmd_name)(opened(content))
-        return get_command(single)
+        command_app.command(cmd_name)(with_expanded_options(content))
+        return get_command(command_app)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the names and summaries without importing a command."""
@@ -77,7 +78,10 @@ class Commands(TyperGroup):
             formatter.write_dl(list(SUMMARIES.items()))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse an empty word, which would mean the current folder as a path."""
+        """Refuse an empty word, which would mean the current folder as a path.
+
+        It may stand alone, or be the value of an option.
+        """
         if not ctx.resilient_parsing:
             for word in args:
                 if re.fullmatch("(--[a-z-]+=)?", word):
@@ -91,7 +95,8 @@ class Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the chosen command."""
         try:
-            with long_work(" ".join(["mtp-bench", *sys.argv[1:2], "is working"])):
+            command_words = ["mtp-bench", *sys.argv[1:2]]
+            with long_work(" ".join([*command_words, "is working"])):
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             note = INTERRUPTED_NOTES.get(ctx.invoked_subcommand, "no file was written")
@@ -101,7 +106,9 @@ class Commands(TyperGroup):
 
             # its message has what was expected, but not the value
             if isinstance(error.__cause__, ValidationError):
-                value = clean_text(repr(error.__cause__.errors()[0]["input"]), 100)
+                value = clean_text(
+                    repr(error.__cause__.errors()[0]["input"]), _MAX_SHOWN
+                )
                 error.message = f"got {value}: {error.message}"
             raise
 
@@ -160,7 +167,7 @@ def main() -> None:
     except BrokenPipeError:  # the reader has enough
         raise SystemExit(1) from None
     except (MtpBenchError, OSError) as error:
-        fail(said_of(error))
+        fail(error_text(error))
     except InterruptedCommandError as interruption:
         say(f"interrupted; {interruption}")
         raise SystemExit(INTERRUPTED) from None

@@ -82,7 +82,7 @@ def board(
     data_table = board_table(entries, env or "leaderboard")
     write_table(table_file, [table for table, _ in tables], data_table)
     _show_tables(tables, env)
-    show_lines([*notes, *map("refused: {}".format, refused)])
+    show_lines([*notes, *(f"refused: {reason}" for reason in refused)])
     if output is not None:
         _write_page(output, _records_folder(records), entries)
     if strict and refused:

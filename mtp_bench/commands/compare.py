@@ -62,6 +62,7 @@ def compare(
     result = run_comparison(agents, env, options, full)
     content = result.report.to_json("condition", "paired", "details", "failures")
     write_json(json_file, content | {"skipped": result.skipped})
+    # the verdict is about agents, and about controls only if they are named
     agent_names = dict.fromkeys(setting.submission.name for setting in result.settings)
     for control in control_names():
         if control not in agents:
@@ -83,7 +84,7 @@ def _compare_driving(
         options.card(env).require_same_scenes(
             "which has one table of driving", "leave --columns and --subsets out"
         )
-    with EnvEvaluation.opened("driving", env, options, {}) as evaluation:
+    with EnvEvaluation.opened("driving", env, options, keywords={}) as evaluation:
         result = compare_driving(agents, evaluation, shown.full)
     table = result.table
     write_json(

@@ -55,7 +55,8 @@ def seal(
         Option(
             "-o",
             "--output",
-            help="File of the secret, seal_path its commitment. With --retire: folder.",
+            help="File of the secret; its commitment goes beside it. "
+            "With --retire: folder.",
         ),
     ] = None,
     retire: Annotated[

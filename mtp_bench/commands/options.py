@@ -299,6 +299,7 @@ class AgentScenes(EnvScenes):
         from ..running import open_run
 
         folder = Path(self.env)
+        # the path of a missing folder is one too, so that `open_run` says so
         is_path = folder.name != self.env and folder.suffix != ".toml"
         if folder.is_dir() or is_path:
             return open_run(folder, self.data).card
@@ -312,8 +313,11 @@ class AgentScenes(EnvScenes):
         return replace(options, tracks=absolute(self.tracks), presence=self.presence)
 
 
-def opened(command: Callable[..., None]) -> Callable[..., None]:
-    """Return ``command`` for typer, with its dataclasses of options expanded."""
+def with_expanded_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Return ``command`` for typer, with its dataclasses of options expanded.
+
+    typer sees a parameter per field, and the command gets the dataclasses again.
+    """
     expanded: list[inspect.Parameter] = []
     groups: dict[str, tuple[Callable[..., Any], list[str]]] = {}
     for parameter in _parameters(command):

@@ -47,7 +47,7 @@ def prepare(
     prepare_scenes(options.card(env), options.data, options.scenes, workers)
 
 
-def said_of(error: MtpBenchError | OSError) -> str:
+def error_text(error: MtpBenchError | OSError) -> str:
     """Return the text of an error.
 
     That of an OSError, such as a full disk, names the file and says what to do.
@@ -78,7 +78,8 @@ def say(text: str) -> None:
     It may contain names from a foreign submission.
     """
     line = " ".join(part.strip() for part in text.splitlines())
-    print(clean_text(line, len(line) + 1), file=sys.stderr)
+    whole_length = len(line) + 1
+    print(clean_text(line, whole_length), file=sys.stderr)
 
 
 def some_of(texts: Sequence[str]) -> str:

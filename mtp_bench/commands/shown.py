@@ -27,6 +27,10 @@ from ..viz import (
 from .options import TableOption, choice
 from .output import write_table
 
+# of --columns and --subsets, if only the other one is given
+_DEFAULT_COLUMNS = "error,interval,minADE,minFDE"
+_DEFAULT_SUBSETS = "all,ids"
+
 
 @dataclass(frozen=True)
 class Shown:
@@ -73,8 +77,8 @@ class Shown:
         """Return the first table: of the chosen columns and subsets, if any."""
         if not self._are_chosen:
             return main_table(report)
-        columns = (self.columns or "error,interval,minADE,minFDE").split(",")
-        chosen = (self.subsets or "all,ids").split(",")
+        columns = (self.columns or _DEFAULT_COLUMNS).split(",")
+        chosen = (self.subsets or _DEFAULT_SUBSETS).split(",")
         subsets = [subset for subset in KNOWN_SUBSETS if subset in chosen]
         return chosen_table(report, columns, subsets, self.full)
 
@@ -118,7 +122,7 @@ def show_report(
 def _next_step() -> str:
     """Return one line that says where to go next.
 
-    It has the way to the command where a shell would not find it.
+    Where a shell would not find ``mtp-bench``, it says how to activate its environment.
     """
     activate = Path(sys.executable).with_name("activate")
     is_here = activate.is_file() and activate.is_relative_to(Path.cwd())

@@ -33,7 +33,7 @@ from ..judge import (
 from ..running import RunOptions
 from ..viz import counted, show, show_table
 from .options import SEEDS, DataOption, SeedsOption, WorkerChoice, env_ids, submissions
-from .output import prepare, said_of, say, some_of
+from .output import error_text, prepare, say, some_of
 
 _SHOWN_COLUMNS = (
     "subset",
@@ -171,7 +171,7 @@ def _submit_one(
         except (MtpBenchError, OSError) as error:  # the others are worth their time
             if len(pieces) == 1:
                 raise
-            failures.append(f"{piece.env}: {said_of(error)}")
+            failures.append(f"{piece.env}: {error_text(error)}")
             say(failures[-1])
             continue
         _show_record(record, piece.target)
@@ -283,16 +283,16 @@ def _make_one(
     except DataError as error:
         return Line(piece, "not here", note=f"no data: {error}")
     except (MtpBenchError, OSError) as error:
-        return Line(piece, "failed", note=said_of(error))
+        return Line(piece, "failed", note=error_text(error))
     return _line(record, piece, "made", time.monotonic() - begin)
 
 
 def _line(
     record: Record, piece: RecordPiece, outcome: Outcome, seconds: float = 0.0
 ) -> Line:
-    """Return the outcome by a record, made now or before.
+    """Return ``outcome`` for a record, made now or before.
 
-    It is a failure unless its agent finished every scene that was run.
+    It is a failure instead unless the agent finished every scene that was run.
     """
     # "partial" by --scenes, not by a failure
     is_part = record.status == "partial" and not record.missed.crashed_scenes
@@ -300,7 +300,7 @@ def _line(
         return Line(piece, outcome, seconds)
     reasons = [record.unfinished]
     if record.status not in ("crashed", "rejected"):  # these state their reason
-        reasons += list(record.missed.reasons.values())[:1]
+        reasons += list(record.missed.reasons.values())[:1]  # the first, if any
     return Line(piece, "failed", note=": ".join(reasons))
 
 
@@ -311,8 +311,8 @@ def summary_table(lines: Sequence[Line]) -> Table:
     """
     rows = []
     for env_id in dict.fromkeys(line.piece.env for line in lines):
-        of_env = [line for line in lines if line.piece.env == env_id]
-        rows.append(_summary(env_id, of_env))
+        env_lines = [line for line in lines if line.piece.env == env_id]
+        rows.append(_summary(env_id, env_lines))
     rows.append(_summary("all", lines))
     columns = [
         Column("environment", key="env"),
@@ -323,10 +323,10 @@ def summary_table(lines: Sequence[Line]) -> Table:
     return Table("records", "Records with their rollouts", "", rows, columns)
 
 
-def _summary(name: str, lines: Sequence[Line]) -> dict[str, str | float]:
+def _summary(env_id: str, lines: Sequence[Line]) -> dict[str, str | float]:
     outcomes = [line.outcome for line in lines]
     return {
-        "env": name,
+        "env": env_id,
         **{outcome: outcomes.count(outcome) for outcome in get_args(Outcome)},
         "minutes": sum(line.seconds for line in lines) / 60,
         "size": sum(line.piece.size for line in lines) / _MIB,

@@ -17,7 +17,7 @@ from .options import (
     choice,
     file_option,
     one_of,
-    opened,
+    with_expanded_options,
 )
 from .output import prepare, print_or_write, say
 
@@ -128,13 +128,13 @@ def predictor(
     options = _with_default_scenes(options, cards[0])
     for env_id in env_ids:
         prepare(env_id, options)
-    path, card = _train(request, options, output)
+    path, weights_card = _train(request, options, output)
     note = ""
-    if card["fold"] is not None:
-        note = f", without the scenes of fold {card['fold']}"
+    if weights_card["fold"] is not None:
+        note = f", without the scenes of fold {weights_card['fold']}"
     print(
-        f"{path}: validation minADE {card['validation_minADE']} m, "
-        f"epoch {card['best_epoch']} of {plan.epochs}{note}"
+        f"{path}: validation minADE {weights_card['validation_minADE']} m, "
+        f"epoch {weights_card['best_epoch']} of {plan.epochs}{note}"
     )
 
 
@@ -153,7 +153,7 @@ def _train(
     output: Path | None = None,
     minutes: int = 0,
 ) -> tuple[Path, dict[str, Any]]:
-    """Train, and return the file of weights and its card.
+    """Train, and return the file of weights and the description in it.
 
     ``minutes``: about how long it takes; 0: not known.
     """
@@ -183,12 +183,12 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     for agent in agents:
         network_names |= dict.fromkeys(load_submission(agent).networks)
     states = states_of(network_names, card.id, card.weights_of)
-    plan = {state: state.minutes or 0 for state in states if state.missing}
-    if not plan:
+    minutes = {state: state.minutes or 0 for state in states if state.missing}
+    if not minutes:
         return
-    missing = sorted(plan, key=plan.__getitem__)
+    missing = sorted(minutes, key=minutes.__getitem__)
     networks = ", ".join(state.network for state in missing)
-    say(f"training {networks} first: about {sum(plan.values())} min on two cores")
+    say(f"training {networks} first: about {sum(minutes.values())} min on two cores")
     training = RunOptions(options.data, split="train", workers=options.workers)
     training = _with_default_scenes(training, card)
     for state in missing:
@@ -196,7 +196,7 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
         source = env if state.env_id == card.id else state.env_id
         prepare(source, training)
         request = TrainingRequest(network_name, source, pasts)
-        path, _ = _train(request, training, minutes=plan[state])
+        path, _ = _train(request, training, minutes=minutes[state])
         say(f"{state.network}: {path}")
 
 
@@ -253,9 +253,9 @@ train = Typer(
     rich_markup_mode=None,
     help="Fit predictors and more.",
 )
-train.command("motion-noise")(opened(motion_noise))
-train.command("predictor")(opened(predictor))
-train.command("presence")(opened(presence))
+train.command("motion-noise")(with_expanded_options(motion_noise))
+train.command("predictor")(with_expanded_options(predictor))
+train.command("presence")(with_expanded_options(presence))
 
 
 def fit_noise(

@@ -40,7 +40,7 @@ from ..judge import (
 from ..running import RunOptions
 from ..viz import counted, show, show_lines, show_table
 from .options import BaseOption, DataOption, JobsOption, JsonOption, WorkerChoice
-from .output import said_of, some_of, write_json
+from .output import error_text, some_of, write_json
 
 _MAX_DIFFERENCES = 20  # shown per record
 _MAX_LETTERS = 60  # of a value in the table
@@ -158,7 +158,7 @@ def verify(
             options=options,
             ends=ends,
         )
-        is_single = len(paths) == 1 and record == paths
+        is_single = len(paths) == 1 and record == paths  # a file, not a folder
         results = [_check_one(path, check, is_single) for path in paths]
     if len(results) > 1:
         show_table(_summary(results))
@@ -188,7 +188,7 @@ def _record_files(arguments: Sequence[Path]) -> list[Path]:
 def _check_one(
     path: Path, check: Callable[[Path], _Result], is_single: bool
 ) -> _Result:
-    """Check one record.
+    """Call ``check`` on one record, and note the time and an error.
 
     An error of one among several does not stop the others.
     """
@@ -198,7 +198,7 @@ def _check_one(
     except (MtpBenchError, OSError) as error:
         if is_single:
             raise
-        text = said_of(error)
+        text = error_text(error)
         result = _Result(path, {"record": str(path), "error": text}, text)
     return replace(result, seconds=time.monotonic() - begin)
 
@@ -211,6 +211,7 @@ def _checked(
     options: RunOptions,
     ends: ExitStack,
 ) -> _Result:
+    """Check one record, show the outcome, and sign the level if a key is given."""
     record = checked_record(path)
     sealed = seals.get(record.env.id)
     if checks.sign is not None and not checks.looked_at:
@@ -254,13 +255,15 @@ def _signed_before(path: Path, record: Record, signed: SignedLevel) -> _Result:
 def _show_differences(checked: Verification) -> None:
     rows = []
     for difference in checked.differences[:_MAX_DIFFERENCES]:
-        values = difference._asdict()
-        rows.append({k: clean_text(str(v), _MAX_LETTERS) for k, v in values.items()})
+        row = {}
+        for name, value in difference._asdict().items():
+            row[name] = clean_text(str(value), _MAX_LETTERS)
+        rows.append(row)
     columns = [Column(key=key) for key in Difference._fields]
     show_table(Table("differences", f"{checked.path}: differences", "", rows, columns))
-    hidden_rows = len(checked.differences) - len(rows)
-    if hidden_rows:
-        show_lines([f"and {hidden_rows} more"])
+    omitted_count = len(checked.differences) - len(rows)
+    if omitted_count:
+        show_lines([f"and {omitted_count} more"])
 
 
 def _summary(results: Sequence[_Result]) -> Table:

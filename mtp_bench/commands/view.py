@@ -62,7 +62,8 @@ def view(
     env: RunCardOption = None,
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
-    if (save is not None) + web + (png is not None) > 1:
+    outputs = [save is not None, web, png is not None]
+    if outputs.count(True) > 1:
         raise BadParameter("choose one of them", param_hint="--save, --web, --png")
     if png is not None and at is None:
         raise BadParameter(
@@ -82,7 +83,7 @@ def view(
 
         if save is None and not web:
             require_display()
-    replays = _replays(runs, scene, at is not None)
+    replays = _replays(runs, scene, with_images=at is not None)
     incident = None
     focuses: list[Focus] = []
     if at is not None:
@@ -128,19 +129,19 @@ def _opened(
 
 @long_work("reading the scene and finding its events")
 def _replays(
-    runs: Sequence[OpenedRun], scene: str | None, images: bool
+    runs: Sequence[OpenedRun], scene: str | None, with_images: bool
 ) -> list[Replay]:
     """Replay one scene of runs.
 
-    By default it is the first of the first run. With ``images`` they have the camera
-    images of the source. Runs of one agent with different numbers of hypotheses have
+    By default it is the first of the first run. ``with_images``: they have the
+    camera images of the source. Runs of one agent with different numbers of hypotheses have
     these in their names. Raises UnknownNameError for a run without the scene.
     """
     first = runs[0]
     name = first.first(scene).scene
     content = first.drawn(name, say)
-    cameras = camera_images(content, first.card, first.data, say) if images else ()
-    counts = defaultdict[str, set[int]](set)
+    cameras = camera_images(content, first.card, first.data, say) if with_images else ()
+    counts = defaultdict[str, set[int]](set)  # of hypotheses by agent
     for run in runs:
         counts[run.run.info.agent].add(run.run.info.hypotheses or 1)
     replays = []
@@ -149,7 +150,7 @@ def _replays(
         if len(counts[agent]) > 1:
             agent = f"{agent} (H = {run.run.info.hypotheses or 1})"
         run_content = content
-        if run is not first:
+        if run is not first:  # its detections may be other draws
             run_content = replace(content, detections=run.scene(name).detections)
         played = PlayedRun(run).replay(run.first(name), run_content, agent)
         replays.append(replace(played, images=cameras))

@@ -64,7 +64,7 @@ def worst(
     """List the worst moments of a run: whose fault each was, and how to look at it."""
     collisions = list[Listed]()
     rows = list[WorstRow]()
-    below = cause in (BELOW_THRESHOLD, "confidence")
+    is_below = cause in (BELOW_THRESHOLD, "confidence")
     part_sum = np.zeros(len(PART_NAMES))
     targets = 0
     unsplit = ""
@@ -79,22 +79,22 @@ def worst(
                 if event.kind == "collision":
                     row = Listed.of(played, event, str(folder), root, env)
                     collisions.append(row)
-            for moment in moments(played, below):
+            for moment in moments(played, is_below):
                 at = moment.at
                 row = WorstRow.of(played, at, str(folder), root, env, moment=moment)
                 rows.append(row)
     parts = named_parts(part_sum / max(1, targets))
-    total = float(costs(part_sum, below))
-    chosen = _chosen(rows, None if below else cause, class_name, within)[:top]
+    total = float(costs(part_sum, is_below))
+    chosen = _chosen(rows, None if is_below else cause, class_name, within)[:top]
     content = worst_json(chosen, total, parts, opened.card.id, opened.run.info.agent)
     write_json(json_file, content)
-    _show_moments(chosen, total, below)
+    _show_moments(chosen, total, is_below)
     show_collisions(collisions)
     if unsplit:
         show_lines([UNSPLIT.format(unsplit)])
     cost = sum(row.moment.cost for row in chosen)
     count = f"{len(chosen)} of {counted(len(rows), 'moment')}"
-    sum_name = "part" if below else "blame"
+    sum_name = "part" if is_below else "blame"
     summary = f"{count}, {cost / (total or 1.0):.0%} of the {sum_name}."
     show_lines([summary, run_line(parts, len(opened.rollouts(scene)))])
 
@@ -116,12 +116,12 @@ def _chosen(
     return sorted(chosen, key=lambda row: -row.moment.cost)
 
 
-def _show_moments(rows: Sequence[WorstRow], total: float, below: bool) -> None:
+def _show_moments(rows: Sequence[WorstRow], total: float, is_below: bool) -> None:
     """Print the table of moments, and the command that shows the first."""
     if rows:
         show_table(worst_table(rows, total))
         show("")
-        show_lines([CAPTION_BELOW if below else WORST_CAPTION, LOOK])
+        show_lines([CAPTION_BELOW if is_below else WORST_CAPTION, LOOK])
         show_command(rows[0].view)
 
 

@@ -74,16 +74,17 @@ class Ragged:
         """
         names = [column.name for column in fields(self) if column.name != "start"]
         columns = {name: getattr(self, name)[mask] for name in names}
-        return replace(self, start=starts_of(mask)[self.start], **columns)
+        kept_before = starts_of(mask)  # [R + 1] selected rows before each row
+        return replace(self, start=kept_before[self.start], **columns)
 
 
 def starts_of(count: Sequence[int] | Ints | Bools) -> Ints:
-    """Return first rows [F + 1] from numbers of rows [F]."""
+    """Return `Ragged.start` [F + 1] from the number of rows per frame [F]."""
     return np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
 
 
 def starts_of_sorted(frame: Ints, frames: int) -> Ints:
-    """Return first rows [F + 1] from the sorted frames of rows [R]."""
+    """Return `Ragged.start` [F + 1] from the sorted frames of rows [R]."""
     return np.searchsorted(frame, np.arange(frames + 1))
 
 

@@ -68,7 +68,7 @@ class UnknownNameError(MtpBenchError, KeyError):
         super().__init__(text)
 
     def __reduce__(self) -> tuple[type["UnknownNameError"], tuple[Any, ...]]:
-        return type(self), self._arguments  # workers send their errors home
+        return type(self), self._arguments  # for pickle, from a worker process
 
     def __str__(self) -> str:  # KeyError would show the repr of the text
         return str(self.args[0])
@@ -101,7 +101,7 @@ _MAX_NAMES = 16  # listed in an error text
 
 
 def nearest(got: str, names: Iterable[str]) -> str:
-    """Return the words that suggest the nearest name, else all."""
+    """Return the end of a message: the nearest name, else all names."""
     names = sorted(names)
     similar = closest(got, names)
     if similar:
@@ -117,7 +117,7 @@ def nearest(got: str, names: Iterable[str]) -> str:
 def closest(got: object, names: Iterable[str], cutoff: float = 0.5) -> str:
     """Return the name most similar to the text of ``got``.
 
-    Empty without one that is similar by ``cutoff``, 0 to 1.
+    Empty if each has a similarity below ``cutoff``, 0 to 1.
     """
     # names that differ by case alone are the same
     lower = {name.lower(): name for name in sorted(names)}
@@ -174,7 +174,8 @@ def class_hint(name: str, names: Iterable[str]) -> str:
     word = name.lower().rsplit(".", maxsplit=1)[-1]  # of "vehicle.car"
     same_kind = of_kind(word, names)
     same_spelling = closest(word, names, _SAME_SPELLING)
-    if same_kind is not None and not same_spelling and word in _KINDS[0]:
+    is_vehicle = word in _VEHICLES.split()
+    if same_kind is not None and not same_spelling and is_vehicle:
         return f"similar is {same_kind!r}"
     meant = same_spelling or same_kind
     return f"did you mean {meant!r}?" if meant else ""
@@ -198,9 +199,9 @@ def similar_class(name: str, names: Iterable[str]) -> str | None:
 
 
 def of_kind(name: str, names: Collection[str]) -> str | None:
-    """Return the first of ``names`` of the kind of the class ``name``.
+    """Return the one of ``names`` that is of the kind of the class ``name``.
 
-    Kinds are vehicles, two wheels and people.
+    Of several it is the first in the order of `_KINDS`: vehicles, two wheels, people.
     """
     for kind in _KINDS:
         if name.lower() in kind:

@@ -127,6 +127,7 @@ def remove_leftovers(*paths: Path) -> None:
 
     No other process may be writing them.
     """
+    # `whole_folder` writes beside the target of a link
     for path in {*paths, *map(_target, paths)}:
         stem = glob.escape(path.stem)
         suffix = glob.escape(path.suffix)
@@ -138,11 +139,11 @@ def remove_leftovers(*paths: Path) -> None:
 
 
 @contextlib.contextmanager
-def locked(path: Path, content: str) -> Iterator[None]:
-    """Hold the lock file ``path``.
+def locked(path: Path, target: str) -> Iterator[None]:
+    """Hold the lock file ``path`` while ``target`` is written.
 
-    Raises MtpBenchError naming ``content`` if another process is writing it. The lock
-    ends with the process, even when it is killed.
+    Raises MtpBenchError if another process holds it. The lock ends with the process,
+    even when it is killed.
     """
     from filelock import FileLock, Timeout
 
@@ -151,7 +152,7 @@ def locked(path: Path, content: str) -> Iterator[None]:
         lock.acquire(timeout=0)
     except Timeout:
         raise MtpBenchError(
-            f"{content} is being written by another process: wait for it, or end it"
+            f"{target} is being written by another process: wait for it, or end it"
         ) from None
     try:
         yield
@@ -233,7 +234,7 @@ def open_regular(path: Path, links: bool = True) -> BinaryIO:
     Raises OSError for a FIFO, a device and others whose reading may never end.
     ``links``: follow a symbolic link to a regular file.
     """
-    flags = getattr(os, "O_NONBLOCK", 0)  # not on every system
+    flags = getattr(os, "O_NONBLOCK", 0)  # opening a FIFO would wait for a writer
     if not links:
         flags |= getattr(os, "O_NOFOLLOW", 0)
     _require_regular(path.stat(follow_symlinks=links), path)
@@ -307,7 +308,7 @@ def file_stem(name: str) -> str:
     The name may contain a slash.
     """
     stem = quote(name, safe="")
-    return f"%2E{stem[1:]}" if stem.startswith(".") else stem
+    return f"%2E{stem[1:]}" if stem.startswith(".") else stem  # never hidden
 
 
 def clean_text(text: str, max_length: int) -> str:
@@ -316,7 +317,7 @@ def clean_text(text: str, max_length: int) -> str:
     Controls, escapes, direction marks and lone surrogates become U+FFFD, line ends
     become blanks.
     """
-    line = " ".join(text[: 4 * max_length].splitlines())
+    line = " ".join(text[: 4 * max_length].splitlines())  # not all of a huge text
     clean = "".join("\ufffd" if unseen(letter) else letter for letter in line)
     if len(clean) > max_length:
         clean = clean[: max_length - 1] + "…"
@@ -371,7 +372,7 @@ def _naming(path: Path, part: Path | None = None) -> Iterator[None]:
         if part is not None and isinstance(name, str | os.PathLike):
             file = Path(name)
             if {part, path}.isdisjoint([file, *file.parents]):
-                raise
+                raise  # about a file that has nothing to do with ``path``
         reason = error.strerror or str(error) or type(error).__name__
         raise WriteError(error.errno, reason, str(path)) from error
 

@@ -143,9 +143,10 @@ def _corners_at(
 def _edges_inside(
     x: Floats, y: Floats, length: Floats, width: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the share of each edge inside, and cross(start, edge).
+    """Return the share of each edge inside a box, and cross(start, edge).
 
-    The edges are those of polygons ``[R, 4]``.
+    The edges are those of polygons with corners ``x, y`` ``[R, 4]``. The box has its
+    centre at the origin, and its length along x.
     """
     dx = x[..., _NEXT_CORNER] - x
     dy = y[..., _NEXT_CORNER] - y
@@ -167,7 +168,7 @@ def _edges_inside(
 def overlapping(box: Floats, unmoved_count: int = 0) -> Ints:
     """Return pairs [n, 2] of rows of boxes [N, 7] that overlap.
 
-    The last ``unmoved_count`` boxes do not overlap each other.
+    The last ``unmoved_count`` boxes are not compared with each other.
     """
     x = box[:, 0]
     y = box[:, 1]
@@ -185,13 +186,14 @@ def overlapping(box: Floats, unmoved_count: int = 0) -> Ints:
 
 def boxes_meet(a: Floats, b: Floats) -> Bools:
     """Mark pairs [n] of boxes a and b [n, 7] that overlap."""
+    # by the axes of a, then, for the pairs that are left, by those of b
     meets = ~_separated(a, b)
     meets[meets] = ~_separated(b[meets], a[meets])
     return meets
 
 
 def _separated(a: Floats, b: Floats) -> Bools:
-    """Mark boxes a [n, 7] with an axis that separates b."""
+    """Mark boxes a [n, 7] that one of their own axes separates from b."""
     cos = np.cos(a[:, 3])
     sin = np.sin(a[:, 3])
     x = b[:, 0] - a[:, 0]

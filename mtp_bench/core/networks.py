@@ -8,9 +8,9 @@ from pathlib import Path
 WEIGHTS_VARIABLE = "MTP_BENCH_WEIGHTS"
 SHIPPED_WEIGHTS = Path(__file__).parent.parent / "prediction" / "learned" / "weights"
 PACKED_SUFFIX = ".xz"  # suffix of the files that ship
-# learns from the env itself: the one whose weights it shares may show no lanes
+# trained on each env itself: an env whose weights it could share may show no lanes
 _READS_LANES = "modes_lanes-"
-# to train one, measured for MTP-nuScenes-v0 on two cores
+# of a training, measured for MTP-nuScenes-v0 on two cores
 _MINUTES = {
     "modes-truth": 1,
     "modes-tracklets": 2,

@@ -58,11 +58,11 @@ NO_PROGRESS = Progress()
 
 @contextmanager
 def long_work(
-    text: str, seconds: float = 0, progress: Progress = NO_PROGRESS
+    text: str, expected_seconds: float = 0, progress: Progress = NO_PROGRESS
 ) -> Iterator[Progress]:
     """Show work while it lasts, and yield the callbacks that count its items.
 
-    ``seconds``: about how long it takes; 0: not known. An empty ``text`` hides the
+    ``expected_seconds``: of the work; 0: not known. An empty ``text`` hides the
     work around it, as while waiting for the user. ``progress``: callbacks
     of a caller that counts the items of this work itself; nothing else is shown then.
     """
@@ -72,7 +72,7 @@ def long_work(
     if _is_silent():
         yield NO_PROGRESS
         return
-    work = _Work(text, seconds)
+    work = _Work(text, expected_seconds)
     with _lock:
         if _stack and not _stack[-1].shown:  # the user has been waiting since then
             work.due = min(work.due, _stack[-1].due)
@@ -88,6 +88,7 @@ def long_work(
             _stack.remove(work)
             if work.shown:
                 _bar.clear()
+                # else outer work would flicker between two inner ones
                 for outer in _stack:
                     outer.due = max(outer.due, time.monotonic() + SILENT_SECONDS)
 
@@ -102,13 +103,13 @@ def say_once(text: str) -> None:
 class _Work:
     """Work that is not finished, and when it is shown next."""
 
-    def __init__(self, text: str, seconds: float) -> None:
+    def __init__(self, text: str, expected_seconds: float) -> None:
         self.text = text
         self.begin = time.monotonic()
-        self.seconds = seconds
+        self.expected_seconds = expected_seconds  # 0: not known
         self.shown = False
-        self.due = self.begin
-        if seconds <= SILENT_SECONDS:
+        self.due = self.begin  # long work is shown at once
+        if expected_seconds <= SILENT_SECONDS:
             self.due += SILENT_SECONDS
         self.started(0)
 
@@ -122,9 +123,9 @@ class _Work:
             self._timed_since = time.monotonic()
 
     def done(self, name: str = "", count: int = 1) -> None:
-        """Count more finished items.
+        """Count ``count`` more finished items.
 
-        ``name`` is shown.
+        ``name``: of the last one, which is shown.
         """
         now_s = time.monotonic()
         with _lock:
@@ -133,7 +134,7 @@ class _Work:
             if now_s - self._timed_since < _CACHED_ITEM_SECONDS:
                 self._cached = self.count
                 self._timed_since = now_s
-            elif self.count == self._cached + count:  # the first estimate is due soon
+            elif self.count == self._cached + count:  # the first that was not cached
                 self.due = min(self.due, now_s + SILENT_SECONDS)
 
     def state(self) -> str:
@@ -148,7 +149,7 @@ class _Work:
         now_s = time.monotonic()
         passed = now_s - self.begin
         timed_items = self.count - self._cached
-        seconds_left = self.seconds - passed
+        seconds_left = self.expected_seconds - passed
         if timed_items > 0:
             seconds_per_item = (now_s - self._timed_since) / timed_items
             seconds_left = seconds_per_item * (self.total - self.count)
@@ -165,14 +166,15 @@ class _Bar:
         self._display: Any = None
 
     def show(self, work: _Work) -> None:
-        """Draw the state of ``work`` in place of the last one."""
+        """Draw the state of ``work`` in place of the state drawn before."""
         if self._display is None:
-            self._display = self._begin()
+            self._display = self._new_display()
+        (bar_id,) = self._display.task_ids
         self._display.update(
-            self._display.task_ids[0],
+            bar_id,
             description=_printable(work.text),
             state=_printable(work.state()),
-            total=work.total or None,
+            total=work.total or None,  # None: rich shows a bar without an end
             completed=work.count,
             refresh=True,
         )
@@ -185,7 +187,8 @@ class _Bar:
             self._display = None
 
     @staticmethod
-    def _begin() -> Any:
+    def _new_display() -> Any:
+        """Start rich's display with one bar."""
         from rich.console import Console
         from rich.progress import BarColumn, Progress as RichProgress, TextColumn
 
@@ -232,7 +235,7 @@ def _show() -> None:
     """Show the innermost work that is due or was shown before."""
     now_s = time.monotonic()
     for work in reversed(_stack):
-        if not work.text:
+        if not work.text:  # it hides the work around it
             return
         if not work.shown and now_s < work.due:
             continue
@@ -275,8 +278,8 @@ def _printable(text: str) -> str:
 
 
 def _duration(seconds: float) -> str:
-    if seconds < 90:
+    if seconds < 90:  # 1.5 min
         return f"{max(1, round(seconds))} s"
-    if seconds < 5400:
+    if seconds < 5400:  # 1.5 h
         return f"{round(seconds / 60)} min"
     return f"{seconds / 3600:.1f} h"

@@ -99,9 +99,10 @@ def unordered_map(
     several workers.
     """
     indexed = [(index, function, call) for index, call in enumerate(calls)]
+    fewest_calls = 1 if own_process else 2  # that are worth other processes
     if workers.scheduler is not None:
         yield from _on_cluster(indexed, workers.scheduler)
-    elif workers.count == 1 or len(calls) < 2 - own_process:
+    elif workers.count == 1 or len(calls) < fewest_calls:
         yield from (_indexed(*call) for call in indexed)
     else:
         from concurrent.futures.process import BrokenProcessPool
@@ -115,7 +116,7 @@ def unordered_map(
             n_jobs=count, backend="loky", return_as="generator_unordered"
         )
         try:
-            # until the last result: joblib may replace a worker at any time
+            # held until the last result: joblib may replace a worker at any time
             with _safe_path():
                 with _ignoring_interrupts():
                     results = parallel(delayed(_indexed)(*call) for call in indexed)

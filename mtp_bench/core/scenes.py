@@ -11,6 +11,7 @@ import numpy as np
 from .arrays import Bools, Floats, Ints, Ragged
 
 _SHORT_NAME = 16  # characters at most
+_PREFIX_LENGTHS = (8, _SHORT_NAME)  # of longer names
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,7 +148,8 @@ class Scene:
         if len(name) <= _SHORT_NAME:
             return name
         all_names = self.object_names.values()
-        for prefix in (name[:8], name[:_SHORT_NAME]):
+        for length in _PREFIX_LENGTHS:
+            prefix = name[:length]
             if sum(text.startswith(prefix) for text in all_names) == 1:
                 return prefix
         return f"#{object_id}"

@@ -130,6 +130,7 @@ def validate_json(
     try:
         return model.model_validate_json(text)
     except ValidationError as cause:
+        # a text that is not JSON has no key before "got"
         why = explain(cause.errors(), model).removeprefix(": got ")
         raise error(f"{where}: {why}") from None
 
@@ -218,7 +219,7 @@ def _require_plain(value: Any, depth: int = 0) -> None:
                 _require_plain(key)
             _require_plain(inner, depth + 1)
     elif isinstance(value, list):
-        # long lists of numbers are checked at once
+        # long lists of numbers are checked at once, by their sum
         all_numbers = {*map(type, value)} <= {float, bool}
         if not (all_numbers and math.isfinite(sum(value))):
             for inner in value:
@@ -270,6 +271,7 @@ def _locate(
         field = section.model_fields.get(str(part))
         if field is not None:
             section = next(_sections_in(field.annotation), section)
+    # pydantic marks the key of a table, in place of its value, by [key]
     key = ".".join(map(str, loc)).removesuffix(".[key]")
     return clean_text(key, _MAX_SHOWN), section
 

@@ -132,6 +132,7 @@ def short(value: float | None) -> str:
     """Return a number in at most five characters and its sign."""
     if value is None:
         return BLANK
+    # from each limit on, a number rounded to so many digits is a character longer
     for digits, limit in ((3, 9.9995), (2, 99.995), (1, 999.95)):
         if abs(value) < limit:
             return f"{value:.{digits}f}"

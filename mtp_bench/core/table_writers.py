@@ -61,7 +61,7 @@ def tables_text(suffix: str, shown: Sequence[Table], data: Table) -> str:
 
 
 def to_csv(table: Table) -> str:
-    """Write CSV with units in its headings.
+    """Return a table as CSV, with units in the headings.
 
     An interval has two columns, and a spreadsheet takes no text for a formula.
     """
@@ -93,9 +93,9 @@ def _csv_cells(column: Column, value: Value) -> Sequence[Value]:
 
 
 def to_json(table: Table) -> str:
-    """Write JSON with title, sentence, columns and rows.
+    """Return a table as JSON: title, sentence, columns and rows.
 
-    Null for a missing value.
+    A missing value is null.
     """
     columns = [
         {
@@ -118,7 +118,7 @@ def to_json(table: Table) -> str:
 
 
 def to_markdown(table: Table) -> str:
-    """Write a Markdown table.
+    """Return a table in Markdown.
 
     Texts are aligned left, numbers right.
     """
@@ -139,7 +139,7 @@ def _markdown(text: str) -> str:
 
 
 def to_latex(table: Table) -> str:
-    """Write a LaTeX table.
+    """Return a table in LaTeX.
 
     It needs the package ``booktabs``.
     """
@@ -170,7 +170,7 @@ def _group_widths(columns: Sequence[Column]) -> list[tuple[str, int]]:
 def _latex_groups(columns: Sequence[Column]) -> list[str]:
     """Return the line of headings above groups, with its rules.
 
-    None without groups.
+    Empty without groups.
     """
     if not any(column.group for column in columns):
         return []
@@ -204,7 +204,7 @@ def _heading(column: Column) -> str:
 
 
 def to_text(table: Table, width: int = WIDTH) -> str:
-    """Write plain text with the title above and the sentence below.
+    """Return plain text, the title above and the sentence below.
 
     Both are wrapped at ``width``; see `table_lines`.
     """
@@ -230,8 +230,8 @@ def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
     widths = _fit(columns, heads, cells, is_left, width)
     for text in _lines_above(columns, heads, widths, is_left):
         yield None, text
-    for row, line in zip(table.rows, cells, strict=True):
-        for text in _block(line, widths, is_left):
+    for row, row_cells in zip(table.rows, cells, strict=True):
+        for text in _block(row_cells, widths, is_left):
             yield row, text
 
 
@@ -259,15 +259,19 @@ def _fit(
     is_left: Sequence[bool],
     width: int,
 ) -> list[int]:
-    """Fold the texts of ``cells`` until they fit, and return the widths of columns."""
+    """Fold texts until the table fits, and return the widths of columns.
+
+    ``cells`` are folded in place.
+    """
     widths = [_width(column) for column in zip(heads, *cells, strict=True)]
     _group_line(columns, widths)  # names of groups may need more width than columns
     folded = [place for place, is_text in enumerate(is_left) if is_text]
     _narrow(widths, folded, width)
-    for line in cells:
+    for row_cells in cells:
         for place in folded:
-            line[place] = _fold(line[place], widths[place])
-    widths[0] = _width([heads[0], *(line[0] for line in cells)])
+            row_cells[place] = _fold(row_cells[place], widths[place])
+    # names may fold to less than their width
+    widths[0] = _width([heads[0], *(row_cells[0] for row_cells in cells)])
     return widths
 
 
@@ -277,15 +281,16 @@ def _total(widths: Sequence[int]) -> int:
 
 
 def _narrow(widths: list[int], folded: Sequence[int], width: int) -> None:
-    """Narrow the ``folded`` columns until the table fits."""
+    """Narrow the ``folded`` columns, in place, until the table fits."""
     while _total(widths) > width:
         wide = [place for place in folded if widths[place] > _MIN_TEXT]
         if not wide:
             return
-        excess = {place: widths[place] for place in wide}
-        if 0 in excess:
-            excess[0] -= _NAME_BONUS
-        widths[max(wide, key=excess.__getitem__)] -= 1
+        # the widest is narrowed; the column of names counts as less wide
+        counted_width = {place: widths[place] for place in wide}
+        if 0 in counted_width:
+            counted_width[0] -= _NAME_BONUS
+        widths[max(wide, key=counted_width.__getitem__)] -= 1
 
 
 def _width(cells: Iterable[Lines]) -> int:
@@ -339,7 +344,7 @@ def _block(
 def _group_line(columns: Sequence[Column], widths: list[int]) -> str:
     """Return the line of headings above groups.
 
-    ``widths`` grow for long ones.
+    ``widths`` grow in place for long ones.
     """
     parts = []
     first = 0
@@ -353,7 +358,7 @@ def _group_line(columns: Sequence[Column], widths: list[int]) -> str:
 
 
 def to_html(table: Table) -> str:
-    """Write an HTML table with title and sentence.
+    """Return a table in HTML, with title and sentence.
 
     Every text is escaped.
     """

@@ -127,7 +127,7 @@ def group(tracks: Tracks, most: int, min_mass: float = 0.0) -> Objects:
 
 def _by_detection(tracks: Tracks) -> Ints:
     """Return the track [D, H] that took each detection, or -1."""
-    shape = (_detections(tracks), len(tracks.member))
+    shape = (_detection_count(tracks), len(tracks.member))
     table = np.full(shape, -1, dtype=np.int64)
     hypothesis, track = np.nonzero(tracks.member & (tracks.detection >= 0))
     table[tracks.detection[track], hypothesis] = track
@@ -142,12 +142,12 @@ def _by_identity(tracks: Tracks) -> Ints:
     coasting = np.flatnonzero(tracks.detection < 0)
     identities, row = np.unique(tracks.track_id[coasting], return_inverse=True)
     table = np.full((len(identities), len(tracks.member)), -1, dtype=np.int64)
-    hypothesis, place = np.nonzero(tracks.member[:, coasting])
-    table[row[place], hypothesis] = coasting[place]
+    hypothesis, column = np.nonzero(tracks.member[:, coasting])
+    table[row[column], hypothesis] = coasting[column]
     return table
 
 
-def _detections(tracks: Tracks) -> int:
+def _detection_count(tracks: Tracks) -> int:
     """Count the detections up to the last one that a track took."""
     return int(tracks.detection.max(initial=-1)) + 1
 
@@ -155,16 +155,17 @@ def _detections(tracks: Tracks) -> int:
 def _move_coasting(tracks: Tracks, leaf: Ints) -> None:
     """Let tracks without detection stand for the object with their identity.
 
-    They do so in hypotheses in which the object has no other track.
+    They do so in hypotheses in which the object has no other track. ``leaf`` is changed
+    in place: its first rows are of detections, the others of identities.
     """
-    detections = _detections(tracks)
+    detection_count = _detection_count(tracks)
     with_detection = np.flatnonzero(tracks.detection >= 0)
     heaviest = tracks.member.argmax(axis=0)[with_detection]
-    # of equal ids the last row stays: that of the heaviest hypothesis
+    # of equal ids a dict keeps the last row: that of the heaviest hypothesis
     rows = with_detection[np.argsort(heaviest, kind="stable")[::-1]]
     ids = tracks.track_id[rows].tolist()
     detection_of_id = dict(zip(ids, tracks.detection[rows].tolist(), strict=True))
-    coasting = leaf[detections:]
+    coasting = leaf[detection_count:]
     coasting_ids = tracks.track_id[coasting.max(axis=1)].tolist()
     for row, track_id in zip(coasting, coasting_ids, strict=True):
         target = detection_of_id.get(track_id)

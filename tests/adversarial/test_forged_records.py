@@ -34,7 +34,7 @@ from mtp_bench.judge.records.rerun import why_unsandboxed
 from mtp_bench.judge.records.rounds import attest
 from mtp_bench.judge.records.seal import Commitment, SecretSeeds, commitment_of
 from mtp_bench.judge.records.shipped import baseline_digest, shipped
-from mtp_bench.judge.records.storage import content_digest, measured_digest, sealed
+from mtp_bench.judge.records.storage import content_digest, measured_digest, with_digests
 from mtp_bench.judge.records.trust import read_owners
 from mtp_bench.judge.records.verifying import Verification
 from mtp_bench.running.options import RunOptions
@@ -521,10 +521,10 @@ def test_a_level_of_another_record(honest: tuple[Path, Record], leaderboard: Pat
     assert "of another record" in note(path, leaderboard)
     sign(path, record, key)
     level = level_in(path)
-    with_level(path, level, sealed(record.model_copy(update={"training_data": ["all of it"]})))
+    with_level(path, level, with_digests(record.model_copy(update={"training_data": ["all of it"]})))
     assert "of another record" in note(path, leaderboard)
     faster = record.measured.model_copy(update={"ms_per_frame": 0.001})
-    changed = sealed(record.model_copy(update={"measured": faster}))
+    changed = with_digests(record.model_copy(update={"measured": faster}))
     assert changed.digest == record.digest, "measurements are not part of it"
     with_level(path, level, changed)
     assert "of another record" in note(path, leaderboard)

@@ -14,7 +14,7 @@ from filelock import FileLock
 
 from mtp_bench.agent import load_submission
 from mtp_bench.agent.submission_files import files_of
-from mtp_bench.commands.output import said_of
+from mtp_bench.commands.output import error_text
 from mtp_bench.core.errors import MtpBenchError, SubmissionError
 from mtp_bench.core.networks import WEIGHTS_VARIABLE, file_name
 from mtp_bench.judge import run_isolated
@@ -137,7 +137,7 @@ def test_a_full_temporary_folder_is_named(tmp_path: Path, monkeypatch: pytest.Mo
     with pytest.raises(MtpBenchError, match=f"temporary files in {tempfile.gettempdir()}: No space left") as raised:
         image_of(loaded, "MTP-X-v0")
     assert "mine" not in str(raised.value)
-    assert "temporary files in " in said_of(OSError(errno.ENOSPC, "No space left on device"))
+    assert "temporary files in " in error_text(OSError(errno.ENOSPC, "No space left on device"))
 
 
 def test_only_copies_of_killed_judges_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from mtp_bench.judge.records.ranking import Standing, standings
 from mtp_bench.judge.records.record import HiddenPart, Record
 from mtp_bench.judge.records.seal import ListedSeal
 from mtp_bench.judge.records.shipped import Shipped, baseline_digest, shipped
-from mtp_bench.judge.records.storage import record_text, sealed
+from mtp_bench.judge.records.storage import record_text, with_digests
 from mtp_bench.judge.records.targets import UnitTargets
 from mtp_bench.scoring import DEFINITIONS, SUBSETS
 from mtp_bench.scoring.definitions import Subset
@@ -126,7 +126,7 @@ def make_record(
     content.setdefault("hashes", {"seals": hex_of(name), "rollouts": hex_of(name)})
     content.setdefault("targets", targets.model_dump())
     content.setdefault("targets_sha256", targets.digest)
-    return sealed(Record.model_validate(content))
+    return with_digests(Record.model_validate(content))
 
 
 def save_record(record: Record, path: Path) -> Record:

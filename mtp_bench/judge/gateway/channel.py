@@ -11,6 +11,7 @@ from .wire import HEADER_LIMIT, PREFIX, Arrays, WireError, encode
 _MAX_OUTPUT_BYTES = 4096  # of the agent's output that are kept
 _PIPE_BYTES = 1 << 20  # of a pipe's buffer, if the system allows it
 _LOG_READS = 16  # at once: an agent that prints much must not keep the judge busy
+_LOG_PART_BYTES = 1 << 16  # of one of these reads
 _MAX_LINE = 200  # characters of the agent's output in an error message
 
 
@@ -21,12 +22,12 @@ class EndedError(Exception):
 class Channel:
     """Judge's ends of three pipes: orders, answers and log. Only `wait` blocks."""
 
-    def __init__(self, orders: int, answers: int, log: int, most: int) -> None:
-        """``most``: bytes of the body of an answer."""
+    def __init__(self, orders: int, answers: int, log: int, max_body: int) -> None:
+        """Take over the descriptors. ``max_body``: bytes of the body of an answer."""
         self._orders = orders
         self._answers = answers
         self._log = log
-        self._max_body = most
+        self._max_body = max_body
         self._outgoing: deque[memoryview] = deque()
         self._printed = bytearray()
         # grows to `_expected` bytes: first the prefix, then header and body
@@ -51,27 +52,29 @@ class Channel:
         self._outgoing.append(memoryview(encode(header, arrays)))
         self._write()
 
-    def whole(self) -> tuple[bytearray, bytearray] | None:
+    def take_message(self) -> tuple[bytearray, bytearray] | None:
         """Return header and body of the message that is read, once complete.
 
         The caller owns both. Raises WireError for one that is longer than allowed,
         before memory is allocated for it.
         """
         if self._lengths is None and len(self._incoming) == PREFIX.size:
-            header, body = PREFIX.unpack(self._incoming)
-            if header > HEADER_LIMIT or body > self._max_body:
-                raise WireError(f"it announced a message of {header} + {body} bytes")
-            self._lengths = header, body
-            self._expected = header + body
+            header_bytes, body_bytes = PREFIX.unpack(self._incoming)
+            if header_bytes > HEADER_LIMIT or body_bytes > self._max_body:
+                raise WireError(
+                    f"it announced a message of {header_bytes} + {body_bytes} bytes"
+                )
+            self._lengths = header_bytes, body_bytes
+            self._expected = header_bytes + body_bytes
             self._incoming = bytearray()
         if self._lengths is None or len(self._incoming) < self._expected:
             return None
         message = self._incoming
-        header, _ = self._lengths
+        header_bytes, _ = self._lengths
         self._lengths = None
         self._expected = PREFIX.size
         self._incoming = bytearray()
-        return message[:header], message[header:]
+        return message[:header_bytes], message[header_bytes:]
 
     def read(self) -> bool:
         """Read what has arrived.
@@ -92,9 +95,9 @@ class Channel:
         return True
 
     def wait(self, deadline: float) -> None:
-        """Wait for a pipe, at most until the deadline.
+        """Wait until a pipe is ready, at most until ``deadline``.
 
-        It is in s, of `time.monotonic`.
+        The deadline is in s, of `time.monotonic`.
         """
         if self._outgoing:
             self._poll.register(self._orders, select.POLLOUT)
@@ -108,7 +111,7 @@ class Channel:
             self._read_log()
 
     def printed(self) -> str:
-        """Return the last line of the agent's first output."""
+        """Return the last line of the output that was kept."""
         self._read_log()
         lines = self._printed.decode(errors="replace").strip().split("\n")
         return lines[-1].strip()[:_MAX_LINE]
@@ -129,7 +132,7 @@ class Channel:
     def _read_log(self) -> None:
         with suppress(BlockingIOError):
             for _ in range(_LOG_READS):
-                part = os.read(self._log, 1 << 16)
+                part = os.read(self._log, _LOG_PART_BYTES)
                 self._printed += part[: _MAX_OUTPUT_BYTES - len(self._printed)]
                 if not part:
                     with suppress(KeyError):

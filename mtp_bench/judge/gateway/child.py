@@ -21,7 +21,7 @@ from typing import Any
 _PREFIX = struct.Struct("<IQ")  # as in wire.py, which needs numpy
 _SITE = ("site-packages", "dist-packages")
 _MAX_ERROR = 2000  # characters of a message to the judge
-_MAX_MALFORMED = 200
+_MAX_MALFORMED = 200  # characters of the reason why an answer is malformed
 _PDEATHSIG = 1  # of prctl
 _KEYCTL = {"x86_64": 250, "aarch64": 219}  # number of the call
 _JOIN_SESSION_KEYRING = 1  # of keyctl
@@ -34,7 +34,7 @@ def main(orders: int, answers: int) -> None:
         end_with(setup["unsandboxed"]["judge"])
         join_new_keyring()
         for members in setup["unsandboxed"]["groups"]:
-            Path(members).write_text("0")
+            Path(members).write_text("0")  # this process
     _limit(setup["limits"])
     prepare(setup)
     _serve(orders, answers, setup)
@@ -55,7 +55,7 @@ def prepare(setup: dict[str, Any]) -> None:
 def end_with(parent: int | None) -> None:
     """Ask Linux to kill this process when its parent ends.
 
-    Exit if the parent is no longer ``parent``.
+    Exit if the parent is no longer ``parent``; None: any other serves too.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
@@ -120,7 +120,7 @@ def _serve(orders: int, answers: int, setup: dict[str, Any]) -> None:
 def _answer_message(wire: Any, order: dict[str, Any], action: object) -> bytes:
     """Return the message of an answer to an order of the judge.
 
-    If the answer cannot be sent, it has no arrays, but the reason.
+    If the answer cannot be sent, the message has no arrays, but says why.
     """
     reply = {"kind": "answer", "frame": order["frame"], "token": order["token"]}
     arrays = {}
@@ -147,8 +147,9 @@ def _error_text(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-def _task(make: Any, content: dict[str, Any]) -> Any:
-    return make(**{**content, "classes": tuple(content["classes"])})
+def _task(task_class: Any, content: dict[str, Any]) -> Any:
+    # JSON made a list of the tuple
+    return task_class(**{**content, "classes": tuple(content["classes"])})
 
 
 def _limit(limits: dict[str, int]) -> None:
@@ -186,13 +187,16 @@ def _link_kernels(source: str | None, target: str) -> None:
 
 
 def _read(descriptor: int) -> tuple[bytearray, bytearray]:
-    header, body = _PREFIX.unpack(_read_exactly(descriptor, _PREFIX.size))
-    return _read_exactly(descriptor, header), _read_exactly(descriptor, body)
+    """Return header and body of the next message."""
+    header_bytes, body_bytes = _PREFIX.unpack(_read_exactly(descriptor, _PREFIX.size))
+    header = _read_exactly(descriptor, header_bytes)
+    return header, _read_exactly(descriptor, body_bytes)
 
 
 def _read_exactly(descriptor: int, size: int) -> bytearray:
     content = bytearray(size)
-    view, position = memoryview(content), 0
+    view = memoryview(content)
+    position = 0
     while position < size:
         count = os.readv(descriptor, [view[position:]])
         if count == 0:

@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 
 from ...core import ABSENT_BELOW, Rollout, clean_text
 from .channel import EndedError
-from .limits import Limits, SceneRun
+from .limits import PROCESS_ENDED, Limits, SceneRun
 from .process import AgentProcess, ExcessError, Message
 from .wire import Arrays, WireError, arrays_of
 
 Action = dict[str, Any]
 _NOTHING = np.zeros(0)
 _MAX_REASON = 2000  # characters of an agent's own error text
-
-
-_NUMBER_BYTES = 8
+_NUMBER_BYTES = 8  # of the largest dtype
 
 
 class SceneOverError(Exception):
@@ -54,6 +52,10 @@ class Exchange:
         space: spaces.Space[Any],
         seal: bytes,
     ) -> None:
+        """Begin with frame 0.
+
+        ``space``: of actions. ``seal``: start of the hash chain over the answers.
+        """
         self._process = process
         self._limits = limits
         assert isinstance(space, spaces.Dict)
@@ -66,7 +68,7 @@ class Exchange:
         self._status = "finished"
         self._reason = ""
         self._begin = process.begun
-        self._started = 0.0
+        self._started = 0.0  # s that building the agent took
 
     def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
         """Build the agent and reset it."""
@@ -92,7 +94,7 @@ class Exchange:
         without fields, which the env counts as broken.
         """
         action: Action | None = None
-        malformed_frames = self._malformed
+        malformed_before = self._malformed
         begin = time.monotonic()
         seconds = 0.0
         if self._status == "finished":
@@ -105,7 +107,7 @@ class Exchange:
                 action = None
         self._seal = lengthened(self._seal, self._frame, action)
         self._frame += 1
-        if action is None and self._malformed > malformed_frames:
+        if action is None and self._malformed > malformed_before:
             action = {}
         return action, seconds
 
@@ -141,7 +143,8 @@ class Exchange:
                 f"no answer to frame {self._frame} in time, "
                 f"expected one within {limit:g} s",
             )
-        got = [message[0].get(key) for key in ("kind", "frame", "token")]
+        header, _ = message
+        got = [header.get(key) for key in ("kind", "frame", "token")]
         if got != ["answer", self._frame, token]:
             raise SceneOverError(
                 "rejected",
@@ -151,6 +154,10 @@ class Exchange:
         return self._read_answer(message)
 
     def _read_answer(self, message: Message) -> Action | None:
+        """Return the arrays of an answer.
+
+        None for a malformed one, which is counted.
+        """
         header, body = message
         try:
             if "malformed" not in header:
@@ -188,7 +195,7 @@ class Exchange:
             message = self._process.receive(min(deadline, scene_deadline))
         except EndedError:
             output = self._process.channel.printed()
-            reason = f"the process {self._process.exit_text()}"
+            reason = f"{PROCESS_ENDED}{self._process.exit_text()}"
             if output:
                 reason += f"; its last output is {output!r}"
             raise SceneOverError("crashed", reason) from None
@@ -212,7 +219,8 @@ class Exchange:
 def lengthened(seal: bytes, frame: int, action: Action | None) -> bytes:
     """Lengthen the hash chain by one link.
 
-    It is of the previous hash, the frame, and the answer or a mark for a missed one.
+    The link is the hash of the previous one, the frame, and the answer or a mark for a
+    missed one.
     """
     parts: list[bytes | memoryview] = [seal, frame.to_bytes(8, "little")]
     if action is None:
@@ -234,7 +242,7 @@ def _error_text(error: Exception) -> str:
 def _finite(action: Mapping[str, NDArray[Any]]) -> bool:
     """Return True if all numbers of valid rows are finite.
 
-    Else nothing is answered.
+    Otherwise the answer is malformed.
     ``action``: arrays of the right shapes; fields may be missing. Invalid rows may hold
     any number, as may samples whose log-weight marks them as absent; -inf is such a
     log-weight, NaN and +inf are not.

@@ -37,7 +37,7 @@ _START_SECONDS = 120.0  # to load the library; without compiled kernels it takes
 _FORK_SECONDS = 60.0  # until a fork is in its namespaces, also on a busy machine
 _SPACE_BYTES = 64 << 20  # of the server's own temporary folder
 _CREDENTIALS = struct.Struct("3i")  # pid, user, group
-_PASS_CREDENTIALS = getattr(socket, "SO_PASSCRED", 16)
+_PASS_CREDENTIALS = getattr(socket, "SO_PASSCRED", 16)  # its number on Linux
 
 
 class ForkServerError(MtpBenchError):
@@ -48,7 +48,7 @@ class ForkServer:
     """A process with the library loaded, in the sandbox of one submission."""
 
     def __init__(self, layout: Layout) -> None:
-        """Start it.
+        """Start the process.
 
         Raises ForkServerError where it does not load the library in time.
         """
@@ -68,7 +68,7 @@ class ForkServer:
             json.dumps(setup),
             str(theirs.fileno()),
         ]
-        stdin, end = os.pipe()
+        stdin, end = os.pipe()  # empty
         os.close(end)
         with tempfile.TemporaryFile() as log:
             try:
@@ -132,7 +132,7 @@ class ForkServer:
         return self._read_pid(FORKED, _FORK_SECONDS)
 
     def stop(self) -> None:
-        """End it and its forks."""
+        """End the server and its forks."""
         self._socket.close()
         if self.running:  # else its pid may belong to another process
             with suppress(OSError):
@@ -140,7 +140,7 @@ class ForkServer:
         self._process.wait()
 
     def _read_pid(self, expected: bytes, seconds: float) -> int:
-        """Return the pid of the process that sends ``expected``."""
+        """Return the pid, added by the kernel, of the process that sends ``expected``."""
         if ready(self._socket.fileno(), seconds):
             with suppress(OSError):  # it has ended
                 text, messages, _, _ = self._socket.recvmsg(

@@ -25,6 +25,7 @@ from typing import Any
 READY = b"ready"
 FORKED = b"forked"
 _MAX_REQUEST_BYTES = 1 << 20
+_MAX_DESCRIPTORS = 8  # of a request: five pipes and the control groups
 _MAX_OPEN_FILES = 1024  # of a process
 # pid, net, ipc, uts, mnt of <sched.h>
 _NEW_NAMESPACES = 0x20000000 | 0x40000000 | 0x8000000 | 0x4000000 | 0x20000
@@ -82,7 +83,9 @@ def main(child: Any, setup: dict[str, Any], descriptor: int) -> None:
     gc.enable()
     judge.send(READY)
     while True:
-        text, descriptors, *_ = socket.recv_fds(judge, _MAX_REQUEST_BYTES, 8)
+        text, descriptors, *_ = socket.recv_fds(
+            judge, _MAX_REQUEST_BYTES, _MAX_DESCRIPTORS
+        )
         if not text:
             return
         if os.fork() == 0:
@@ -116,15 +119,15 @@ def _run_fork(
 
     The inner process runs the agent, the outer one reports its exit code.
     """
-    stdin, orders, answers, log, news, *groups = descriptors
+    stdin, orders, answers, log, exit_report, *groups = descriptors
     child.end_with(None)
     _call("unshare", _NEW_NAMESPACES)
     agent = os.fork()
-    if agent:
-        _close_all_but(news)
+    if agent:  # this is the outer process
+        _close_all_but(exit_report)
         _, status = os.waitpid(agent, 0)
         report = {"ended": os.waitstatus_to_exitcode(status)}
-        os.write(news, json.dumps(report).encode())
+        os.write(exit_report, json.dumps(report).encode())
         return
     for descriptor, number in ((stdin, 0), (log, 1), (log, 2)):
         os.dup2(descriptor, number)
@@ -162,7 +165,7 @@ def _enter_sandbox(child: Any, request: dict[str, Any]) -> None:
         _restrict_mount(path, _NOSUID | _READ_ONLY)
     _restrict_mount("/proc", _READ_ONLY)
     _drop_capabilities()
-    program = base64.b64decode(request["filter"])
+    program = base64.b64decode(request["filter"])  # 8 bytes per step
     _call(
         "prctl",
         _SECCOMP,
@@ -202,7 +205,8 @@ def _drop_capabilities() -> None:
     for capability in range(64):  # there are fewer
         _libc.prctl(_CAPBSET_DROP, capability, 0, 0, 0)
     header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # version 3, this process
-    _call("capset", ctypes.byref(header), ctypes.byref((ctypes.c_uint32 * 6)()))
+    no_capabilities = (ctypes.c_uint32 * 6)()
+    _call("capset", ctypes.byref(header), ctypes.byref(no_capabilities))
     _call("prctl", _NO_NEW_PRIVS, 1, 0, 0, 0)
 
 

@@ -83,6 +83,7 @@ _THREADS = (
     "OPENBLAS_NUM_THREADS",
     "NUMBA_NUM_THREADS",
 )
+# variables of the judge that an agent keeps
 _PASSED = ("LD_LIBRARY_PATH", "NUMBA_DISABLE_JIT", *_THREADS)
 
 
@@ -164,7 +165,7 @@ def _new_folder() -> Path:
     one whose pid is of another namespace.
     """
     root = Path(tempfile.mkdtemp(prefix=_IMAGE))
-    # also at the end of a worker
+    # removed at the end of this process, also of a worker, in spite of errors
     Finalize(None, shutil.rmtree, (root, True), exitpriority=0)
     _locks.append(FileLock(root / "lock", timeout=0, thread_local=False))
     with suppress(OSError, NotImplementedError):  # not every file system has locks
@@ -206,7 +207,7 @@ def layout_for(image: Image, data: str | None, own: Sequence[Path] = ()) -> Layo
     covered = [str(package)] if _inside(package, shown) else []
     parts = [package / part for part in LIBRARY]
     scripts = [path for path in parts if path.suffix == ".py"]
-    # compiled once
+    # their compiled forms, so that no agent compiles them again
     parts += [Path(importlib.util.cache_from_source(path)) for path in scripts]
     shown += [(str(path), str(path)) for path in parts if path.exists()]
     shown += [
@@ -280,8 +281,9 @@ def python() -> list[str]:
 
 def library() -> Path:
     """Return the folder that contains ``mtp_bench``: site-packages or a checkout."""
-    spec = importlib.util.find_spec(__name__.partition(".")[0])
-    return Path(str(spec and spec.origin)).resolve().parent.parent
+    package = importlib.util.find_spec(__name__.partition(".")[0])
+    assert package is not None  # it is running
+    return Path(str(package.origin)).resolve().parent.parent
 
 
 def child_script() -> str:
@@ -323,7 +325,7 @@ def _interpreter_files() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
 
 
 def _add(shown: list[tuple[str, str]], paths: Iterable[str]) -> None:
-    """Add existing paths that are not shown already."""
+    """Add existing paths to ``shown``, but for those inside others."""
     shown += [
         (path, path)
         for path in paths
@@ -345,7 +347,7 @@ def _require_hidden(
     roots = {data_root(data)[0], data_root(None)[0]}
     secrets = {*roots, *own, cache_root()}
     for root in roots:
-        if root.is_dir():  # it may be of links
+        if root.is_dir():  # its entries may be links to other disks
             secrets |= {*root.iterdir()}
     shown_at = {Path(path).resolve(): path for path in shown}
     for secret in {path.resolve() for path in secrets}:

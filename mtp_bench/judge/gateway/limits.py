@@ -48,6 +48,7 @@ class Isolation(Section):
         return self.mechanism != "none"
 
 
+PROCESS_ENDED = "the process "  # start of `SceneRun.reason` if the process ended
 UNSANDBOXED = Isolation(mechanism="none", memory="watch")
 
 

@@ -37,6 +37,7 @@ _EXIT_CODE_SECONDS = 2.0  # until it is known how a process ended
 _END_SECONDS = 5.0  # that the system may take to end a process
 _WATCH_SECONDS = 0.1  # between checks of the agent's processes while the judge waits
 _MAX_PROCESSES = 64
+_MAX_OPEN_FILES = 1024  # of each
 # most files in its temporary folder: their names take memory that no limit counts
 _MAX_FILES = 10_000
 # most threads in all its processes; the system's own limit does not hold for root
@@ -77,7 +78,7 @@ class AgentProcess:
         self.most_bytes = most_bytes
         self._sandboxed = spec.backend != "none"
         self._peak = 0
-        self._watched = time.monotonic()
+        self._watched_at = time.monotonic()  # last check of its processes
         self._answered = False  # after its first message it runs in its own root
         # without a sandbox; None: a fork of a fork server
         self._spawned: subprocess.Popen[bytes] | None = None
@@ -132,12 +133,12 @@ class AgentProcess:
         orders, self._orders = os.pipe()
         self._answers, answers = os.pipe()
         self._log, log = os.pipe()
-        self._news, news = os.pipe()
+        self._exit_report, exit_report = os.pipe()
         stdin, end = os.pipe()  # not /dev/null, a file that all agents share
         os.close(end)
-        for descriptor in (self._orders, self._answers, self._log, self._news):
+        for descriptor in (self._orders, self._answers, self._log, self._exit_report):
             undo.callback(os.close, descriptor)
-        theirs = [stdin, orders, answers, log, news]
+        theirs = [stdin, orders, answers, log, exit_report]
         try:
             yield theirs
         finally:
@@ -145,7 +146,7 @@ class AgentProcess:
                 os.close(descriptor)
 
     def _fork(self, server: ForkServer, undo: ExitStack) -> None:
-        """Fork it from a process that has loaded the library.
+        """Fork the agent's process from one that has loaded the library.
 
         A server that fails or was interrupted is discarded.
         """
@@ -173,22 +174,27 @@ class AgentProcess:
         undo.callback(self._kill)
 
     def _spawn(self, undo: ExitStack) -> None:
-        """Start it without a sandbox.
+        """Start the agent's process without a sandbox.
 
         Meanwhile the memory of the judge is closed to processes of the same user.
         """
         folder = undo.enter_context(
             tempfile.TemporaryDirectory(prefix="mtp_bench-agent-")
         )
+        # children of the judge before, which are not the agent's
         self._own_children = {*processes.children(os.getpid())}
-        undo.callback(processes.guard, False)
-        processes.guard(True)
+        undo.callback(processes.guard, on=False)
+        processes.guard(on=True)
         self.begun = time.monotonic()
         with self._pipes(undo) as (stdin, orders, answers, log, _), _starting:
             self._spawned = subprocess.Popen(
                 [*python(), child_script(), str(orders), str(answers)],
                 cwd=folder,
-                env=environment(False, folder, str(self._spec.image.networks)),
+                env=environment(
+                    isolated=False,
+                    work=folder,
+                    networks=str(self._spec.image.networks),
+                ),
                 stdin=stdin,
                 stdout=log,
                 stderr=log,
@@ -207,7 +213,7 @@ class AgentProcess:
         system_limits = {
             "AS": limits.memory,
             "FSIZE": limits.disk,
-            "NOFILE": 1024,
+            "NOFILE": _MAX_OPEN_FILES,
             "CORE": 0,
             "MSGQUEUE": 0,
         }
@@ -238,20 +244,20 @@ class AgentProcess:
         is malformed or longer than allowed, EndedError if the process has ended,
         ExcessError if its processes are too many or hold too much memory.
         """
-        while (message := self.channel.whole()) is None:
+        while (message := self.channel.take_message()) is None:
             now = time.monotonic()
             if now >= deadline:
                 return None
-            if now >= self._watched + _WATCH_SECONDS:
+            if now >= self._watched_at + _WATCH_SECONDS:
                 self._watch()
-                self._watched = time.monotonic()
+                self._watched_at = time.monotonic()
             if not self.channel.read():
-                self.channel.wait(min(deadline, self._watched + _WATCH_SECONDS))
+                self.channel.wait(min(deadline, self._watched_at + _WATCH_SECONDS))
         self._answered = True
         return header_of(message[0]), message[1]
 
     def count_started(self) -> int:
-        """Count the running processes that it has started."""
+        """Count the running processes that the agent has started."""
         count = len(self._adopted())
         if self._pid is not None and not self._ended():
             count += len(processes.children(self._pid))
@@ -267,7 +273,8 @@ class AgentProcess:
     def peak_memory(self) -> int:
         """Return the largest resident memory seen so far, bytes."""
         if self._pid is not None and not self._ended():
-            self._peak = max(self._peak, processes.status(self._pid, b"VmHWM") * 1024)
+            peak_kib = processes.status(self._pid, b"VmHWM")
+            self._peak = max(self._peak, 1024 * peak_kib)
         return self._peak
 
     def exit_text(self) -> str:
@@ -279,6 +286,7 @@ class AgentProcess:
                 code = self._reported_exit_code()
         except (subprocess.TimeoutExpired, ValueError, KeyError):
             return "closed its connection"
+        # the code of a process that a signal ended is its number below 0
         if -code in set(map(int, signal.Signals)):
             return f"was ended by {signal.Signals(-code).name}"
         return f"ended by itself with exit code {code}"
@@ -291,9 +299,9 @@ class AgentProcess:
         text = b""
         deadline = time.monotonic() + _EXIT_CODE_SECONDS
         while b"}" not in text and processes.ready(
-            self._news, deadline - time.monotonic()
+            self._exit_report, deadline - time.monotonic()
         ):
-            part = os.read(self._news, 4096)
+            part = os.read(self._exit_report, 4096)
             if not part:
                 break
             text += part
@@ -338,10 +346,10 @@ class AgentProcess:
             )
 
     def _watch_memory(self, agent: int, family: list[int]) -> None:
-        # memory that they share may be in no page table now: count all that they could
-        # reach
-        memory = processes.memory(agent, True)
-        memory += sum(processes.memory(pid, False) for pid in family[1:])
+        # memory that the others share with it may be in no page table now: of them all
+        # that they could reach is counted
+        memory = processes.memory(agent, resident=True)
+        memory += sum(processes.memory(pid, resident=False) for pid in family[1:])
         if memory > self._limits.memory:
             raise ExcessError(
                 f"its {len(family)} processes held {memory >> 20} MiB, "
@@ -371,8 +379,8 @@ class AgentProcess:
                 signal.pidfd_send_signal(self._handle, signal.SIGKILL)
             # the first process of a namespace ends after all others
             processes.ready(self._handle, _END_SECONDS)
-            while processes.ready(self._news, _END_SECONDS) and os.read(
-                self._news, 4096
+            while processes.ready(self._exit_report, _END_SECONDS) and os.read(
+                self._exit_report, 4096
             ):
                 pass  # until its parent, which waits for it, has ended too
         if self._handle is not None:

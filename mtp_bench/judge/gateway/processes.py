@@ -79,15 +79,16 @@ def make_group(
 ) -> Group:
     """Make a group limited to ``memory`` bytes and ``processes`` threads.
 
-    It has no folders if the system allows none.
+    It has no folders if the system allows none. ``root``: where control groups are
+    mounted. ``own``: file that lists those of this process.
     """
-    values = {
+    limits = {
         "memory": str(memory),
         "with_swap": str(memory),
         "processes": str(processes),
         None: "0",
     }
-    parents, names = _places(root, own)
+    parents, limit_of_file = _places(root, own)
     for parent in parents:
         _sweep(parent)
     folders: list[Path] = []
@@ -97,12 +98,12 @@ def make_group(
             folder = parent / name
             folder.mkdir()
             folders.append(folder)
-        for file, value in names.items():
+        for file, limit in limit_of_file.items():
             paths = [folder / file for folder in folders if (folder / file).exists()]
             if not paths and file in _NEEDED:
                 raise OSError(f"no {file}")
             for path in paths:
-                path.write_text(values[value])
+                path.write_text(limits[limit])
     except OSError:
         Group(tuple(folders)).remove()
         return Group(())
@@ -115,7 +116,7 @@ def _sweep(parent: Path) -> None:
     These are judges of this namespace.
     """
     for folder in parent.glob(f"{_NAME}-*-*"):
-        judge = folder.name.split("-")[2]
+        judge = folder.name.split("-")[2]  # its pid: the part behind `_NAME`
         if judge.isdigit() and not Path(f"/proc/{judge}").exists():
             with suppress(OSError, ValueError):
                 for line in (folder / "cgroup.procs").read_text().split():
@@ -124,22 +125,22 @@ def _sweep(parent: Path) -> None:
 
 
 def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
-    """Return parents of new groups, and the files of limits."""
-    entries: dict[str, str] = {}
+    """Return parents of new groups, and the limit that each file of a group holds."""
+    path_of: dict[str, str] = {}  # by controller; "" in version 2
     with suppress(OSError, ValueError):
         for line in own.read_text().splitlines():
             _, controllers, path = line.split(":", 2)
-            entries |= dict.fromkeys(controllers.split(","), path)
-    if {"memory", "pids"} <= entries.keys():
-        names = [f"{name}/{entries[name].lstrip('/')}" for name in ("memory", "pids")]
+            path_of |= dict.fromkeys(controllers.split(","), path)
+    if {"memory", "pids"} <= path_of.keys():
+        names = [f"{name}/{path_of[name].lstrip('/')}" for name in ("memory", "pids")]
         folders = sorted({root / name for name in names})
         if all(os.access(path, os.W_OK) for path in folders):
             return folders, dict(_V1)
         return [], dict(_V1)
-    if "" in entries:
+    if "" in path_of:
         # a group with processes cannot contain others: use this process's own or its
         # parent
-        group = root / entries[""].lstrip("/")
+        group = root / path_of[""].lstrip("/")
         for folder in (group, group.parent):
             with suppress(OSError):
                 delegated = (folder / "cgroup.subtree_control").read_text().split()
@@ -161,9 +162,9 @@ def files_below(pid: int, folder: str) -> int:
 
 
 def guard(on: bool) -> None:
-    """Hide the memory of this process, or end that.
+    """Hide the memory of this process, or show it again.
 
-    Also adopt its orphans; on Linux only.
+    While it is hidden, the process also adopts orphans. On Linux only.
     """
     if sys.platform.startswith("linux"):
         for number, value in ((_DUMPABLE, not on), (_CHILD_SUBREAPER, on)):
@@ -177,14 +178,14 @@ def adopted(own: Iterable[int]) -> list[int]:
     """
     pids: list[int] = []
     for pid in sorted({*children(os.getpid())} - {*own}):
-        with suppress(OSError):
+        with suppress(OSError):  # (0, 0): it is still running
             if os.getsid(pid) != os.getsid(0) and os.waitpid(pid, os.WNOHANG) == (0, 0):
                 pids.append(pid)
     return pids
 
 
 def children(pid: int) -> list[int]:
-    """Return processes that it started, and those adopted from ended parents."""
+    """Return processes that ``pid`` started, and those that it adopted."""
     pids: list[int] = []
     with suppress(OSError):
         for task in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208
@@ -196,7 +197,7 @@ def children(pid: int) -> list[int]:
 def descendants(pid: int, most: int) -> list[int]:
     """Return the process, its children, their children and so on.
 
-    Until they are more than ``most``.
+    The search stops once they are more than ``most``.
     """
     pids = [pid]
     for parent in pids:  # grows as it is read
@@ -209,7 +210,7 @@ def descendants(pid: int, most: int) -> list[int]:
 def ready(descriptor: int, seconds: float = 0.0) -> bool:
     """Return True if a descriptor can be read within ``seconds``.
 
-    Or if the process of a handle has ended.
+    The handle of a process can be read once the process has ended.
     """
     poll = select.poll()  # select.select refuses numbers above 1023
     poll.register(descriptor, select.POLLIN)
@@ -241,19 +242,20 @@ def status(pid: int, name: bytes) -> int:
 
 
 def memory(pid: int, resident: bool) -> int:
-    """Return the resident memory or the address space, bytes.
+    """Return the ``resident`` memory, else the address space, bytes.
 
-    The size is an upper bound; 0 if unknown.
+    The address space is an upper bound of the memory; 0 if unknown.
     """
     with suppress(OSError, ValueError, IndexError):
-        return int(_read(f"/proc/{pid}/statm").split()[resident]) * _PAGE
+        address_space, resident_pages = _read(f"/proc/{pid}/statm").split()[:2]
+        return int(resident_pages if resident else address_space) * _PAGE
     return 0
 
 
 def _read(path: str) -> bytes:
     """Read a file of /proc.
 
-    After every frame, so without `Path`, which is slower.
+    It is read after every frame, so not with `Path`, which is slower.
     """
     with open(path, "rb", buffering=0) as file:  # noqa: PTH123
         return file.read()

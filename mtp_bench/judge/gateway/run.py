@@ -49,8 +49,8 @@ def run_isolated(
     card. ``env_keywords``: of MTPEnv; the env observes what the submission asks for
     unless they say otherwise. ``parameters``: of the agent; None: those of the
     manifest. ``digest``: expected of the submission (`image_of`); None: any.
-    ``backend``: the sandbox;
-    None: the one that works here, if any.
+    ``backend``: the sandbox; None: the one that works
+    here, if any.
 
     The rollout of an agent that follows the rules equals that of
     `running.run.run_scene`, but for the times. An unanswered frame has no rows. Never
@@ -58,7 +58,7 @@ def run_isolated(
     submission, an unknown scene or missing data.
     """
     if backend is None:
-        # on another machine, or called alone: an agent's sandbox keeps nothing
+        # called alone or on another machine: kernels that an agent compiles are not kept
         _compile_once()
     loaded = load_submission(submission)
     keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}
@@ -76,14 +76,15 @@ def run_isolated(
         getattr(env.card.source, "detections", None),
         keywords.get("tracks"),
     ]
-    own = [Path(path).expanduser() for path in paths if path is not None]
-    layout = layout_for(image, keywords.get("data"), own)
+    user_files = [Path(path).expanduser() for path in paths if path is not None]
+    layout = layout_for(image, keywords.get("data"), user_files)
     spec = SandboxSpec(layout, image, backend or sandbox_backend())
     with AgentProcess(limits, spec, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
         seal = seal_start(env.card.digest, scene, seed)
         exchange = Exchange(process, limits, env.action_space, seal)
         exchange.open(setup, asdict(agent_task(env, seed, scene)))
+        # 0 boxes, classes and forecasts
         nothing = np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2))
         no_objects = make_action(env.task, *nothing, checked=False)
         seconds: list[float] = []
@@ -127,16 +128,15 @@ def run_isolated_scenes(
     # decided once, so that all scenes run in the same sandbox; other machines decide
     # for themselves
     backend = sandbox_backend() if workers.scheduler is None else None
-    calls = [
-        (submission, env_id, env_keywords, scene, seed, None, limits, digest, backend)
-        for scene in scenes
-    ]
+    parameters = None  # those of the manifest
+    settings = (seed, parameters, limits, digest, backend)
+    calls = [(submission, env_id, env_keywords, scene, *settings) for scene in scenes]
     runs: dict[int, SceneRun] = {}
-    for place, run in unordered_map(run_isolated, calls, workers):
-        runs[place] = run
+    for index, run in unordered_map(run_isolated, calls, workers):
+        runs[index] = run
         finished(run)
-        progress.done(scenes[place])
-    return [runs[place] for place in range(len(scenes))]
+        progress.done(scenes[index])
+    return [runs[index] for index in range(len(scenes))]
 
 
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:

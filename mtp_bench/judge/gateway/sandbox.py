@@ -42,6 +42,7 @@ _NUMBERS: dict[str, int] = _CALLS["numbers"]
 # allowed commands of fcntl: copies and flags of descriptors, sizes of pipes; all others
 # lock, lease or mark a file
 _FILE_CONTROLS = (range(5), range(1030, 1033))
+_FUTEX_OPERATION = 127  # bits of the operation of futex
 _PRIVATE = 128  # of futex: a signal within one process, as all locks of threads are
 # operations of futex that signal: wake, requeue, lock; waiting sends no signal
 _SIGNALS = (1, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13)
@@ -136,7 +137,7 @@ def bubblewrap_command(layout: Layout, program: Sequence[str], space: int) -> li
 
 
 def bubblewrap_works() -> bool:
-    """Return True if a program starts in the sandbox.
+    """Return True if a program starts in the sandbox and sees its files alone.
 
     Raises SubmissionError if that takes too long.
     """
@@ -229,7 +230,7 @@ def _require(status: int) -> None:
 def _rules() -> Iterator[tuple[Any, ...]]:
     """Yield all rules: error, call, comparisons.
 
-    The error 0 is success; the comparisons are of arguments.
+    The error 0 is success. A comparison is a `_Comparison` of an argument.
     """
     for name in " ".join(FORBIDDEN.values()).split():
         yield errno.EPERM, name
@@ -240,15 +241,16 @@ def _rules() -> Iterator[tuple[Any, ...]]:
     for mask, control in _blocks(_FILE_CONTROLS[0].stop, _FILE_CONTROLS[1].start):
         yield errno.EPERM, "fcntl", (1, _MASKED_EQUAL, mask, control)
     yield errno.EPERM, "fcntl", (1, _AT_LEAST, _FILE_CONTROLS[1].stop)
+    operation = _FUTEX_OPERATION | _PRIVATE
     for signal in _SIGNALS:
-        yield errno.EPERM, "futex", (1, _MASKED_EQUAL, 127 | _PRIVATE, signal)
+        yield errno.EPERM, "futex", (1, _MASKED_EQUAL, operation, signal)
     for advice in _TAKEN_OUT:
         yield errno.EPERM, "madvise", (2, _MASKED_EQUAL, _INT, advice)
     yield errno.EPERM, "prctl", (0, _MASKED_EQUAL, _INT, _PARENT_DEATH)
     # a filter cannot read the arguments of clone3; without it the C library makes
     # threads by clone
     yield errno.ENOSYS, "clone3"
-    for place in range(32):
+    for place in range(32):  # a rule can require one of these bits, not any of them
         bit = 1 << place
         if _NEW_NAMESPACES & bit:
             yield errno.EPERM, "clone", (0, _MASKED_EQUAL, bit, bit)
@@ -261,7 +263,7 @@ def _blocks(first: int, end: int) -> Iterator[tuple[int, int]]:
     not with a range.
     """
     while first < end:
-        size = first & -first
+        size = first & -first  # largest power of 2 that divides it
         while first + size > end:
             size //= 2
         yield _INT & -size, first

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 PREFIX = struct.Struct("<IQ")
 HEADER_LIMIT = 1 << 16  # bytes
 _MAX_ARRAYS = 64
-_MAX_ROWS = 1 << 30
+_MAX_EMPTY_AXIS = 1 << 30  # of an array without entries
+_MAX_AXES = 8
+_MAX_AXIS = 1 << 40
 _MAX_NAME = 80  # characters of a name in an error text
 DTYPES = frozenset(
     ["|b1", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2", "<f4", "<f8"]
@@ -36,7 +38,7 @@ def encode(
 ) -> bytes:
     """Return a message as one block of bytes.
 
-    None for an array: it is unusable.
+    None stands for an array that cannot be used.
     """
     entries: list[tuple[str, str, tuple[int, ...]]] = []
     body: list[memoryview] = []
@@ -106,7 +108,7 @@ def _array(
 ) -> NDArray[Any]:
     count = math.prod(shape)
     if count == 0:  # a shape such as [2**39, 0, 2**39] is too large for numpy
-        if any(size >= _MAX_ROWS for size in shape):
+        if any(size >= _MAX_EMPTY_AXIS for size in shape):
             raise WireError("an empty array of a huge shape")
         return np.zeros(shape, dtype)
     array = np.frombuffer(body, dtype, count, offset).reshape(shape)
@@ -116,11 +118,12 @@ def _array(
 
 
 def _entry(entry: Any) -> tuple[str, str, tuple[int, ...]]:
+    """Return name, dtype and shape of an entry of a header, or raise WireError."""
     match entry:
         case [str(name), str(dtype), list(shape)] if (
             (dtype in DTYPES or dtype == UNUSABLE)
-            and len(shape) <= 8
-            and all(type(size) is int and 0 <= size < 2**40 for size in shape)
+            and len(shape) <= _MAX_AXES
+            and all(type(size) is int and 0 <= size < _MAX_AXIS for size in shape)
         ):
             return name, dtype, tuple(shape)
     raise WireError(f"an array entry is {str(entry)[:_MAX_NAME]}")

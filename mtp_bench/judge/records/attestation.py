@@ -219,7 +219,8 @@ def _seal_of(
     Raises RecordError if the results do not fit it, or each other.
     """
     hidden = statement.hidden
-    if (hidden is None) != (statement.level != "hidden"):
+    is_hidden = statement.level == "hidden"
+    if is_hidden != (hidden is not None):
         raise RecordError(
             f"{file_name}: level {statement.level!r} {'with' if hidden else 'without'} "
             "hidden scenes"
@@ -240,6 +241,6 @@ def _seal_of(
             f"{seal.env} with card {seal.card_digest}"
         )
     require_units(hidden, f"{file_name}: level: hidden scenes")
-    for problem in result_problems(hidden):
+    if problem := next(result_problems(hidden), None):
         raise RecordError(f"{file_name}: level: hidden scenes: {problem}")
     return seal

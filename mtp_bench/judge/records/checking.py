@@ -7,10 +7,11 @@ from ...agent import Submission, SubmissionFactory
 from ...core import Rollout
 from ...env import MTPEnv, digest
 from ...running import Finding, RunOptions, check_agent, jobs_of, run_jobs
-from ..gateway.limits import SceneRun
+from ..gateway.limits import PROCESS_ENDED, SceneRun
 from ..gateway.run import run_isolated_scenes
 
 MAX_CHECKED_SCENES = 3  # at most
+_CONTRACT_SCENES = 2  # of these, the ones on which the contract is checked
 _SANDBOX_HINT = (
     "it runs alone there: its own folder, no data, no network, bounded memory"
 )
@@ -35,14 +36,14 @@ def check_submission(
         "evaluation": True,
     }
     names = options.chosen(MTPEnv(env_id, **keywords).scene_names)
-    progress.started(1 + len(names))
+    progress.started(len(names) + 1)  # the scenes, and the contract
     runs = run_isolated_scenes(
         submission.path, env_id, keywords, scenes=names, progress=progress
     )
     if any(map(_is_dangerous, runs)):
         return gateway_findings(runs, None)
     make = SubmissionFactory(str(submission.path), submission.parameters)
-    findings = check_agent(make, env_id, names[:2], keywords)
+    findings = check_agent(make, env_id, names[:_CONTRACT_SCENES], keywords)
     progress.done("conformance")
     if any(finding.level == "error" for finding in findings):
         return findings
@@ -55,7 +56,7 @@ def _is_dangerous(scene_run: SceneRun) -> bool:
 
     Such an agent hung, broke the rules or ended its process.
     """
-    ended = scene_run.reason.startswith("the process ")
+    ended = scene_run.reason.startswith(PROCESS_ENDED)
     return ended or scene_run.status in ("hung", "rejected")
 
 
@@ -83,9 +84,10 @@ def gateway_findings(
             )
     if findings:
         return findings
-    for scene_run, rollout in zip(
-        runs, rollouts_here or (), strict=bool(rollouts_here)
-    ):
+    pairs: list[tuple[SceneRun, Rollout]] = []
+    if rollouts_here:
+        pairs = list(zip(runs, rollouts_here, strict=True))
+    for scene_run, rollout in pairs:
         if digest(scene_run.rollout) != digest(rollout):
             return [
                 Finding(

@@ -58,7 +58,7 @@ def checked_text(text: str, path: Path) -> Record:
                 "make it again with `mtp-bench submit`"
             )
     record = with_targets(record, path)
-    for problem in _problems(record):
+    if problem := next(_problems(record), None):
         raise RecordError(f"{path}: {problem}")
     return record
 
@@ -188,13 +188,15 @@ def _drive_problems(drives: DrivesPart, weight: list[float]) -> Iterator[str]:
         return
     scores = list(chain.from_iterable(drives.scores))
     mean_score = sum(drives.scene_scores) / len(drives.scores)
+    # a collision at fault makes a score 0
     share_of_zeros = scores.count(0.0) / max(len(scores), 1)
     if drives.collisions > 100.0 * share_of_zeros * (1 + _TOLERANCE) + _TOLERANCE:
         yield (
             f"drives.collisions is {drives.collisions}, and {100 * share_of_zeros:g} % "
             "of the scores are 0"
         )
-    # the part of the score that is lost by all else than comfort
+    # The score is a weighted mean: all that it lacks, but for comfort, is the most that
+    # progress can lack.
     lost_score = sum(DRIVE_SCORE_WEIGHTS.values()) * (1.0 - mean_score)
     lost_score -= DRIVE_SCORE_WEIGHTS["comfort"] * (1.0 - drives.comfort)
     least_progress = 1.0 - lost_score / DRIVE_SCORE_WEIGHTS["progress"]

@@ -35,6 +35,7 @@ from .shipped import (
 SEEDS = (0, 1, 2)
 LEAST_HIDDEN = 50  # hidden scenes that rank
 NOT_ON_HIDDEN = "not scored on hidden scenes yet"
+_TOLERANCE = 1e-6  # of sums of weights, absolute and relative
 _MAX_SETTINGS = 100  # characters of a reason that quotes settings
 
 
@@ -45,7 +46,9 @@ def why_unranked(record: Record, hidden: HiddenPart | None = None) -> str | None
     """
     return (
         record.unfinished
-        or why_entrant_unranked("equal", record.samples, record.env.observe)
+        or why_entrant_unranked(
+            budget="equal", samples=record.samples, observe=record.env.observe
+        )
         or why_not_comparable(record)
         or _why_not_on_hidden(record, hidden)
     )
@@ -56,7 +59,7 @@ def why_not_comparable(record: Record) -> str | None:
 
     The reason has a few words. None if the numbers compare.
     """
-    return next(_reasons(record), None)
+    return next(_not_comparable_reasons(record), None)
 
 
 def why_not_genuine(record: Record) -> str | None:
@@ -158,7 +161,7 @@ def _is_better(entrant: Checked, truth: Checked, subset: Subset) -> bool:
     return difference is not None and difference.mean < 0 and difference.significant
 
 
-def _reasons(record: Record) -> Iterator[str]:
+def _not_comparable_reasons(record: Record) -> Iterator[str]:
     """Yield reasons why a record has other conditions than the shipped env."""
     yield from _unlike_baselines(record)
     if reason := why_scored_otherwise(record):
@@ -198,7 +201,7 @@ def _unlike_env(record: Record, env: Shipped) -> Iterator[str]:
     changed_settings = [
         f"{name} {value!r}"
         for name, value in record.env.keywords.items()
-        if (name, value) != ("samples", env.samples)
+        if (name, value) != ("samples", env.samples)  # stated, but not another
     ]
     if changed_settings:
         settings_text = clean_text(", ".join(changed_settings), _MAX_SETTINGS)
@@ -228,8 +231,8 @@ def _scene_of_other_weight(record: Record, env: Shipped) -> str | None:
             math.isclose(
                 scene_weights[subset][i],
                 frozen_weights[subset],
-                rel_tol=1e-6,
-                abs_tol=1e-6,
+                rel_tol=_TOLERANCE,
+                abs_tol=_TOLERANCE,
             )
             for subset in SUBSETS
         ):

@@ -104,7 +104,7 @@ def evaluate(
         lambda index: options.progress.done(scene_runs[index][0].scene),
     )
     scene_digests, scene_scores = zip(*scored, strict=True)
-    seeds = tuple(zip(*scene_scores, strict=True))
+    seeds = tuple(zip(*scene_scores, strict=True))  # scores of all scenes by seed
     samples = scene_runs[0][0].forecast.shape[1]
     setting = AgentScores(
         agent=agent,
@@ -146,7 +146,8 @@ def _evaluate_drives(
 ) -> Evaluation:
     """Score the drives of rollouts by the ways of ``reference``.
 
-    Worlds react to agents: digests are of ways alone.
+    A way is the distance that the ego drives with ground-truth tracks. Worlds react to
+    agents, so the digests of scenes cover the ways alone.
     """
     rollouts = list(chain.from_iterable(runs.values()))
     ways = reference.ways(rollout.scene for rollout in rollouts)
@@ -169,7 +170,7 @@ def _evaluate_drives(
     return Evaluation(
         results=results,
         fields={
-            "hypotheses": hypotheses or max(map(_hypotheses, rollouts)),
+            "hypotheses": hypotheses or max(map(_most_hypotheses, rollouts)),
             "samples": rollouts[0].forecast.shape[1],
         },
         reference=reference,
@@ -179,7 +180,8 @@ def _evaluate_drives(
     )
 
 
-def _hypotheses(rollout: Rollout) -> int:
+def _most_hypotheses(rollout: Rollout) -> int:
+    """Return the largest number of hypotheses in a frame."""
     counts = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
     return int(counts.max(initial=0))
 
@@ -198,7 +200,7 @@ def unit_errors(table: AgentTable, subset: Subset) -> list[float]:
 def numbers_of(row: Row) -> dict[str, float]:
     """Return the facts of a row that records store.
 
-    Causes of errors are stored of "all" alone.
+    Costs by cause are stored for the subset "all" alone.
     """
     numbers = {}
     for name in Row.model_fields:

@@ -23,7 +23,7 @@ _RECORDS = "records"
 _LOOK_ALIKE = str.maketrans(
     {"0": "o", "1": "l", "i": "l", "5": "s", "_": None, "-": None, ".": None}
 )
-_DEPTH = 3
+_DEPTH = 3  # parts of records/<submission>/<env id>.json
 _MAX_FILES = 100_000  # of a leaderboard
 _MAX_NEW_NAMES = 20  # of a proposal
 _PLAIN_MODE = "100644"  # git's mode of a regular file that cannot be executed
@@ -53,13 +53,13 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
     trusted_names = trust.owners
     try:
         files = _files(folder)
-        odd = [
+        odd_files = [
             f"{name}: {kind}, expected a file of mode {_PLAIN_MODE}"
             for name, kind in sorted(files.items())
             if kind
         ]
-        if odd:  # none of them is read
-            return Intake((), tuple(odd), ())
+        if odd_files:  # none of them is read
+            return Intake((), tuple(odd_files), ())
         names = _proposed_owners(folder / OWNERS, trusted_names, owner)
     except MtpBenchError as error:
         return Intake((), (str(error),), ())
@@ -72,7 +72,7 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
         if _is_unchanged(path, trust.folder / name):
             continue
         try:
-            record = _acceptable(path, name, trust, names, owner)
+            record = _accepted_record(path, name, trust, names, owner)
         except MtpBenchError as error:
             refused.append(str(error))
             continue
@@ -218,10 +218,11 @@ def _require_free(new_names: Sequence[str], taken_names: Sequence[str]) -> None:
 
 
 def _look(name: str) -> str:
+    """Return a text that is equal for names that look alike."""
     return name.lower().translate(_LOOK_ALIKE)
 
 
-def _acceptable(
+def _accepted_record(
     record_file: Path,
     file_name: Path,
     trust: Trust,
@@ -273,7 +274,7 @@ def _require_current(record: Record, file_name: Path) -> None:
         )
     if why := why_scored_otherwise(record):
         raise RecordError(f"{file_name}: {why}: make it again with `mtp-bench submit`")
-    if record.measured.made > today(1):
+    if record.measured.made > today(days=1):  # clocks differ a little
         raise RecordError(
             f"{file_name}: made on {record.measured.made}, expected a day up to "
             f"{today()}: "
@@ -312,6 +313,7 @@ def _require_owner(
 
 
 def _notes(record_file: Path, record: Record) -> Iterator[str]:
+    """Yield sentences for the author of a record that is accepted."""
     why = why_unranked(record)
     if why is not None:
         yield f"{record_file}: not ranked yet: {why}"
@@ -329,6 +331,7 @@ def _notes(record_file: Path, record: Record) -> Iterator[str]:
         )
     seals = record.hashes.seals.encode()
     rollouts = record.hashes.rollouts.encode()
+    # records of other submissions on this env
     for record_path in sorted(record_file.parents[1].glob(f"*/{record_file.name}")):
         content = record_path.read_bytes()
         if record_path != record_file and (seals in content or rollouts in content):

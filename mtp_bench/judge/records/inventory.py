@@ -76,7 +76,7 @@ def standing_record(
     rollouts may be missing, as in a checkout.
     """
     plan = plan_run(piece.submission, piece.env, options)
-    return finished_record(piece.target, plan_content(plan), rollouts=False)
+    return finished_record(piece.target, plan_content(plan), needs_rollouts=False)
 
 
 def why_impossible(piece: RecordPiece, data: str | None = None) -> str | None:

@@ -35,6 +35,7 @@ from .storage import PART_SUFFIX, ROLLOUTS_SUFFIX, seed_folder
 
 _PLAN = "plan.json"
 _LOCK = "lock"
+_MAX_SHOWN = 100  # characters of a value in a message
 _OTHER_FIELDS = "run"  # array with the fields of a run beside its rollout
 
 
@@ -54,6 +55,7 @@ class Parts:
             return None
         try:
             run_fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
+            # arrays that no rollout has are those of its drive
             drive = {
                 name: arrays.pop(name) for name in arrays.keys() - ROLLOUT_ARRAYS.keys()
             }
@@ -154,15 +156,17 @@ def _require_plan(parts_folder: Path, plan: dict[str, Any]) -> None:
     Raises RecordError if a different one is stored.
     """
     path = parts_folder / _PLAN
-    plan_json = json.loads(json.dumps(plan))
+    plan_json = json.loads(json.dumps(plan))  # lists for tuples, as it is read again
     if not path.exists():
         write_text(path, json.dumps(plan_json, indent=1) + "\n")
         return
     stored = read_json(path, RecordError)
     for name in {**stored, **plan_json}:
-        values = plan_json.get(name), stored.get(name)
-        if values[0] != values[1]:
-            got, expected = (clean_text(json.dumps(value), 100) for value in values)
+        value = plan_json.get(name)
+        stored_value = stored.get(name)
+        if value != stored_value:
+            got = clean_text(json.dumps(value), _MAX_SHOWN)
+            expected = clean_text(json.dumps(stored_value), _MAX_SHOWN)
             raise RecordError(
                 f"{parts_folder} was begun with another plan: {name} is now {got}, but was "
                 f"{expected}; use the earlier submission and options, or delete that "

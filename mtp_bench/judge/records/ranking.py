@@ -125,7 +125,10 @@ def gap_reference_names(
     shipped_networks = () if baseline is None else baseline.networks
     predictors = set()
     for network in submission.networks or shipped_networks:
-        name, tracks, *_ = [*network.split("-"), ""]
+        # such as modes-truth; names of files of weights go on with the env
+        parts = network.split("-")
+        name = parts[0]
+        tracks = parts[1] if len(parts) > 1 else ""
         # trained on tracklets: in gap_closed the references are of ground-truth tracks
         predictors.add(f"{name}-truth" if observe == "truth" else f"{name}-{tracks}")
     for predictor in sorted(predictors):
@@ -146,7 +149,7 @@ def _standings_of_env(
     for entrant in entrants:
         unranked = Place(why=entrant.unranked_because or _OTHER_DATA)
         entrant_places = places.get(entrant, dict.fromkeys(subsets, unranked))
-        standing = Standing(entrant_places, entrant in compared)
+        standing = Standing(entrant_places, compared=entrant in compared)
         if entrant in peers:
             known_subsets = subsets if entrant in finished else ()
             standing = _with_gaps(standing, entrant, best_records, known_subsets)
@@ -225,7 +228,7 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
 
 
 def _guarded(entrant: _Entrant, best_records: _Best) -> str | None:
-    """Return why a record is not ranked on event subsets, from records of STP."""
+    """Return why a record is not ranked on event subsets, compared with STP."""
     stp = best_records.get(STP)
     if stp is None:
         return "no record of stp beside it"
@@ -246,6 +249,7 @@ def _pairs(entrant: _Entrant, best_records: _Best) -> GapPairs:
 
 
 def _pair(submission: SubmissionPart, observe: str, best_records: _Best) -> GapPair:
+    """Return the records of `gap_reference_names`, or why one is missing."""
     names = gap_reference_names(submission, observe)
     if names is None and submission.gap_references == "own":
         return GapPair(missing="no reference with its predictor ships")
@@ -253,7 +257,8 @@ def _pair(submission: SubmissionPart, observe: str, best_records: _Best) -> GapP
         return GapPair(missing=REFERENCES_UNSTATED)
     stp, truth = map(best_records.get, names)
     absent_name = names[0] if stp is None else names[1]
-    return GapPair(stp, truth, f"no record of {absent_name} beside it")
+    missing = f"no record of {absent_name} beside it"  # read only if one is None
+    return GapPair(stp, truth, missing)
 
 
 def _with_gaps(
@@ -298,6 +303,7 @@ def _closed(
 def _gap_blank(
     entrant: _Entrant, pair: GapPair, gaps: Mapping[Subset, float]
 ) -> str | None:
+    """Return why a gap on all targets is missing; None: it is there."""
     if "all" in gaps:
         return None
     return pair.closed_by(entrant, "all").why or NO_GAP

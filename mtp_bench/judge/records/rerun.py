@@ -34,7 +34,8 @@ from .targets import UnitTargets
 # subsets that rank. Seeds of a baseline differ by 0.06 at most, by 0.015 on those.
 _MAX_WORSE_SHARE = 0.1
 _NEGLIGIBLE_M = 1e-3
-_SEEDS = 1 << 60  # as many as those of hidden runs
+_SECRET_SEEDS = 1 << 60  # as many as `Sealed.run_seed` can give
+_MAX_WEIGHT_SUM = 1.001  # of the samples of a forecast, rounded
 _random = secrets.SystemRandom()
 
 
@@ -46,11 +47,12 @@ def drive_again(card: Card, rollout: Rollout) -> Rollout:
     from ...traffic import DrivenEpisode
 
     task = MTPEnv(card, evaluation=True).task
-    episode = DrivenEpisode.start(card, task, rollout.scene, None)
-    # a scene of as many frames
+    episode = DrivenEpisode.start(card, task, rollout.scene, rng=None)
+    # the check needs a scene of as many frames as there are answers
     check_rollout(replace(episode.scene, time=rollout.seconds), rollout, card)
+    # a log-weight above 1 is too large in any case, and could overflow
     weights = np.exp(np.minimum(rollout.forecast_log_weight, 1.0)).sum(axis=1)
-    if not (weights < 1.001).all():  # NaN is not
+    if not (weights < _MAX_WEIGHT_SUM).all():  # also NaN is refused
         raise RecordError(
             f"{rollout.scene}: weights of the samples of a forecast add up to more "
             "than 1"
@@ -84,7 +86,7 @@ def errors_under_random_pose(
     Raises RecordError if a scene was not finished: an agent could refuse to play under
     any but the public seeds.
     """
-    seed = secrets.randbelow(_SEEDS)
+    seed = secrets.randbelow(_SECRET_SEEDS)
     runs = {seed: _run_shuffled(plan, seed)}
     require_answered(runs, plan.submission.name, "under a secret motion")
     results = evaluate_plan(plan, runs, reference).results
@@ -99,7 +101,7 @@ def worse_when_moved(
     None if none is. A moved run is compared with the mean over seeds, not with the
     worst seed: an agent with a table for all seeds but one would pass.
     """
-    # further subsets are shown only
+    # further subsets do not rank
     for subset in SUBSETS:
         row = record.row_of(subset)
         error = moved_errors.get(subset)
@@ -193,6 +195,7 @@ def require_answered(runs: Runs, agent: str, where: str) -> None:
     """
     missed = unanswered(runs)
     if missed.crashed_scenes:
+        # a reason begins with the status of its scene
         kinds = sorted({reason.split(":")[0] for reason in missed.reasons.values()})
         raise RecordError(
             f"{agent}: {missed.crashed_scenes} runs {where} were not finished "
@@ -201,6 +204,7 @@ def require_answered(runs: Runs, agent: str, where: str) -> None:
 
 
 def _run_shuffled(plan: Plan, seed: int) -> list[SceneRun]:
+    """Run the scenes of a plan in random order, and return them in the plan's."""
     scenes = tuple(_random.sample(plan.scenes, len(plan.scenes)))
     runs = {
         run.rollout.scene: run for run in run_seed(replace(plan, scenes=scenes), seed)

@@ -131,6 +131,7 @@ class Results(Section):
         }
         if error is not None and missed is not None:
             content["localisation"] = max(error - missed, 0.0)
+            # the stored costs by cause explain "missed": the rest of the error is this
             if "cost_no_forecast" in numbers:
                 content["cost_rest"] = content["localisation"]
         return Row.model_construct(**content)

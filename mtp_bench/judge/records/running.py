@@ -42,17 +42,18 @@ class Plan:
 
     @property
     def setting(self) -> Setting:
-        """The submission with its own parameters and k samples."""
+        """The submission with its own parameters and the env's k samples."""
         return setting_of(self.submission, self.card)
 
 
 def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
-    """Return the plan of a submission with its own parameters and k samples.
+    """Return the plan for a submission on an env, with its own parameters.
 
-    Raises MtpBenchError for an unknown env, other scenes or detections, missing data or
-    a wrong parameter.
+    The agent gives the env's k samples per object. Raises MtpBenchError for an unknown
+    env, missing data, a wrong parameter, and options that replace the scenes or
+    detections of the env.
     """
-    _require_own_scenes(submission, options)
+    _require_env_data(submission, options)
     options.require_usable([submission])
     env = MTPEnv(
         env_id, evaluation=True, data=options.data, **options.shown_to(submission)
@@ -67,19 +68,20 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
             f"{submission.name}: {FOR_BASELINES}; compare it with `mtp-bench compare`"
         )
     return Plan(
-        submission,
-        env.card,
-        options.chosen(scenes),
-        len(scenes),
-        keywords,
-        options,
-        image,
+        submission=submission,
+        card=env.card,
+        scenes=options.chosen(scenes),
+        scenes_of_split=len(scenes),
+        keywords=keywords,
+        options=options,
+        image=image,
     )
 
 
-def _require_own_scenes(submission: Submission, options: RunOptions) -> None:
+def _require_env_data(submission: Submission, options: RunOptions) -> None:
     """Raise MtpBenchError for options that a record of an env cannot have."""
-    if {options.detector, options.detections, options.presence} != {None}:
+    replaced = (options.detector, options.detections, options.presence)
+    if any(option is not None for option in replaced):
         raise MtpBenchError(
             "a record uses the detections of its env, so no other detector and no "
             "presence model can be chosen"
@@ -228,19 +230,19 @@ def unanswered(runs: Runs) -> MissedPart:
 
 def isolation(runs: Runs) -> Isolation:
     """Return the weakest isolation of all runs."""
+    # False sorts first
     isolations = [run.isolation for seed_runs in runs.values() for run in seed_runs]
     return min(isolations, key=lambda part: (part.sandboxed, part.memory == "cgroup"))
 
 
 def latency(rollouts: Sequence[Rollout]) -> LatencyPart:
-    """Return percentiles over all frames but the first of each rollout.
+    """Return percentiles of the times of all answers but the first of each rollout.
 
     Frames count up to the end of the agent, malformed answers with the time that the
     judge waited for them.
     """
-    seconds = np.concatenate(
-        [np.zeros(0), *(rollout.seconds[1:] for rollout in rollouts)]
-    )
+    answer_seconds = [rollout.seconds[1:] for rollout in rollouts]
+    seconds = np.concatenate([np.zeros(0), *answer_seconds])
     seconds = seconds[np.isfinite(seconds) & (seconds > 0)]
     if not len(seconds):
         return LatencyPart(p50_ms=None, p95_ms=None, max_ms=None)

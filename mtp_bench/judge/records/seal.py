@@ -119,7 +119,7 @@ class Sealed:
         A public seed would fix the motion, from which an agent could find the names of
         scenes.
         """
-        return int(self._salted(f"run {seed}")[:15], 16)
+        return int(self._salted(f"run {seed}")[:15], 16)  # 60 bits
 
     def shuffled(self, scenes: Iterable[str]) -> tuple[str, ...]:
         """Return the hidden scenes in a secret order, which does not show their seeds.

@@ -48,12 +48,12 @@ def shipped(env_id: str) -> Shipped | None:
     if card.drive is None:
         max_error_m = max(card.per_class(card.task.miss_error))
     return Shipped(
-        card.digest,
-        card.simulated,
-        card.task.samples,
-        max_error_m,
-        reference.digest,
-        _sums(reference),
+        card=card.digest,
+        simulated=card.simulated,
+        samples=card.task.samples,
+        max_error_m=max_error_m,
+        weights=reference.digest,
+        sums=_sums(reference),
     )
 
 
@@ -97,10 +97,10 @@ def _digest(name: str, networks: tuple[tuple[str, str], ...]) -> str | None:
 
 @cache
 def network_references(network: str, observe: str) -> tuple[str, str] | None:
-    """Return the pair of a gap of predictors with a network, such as modes-truth.
+    """Return the two baselines between which a predictor with a network closes a gap.
 
-    Of the baselines with this network, the one with the parameters of its own
-    references, a single hypothesis, and the one that observes the truth, or
+    ``network``: such as modes-truth. The first one tracks detections with a single
+    hypothesis. The second one observes what ``observe`` says: "truth" for gap_closed,
     "associated" for the association gap. None if no pair ships.
     """
     network_users = [user for user in baselines().values() if network in user.networks]
@@ -121,9 +121,10 @@ def learned_truths() -> tuple[str, ...]:
 
 
 def _is_single(user: Submission, observe: str) -> bool:
-    """Return True for a submission with the parameters of its own references.
+    """Return True for a submission that is the lower reference of its own gap.
 
-    It observes detections.
+    It observes detections, and has the parameters that its manifest states for
+    references, such as a single hypothesis.
     """
     references = user.compare.gap_references
     if observe == "associated" and user.compare.association_references is not None:

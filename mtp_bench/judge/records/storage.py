@@ -85,7 +85,7 @@ def measured_digest(content: Mapping[str, Any]) -> str:
     return digest_of({name: value for name, value in measured if name != "digest"})
 
 
-def sealed(record: Record) -> Record:
+def with_digests(record: Record) -> Record:
     """Return ``record`` with the digests of its content and of its measurements."""
     content = record.model_dump(mode="json", exclude={"targets"})
     measured = record.measured.model_copy(update={"digest": measured_digest(content)})
@@ -102,7 +102,7 @@ def record_text(record: Record, record_file: Path) -> tuple[Record, str]:
     read again.
     """
     try:
-        record = sealed(record)
+        record = with_digests(record)
         shared = ships(record.env.id, record.targets_sha256)
         omitted = {"targets"} if shared else set[str]()
         content = record.model_dump(mode="json", exclude=omitted)

@@ -90,14 +90,16 @@ def submit(
     _require_recordable(plan, planned_content)
     if resume and (record := finished_record(record_file, planned_content)) is not None:
         return record
-    is_drive = plan.card.drive is not None  # worlds react to the agent
+    is_drive = plan.card.drive is not None
     with open_parts(record_file, planned_content, resume) as parts:
         reference = reference_for(plan.card, plan.scenes, options)
-        passes = len(options.seeds) + (not is_drive)
+        passes = len(options.seeds)
+        if not is_drive:
+            passes += 1  # then the scenes are scored
         options.progress.started(passes * len(plan.scenes))
         runs = {seed: running.run_seed(plan, seed, parts) for seed in options.seeds}
         evaluation = running.evaluate_plan(plan, runs, reference, with_progress=True)
-        if not is_drive:
+        if not is_drive:  # the data of a drive reacts to the agent
             _require_one_data(plan, runs, evaluation, record_file)
         return _save(
             record_file, plan, runs, _record(plan, runs, evaluation, planned_content)
@@ -126,15 +128,15 @@ def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
 
 
 def finished_record(
-    record_file: Path, planned_content: dict[str, Any], rollouts: bool = True
+    record_file: Path, planned_content: dict[str, Any], needs_rollouts: bool = True
 ) -> Record | None:
     """Return the record of a plan if it is complete.
 
     Otherwise return None. ``planned_content``: the plan, as `plan_content` gives it.
-    ``rollouts``: they must be stored beside it.
+    ``needs_rollouts``: they must be stored beside it.
     """
     if count_parts(record_file) or (
-        rollouts and not record_file.with_suffix(ROLLOUTS_SUFFIX).is_dir()
+        needs_rollouts and not record_file.with_suffix(ROLLOUTS_SUFFIX).is_dir()
     ):
         return None
     record = usable_record(record_file)
@@ -222,6 +224,10 @@ def require_target(
 
 
 def _require_kept(record_file: Path, options: RunOptions) -> None:
+    """Raise RecordError if a finished record would be lost.
+
+    Another run of all its scenes may replace it, with its seeds or those that rank.
+    """
     record = usable_record(record_file)
     if record is None or record.status != "finished":
         return
@@ -266,11 +272,11 @@ def _require_one_data(
     plan: Plan, runs: Runs, evaluation: Evaluation, record_file: Path
 ) -> None:
     """Raise DataError if the data of scenes changed after they were run."""
-    for results in runs.values():
+    for seed_runs in runs.values():
         for name, run, digest in zip(
-            plan.scenes, results, evaluation.scene_digests, strict=True
+            plan.scenes, seed_runs, evaluation.scene_digests, strict=True
         ):
-            if run.scene_digest not in ("", digest):
+            if run.scene_digest not in ("", digest):  # empty: not known
                 raise DataError(
                     f"{name}: its data changed after {plan.submission.name} was run on "
                     "it, expected the same data in all scenes: delete "

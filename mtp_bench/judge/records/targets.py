@@ -155,11 +155,10 @@ def read_targets(record_file: Path, env_id: str, targets_sha256: str) -> UnitTar
     """
     if targets_sha256 in _by_digest:
         return _by_digest[targets_sha256]
+    # its leaderboard holds records/<submission>/<env id>.json
     folders = [*record_file.absolute().parents[2:3], bundled("leaderboard")]
     files = [targets_path(folder, env_id, targets_sha256) for folder in folders]
-    targets_file = next(
-        (targets_file for targets_file in files if targets_file.is_file()), None
-    )
+    targets_file = next((path for path in files if path.is_file()), None)
     if targets_file is None:
         raise RecordError(
             f"{record_file}: its targets have the sha256 "

@@ -49,8 +49,8 @@ MISSING = (
     "install "
     "OpenSSH"
 )
-_SECONDS = 30
-_MOST_OUTPUT = 200  # characters
+_CHECK_SECONDS = 30  # that ssh-keygen may take to check a signature
+_MOST_OUTPUT = 200  # characters of a reason that ssh-keygen gives
 # in lower case, options of keys that are not trusted for ever
 _EXPIRING = (b"valid-before", b"cert-authority")
 
@@ -166,7 +166,8 @@ class Trust:
             arguments += ["-n", NAMESPACE, "-s", signature_file.name]
             if self.revoked.is_file():
                 arguments += ["-r", str(self.revoked)]
-            return _ssh_keygen(arguments, message, _SECONDS)[1]
+            _, why = _ssh_keygen(arguments, message, _CHECK_SECONDS)
+            return why
 
 
 def sign(message: bytes, key: Path) -> str:

@@ -129,13 +129,14 @@ def verify(
     _require_runnable(path, record, options)
     plan = _plan(path, record, env_id, submission, options)
     reference = reference_for(card, record.scenes, options)
-    secret_runs = len(record.scenes)
+    secret_runs = len(record.scenes)  # under a secret motion
     if sealed is not None:
         secret_runs += sealed.seeds.count
     if made_here:
         public = _made_here(path, record, plan, reference, secret_runs)
     else:
-        public_runs = len(record.scenes) * (1 + len(record.seeds))
+        # all seeds are run, then the scenes are scored
+        public_runs = len(record.scenes) * (len(record.seeds) + 1)
         options.progress.started(secret_runs + public_runs)
         public = _run_again(path, record, plan, reference)
     if not public.holds:
@@ -203,7 +204,7 @@ def _score_again(
         "env": record.env.model_copy(update=env),
         "measured": measured,
     }
-    # these weights may have been frozen since
+    # the same weights may have been frozen since, which is not a difference
     if reference.digest == record.reference.hash:
         fields["reference"] = record.reference
     scored_now = record.model_copy(update=fields)
@@ -229,12 +230,13 @@ def _score_stored(
 ) -> Verification:
     """Check a record by its stored rollouts, scored again.
 
-    ``secret_runs`` of a record that was made here follow.
+    ``secret_runs``: number of those that follow, of a record that was made here; 0: it
+    was made elsewhere.
     """
     seed_runs = stored_rollouts(record_file, record)
     reference = reference_for(card, record.scenes, options)
     options.progress.started(len(record.scenes) + secret_runs)
-    # those of a maintainer are as they were driven
+    # drives that were not made here are made again from the answers
     if card.drive is not None and not secret_runs:
         for seed, rollouts in seed_runs.items():
             calls = [(card, rollout) for rollout in rollouts]
@@ -263,10 +265,10 @@ def _made_here(
         )
     if record_file.with_suffix(ROLLOUTS_SUFFIX).is_dir():
         return _score_stored(record_file, record, plan.card, options, secret_runs)
-    for note in _notes(record, reference):
+    if notes := _notes(record, reference):
         raise RecordError(
             f"{record_file}: its rollouts are not stored here to be scored again; "
-            f"{note}"
+            f"{notes[0]}"
         )
     options.progress.started(secret_runs)
     note = "not scored again: its rollouts are not stored here"
@@ -379,6 +381,7 @@ def _plan(
 
 
 def _notes(record: Record, reference: Reference) -> tuple[str, ...]:
+    """Return a sentence on what changed since a record was made, if anything did."""
     changed = []
     if why_scored_otherwise(record) is not None:
         changed.append("the scorer")
