@@ -215,7 +215,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         scene = episode.scene
         if not episode.over:
             raise RolloutError(
-                f"scene {scene.name!r} is at frame {episode.t} of {scene.frames}: "
+                f"scene {scene.name!r} is at frame {episode.frame_index} of {scene.frames}: "
                 "a rollout exists after the last frame"
             )
         rollout = assemble(scene.name, episode.actions, episode.dropped)
@@ -282,7 +282,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             )
         checked = check_action(action, self.task)
         if self._feedback is not None:
-            self._feedback.give(checked, f"frame {episode.t}")
+            self._feedback.give(checked, f"frame {episode.frame_index}")
         detections = episode.class_counts(len(self.task.classes))
         return record_action(checked, self.task, episode.frame, detections)
 

@@ -74,6 +74,7 @@ def traffic_of(section: GymSource) -> GymTraffic:
 
 
 def _file_of(module: str) -> Path:
+    """Return the file of a module, without its import if it is in no package."""
     with suppress(ImportError):
         spec = importlib.util.find_spec(module)
         if spec is not None and spec.has_location and spec.origin:
@@ -128,8 +129,8 @@ class GymScenes(TrafficScenes):
     def missing(self, scenes: int | None = None) -> list[int]:
         """Return all seeds that are not in the cache.
 
-        The first ones may crash. Raises CardError if their simulation does not have the
-        card's rate.
+        ``scenes`` does not limit them, since the first seeds may crash. Raises
+        CardError if their simulation does not have the card's rate.
         """
         seeds = super().missing()
         if seeds:
