@@ -111,7 +111,7 @@ def simulate(traffic: GymTraffic, seed: int) -> World:
     with _restored_classes(traffic):
         env = _environment(traffic)
         if ":" not in traffic.policy:
-            # no policy reads it; some others work with vehicles of one kind alone
+            # no policy reads observations; some kinds need vehicles of their own kind
             env.configure({"observation": {"type": "Kinematics"}})
         observation, _ = env.reset(seed=seed)
         policy = _policy(env, traffic.policy)

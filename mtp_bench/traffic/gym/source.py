@@ -74,7 +74,6 @@ def traffic_of(section: GymSource) -> GymTraffic:
 
 
 def _file_of(module: str) -> Path:
-    """Return the file of a module, without its import if it is in no package."""
     with suppress(ImportError):
         spec = importlib.util.find_spec(module)
         if spec is not None and spec.has_location and spec.origin:

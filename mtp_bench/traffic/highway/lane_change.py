@@ -71,7 +71,7 @@ class LaneChanges:
         period = round(_DECISION_PERIOD_S / step_s)
         for i, vehicle in enumerate(state.vehicles):
             if (step + 3 * vehicle.number) % period:
-                continue
+                continue  # drivers decide in different steps
             route = vehicle.route
             lane = int(state.lane[i])
             otherwise = self._map.routes[route].otherwise
@@ -161,7 +161,7 @@ class LaneChanges:
         braking_limit = -_MAX_NEEDED_BRAKING_MPS2 if is_needed else -_MAX_BRAKING_MPS2
         new_acceleration = _acceleration_behind(state, i, desired, front)
         others_gain = 0.0
-        if rear.present:
+        if rear.present:  # the follower in the target lane
             forced_acceleration = _acceleration_behind(
                 state, rear.row, desired, rear._replace(row=i)
             )
@@ -175,7 +175,7 @@ class LaneChanges:
         if new_acceleration < braking_limit:
             return None
         old_front, old_rear = _neighbours(state, i, in_present)
-        if old_rear.present:
+        if old_rear.present:  # the follower that is left behind
             gap_m = old_front.gap + old_rear.gap + state.length[i]
             ahead = old_front._replace(gap=gap_m)
             freed_acceleration = _acceleration_behind(
@@ -199,6 +199,7 @@ class LaneChanges:
         """
         x = state.xy[0]
         middle_y = state.xy[1] - state.d
+        # [N, N]: the row's vehicle behind that of the column
         gap_m = x - x[:, None] - (state.length + state.length[:, None]) / 2
         free = free_acceleration(state.speed, desired, state.style)[:, None]
         follow = free - braking(

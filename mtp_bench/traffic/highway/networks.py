@@ -36,6 +36,7 @@ _RAMP_SWING_M = 3.25  # half of the lateral shift of a ramp
 _NO_PARKING_JUNCTION_M = 10.0  # at the junction's end of an arm
 _NO_PARKING_FAR_M = 5.0
 _RAMP_LIMIT_MPS = 20.0
+_FAST_SENSOR_M = (-7.0, 4.0)  # y and z of the sensor beside a fast road
 _QUARTER_TURNS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # cosines and sines
 
 # half of the road of an arm of the intersection, and from its middle to where arms end
@@ -61,7 +62,7 @@ def build_map(scenario: ScenarioName, seconds: float) -> RoadMap:
 
 
 def _rotated(arm: int, x: float, y: float) -> Floats:
-    """Turn a point or direction of the first arm."""
+    """Turn a point or direction of the first arm to another ``arm``."""
     cos, sin = _QUARTER_TURNS[arm % 4]
     return np.array([cos * x - sin * y, sin * x + cos * y], dtype=np.float64)
 
@@ -295,46 +296,50 @@ def _ramp(
 
 
 def _merge(seconds: float) -> RoadMap:
+    """Build two lanes that a ramp joins, with a third one beside them for a while."""
     lane_count = 2
     total_m = max(560.0, 26.0 * seconds + 200.0)
-    bend = total_m * 0.4
-    joined_x = total_m * 0.4 + 80.0
-    narrow_x = total_m * 0.4 + 220.0
+    bend = total_m * 0.4  # the ramp begins to approach
+    joined_x = total_m * 0.4 + 80.0  # the third lane begins
+    narrow_x = total_m * 0.4 + 220.0  # it ends
     y = lane_count * _LANE_WIDTH_M
     far_y = y + 2 * _RAMP_SWING_M
     entry = StraightLane(
         (0.0, far_y), (bend, far_y), _LANE_WIDTH_M, speed_limit=_RAMP_LIMIT_MPS
     )
-    ramp = {"jk": entry, "kb": _ramp(bend, joined_x, y, np.pi / 2, _RAMP_LIMIT_MPS)}
+    swing = _ramp(bend, joined_x, y, phase=np.pi / 2, limit_mps=_RAMP_LIMIT_MPS)
+    ramp = {"jk": entry, "kb": swing}
     ends = (0.0, joined_x, narrow_x, total_m)
-    geometry, roads = _fast_road(ends, lane_count, 25.0, ramp)
+    geometry, roads = _fast_road(ends, lane_count, limit_mps=25.0, ramp=ramp)
     main, middle, final, *entries = roads
     routes = (
-        Route((main, middle[:-1], final), 0.7),
-        Route((*entries, middle, final), 0.3),
+        Route((main, middle[:-1], final), weight=0.7),
+        Route((*entries, middle, final), weight=0.3),
     )
-    sensor = ((joined_x + narrow_x) / 2, -7.0, 4.0)
+    sensor = ((joined_x + narrow_x) / 2, *_FAST_SENSOR_M)
     return RoadMap(geometry, routes, sensor, regulated=False)
 
 
 def _highway(seconds: float) -> RoadMap:
+    """Build three lanes, with a fourth one for a while that leads to an exit."""
     lane_count = 3
     total_m = max(600.0, 29.0 * seconds + 200.0)
-    wide_x = total_m * 0.45
-    split_x = total_m * 0.45 + 200.0
-    parted_x = split_x + 90.0
+    wide_x = total_m * 0.45  # the fourth lane begins
+    split_x = total_m * 0.45 + 200.0  # it leaves the road
+    parted_x = split_x + 90.0  # the exit is parallel again
     y = lane_count * _LANE_WIDTH_M
     far_y = y + 2 * _RAMP_SWING_M
     leaving = StraightLane(
         (parted_x, far_y), (total_m, far_y), _LANE_WIDTH_M, speed_limit=_RAMP_LIMIT_MPS
     )
-    ramp = {"ce": _ramp(split_x, parted_x, y, -np.pi / 2, 22.0), "ef": leaving}
+    swing = _ramp(split_x, parted_x, y, phase=-np.pi / 2, limit_mps=22.0)
+    ramp = {"ce": swing, "ef": leaving}
     ends = (0.0, wide_x, split_x, total_m)
-    geometry, roads = _fast_road(ends, lane_count, 28.0, ramp)
+    geometry, roads = _fast_road(ends, lane_count, limit_mps=28.0, ramp=ramp)
     main, middle, final, *exits = roads
     routes = (
-        Route((main, middle[:-1], final), 0.75),
-        Route((main, middle, *exits), 0.25, otherwise=0),
+        Route((main, middle[:-1], final), weight=0.75),
+        Route((main, middle, *exits), weight=0.25, otherwise=0),
     )
-    sensor = (split_x, -7.0, 4.0)
+    sensor = (split_x, *_FAST_SENSOR_M)
     return RoadMap(geometry, routes, sensor, regulated=False)

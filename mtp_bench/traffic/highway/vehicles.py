@@ -130,11 +130,11 @@ def _set_states(
     """Give vehicles rounded places [2, N], headings and speeds."""
     places = (positions.T.round(6) + 0.0).tolist()
     headings = wrap_angle(heading).tolist()
-    box_rows = zip(vehicles, places, headings, speed.tolist(), strict=True)
-    for vehicle, position, angle, pace in box_rows:
+    states = zip(vehicles, places, headings, speed.tolist(), strict=True)
+    for vehicle, position, angle, speed_mps in states:
         vehicle.position = position
         vehicle.heading = round(angle, 6) + 0.0
-        vehicle.speed = round(pace, 6) + 0.0
+        vehicle.speed = round(speed_mps, 6) + 0.0
 
 
 def vehicle_boxes(vehicles: Sequence[Driver]) -> Floats:
@@ -193,6 +193,9 @@ _MAX_TRIES = 6  # steps that a vehicle waits for room before another one is draw
 _LANE_HALF_WIDTH_M = 2.5  # from the middle of a lane, within which a vehicle is in it
 _ENTRY_GAP_SHARE = 0.6  # of the time gap that an entering vehicle needs
 _FIRST_ROOM_M = 10.0  # least room between two vehicles at the start
+_ENTRY_M = 0.5  # from the start of a lane to the rear of a new vehicle
+_ENTRY_ROOM_M = 2.0  # of a new vehicle, beside the gap at rest
+_ENTRY_BRAKING_MPS2 = 1.0  # of a new vehicle behind its leader
 
 _PARKING_PITCH_M = 6.2  # from one parking place to the next
 _PARKING_SHARE = 0.8  # of the parking places of a kerb, that are used first
@@ -214,6 +217,7 @@ class Entries:
         vehicles: list[Driver],
         rng: np.random.Generator,
     ) -> None:
+        """``target``: number of ``vehicles`` to keep; the list changes in place."""
         self._map = road_map
         self._target = target
         self._vehicles = vehicles
@@ -249,9 +253,11 @@ class Entries:
             self._tries = 0
         traits, route = self._waiting
         self._tries += 1
-        station_m = traits.length / 2 + 0.5
+        station_m = traits.length / 2 + _ENTRY_M
         for lane in self._entry_lanes(traits, route):
-            if self._enter(traits, route, lane, station_m, traits.min_gap + 2.0):
+            if self._enter(
+                traits, route, lane, station_m, traits.min_gap + _ENTRY_ROOM_M
+            ):
                 self._waiting = None
                 return
 
@@ -260,6 +266,7 @@ class Entries:
         routes = self._map.routes
         traits = draw_traits(not self._map.regulated, self._rng)
         turns = traits.length < _MAX_TURNING_LENGTH_M
+        # long vehicles take none of the narrow routes
         weight = np.array([r.weight * (r.heavy or turns) for r in routes])
         return traits, int(self._rng.choice(len(routes), p=weight / weight.sum()))
 
@@ -318,7 +325,8 @@ class Entries:
                 return None
             if is_ahead:  # slow enough to brake behind the leader
                 braking_room = max(gap_m - room_m, 0.0)
-                safe_speed = float(np.sqrt(other_vehicle.speed**2 + 2.0 * braking_room))
+                gained = 2.0 * _ENTRY_BRAKING_MPS2 * braking_room
+                safe_speed = float(np.sqrt(other_vehicle.speed**2 + gained))
                 speed_mps = min(speed_mps, safe_speed)
         return speed_mps
 
@@ -328,7 +336,7 @@ def draw_parked_boxes(
 ) -> Floats:
     """Draw boxes [K, 7] of parked cars in highway-env's frame (y down).
 
-    There are ``car_count``, or as many as there are places. Kerbs are filled one after
+    K is ``car_count``, or the number of places if they are fewer. Kerbs are filled one after
     another, so that cars stand in rows; some places of each are used last.
     """
     kerb_index = []
