@@ -167,7 +167,7 @@ def with_detector(card: Card, name: str) -> Card:
     """
     source = card.source
     update = _detector_update(card, name)
-    if update is None:
+    if update is None:  # a stored detector
         source = source.model_copy(update={"detector": name})
         return card.model_copy(update={"source": source, "tracker": {}})
     if source.traits.mixed_detections:  # else its stored detections would stay

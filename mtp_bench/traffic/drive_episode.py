@@ -70,7 +70,7 @@ class DrivenScene:
         return replace(scene, detections=detections, simulated=True)
 
     def recording(self, world: World) -> Scene:
-        """Return the frames of ``world`` as one scene with the detections then shown."""
+        """Join the frames of ``world``, with the detections that were shown."""
         scene = _scene(world, self._card, self._name)
         shown = self._detections[: scene.frames]
         start = starts_of([len(detections.score) for detections in shown])

@@ -73,7 +73,8 @@ def record_of(
 def rows_from(truth: Truth, first: int) -> Floats:
     """Return the rows [R, 12] of a truth from state ``first`` on.
 
-    A state is one step of the simulation. Columns: state, number, class, box (7), velocity (2).
+    There is a state for each step of the simulation. Columns: state, number, class, box
+    (7), velocity (2).
     """
     state = truth.frame_of_rows
     columns = [state, truth.object_id, truth.class_id, truth.box, truth.velocity]

@@ -336,8 +336,8 @@ def draw_parked_boxes(
 ) -> Floats:
     """Draw boxes [K, 7] of parked cars in highway-env's frame (y down).
 
-    K is ``car_count``, or the number of places if they are fewer. Kerbs are filled one after
-    another, so that cars stand in rows; some places of each are used last.
+    K is ``car_count``, or the number of places if they are fewer. Kerbs are filled one
+    after another, so that cars stand in rows; some places of each are used last.
     """
     kerb_index = []
     stations = []
