@@ -118,8 +118,8 @@ def windows(
     A track follows the true object of its class that is nearest to the last detection
     it took, within the forecast gate of the card; of true boxes, the object itself.
     Tracks are left out where the truth does not tell that: it is not complete, or
-    neutral there. Raises UnknownNameError for a scene that does not exist, MtpBenchError
-    for another ``tracker`` and if there is no track to learn from.
+    neutral there. Raises UnknownNameError for a scene that does not exist,
+    MtpBenchError for another ``tracker`` and if there is no track to learn from.
     """
     track_with = _tracker_of(tracker)
     keywords = {"data": data, "jobs": jobs}
