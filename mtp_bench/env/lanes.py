@@ -136,9 +136,9 @@ def _within_reach(point: Floats, sensor: Floats, reach_m: float) -> Bools:
 
 
 def _resample(lane: Lane, step_m: float, where: str) -> Floats:
-    """Return equidistant points [n, 2] of the middle line.
+    """Return equidistant points [n, 2] of the middle line, with both ends.
 
-    The ends are included.
+    ``step_m``: largest distance between two; ``where``: names the lane in an error.
     """
     center = np.asarray(lane.center, dtype=np.float64)
     is_line = center.ndim == 2 and center.shape[1] == 2 and len(center) >= 2

@@ -46,7 +46,10 @@ class DrivenScene:
         self._open_scene: OpenScene | None = None
 
     def current(self, world: World) -> Scene:
-        """Return the last frame of the world as a scene with detections."""
+        """Return the next frame of the drive as a scene with detections.
+
+        ``world`` has this frame alone.
+        """
         scene = _scene(world, self._card, self._name, stride=1)
         frame = len(self._ego)
         self._ego.append(scene.ego[0])

@@ -282,8 +282,8 @@ def shuffled_batches(
 ) -> tuple[torch.Tensor, ...]:
     """Return the rows [n] in random batches of about ``size``.
 
-    ``moment`` [all rows]: the frame of each. Windows of one frame stay together. None:
-    each window alone.
+    ``moment``: number of the frame of each window of the data. Windows of one frame
+    stay together; with None each window is drawn alone.
     """
     if moment is None:
         order = torch.randperm(len(rows), generator=generator).to(rows.device)

@@ -117,6 +117,7 @@ class SceneLabels:
         """
         if not (windows.detection >= 0).any():
             return self._nearest(t, windows.box[:, -1], windows.class_id)
+        # 0 without any detection, as its entry now is negative too
         frames_ago = (windows.detection[:, ::-1] >= 0).argmax(axis=1)
         detection = windows.detection[np.arange(len(windows)), -1 - frames_ago]
         detection_row = self._start[np.maximum(t - frames_ago, 0)] + detection

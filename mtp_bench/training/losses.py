@@ -245,7 +245,7 @@ def _mirrored_and_turned(
     turn = torch.stack(columns, -1).reshape(-1, 2, 2)
     signs = torch.stack([torch.ones_like(mirror), mirror], -1)
     device = batch["position"].device
-    matrix = (turn * signs[:, None]).to(device)
+    matrix = (turn * signs[:, None]).to(device)  # mirrors y, then turns
     varied = dict(batch)
     for name in names:
         varied[name] = torch.einsum("n...i,nji->n...j", batch[name], matrix)

@@ -53,7 +53,11 @@ class OrnsteinUhlenbeck:
         step_s: float,
         rng: np.random.Generator,
     ) -> None:
-        """``spread`` and ``memory_s``: deviation and seconds of each of K kinds."""
+        """State the kinds.
+
+        ``spread`` and ``memory_s``: standard deviation and decay time of each of K
+        kinds.
+        """
         decay = [math.exp(-step_s / seconds) for seconds in memory_s]
         self._spread = np.array(spread)[:, None]
         self._decay = np.array(decay)[:, None]
@@ -117,11 +121,12 @@ class _RandomPhases:
             new = np.zeros((kinds, missing_numbers + _SPARE_NUMBERS))
             self._remaining = np.append(self._remaining, new, axis=1)
             self._strength = np.append(self._strength, new, axis=1)
-        random_draw = self._rng.random((kinds, 3, len(process_numbers)))
+        draws = self._rng.random((kinds, 3, len(process_numbers)))
+        begin_draw, seconds_draw, strength_draw = draws.swapaxes(0, 1)
         remaining = self._remaining[:, process_numbers] - self._dt
-        begins = (remaining <= 0) & (random_draw[:, 0] < self._chance)
-        seconds = _within(self._seconds, random_draw[:, 1])
-        strength = _within(self._strengths, random_draw[:, 2])
+        begins = (remaining <= 0) & (begin_draw < self._chance)
+        seconds = _within(self._seconds, seconds_draw)
+        strength = _within(self._strengths, strength_draw)
         remaining = np.where(begins, seconds, remaining)
         strength = np.where(begins, strength, self._strength[:, process_numbers])
         self._remaining[:, process_numbers] = remaining
@@ -154,6 +159,7 @@ class DriverBehaviour:
         pace_factor, pedal = self._varying.step(state.numbers)
         desired = desired * (1.0 + pace_factor)
         free_acceleration_mps2 = free_acceleration(state.speed, desired, state.style)
+        # the pedal raises an acceleration only to a limit
         pressed = pedal * np.minimum(state.speed / _FULL_PEDAL_SPEED_MPS, 1.0)
         highest = np.maximum(free_acceleration_mps2, _MAX_ACCELERATION_MPS2)
         return desired, np.minimum(free_acceleration_mps2 + pressed, highest)

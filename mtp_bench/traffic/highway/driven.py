@@ -283,8 +283,9 @@ def meeting_place(attempt: Attempt, route: int) -> float:
 def way_of(road_map: RoadMap, routes: RouteTable, route: int) -> Way:
     """Return the way along the middle of the lanes.
 
-    ``route``: index of the route. It has points every 0.5 m. Where a lane ends it
-    changes to the one that goes on, between 15 and 75 m after the start of the road.
+    ``route``: index of the route. The way has points every 0.5 m. Where a lane ends,
+    the way changes to the one that goes on, between 15 and 75 m after the start of the
+    road.
     """
     geometry = road_map.geometry
     roads = road_map.routes[route].roads

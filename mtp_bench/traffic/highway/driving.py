@@ -280,7 +280,8 @@ def steering_angles(
 ) -> Floats:
     """Return steering angles [N] rad along the lanes.
 
-    The angles of ``step_s`` seconds ago limit the new ones.
+    Drivers aim at the heading of the lane `_PREVIEW_S` ahead, and drift to their place
+    in the lane. The angles of ``step_s`` seconds ago limit the new ones.
     """
     speed = np.maximum(state.speed, _MIN_STEERING_SPEED_MPS)
     length = geometry.length[state.lane]
@@ -299,6 +300,7 @@ def steering_angles(
         np.remainder(target_heading - state.heading + np.pi, 2 * np.pi) - np.pi
     )
     bend_rate = speed * geometry.curvature[lane]
+    # beyond the turn of the bend the lateral acceleration is limited
     max_rate = _MAX_SWERVE_MPS2 / np.maximum(speed, _MIN_SWERVE_SPEED_MPS)
     turn_rate = (_HEADING_RATE * heading_error).clip(
         bend_rate - max_rate, bend_rate + max_rate

@@ -90,9 +90,10 @@ class LaneChanges:
     def _better_lane(
         self, state: RoadState, i: int, desired: Floats, middle_y: Floats
     ) -> int:
-        """Return the lane that vehicle i changes to.
+        """Return the lane that vehicle i changes to, `NO_LANE` if it stays.
 
-        `NO_LANE` if it stays in its lane.
+        ``desired`` [N]: speeds, m/s; ``middle_y`` [N]: y of the lanes that vehicles
+        drive in or towards.
         """
         best_lane = NO_LANE
         best_gain = _MIN_GAIN_MPS2
@@ -102,7 +103,7 @@ class LaneChanges:
             )
             if gain is None:
                 continue
-            if is_needed:
+            if is_needed:  # counts more than any gain
                 best_lane = target
                 best_gain = math.inf
             elif gain + bonus_mps2 > best_gain:
@@ -144,9 +145,11 @@ class LaneChanges:
         target_middle: float,
         is_needed: bool,
     ) -> float | None:
-        """Return the gain of a change to a lane, m/s2.
+        """Return the gain of acceleration by a change to a lane, m/s2.
 
-        None if it is not safe.
+        None if it is not safe; a change that ``is_needed`` may cause harder braking.
+        ``desired`` and ``middle_y`` as in `_better_lane`; ``target_middle``: y of the
+        lane.
         """
         touching_m = (state.width + state.width[i]) / 2 + _SAME_LANE_M
         in_target = np.abs(state.xy[1] - target_middle) < touching_m
@@ -225,7 +228,7 @@ class LaneChanges:
 def _neighbours(
     state: RoadState, i: int, candidate_mask: Bools
 ) -> tuple[_Neighbour, _Neighbour]:
-    """Return the nearest vehicles ahead of and behind vehicle i."""
+    """Return the nearest candidates ahead of and behind vehicle i."""
     along = state.xy[0] - state.xy[0, i]
     gap_m = np.abs(along) - (state.length + state.length[i]) / 2
     return _nearest(gap_m, candidate_mask & (along >= 0)), _nearest(

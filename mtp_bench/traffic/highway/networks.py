@@ -130,7 +130,10 @@ def _kerbs(aside_m: float, mouth_m: float) -> tuple[Kerb, ...]:
 
 
 def _add_intersection_arm(network: Any, arm: int) -> None:
-    """Add the lanes of an arm, and those through the junction."""
+    """Add the lanes of an arm, and those that lead from it through the junction.
+
+    Its nodes: o and m at the ends of the way in, w and x at the ends of the way out.
+    """
     quarter_rad = np.pi / 2 * arm
     into = f"m{arm}"
     left_arm, ahead_arm, right_arm = (f"w{(arm + turn) % 4}" for turn in (1, 2, 3))
@@ -144,16 +147,18 @@ def _add_intersection_arm(network: Any, arm: int) -> None:
         ):
             lane = _street(arm, (side, start_m), (side, end_m), _LANE_WIDTH_M)
             network.add_lane(origin, target, lane)
-    inner = _MOUTH_M + _LANE_WIDTH_M / 2
-    outer = _MOUTH_M - _LANE_WIDTH_M * (_ARM_LANES - 0.5)
+    left_radius_m = _MOUTH_M + _LANE_WIDTH_M / 2
+    right_radius_m = _MOUTH_M - _LANE_WIDTH_M * (_ARM_LANES - 0.5)
     center = _rotated(arm, _MOUTH_M, _MOUTH_M)
     phase_range = (quarter_rad + np.pi, quarter_rad + 1.5 * np.pi)
     network.add_lane(
-        into, right_arm, _arc(center, outer, phase_range, _RIGHT_LIMIT_MPS)
+        into, right_arm, _arc(center, right_radius_m, phase_range, _RIGHT_LIMIT_MPS)
     )
     center = _rotated(arm, -_MOUTH_M, _MOUTH_M)
     phase_range = (quarter_rad, quarter_rad - np.pi / 2)
-    network.add_lane(into, left_arm, _arc(center, inner, phase_range, _LEFT_LIMIT_MPS))
+    network.add_lane(
+        into, left_arm, _arc(center, left_radius_m, phase_range, _LEFT_LIMIT_MPS)
+    )
 
 
 def _street(
@@ -260,8 +265,8 @@ def _fast_road(
 ) -> tuple[LaneGeometry, list[tuple[int, ...]]]:
     """Return the lanes of roads a-b, b-c, c-d along x, and their numbers by road.
 
-    There is one more lane in the middle. ``ramp``: further lanes by the names of their
-    ends.
+    Road b-c has one more lane. ``ends``: x of a, b, c and d, m; ``ramp``: further lanes
+    by the names of their ends.
     """
     network = RoadNetwork()
     counts = {"ab": lane_count, "bc": lane_count + 1, "cd": lane_count}
@@ -287,7 +292,10 @@ def _fast_road(
 def _ramp(
     start_m: float, end_m: float, y: float, phase: float, limit_mps: float
 ) -> Any:
-    """Return the bend of a ramp beside ``y``."""
+    """Return the bend of a ramp beside a road's lane at ``y`` m.
+
+    ``phase``: pi / 2 of a ramp that comes to the road, -pi / 2 of one that leaves it.
+    """
     middle = y + _RAMP_SWING_M
     pulsation = np.pi / (end_m - start_m)
     points = ((start_m, middle), (end_m, middle))

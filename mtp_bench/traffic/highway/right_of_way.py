@@ -102,9 +102,13 @@ class _Approach:
         return _travel_time(distance_m, self.speed, acceleration_mps2, cruise_mps)
 
     def meets(self, stretch: CrossingStretch, walk: CrossingPedestrian) -> bool:
-        """Return True if a pedestrian would be in the way."""
+        """Return True if a pedestrian would be in the way.
+
+        So it is if both may be at the crossing of their paths at the same time.
+        """
         if walk.crossing != stretch.crossing or self.rear > stretch.end:
             return False
+        # m to the middle of the vehicle's path, negative behind it
         to_middle = (stretch.across - walk.along) * walk.direction
         if to_middle < -_WALKER_GAP_M:
             return False

@@ -96,6 +96,7 @@ def move_vehicles(
     step_s = 1.0 / RATE
     speed = state.speed
     heading = state.heading
+    # as in highway-env, a vehicle above the highest speed slows down to it
     speed_room = Vehicle.MAX_SPEED - speed
     limited = np.minimum(acceleration, speed_room)
     acceleration = np.where(speed > Vehicle.MAX_SPEED, limited, acceleration)
@@ -105,7 +106,7 @@ def move_vehicles(
     heading = heading + speed * np.sin(slip) / (state.wheelbase / 2) * step_s
     speed = speed + acceleration * step_s
     for i, vehicle in enumerate(vehicles):
-        if driven := vehicle.drive():
+        if driven := vehicle.drive():  # the ego of a closed loop moves itself
             positions[:, i] = driven[:2]
             heading[i], speed[i], acceleration[i] = driven[2:]
             steering[i] = 0.0

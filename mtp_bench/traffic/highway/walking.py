@@ -108,7 +108,7 @@ class Footway:
         ]
 
     def stroll(self, member_index: int) -> list[Floats]:
-        """Return points of the way of person ``member_index``, who does not cross.
+        """Return points of the way of person ``member_index`` without a crossing.
 
         The way leads along one road, around the corner and along the other road.
         """
@@ -264,12 +264,14 @@ def slow_before_others(
     `pairs_of` returns for ``place``.
     """
     _, gap_m, unit = pairs
-    approach_mps = -_dot(velocity, unit)  # speed
+    approach_mps = -_dot(velocity, unit)  # [M, M] of the last axis towards others
     allowed_mps = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(gap_m - APART_M, 0.0))
+    # of both people together
     excess_mps = np.maximum(approach_mps + approach_mps.T - allowed_mps, 0.0)
     closing_mps = np.maximum(approach_mps, 0.0)
-    # each of two people slows down by a share of their closing speed
+    # each of two people slows down in proportion to its part of their closing speed
     excess_mps *= closing_mps / np.maximum(closing_mps + closing_mps.T, _MIN_DIVISOR)
+    # a person slows down for one other person: the one it closes in on most
     worst = excess_mps.argmax(axis=0)
     people = np.arange(len(gap_m))
     velocity = velocity + excess_mps[worst, people] * unit[:, worst, people]

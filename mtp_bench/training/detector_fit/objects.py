@@ -9,7 +9,7 @@ from scipy.special import gammaln
 from ...core import Bools, Floats, wrap_angle
 from ...detector import ClassNoise, HeadingNoise, Neighbours, PositionNoise, SizeNoise
 from .quality import NEIGHBOUR_LENGTH_M, fit_quality, memory_of, random_part
-from .samples import HEADING, HEIGHT, RADIAL, SIZE, TANGENTIAL, ObjectSamples
+from .samples import DISTANCE, HEADING, HEIGHT, RADIAL, SIZE, TANGENTIAL, ObjectSamples
 
 Axis = tuple[float, float, float]  # s0, s1, gain
 
@@ -36,20 +36,23 @@ _LEAST_NU = 1.05
 
 
 def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
-    """Fit the noise of a class without its false positives."""
+    """Fit the noise of a class without its false positives.
+
+    ``floor``: least score of the detections that count.
+    """
     quality = fit_quality(objects, floor)
     random = random_part(objects, quality)
     random = np.clip(random, -_QUALITY_BOUND, _QUALITY_BOUND)
     error = objects.error[:, [RADIAL, TANGENTIAL]]
-    distance_m = objects.feature[:, 1]
-    margins, nu = _position_margins(error, distance_m, random, objects.hit)
+    distance = objects.feature[:, DISTANCE]
+    margins, nu = _position_margins(error, distance, random, objects.hit)
     neighbours = Neighbours.within(
         NEIGHBOUR_LENGTH_M, objects.place, objects.moments(), objects.object
     )
     attenuation = _attenuation(nu)
     axes = []
     for column, (s0, s1, gain) in enumerate(margins):
-        scale = (s0 + s1 * distance_m) * np.exp(-gain * random)
+        scale = (s0 + s1 * distance) * np.exp(-gain * random)
         scaled_error = error[:, column] / scale
         memory = _position_memory(objects, scaled_error)
         lasting = (1.0 - memory["white"]) * attenuation
@@ -153,29 +156,29 @@ def _height_noise(objects: ObjectSamples) -> tuple[float, float]:
 
 
 def _position_margins(
-    error: Floats, distance_m: Floats, random: Floats, hit: Bools
+    error: Floats, distance: Floats, random: Floats, hit: Bools
 ) -> tuple[list[Axis], float]:
     """Fit the distribution of errors ``[R, 2]``: both axes, and nu.
 
-    It is ``(s0 + s1 d) exp(-gain q) T_nu`` at ``distance_m`` d, with the ``random``
-    part q of the quality. T_nu is Student's t with nu degrees of freedom.
+    It is ``(s0 + s1 d) exp(-gain q) T_nu`` at ``distance`` d in units of 10 m, with the
+    ``random`` part q of the quality. T_nu is Student's t with nu degrees of freedom.
     """
     magnitude = np.abs(error[hit])
     start = []
-    # half of the typical error at distance 0
+    # at distance 0 half of the typical error
     for typical in np.log(np.maximum(_NORMAL_MAD * np.median(magnitude, axis=0), 1e-3)):
         start += [typical - 0.7, typical - 2.0, 0.1]
     start = np.clip([*start, 1.0], *np.transpose(_MARGIN_BOUNDS))
     loss = partial(
         _student_loss,
         magnitude=magnitude,
-        distance=distance_m[hit],
+        distance=distance[hit],
         quality=random[hit],
     )
     best = minimize(loss, start, method="L-BFGS-B", bounds=_MARGIN_BOUNDS).x
     axes = [
-        (float(np.exp(s0)), float(np.exp(s1)), float(gain))
-        for s0, s1, gain in (best[:3], best[3:6])
+        (float(np.exp(log_s0)), float(np.exp(log_s1)), float(gain))
+        for log_s0, log_s1, gain in (best[:3], best[3:6])
     ]
     return axes, float(_LEAST_NU + np.exp(best[6]))
 

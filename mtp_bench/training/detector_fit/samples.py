@@ -29,6 +29,7 @@ TANGENTIAL = 1
 HEIGHT = 2
 HEADING = 3
 SIZE = slice(4, 7)
+DISTANCE = 1  # column of ``ObjectSamples.feature``, in units of 10 m
 
 # m, largest BEV distance of a detection from its true box
 _GATES_M = {"pedestrian": 1.0, "cyclist": 1.5, "bicycle": 1.5, "motorcycle": 1.5}
@@ -234,6 +235,7 @@ def _false_positive_samples(
     sensor: Sensor,
     scene_number: int,
 ) -> FalsePositiveSamples:
+    """Return the covered false positives of a scene of the pooled ``class_ids``."""
     truth = scene.truth
     false_row = np.flatnonzero(matches.false & np.isin(detections.class_id, class_ids))
     frame = detections.frame_of_rows[false_row]
