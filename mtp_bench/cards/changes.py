@@ -336,6 +336,7 @@ def _with_own_scenes(card: Card, **scenes: object) -> Card:
         ego_motion=traits.common_frame,
         ego=traits.has_ego,
         view=traits.view,
+        # the digest leaves out None
         velocity_ahead=traits.velocity_ahead or None,
         places_only=traits.places_only or None,
         bounded_by_truth=traits.bounded_by_truth or None,

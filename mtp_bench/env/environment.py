@@ -236,8 +236,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             )
             return None
         episode = self._started()
-        # later actions of a recorded scene reach ``_live`` by itself; a closed loop also
-        # adds frames
+        # ``_live`` shares the list of actions; a closed loop also adds frames
         if self._live is None or self.card.drive is not None:
             self._live = live_episode(self.card, episode, self._evaluation)
         if self._renderer is None:

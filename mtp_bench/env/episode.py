@@ -93,8 +93,8 @@ def frame_info(
 ) -> dict[str, Any]:
     """Return the numbers of ``info`` that do not derive from the truth.
 
-    ``frame``: index of the frame that is shown; ``dropped``: its detections that did not
-    fit; ``last_action``: that of the frame before, None in the first frame.
+    ``frame``: index of the frame that is shown; ``dropped``: number of its detections
+    that did not fit; ``last_action``: that of the frame before, if there was one.
     """
     invalid = (
         np.zeros(3, dtype=np.int64) if last_action is None else last_action.invalid

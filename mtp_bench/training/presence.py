@@ -189,9 +189,9 @@ def quality(probability: Floats, present: Bools) -> dict[str, Any]:
 
 
 def score_probability(rows: PresenceRows) -> Floats:
-    """Return the mean score as a probability.
+    """Return the mean scores of tracks as probabilities [n].
 
-    Scores outside of [0, 1] count as logits.
+    If any is outside of [0, 1], all count as logits.
     """
     score = rows.mean_score
     if score.min() >= 0 and score.max() <= 1:

@@ -294,6 +294,7 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
         _single_precision(feed.velocity),
         feed.class_id,
         _single_precision(feed.score),
+        # frames before each one without a hole in time
         before=np.arange(scene.frames) - np.searchsorted(piece, piece),
         lanes=lanes_of(lanes),
     )

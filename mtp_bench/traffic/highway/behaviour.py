@@ -53,14 +53,11 @@ class OrnsteinUhlenbeck:
         step_s: float,
         rng: np.random.Generator,
     ) -> None:
-        """State the kinds.
-
-        ``spread`` and ``memory_s``: standard deviation and decay time of each of K
-        kinds.
-        """
+        """Set deviation (``spread``) and decay time (``memory_s``) of each of K kinds."""
         decay = [math.exp(-step_s / seconds) for seconds in memory_s]
         self._spread = np.array(spread)[:, None]
         self._decay = np.array(decay)[:, None]
+        # deviation of the random part of a step, which keeps the spread
         self._push = self._spread * np.sqrt(1.0 - self._decay**2)
         self._rng = rng
         self._value = np.zeros((len(spread), 0))
@@ -91,9 +88,9 @@ class _Phase(NamedTuple):
 
 
 # late braking: a strength is the needed braking at which the driver wakes up
-_LATE_BRAKING = _Phase(1 / 17.0, (2.0, 5.0), (3.2, 4.6))
+_LATE_BRAKING = _Phase(rate=1 / 17.0, seconds=(2.0, 5.0), strength=(3.2, 4.6))
 # braking without a cause
-_SUDDEN_BRAKING = _Phase(1 / 110.0, (0.6, 1.4), (3.2, 5.0))
+_SUDDEN_BRAKING = _Phase(rate=1 / 110.0, seconds=(0.6, 1.4), strength=(3.2, 5.0))
 
 
 class _RandomPhases:

@@ -113,7 +113,7 @@ def lane_map(
     """
     indices = tuple(network)
     lanes = tuple(network.values())
-    centers = [_polyline(lane, 0.0) for lane in lanes]
+    centers = [_polyline(lane, lateral=0.0) for lane in lanes]
     result = []
     for k, lane in enumerate(lanes):
         half_width_m = float(lane.width_at(0.0)) / 2

@@ -80,7 +80,8 @@ def _intersection() -> RoadMap:
     routes = []
     crossings = []
     for arm in range(4):
-        # the target arm, its frequency, the lanes within the junction and out of it
+        # turn to the target arm, frequency, lanes within the junction and out of it, and
+        # True if long vehicles can go there
         movements = [
             (1, _LEFT_WEIGHT, 0, 0, False),
             *((2, _AHEAD_WEIGHT / _ARM_LANES, k, k, True) for k in range(_ARM_LANES)),
@@ -191,13 +192,16 @@ def _roundabout() -> RoadMap:
     for arm in range(4):
         _add_roundabout_arm(network, arm)
     geometry = LaneGeometry(network)
-    # nodes of an arm, see `_add_roundabout_arm`, in the order of travel around the ring
-    ring = [node for k in range(4) for node in (f"n{-k % 4}", f"e{(-k - 1) % 4}")]
+    # nodes of the arms, see `_add_roundabout_arm`, in the order of travel
+    ring = []
+    for arm in (0, 3, 2, 1):
+        ring += [f"n{arm}", f"e{(arm - 1) % 4}"]
     routes = []
     for arm in range(4):
         first = ring.index(f"n{arm}")
         for quarters, movement_weight in zip((1, 2, 3), _QUARTER_WEIGHTS, strict=True):
             out = (arm - quarters) % 4
+            # two nodes per quarter
             around = [ring[(first + k) % 8] for k in range(2 * quarters)]
             nodes = [f"o{arm}", f"a{arm}", *around, f"z{out}", f"x{out}"]
             roads = tuple((geometry.number[a, b, 0],) for a, b in pairwise(nodes))

@@ -138,7 +138,7 @@ class Crowd:
         self._state = None
         missing = len(self.people) < self._target
         if missing and self._rng.uniform() < step_s / _ARRIVAL_S:
-            self._add_group(ARRIVING, 1.0)
+            self._add_group(ARRIVING, way_share=1.0)
 
     def _add_group(self, stage: int, way_share: float) -> None:
         """Add a group on its way.
@@ -194,8 +194,8 @@ class Crowd:
             pavement,
             direction=1.0 if rng.uniform() < 0.5 else -1.0,
             middle=float(rng.uniform(*middle_range_m)),
-            coming=walking.draw_sidewalk(True, rng),
-            going=walking.draw_sidewalk(False, rng),
+            coming=walking.draw_sidewalk(coming=True, rng=rng),
+            going=walking.draw_sidewalk(coming=False, rng=rng),
         )
         return crossing, size, way
 

@@ -52,8 +52,20 @@ class _DrivingStyle(NamedTuple):
     acceleration: tuple[float, float]  # m/s2, range
 
 
-_LIGHT = _DrivingStyle(0.6, 0.98, 40.0, 0.3, (1.2, 2.2))
-_HEAVY = _DrivingStyle(0.55, 0.88, 23.5, 0.8, (0.8, 1.3))
+_LIGHT = _DrivingStyle(
+    axle_share=0.6,
+    mean_pace=0.98,
+    top_speed=40.0,
+    min_time_gap=0.3,
+    acceleration=(1.2, 2.2),
+)
+_HEAVY = _DrivingStyle(
+    axle_share=0.55,
+    mean_pace=0.88,
+    top_speed=23.5,
+    min_time_gap=0.8,
+    acceleration=(0.8, 1.3),
+)
 
 
 class Driver:

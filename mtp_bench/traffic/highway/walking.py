@@ -304,7 +304,8 @@ def push_apart(place: Floats) -> Floats:
 def keep_out_of_vehicles(place: Floats, moved: Floats, vehicles: "Outlines") -> Floats:
     """Return places [2, M] outside of vehicles.
 
-    They are ``moved``, but people in front of a vehicle stay at ``place``.
+    They are ``moved``, but people who would come too near to a vehicle stay at
+    ``place``.
     """
     clearance = vehicles.clearance(moved)
     too_near = (clearance < _OUTLINE_M) & (clearance < vehicles.before)

@@ -48,6 +48,9 @@ _MIN_SAMPLES = 100  # for a fit of more than the counted parameters
 _FADE_S = 1.0  # in which the autoregression decays to 1 / e
 _MAX_FRAMES = 100_000  # more than a scene has
 _HIGH_RANK = 0.9  # from which scores count as high
+# frame period and field of view of the profile, over those of the scenes
+_SAME_PERIOD = 1.0
+_SAME_VIEW = 1.0
 _SEEDS = 2  # simulations per set of parameters
 # of a false positive to be visible: lower chances fit as well, but drawing the many
 # invisible ones takes long
@@ -128,7 +131,7 @@ def _count_near(
         offset=_quantiles(real.object_distance[is_near]),
         same=(first, second, third),
         duplicates=duplicates,
-        **_memory(1.0, 0.0, dt),
+        **_memory(lasting=1.0, constant=0.0, dt=dt),
     )
 
 
@@ -168,7 +171,7 @@ def _count_free(
         size=(length, width, height),
         distance=_quantiles(np.maximum(real.distance[is_free], _SENSOR_DISTANCE_M)),
         score=_quantiles(real.score[is_free], SCORE_RANKS),
-        **_memory(1.0, 0.0, dt),
+        **_memory(lasting=1.0, constant=0.0, dt=dt),
     )
 
 
@@ -278,7 +281,8 @@ class _Simulation:
         self.name = name
         self.frames = sum(scene.frames for scene in scenes)
         self.scenes = [
-            SensedScene(scene.truth, scene.ego, sensor, 1.0, 1.0) for scene in scenes
+            SensedScene(scene.truth, scene.ego, sensor, _SAME_PERIOD, _SAME_VIEW)
+            for scene in scenes
         ]
         self.high_score = float(np.quantile(real.score, _HIGH_RANK))
         self.real_figures = figures_of(real, self.frames, self.high_score)
@@ -305,7 +309,7 @@ class _Simulation:
     def _draw_qualities(self, scene: Scene, sensor: Sensor, seed: int) -> Qualities:
         truth = scene.truth
         noise = [self.profile.noise(c) for c in self.classes]
-        grid = truth_grid(truth, noise, 1.0)
+        grid = truth_grid(truth, noise, _SAME_PERIOD)
         place = truth.box[:, :2]
         neighbours = truth_neighbours(grid, place, self.profile.neighbours)
         visibility = visibility_of(truth, scene.ego, sensor, scene.visible)
@@ -343,7 +347,7 @@ class _Simulation:
         truth = scene.truth
         draw_seed = 1000 * seed + scene_number
         similar = classes_of_same_noise(truth, self.noise_names)
-        grid = truth_grid(truth, class_noise, 1.0)
+        grid = truth_grid(truth, class_noise, _SAME_PERIOD)
         parts = [near_false_positives(grid, scene, qualities, similar, draw_seed)]
         reported = reported_classes(
             truth, self.classes, self.noise_names, self.name, noise

@@ -157,9 +157,9 @@ class _QualitySimulation:
             ids,
             objects.frame,
             column,
-            (),
+            (),  # the noise, which `simulated` sets for all objects
             np.zeros(len(ids), dtype=np.int64),
-            1.0,
+            1.0,  # frame periods of the profile per frame
         )
         self.neighbours = Neighbours.within(
             NEIGHBOUR_LENGTH_M, objects.place, objects.moments(), objects.object
