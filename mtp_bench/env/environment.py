@@ -293,7 +293,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
 
 
 def _make_task(card: Card, values: dict[str, Any]) -> Task:
-    """Return the rules of the env.
+    """Return the task of a card, with the sizes and the input that keywords choose.
 
     Raises MtpBenchError for a wrong or too large size.
     """

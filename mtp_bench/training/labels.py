@@ -87,7 +87,7 @@ class SceneLabels:
         A track follows the object of the last detection that it took.
         """
         label = self._followed(t, windows)
-        # its object is hidden, or no longer there
+        # its object is hidden, or no longer there; rows below 0 read the last row
         is_gone = np.isnan(self._place[np.maximum(label, -1), t, 0])
         label = np.where((label >= 0) & is_gone, UNKNOWN, label)
         unmatched = np.flatnonzero(label == NO_OBJECT)

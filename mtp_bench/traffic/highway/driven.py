@@ -246,7 +246,8 @@ def _choose_ego(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
 def _candidates(attempt: Attempt) -> list[tuple[float, int, float]]:
     """Return cars that are about to meet the others.
 
-    Of each: metres to the place, index into the vehicles, and station on its route, m.
+    Each has the metres to the meeting place, its index among the vehicles, and its
+    station on its route, m.
     """
     regulated = attempt.map.regulated
     low_m, high_m = _JUNCTION_DISTANCE_M if regulated else _RAMP_DISTANCE_M

@@ -273,6 +273,7 @@ def _fast_road(
     by the names of their ends.
     """
     network = RoadNetwork()
+    # a name of a road has a letter for each end
     counts = {"ab": lane_count, "bc": lane_count + 1, "cd": lane_count}
     for (road, count), (start_m, end_m) in zip(
         counts.items(), pairwise(ends), strict=True

@@ -180,7 +180,7 @@ class RightOfWay:
         No vehicle with the right of way comes in the needed time.
         """
         if walk.patient and walk.crossing in self._claimed:
-            return False
+            return False  # lets a vehicle go that has waited for long
         vehicles = (self._vehicles[vehicle_number] for vehicle_number in self._granted)
         return not any(
             me.rear < stretch.end and me.meets(stretch, walk)

@@ -93,6 +93,7 @@ class Attempt:
         self._traffic = traffic
         self.shared = _map_of(traffic.scenario, traffic.seconds)  # never changes
         self.map, self.routes, passages, self.lanes = self.shared
+        # of their own for each part: a change of one does not move the others
         entries, people, self._rng, parking, driving, walking = (
             np.random.default_rng([seed, attempt_number, kind])
             for kind in range(RANDOM_KINDS)

@@ -24,6 +24,8 @@ _SIZES_M = {
     "bus": ((11.4, 0.7), (2.52, 0.03), (3.15, 0.12), (9.5, 12.5)),
 }
 
+_MAX_WIDTH_M = 2.55  # the largest that EU law allows
+
 
 @dataclass(frozen=True)
 class VehicleTraits:
@@ -187,12 +189,14 @@ def draw_traits(fast_road: bool, rng: np.random.Generator) -> VehicleTraits:
 
 def draw_size(kind: str, rng: np.random.Generator) -> tuple[float, float, float]:
     """Draw length, width and height of a vehicle, m."""
-    length_m, width_m, height_m, (shortest, longest) = _SIZES_M[kind]
-    widest = min(width_m[0] + 0.25, 2.55)
+    length, width, height, (shortest, longest) = _SIZES_M[kind]
+    mean_width = width[0]
+    mean_height = height[0]
+    widest = min(mean_width + 0.25, _MAX_WIDTH_M)
     return (
-        float(np.clip(rng.normal(*length_m), shortest, longest)),
-        float(np.clip(rng.normal(*width_m), width_m[0] - 0.25, widest)),
-        float(np.clip(rng.normal(*height_m), 0.8 * height_m[0], 1.25 * height_m[0])),
+        float(np.clip(rng.normal(*length), shortest, longest)),
+        float(np.clip(rng.normal(*width), mean_width - 0.25, widest)),
+        float(np.clip(rng.normal(*height), 0.8 * mean_height, 1.25 * mean_height)),
     )
 
 
@@ -319,9 +323,9 @@ class Entries:
     def _entry_speed(
         self, traits: VehicleTraits, lane: int, station_m: float, room_m: float
     ) -> float | None:
-        """Return the speed, m/s, to enter with.
+        """Return the speed to enter with, m/s.
 
-        None without room.
+        None without room: ``room_m`` to all others in the lane, more to a leader.
         """
         road_lane = self._map.geometry.lanes[lane]
         limit_mps = float(self._map.geometry.limit[lane])

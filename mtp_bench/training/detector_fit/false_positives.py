@@ -271,6 +271,7 @@ class _Simulation:
         real: FalsePositiveSamples,
         sensor: Sensor,
     ) -> None:
+        # only the fitted class makes false positives close to objects
         without_near = {
             class_name: noise.model_copy(update={"near": None})
             for class_name, noise in profile.classes.items()
