@@ -53,7 +53,7 @@ class OrnsteinUhlenbeck:
         step_s: float,
         rng: np.random.Generator,
     ) -> None:
-        """Set deviation (``spread``) and decay time (``memory_s``) of each of K kinds."""
+        """Set deviation ``spread`` and decay time ``memory_s`` of each of K kinds."""
         decay = [math.exp(-step_s / seconds) for seconds in memory_s]
         self._spread = np.array(spread)[:, None]
         self._decay = np.array(decay)[:, None]

@@ -80,7 +80,7 @@ def _intersection() -> RoadMap:
     routes = []
     crossings = []
     for arm in range(4):
-        # turn to the target arm, frequency, lanes within the junction and out of it, and
+        # turn to the target arm, frequency, lanes within the junction and out of it,
         # True if long vehicles can go there
         movements = [
             (1, _LEFT_WEIGHT, 0, 0, False),
