@@ -253,7 +253,7 @@ def model_text(
     facts = {"detector": detector, "fitted_on": origins, "held_out": held_out}
     complete = model.model_copy(update={**facts, "terms": recipe.terms})
     content = complete.model_dump(exclude={"score_map"})
-    if not recipe.terms:
+    if not recipe.terms:  # a file has the key only with terms
         del content["terms"]
     lines = [
         f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}"

@@ -71,6 +71,7 @@ class OrnsteinUhlenbeck:
         missing = max(process_numbers.tolist(), default=-1) + 1 - count
         added = missing + _SPARE_NUMBERS if missing > 0 else 0
         draws = self._rng.standard_normal((kinds, added + len(process_numbers)))
+        # a new process begins at random within its spread
         first_values = np.round(self._spread * draws[:, :added], 6)
         self._value = np.append(self._value, first_values, axis=1)
         push = self._push * draws[:, added:]
@@ -228,15 +229,12 @@ class PedestrianBehaviour:
         self.ready = set()
         self.turning = set()
         draws = self._rng.random((len(present), 5)).tolist()
-        for group, (
-            stop_draw,
-            stop_kind,
-            duration_share,
-            hesitation_draw,
-            turn_draw,
-        ) in zip(present, draws, strict=True):
+        for group, group_draws in zip(present, draws, strict=True):
+            stop_draw, kind_draw, duration_share, hesitation_draw, turn_draw = (
+                group_draws
+            )
             if group not in self._stops and stop_draw < _STOP_RATE * self._dt:
-                low, high = _LONG_STOP_S if stop_kind < _LONG_SHARE else _SHORT_STOP_S
+                low, high = _LONG_STOP_S if kind_draw < _LONG_SHARE else _SHORT_STOP_S
                 self._stops[group] = low + (high - low) * duration_share
             if (
                 group not in self._hesitations
