@@ -64,6 +64,7 @@ class TaskSection(Section):
     def _spread(cls, value: Any, info: ValidationInfo) -> Any:
         """Write a single number as a table with every class."""
         classes = info.data.get("classes", ())
+        # true and false are instances of int, too
         if type(value) in (int, float):
             return dict.fromkeys(classes, value)
         if isinstance(value, dict) and type(value.get("threshold")) in (int, float):
@@ -137,9 +138,16 @@ class DriveSection(Section):
 
 
 _COMPARE = "`mtp-bench compare` sets agents side by side by how they drive"
-_SWITCH = BeforeValidator(
-    lambda value: ({} if value else None) if isinstance(value, bool) else value
-)
+
+
+def _switch(value: Any) -> Any:
+    """Read true as an empty section, with all defaults, and false as None."""
+    if not isinstance(value, bool):
+        return value
+    return {} if value else None
+
+
+_SWITCH = BeforeValidator(_switch)
 _SHIPPED = rule(  # a path would be relative to which folder?
     lambda profile: not profile.endswith(".toml"),
     "expected the name of a shipped profile; a file's content belongs into [detector.noise]",
@@ -373,6 +381,6 @@ def check_detector(card: Card, where: str) -> None:
     try:
         noise = card.detector.resolved
         for name in card.task.classes:
-            noise.noise(name)
+            noise.noise(name)  # raises an error without noise for the class
     except MtpBenchError as error:
         raise CardError(f"{where}: {error}") from None

@@ -167,7 +167,7 @@ def with_detector(card: Card, name: str) -> Card:
     """
     source = card.source
     update = _detector_update(card, name)
-    if update is None:
+    if update is None:  # a stored detector
         source = source.model_copy(update={"detector": name})
         return card.model_copy(update={"source": source, "tracker": {}})
     if source.traits.mixed_detections:  # else its stored detections would stay
@@ -336,6 +336,7 @@ def _with_own_scenes(card: Card, **scenes: object) -> Card:
         ego_motion=traits.common_frame,
         ego=traits.has_ego,
         view=traits.view,
+        # the digest leaves out None
         velocity_ahead=traits.velocity_ahead or None,
         places_only=traits.places_only or None,
         bounded_by_truth=traits.bounded_by_truth or None,

@@ -82,17 +82,19 @@ def plain_name(name: str) -> str:
 
 
 def cached_digest(path: Path) -> str:
-    """Return the hex sha256 of a file.
+    """Return the hex sha256 of a file, or raise OSError.
 
-    Raise OSError.
-    It is read once per process unless its size or times change.
+    The file is read once per process unless its size or times change.
     """
     state = path.stat()
     return _digest(path, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
 
 
 def scenes_digest(scenes: Sequence[Scene]) -> str:
-    """Return the hex sha256 over ``scenes`` without objects' names."""
+    """Return the hex sha256 over ``scenes``.
+
+    Fields that a comparison leaves out, such as names of objects, do not count.
+    """
     digest = hashlib.sha256()
     for scene in scenes:
         _add(digest, scene)
@@ -100,7 +102,7 @@ def scenes_digest(scenes: Sequence[Scene]) -> str:
 
 
 @cache
-def _digest(path: Path, *state: int) -> str:
+def _digest(path: Path, *state: int) -> str:  # the state is for the cache alone
     return file_digest(path)
 
 

@@ -129,7 +129,7 @@ def chosen_sizes(
         if value is None:
             value = default
         if isinstance(value, bool) or not isinstance(value, int | np.integer):
-            value = 0
+            value = 0  # refused below
         if value < 1:
             raise MtpBenchError(
                 f"{keyword} is {values[keyword]!r}, expected a whole number of at "

@@ -215,8 +215,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         scene = episode.scene
         if not episode.over:
             raise RolloutError(
-                f"scene {scene.name!r} is at frame {episode.t} of {scene.frames}: "
-                "a rollout exists after the last frame"
+                f"scene {scene.name!r} is at frame {episode.frame_index} of "
+                f"{scene.frames}: a rollout exists after the last frame"
             )
         rollout = assemble(scene.name, episode.actions, episode.dropped)
         return replace(rollout, drive=episode.drive)
@@ -236,6 +236,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             )
             return None
         episode = self._started()
+        # ``_live`` shares the list of actions; a closed loop also adds frames
         if self._live is None or self.card.drive is not None:
             self._live = live_episode(self.card, episode, self._evaluation)
         if self._renderer is None:
@@ -260,6 +261,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return self._episode
 
     def _load(self, name: str) -> Scene:
+        # the scene of the last episode need not be read again
         if self._episode is not None and self._episode.scene.name == name:
             scene = self._episode.scene
         else:
@@ -274,7 +276,10 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return scene
 
     def _recorded(self, episode: EpisodeLike, action: Action) -> RecordedAction:
-        """Return the sound part of an action."""
+        """Return the sound part of an action.
+
+        Raises ResetNeeded after the end, and ActionError in a strict env.
+        """
         if episode.over:
             raise ResetNeeded(
                 f"step() after the last frame of {episode.scene.name!r}: "
@@ -282,13 +287,13 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             )
         checked = check_action(action, self.task)
         if self._feedback is not None:
-            self._feedback.give(checked, f"frame {episode.t}")
+            self._feedback.give(checked, f"frame {episode.frame_index}")
         detections = episode.class_counts(len(self.task.classes))
         return record_action(checked, self.task, episode.frame, detections)
 
 
 def _make_task(card: Card, values: dict[str, Any]) -> Task:
-    """Return the rules of the env.
+    """Return the task of a card, with the sizes and the input that keywords choose.
 
     Raises MtpBenchError for a wrong or too large size.
     """

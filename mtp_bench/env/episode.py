@@ -43,7 +43,7 @@ class EpisodeLike(Protocol):
         """Actions taken so far, in the scene's frame of reference."""
 
     @property
-    def t(self) -> int:
+    def frame_index(self) -> int:
         """Index of the frame that is shown."""
 
     @property
@@ -91,7 +91,11 @@ def start_drive(
 def frame_info(
     frame: int, dropped: int, last_action: RecordedAction | None
 ) -> dict[str, Any]:
-    """Return the numbers of ``info`` that do not derive from the truth."""
+    """Return the numbers of ``info`` that do not derive from the truth.
+
+    ``frame``: index of the frame that is shown; ``dropped``: number of its detections
+    that did not fit; ``last_action``: that of the frame before, if there was one.
+    """
     invalid = (
         np.zeros(3, dtype=np.int64) if last_action is None else last_action.invalid
     )
@@ -119,10 +123,10 @@ class Episode:
     actions: list[RecordedAction] = field(default_factory=list)
     # score of each action so far
     scores: list[FrameScore] = field(default_factory=list)
-    drive: Drive | None = None  # the whole drive, after a closed loop
+    drive: Drive | None = None  # None: a recorded scene is not driven
 
     @property
-    def t(self) -> int:
+    def frame_index(self) -> int:
         """Index of the frame that is shown."""
         return len(self.actions)
 
@@ -134,15 +138,15 @@ class Episode:
     @property
     def over(self) -> bool:
         """True after the action for the last frame."""
-        return self.t == self.end
+        return self.frame_index == self.end
 
     def observe(self) -> Observation:
         """Return fresh arrays of the frame that is shown."""
-        return self.feed.observe(self.t)
+        return self.feed.observe(self.frame_index)
 
     def class_counts(self, classes: int) -> Ints:
         """Count the shown detections of each class [C]."""
-        return self.feed.class_counts(self.t, classes)
+        return self.feed.class_counts(self.frame_index, classes)
 
     def past_observations(self, frames: int) -> tuple[Observation, ...]:
         """Return the observations of up to ``frames`` frames before the first one."""
@@ -154,7 +158,7 @@ class Episode:
         return self.scene, self.feed
 
     def record(self) -> Drive | None:
-        """Return the drive of a closed loop until now, for pictures."""
+        """Return None, as a recorded scene is not driven."""
         return self.drive
 
     def keep_target_frames(self, empty_action: RecordedAction) -> None:
@@ -184,14 +188,14 @@ class Episode:
         if self.scorer is None:
             return FrameScore()
         forecasts = RecordedForecasts(
-            np.full(len(action.object_box), self.t),
+            np.full(len(action.object_box), self.frame_index),
             action.object_box,
             action.object_class,
             action.object_confidence,
             action.forecast,
             action.forecast_log_weight,
         )
-        return self.scorer.score(self.t, forecasts, action.malformed)
+        return self.scorer.score(self.frame_index, forecasts, action.malformed)
 
     def take(self, action: RecordedAction) -> float:
         """Take the action for this frame and return its reward."""
@@ -206,9 +210,9 @@ class Episode:
         In its last step also those of the episode. In evaluation mode none of them
         derives from the truth.
         """
-        dropped = 0 if self.over else int(self.feed.dropped[self.t])
-        last_action = self.actions[-1] if self.t > self.first else None
-        info = frame_info(self.t, dropped, last_action)
+        dropped = 0 if self.over else int(self.feed.dropped[self.frame_index])
+        last_action = self.actions[-1] if self.frame_index > self.first else None
+        info = frame_info(self.frame_index, dropped, last_action)
         if self.scorer is None:
             return info
         score = FrameScore() if last_action is None else self.scores[-1]
@@ -288,7 +292,7 @@ class Renderer(Protocol):
     """
 
     def render(self, episode: LiveEpisode) -> NDArray[np.uint8] | None:
-        """Draw the frame that was answered last.
+        """Draw the frame of the last action.
 
         Returns the picture [height, width, 3], if there is one.
         """

@@ -39,16 +39,15 @@ class Feedback:
         self._warned: set[tuple[str, str]] = set()
 
     def give(self, checked: CheckedAction, where: str) -> None:
-        """Raise ActionError outside the action space.
+        """Raise ActionError outside the action space, and warn of other problems.
 
-        Warn of other problems.
         Each warning comes once per env. ``where`` names the frame. Actions that were
         drawn from the action space give no warning, see `_is_random`.
         """
         outside = checked.outside
         if outside:
-            # unknown keys come first, since they often explain a missing field; then
-            # objects, then tracks
+            # unknown keys, which are warnings, come first, since they often explain a
+            # missing field; then objects, then tracks
             gravest = min(
                 outside,
                 key=lambda problem: (
@@ -72,9 +71,9 @@ class Feedback:
 
 
 def _is_random(checked: CheckedAction) -> bool:
-    """Return True for a box more than 10 km away.
+    """Return True for an action that seems drawn from the action space.
 
-    Rows that are not claimed are drawn with others.
+    Such an action has boxes more than 10 km away, also in rows that it does not claim.
     """
     centres = [np.abs(checked.arrays[name][:, :2]) for name, _ in _BOXES]
     return any(
@@ -113,10 +112,13 @@ def _absolute_positions(checked: CheckedAction, task: Task) -> list[ActionProble
         return []
     distance = distance[rows]
     position = arrays["object_box"][rows, :2].astype(np.float64)
+    # the first sample that is present, in its first frame
     sample = is_present(arrays["forecast_log_weight"][rows]).argmax(axis=1)
     offset = arrays["forecast"][rows, sample, 0]
+    # within a quarter of the distance, since the object moves until then
     as_positions = np.hypot(*(offset - position).T) <= distance / 4
-    # a fast object could be there: it takes several objects, or one too far away
+    # A fast object could really move that far, so it takes several objects, or one that
+    # would be too fast: its offset is at least 3/4 of its distance.
     too_fast = distance.max() * 3 / 4 >= _MAX_SPEED_MPS * task.dt
     if not as_positions.all() or not (len(rows) >= _MIN_OBJECTS or too_fast):
         return []

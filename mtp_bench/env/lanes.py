@@ -74,7 +74,8 @@ def make_lane_feed(
         for i, lane in enumerate(scene.lanes)
     ]
     steps = size.points - 1  # of a piece: neighbours share their end point
-    first_piece = starts_of([-(-(len(line) - 1) // steps) for line in lines])
+    pieces = [-(-(len(line) - 1) // steps) for line in lines]  # rounded up
+    first_piece = starts_of(pieces)
     point, valid = _cut(lines, size.points)
     following = _successors(scene, first_piece)
     passed = valid & _within_reach(point, scene.ego[:, :2], size.reach)
@@ -94,7 +95,7 @@ def make_lane_feed(
 
 
 def _cut(lines: Sequence[Floats], points: int) -> tuple[Floats, Bools]:
-    """Cut lines into points [A, Q, 2] m, valid ones [A, Q]."""
+    """Cut lines into pieces: points [A, Q, 2] m, and a mask [A, Q] of valid ones."""
     cuts = [
         line[start : start + points]
         for line in lines
@@ -108,9 +109,9 @@ def _cut(lines: Sequence[Floats], points: int) -> tuple[Floats, Bools]:
 
 
 def _successors(scene: Scene, first_piece: Ints) -> Ints:
-    """Return the pieces that continue each piece [A, SUCCESSORS].
+    """Return the pieces that continue each piece [A, SUCCESSORS], -1 for none.
 
-    -1: none.
+    ``first_piece``: of each lane, and the number of pieces.
     """
     pieces = int(first_piece[-1])
     following = np.full((pieces, SUCCESSORS), -1)
@@ -128,16 +129,16 @@ def _successors(scene: Scene, first_piece: Ints) -> Ints:
 
 
 def _within_reach(point: Floats, sensor: Floats, reach_m: float) -> Bools:
-    """Mask the points [A, Q] around the way of the sensor."""
+    """Mask the points [A, Q] in the rectangle around the way of the sensor [F, 2]."""
     low = sensor.min(axis=0) - reach_m
     high = sensor.max(axis=0) + reach_m
     return np.asarray(((point >= low) & (point <= high)).all(axis=2))
 
 
 def _resample(lane: Lane, step_m: float, where: str) -> Floats:
-    """Return equidistant points [n, 2] of the middle line.
+    """Return equidistant points [n, 2] of the middle line, with both ends.
 
-    The ends are included.
+    ``step_m``: largest distance between two; ``where``: names the lane in an error.
     """
     center = np.asarray(lane.center, dtype=np.float64)
     is_line = center.ndim == 2 and center.shape[1] == 2 and len(center) >= 2

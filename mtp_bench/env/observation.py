@@ -66,7 +66,7 @@ class LocalFrame:
 class Feed(Ragged):
     """All observations of a scene."""
 
-    size: int  # D
+    size: int  # D, rows of an observation
     box: Floats  # [R, 7]
     velocity: Floats  # [R, 2]
     score: Floats  # [R]
@@ -85,7 +85,7 @@ class Feed(Ragged):
     def observe(self, t: int) -> Observation:
         """Return fresh arrays of frame ``t``.
 
-        After the last frame, no detections at the last frame's time and pose.
+        A frame after the last one has no detections, and the last one's time and pose.
         """
         rows = self.rows(t) if t < self.frames else slice(0, 0)
         last_t = min(t, self.frames - 1)
@@ -121,6 +121,7 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
         score = shown.score.astype(np.float32)
     in_frame = shown.frame_of_rows
     sound = _in_range(box, score, shown.class_id, len(task.classes))
+    # the detections with the highest scores fit
     rank = _rank_in_frame(in_frame, np.where(sound, score, -np.inf))
     fits = sound & (rank < task.detections)
     if object_id is not None:
@@ -145,7 +146,7 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
         object_id=object_id,
         ego=frame.to_local(pose)[:, :4].astype(np.float32),
         time=time,
-        dt=np.diff(time, prepend=-task.dt),
+        dt=np.diff(time, prepend=-task.dt),  # the first frame has the nominal period
         dropped=shown.counts - count,
         lanes=lanes,
     )
@@ -208,7 +209,7 @@ def _in_range(box: Floats, score: Floats, class_id: Ints, classes: int) -> Bools
 def _shown_velocity(velocity: Floats, task: Task) -> Floats:
     """Return measured velocities [R, 2] as they are shown.
 
-    0 where it is not measured.
+    They are 0 where a velocity is not measured, or the task shows none.
     """
     measured = (np.abs(velocity) <= VELOCITY_LIMIT).all(axis=1)
     shown = np.asarray(task.velocity & measured)
@@ -216,7 +217,7 @@ def _shown_velocity(velocity: Floats, task: Task) -> Floats:
 
 
 def _rank_in_frame(in_frame: Ints, score: Floats) -> Ints:
-    """Rank each row [R] in its frame by score."""
+    """Rank each row [R] in its frame by score, from 0 for the highest."""
     order = np.lexsort((-score, in_frame))
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))

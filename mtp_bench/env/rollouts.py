@@ -139,8 +139,7 @@ def record_action(
 def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Rollout:
     """Make the rollout of the actions [F] of a scene.
 
-    Times are still zero.
-    ``dropped`` [F]: detections that did not fit.
+    ``dropped`` [F]: detections that did not fit. The ``seconds`` are still zero.
     """
     arrays: dict[str, NDArray[Any]] = {
         "track_start": starts_of([len(action.track_id) for action in actions]),
@@ -150,6 +149,7 @@ def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Ro
     }
     for name, (_, shape) in ROLLOUT_ARRAYS.items():
         if name not in arrays:
+            # one entry per action, or rows of all actions
             join = np.stack if shape[0] == "F" else np.concatenate
             arrays[name] = join([getattr(action, name) for action in actions])
     typed: dict[str, Any] = {
@@ -168,18 +168,19 @@ def actions_of(rollout: Rollout) -> Iterator[RecordedAction]:
             "R": rollout.tracks.rows(t),
             "S": rollout.objects.rows(t),
         }
-        arrays = {
-            name: getattr(rollout, name)[rows[ROLLOUT_ARRAYS[name][1][0]]]
-            for name in names
-        }
+        arrays = {}
+        for name in names:
+            _, shape = ROLLOUT_ARRAYS[name]
+            arrays[name] = getattr(rollout, name)[rows[shape[0]]]
         yield RecordedAction(**arrays)
 
 
 def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:
     """Make a rollout without tracks, hypotheses and forecasts.
 
-    ``sizes``: others than 0, by the letters of `ROLLOUT_ARRAYS`.
+    ``sizes``: sizes other than 0, by the letters of `ROLLOUT_ARRAYS`.
     """
+    # fixed lengths stand for themselves
     size: dict[Any, int] = {"F": frames, "F1": frames + 1, 2: 2, 3: 3, 7: 7}
     size |= sizes
     arrays: dict[str, Any] = {
@@ -203,9 +204,8 @@ def drive_arrays(drive: Drive | None) -> dict[str, NDArray[Any]]:
 
 
 def drive_of(arrays: Mapping[str, NDArray[Any]]) -> Drive | None:
-    """Return the drive of `drive_arrays`.
+    """Return the drive that `drive_arrays` made arrays of, None without one.
 
-    None without one.
     Raises KeyError for a missing array.
     """
     if not any(name.startswith("drive_") for name in arrays):
@@ -226,7 +226,7 @@ def drive_of(arrays: Mapping[str, NDArray[Any]]) -> Drive | None:
 def digest(rollout: Rollout) -> str:
     """Return the hex sha256 over a rollout.
 
-    All arrays but ``seconds``, and those of `_DIGESTED_DRIVE` of a drive.
+    It covers all arrays but ``seconds``, and of a drive those of `_DIGESTED_DRIVE`.
     """
     sha = hashlib.sha256(rollout.scene.encode())
     for name, (dtype, _) in ROLLOUT_ARRAYS.items():
@@ -246,8 +246,8 @@ def digest(rollout: Rollout) -> str:
 def log_softmax(log_weight: Floats, mask: Bools) -> Floats:
     """Normalise log-weights [..., n] in ``mask`` over the last axis.
 
-    -inf outside of it.
-    Weights inside stay finite, however small: faint is not absent.
+    They are -inf outside of the mask. Inside they stay finite, however small: faint is
+    not absent.
     """
     masked = np.where(mask, log_weight.astype(np.float64), -np.inf)
     top = masked.max(axis=-1, keepdims=True, initial=-np.inf)

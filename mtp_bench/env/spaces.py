@@ -24,7 +24,7 @@ VELOCITY_LIMIT = 1e3  # m/s
 _TIME_LIMIT = 1e6  # s
 # the space draws ids below this number times the rows: few are drawn twice
 _IDS_PER_ROW = 10
-_NUMBERS_PER_DETECTION = 13
+_NUMBERS_PER_DETECTION = 13  # box 7, velocity 2, score, class, valid, id
 
 Box = spaces.Box
 AnySpaces = dict[str, spaces.Space[Any]]
@@ -76,6 +76,7 @@ def action_numbers(task: Task) -> int:
 
 def observation_numbers(task: Task) -> int:
     """Count at most the entries of an observation: detections, points of lanes."""
+    # x, y and valid of each point
     per_lane = 3 * task.lane_points + SUCCESSORS
     return _NUMBERS_PER_DETECTION * task.detections + task.lanes * per_lane
 
@@ -107,6 +108,7 @@ def _space_of(field: ActionField, task: Task) -> spaces.Space[Any]:
 
 
 def _pose_bounds() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the bounds [4] of x, y, z and yaw."""
     high = np.array([COORDINATE_LIMIT] * 3 + [np.pi], dtype=np.float32)
     return -high, high
 

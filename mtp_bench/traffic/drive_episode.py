@@ -34,7 +34,7 @@ from .planner import Decision, Obstacles, Planner
 class DrivenScene:
     """Frames of one drive, shown one after the other.
 
-    The detections are those of the whole scene at once.
+    Their detections equal those of `whole_scene`, which has all frames at once.
     """
 
     def __init__(self, card: Card, name: str) -> None:
@@ -46,13 +46,17 @@ class DrivenScene:
         self._open_scene: OpenScene | None = None
 
     def current(self, world: World) -> Scene:
-        """Return the last frame of the world as a scene with detections."""
+        """Return the next frame of the drive as a scene with detections.
+
+        ``world`` has this frame alone.
+        """
         scene = _scene(world, self._card, self._name, stride=1)
         frame = len(self._ego)
         self._ego.append(scene.ego[0])
         if self._open_scene is None:
             frames = horizon(self._card)
             self._open_scene = OpenScene(frames, scene.truth, memory=Memory())
+        # earlier frames are empty: the open scene remembers them
         start = starts_of([0] * frame + [len(scene.truth.box)])
         until_now = replace(
             scene,
@@ -69,7 +73,7 @@ class DrivenScene:
         return replace(scene, detections=detections, simulated=True)
 
     def recording(self, world: World) -> Scene:
-        """Return `whole_scene` of the frames of ``world``, all of which were shown."""
+        """Join the frames of ``world``, with the detections that were shown."""
         scene = _scene(world, self._card, self._name)
         shown = self._detections[: scene.frames]
         start = starts_of([len(detections.score) for detections in shown])
@@ -84,24 +88,29 @@ class DrivenScene:
 def whole_scene(world: World, card: Card, name: str) -> Scene:
     """Return the recording of a drive with the detections then shown."""
     scene = _scene(world, card, name)
+    # an open scene draws the noise as it was drawn frame by frame
     return detected(scene, card, going_on=OpenScene(horizon(card), scene.truth.only(0)))
 
 
 def _scene(world: World, card: Card, name: str, stride: int | None = None) -> Scene:
+    """Return every n-th frame of a world as a scene.
+
+    ``stride``: n; None: steps of the simulation per frame of the card.
+    """
     world = replace(world, visible=visible_fractions(world.truth, world.ego))
     return scene_of(name, world, card, stride or round(RATE / card.task.rate))
 
 
 def horizon(card: Card) -> int:
-    """Return the frames of the longest drive."""
+    """Count the frames of the longest drive, the first one too."""
     seconds = float(card.source.traits.scene_seconds or 0)
     return round(seconds * card.task.rate) + 1
 
 
 CRASH = 100.0  # m of way that a collision at fault costs as reward
-_SPEED_SECONDS = 0.3  # in which the allowed speed is taken up
-# braking of the planner that is stronger is never eased, and an ego above the allowed
-# speed brakes no harder
+_SPEED_SECONDS = 0.3  # in which the ego reaches the allowed speed
+# Stronger braking of the planner is never eased. An ego that is only too fast brakes no
+# harder.
 _EASED_BRAKING_MPS2 = -2.0
 _MAX_ACCELERATION_MPS2 = 2.0
 
@@ -128,7 +137,7 @@ class DrivenEpisode:
     # one per step of the simulation
     stations: list[float] = field(default_factory=list)
     accelerations: list[float] = field(default_factory=list)
-    drive: Drive | None = None  # when it is over
+    drive: Drive | None = None  # record of the whole drive; None until it is over
 
     @classmethod
     def start(
@@ -155,8 +164,8 @@ class DrivenEpisode:
         return episode
 
     @property
-    def t(self) -> int:
-        """Frame that is shown."""
+    def frame_index(self) -> int:
+        """Index of the frame that is shown, also the number of actions so far."""
         return len(self.actions)
 
     @property
@@ -178,34 +187,42 @@ class DrivenEpisode:
 
         There are no detections after the end.
         """
-        observation = self.feed.observe(int(self.over))
-        time = (self.t - self.over) * self.task.dt
-        return {**observation, "time": np.array(time), "dt": np.array(self.task.dt)}
+        feed_frame = 0
+        last_frame = self.frame_index
+        if self.over:
+            feed_frame = 1  # beyond the only frame of the feed: no detections
+            last_frame -= 1
+        observation = self.feed.observe(feed_frame)
+        time = np.array(last_frame * self.task.dt)
+        return {**observation, "time": time, "dt": np.array(self.task.dt)}
 
     def info(self) -> dict[str, Any]:
         """Return numbers of the present frame, and of the action before."""
         dropped = 0 if self.over else int(self.feed.dropped[0])
         last_action = self.actions[-1] if self.actions else None
-        return frame_info(self.t, dropped, last_action)
+        return frame_info(self.frame_index, dropped, last_action)
 
     def recording(self) -> tuple[Scene, Feed]:
         """Return the frames so far and the observations of them."""
         scene = self.scene
         if not self.over:
-            scene = self.shown.recording(self._world_of(max(self.t, 1)))
+            # frames with an action; before the first action, the first frame
+            frames = max(self.frame_index, 1)
+            scene = self.shown.recording(self._world_of(frames))
         return scene, make_feed(scene, self.frame, self.task, self.card)
 
     def record(self) -> Drive | None:
         """Return the drive until now, for pictures."""
-        return self._recorded() if self.plans else None
+        return self._drive_until_now() if self.plans else None
 
     def take(self, action: RecordedAction) -> float:
         """Plan on the action and move the world to the next frame.
 
         Return the metres driven, less `CRASH` for a collision at fault.
         """
-        start = self.stations[-1]
+        start_m = self.stations[-1]
         self.actions.append(action)
+        # the feed has the present frame alone
         self.dropped_counts.append(int(self.feed.dropped[0]))
         ego = self.traffic.ego
         forecast_obstacles = obstacles(action, self.task.dt)
@@ -213,19 +230,22 @@ class DrivenEpisode:
         self.plans.append(plan)
         for _ in range(round(RATE * self.task.dt)):
             if not self.traffic.over:
-                self._drive(plan.acceleration)
-        if self.traffic.over or self.t == horizon(self.card) - 1:
+                self._step_world(plan.acceleration)
+        # no action follows the last frame
+        if self.traffic.over or self.frame_index == horizon(self.card) - 1:
             self._finish()
         else:
             self.scene = self.shown.current(self.traffic.world(last_only=True))
             self.feed = make_feed(self.scene, self.frame, self.task, self.card)
-        at_fault = self.drive is not None and self.drive.at_fault
-        return self.stations[-1] - start - CRASH * at_fault
+        reward = self.stations[-1] - start_m
+        if self.drive is not None and self.drive.at_fault:
+            reward -= CRASH
+        return reward
 
-    def _drive(self, acceleration: float) -> None:
-        """Move the world by a step, at the acceleration of the plan.
+    def _step_world(self, acceleration: float) -> None:
+        """Move the world by a step, at the planned ``acceleration`` of the ego.
 
-        Near the allowed speed, where the profile bends, it is eased.
+        It is eased near the allowed speed, where a profile of the planner bends.
         """
         ego = self.traffic.ego
         if acceleration > _EASED_BRAKING_MPS2:
@@ -237,12 +257,16 @@ class DrivenEpisode:
         self.stations.append(float(ego.s))
 
     def _finish(self) -> None:
-        world = self._world_of(self.t)
+        """End the drive: keep its record and the scene of all shown frames."""
+        world = self._world_of(self.frame_index)
+        # states of the simulation after the last shown frame
         ending = rows_from(self.traffic.world().truth, len(world.time))
         self.scene = self.shown.recording(world)
-        self.drive = replace(self._recorded(), world={**pack(world), "ending": ending})
+        self.drive = replace(
+            self._drive_until_now(), world={**pack(world), "ending": ending}
+        )
 
-    def _recorded(self) -> Drive:
+    def _drive_until_now(self) -> Drive:
         stations = np.array(self.stations)
         return record_of(
             self.traffic, stations, np.array(self.accelerations), self.plans
@@ -257,7 +281,7 @@ class DrivenEpisode:
 def obstacles(action: RecordedAction, dt: float) -> Obstacles:
     """Return the forecasts of an action, as the planner reads them.
 
-    The weight of a sample is its chance.
+    The weight of a sample is its probability times the object's confidence.
     """
     box = action.object_box.astype(np.float64)
     weight = np.exp(action.forecast_log_weight.astype(np.float64))

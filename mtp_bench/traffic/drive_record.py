@@ -27,6 +27,7 @@ _MAX_ACCELERATION_MPS2 = 2.40
 _MAX_LATERAL_MPS2 = 4.89
 _MAX_JERK_MPS3 = 4.13
 _STRIP_MARGIN_M = 1.0  # beside the ego's strip
+_NEAR_M = FREE + 10.0  # of the ego: other road users are left out at once
 _LOOK_AHEAD_S = (0.3, 0.6, COLLISION_TIME)  # at constant velocities
 _JERK_WINDOW = 15  # steps over which accelerations are smoothed before jerks are taken
 
@@ -70,9 +71,10 @@ def record_of(
 
 
 def rows_from(truth: Truth, first: int) -> Floats:
-    """Return the rows [R, 12] of a truth from one state on.
+    """Return the rows [R, 12] of a truth from state ``first`` on.
 
-    Columns: state, number, class, box (7), velocity (2).
+    There is a state for each step of the simulation. Columns: state, number, class, box
+    (7), velocity (2).
     """
     state = truth.frame_of_rows
     columns = [state, truth.object_id, truth.class_id, truth.box, truth.velocity]
@@ -83,7 +85,7 @@ def near_misses(world: World, speed_mps: Floats, size: tuple[float, float]) -> B
     """Return the mask [N] of the steps with a near miss.
 
     In such a step the time to collision with a road user ahead or beside is below
-    `COLLISION_TIME`, at the ``speed_mps`` [N] m/s of an ego of this length and width.
+    `COLLISION_TIME`. ``speed_mps`` [N]: of the ego; ``size``: its length and width, m.
     """
     rows, state = _rows_around(world, len(speed_mps))
     box = world.truth.box[rows]
@@ -115,20 +117,21 @@ def occupied(
     box = world.truth.box[rows]
     mask = np.zeros(len(stations), dtype=bool)
     reach_m = size[1] / 2 + box[:, 4:6].min(axis=1) / 2 + _STRIP_MARGIN_M
+    # points of the way, every metre from the bumper on
     for ahead_m in np.arange(size[0] / 2, size[0] / 2 + FREE, 1.0):
-        place = way.at(stations + ahead_m)[0][state]
-        mask[state[np.hypot(*(box[:, :2] - place).T) < reach_m]] = True
+        way_xy = way.at(stations + ahead_m)[0][state]
+        mask[state[np.hypot(*(box[:, :2] - way_xy).T) < reach_m]] = True
     return mask
 
 
 def _rows_around(world: World, states: int) -> tuple[Ints, Ints]:
     """Return rows and states [R] of road users near the ego.
 
-    Only the first ``states`` count.
+    States after the first ``states`` are left out.
     """
     state = world.truth.frame_of_rows
     offset = world.truth.box[:, :2] - world.ego[state, :2]
-    rows = np.flatnonzero((np.hypot(*offset.T) < FREE + 10) & (state < states))
+    rows = np.flatnonzero((np.hypot(*offset.T) < _NEAR_M) & (state < states))
     return rows, state[rows]
 
 
@@ -158,14 +161,16 @@ def smoothed_jerk(acceleration_mps2: Floats) -> Floats:
     import takes over a second.
     """
     half = _JERK_WINDOW // 2
-    k = np.arange(_JERK_WINDOW) - half
+    step = np.arange(_JERK_WINDOW) - half  # 0 in the middle of a window
     windows = np.lib.stride_tricks.sliding_window_view(acceleration_mps2, _JERK_WINDOW)
-    _, slope, bend = np.polynomial.polynomial.polyfit(k, windows.T, 2)
-    first = slope[0] + 2 * bend[0] * k[:half]
-    final = slope[-1] + 2 * bend[-1] * k[half + 1 :]
-    return RATE * np.concatenate([first, slope, final])
+    # constant + linear * step + square * step^2 has the slope ``linear`` at step 0
+    _, linear, square = np.polynomial.polynomial.polyfit(step, windows.T, 2)
+    # the first and the last steps are in the middle of no window
+    first = linear[0] + 2 * square[0] * step[:half]
+    final = linear[-1] + 2 * square[-1] * step[half + 1 :]
+    return RATE * np.concatenate([first, linear, final])
 
 
 def _count_runs(mask: Bools) -> int:
-    """Return the number of runs of True."""
+    """Count the runs of consecutive True values."""
     return int((np.diff(mask.astype(np.int8), prepend=0) == 1).sum())

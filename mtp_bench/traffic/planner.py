@@ -23,7 +23,7 @@ from ..cards import PlannerSection
 from ..core import NO_ROWS, Bools, Floats, Ints
 from .highway.driven import Way
 
-# accelerations of all profiles: in the first second, and later
+# accelerations of all profiles, every pair: in the first second, and later
 _FIRST_MPS2 = np.repeat([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5], 4)
 _LATER_MPS2 = np.tile([-4.0, -2.0, 0.0, 1.5], 9)
 _FIRST_SECONDS = 1.0
@@ -36,6 +36,8 @@ _DISCS = 3  # that cover a box
 # centres of the discs, as shares of the length
 _DISC_PLACES = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS
 _LIMIT_BRAKING_MPS2 = 1.5  # for lower limits ahead
+_ROUNDING = 1e-6
+_COMFORTABLE_BRAKING_MPS2 = 2.0  # costs no comfort
 _MIN_TURN_SPEED_MPS = 0.5  # slower objects keep their heading
 _STANDING_SEVERITY = 0.15  # of a contact while the ego stands
 _FULL_SEVERITY_SPEED_MPS = 4.0  # ego speed from which a contact has severity 1
@@ -51,7 +53,7 @@ _SAME_DIRECTION_COSINE = 0.5
 class Obstacles:
     """Forecast of O objects in the frame of the way: K samples of T steps of ``dt`` s.
 
-    The weight of a sample is its chance, with the confidence of the object.
+    The weight of a sample is its probability times the object's confidence.
     """
 
     box: Floats  # [O, 7] now
@@ -93,15 +95,15 @@ def _resampled(forecast: Obstacles) -> Obstacles:
     """
     path = forecast.path
     if forecast.dt <= _MAX_STEP_S:
-        stride = min(int(_MAX_STEP_S / forecast.dt + 1e-6), path.shape[2])
+        stride = min(int(_MAX_STEP_S / forecast.dt + _ROUNDING), path.shape[2])
         dense = path[:, :, stride - 1 :: stride]
         return Obstacles(forecast.box, dense, forecast.weight, forecast.dt * stride)
-    parts = ceil(forecast.dt / _MAX_STEP_S - 1e-6)
+    parts = ceil(forecast.dt / _MAX_STEP_S - _ROUNDING)
     objects, samples, steps, _ = path.shape
-    start_m = np.broadcast_to(forecast.box[:, None, None, :2], (objects, samples, 1, 2))
-    start_m = np.concatenate([start_m, path[:, :, :-1]], axis=2)[:, :, :, None]
-    share = np.arange(1, parts + 1)[:, None] / parts
-    filled = share * (path[:, :, :, None] - start_m)
+    now_m = np.broadcast_to(forecast.box[:, None, None, :2], (objects, samples, 1, 2))
+    start_m = np.concatenate([now_m, path[:, :, :-1]], axis=2)[:, :, :, None]
+    part_share = np.arange(1, parts + 1)[:, None] / parts
+    filled = part_share * (path[:, :, :, None] - start_m)
     filled += start_m
     filled = filled.reshape(objects, samples, parts * steps, 2)
     return Obstacles(forecast.box, filled, forecast.weight, forecast.dt / parts)
@@ -109,17 +111,19 @@ def _resampled(forecast: Obstacles) -> Obstacles:
 
 @lru_cache(maxsize=32)
 def _station_grid(way: Way) -> tuple[Floats, Ints]:
-    """Return the lower corner [2] and the stations of cells.
+    """Return a grid around a way: its lower corner [2], and its cells.
 
-    The cells are around a way. The station of a cell beyond `_REACH_M` is -1.
+    A cell holds the index of the way's point next to its middle, -1 beyond `_REACH_M`.
     """
     corner = way.xy.min(axis=0) - _REACH_M - _CELL_M
     extent = way.xy.max(axis=0) + _REACH_M - corner
     within_reach = np.zeros(np.ceil(extent / _CELL_M).astype(np.int64) + 1, dtype=bool)
-    wide = round(_REACH_M / _CELL_M)
+    reach_cells = round(_REACH_M / _CELL_M)
+    # every other point: they are closer together than cells
     for x, y in ((way.xy[::2] - corner) / _CELL_M).astype(np.int64).tolist():
-        columns = slice(max(x - wide, 0), x + wide + 1)
-        within_reach[columns, max(y - wide, 0) : y + wide + 1] = True
+        columns = slice(max(x - reach_cells, 0), x + reach_cells + 1)
+        rows = slice(max(y - reach_cells, 0), y + reach_cells + 1)
+        within_reach[columns, rows] = True
     grid = np.full(within_reach.shape, -1)
     centers = corner + (np.argwhere(within_reach) + 0.5) * _CELL_M
     grid[within_reach] = KDTree(way.xy).query(centers)[1]
@@ -135,15 +139,17 @@ class Planner:
         self._way = way
         self._size = size
         self._weights = parameters
-        hard_braking = np.maximum(-_FIRST_MPS2 - 2.0, 0.0)
+        hard_braking = np.maximum(-_FIRST_MPS2 - _COMFORTABLE_BRAKING_MPS2, 0.0)
+        # [C] m/s of progress that the first acceleration of each profile costs
         self._effort = parameters.comfort * hard_braking
         self._effort += parameters.smoothness * np.abs(_FIRST_MPS2)
 
     @cached_property
     def _allowed_mps(self) -> Floats:
-        """Highest speeds [n] that meet the limits ahead."""
+        """Highest speeds [n] at points of the way that meet the limits ahead."""
         limit = self._weights.pace * self._way.limit.astype(np.float64)
         squared_mps = limit**2
+        # braking over s metres takes 2 a s from the squared speed
         gained = 2 * _LIMIT_BRAKING_MPS2 * np.diff(self._way.s)
         for i in range(len(squared_mps) - 2, -1, -1):
             squared_mps[i] = min(squared_mps[i], squared_mps[i + 1] + gained[i])
@@ -175,6 +181,7 @@ class Planner:
             gain_mps = (_LATER_MPS2 if later else _FIRST_MPS2) * step_s
             cell = (stations_m[k] / _CELL_M).astype(np.int64)
             table_speed = self._speed_table.take(cell, mode="clip")
+            # an ego that is too fast slows down at twice the usual rate
             top_mps = np.maximum(
                 table_speed, speeds_mps[k] - 2 * _LIMIT_BRAKING_MPS2 * step_s
             )
@@ -189,14 +196,10 @@ class Planner:
     def decide(self, s: float, speed: float, obstacles: Obstacles) -> Decision:
         """Choose the best profile at ``s`` m with ``speed`` m/s."""
         rows = self._relevant(obstacles)
-        forecast = _resampled(
-            Obstacles(
-                obstacles.box[rows],
-                obstacles.path[rows],
-                obstacles.weight[rows],
-                obstacles.dt,
-            )
-        )
+        box = obstacles.box[rows]
+        path = obstacles.path[rows]
+        weight = obstacles.weight[rows]
+        forecast = _resampled(Obstacles(box, path, weight, obstacles.dt))
         steps = forecast.path.shape[2]
         stations_m, speeds_mps = self.profiles(s, speed, forecast.dt, steps)
         box_station, aside_m, tangent = self._along_route(*forecast.box.T[:2])
@@ -205,36 +208,36 @@ class Planner:
         follows = (box_station < s) & in_lane & (np.cos(turn) > _SAME_DIRECTION_COSINE)
         contacts = self._contacts(s, float(stations_m[:, -1].max()), forecast, follows)
         share, object_row = self._shares(stations_m, speeds_mps, contacts, forecast)
-        wish = (stations_m[:, -1] - s) / (forecast.dt * steps) - self._effort
-        score = wish - self._weights.caution * share.sum(axis=1)
+        progress_mps = (stations_m[:, -1] - s) / (forecast.dt * steps) - self._effort
+        score = progress_mps - self._weights.caution * share.sum(axis=1)
         best = int(score.round(9).argmax())  # equal scores on all machines
-        free = int(wish.round(9).argmax())
+        best_if_free = int(progress_mps.round(9).argmax())
         blocks = ((box_station > s) & in_lane)[object_row]
         if (blocks & (share.min(axis=0) > _EMERGENCY_RISK)).any():
             best = 0  # brakes hardest
         cause = -1
-        if best != free and share[free].any():
-            cause = int(rows[object_row[share[free].argmax()]])
+        if best != best_if_free and share[best_if_free].any():
+            cause = int(rows[object_row[share[best_if_free].argmax()]])
         risk = 1.0 - float((1.0 - share[best]).prod())
         time = obstacles.dt * np.arange(obstacles.path.shape[2] + 1)
-        shown = np.interp(time, forecast.dt * np.arange(steps + 1), stations_m[best])
-        return Decision(float(_FIRST_MPS2[best]), risk, cause, shown)
+        profile_time = forecast.dt * np.arange(steps + 1)
+        planned_m = np.interp(time, profile_time, stations_m[best])
+        return Decision(float(_FIRST_MPS2[best]), risk, cause, planned_m)
 
     def _relevant(self, obstacles: Obstacles) -> Ints:
         """Return rows of objects whose forecasts reach the rectangle around the way.
 
-        At a junction only a few do. Dense forecasts, which are thinned out, keep all.
+        At a junction only a few do. Dense forecasts keep all objects, as `_resampled`
+        makes them smaller.
         """
         reaches = np.ones(len(obstacles.box), dtype=bool)
         if obstacles.dt > _MAX_STEP_S:
             margin_m = _REACH_M + 2 * _CELL_M
+            path = obstacles.path
+            now_m = obstacles.box[:, :2]
             # missing samples may be NaN, which fmax and fmin leave out
-            high_corner = np.fmax(
-                np.fmax.reduce(obstacles.path, axis=(1, 2)), obstacles.box[:, :2]
-            )
-            low_corner = np.fmin(
-                np.fmin.reduce(obstacles.path, axis=(1, 2)), obstacles.box[:, :2]
-            )
+            high_corner = np.fmax(np.fmax.reduce(path, axis=(1, 2)), now_m)
+            low_corner = np.fmin(np.fmin.reduce(path, axis=(1, 2)), now_m)
             reaches &= (high_corner > self._way.xy.min(axis=0) - margin_m).all(axis=1)
             reaches &= (low_corner < self._way.xy.max(axis=0) + margin_m).all(axis=1)
         return np.flatnonzero(reaches)
@@ -255,6 +258,7 @@ class Planner:
             return np.zeros((len(stations_m), 0)), NO_ROWS
         samples = forecast.weight.shape[1]
         severity = self._severity(stations_m, speeds_mps, contacts, forecast.dt)
+        # the worst contact of a sample counts, then all samples of an object
         worst, sample = _reduce_runs(np.maximum, severity, contacts.sample)
         risk = worst * forecast.weight.ravel()[sample]
         share, object_row = _reduce_runs(np.add, risk, sample // samples)
@@ -273,11 +277,12 @@ class Planner:
         nose_m = places_m + gap_m * np.minimum(times_s / _GAP_OPENING_S, 1.0)
         center_m = places_m[:, contacts.step]
         front_m = np.where(contacts.leads, nose_m[:, contacts.step], center_m)
-        # a leader may be passed in one step
+        # within one step the ego may jump over the stretch of a leader
         start_m = stations_m[:, :-1][:, contacts.step]
         back_m = np.where(contacts.leads, start_m, center_m)
         touches = (front_m >= contacts.low) & (back_m <= contacts.high)
         severity = contact_severity(speeds_mps[:, 1:], times_s, self._weights.patience)
+        # less where the ego enters only the time gap
         weight = np.where(center_m >= contacts.low, 1.0, _GAP_SEVERITY)
         return np.where(touches, weight * severity[:, contacts.step], 0.0)
 
@@ -292,22 +297,21 @@ class Planner:
         length_m = forecast.box[:, 4]
         width_m = forecast.box[:, 5]
         x, y = forecast.path.reshape(-1, 2).T
-        station = self._station(x, y)
+        way_point = self._nearest_points(x, y)
         counts = (forecast.weight > _MIN_SAMPLE_WEIGHT) & ~follows[:, None]
-        path_row = np.flatnonzero((station >= 0) & counts.repeat(steps))
-        place_m = self._way.s[station[path_row]]
-        path_row = path_row[
-            (place_m > s - 2 * _REACH_M) & (place_m < end_m + 3 * _REACH_M)
-        ]
+        path_row = np.flatnonzero((way_point >= 0) & counts.repeat(steps))
+        place_m = self._way.s[way_point[path_row]]
+        # a long box may reach the ego from a place behind ``s`` or beyond ``end_m``
+        is_close = (place_m > s - 2 * _REACH_M) & (place_m < end_m + 3 * _REACH_M)
+        path_row = path_row[is_close]
         object_row = path_row // (samples * steps)
         forecast_step = path_row % steps
         heading = self._headings(path_row, object_row, forecast_step, forecast)
         along = _DISC_PLACES * length_m[object_row, None]  # [n, discs]
         disc_x = x[path_row, None] + along * np.cos(heading)[:, None]
         disc_y = y[path_row, None] + along * np.sin(heading)[:, None]
-        disc_station, aside_m, tangent = self._along_route(
-            disc_x.ravel(), disc_y.ravel()
-        )
+        places_m = (disc_x.ravel(), disc_y.ravel())
+        disc_station, aside_m, tangent = self._along_route(*places_m)
         radius_m = np.hypot(width_m / 2, length_m / (2 * _DISCS))[object_row]
         margin_m = self._weights.margin
         grown_m = margin_m + self._weights.growth * forecast.dt * (forecast_step + 1)
@@ -317,6 +321,7 @@ class Planner:
         center_m = disc_station[meets]
         reach_m = self._size[0] / 2 + reach_m[meets]
         leads = np.cos(heading[met_row] - tangent[meets]) > _SAME_DIRECTION_COSINE
+        # an ego beyond the middle of a leader has passed it
         return _Contacts(
             low=center_m - reach_m,
             high=np.where(leads, center_m, center_m + reach_m),
@@ -328,9 +333,13 @@ class Planner:
     def _headings(
         self, path_row: Ints, object_row: Ints, forecast_step: Ints, forecast: Obstacles
     ) -> Floats:
-        """Return headings [n] in rows [n] of the flat paths."""
+        """Return headings [n] of objects in rows [n] of the flat paths.
+
+        An object that hardly moves keeps the heading of its box.
+        """
         places_m = forecast.path.reshape(-1, 2)
         first = (forecast_step == 0)[:, None]
+        # the row before is the step before
         start_m = np.where(first, forecast.box[object_row, :2], places_m[path_row - 1])
         move_x, move_y = (places_m[path_row] - start_m).T
         moves = np.hypot(move_x, move_y) > _MIN_TURN_SPEED_MPS * forecast.dt
@@ -339,8 +348,8 @@ class Planner:
         )
         return np.asarray(heading)
 
-    def _station(self, x: Floats, y: Floats) -> Ints:
-        """Return points of the way next to places [n], -1 beyond reach.
+    def _nearest_points(self, x: Floats, y: Floats) -> Ints:
+        """Return indices of the way's points next to places [n], -1 beyond reach.
 
         Places outside the grid count as in its outermost cells, which are beyond reach.
         """
@@ -352,25 +361,27 @@ class Planner:
         return np.asarray(grid[cells[0], cells[1]])
 
     def _along_route(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return stations, distances to the way and its headings for places [n].
+        """Return stations, distances to the way and its headings for places [n], m.
 
         The distance is inf beyond reach.
         """
-        station = self._station(x, y)
-        tangent = self._way.heading[station]
-        away_x = x - self._way.xy[station, 0]
-        away_y = y - self._way.xy[station, 1]
+        way_point = self._nearest_points(x, y)
+        tangent = self._way.heading[way_point]
+        away_x = x - self._way.xy[way_point, 0]
+        away_y = y - self._way.xy[way_point, 1]
         cos = np.cos(tangent)
         sin = np.sin(tangent)
-        aside_m = np.where(station >= 0, np.abs(away_y * cos - away_x * sin), np.inf)
-        return self._way.s[station] + away_x * cos + away_y * sin, aside_m, tangent
+        across_m = np.abs(away_y * cos - away_x * sin)
+        aside_m = np.where(way_point >= 0, across_m, np.inf)
+        station_m = self._way.s[way_point] + away_x * cos + away_y * sin
+        return station_m, aside_m, tangent
 
 
 def contact_severity(speed: Floats, time: Floats, patience: float) -> Floats:
-    """Return the severity of contacts.
+    """Return the severity of contacts of an ego with a ``speed``, m/s.
 
-    The ego has a ``speed`` in m/s, ``time`` s from now. It grows with the speed up to
-    1, and decays over ``patience`` s.
+    The severity grows with the speed up to 1. It decays with the ``time`` until the
+    contact, s, over ``patience`` s.
     """
     growth = (1 - _STANDING_SEVERITY) * speed / _FULL_SEVERITY_SPEED_MPS
     severity = np.minimum(_STANDING_SEVERITY + growth, 1.0)
@@ -380,7 +391,10 @@ def contact_severity(speed: Floats, time: Floats, patience: float) -> Floats:
 def _reduce_runs(
     operation: np.ufunc, values: Floats, keys: Ints
 ) -> tuple[Floats, Ints]:
-    """Reduce columns of ``values`` [C, M] over runs of equal ``keys``."""
+    """Reduce columns of ``values`` [C, M] over runs of equal ``keys`` [M].
+
+    Also returns the key of each run.
+    """
     first = np.flatnonzero(np.diff(keys, prepend=-1))
     reduced: Floats = operation.reduceat(values, first, axis=1)
     return reduced, keys[first]

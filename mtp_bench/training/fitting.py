@@ -19,7 +19,7 @@ from .losses import LOSSES, Tensors, mode_distance, vary_detections, vary_tracks
 # number of an epoch, from 1 on, and its validation minADE, m
 EpochCallback = Callable[[int, float], object]
 
-WARM_UP = 0.2  # share of a training in which the learning rate rises
+WARM_UP = 0.2  # share of a stage in which the learning rate rises
 _LABELS = ("future", "is_known", "present", "weight")
 _STATISTICS = (".mean", ".spread")  # of the data, never trained
 _VALIDATION_BATCH = 8192  # windows
@@ -125,8 +125,8 @@ def fit(
 ) -> FittedNetwork:
     """Train a network by its recipe.
 
-    ``best`` of the answer holds the weights of the epoch with the best validation
-    minADE.
+    The result's ``best`` holds the weights of the epoch with the best validation
+    minADE; every stage starts from the best of those before.
     """
     trainer = _Trainer(network, sizes, training_set, plan, device)
     fitted = FittedNetwork()
@@ -176,7 +176,10 @@ class _Trainer:
     def fit_stage(
         self, stage: Stage, fitted: FittedNetwork, callback: EpochCallback
     ) -> None:
-        """Train a stage until its end, or until errors stop falling."""
+        """Train a stage until its end, or until errors stop falling.
+
+        Adds to the curve of ``fitted``, and replaces its best weights.
+        """
         plan = self.plan
         first_epoch = len(fitted.curve)
         stage_epochs = max(1, round(stage.share * plan.epochs))
@@ -224,6 +227,7 @@ class _Trainer:
         """
         plan = self.plan
         vary = vary_detections if self.network.around else vary_tracks
+        # a large prime keeps the numbers of two seeds apart
         generator = torch.Generator().manual_seed(plan.seed * 100_003 + epoch)
         batches = shuffled_batches(
             self.training_rows, self.moment, plan.batch, generator
@@ -260,11 +264,14 @@ class _Trainer:
 def one_cycle(progress: float) -> float:
     """Return the learning rate as a share of the highest.
 
-    It rises from 1/25 over a fifth of the training, then falls to nearly 0.
+    It rises from 1/25 over a fifth of a stage, then falls to nearly 0, both as half a
+    cosine wave. ``progress`` of the stage is from 0 to 1.
     """
     if progress < WARM_UP:
-        return 0.04 + 0.96 * (1 - math.cos(math.pi * progress / WARM_UP)) / 2
-    return max(1e-3, (1 + math.cos(math.pi * (progress - WARM_UP) / (1 - WARM_UP))) / 2)
+        rise = (1 - math.cos(math.pi * progress / WARM_UP)) / 2
+        return 0.04 + 0.96 * rise
+    fall = (1 + math.cos(math.pi * (progress - WARM_UP) / (1 - WARM_UP))) / 2
+    return max(1e-3, fall)
 
 
 def shuffled_batches(
@@ -275,8 +282,8 @@ def shuffled_batches(
 ) -> tuple[torch.Tensor, ...]:
     """Return the rows [n] in random batches of about ``size``.
 
-    ``moment`` [all rows]: the frame of each. Windows of one frame stay together. None:
-    each window alone.
+    ``moment``: number of the frame of each window of the data. Windows of one frame
+    stay together; with None each window is drawn alone.
     """
     if moment is None:
         order = torch.randperm(len(rows), generator=generator).to(rows.device)
@@ -289,7 +296,7 @@ def shuffled_batches(
 def ordered_batches(
     rows: torch.Tensor, moment: torch.Tensor | None, size: int
 ) -> tuple[torch.Tensor, ...]:
-    """Return the rows [n] in order, else as `shuffled_batches`."""
+    """Return the rows [n] in batches as `shuffled_batches`, but in order."""
     if moment is None:
         return torch.split(rows, size)
     return _split_by_rank(rows, moment[rows], size)
@@ -298,9 +305,10 @@ def ordered_batches(
 def _split_by_rank(
     rows: torch.Tensor, rank: torch.Tensor, size: int
 ) -> tuple[torch.Tensor, ...]:
-    """Sort rows by ``rank`` [n], and split where a rank begins."""
+    """Sort rows by the ``rank`` [n] of their frame, and split between frames."""
     order = torch.argsort(rank, stable=True)
     sorted_rank = rank[order]
     first_row = torch.searchsorted(sorted_rank, sorted_rank)  # of the row's frame
+    # the whole frame is in the batch of its first row
     _, count = torch.unique_consecutive(first_row // size, return_counts=True)
     return torch.split(rows[order], count.tolist())

@@ -10,9 +10,8 @@ from ..env import Feed, LocalFrame
 from ..prediction import TrackWindows
 from ..scoring import evaluated, find_targets, neutral_places, pieces
 
-# a track follows no true object; the object is unknown
-NO_OBJECT = -1
-UNKNOWN = -2
+NO_OBJECT = -1  # a track follows no true object
+UNKNOWN = -2  # the truth does not tell which object it follows
 
 
 class TrackLabels(NamedTuple):
@@ -26,9 +25,9 @@ class TrackLabels(NamedTuple):
 
 
 class SceneLabels:
-    """Labels of a scene, whose observations are ``feed``.
+    """Labels of the tracks in a scene, whose observations are ``feed``.
 
-    An object is its place in the sorted ids of the scene.
+    Here an object is a number: the index of its id among the sorted ids of the scene.
     """
 
     def __init__(self, scene: Scene, card: Card, local: LocalFrame, feed: Feed) -> None:
@@ -53,9 +52,9 @@ class SceneLabels:
         self._object_of_detection = self._objects_of_detections(feed)
 
     def _objects_of_detections(self, feed: Feed) -> Ints:
-        """Return the object of each detection.
+        """Return the object of each detection, NO_OBJECT or UNKNOWN.
 
-        The last row is of "no detection in the past that is kept".
+        One more row, UNKNOWN, is for tracks without a detection in their kept past.
         """
         if feed.object_id is not None:
             return np.append(np.searchsorted(self._ids, feed.object_id), UNKNOWN)
@@ -88,7 +87,7 @@ class SceneLabels:
         A track follows the object of the last detection that it took.
         """
         label = self._followed(t, windows)
-        # hidden, or no longer there
+        # its object is hidden, or no longer there; rows below 0 read the last row
         is_gone = np.isnan(self._place[np.maximum(label, -1), t, 0])
         label = np.where((label >= 0) & is_gone, UNKNOWN, label)
         unmatched = np.flatnonzero(label == NO_OBJECT)
@@ -103,6 +102,7 @@ class SceneLabels:
         same_piece = self._piece[ahead] == self._piece[t]
         future = np.where(same_piece[:, None], self._place[object_row, ahead], np.nan)
         return TrackLabels(
+            # the appended 0 is replaced
             object_id=np.where(has_object, np.append(self._ids, 0)[object_row], label),
             present=np.nan_to_num(self._place[object_row, t]),
             future=np.nan_to_num(future),
@@ -111,12 +111,13 @@ class SceneLabels:
         )
 
     def _followed(self, t: int, windows: TrackWindows) -> Ints:
-        """Return the object [n] of the last detection taken.
+        """Return the object [n] of the last detection that each track took.
 
         If a tracker does not state detections, it is the nearest object now.
         """
         if not (windows.detection >= 0).any():
             return self._nearest(t, windows.box[:, -1], windows.class_id)
+        # 0 without any detection, as its entry now is negative too
         frames_ago = (windows.detection[:, ::-1] >= 0).argmax(axis=1)
         detection = windows.detection[np.arange(len(windows)), -1 - frames_ago]
         detection_row = self._start[np.maximum(t - frames_ago, 0)] + detection

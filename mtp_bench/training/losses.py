@@ -24,6 +24,10 @@ Loss = Callable[
     [Network, Tensors, Tensors, Sizes, float, torch.Generator], torch.Tensor
 ]
 
+# a square root at 0 has no finite slope
+_MIN_SQUARE_M2 = 1e-9
+_MIN_PRESENT_SQUARE_M2 = 1e-6
+RELAXED_SHARE = 0.3  # of the mean distance of all modes, at the start
 MODE_WEIGHT = 0.2  # of the log-likelihood of the best mode, beside metres
 PRESENT_WEIGHT = 0.5  # of the error of the present position
 # Of PTP, beside errors in units of their scale:
@@ -40,12 +44,12 @@ _OF_DETECTIONS = ("position", "velocity", "yaw", "score", "same", "ratio", "near
 def mode_distance(
     modes: torch.Tensor, future: torch.Tensor, is_known: torch.Tensor
 ) -> torch.Tensor:
-    """Return mean distances [n, S] m of modes to futures.
+    """Return mean distances [n, S] m of modes to futures, over known frames.
 
-    They are over the frames that are known. ``modes`` [n, S, T, 2], ``future``
-    [n, T, 2], ``is_known`` [n, T].
+    ``modes`` [n, S, T, 2], ``future`` [n, T, 2], ``is_known`` [n, T].
     """
-    distance = torch.sqrt(((modes - future[:, None]) ** 2).sum(-1) + 1e-9)
+    square = ((modes - future[:, None]) ** 2).sum(-1)
+    distance = torch.sqrt(square + _MIN_SQUARE_M2)
     total = (distance * is_known[:, None]).sum(-1)
     return total / is_known.sum(-1).clip(1)[:, None]
 
@@ -60,13 +64,13 @@ def winner_takes_all(
 ) -> torch.Tensor:
     """Return the loss of best mode and present position.
 
-    It is the distance of the best mode, its log-likelihood, and the error of the
-    present position. In the first half of the training a shrinking part (from .3) of
-    all modes' mean distance keeps every mode alive.
+    It is the distance of the best mode, the negative log-likelihood of that mode, and
+    the error of the present position. In the first half of the stage a shrinking share
+    (from `RELAXED_SHARE`) of the mean distance of all modes keeps every mode alive.
     """
     output = network.forward(weights, batch, sizes)
     distance = mode_distance(output["modes"], batch["future"], batch["is_known"])
-    relaxed = 0.3 * max(0.0, 1 - 2 * progress)
+    relaxed = RELAXED_SHARE * max(0.0, 1 - 2 * progress)
     best, winner = distance.min(dim=1)
     likelihood = torch.nn.functional.cross_entropy(
         output["log_weight"], winner, reduction="none"
@@ -87,7 +91,8 @@ def autoencoder(
 ) -> torch.Tensor:
     """Return the loss of futures decoded from their codes (PTP).
 
-    It is the squared error, and the divergence of that code from the prior.
+    It is the squared error, the divergence of the codes from the prior, and the error
+    of the present position.
     """
     context = context_of(weights, batch, sizes)
     residual = batch["future"] - straight_future(batch, sizes)
@@ -139,7 +144,8 @@ def diverse(
 
 def _present_error(present: torch.Tensor, batch: Tensors) -> torch.Tensor:
     """Return errors [n] m of the present positions [n, 2]."""
-    return torch.sqrt(((present - batch["present"]) ** 2).sum(-1) + 1e-6)
+    square = ((present - batch["present"]) ** 2).sum(-1)
+    return torch.sqrt(square + _MIN_PRESENT_SQUARE_M2)
 
 
 def _weighted_mean(loss: torch.Tensor, batch: Tensors) -> torch.Tensor:
@@ -147,7 +153,7 @@ def _weighted_mean(loss: torch.Tensor, batch: Tensors) -> torch.Tensor:
 
 
 def _scale(weights: Tensors) -> torch.Tensor:
-    """Return the mean error of constant velocity, m."""
+    """Return the mean error of constant velocity over the horizon, m."""
     return weights["step.spread"].cumsum(0).mean()
 
 
@@ -156,6 +162,7 @@ def _similarity(modes: torch.Tensor) -> torch.Tensor:
 
     Similarity is exp(-mean squared distance). ``modes`` [n, S, T, 2].
     """
+    # |a - b|^2 = |a|^2 + |b|^2 - 2 a b, of modes as vectors; the mean is over frames
     flat = modes.flatten(2) / modes.shape[2] ** 0.5
     square = (flat**2).sum(-1)
     product = 2 * flat @ flat.transpose(1, 2)
@@ -185,9 +192,10 @@ def vary_tracks(batch: Tensors, generator: torch.Generator) -> Tensors:
     names = [name for name in (*_VECTORS, "path") if name in batch]
     varied, mirror, angle = _mirrored_and_turned(batch, names, draw, generator)
     varied["yaw"] = batch["yaw"] * mirror[:, None]
-    if "place" in batch:
+    if "place" in batch:  # x, y and yaw of the track
         signs = torch.stack([torch.ones_like(mirror), mirror, mirror], -1)
         place = signs * batch["place"]
+        # the heading frame turns, so the track has turned the other way
         varied["place"] = torch.cat([place[:, :2], place[:, 2:] - angle[:, None]], 1)
     device = batch["position"].device
     first = _first_frames(windows, past, generator)
@@ -237,7 +245,7 @@ def _mirrored_and_turned(
     turn = torch.stack(columns, -1).reshape(-1, 2, 2)
     signs = torch.stack([torch.ones_like(mirror), mirror], -1)
     device = batch["position"].device
-    matrix = (turn * signs[:, None]).to(device)
+    matrix = (turn * signs[:, None]).to(device)  # mirrors y, then turns
     varied = dict(batch)
     for name in names:
         varied[name] = torch.einsum("n...i,nji->n...j", batch[name], matrix)
@@ -245,9 +253,9 @@ def _mirrored_and_turned(
 
 
 def _first_frames(windows: int, past: int, generator: torch.Generator) -> torch.Tensor:
-    """Draw the first frame [windows] that is kept of ``past`` frames.
+    """Draw the first frame [windows] of each past that is kept.
 
-    It is later than 0 for some windows.
+    It is 0, so that all of ``past`` frames are kept, but in `SHORTENED_SHARE` of them.
     """
     is_cut = torch.rand(windows, generator=generator) < SHORTENED_SHARE
     first = torch.randint(0, past, (windows,), generator=generator)

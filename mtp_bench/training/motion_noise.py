@@ -39,7 +39,8 @@ from ..running import DEFAULTS, Fold, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
 from .split import observations, open_split
 
-# Start of the fit: measurement, jerkiness (2), speed (2), acceleration (2).
+# Start of the fit: measurement, jerkiness (2), speed (2), acceleration (2); of two
+# numbers the first is along the heading, the second across.
 _START = (0.05, 0.5, 0.2, 5.0, 1.0, 0.5, 0.3)
 # Its limits: with no noise a filter ignores its input.
 _LIMITS = (
@@ -102,7 +103,10 @@ def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]
 
 
 def as_toml(condition_name: str, class_rows: dict[str, dict[str, Any]]) -> str:
-    """Return the text of a stored condition."""
+    """Return the TOML tables of the noise of all classes under one condition.
+
+    ``condition_name``: of the observations, see `observed_condition`.
+    """
     lines = []
     for class_name, class_row in class_rows.items():
         lines.append(f'["{condition_name}".{class_name}]')
@@ -117,14 +121,16 @@ def fit_motion_noise(
     """Fit the noise of one class to windows in heading frames.
 
     ``position`` [n, P, 2] and ``valid`` [n, P]: the past as a predictor sees it;
-    ``future`` [n, T, 2]: the truth; ``dt``: frame period, s.
+    ``future`` [n, T, 2]: the truth; ``dt``: frame period, s. Returns the fields of a
+    row of the noise table, rounded.
     """
     from scipy.optimize import minimize
 
-    def loss(logarithms: Floats) -> float:
-        noise = noise_table([_noise_row(np.exp(logarithms))])
+    def loss(log_noise: Floats) -> float:
+        noise = noise_table([_noise_row(np.exp(log_noise))])
         return forecast_score(position, valid, future, noise, dt)
 
+    # logarithms keep all noise positive; eps is their step for the gradient
     best = minimize(
         loss,
         np.log(_START),
@@ -139,7 +145,7 @@ def fit_motion_noise(
 
 
 def _noise_row(values: Floats) -> dict[str, Any]:
-    """Return the numbers [7] of a fit by their field."""
+    """Return the numbers [7] of a fit, in the order of `_START`, by their field."""
     return {
         "measurement": values[0],
         "jerkiness": values[1:3],
@@ -162,6 +168,7 @@ def forecast_score(
     class_id = np.zeros(len(position), dtype=np.int64)
     state = filter_tracks(position, valid, class_id, noise, dt)
     tau = dt * np.arange(1, future.shape[1] + 1)[:, None]
+    # position + tau * velocity, and the way of an acceleration: tau^2 / 2
     mean = state.position[:, None] + tau * state.velocity[:, None]
     cov = state.covariance[:, None]
     variance = cov[..., 0, 0] + 2 * tau * cov[..., 0, 1] + tau**2 * cov[..., 1, 1]
@@ -191,8 +198,8 @@ def collect(
 ) -> MotionWindows:
     """Return windows of the tracks of the first hypothesis.
 
-    They are those whose true object has all T future frames, without a hole in time.
-    The true object is the nearest one of the same class (BEV), at most ``gate`` metres
+    A window needs a true object with all T future frames, without a hole in time. That
+    object is the nearest one of the same class (BEV), at most ``gate`` metres
     away. With ``task.observe == "truth"`` the tracker gets true boxes.
     """
     no_windows = MotionWindows(

@@ -65,7 +65,7 @@ def fit_noise(
             "--alike names a class whose noise they have"
         )
     text = profile_text(profile)
-    # headings start a line
+    # headings of the profile's tables start a line
     nested = re.sub(r"^\[", "[detector.noise.", text, flags=re.MULTILINE)
     lines += ["[detector]", f"reach = {reach}", f"field_of_view = {field_of_view}", ""]
     return "\n".join([*lines, "[detector.noise]", nested])
@@ -86,7 +86,7 @@ def _complete_scene(scene: Scene) -> Scene:
 
 
 def _stand_ins(texts: Sequence[str], card: Card) -> dict[str, str]:
-    """Return class and fitted class of every ``--alike`` option."""
+    """Return the fitted class by class, as the ``--alike`` options state them."""
     stand_ins = {}
     for text in texts:
         class_name, _, fitted_name = text.partition("=")
@@ -97,11 +97,11 @@ def _stand_ins(texts: Sequence[str], card: Card) -> dict[str, str]:
 
 
 def _floor(texts: Sequence[str], card: Card) -> dict[str, float]:
-    """Return the operating point per class of ``--min-score`` options."""
+    """Return the operating point by class, as the ``--min-score`` options state it."""
     floor: dict[str, float] = {}
     for text in texts:
         class_name, _, value = text.rpartition("=")
-        if class_name:
+        if class_name:  # else the number is for all classes
             require_known("class of --min-score", class_name, card.task.classes)
         try:
             number = float(value)

@@ -86,7 +86,8 @@ def training_windows(
 ) -> Windows:
     """Return the windows that follow an object with a known future.
 
-    A network that sees whole frames also gets the windows that the others see. Raises
+    A network that sees whole frames also gets windows with an unknown future: they
+    surround the others. Raises
     MtpBenchError for an env that is named twice, for further envs beside own files, and
     for envs of different rates, sizes or classes.
     """
@@ -165,11 +166,11 @@ def has_future(windows: Windows) -> Bools:
 def training_set(network: Network, windows: Windows, sizes: Sizes) -> TrainingSet:
     """Return the windows as the network learns from them.
 
-    Those of one object and frame weigh as much as their hypotheses. Windows without a
-    known future have weight 0: they are there for the others to see.
+    A window weighs as much as the hypotheses that its track is in. Windows without a
+    known future have weight 0: networks see them around the others.
     """
     validation = validation_rows(windows)
-    # near the end of a scene only slow errors could be seen
+    # a future that is cut short would show the small errors of its first frames alone
     may_count = windows.future_known.all(axis=1) | ~validation
     weight = np.where(has_future(windows) & may_count, windows.mass, 0)
     return TrainingSet(
@@ -193,15 +194,16 @@ def validation_rows(windows: Windows) -> np.ndarray:
     scene_names = tuple(dict.fromkeys(windows.own_names[scene] for scene in scenes))
     count = len(scene_names)
     if count >= FEW_SCENES:
-        return windows.of_scenes(held_out(scene_names, (1, min(10, count))))
+        first_fold = (1, min(10, count))
+        return windows.of_scenes(held_out(scene_names, first_fold))
     has_whole_future = windows.future_known.all(axis=1)
     rows = np.zeros(len(windows), dtype=bool)
     for scene_name in scene_names:
         scene_rows = windows.of_scenes([scene_name])
         whole_rows = scene_rows & has_whole_future
         if whole_rows.any():
-            last_fifth = np.quantile(windows.frame[whole_rows], 0.8)
-            rows |= scene_rows & (windows.frame > last_fifth)
+            learnt_until = np.quantile(windows.frame[whole_rows], 0.8)
+            rows |= scene_rows & (windows.frame > learnt_until)
     return rows
 
 

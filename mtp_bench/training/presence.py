@@ -59,10 +59,11 @@ def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floa
 
 
 def fit_logistic(rows: PresenceRows, recipe: PresenceRecipe) -> PresenceModel:
-    """Fit the model before calibration, its numbers as stored."""
+    """Fit the model before calibration, with numbers rounded as stored."""
     estimator, model = logistic_regression(rows, recipe)
     class_names = sorted(set(rows.class_name))
     per_class = 1 + len(model.features)
+    # the columns of `design`: blocks of the classes come last
     shared, by_class = np.split(estimator.coef_[0], [-len(class_names) * per_class])
     class_rows = _rounded(by_class).reshape(len(class_names), per_class)
     shared = _rounded(np.concatenate([estimator.intercept_, shared]))
@@ -109,9 +110,10 @@ def logistic_regression(
 
 
 def design(z: Floats, class_name: Any, products: bool) -> Floats:
-    """Return columns of the linear model for features z [n, F].
+    """Return the columns of the linear model.
 
-    They are z, with ``products`` those of two z, and (1, z) of each class.
+    They are the standardised features ``z`` [n, F], with ``products`` the products of
+    two of them, and for each class 1 and ``z`` in its rows, 0 in others.
     """
     blocks = [z]
     if products:
@@ -165,8 +167,8 @@ def isotonic_knots(probability: Floats, present: Bools) -> Floats:
 def quality(probability: Floats, present: Bools) -> dict[str, Any]:
     """Return Brier score, AUC and reliability of probabilities [n].
 
-    Reliability is of ten equal bins of the probability: mean, share that is present,
-    rows.
+    Reliability has a row for each of ten equal bins of the probability: its mean, the
+    share of tracks that is present, and the number of tracks.
     """
     from sklearn.metrics import roc_auc_score
 
@@ -187,9 +189,9 @@ def quality(probability: Floats, present: Bools) -> dict[str, Any]:
 
 
 def score_probability(rows: PresenceRows) -> Floats:
-    """Return the mean score as a probability.
+    """Return the mean scores of tracks as probabilities [n].
 
-    Scores outside of [0, 1] count as logits.
+    If any is outside of [0, 1], all count as logits.
     """
     score = rows.mean_score
     if score.min() >= 0 and score.max() <= 1:
@@ -198,7 +200,7 @@ def score_probability(rows: PresenceRows) -> Floats:
 
 
 def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
-    """Return the presence file of a detector with a recipe.
+    """Return the text of the presence file of a detector with a recipe.
 
     `mtp_bench.prediction.LearnedPresence` reads it.
     """
@@ -209,7 +211,7 @@ def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
 
 
 def fit_split(split: Split) -> tuple[str, dict[str, Any]]:
-    """Return the presence file of a split, and its quality.
+    """Return the text of the presence file of a split, and its quality.
 
     The quality is that on held-out rows. Rows are held out by scene; of fewer than
     `FEW_SCENES` scenes by blocks of `BLOCK_SECONDS`. The file has the model of all
@@ -225,10 +227,11 @@ def _fitted(
     rows: PresenceRows,
     origins: list[Origin],
 ) -> tuple[str, dict[str, Any]]:
-    """Return text of a presence file, and the qualities in it.
+    """Return the text of a presence file, and the qualities in it.
 
     They are those of the score and of the held-out probabilities.
     """
+    # every n-th row, at most `MOST_ROWS`
     count = len(rows.present)
     rows = select(rows, np.arange(0, count, -(-count // MOST_ROWS)))
     model, held_out = fit(rows, recipe)
@@ -250,7 +253,7 @@ def model_text(
     facts = {"detector": detector, "fitted_on": origins, "held_out": held_out}
     complete = model.model_copy(update={**facts, "terms": recipe.terms})
     content = complete.model_dump(exclude={"score_map"})
-    if not recipe.terms:
+    if not recipe.terms:  # a file has the key only with terms
         del content["terms"]
     lines = [
         f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}"
@@ -266,5 +269,6 @@ def probabilities(model: PresenceModel, rows: PresenceRows) -> Floats:
 
 
 def _rounded(values: Floats) -> Floats:
+    """Round to `DIGITS` significant digits."""
     digits = [float(f"{value:.{DIGITS}g}") for value in values.ravel()]
     return np.array(digits).reshape(values.shape)

@@ -15,7 +15,7 @@ from ..scoring import evaluated, match_objects, neutral_places
 from ..tracking import HypothesisTracker, detector_names, read_detector
 from .split import Split, observations, open_split
 
-# that a fit takes, every n-th: neighbouring frames are nearly the same
+# rows that a fit takes, every n-th: neighbouring frames are nearly the same
 MOST_ROWS = 40_000
 FEW_SCENES = 4  # fewer are cut into blocks, so that some rows can be held out
 BLOCK_SECONDS = 10.0
@@ -47,7 +47,7 @@ class PresenceRecipe:
     features: tuple[str, ...] = tuple(PRESENCE_FEATURES)
     products: bool = True  # of two features
     calibrated: bool = True
-    terms: str = ""  # of the data
+    terms: str = ""  # terms of use of the data
 
 
 def recipe_of(detector: str) -> PresenceRecipe:
@@ -79,8 +79,8 @@ def collect(
 
     Tracks on neutral objects and in neutral places are left out. ``in_blocks``: rows of
     a scene are held out by blocks of `BLOCK_SECONDS`, not all together. Raises
-    MtpBenchError without a track, and for a scene whose truth is not complete: which
-    tracks are there is not known.
+    MtpBenchError without a track, and for a scene whose truth is not complete: it does
+    not tell which tracks follow an object.
     """
     parts = [_scene_rows(scene, card, task, in_blocks) for scene in scenes]
     if not any(len(part.present) for part in parts):
@@ -91,7 +91,7 @@ def collect(
 
 
 def _scene_rows(scene: Scene, card: Card, task: Task, in_blocks: bool) -> PresenceRows:
-    """Match tracks with true objects by the rule for forecasts."""
+    """Return the rows of a scene, whose tracks are matched as forecasts are."""
     if not scene.truth_complete:
         raise MtpBenchError(
             f"scene {scene.name!r} of {card.id} has the truth of prediction targets "
@@ -116,7 +116,7 @@ def _scene_rows(scene: Scene, card: Card, task: Task, in_blocks: bool) -> Presen
     track_row = matching.object_of_truth[~scored.truth.neutral]
     present = np.zeros(len(frame), dtype=bool)
     present[track_row[track_row >= 0]] = True
-    block = np.zeros(scene.frames)
+    block = np.zeros(scene.frames)  # number of each frame's block
     if in_blocks:
         block = (scene.time - scene.time[0]) // BLOCK_SECONDS
     block_names = np.array([f"{scene.name} {number:g}" for number in block])

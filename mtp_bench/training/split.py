@@ -45,8 +45,9 @@ def open_split(
     """Return the first scenes of the split that ``options`` names.
 
     ``without``: a fold of the whole split, for another run scores it; ``away``: further
-    scenes to leave out. The first of the other scenes are taken. Those of a closed loop
-    have no agent: the ego is one of the traffic's own drivers. Raises MtpBenchError for
+    scenes to leave out. The first of the remaining scenes are taken, as many as
+    ``options`` says. Scenes of a closed loop are played without an agent: the ego is
+    one of the traffic's own drivers. Raises MtpBenchError for
     a split without scenes.
     """
     card = options.card(env_id).model_copy(update={"drive": None})
@@ -63,9 +64,10 @@ def open_split(
 
 
 def observations(scene: Scene, observe: str = "detections") -> Iterator[Observation]:
-    """Return observations of a scene as far as trackers read them.
+    """Yield the observation of each frame, with the fields that trackers read.
 
-    They are unpadded and in the scene's own frame.
+    Arrays are unpadded, and in the scene's own frame of reference. ``observe``:
+    "detections" or "truth".
     """
     boxes = scene.detections
     object_ids = None

@@ -53,7 +53,7 @@ class Windows(TrackWindows):
     # [n, T] its place then is known; futures that are cut short are kept
     future_known: Bools
     target: Bools  # [n] the object is a target of the scorer in this frame
-    scene: Ints  # [n] place in ``names``
+    scene: Ints  # [n] index into ``names``
     frame: Ints  # [n]
     moment: Ints  # [n] the frame among all frames of all scenes
     names: tuple[str, ...]
@@ -117,9 +117,9 @@ def windows(
 
     A track follows the true object of its class that is nearest to the last detection
     it took, within the forecast gate of the card; of true boxes, the object itself.
-    Tracks of which that is unknown, since the truth is not complete or neutral there,
-    are left out. Raises UnknownNameError for a scene that does not exist, MtpBenchError
-    for another ``tracker`` and if there is no track to learn from.
+    Tracks are left out where the truth does not tell that: it is not complete, or
+    neutral there. Raises UnknownNameError for a scene that does not exist,
+    MtpBenchError for another ``tracker`` and if there is no track to learn from.
     """
     track_with = _tracker_of(tracker)
     keywords = {"data": data, "jobs": jobs}
@@ -139,7 +139,7 @@ def windows(
             _load_windows,
             calls,
             options.workers,
-            lambda place: progress.done(names[place]),
+            lambda index: progress.done(names[index]),
         )
     if not any(map(len, parts)):
         raise MtpBenchError(
@@ -294,6 +294,7 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
         _single_precision(feed.velocity),
         feed.class_id,
         _single_precision(feed.score),
+        # frames before each one without a hole in time
         before=np.arange(scene.frames) - np.searchsorted(piece, piece),
         lanes=lanes_of(lanes),
     )
@@ -314,7 +315,7 @@ def _labelled(
 ) -> dict[str, np.ndarray]:
     """Return the windows of frame ``t`` with their labels.
 
-    They are those whose object is known, or known to be none.
+    Windows are left out if the truth does not tell which object they follow.
     """
     labels = scene_labels.at(t, frame_windows)
     is_known = labels.object_id != UNKNOWN
@@ -326,4 +327,5 @@ def _labelled(
 
 
 def _single_precision(values: np.ndarray) -> np.ndarray:
+    """Return floats in single precision, and other types as they are."""
     return values.astype(np.float32) if values.dtype.kind == "f" else np.asarray(values)

@@ -60,7 +60,7 @@ def drive_again(card: Card, rollout: Rollout) -> Rollout:
     for action in actions_of(rollout):
         if not episode.over:
             episode.take(action)
-    if not episode.over or episode.t < rollout.frames:
+    if not episode.over or episode.frame_index < rollout.frames:
         raise RecordError(
             f"{rollout.scene}: its {rollout.frames} stored answers do not end with the "
             "drive"

@@ -15,7 +15,14 @@ import numpy as np
 from ...core import CardError, DataError, MtpBenchError
 from ..highway.lanes import lane_map
 from ..highway.vehicles import round_states
-from ..highway.world import CLASSES, GymTraffic, Recording, World, course_velocity
+from ..highway.world import (
+    CLASSES,
+    NUMBER_COLUMN,
+    GymTraffic,
+    Recording,
+    World,
+    course_velocity,
+)
 
 _HEIGHT_M = {"motorcycle": 1.5, "car": 1.6, "truck": 3.2}
 # between lanes that follow each other, such as those into highway-env's roundabout
@@ -73,7 +80,7 @@ def _restored_classes(traffic: GymTraffic) -> Iterator[None]:
         from highway_env.vehicle.objects import RoadObject
 
         classes = [RoadObject]
-        for kind in classes:
+        for kind in classes:  # the list grows: subclasses of subclasses come too
             classes += [sub for sub in kind.__subclasses__() if sub not in classes]
         attributes = {kind: dict(vars(kind)) for kind in classes}
         yield
@@ -104,7 +111,7 @@ def simulate(traffic: GymTraffic, seed: int) -> World:
     with _restored_classes(traffic):
         env = _environment(traffic)
         if ":" not in traffic.policy:
-            # unused observations; others need a vehicle of their own kind
+            # no policy reads observations; some kinds need vehicles of their own kind
             env.configure({"observation": {"type": "Kinematics"}})
         observation, _ = env.reset(seed=seed)
         policy = _policy(env, traffic.policy)
@@ -121,8 +128,9 @@ def simulate(traffic: GymTraffic, seed: int) -> World:
                     f"{traffic.id}: a step of the environment has no step of its"
                     " simulation, expected some"
                 )
-        if recorder.crashed or not all((rows[:, 10] == ego).any() for rows in frames):
-            end = 0
+        ego_stays = all((rows[:, NUMBER_COLUMN] == ego).any() for rows in frames)
+        if recorder.crashed or not ego_stays:
+            end = 0  # no frames
         lanes = lane_map(env.road.network.lanes_dict(), _MAX_JOINT_GAP_M)
         return recorder.recording.seen_from(ego, lanes, slice(end))
 
@@ -135,17 +143,18 @@ class _Recorder:
         self.numbers: dict[Any, int] = {}  # by vehicle
         self.crashed = False
         self._road = env.road
-        self._step = env.road.step
-        env.road.step = self._stepped
+        self._step_road = env.road.step
+        env.road.step = self._step_and_record
         self._add()
 
-    def _stepped(self, dt: float) -> None:
+    def _step_and_record(self, dt: float) -> None:
         """Move the vehicles of the road by ``dt`` seconds and record them."""
-        self._step(dt)
+        self._step_road(dt)
         round_states(self._road.vehicles)
         self._add()
 
     def _add(self) -> None:
+        """Record the present frame; new vehicles get the next numbers."""
         vehicles = self._road.vehicles
         self.crashed |= any(vehicle.crashed for vehicle in vehicles)
         for vehicle in vehicles:
@@ -173,7 +182,7 @@ def _kind_of(length_m: float) -> str:
 def _policy(env: Any, name: str) -> Callable[[Any], Any]:
     """Return the function from an observation to an action.
 
-    A policy "module:function" names it; for others it is a function that does nothing.
+    A policy "module:function" names it. Other policies always return the idle action.
     With "idm" all controlled vehicles become like the others, IDM with MOBIL, which no
     action changes.
     """
@@ -201,6 +210,7 @@ def _make_idm(vehicle: Any) -> None:
         vehicle.speed,
         target_speed=vehicle.lane.speed_limit or vehicle.speed,
     )
+    # it keeps its own values, and gets those that only an `IDMVehicle` has
     vehicle.__dict__ = {**twin.__dict__, **vehicle.__dict__}
     vehicle.__class__ = IDMVehicle
 
@@ -213,4 +223,5 @@ def _idle(action_type: Any) -> Any:
     if "IDLE" in getattr(action_type, "actions_indexes", ()):
         return action_type.actions_indexes["IDLE"]
     space = action_type.space()
+    # the middle of discrete steering and acceleration, or zeros
     return space.n // 2 if hasattr(space, "n") else np.zeros(space.shape, space.dtype)

@@ -128,8 +128,8 @@ class GymScenes(TrafficScenes):
     def missing(self, scenes: int | None = None) -> list[int]:
         """Return all seeds that are not in the cache.
 
-        The first ones may crash. Raises CardError if their simulation does not have the
-        card's rate.
+        ``scenes`` does not limit them, since the first seeds may crash. Raises
+        CardError if their simulation does not have the card's rate.
         """
         seeds = super().missing()
         if seeds:

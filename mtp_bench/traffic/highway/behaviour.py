@@ -40,6 +40,7 @@ _STEP_OFF_RATE = 2.5  # 1/s, stepping on a free crossing
 _HESITATION_RATE = 1 / 12.0  # 1/s, on a crossing
 _HESITATION_S = (0.5, 1.2)
 _HESITATING_PACE = 0.45  # share of the pace
+_HASTE_LIMITS = (0.5, 1.3)  # shares of the pace
 
 
 class OrnsteinUhlenbeck:
@@ -52,10 +53,11 @@ class OrnsteinUhlenbeck:
         step_s: float,
         rng: np.random.Generator,
     ) -> None:
-        """``spread`` and ``memory_s``: deviation and seconds of each of K kinds."""
+        """Set deviation ``spread`` and decay time ``memory_s`` of each of K kinds."""
         decay = [math.exp(-step_s / seconds) for seconds in memory_s]
         self._spread = np.array(spread)[:, None]
         self._decay = np.array(decay)[:, None]
+        # deviation of the random part of a step, which keeps the spread
         self._push = self._spread * np.sqrt(1.0 - self._decay**2)
         self._rng = rng
         self._value = np.zeros((len(spread), 0))
@@ -69,6 +71,7 @@ class OrnsteinUhlenbeck:
         missing = max(process_numbers.tolist(), default=-1) + 1 - count
         added = missing + _SPARE_NUMBERS if missing > 0 else 0
         draws = self._rng.standard_normal((kinds, added + len(process_numbers)))
+        # a new process begins at random within its spread
         first_values = np.round(self._spread * draws[:, :added], 6)
         self._value = np.append(self._value, first_values, axis=1)
         push = self._push * draws[:, added:]
@@ -85,10 +88,10 @@ class _Phase(NamedTuple):
     strength: tuple[float, float]  # m/s2
 
 
-# late braking; the needed braking that ends waiting
-_LATE_BRAKING = _Phase(1 / 17.0, (2.0, 5.0), (3.2, 4.6))
+# late braking: a strength is the needed braking at which the driver wakes up
+_LATE_BRAKING = _Phase(rate=1 / 17.0, seconds=(2.0, 5.0), strength=(3.2, 4.6))
 # braking without a cause
-_SUDDEN_BRAKING = _Phase(1 / 110.0, (0.6, 1.4), (3.2, 5.0))
+_SUDDEN_BRAKING = _Phase(rate=1 / 110.0, seconds=(0.6, 1.4), strength=(3.2, 5.0))
 
 
 class _RandomPhases:
@@ -99,13 +102,9 @@ class _RandomPhases:
     ) -> None:
         self._dt = step_s
         self._rng = rng
-        self._chance = (
-            np.array([stop_kind.rate for stop_kind in kinds])[:, None] * step_s
-        )
-        self._seconds = np.array([stop_kind.seconds for stop_kind in kinds])[:, :, None]
-        self._strengths = np.array([stop_kind.strength for stop_kind in kinds])[
-            :, :, None
-        ]
+        self._chance = np.array([kind.rate for kind in kinds])[:, None] * step_s
+        self._seconds = np.array([kind.seconds for kind in kinds])[:, :, None]
+        self._strengths = np.array([kind.strength for kind in kinds])[:, :, None]
         self._remaining = np.zeros((len(kinds), 0))
         self._strength = np.zeros((len(kinds), 0))
 
@@ -120,11 +119,12 @@ class _RandomPhases:
             new = np.zeros((kinds, missing_numbers + _SPARE_NUMBERS))
             self._remaining = np.append(self._remaining, new, axis=1)
             self._strength = np.append(self._strength, new, axis=1)
-        random_draw = self._rng.random((kinds, 3, len(process_numbers)))
+        draws = self._rng.random((kinds, 3, len(process_numbers)))
+        begin_draw, seconds_draw, strength_draw = draws.swapaxes(0, 1)
         remaining = self._remaining[:, process_numbers] - self._dt
-        begins = (remaining <= 0) & (random_draw[:, 0] < self._chance)
-        seconds = _within(self._seconds, random_draw[:, 1])
-        strength = _within(self._strengths, random_draw[:, 2])
+        begins = (remaining <= 0) & (begin_draw < self._chance)
+        seconds = _within(self._seconds, seconds_draw)
+        strength = _within(self._strengths, strength_draw)
         remaining = np.where(begins, seconds, remaining)
         strength = np.where(begins, strength, self._strength[:, process_numbers])
         self._remaining[:, process_numbers] = remaining
@@ -132,10 +132,10 @@ class _RandomPhases:
         return remaining > 0, strength
 
 
-def _within(limits: Floats, duration_share: Floats) -> Floats:
-    """Return values at ``duration_share`` [K, n] between ``limits`` [K, 2, 1]."""
+def _within(limits: Floats, share: Floats) -> Floats:
+    """Return values at ``share`` [K, n] of the way between ``limits`` [K, 2, 1]."""
     low = limits[:, 0]
-    return np.asarray(low + (limits[:, 1] - low) * duration_share)
+    return np.asarray(low + (limits[:, 1] - low) * share)
 
 
 class DriverBehaviour:
@@ -157,6 +157,7 @@ class DriverBehaviour:
         pace_factor, pedal = self._varying.step(state.numbers)
         desired = desired * (1.0 + pace_factor)
         free_acceleration_mps2 = free_acceleration(state.speed, desired, state.style)
+        # the pedal raises an acceleration only to a limit
         pressed = pedal * np.minimum(state.speed / _FULL_PEDAL_SPEED_MPS, 1.0)
         highest = np.maximum(free_acceleration_mps2, _MAX_ACCELERATION_MPS2)
         return desired, np.minimum(free_acceleration_mps2 + pressed, highest)
@@ -174,7 +175,8 @@ class DriverBehaviour:
         A late driver accelerates as on an empty road, ``free_acceleration_mps2``.
         ``ahead``: leaders; ``line_distance_m``: m to the place to stop at.
         """
-        (late, sudden), (patience, braking) = self._phases.step(state.numbers)
+        (late, sudden), strengths = self._phases.step(state.numbers)
+        waking_braking, sudden_braking = strengths
         is_quick = state.speed > _MIN_LATE_SPEED_MPS
         room_m = ahead.gap - state.style[:, MIN_GAP]
         for_leader = _needed_braking(state.speed - ahead.speed, room_m)
@@ -182,13 +184,15 @@ class DriverBehaviour:
         needed_braking = np.maximum(for_leader, for_line)
         slow_leader = ahead.speed < _LATE_LEADER_SHARE * state.speed
         late &= is_quick & (~np.isfinite(ahead.gap) | slow_leader)
-        wakes = np.where(
-            needed_braking > patience,
+        # braking hard once it is urgent, as if the road was empty until then
+        late_acceleration = np.where(
+            needed_braking > waking_braking,
             -_BRAKING_SURPLUS * needed_braking,
             free_acceleration_mps2,
         )
-        result = np.where(late, wakes, careful)
-        return np.where(sudden & is_quick, np.minimum(result, -braking), result)
+        result = np.where(late, late_acceleration, careful)
+        braked = np.minimum(result, -sudden_braking)
+        return np.where(sudden & is_quick, braked, result)
 
 
 def _needed_braking(closing: Floats, room_m: Floats) -> Floats:
@@ -220,20 +224,17 @@ class PedestrianBehaviour:
 
     def step(self, present: list[int]) -> None:
         """Advance the ``present`` groups, in ascending order, by ``step_s`` seconds."""
-        self._stops = self._less(self._stops)
-        self._hesitations = self._less(self._hesitations)
+        self._stops = self._after_step(self._stops)
+        self._hesitations = self._after_step(self._hesitations)
         self.ready = set()
         self.turning = set()
         draws = self._rng.random((len(present), 5)).tolist()
-        for group, (
-            stop_draw,
-            stop_kind,
-            duration_share,
-            hesitation_draw,
-            turn_draw,
-        ) in zip(present, draws, strict=True):
+        for group, group_draws in zip(present, draws, strict=True):
+            stop_draw, kind_draw, duration_share, hesitation_draw, turn_draw = (
+                group_draws
+            )
             if group not in self._stops and stop_draw < _STOP_RATE * self._dt:
-                low, high = _LONG_STOP_S if stop_kind < _LONG_SHARE else _SHORT_STOP_S
+                low, high = _LONG_STOP_S if kind_draw < _LONG_SHARE else _SHORT_STOP_S
                 self._stops[group] = low + (high - low) * duration_share
             if (
                 group not in self._hesitations
@@ -241,12 +242,13 @@ class PedestrianBehaviour:
             ):
                 low, high = _HESITATION_S
                 self._hesitations[group] = low + (high - low) * duration_share
+            # one number for two events that exclude each other
             if turn_draw < _STEP_OFF_RATE * self._dt:
                 self.ready.add(group)
             if turn_draw > 1.0 - _TURN_BACK_RATE * self._dt:
                 self.turning.add(group)
 
-    def _less(self, seconds: dict[int, float]) -> dict[int, float]:
+    def _after_step(self, seconds: dict[int, float]) -> dict[int, float]:
         """Return the remaining seconds of groups after a step."""
         return {
             group: remaining - self._dt
@@ -269,14 +271,10 @@ class PedestrianBehaviour:
         """
         bearing, haste = self._varying.step(process_numbers)
         stops = np.isin(groups, list(self._stops))
-        hesitation_draw = np.isin(groups, list(self._hesitations))
-        duration_share = np.where(hesitation_draw & crossing, _HESITATING_PACE, 1.0)
-        speed = (
-            pace_mps
-            * duration_share
-            * (1.0 + haste).clip(0.5, 1.3)
-            * ~(stops & ~crossing)
-        )
+        hesitates = np.isin(groups, list(self._hesitations))
+        pace_share = np.where(hesitates & crossing, _HESITATING_PACE, 1.0)
+        haste_share = (1.0 + haste).clip(*_HASTE_LIMITS)
+        speed = pace_mps * pace_share * haste_share * ~(stops & ~crossing)
         cos = np.cos(bearing * ~crossing)
         sin = np.sin(bearing * ~crossing)
         x, y = to_goal

@@ -67,6 +67,8 @@ class Passage:
 
 @dataclass(frozen=True, eq=False)
 class _Path:
+    """Points of a route, and the room that a vehicle needs there."""
+
     s: Floats  # [n] m from the start of the route
     xy: Floats  # [n, 2]
     half: Floats  # [n] m to keep free on each side
@@ -84,7 +86,7 @@ def find_passages(road_map: RoadMap, routes: RouteTable) -> tuple[Passage, ...]:
     for first_index, path in enumerate(paths):
         for second_index in range(first_index + 1, len(paths)):
             if arms[first_index] == arms[second_index]:
-                continue
+                continue  # vehicles from one arm follow each other
             shared_zones = _zones(path, paths[second_index])
             if shared_zones:
                 zones[first_index][second_index] = shared_zones
@@ -97,9 +99,9 @@ def find_passages(road_map: RoadMap, routes: RouteTable) -> tuple[Passage, ...]:
 
 
 def _sample(route: Route, lane_start: Floats, geometry: LaneGeometry) -> _Path:
-    """Return the path along the first lanes of a route.
+    """Return the path along the first lane of each road of a route.
 
-    ``lane_start`` [L]: m from its start.
+    ``lane_start`` [L]: m from the start of the route to each lane.
     """
     size = _HEAVY_SIZE_M if route.heavy else _LIGHT_SIZE_M
     length, width, wheelbase = size[:, None]
@@ -108,16 +110,18 @@ def _sample(route: Route, lane_start: Floats, geometry: LaneGeometry) -> _Path:
     half_widths = []
     for lane, *_ in route.roads:
         along_m = np.arange(0.0, geometry.length[lane], _SAMPLE_STEP_M)
-        sides = swept_sides(length, width, wheelbase, geometry.radius[[lane]])
+        outer, inner = swept_sides(length, width, wheelbase, geometry.radius[[lane]])
+        half_width = max(outer[0], inner[0]) + _SIDE_MARGIN_M
         stations.append(lane_start[lane] + along_m)
         points.append(lane_points(geometry.lanes[lane], along_m))
-        half_widths.append(np.full(len(along_m), max(sides)[0] + _SIDE_MARGIN_M))
+        half_widths.append(np.full(len(along_m), half_width))
     return _Path(
         np.concatenate(stations), np.concatenate(points), np.concatenate(half_widths)
     )
 
 
 def _zones(a: _Path, b: _Path) -> tuple[ConflictZone, ...]:
+    """Return the conflict zones of path a with path b."""
     distance = cdist(a.xy, b.xy)
     close_pairs = distance < a.half[:, None] + b.half
     return tuple(
@@ -135,13 +139,18 @@ def _runs(flags: Bools) -> list[Ints]:
 def _zone(
     a: _Path, b: _Path, distance: Floats, close_pairs: Bools, index_run: Ints
 ) -> ConflictZone:
-    """Return the zone of a run of close points of path a."""
+    """Return the zone of a run of points of path a that are close to path b.
+
+    Paths that become one share only the stretch before they join: behind it vehicles
+    follow each other.
+    """
     start_m = float(a.s[index_run[0]])
     merged, merged_other = np.nonzero(distance[index_run] < _MERGED_M)
     if len(np.unique(merged)) * _SAMPLE_STEP_M >= _MIN_MERGE_LENGTH_M:
         end_m = float(a.s[index_run[merged[0]]])
         other_end = float(b.s[merged_other[0]])
         first_other = float(b.s[np.flatnonzero(close_pairs[index_run[0]])[0]])
+        # the stretch of b is as long, but has close points only
         other_start = max(other_end - (end_m - start_m), first_other)
         return ConflictZone(start_m, end_m, other_start, other_end, merging=True)
     shared_stations = b.s[close_pairs[index_run].any(axis=0)]
@@ -161,6 +170,7 @@ def _passage(
     zones: dict[int, tuple[ConflictZone, ...]],
     routes: RouteTable,
 ) -> Passage:
+    """Return the passage of route r, from the line to the end of all conflicts."""
     stretches: list[CrossingStretch] = []
     for c, crossing in enumerate(road_map.crossings):
         stretches += _stretches(c, crossing, path)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core import DataError, Floats, Ints, boxes_meet, unit_vectors
 from .lanes import NO_LANE, RoadMap, RouteTable, lane_points
-from .simulate import ATTEMPTS, MAX_BRAKING_MPS2, Attempt
+from .simulate import ATTEMPTS, MAX_BRAKING_MPS2, RANDOM_KINDS, Attempt
 from .vehicles import Driver
 from .world import CLASSES, RATE, WARM_UP, Recording, Traffic, World
 
@@ -28,6 +28,7 @@ _EGO_CANDIDATES = 3  # nearest vehicles, among which the ego is drawn
 _MAX_EGO_LENGTH_M = 5.6
 _GOAL_M = 1.0  # to the end of the way
 STANDING = 0.05  # m/s: nuPlan's threshold
+_SAME_DIRECTION_COSINE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,10 @@ class _Ego(Driver):
         self._place()
 
     def drive(self) -> tuple[float, ...]:
-        """Move along the way by a step, without the driver model."""
+        """Move along the way by a step, without the driver model.
+
+        Returns values as `Driver.drive`.
+        """
         step_s = 1.0 / RATE
         speed_mps = float(self.speed)
         acceleration = max(self.planned_acceleration, -speed_mps / step_s)
@@ -98,10 +102,11 @@ class DrivenTraffic:
     """
 
     def __init__(self, traffic: Traffic, seed: int) -> None:
-        first_frame = _warmed_up(traffic, seed)
-        attempt, ego = first_frame
-        unchanged = {id(part): part for part in (*attempt.shared, ego.way)}
-        self._attempt, self.ego = deepcopy(first_frame, unchanged)
+        warmed_up = _warmed_up(traffic, seed)
+        attempt, ego = warmed_up
+        # parts that never change are shared: deepcopy takes them from its memo
+        memo = {id(part): part for part in (*attempt.shared, ego.way)}
+        self._attempt, self.ego = deepcopy(warmed_up, memo)
         self.lanes = attempt.lanes
         self._recording = Recording(RATE)
         self.collision: Collision | None = None
@@ -169,19 +174,21 @@ class DrivenTraffic:
         if hits:
             speed_mps = float(self.ego.speed)
             faults = [row for row in hits if is_at_fault(ego_box, speed_mps, box[row])]
-            class_id, number = self._recording.identity((faults or hits)[0])
+            # of contacts in the same step, one at fault counts
+            first_hit = faults[0] if faults else hits[0]
+            class_id, number = self._recording.identity(first_hit)
             self.collision = Collision(class_id, number, bool(faults))
 
 
 @lru_cache(maxsize=256)  # of 50 kB: more than the scenes of a split
 def _warmed_up(traffic: Traffic, seed: int) -> tuple[Attempt, _Ego]:
-    """Return the first frame of a drive, to be copied.
+    """Return traffic at the first frame of a drive, and its ego, to be copied.
 
     Agents drive in the same scenes, one after the other.
     """
     for number in range(ATTEMPTS):
         attempt = Attempt(traffic, seed, number)
-        rng = np.random.default_rng([seed, number, 6])
+        rng = np.random.default_rng([seed, number, RANDOM_KINDS])
         ego = _ego_after_warm_up(attempt, rng)
         if ego is not None:
             if attempt.rules is not None:
@@ -239,7 +246,8 @@ def _choose_ego(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
 def _candidates(attempt: Attempt) -> list[tuple[float, int, float]]:
     """Return cars that are about to meet the others.
 
-    Each has metres to there, an index into the vehicles, and a station on its route.
+    Each has the metres to the meeting place, its index among the vehicles, and its
+    station on its route, m.
     """
     regulated = attempt.map.regulated
     low_m, high_m = _JUNCTION_DISTANCE_M if regulated else _RAMP_DISTANCE_M
@@ -269,14 +277,16 @@ def meeting_place(attempt: Attempt, route: int) -> float:
     if attempt.rules is not None:
         return attempt.rules.passages[route].line
     roads = attempt.map.routes[route].roads
+    # the ramp ends where the last road but one begins
     return float(attempt.routes.start[route, roads[-2][-1]])
 
 
 def way_of(road_map: RoadMap, routes: RouteTable, route: int) -> Way:
     """Return the way along the middle of the lanes.
 
-    ``route``: index of the route. It has points every 0.5 m. Where a lane ends it
-    changes to the one that goes on, between 15 and 75 m after the start of the road.
+    ``route``: index of the route. The way has points every 0.5 m. Where a lane ends,
+    the way changes to the one that goes on, between 15 and 75 m after the start of the
+    road.
     """
     geometry = road_map.geometry
     roads = road_map.routes[route].roads
@@ -290,40 +300,43 @@ def way_of(road_map: RoadMap, routes: RouteTable, route: int) -> Way:
         if index < len(roads) - 1 and following[lane] == NO_LANE:
             target = next(k for k in reversed(road) if following[k] != NO_LANE)
         stations = np.arange(0.0, geometry.length[lane], _POINT_STEP_M)
-        change_share = (stations - _CHANGE_START_M) / (_CHANGE_END_M - _CHANGE_START_M)
-        change_share = np.clip(change_share, 0.0, 1.0)
-        change_share = (
-            change_share * change_share * (3.0 - 2.0 * change_share) * (target != lane)
-        )
+        change_share = np.zeros(len(stations))
+        if target != lane:
+            share = (stations - _CHANGE_START_M) / (_CHANGE_END_M - _CHANGE_START_M)
+            share = np.clip(share, 0.0, 1.0)
+            change_share = share * share * (3.0 - 2.0 * share)  # smooth at both ends
         start_xy = lane_points(geometry.lanes[lane], stations)
         target_xy = lane_points(geometry.lanes[target], stations)
         xy = start_xy + change_share[:, None] * (target_xy - start_xy)
-        number = np.where(change_share > 0.5, target, lane)
+        lane_number = np.where(change_share > 0.5, target, lane)
         limit_mps = np.full(len(stations), geometry.limit[lane])
         along = routes.start[route, lane] + stations
-        parts.append((along, xy * [1.0, -1.0], limit_mps, number))
+        parts.append((along, xy * [1.0, -1.0], limit_mps, lane_number))  # y up
         lane = target
-    s, xy, limit_mps, number = map(np.concatenate, zip(*parts, strict=True))
+    s, xy, limit_mps, lane_number = map(np.concatenate, zip(*parts, strict=True))
     step = np.gradient(xy, axis=0)
     heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-    return Way(s, xy, heading, limit_mps, number)
+    return Way(s, xy, heading, limit_mps, lane_number)
 
 
 def is_at_fault(ego: Floats, speed_mps: float, other_box: Floats) -> bool:
     """Return True if the ego is at fault for a contact.
 
-    ``ego`` and ``other_box``: boxes [7]. It is, at ``speed_mps`` m/s, unless it stood or
-    was hit from behind.
+    An ego with ``speed_mps`` is, unless it stood or was hit from behind. ``ego`` and
+    ``other_box``: boxes [7].
     """
     return speed_mps > STANDING and not hit_from_behind(ego, other_box)
 
 
 def hit_from_behind(ego: Floats, other_box: Floats) -> bool:
-    """Return True if ``other_box`` [7] touches the rear alone."""
+    """Return True if ``other_box`` [7] touches the rear of the ego alone.
+
+    Both have about the same heading, and the other box ends behind the ego's nose.
+    """
     ahead_m = (other_box[:2] - ego[:2]) @ unit_vectors(ego[3])
     turn_rad = other_box[3] - ego[3]
-    rear_reach_m = (
+    half_extent_m = (
         abs(np.cos(turn_rad)) * other_box[4] + abs(np.sin(turn_rad)) * other_box[5]
     ) / 2
-    touches_rear = ahead_m < 0 and ahead_m + rear_reach_m < ego[4] / 2
-    return bool(touches_rear and np.cos(turn_rad) > 0.5)
+    touches_rear = ahead_m < 0 and ahead_m + half_extent_m < ego[4] / 2
+    return bool(touches_rear and np.cos(turn_rad) > _SAME_DIRECTION_COSINE)

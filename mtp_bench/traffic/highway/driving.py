@@ -22,6 +22,8 @@ _DISC_PLACES = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS
 _PERSON_RADIUS_M = 0.4
 _SIDE_MARGIN_M = 0.3  # free space on both sides
 _MIN_GAP_M = 0.05  # in the driver model
+_LANE_MARGIN_M = 0.3  # beyond the ends of a lane, within which discs count
+_FINISHED_M = 1.0  # to the end of the route
 _LIMIT_BRAKING_MPS2 = 1.3  # for limits ahead
 _LATERAL_RATE = 0.8  # 1/s, decay of an offset from the target place in the lane
 _MAX_LATERAL_MPS = 1.3
@@ -30,6 +32,11 @@ _HEADING_RATE = 3.3  # 1/s
 _MAX_SWERVE_MPS2 = 2.2
 _MIN_SWERVE_SPEED_MPS = 5.5  # slower vehicles turn as at this speed
 _PREVIEW_S = 0.3
+# slower vehicles drift to their place in the lane, and steer, as at these speeds
+_MIN_DRIFT_SPEED_MPS = 3.0
+_MIN_STEERING_SPEED_MPS = 1.0
+_MAX_DRIFT_SINE = 0.35
+_MAX_LANE_SLIP_SINE = 0.9
 # sine of the angle between heading and course, about 0.8 rad of steering
 _MAX_SLIP_SINE = 0.45
 _SLIP_RATE = 0.3  # rad/s, about 0.6 rad/s of steering
@@ -82,14 +89,14 @@ class RoadState:
         # [N] m from the start of the route
         self.progress = routes.start[self.route, self.lane] + self.s
         # [N] at the end of the route
-        at_end = self.s > geometry.length[self.lane] - 1.0
+        at_end = self.s > geometry.length[self.lane] - _FINISHED_M
         self.finished = routes.on_last_road[self.route, self.lane] & at_end
 
     def __len__(self) -> int:
         return len(self.vehicles)
 
     def _read_traits(self, geometry: LaneGeometry) -> None:
-        rows = [v.parameters for v in self.vehicles]
+        rows = [v.parameters for v in self.vehicles]  # fields of `VehicleTraits`
         traits = np.array(rows, dtype=np.float64).reshape(-1, 13)
         self.length, self.width, self.wheelbase = traits[:, :3].T.copy()  # [N]
         # [N, 7] pace, top speed, time gap, least gap, acceleration, braking, politeness
@@ -103,7 +110,9 @@ class RoadState:
         self.right = np.where(right_turn, inner, outer)
         # [N, L] rad, in the lanes
         slip_sine = sizes[2] / 2 * geometry.curvature
-        self.slip = np.arcsin(np.clip(slip_sine, -0.9, 0.9))
+        self.slip = np.arcsin(
+            np.clip(slip_sine, -_MAX_LANE_SLIP_SINE, _MAX_LANE_SLIP_SINE)
+        )
         # [N, L] m2/s2, of the desired speed
         self.squared_limit = (geometry.limit * self.style[:, :1]) ** 2
 
@@ -121,7 +130,7 @@ class RoadState:
         people_radius = np.full(people.shape[1], _PERSON_RADIUS_M)
         # [P]
         self.disc_radius = np.concatenate([radius.repeat(_DISCS), people_radius])
-        # [P] vehicle, person
+        # [P] the vehicle or person that a disc covers: vehicles, then people
         numbers = np.arange(len(self) + people.shape[1])
         counts = np.where(numbers < len(self), _DISCS, 1)
         self.disc_owner = numbers.repeat(counts)
@@ -170,7 +179,8 @@ def find_leaders(state: RoadState, geometry: LaneGeometry) -> Leaders:
     lane = state.path[vehicle_row, path_index]
     radius = state.disc_radius
     low_m, high_m = _swept_strip(state, vehicle_row, lane, present=path_index == 0)
-    inside = (state.along > -0.3) & (state.along < geometry.length[:, None] + 0.3)
+    end_m = geometry.length[:, None] + _LANE_MARGIN_M
+    inside = (state.along > -_LANE_MARGIN_M) & (state.along < end_m)
     along = np.where(inside, state.along, -np.inf)[lane]
     ahead_m = along + state.path_start[vehicle_row, path_index, None]  # [R, P]
     blocks = (state.across + radius)[lane] > low_m[:, None]
@@ -180,7 +190,7 @@ def find_leaders(state: RoadState, geometry: LaneGeometry) -> Leaders:
     disc_index = lane_gap_m.argmin(axis=1)
     gap_m = np.full(state.path.shape, np.inf)
     gap_m[vehicle_row, path_index] = lane_gap_m[np.arange(len(vehicle_row)), disc_index]
-    # [N] of the lanes of the path that with the nearest disc
+    # [N] of the R lanes, the one with the nearest disc
     nearest = np.flatnonzero(path_index == 0) + gap_m.argmin(axis=1)
     lane = lane[nearest]
     disc_index = disc_index[nearest]
@@ -213,15 +223,16 @@ def swept_sides(
 ) -> tuple[Floats, Floats]:
     """Return the reach of a box to the outer and the inner side of a bend, m.
 
-    The centre of the box follows the bend.
+    The centre of the box follows the bend. The inner side of the rear axle and the
+    outer front corner reach farthest.
     """
     straight = np.isinf(radius)
     square = np.maximum(radius**2 - wheelbase**2 / 4, 0.0)
-    rear_m = np.where(straight, 0.0, np.sqrt(square))
-    front_m = (wheelbase + length) / 2
+    rear_radius_m = np.where(straight, 0.0, np.sqrt(square))  # of the rear axle
+    front_m = (wheelbase + length) / 2  # from the rear axle
     with np.errstate(invalid="ignore"):
-        outer = np.hypot(rear_m + width / 2, front_m) - radius
-        inner = radius - rear_m + width / 2
+        outer = np.hypot(rear_radius_m + width / 2, front_m) - radius
+        inner = radius - rear_radius_m + width / 2
     half_width = width / 2
     return np.where(straight, half_width, outer), np.where(straight, half_width, inner)
 
@@ -230,6 +241,7 @@ def desired_speed(state: RoadState) -> Floats:
     """Return desired speeds [N] m/s within the limits ahead."""
     distance_m = np.maximum(state.path_start - state.length[:, None] / 2, 0)
     squared_limit = state.squared_limit[np.arange(len(state))[:, None], state.path]
+    # a driver brakes to a lower limit before its lane begins
     allowed = np.sqrt(squared_limit + 2.0 * _LIMIT_BRAKING_MPS2 * distance_m)
     allowed[state.path < 0] = np.inf
     return np.asarray(np.minimum(allowed.min(axis=1), state.style[:, _TOP_SPEED]))
@@ -245,18 +257,18 @@ def free_acceleration(speed: Floats, desired: Floats, style: Floats) -> Floats:
 def braking(
     speed: Floats,
     gap_m: Floats,
-    leader: Floats,
+    leader_speed: Floats,
     style: Floats,
     min_gap: float | None = None,
 ) -> Floats:
     """Return decreases [N] m/s2 of the acceleration behind leaders.
 
-    ``gap_m`` [N]: m to them. ``speed`` and ``leader`` [N]: m/s of both; ``style``: of
-    the drivers; ``min_gap``: m, another gap at rest.
+    ``speed`` and ``leader_speed`` [N] m/s; ``gap_m`` [N]: to the leaders; ``style``: of
+    the drivers; ``min_gap``: m, another gap at rest than that of the style.
     """
     acceleration = style[..., ACCELERATION]
     effort = np.sqrt(acceleration * style[..., _BRAKING])
-    closing_gap_m = speed * (speed - leader) / (2.0 * effort)
+    closing_gap_m = speed * (speed - leader_speed) / (2.0 * effort)
     rest_gap = style[..., MIN_GAP] if min_gap is None else min_gap
     moving_gap = np.maximum(speed * style[..., _TIME_GAP] + closing_gap_m, 0.0)
     gap_ratio = (rest_gap + moving_gap) / np.maximum(gap_m, _MIN_GAP_M)
@@ -268,9 +280,10 @@ def steering_angles(
 ) -> Floats:
     """Return steering angles [N] rad along the lanes.
 
-    The angles of ``step_s`` seconds ago limit the new ones.
+    Drivers aim at the heading of the lane `_PREVIEW_S` ahead, and drift to their place
+    in the lane. The angles of ``step_s`` seconds ago limit the new ones.
     """
-    speed = np.maximum(state.speed, 1.0)
+    speed = np.maximum(state.speed, _MIN_STEERING_SPEED_MPS)
     length = geometry.length[state.lane]
     following = routes.following[state.route, state.lane]
     preview_m = state.s + speed * _PREVIEW_S
@@ -279,17 +292,20 @@ def steering_angles(
     preview_station_m = np.where(beyond, preview_m - length, preview_m)
     lateral_speed = -_LATERAL_RATE * (state.d - state.offset)
     lateral_speed = lateral_speed.clip(-_MAX_LATERAL_MPS, _MAX_LATERAL_MPS)
-    drift_rad = np.arcsin((lateral_speed / np.maximum(speed, 3.0)).clip(-0.35, 0.35))
+    drift_sine = lateral_speed / np.maximum(speed, _MIN_DRIFT_SPEED_MPS)
+    drift_rad = np.arcsin(drift_sine.clip(-_MAX_DRIFT_SINE, _MAX_DRIFT_SINE))
     slip = state.slip[np.arange(len(state)), lane]
     target_heading = geometry.heading(lane, preview_station_m) - slip + drift_rad
     heading_error = (
         np.remainder(target_heading - state.heading + np.pi, 2 * np.pi) - np.pi
     )
     bend_rate = speed * geometry.curvature[lane]
+    # beyond the turn of the bend the lateral acceleration is limited
     max_rate = _MAX_SWERVE_MPS2 / np.maximum(speed, _MIN_SWERVE_SPEED_MPS)
     turn_rate = (_HEADING_RATE * heading_error).clip(
         bend_rate - max_rate, bend_rate + max_rate
     )
+    # bicycle model: tan(slip) is half of tan(steering)
     slip_sine = state.wheelbase / 2 * turn_rate / speed
     new_slip = np.arcsin(slip_sine.clip(-_MAX_SLIP_SINE, _MAX_SLIP_SINE))
     old_slip = np.arctan(np.tan(state.steering) / 2)

@@ -71,7 +71,7 @@ class LaneChanges:
         period = round(_DECISION_PERIOD_S / step_s)
         for i, vehicle in enumerate(state.vehicles):
             if (step + 3 * vehicle.number) % period:
-                continue
+                continue  # drivers decide in different steps
             route = vehicle.route
             lane = int(state.lane[i])
             otherwise = self._map.routes[route].otherwise
@@ -90,9 +90,10 @@ class LaneChanges:
     def _better_lane(
         self, state: RoadState, i: int, desired: Floats, middle_y: Floats
     ) -> int:
-        """Return the lane that vehicle i changes to.
+        """Return the lane that vehicle i changes to, `NO_LANE` if it stays.
 
-        `NO_LANE` if it stays in its lane.
+        ``desired`` [N]: speeds, m/s; ``middle_y`` [N]: y of the lanes that vehicles
+        drive in or towards.
         """
         best_lane = NO_LANE
         best_gain = _MIN_GAIN_MPS2
@@ -102,7 +103,7 @@ class LaneChanges:
             )
             if gain is None:
                 continue
-            if is_needed:
+            if is_needed:  # counts more than any gain
                 best_lane = target
                 best_gain = math.inf
             elif gain + bonus_mps2 > best_gain:
@@ -144,9 +145,11 @@ class LaneChanges:
         target_middle: float,
         is_needed: bool,
     ) -> float | None:
-        """Return the gain of a change to a lane, m/s2.
+        """Return the gain of acceleration by a change to a lane, m/s2.
 
-        None if it is not safe.
+        None if it is not safe; a change that ``is_needed`` may cause harder braking.
+        ``desired`` and ``middle_y`` as in `_better_lane`; ``target_middle``: y of the
+        lane.
         """
         touching_m = (state.width + state.width[i]) / 2 + _SAME_LANE_M
         in_target = np.abs(state.xy[1] - target_middle) < touching_m
@@ -161,7 +164,7 @@ class LaneChanges:
         braking_limit = -_MAX_NEEDED_BRAKING_MPS2 if is_needed else -_MAX_BRAKING_MPS2
         new_acceleration = _acceleration_behind(state, i, desired, front)
         others_gain = 0.0
-        if rear.present:
+        if rear.present:  # the follower in the target lane
             forced_acceleration = _acceleration_behind(
                 state, rear.row, desired, rear._replace(row=i)
             )
@@ -175,7 +178,7 @@ class LaneChanges:
         if new_acceleration < braking_limit:
             return None
         old_front, old_rear = _neighbours(state, i, in_present)
-        if old_rear.present:
+        if old_rear.present:  # the follower that is left behind
             gap_m = old_front.gap + old_rear.gap + state.length[i]
             ahead = old_front._replace(gap=gap_m)
             freed_acceleration = _acceleration_behind(
@@ -199,6 +202,7 @@ class LaneChanges:
         """
         x = state.xy[0]
         middle_y = state.xy[1] - state.d
+        # [N, N]: the row's vehicle behind that of the column
         gap_m = x - x[:, None] - (state.length + state.length[:, None]) / 2
         free = free_acceleration(state.speed, desired, state.style)[:, None]
         follow = free - braking(
@@ -224,7 +228,7 @@ class LaneChanges:
 def _neighbours(
     state: RoadState, i: int, candidate_mask: Bools
 ) -> tuple[_Neighbour, _Neighbour]:
-    """Return the nearest vehicles ahead of and behind vehicle i."""
+    """Return the nearest candidates ahead of and behind vehicle i."""
     along = state.xy[0] - state.xy[0, i]
     gap_m = np.abs(along) - (state.length + state.length[i]) / 2
     return _nearest(gap_m, candidate_mask & (along >= 0)), _nearest(

@@ -67,7 +67,7 @@ class LaneGeometry:
         return len(self.lanes)
 
     def coordinates(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return coordinates [L, P] of points [2, P] along and across."""
+        """Return coordinates [L, P] of points [2, P] along and across all lanes."""
         along, across = np.empty((2, len(self), points.shape[1]))
         lines = self._lines
         x, y = self._offsets(points, lines)
@@ -113,7 +113,7 @@ def lane_map(
     """
     indices = tuple(network)
     lanes = tuple(network.values())
-    centers = [_polyline(lane, 0.0) for lane in lanes]
+    centers = [_polyline(lane, lateral=0.0) for lane in lanes]
     result = []
     for k, lane in enumerate(lanes):
         half_width_m = float(lane.width_at(0.0)) / 2
@@ -210,6 +210,7 @@ def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable
             right_lane[route_index, list(road_lanes[:-1])] = road_lanes[1:]
         for k, road_lanes in enumerate(route.roads[:-1]):
             for lane in road_lanes:
+                # of several lanes that join, the first one is kept
                 for next_lane in reversed(route.roads[k + 1]):
                     start[route_index, next_lane] = (
                         start[route_index, lane] + geometry.length[lane]
@@ -255,9 +256,9 @@ def _needed_changes(
             numbers = list(road_lanes)
             for _ in numbers:  # spreads from lane to lane
                 sides = np.pad(changes[route_index, numbers], 1, constant_values=np.inf)
-                half_turns = np.minimum(sides[:-2], sides[2:]) + 1
+                by_neighbour = np.minimum(sides[:-2], sides[2:]) + 1
                 changes[route_index, numbers] = np.minimum(
-                    changes[route_index, numbers], half_turns
+                    changes[route_index, numbers], by_neighbour
                 )
     return changes, room
 
@@ -269,7 +270,7 @@ def _paths(following: Ints, length_m: Floats) -> tuple[Ints, Floats]:
     path[..., 0] = np.arange(following.shape[1])
     for k in range(1, LOOKAHEAD):
         lane = path[..., k - 1]
-        goes_on = lane != NO_LANE
+        goes_on = lane != NO_LANE  # other values below are replaced
         next_lane = np.take_along_axis(following, lane, axis=1)
         path[..., k] = np.where(goes_on, next_lane, NO_LANE)
         start[..., k] = np.where(goes_on, start[..., k - 1] + length_m[lane], 0.0)

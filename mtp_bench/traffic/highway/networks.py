@@ -36,6 +36,7 @@ _RAMP_SWING_M = 3.25  # half of the lateral shift of a ramp
 _NO_PARKING_JUNCTION_M = 10.0  # at the junction's end of an arm
 _NO_PARKING_FAR_M = 5.0
 _RAMP_LIMIT_MPS = 20.0
+_FAST_SENSOR_M = (-7.0, 4.0)  # y and z of the sensor beside a fast road
 _QUARTER_TURNS = ((1, 0), (0, 1), (-1, 0), (0, -1))  # cosines and sines
 
 # half of the road of an arm of the intersection, and from its middle to where arms end
@@ -61,7 +62,7 @@ def build_map(scenario: ScenarioName, seconds: float) -> RoadMap:
 
 
 def _rotated(arm: int, x: float, y: float) -> Floats:
-    """Turn a point or direction of the first arm."""
+    """Turn a point or direction of the first arm to another ``arm``."""
     cos, sin = _QUARTER_TURNS[arm % 4]
     return np.array([cos * x - sin * y, sin * x + cos * y], dtype=np.float64)
 
@@ -79,7 +80,8 @@ def _intersection() -> RoadMap:
     routes = []
     crossings = []
     for arm in range(4):
-        # the target arm, its frequency, the lanes within the junction and out of it
+        # turn to the target arm, frequency, lanes within the junction and out of it,
+        # True if long vehicles can go there
         movements = [
             (1, _LEFT_WEIGHT, 0, 0, False),
             *((2, _AHEAD_WEIGHT / _ARM_LANES, k, k, True) for k in range(_ARM_LANES)),
@@ -129,7 +131,10 @@ def _kerbs(aside_m: float, mouth_m: float) -> tuple[Kerb, ...]:
 
 
 def _add_intersection_arm(network: Any, arm: int) -> None:
-    """Add the lanes of an arm, and those through the junction."""
+    """Add the lanes of an arm, and those that lead from it through the junction.
+
+    Its nodes: o and m at the ends of the way in, w and x at the ends of the way out.
+    """
     quarter_rad = np.pi / 2 * arm
     into = f"m{arm}"
     left_arm, ahead_arm, right_arm = (f"w{(arm + turn) % 4}" for turn in (1, 2, 3))
@@ -143,16 +148,18 @@ def _add_intersection_arm(network: Any, arm: int) -> None:
         ):
             lane = _street(arm, (side, start_m), (side, end_m), _LANE_WIDTH_M)
             network.add_lane(origin, target, lane)
-    inner = _MOUTH_M + _LANE_WIDTH_M / 2
-    outer = _MOUTH_M - _LANE_WIDTH_M * (_ARM_LANES - 0.5)
+    left_radius_m = _MOUTH_M + _LANE_WIDTH_M / 2
+    right_radius_m = _MOUTH_M - _LANE_WIDTH_M * (_ARM_LANES - 0.5)
     center = _rotated(arm, _MOUTH_M, _MOUTH_M)
     phase_range = (quarter_rad + np.pi, quarter_rad + 1.5 * np.pi)
     network.add_lane(
-        into, right_arm, _arc(center, outer, phase_range, _RIGHT_LIMIT_MPS)
+        into, right_arm, _arc(center, right_radius_m, phase_range, _RIGHT_LIMIT_MPS)
     )
     center = _rotated(arm, -_MOUTH_M, _MOUTH_M)
     phase_range = (quarter_rad, quarter_rad - np.pi / 2)
-    network.add_lane(into, left_arm, _arc(center, inner, phase_range, _LEFT_LIMIT_MPS))
+    network.add_lane(
+        into, left_arm, _arc(center, left_radius_m, phase_range, _LEFT_LIMIT_MPS)
+    )
 
 
 def _street(
@@ -185,13 +192,16 @@ def _roundabout() -> RoadMap:
     for arm in range(4):
         _add_roundabout_arm(network, arm)
     geometry = LaneGeometry(network)
-    # nodes of an arm, see `_add_roundabout_arm`, in the order of travel around the ring
-    ring = [node for k in range(4) for node in (f"n{-k % 4}", f"e{(-k - 1) % 4}")]
+    # nodes of the arms, see `_add_roundabout_arm`, in the order of travel
+    ring = []
+    for arm in (0, 3, 2, 1):
+        ring += [f"n{arm}", f"e{(arm - 1) % 4}"]
     routes = []
     for arm in range(4):
         first = ring.index(f"n{arm}")
         for quarters, movement_weight in zip((1, 2, 3), _QUARTER_WEIGHTS, strict=True):
             out = (arm - quarters) % 4
+            # two nodes per quarter
             around = [ring[(first + k) % 8] for k in range(2 * quarters)]
             nodes = [f"o{arm}", f"a{arm}", *around, f"z{out}", f"x{out}"]
             roads = tuple((geometry.number[a, b, 0],) for a, b in pairwise(nodes))
@@ -259,10 +269,11 @@ def _fast_road(
 ) -> tuple[LaneGeometry, list[tuple[int, ...]]]:
     """Return the lanes of roads a-b, b-c, c-d along x, and their numbers by road.
 
-    There is one more lane in the middle. ``ramp``: further lanes by the names of their
-    ends.
+    Road b-c has one more lane. ``ends``: x of a, b, c and d, m; ``ramp``: further lanes
+    by the names of their ends.
     """
     network = RoadNetwork()
+    # a name of a road has a letter for each end
     counts = {"ab": lane_count, "bc": lane_count + 1, "cd": lane_count}
     for (road, count), (start_m, end_m) in zip(
         counts.items(), pairwise(ends), strict=True
@@ -286,7 +297,10 @@ def _fast_road(
 def _ramp(
     start_m: float, end_m: float, y: float, phase: float, limit_mps: float
 ) -> Any:
-    """Return the bend of a ramp beside ``y``."""
+    """Return the bend of a ramp beside a road's lane at ``y`` m.
+
+    ``phase``: pi / 2 of a ramp that comes to the road, -pi / 2 of one that leaves it.
+    """
     middle = y + _RAMP_SWING_M
     pulsation = np.pi / (end_m - start_m)
     points = ((start_m, middle), (end_m, middle))
@@ -295,46 +309,50 @@ def _ramp(
 
 
 def _merge(seconds: float) -> RoadMap:
+    """Build two lanes that a ramp joins, with a third one beside them for a while."""
     lane_count = 2
     total_m = max(560.0, 26.0 * seconds + 200.0)
-    bend = total_m * 0.4
-    joined_x = total_m * 0.4 + 80.0
-    narrow_x = total_m * 0.4 + 220.0
+    bend = total_m * 0.4  # the ramp begins to approach
+    joined_x = total_m * 0.4 + 80.0  # the third lane begins
+    narrow_x = total_m * 0.4 + 220.0  # it ends
     y = lane_count * _LANE_WIDTH_M
     far_y = y + 2 * _RAMP_SWING_M
     entry = StraightLane(
         (0.0, far_y), (bend, far_y), _LANE_WIDTH_M, speed_limit=_RAMP_LIMIT_MPS
     )
-    ramp = {"jk": entry, "kb": _ramp(bend, joined_x, y, np.pi / 2, _RAMP_LIMIT_MPS)}
+    swing = _ramp(bend, joined_x, y, phase=np.pi / 2, limit_mps=_RAMP_LIMIT_MPS)
+    ramp = {"jk": entry, "kb": swing}
     ends = (0.0, joined_x, narrow_x, total_m)
-    geometry, roads = _fast_road(ends, lane_count, 25.0, ramp)
+    geometry, roads = _fast_road(ends, lane_count, limit_mps=25.0, ramp=ramp)
     main, middle, final, *entries = roads
     routes = (
-        Route((main, middle[:-1], final), 0.7),
-        Route((*entries, middle, final), 0.3),
+        Route((main, middle[:-1], final), weight=0.7),
+        Route((*entries, middle, final), weight=0.3),
     )
-    sensor = ((joined_x + narrow_x) / 2, -7.0, 4.0)
+    sensor = ((joined_x + narrow_x) / 2, *_FAST_SENSOR_M)
     return RoadMap(geometry, routes, sensor, regulated=False)
 
 
 def _highway(seconds: float) -> RoadMap:
+    """Build three lanes, with a fourth one for a while that leads to an exit."""
     lane_count = 3
     total_m = max(600.0, 29.0 * seconds + 200.0)
-    wide_x = total_m * 0.45
-    split_x = total_m * 0.45 + 200.0
-    parted_x = split_x + 90.0
+    wide_x = total_m * 0.45  # the fourth lane begins
+    split_x = total_m * 0.45 + 200.0  # it leaves the road
+    parted_x = split_x + 90.0  # the exit is parallel again
     y = lane_count * _LANE_WIDTH_M
     far_y = y + 2 * _RAMP_SWING_M
     leaving = StraightLane(
         (parted_x, far_y), (total_m, far_y), _LANE_WIDTH_M, speed_limit=_RAMP_LIMIT_MPS
     )
-    ramp = {"ce": _ramp(split_x, parted_x, y, -np.pi / 2, 22.0), "ef": leaving}
+    swing = _ramp(split_x, parted_x, y, phase=-np.pi / 2, limit_mps=22.0)
+    ramp = {"ce": swing, "ef": leaving}
     ends = (0.0, wide_x, split_x, total_m)
-    geometry, roads = _fast_road(ends, lane_count, 28.0, ramp)
+    geometry, roads = _fast_road(ends, lane_count, limit_mps=28.0, ramp=ramp)
     main, middle, final, *exits = roads
     routes = (
-        Route((main, middle[:-1], final), 0.75),
-        Route((main, middle, *exits), 0.25, otherwise=0),
+        Route((main, middle[:-1], final), weight=0.75),
+        Route((main, middle, *exits), weight=0.25, otherwise=0),
     )
-    sensor = (split_x, -7.0, 4.0)
+    sensor = (split_x, *_FAST_SENSOR_M)
     return RoadMap(geometry, routes, sensor, regulated=False)

@@ -21,6 +21,19 @@ _MAX_GROUP = 4
 _GROUP_SHARES = (0.5, 0.3, 0.15, 0.05)  # of groups of one, two, ... people
 _FREE_M = 0.85  # around a new person
 _PATIENCE_S = (3.0, 7.0)  # at the kerb
+_GROUP_PACE_MPS = (1.05, 1.55)
+_PACE_SPREAD_MPS = 0.05  # within a group
+_PACE_LIMITS_MPS = (1.0, 1.6)
+_MAX_PACE_SHARE = 1.25  # of the pace, the highest speed
+# length, width and height of the smallest and the largest person, m
+_SMALLEST_M = (0.35, 0.45, 1.5)
+_LARGEST_M = (0.5, 0.6, 1.9)
+# between the middle of a crossing and the way of one person, and of a group
+_MIDDLE_M = (-0.8, 0.8)
+_GROUP_MIDDLE_M = (-0.95, 0.05)
+# share of a turn in one step, of people who walk and who wait
+_WALKING_TURN_SHARE = 0.35
+_WAITING_TURN_SHARE = 0.1
 _MAX_ACCELERATION_MPS2 = 3.8
 _MIN_WALKING_MPS = 0.3  # slower people stand
 _STROLL_SHARE = 0.55  # of the groups, which do not cross
@@ -66,7 +79,7 @@ class Crowd:
         across = along[:, ::-1] * [-1.0, 1.0]
         self._axes = np.stack([along, across], axis=1)
         self._state: CrowdState | None = None  # until a person moves or comes
-        for _ in range(20 * target_count):
+        for _ in range(20 * target_count):  # some groups find no free place
             if len(self.people) < target_count:
                 stage = LEAVING if rng.uniform() < _CROSSED_SHARE else ARRIVING
                 way_share = float(rng.uniform(1.0 - _MAX_PASSED_SHARE, 1.0))
@@ -125,18 +138,19 @@ class Crowd:
         self._state = None
         missing = len(self.people) < self._target
         if missing and self._rng.uniform() < step_s / _ARRIVAL_S:
-            self._add_group(ARRIVING, 1.0)
+            self._add_group(ARRIVING, way_share=1.0)
 
     def _add_group(self, stage: int, way_share: float) -> None:
         """Add a group on its way.
 
-        ``way_share``: the remaining part of that way.
+        ``way_share``: the remaining share of that way. A person without a free place is
+        left out.
         """
         if self._pavement is None:
             return
         rng = self._rng
         crossing, size, way = self._draw_way(self._pavement)
-        pace_mps = float(rng.uniform(1.05, 1.55))
+        pace_mps = float(rng.uniform(*_GROUP_PACE_MPS))
         patience_s = float(rng.uniform(*_PATIENCE_S))
         strolls = bool(rng.uniform() < _STROLL_SHARE)
         other_places = self.state().xy.T
@@ -174,14 +188,14 @@ class Crowd:
         crossing = int(rng.choice(len(self._crossings), p=quiet / quiet.sum()))
         size = int(rng.choice(_MAX_GROUP, p=_GROUP_SHARES) + 1)
         size = min(size, self._target - len(self.people))
-        middle_range_m = (-0.8, 0.8) if size == 1 else (-0.95, 0.05)
+        middle_range_m = _MIDDLE_M if size == 1 else _GROUP_MIDDLE_M
         way = walking.Footway(
             self._crossings[crossing],
             pavement,
             direction=1.0 if rng.uniform() < 0.5 else -1.0,
             middle=float(rng.uniform(*middle_range_m)),
-            coming=walking.draw_sidewalk(True, rng),
-            going=walking.draw_sidewalk(False, rng),
+            coming=walking.draw_sidewalk(coming=True, rng=rng),
+            going=walking.draw_sidewalk(coming=False, rng=rng),
         )
         return crossing, size, way
 
@@ -195,10 +209,12 @@ class Crowd:
         pace_mps: float,
         patience_s: float,
     ) -> Person:
-        """Draw the k-th person of a group."""
+        """Draw person ``member_index`` of a group."""
         rng = self._rng
-        length, width, height = rng.uniform((0.35, 0.45, 1.5), (0.5, 0.6, 1.9)).tolist()
-        pace_mps = min(max(pace_mps + float(rng.normal(0.0, 0.05)), 1.0), 1.6)
+        length, width, height = rng.uniform(_SMALLEST_M, _LARGEST_M).tolist()
+        slowest, fastest = _PACE_LIMITS_MPS
+        pace_mps += float(rng.normal(0.0, _PACE_SPREAD_MPS))
+        pace_mps = min(max(pace_mps, slowest), fastest)
         step = ahead[0] - place
         course = step / max(float(np.hypot(*step)), 1e-6)
         x, y = course @ self._axes[crossing]
@@ -261,7 +277,9 @@ class Crowd:
         pairs = walking.pairs_of(place)
         outlines = walking.Outlines(vehicles, place)
         force = walking.social_force(pairs, velocity, way, pace_mps, friends)
-        new_velocity = walking.limit_length(velocity + step_s * force, 1.25 * pace_mps)
+        new_velocity = walking.limit_length(
+            velocity + step_s * force, _MAX_PACE_SHARE * pace_mps
+        )
         new_velocity = walking.slow_before_others(
             place, pairs, new_velocity, outlines, step_s
         )
@@ -308,5 +326,6 @@ def _turned_headings(
     walks = np.hypot(*velocity) > _MIN_WALKING_MPS
     x, y = np.where(walks, velocity, to_goal)
     turn = wrap_angle(np.arctan2(y, x) - heading)
-    new_heading = wrap_angle(heading + np.where(walks, 0.35, 0.1) * turn)
+    turn_share = np.where(walks, _WALKING_TURN_SHARE, _WAITING_TURN_SHARE)
+    new_heading = wrap_angle(heading + turn_share * turn)
     return np.where(walks | ~waiting, new_heading.round(6) + 0.0, heading)

@@ -15,6 +15,9 @@ _CORNER_M = 2.0  # to a point of the way, where people turn to the next one
 # before the waiting point, from where people see if they can cross
 _LOOKING_M = 3.0
 _GONE_M = 1.4  # to the end of the way
+# speed by which people judge if they can cross: share of the pace, and least speed
+_CAREFUL_SHARE = 0.85
+_MIN_CAREFUL_MPS = 0.5
 _STEP_OFF_M = 0.2  # to the point where people step off the road
 
 
@@ -60,7 +63,8 @@ class Person:
         """
         if len(self.ahead) == 1 or to_next >= _CORNER_M:
             return to_next
-        self.passed += self.ahead[:1] if self.passed else []
+        if self.passed:  # else the person cannot turn back
+            self.passed.append(self.ahead[0])
         self.ahead = self.ahead[1:]
         return float(np.hypot(*(self.ahead[0] - self.place)))
 
@@ -98,7 +102,7 @@ class Person:
     def walk(self) -> CrossingPedestrian:
         """Return the person as a pedestrian on the crossing."""
         patient = self.stage != CROSSING and self.patient
-        speed_mps = max(0.85 * self.pace, 0.5)
+        speed_mps = max(_CAREFUL_SHARE * self.pace, _MIN_CAREFUL_MPS)
         return CrossingPedestrian(
             self.crossing, self.place[0], self.direction, speed_mps, patient
         )

@@ -102,12 +102,17 @@ class _Approach:
         return _travel_time(distance_m, self.speed, acceleration_mps2, cruise_mps)
 
     def meets(self, stretch: CrossingStretch, walk: CrossingPedestrian) -> bool:
-        """Return True if a pedestrian would be in the way."""
+        """Return True if a pedestrian would be in the way.
+
+        So it is if both may be at the crossing of their paths at the same time.
+        """
         if walk.crossing != stretch.crossing or self.rear > stretch.end:
             return False
+        # m to the middle of the vehicle's path, negative behind it
         to_middle = (stretch.across - walk.along) * walk.direction
         if to_middle < -_WALKER_GAP_M:
             return False
+        # seconds from now, in which the pedestrian is near the vehicle's path
         enters = max(to_middle - _WALKER_GAP_M, 0.0) / walk.speed
         leaves = (to_middle + _WALKER_GAP_M) / walk.speed
         comes_before = self.soonest(stretch.start) < leaves + _WALKER_GAP_S / 2
@@ -175,7 +180,7 @@ class RightOfWay:
         No vehicle with the right of way comes in the needed time.
         """
         if walk.patient and walk.crossing in self._claimed:
-            return False
+            return False  # lets a vehicle go that has waited for long
         vehicles = (self._vehicles[vehicle_number] for vehicle_number in self._granted)
         return not any(
             me.rear < stretch.end and me.meets(stretch, walk)
@@ -203,7 +208,7 @@ class RightOfWay:
         self._vehicles = {}
         for vehicle_number, route, *values in zip(
             *(column.tolist() for column in columns), strict=True
-        ):
+        ):  # the values are in the order of the fields
             approach = _Approach(self.passages[route], route, *values)
             approach.stop = stops.get(vehicle_number, math.inf)
             self._vehicles[vehicle_number] = approach
@@ -232,19 +237,20 @@ class RightOfWay:
         claimed_crossings: set[int],
         time_s: float,
     ) -> None:
-        """Give waiting vehicles the right of way in order."""
+        """Give waiting vehicles the right of way in the order of asking."""
         impatient_routes: list[int] = []
         self._claimed = []
         asking_times = self._asking(waiting, time_s)
         for asked_s, vehicle_number in sorted(asking_times):
             me = self._vehicles[vehicle_number]
+            # it would get ahead of a vehicle that has waited for long
             if any(route in me.passage.zones for route in impatient_routes):
                 continue
             zone_order = self._order(me, walks, claimed_crossings)
             if zone_order is not None:
                 self._granted[vehicle_number], followers = zone_order
-                for other_approach, zone in followers:
-                    self._granted[other_approach].append((vehicle_number, zone))
+                for follower_number, zone in followers:
+                    self._granted[follower_number].append((vehicle_number, zone))
                 continue
             if time_s - asked_s > _PATIENCE_S:
                 impatient_routes.append(me.route)
@@ -266,7 +272,7 @@ class RightOfWay:
         walks: list[CrossingPedestrian],
         claimed_crossings: set[int],
     ) -> tuple[Orders, Orders] | None:
-        """Return vehicles to let go first, and those that wait.
+        """Return vehicles to let go first, and those that wait for this one.
 
         None if it cannot go now.
         """
@@ -296,6 +302,7 @@ class RightOfWay:
 
         Vehicles that can stop let it pass.
         """
+        # where it would stand if it braked now
         reach_m = me.front + me.speed**2 / (2 * _DRIVEN_BRAKING_MPS2)
         if reach_m > me.passage.line:
             self._granted.setdefault(self.driven, [])
@@ -326,7 +333,10 @@ class RightOfWay:
     def _wait_inside(
         self, me: _Approach, orders: Orders, walks: list[CrossingPedestrian]
     ) -> float:
-        """Return the free metres of a vehicle with the right of way."""
+        """Return the free metres of a vehicle with the right of way.
+
+        They end at the first stretch that is not free in time.
+        """
         stop = math.inf
         for vehicle_number, zone in orders:
             if vehicle_number not in self._granted or me.front > zone.start + _INSIDE_M:

@@ -19,7 +19,10 @@ from .pedestrians import Crowd
 from .right_of_way import RightOfWay
 from .vehicles import Driver, Entries, draw_parked_boxes, move_vehicles, vehicle_boxes
 from .world import (
+    CLASS_COLUMN,
     CLASSES,
+    FRAME_COLUMN,
+    NUMBER_COLUMN,
     RATE,
     WARM_UP,
     Recording,
@@ -30,6 +33,7 @@ from .world import (
 )
 
 ATTEMPTS = 50
+RANDOM_KINDS = 6  # independent random numbers of an attempt
 MAX_BRAKING_MPS2 = 8.0  # emergency braking
 _LINE_GAP_M = 0.4  # to a line
 _BRAKING_JERK_MPS3 = 15.0
@@ -89,8 +93,10 @@ class Attempt:
         self._traffic = traffic
         self.shared = _map_of(traffic.scenario, traffic.seconds)  # never changes
         self.map, self.routes, passages, self.lanes = self.shared
+        # of their own for each part: a change of one does not move the others
         entries, people, self._rng, parking, driving, walking = (
-            np.random.default_rng([seed, attempt_number, kind]) for kind in range(6)
+            np.random.default_rng([seed, attempt_number, kind])
+            for kind in range(RANDOM_KINDS)
         )
         self.parked = draw_parked_boxes(self.map.kerbs, traffic.parked, parking)
         pedestrians = PedestrianBehaviour(1.0 / RATE, walking)
@@ -133,7 +139,7 @@ class Attempt:
         recording.add(box, np.concatenate(velocity), class_id, number)
 
     def run(self) -> World | str:
-        """Return the recorded world, or the problem in one word."""
+        """Return the recorded world, or else "crash" or "no_ego"."""
         warm_up = round(WARM_UP * RATE)
         recording = Recording(RATE)
         for step in range(warm_up + round(self._traffic.seconds * RATE)):
@@ -185,15 +191,13 @@ class Attempt:
             time_s = self._steps / RATE
             line_distance_m = self.rules.update(state, ahead, walks, claimed, time_s)
         if self._changes is not None:
+            # a vehicle that must change lanes waits at the end of its lane
             room_m = self.routes.room[state.route, state.lane]
-            line_distance_m = (
-                room_m - state.s - state.length / 2
-            )  # to the end of a lane
+            line_distance_m = room_m - state.s - state.length / 2
             result_mps2 = np.minimum(result_mps2, self._changes.bounds(state, desired))
             self._changes.decide(state, desired, self._steps, 1.0 / RATE)
-        for_line = braking(
-            state.speed, line_distance_m, np.zeros(1), style, _LINE_GAP_M
-        )
+        standing = np.zeros(1)  # a line is a leader that stands
+        for_line = braking(state.speed, line_distance_m, standing, style, _LINE_GAP_M)
         result_mps2 = np.minimum(result_mps2, free_mps2 - for_line)
         result_mps2 = self._behaviour.braking(
             state, result_mps2, free_mps2, ahead, line_distance_m
@@ -210,16 +214,16 @@ class Attempt:
 
 
 def _choose_ego(recording: Recording, rng: np.random.Generator) -> int | None:
-    """Draw the number of a vehicle for the sensor.
+    """Draw the number of the vehicle that carries the sensor.
 
     It drives far, has many objects around it and is present in all frames. None if
     there is no such vehicle.
     """
     rows = recording.rows()
-    number = rows[:, 10]
-    frame = rows[:, 11].astype(np.int64)
-    drives = ~np.isin(rows[:, 9], (_MOTORCYCLE, _PEDESTRIAN))
-    drives &= number < _FIRST_PERSON
+    number = rows[:, NUMBER_COLUMN]
+    frame = rows[:, FRAME_COLUMN].astype(np.int64)
+    drives = ~np.isin(rows[:, CLASS_COLUMN], (_MOTORCYCLE, _PEDESTRIAN))
+    drives &= number < _FIRST_PERSON  # parked cars have larger numbers
     candidates, count = np.unique(number[drives], return_counts=True)
     candidates = candidates[count == len(recording.frames)]
     if not len(candidates):
@@ -230,6 +234,7 @@ def _choose_ego(recording: Recording, rng: np.random.Generator) -> int | None:
         path = rows[number == candidate, :2]
         way_m[i] = np.hypot(*np.diff(path, axis=0).T).sum()
         around[i] = np.mean(np.hypot(*(rows[:, :2] - path[frame]).T) < _AROUND_M)
+    # vehicles that hardly move come last
     preference = np.where(way_m >= _MIN_WAY_SHARE * way_m.max(), around, around - 1.0)
     best = np.argsort(-preference, kind="stable")[:_EGO_CANDIDATES]
     return int(candidates[best[int(rng.integers(len(best)))]])

@@ -319,8 +319,8 @@ def scene_of(name: str, world: World, card: Card, stride: int | None = None) -> 
 def stride_of(card: Card, rate: float, advice: str = "") -> int:
     """Return steps of a simulation per frame of the task.
 
-    ``rate``: steps of the simulation per second. Raises CardError, with ``advice``, if
-    it is not whole.
+    ``rate``: steps of the simulation per second. Raises CardError, with ``advice``,
+    unless the result is a whole number.
     """
     stride = round(rate / card.task.rate)
     if stride < 1 or not np.isclose(card.task.rate * stride, rate):

@@ -24,6 +24,8 @@ _SIZES_M = {
     "bus": ((11.4, 0.7), (2.52, 0.03), (3.15, 0.12), (9.5, 12.5)),
 }
 
+_MAX_WIDTH_M = 2.55  # the largest that EU law allows
+
 
 @dataclass(frozen=True)
 class VehicleTraits:
@@ -52,8 +54,20 @@ class _DrivingStyle(NamedTuple):
     acceleration: tuple[float, float]  # m/s2, range
 
 
-_LIGHT = _DrivingStyle(0.6, 0.98, 40.0, 0.3, (1.2, 2.2))
-_HEAVY = _DrivingStyle(0.55, 0.88, 23.5, 0.8, (0.8, 1.3))
+_LIGHT = _DrivingStyle(
+    axle_share=0.6,
+    mean_pace=0.98,
+    top_speed=40.0,
+    min_time_gap=0.3,
+    acceleration=(1.2, 2.2),
+)
+_HEAVY = _DrivingStyle(
+    axle_share=0.55,
+    mean_pace=0.88,
+    top_speed=23.5,
+    min_time_gap=0.8,
+    acceleration=(0.8, 1.3),
+)
 
 
 class Driver:
@@ -96,6 +110,7 @@ def move_vehicles(
     step_s = 1.0 / RATE
     speed = state.speed
     heading = state.heading
+    # as in highway-env, a vehicle above the highest speed slows down to it
     speed_room = Vehicle.MAX_SPEED - speed
     limited = np.minimum(acceleration, speed_room)
     acceleration = np.where(speed > Vehicle.MAX_SPEED, limited, acceleration)
@@ -105,7 +120,7 @@ def move_vehicles(
     heading = heading + speed * np.sin(slip) / (state.wheelbase / 2) * step_s
     speed = speed + acceleration * step_s
     for i, vehicle in enumerate(vehicles):
-        if driven := vehicle.drive():
+        if driven := vehicle.drive():  # the ego of a closed loop moves itself
             positions[:, i] = driven[:2]
             heading[i], speed[i], acceleration[i] = driven[2:]
             steering[i] = 0.0
@@ -130,11 +145,11 @@ def _set_states(
     """Give vehicles rounded places [2, N], headings and speeds."""
     places = (positions.T.round(6) + 0.0).tolist()
     headings = wrap_angle(heading).tolist()
-    box_rows = zip(vehicles, places, headings, speed.tolist(), strict=True)
-    for vehicle, position, angle, pace in box_rows:
+    states = zip(vehicles, places, headings, speed.tolist(), strict=True)
+    for vehicle, position, angle, speed_mps in states:
         vehicle.position = position
         vehicle.heading = round(angle, 6) + 0.0
-        vehicle.speed = round(pace, 6) + 0.0
+        vehicle.speed = round(speed_mps, 6) + 0.0
 
 
 def vehicle_boxes(vehicles: Sequence[Driver]) -> Floats:
@@ -174,12 +189,14 @@ def draw_traits(fast_road: bool, rng: np.random.Generator) -> VehicleTraits:
 
 def draw_size(kind: str, rng: np.random.Generator) -> tuple[float, float, float]:
     """Draw length, width and height of a vehicle, m."""
-    length_m, width_m, height_m, (shortest, longest) = _SIZES_M[kind]
-    widest = min(width_m[0] + 0.25, 2.55)
+    length, width, height, (shortest, longest) = _SIZES_M[kind]
+    mean_width = width[0]
+    mean_height = height[0]
+    widest = min(mean_width + 0.25, _MAX_WIDTH_M)
     return (
-        float(np.clip(rng.normal(*length_m), shortest, longest)),
-        float(np.clip(rng.normal(*width_m), width_m[0] - 0.25, widest)),
-        float(np.clip(rng.normal(*height_m), 0.8 * height_m[0], 1.25 * height_m[0])),
+        float(np.clip(rng.normal(*length), shortest, longest)),
+        float(np.clip(rng.normal(*width), mean_width - 0.25, widest)),
+        float(np.clip(rng.normal(*height), 0.8 * mean_height, 1.25 * mean_height)),
     )
 
 
@@ -193,6 +210,9 @@ _MAX_TRIES = 6  # steps that a vehicle waits for room before another one is draw
 _LANE_HALF_WIDTH_M = 2.5  # from the middle of a lane, within which a vehicle is in it
 _ENTRY_GAP_SHARE = 0.6  # of the time gap that an entering vehicle needs
 _FIRST_ROOM_M = 10.0  # least room between two vehicles at the start
+_ENTRY_M = 0.5  # from the start of a lane to the rear of a new vehicle
+_ENTRY_ROOM_M = 2.0  # of a new vehicle, beside the gap at rest
+_ENTRY_BRAKING_MPS2 = 1.0  # of a new vehicle behind its leader
 
 _PARKING_PITCH_M = 6.2  # from one parking place to the next
 _PARKING_SHARE = 0.8  # of the parking places of a kerb, that are used first
@@ -214,6 +234,7 @@ class Entries:
         vehicles: list[Driver],
         rng: np.random.Generator,
     ) -> None:
+        """``target``: number of ``vehicles`` to keep; the list changes in place."""
         self._map = road_map
         self._target = target
         self._vehicles = vehicles
@@ -249,9 +270,11 @@ class Entries:
             self._tries = 0
         traits, route = self._waiting
         self._tries += 1
-        station_m = traits.length / 2 + 0.5
+        station_m = traits.length / 2 + _ENTRY_M
         for lane in self._entry_lanes(traits, route):
-            if self._enter(traits, route, lane, station_m, traits.min_gap + 2.0):
+            if self._enter(
+                traits, route, lane, station_m, traits.min_gap + _ENTRY_ROOM_M
+            ):
                 self._waiting = None
                 return
 
@@ -260,6 +283,7 @@ class Entries:
         routes = self._map.routes
         traits = draw_traits(not self._map.regulated, self._rng)
         turns = traits.length < _MAX_TURNING_LENGTH_M
+        # long vehicles take none of the narrow routes
         weight = np.array([r.weight * (r.heavy or turns) for r in routes])
         return traits, int(self._rng.choice(len(routes), p=weight / weight.sum()))
 
@@ -299,9 +323,9 @@ class Entries:
     def _entry_speed(
         self, traits: VehicleTraits, lane: int, station_m: float, room_m: float
     ) -> float | None:
-        """Return the speed, m/s, to enter with.
+        """Return the speed to enter with, m/s.
 
-        None without room.
+        None without room: ``room_m`` to all others in the lane, more to a leader.
         """
         road_lane = self._map.geometry.lanes[lane]
         limit_mps = float(self._map.geometry.limit[lane])
@@ -318,7 +342,8 @@ class Entries:
                 return None
             if is_ahead:  # slow enough to brake behind the leader
                 braking_room = max(gap_m - room_m, 0.0)
-                safe_speed = float(np.sqrt(other_vehicle.speed**2 + 2.0 * braking_room))
+                gained = 2.0 * _ENTRY_BRAKING_MPS2 * braking_room
+                safe_speed = float(np.sqrt(other_vehicle.speed**2 + gained))
                 speed_mps = min(speed_mps, safe_speed)
         return speed_mps
 
@@ -328,8 +353,8 @@ def draw_parked_boxes(
 ) -> Floats:
     """Draw boxes [K, 7] of parked cars in highway-env's frame (y down).
 
-    There are ``car_count``, or as many as there are places. Kerbs are filled one after
-    another, so that cars stand in rows; some places of each are used last.
+    K is ``car_count``, or the number of places if they are fewer. Kerbs are filled one
+    after another, so that cars stand in rows; some places of each are used last.
     """
     kerb_index = []
     stations = []

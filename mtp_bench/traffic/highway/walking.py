@@ -26,6 +26,8 @@ _AROUND_SHARE = 0.8
 # between two people of a group
 _BESIDE_M = 0.9
 _BEHIND_M = 0.95
+_WAITING_M = 0.9  # from the kerb to the first people of a group that waits
+_BEYOND_KERB_M = 0.6  # to the point where people have left the road
 _SIDEWALK_EDGE_M = 0.35  # from the kerb, within which people on a sidewalk stay
 _CORNER_CLEARANCE_M = 6.0  # from the corner to the first parked car
 _KERB_BRAKING_MPS2 = 2.0  # of people before a kerb
@@ -56,12 +58,12 @@ class SidewalkUse:
     kerb: float  # m from the kerb
 
 
-def draw_sidewalk(coming_mps: bool, rng: np.random.Generator) -> SidewalkUse:
+def draw_sidewalk(coming: bool, rng: np.random.Generator) -> SidewalkUse:
     """Draw one of the two sidewalks of a corner.
 
-    Arriving and leaving people keep apart.
+    People who come (``coming``) and people who leave keep apart.
     """
-    kerb_m = STRIP_M + rng.uniform(*(_COMING_M if coming_mps else _GOING_M))
+    kerb_m = STRIP_M + rng.uniform(*(_COMING_M if coming else _GOING_M))
     around = bool(rng.uniform() < _AROUND_SHARE)
     return SidewalkUse(around, float(rng.uniform(*_END_M)), float(kerb_m))
 
@@ -81,32 +83,32 @@ class Footway:
     going: SidewalkUse
 
     def waiting_point(self, member_index: int) -> Floats:
-        """Return the point where the k-th person waits: two by two."""
-        behind = 0.9 + _BEHIND_M * (member_index // 2)
+        """Return the point where person ``member_index`` waits: two by two."""
+        behind = _WAITING_M + _BEHIND_M * (member_index // 2)
         along = self._kerb(-1) - self.direction * behind
         return np.array([along, self.middle + _BESIDE_M * (member_index % 2)])
 
     def far_point(self, member_index: int) -> Floats:
-        """Return the point where the k-th person leaves the road."""
-        along = self._kerb(1) + self.direction * 0.6
+        """Return the point where person ``member_index`` leaves the road."""
+        along = self._kerb(1) + self.direction * _BEYOND_KERB_M
         return np.array([along, self.waiting_point(member_index)[1]])
 
     def arrival(self, member_index: int) -> list[Floats]:
-        """Return points of the k-th person's way to the crossing."""
+        """Return points of the way of person ``member_index`` to the crossing."""
         return [
             *self._along(self.coming, -1, member_index),
             self.waiting_point(member_index),
         ]
 
     def departure(self, member_index: int) -> list[Floats]:
-        """Return points of the k-th person's way from the road."""
+        """Return points of the way of person ``member_index`` from the road."""
         return [
             self.far_point(member_index),
             *reversed(self._along(self.going, 1, member_index)),
         ]
 
     def stroll(self, member_index: int) -> list[Floats]:
-        """Return points of the k-th person's way without a crossing.
+        """Return points of the way of person ``member_index`` without a crossing.
 
         The way leads along one road, around the corner and along the other road.
         """
@@ -117,12 +119,19 @@ class Footway:
         ]
 
     def _kerb(self, end: int) -> float:
+        """Return m along the crossing to a kerb.
+
+        ``end``: -1 for the kerb that people come to, 1 for the other one.
+        """
         return self.crossing.span if end * self.direction > 0 else 0.0
 
     def _along(
         self, sidewalk: SidewalkUse, end: int, member_index: int
     ) -> list[Floats]:
-        """Return the two ends of a sidewalk, the far one first."""
+        """Return the two ends of a sidewalk, the far one first.
+
+        ``end`` as in `_kerb`.
+        """
         kerb_m = self.pavement.kerb
         x, y = self.crossing.origin
         # m from the junction's middle
@@ -185,13 +194,11 @@ def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
 
     The distance is negative on the road.
     """
-    excess_mps = np.maximum(pavement.corner - np.abs(place), 0.0)
-    distance = np.hypot(*excess_mps)
-    outwards = (
-        -np.where(place < 0, -1.0, 1.0)
-        * excess_mps
-        / np.maximum(distance, _MIN_DIVISOR)
-    )
+    # [2, M] from the middle of the bend of the kerb
+    offset_m = np.maximum(pavement.corner - np.abs(place), 0.0)
+    distance = np.hypot(*offset_m)
+    sign = -np.where(place < 0, -1.0, 1.0)
+    outwards = sign * offset_m / np.maximum(distance, _MIN_DIVISOR)
     return outwards, pavement.radius - _SIDEWALK_EDGE_M - distance
 
 
@@ -244,10 +251,8 @@ def _dot(a: Floats, b: Floats) -> Floats:
 
 def limit_length(vector: Floats, limit: Floats | float) -> Floats:
     """Return vectors [2, M] shortened to at most ``limit``."""
-    remaining_share = np.minimum(
-        1.0, limit / np.maximum(np.hypot(*vector), _MIN_DIVISOR)
-    )
-    return np.asarray(vector * remaining_share)
+    kept_share = np.minimum(1.0, limit / np.maximum(np.hypot(*vector), _MIN_DIVISOR))
+    return np.asarray(vector * kept_share)
 
 
 def slow_before_others(
@@ -259,28 +264,31 @@ def slow_before_others(
     `pairs_of` returns for ``place``.
     """
     _, gap_m, unit = pairs
-    approach_mps = -_dot(velocity, unit)  # speed
+    approach_mps = -_dot(velocity, unit)  # [M, M] of the last axis towards others
     allowed_mps = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(gap_m - APART_M, 0.0))
+    # of both people together
     excess_mps = np.maximum(approach_mps + approach_mps.T - allowed_mps, 0.0)
     closing_mps = np.maximum(approach_mps, 0.0)
+    # each of two people slows down in proportion to its part of their closing speed
     excess_mps *= closing_mps / np.maximum(closing_mps + closing_mps.T, _MIN_DIVISOR)
+    # a person slows down for one other person: the one it closes in on most
     worst = excess_mps.argmax(axis=0)
     people = np.arange(len(gap_m))
     velocity = velocity + excess_mps[worst, people] * unit[:, worst, people]
     clearance = vehicles.before
     coming_mps = (clearance - vehicles.clearance(place + step_s * velocity)) / step_s
     allowed_mps = np.sqrt(2.0 * _BRAKING_MPS2 * np.maximum(clearance - _STOP_M, 0.0))
-    remaining_share = np.where(
+    kept_share = np.where(
         coming_mps > allowed_mps,
         allowed_mps / np.maximum(coming_mps, _MIN_DIVISOR),
         1.0,
     )
-    return np.asarray(velocity * remaining_share.min(axis=1, initial=1.0))
+    return np.asarray(velocity * kept_share.min(axis=1, initial=1.0))
 
 
 def push_apart(place: Floats) -> Floats:
     """Return places [2, M] after people closer than `APART_M` are moved apart."""
-    for _ in range(3):
+    for _ in range(3):  # one push may bring a person close to a third one
         between_vectors = place[:, None, :] - place[:, :, None]
         gap_m = np.hypot(*between_vectors)
         short = np.maximum(APART_M + 1e-3 - gap_m, 0.0)
@@ -296,7 +304,8 @@ def push_apart(place: Floats) -> Floats:
 def keep_out_of_vehicles(place: Floats, moved: Floats, vehicles: "Outlines") -> Floats:
     """Return places [2, M] outside of vehicles.
 
-    They are ``moved``, but people in front of a vehicle stay at ``place``.
+    They are ``moved``, but people who would come too near to a vehicle stay at
+    ``place``.
     """
     clearance = vehicles.clearance(moved)
     too_near = (clearance < _OUTLINE_M) & (clearance < vehicles.before)

@@ -49,8 +49,8 @@ class GymTraffic:
     """Everything that a simulation of a gym environment depends on."""
 
     id: str
-    # that register the id or hold the policy; empty: highway-env, or the running
-    # program
+    # names of those that register the id or hold the policy; empty: highway-env's own,
+    # or those of the running program
     modules: tuple[str, ...]
     code: tuple[str, ...]  # sha256 of their files
     config: dict[str, Any]
@@ -101,7 +101,7 @@ class SeedRanges(Section):
     test: SeedRange
 
     @model_validator(mode="after")
-    def _apart(self) -> Self:
+    def _require_disjoint(self) -> Self:
         ranges = sorted((self.train, self.val, self.test))
         if any(end > first for (_, end), (first, _) in itertools.pairwise(ranges)):
             raise ValueError("expected splits without a common seed")
@@ -134,7 +134,7 @@ class HighwaySource(SourceSection):
 
     @field_validator("pedestrians", "parked")
     @classmethod
-    def _fits_the_scenario(cls, number: int, info: ValidationInfo) -> int:
+    def _require_fitting_scenario(cls, number: int, info: ValidationInfo) -> int:
         scenarios = _SCENARIOS_WITH[str(info.field_name)]
         if number and info.data.get("scenario") not in scenarios:
             names = " and ".join(scenarios)
@@ -154,9 +154,11 @@ class HighwaySource(SourceSection):
 
 
 _EGO_HEIGHT_M = 1.7
-_LARGEST_ANGLE = 3.141592  # rad, of six decimals
+_LARGEST_ANGLE = 3.141592  # rad, largest one below pi with six decimals
 # columns of a row: x y z yaw l w h, velocity x y, class, number; then its frame
-_NUMBER = 10
+CLASS_COLUMN = 9
+NUMBER_COLUMN = 10
+FRAME_COLUMN = 11
 # of the first nine columns, from y down to y up
 _MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0])
 
@@ -183,7 +185,9 @@ class Recording:
 
     def identity(self, row: int) -> tuple[int, int]:
         """Return class and number of a road user of the last frame."""
-        class_id, number = self.frames[-1][row, 9:11].astype(np.int64).tolist()
+        class_id, number = (
+            self.frames[-1][row, CLASS_COLUMN:FRAME_COLUMN].astype(np.int64).tolist()
+        )
         return class_id, number
 
     def rows(self, frame_slice: slice = slice(None)) -> Floats:
@@ -192,7 +196,7 @@ class Recording:
         row_counts = [len(frame) for frame in frames]
         frame = np.repeat(np.arange(len(frames)), row_counts)
         rows = np.column_stack([np.concatenate([np.empty((0, 11)), *frames]), frame])
-        rows = rows[np.lexsort((rows[:, _NUMBER], frame))]
+        rows = rows[np.lexsort((rows[:, NUMBER_COLUMN], frame))]
         rows[:, :9] *= _MIRROR
         yaw_rad = wrap_angle(rows[:, 3])
         rows[:, 3] = yaw_rad.clip(-_LARGEST_ANGLE, _LARGEST_ANGLE)
@@ -212,7 +216,7 @@ class Recording:
         else they keep their numbers.
         """
         rows = self.rows(frame_slice)
-        carries = rows[:, _NUMBER] == number
+        carries = rows[:, NUMBER_COLUMN] == number
         ego = rows[carries, :4]
         ego[:, 2] = _EGO_HEIGHT_M
         return self._world(rows[~carries], ego, lanes, renumbered)
@@ -235,7 +239,7 @@ class Recording:
         lanes: tuple[Lane, ...],
         renumbered: bool = True,
     ) -> World:
-        class_id, object_id, frame = rows[:, 9:].astype(np.int64).T.copy()
+        class_id, object_id, frame = rows[:, CLASS_COLUMN:].astype(np.int64).T.copy()
         if renumbered:
             object_id = np.unique(object_id, return_inverse=True)[1]
         neutral = np.zeros(len(rows), dtype=np.bool_)
@@ -254,9 +258,9 @@ class Recording:
 def course_velocity(vehicles: Sequence[Any]) -> Floats:
     """Return velocities [N, 2] of the centres of vehicles.
 
-    They are along heading and slip angle of the last step.
+    Their course is the heading plus the slip angle of the last step.
     """
     motion = [(v.heading, v.speed, v.action["steering"]) for v in vehicles]
     heading, speed, steering = np.array(motion, dtype=np.float64).reshape(-1, 3).T
-    course = heading + np.arctan(0.5 * np.tan(steering))
+    course = heading + np.arctan(0.5 * np.tan(steering))  # bicycle model
     return (np.array([np.cos(course), np.sin(course)]) * speed).T

@@ -39,6 +39,7 @@ from .samples import FalsePositiveRows, FalsePositiveSamples, nearest_true_boxes
 
 # a false positive this close to a true box of its classes belongs to it
 NEAR_DISTANCE_M = 3.0
+_FRAME_M = 10.0  # distance that stands for one frame
 # a false positive this close in a later frame is the same one
 _SAME_PLACE_M = 1.0
 _SENSOR_DISTANCE_M = 2.0  # the sensor's own vehicle is nearer
@@ -47,10 +48,16 @@ _MIN_SAMPLES = 100  # for a fit of more than the counted parameters
 _FADE_S = 1.0  # in which the autoregression decays to 1 / e
 _MAX_FRAMES = 100_000  # more than a scene has
 _HIGH_RANK = 0.9  # from which scores count as high
+# frame period and field of view of the profile, over those of the scenes
+_SAME_PERIOD = 1.0
+_SAME_VIEW = 1.0
 _SEEDS = 2  # simulations per set of parameters
 # of a false positive to be visible: lower chances fit as well, but drawing the many
 # invisible ones takes long
 _MIN_CHANCE = 0.1
+_MEDIAN_PAIR_DISTANCE = 1.3  # of two members of a family, over its spread
+_SAME_SHARE = 0.08  # of a figure: a difference that counts as 1
+_SAME_FIGURE = 0.01  # and in addition
 # start values of the unknowns: log-odds or logarithms
 _START = {
     "chance": -1.7,
@@ -103,12 +110,13 @@ def _count_near(
 ) -> NearFalsePositives | None:
     """Return parameters of the false positives close to true boxes.
 
-    ``is_near`` [D]: they are; ``boxes``: number of true boxes; ``dt``: s between
-    frames. None without any. The memory is a start value.
+    ``is_near`` [D]: mask of these false positives; ``boxes``: number of true boxes;
+    ``dt``: s between frames. None without any. The memory is a start value.
     """
     if not is_near.any() or not boxes:
         return None
     zone = np.digitize(real.object_distance, BESIDE_DISTANCES_M)
+    # shares with the class of the true box: on it, beside it, and farther
     first, second, third = (
         round(_share(real.of_class, is_near & (zone == i), default=1.0), 4)
         for i in range(3)
@@ -123,7 +131,7 @@ def _count_near(
         offset=_quantiles(real.object_distance[is_near]),
         same=(first, second, third),
         duplicates=duplicates,
-        **_memory(1.0, 0.0, dt),
+        **_memory(lasting=1.0, constant=0.0, dt=dt),
     )
 
 
@@ -132,14 +140,16 @@ def _count_free(
 ) -> FreeFalsePositives | None:
     """Return parameters of the free false positives.
 
-    They are over ``frames`` frames of ``dt`` s. None without any. Chances,
-    lives, families and memory are start values.
+    ``is_free`` [D]: mask of these false positives; ``frames``: number of frames of all
+    scenes, every ``dt`` s. None without any. Chances, lives, families and memory are
+    start values.
     """
     if not is_free.any():
         return None
     moment = real.scene[is_free] * _MAX_FRAMES + real.frame[is_free]
     count = np.unique(moment, return_counts=True)[1]
     rate = float(is_free.sum()) / frames
+    # variance of the count per frame over its mean
     dispersion = float((count**2).sum()) / frames / rate - rate
     free_place = real.place[is_free]
     pairs = Neighbours.within(
@@ -148,7 +158,7 @@ def _count_free(
     distance_m = np.hypot(*(free_place[pairs.row] - free_place[pairs.other]).T)
     spread_m = 1.0
     if len(distance_m):
-        spread_m = float(np.median(distance_m)) / 1.3
+        spread_m = float(np.median(distance_m)) / _MEDIAN_PAIR_DISTANCE
     length, width, height = rounded(real.size[is_free].mean(axis=0))
     return FreeFalsePositives(
         rate=round(rate, 4),
@@ -161,7 +171,7 @@ def _count_free(
         size=(length, width, height),
         distance=_quantiles(np.maximum(real.distance[is_free], _SENSOR_DISTANCE_M)),
         score=_quantiles(real.score[is_free], SCORE_RANKS),
-        **_memory(1.0, 0.0, dt),
+        **_memory(lasting=1.0, constant=0.0, dt=dt),
     )
 
 
@@ -173,6 +183,7 @@ def _quantiles(
 
 def _memory(lasting: float, constant: float, dt: float) -> dict[str, float]:
     """Return shares of the variance from log-odds, see `memory_of`."""
+    # autoregression between two frames
     phi = float(np.exp(-dt / _FADE_S))
     return memory_of(from_log_odds(lasting), from_log_odds(constant), phi)
 
@@ -180,14 +191,15 @@ def _memory(lasting: float, constant: float, dt: float) -> dict[str, float]:
 def figures_of(rows: FalsePositiveRows, frames: int, high_score: float) -> Floats:
     """Return the compared figures of false positives over ``frames`` frames.
 
-    They are rate and dispersion of free ones, shares that stay for 1 and 4 frames,
-    stand together, are close to an object without a high score, and the rate of near
-    ones. Scores from ``high_score`` on count as high.
+    They are rate and dispersion of free ones; shares that stay for 1 and 4 frames, that
+    stand together, and that are close to an object without a high score; and the rate
+    of near ones. Scores from ``high_score`` on are strong.
     """
     near = rows.object_distance < NEAR_DISTANCE_M
     free = ~near
     strong = rows.score >= high_score
     every_row = np.ones(len(rows.score), dtype=bool)
+    # also where the score of the parent is NaN
     without_parent = ~(rows.parent_score >= high_score)
     lonely = (rows.object_distance < BESIDE_DISTANCES_M[1]) & without_parent
     stays_1 = _has_neighbour(rows, every_row, _SAME_PLACE_M, lag=1)
@@ -220,18 +232,19 @@ def figures_of(rows: FalsePositiveRows, frames: int, high_score: float) -> Float
 def _has_neighbour(
     rows: FalsePositiveRows, candidates: Bools, distance_m: float, lag: int = 0
 ) -> Bools:
-    """Return a mask ``[D]`` of rows with a later neighbour.
+    """Return a mask ``[D]`` of rows with a neighbour ``lag`` frames later.
 
-    ``lag``: frames between both; ``candidates`` ``[D]``: rows that count as neighbours,
-    within ``distance_m``.
+    ``candidates`` ``[D]``: rows that count as neighbours, within ``distance_m``. With
+    ``lag`` 0 a row is not its own neighbour.
     """
     if not candidates.any():
         return np.zeros(len(rows.frame), dtype=bool)
-    # the third coordinate separates frames, and scenes even more
+    # The third coordinate, in metres, is larger between frames than any distance that
+    # counts. Scenes are 20 frames apart, more than any lag.
     scene_length = int(rows.frame.max(initial=0)) + 20.0
-    moment = 10.0 * (rows.scene * scene_length + rows.frame)
+    moment = _FRAME_M * (rows.scene * scene_length + rows.frame)
     tree = KDTree(np.column_stack([rows.place, moment])[candidates])
-    query = np.column_stack([rows.place, moment + 10.0 * lag])
+    query = np.column_stack([rows.place, moment + _FRAME_M * lag])
     # two of each, as in its own frame the nearest one is itself
     distances_m, _ = tree.query(query, k=2, distance_upper_bound=distance_m)
     has_one, has_two = np.isfinite(distances_m).T
@@ -247,7 +260,7 @@ def _share(mask: Bools, among: Bools, default: float = 0.0) -> float:
 
 
 class _Simulation:
-    """Simulated false positives of a class in all scenes, and real figures."""
+    """Simulation of the false positives of one class in all scenes."""
 
     def __init__(
         self,
@@ -258,6 +271,7 @@ class _Simulation:
         real: FalsePositiveSamples,
         sensor: Sensor,
     ) -> None:
+        # only the fitted class makes false positives close to objects
         without_near = {
             class_name: noise.model_copy(update={"near": None})
             for class_name, noise in profile.classes.items()
@@ -268,7 +282,8 @@ class _Simulation:
         self.name = name
         self.frames = sum(scene.frames for scene in scenes)
         self.scenes = [
-            SensedScene(scene.truth, scene.ego, sensor, 1.0, 1.0) for scene in scenes
+            SensedScene(scene.truth, scene.ego, sensor, _SAME_PERIOD, _SAME_VIEW)
+            for scene in scenes
         ]
         self.high_score = float(np.quantile(real.score, _HIGH_RANK))
         self.real_figures = figures_of(real, self.frames, self.high_score)
@@ -287,7 +302,7 @@ class _Simulation:
         best = nearest_parameters(
             lambda unknown: self._simulated_figures(_with_unknown(noise, unknown, dt)),
             self.real_figures,
-            0.08 * np.abs(self.real_figures) + 0.01,
+            _SAME_SHARE * np.abs(self.real_figures) + _SAME_FIGURE,
             np.array(list(_START.values())),
         )
         return _with_unknown(noise, best, dt)
@@ -295,7 +310,7 @@ class _Simulation:
     def _draw_qualities(self, scene: Scene, sensor: Sensor, seed: int) -> Qualities:
         truth = scene.truth
         noise = [self.profile.noise(c) for c in self.classes]
-        grid = truth_grid(truth, noise, 1.0)
+        grid = truth_grid(truth, noise, _SAME_PERIOD)
         place = truth.box[:, :2]
         neighbours = truth_neighbours(grid, place, self.profile.neighbours)
         visibility = visibility_of(truth, scene.ego, sensor, scene.visible)
@@ -333,7 +348,7 @@ class _Simulation:
         truth = scene.truth
         draw_seed = 1000 * seed + scene_number
         similar = classes_of_same_noise(truth, self.noise_names)
-        grid = truth_grid(truth, class_noise, 1.0)
+        grid = truth_grid(truth, class_noise, _SAME_PERIOD)
         parts = [near_false_positives(grid, scene, qualities, similar, draw_seed)]
         reported = reported_classes(
             truth, self.classes, self.noise_names, self.name, noise
@@ -359,7 +374,7 @@ class _Simulation:
 
 
 def _with_unknown(noise: ClassNoise, unknown: Floats, dt: float) -> ClassNoise:
-    """Return the noise with the values of `_START`, in its order."""
+    """Return the noise with values of the unknowns, in the order of `_START`."""
     assert noise.near is not None
     assert noise.free is not None
     value_by_name = dict(zip(_START, unknown.tolist(), strict=True))

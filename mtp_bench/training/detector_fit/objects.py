@@ -9,17 +9,21 @@ from scipy.special import gammaln
 from ...core import Bools, Floats, wrap_angle
 from ...detector import ClassNoise, HeadingNoise, Neighbours, PositionNoise, SizeNoise
 from .quality import NEIGHBOUR_LENGTH_M, fit_quality, memory_of, random_part
-from .samples import HEADING, HEIGHT, RADIAL, SIZE, TANGENTIAL, ObjectSamples
+from .samples import DISTANCE, HEADING, HEIGHT, RADIAL, SIZE, TANGENTIAL, ObjectSamples
 
 Axis = tuple[float, float, float]  # s0, s1, gain
 
-_LAGS = (1, 2, 3, 4, 6, 8, 12, 16)  # frames
+# frames between two errors of an object, of places and of sizes
+_LAGS = (1, 2, 3, 4, 6, 8, 12, 16)
+_SIZE_LAGS = range(1, 9)
 _MIN_PAIRS = 50  # for a correlation
 _MIN_VALUES = 30  # for other figures
+_MIN_FLIPS = 10
 _PAIR_DISTANCE_M = 5.0  # between neighbours whose errors are compared
-_DRAWS = 100_000
+_DRAWS = 100_000  # simulated pairs of errors
 _MIXES = 50  # draws of shared numbers
-# of latent numbers, so that one large error does not make a correlation
+_MIN_SCALE = 1e-9
+# of standardised errors, so that one large error does not make a correlation
 _BOUND = 3.0
 _SIZE_BOUND = 4.0
 _QUALITY_BOUND = 4.0
@@ -32,30 +36,33 @@ _LEAST_NU = 1.05
 
 
 def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
-    """Fit the noise of a class without its false positives."""
+    """Fit the noise of a class without its false positives.
+
+    ``floor``: least score of the detections that count.
+    """
     quality = fit_quality(objects, floor)
     random = random_part(objects, quality)
     random = np.clip(random, -_QUALITY_BOUND, _QUALITY_BOUND)
     error = objects.error[:, [RADIAL, TANGENTIAL]]
-    distance_m = objects.feature[:, 1]
-    margins, nu = _position_margins(error, distance_m, random, objects.hit)
+    distance = objects.feature[:, DISTANCE]
+    margins, nu = _position_margins(error, distance, random, objects.hit)
     neighbours = Neighbours.within(
         NEIGHBOUR_LENGTH_M, objects.place, objects.moments(), objects.object
     )
     attenuation = _attenuation(nu)
     axes = []
     for column, (s0, s1, gain) in enumerate(margins):
-        scale = (s0 + s1 * distance_m) * np.exp(-gain * random)
-        latent = error[:, column] / scale
-        memory = _position_memory(objects, latent)
+        scale = (s0 + s1 * distance) * np.exp(-gain * random)
+        scaled_error = error[:, column] / scale
+        memory = _position_memory(objects, scaled_error)
         lasting = (1.0 - memory["white"]) * attenuation
-        latent = np.clip(latent, -_BOUND, _BOUND)
+        scaled_error = np.clip(scaled_error, -_BOUND, _BOUND)
         axes.append(
             PositionNoise(
                 s0=round(s0, 4),
                 s1=round(s1, 4),
                 quality=round(gain, 4),
-                shared=_shared_weight(latent, neighbours, objects, lasting),
+                shared=_shared_weight(scaled_error, neighbours, objects, lasting),
                 **memory,
             )
         )
@@ -68,18 +75,18 @@ def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
         radial=axes[0],
         tangential=axes[1],
         nu=round(nu, 4),
-        heading=_heading(objects),
-        size=_size(objects),
+        heading=_heading_noise(objects),
+        size=_size_noise(objects),
         velocity=velocity_noise,
-        z=_height(objects),
+        z=_height_noise(objects),
     )
 
 
-def _heading(objects: ObjectSamples) -> HeadingNoise:
-    """Fit heading errors modulo pi, and chances of flips.
+def _heading_noise(objects: ObjectSamples) -> HeadingNoise:
+    """Fit heading errors modulo pi, and probabilities of flips.
 
-    They are those after a flip and after none; the last one follows from the share of
-    flips in the long run.
+    A flip is an error of about pi. Its probability after a flip is counted; that after
+    none follows from the share of flips in the long run.
     """
     error = objects.error[:, HEADING]
     modulo_pi = np.remainder(error + np.pi / 2, np.pi) - np.pi / 2
@@ -88,8 +95,9 @@ def _heading(objects: ObjectSamples) -> HeadingNoise:
     earlier, later = objects.hit_pairs()
     after_flip = later[flipped[earlier]]
     flip_again = share
-    if len(after_flip) >= _MIN_VALUES / 3:
+    if len(after_flip) >= _MIN_FLIPS:
         flip_again = float(np.mean(flipped[after_flip]))
+    # as many flips begin as end: (1 - share) flip = share (1 - flip_again)
     flip = min(share * (1.0 - flip_again) / max(1.0 - share, 1e-9), 1.0)
     scale = robust_deviation(modulo_pi[objects.hit]) or 0.0
     return HeadingNoise(
@@ -97,22 +105,26 @@ def _heading(objects: ObjectSamples) -> HeadingNoise:
     )
 
 
-def _size(objects: ObjectSamples) -> SizeNoise:
-    """Fit mean and deviation of errors of the size.
+def _size_noise(objects: ObjectSamples) -> SizeNoise:
+    """Fit the errors of length, width and height.
 
-    The size is length, width and height. Also fits the share of the errors that is new
-    in every frame.
+    Of each: mean and deviation. Of all: the share of the variance that is new in every
+    frame (``white``), which is 1 less the correlation between frames.
     """
     error = objects.error[:, SIZE]
     mean = error[objects.hit].mean(axis=0)
     deviation = error[objects.hit].std(axis=0)
-    latent = (error - mean) / np.maximum(deviation, 1e-9)
-    latent = np.clip(latent, -_SIZE_BOUND, _SIZE_BOUND)
-    pairs = [objects.hit_pairs(lag) for lag in range(1, 9)]
-    product = np.concatenate([latent[a] * latent[b] for a, b in pairs])
+    standardised = (error - mean) / np.maximum(deviation, _MIN_SCALE)
+    standardised = np.clip(standardised, -_SIZE_BOUND, _SIZE_BOUND)
+    products = []
+    for lag in _SIZE_LAGS:
+        earlier, later = objects.hit_pairs(lag)
+        products.append(standardised[earlier] * standardised[later])
+    product = np.concatenate(products)
     white = 1.0
     if len(product) >= _MIN_VALUES:
-        white = min(max(1.0 - float(np.mean(product)), 0.0), 1.0)
+        correlation = float(np.mean(product))
+        white = min(max(1.0 - correlation, 0.0), 1.0)
     return SizeNoise(
         mean=tuple(mean.round(4).tolist()),
         deviation=tuple(deviation.round(4).tolist()),
@@ -130,7 +142,7 @@ def robust_deviation(value: Floats) -> float | None:
     return float(_NORMAL_MAD * np.median(np.abs(value - np.median(value))))
 
 
-def _height(objects: ObjectSamples) -> tuple[float, float]:
+def _height_noise(objects: ObjectSamples) -> tuple[float, float]:
     """Return mean and deviation of height errors of centres, m.
 
     The deviation is of the part that is new in every frame.
@@ -138,39 +150,46 @@ def _height(objects: ObjectSamples) -> tuple[float, float]:
     error = objects.error[:, HEIGHT]
     earlier, later = objects.hit_pairs()
     change = robust_deviation(error[later] - error[earlier]) or 0.0
-    return round(float(error[objects.hit].mean()), 4), round(change / np.sqrt(2.0), 4)
+    # a change has the new parts of two frames
+    deviation = change / np.sqrt(2.0)
+    return round(float(error[objects.hit].mean()), 4), round(deviation, 4)
 
 
 def _position_margins(
-    error: Floats, distance_m: Floats, random: Floats, hit: Bools
+    error: Floats, distance: Floats, random: Floats, hit: Bools
 ) -> tuple[list[Axis], float]:
     """Fit the distribution of errors ``[R, 2]``: both axes, and nu.
 
-    It is ``(s0 + s1 d) exp(-gain q) T_nu`` at ``distance_m`` d, with the ``random``
-    part q of the quality.
+    It is ``(s0 + s1 d) exp(-gain q) T_nu`` at ``distance`` d in units of 10 m, with the
+    ``random`` part q of the quality. T_nu is Student's t with nu degrees of freedom.
     """
-    size = np.abs(error[hit])
+    magnitude = np.abs(error[hit])
     start = []
-    for typical in np.log(np.maximum(_NORMAL_MAD * np.median(size, axis=0), 1e-3)):
+    # at distance 0 half of the typical error
+    for typical in np.log(np.maximum(_NORMAL_MAD * np.median(magnitude, axis=0), 1e-3)):
         start += [typical - 0.7, typical - 2.0, 0.1]
     start = np.clip([*start, 1.0], *np.transpose(_MARGIN_BOUNDS))
     loss = partial(
-        _student_loss, size=size, distance=distance_m[hit], quality=random[hit]
+        _student_loss,
+        magnitude=magnitude,
+        distance=distance[hit],
+        quality=random[hit],
     )
     best = minimize(loss, start, method="L-BFGS-B", bounds=_MARGIN_BOUNDS).x
     axes = [
-        (float(np.exp(s0)), float(np.exp(s1)), float(gain))
-        for s0, s1, gain in (best[:3], best[3:6])
+        (float(np.exp(log_s0)), float(np.exp(log_s1)), float(gain))
+        for log_s0, log_s1, gain in (best[:3], best[3:6])
     ]
     return axes, float(_LEAST_NU + np.exp(best[6]))
 
 
 def _student_loss(
-    unknown: Floats, size: Floats, distance: Floats, quality: Floats
+    unknown: Floats, magnitude: Floats, distance: Floats, quality: Floats
 ) -> float:
     """Return the negative log-likelihood of Student's t.
 
-    It is the sum over axes of the mean. ``size`` ``[R, 2]``: absolute errors.
+    It is the mean over errors, summed over both axes. ``unknown`` ``[7]``: as
+    `_MARGIN_BOUNDS`; ``magnitude`` ``[R, 2]``: absolute errors.
     """
     nu = _LEAST_NU + np.exp(unknown[6])
     norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
@@ -179,17 +198,18 @@ def _student_loss(
         log_s0, log_s1, gain = unknown[3 * column : 3 * column + 3]
         scale = np.exp(log_s0) + np.exp(log_s1) * distance
         log_scale = np.log(scale) - gain * quality
-        square = (size[:, column] / np.exp(log_scale)) ** 2
+        square = (magnitude[:, column] / np.exp(log_scale)) ** 2
         likelihood = norm - log_scale - (nu + 1) / 2 * np.log1p(square / nu)
         total -= float(likelihood.mean())
     return total
 
 
-def _position_memory(objects: ObjectSamples, latent: Floats) -> dict[str, float]:
-    """Return shares of the variance over up to 16 frames.
+def _position_memory(objects: ObjectSamples, scaled_error: Floats) -> dict[str, float]:
+    """Return the shares of the variance that last, decay and are new.
 
-    All is white without enough pairs. The tail factors last, so an object's errors are
-    normal with a scale of its own: the median change over the median error is
+    They are fitted to correlations over up to 16 frames; without enough pairs all is
+    new (``white``). The tail factors last, so an object's errors are normal with a
+    scale of its own: the median change over the median error is
     ``sqrt(2 - 2 correlation)`` for all scales.
     """
     lags = []
@@ -199,11 +219,13 @@ def _position_memory(objects: ObjectSamples, latent: Floats) -> dict[str, float]
         earlier, later = objects.hit_pairs(lag)
         if len(earlier) < _MIN_PAIRS:
             continue
-        typical = float(np.median(np.abs(latent[np.append(earlier, later)])))
+        both = scaled_error[np.append(earlier, later)]
+        typical = float(np.median(np.abs(both)))
         if typical > 0:
-            change = float(np.median(np.abs(latent[later] - latent[earlier]))) / typical
+            change = np.abs(scaled_error[later] - scaled_error[earlier])
+            change_ratio = float(np.median(change)) / typical
             lags.append(lag)
-            correlations.append(1.0 - change**2 / 2)
+            correlations.append(1.0 - change_ratio**2 / 2)
             weights.append(np.sqrt(len(earlier)))
     if not lags:
         return {"bias": 0.0, "ar": 0.0, "phi": 0.0, "white": 1.0}
@@ -218,13 +240,15 @@ def _position_memory(objects: ObjectSamples, latent: Floats) -> dict[str, float]
 
 
 def _attenuation(nu: float) -> float:
-    """Return the correlation of bounded Student's t numbers.
+    """Return the factor by which tails and bounds lower a correlation.
 
-    They have separate tail factors, and it is over that of the normal numbers.
+    Normal numbers with a correlation of a half become Student's t by separate tail
+    factors, and are bounded. The correlation then is divided by the half.
     """
     rng = np.random.default_rng(0)
     first, second = rng.standard_normal((2, _DRAWS))
     tails = np.sqrt(nu / rng.chisquare(nu, (2, _DRAWS)))
+    # correlation 1/2, variance 1
     correlated = [first, (first + np.sqrt(3.0) * second) / 2]
     one, two = np.clip(tails * correlated, -_BOUND, _BOUND)
     variance = np.sqrt(np.mean(one**2) * np.mean(two**2))
@@ -232,9 +256,15 @@ def _attenuation(nu: float) -> float:
 
 
 def _shared_weight(
-    latent: Floats, neighbours: Neighbours, objects: ObjectSamples, lasting: float
+    scaled_error: Floats,
+    neighbours: Neighbours,
+    objects: ObjectSamples,
+    lasting: float,
 ) -> float:
-    """Return the weight of close neighbours, from correlations of their errors."""
+    """Return the weight of shared noise, from correlations of close neighbours' errors.
+
+    ``lasting``: share of an error's variance that can be shared.
+    """
     row = neighbours.row
     neighbour = neighbours.other
     distance_m = np.hypot(*(objects.place[row] - objects.place[neighbour]).T)
@@ -245,11 +275,12 @@ def _shared_weight(
         return 0.0
     row = row[is_pair]
     neighbour = neighbour[is_pair]
-    variance = float(np.nanmean(latent**2))
-    real = float(np.mean(latent[row] * latent[neighbour])) / variance
+    variance = float(np.nanmean(scaled_error**2))
+    product = scaled_error[row] * scaled_error[neighbour]
+    real = float(np.mean(product)) / variance
     shares = np.linspace(0.0, 1.0, 21)
     implied = np.zeros(len(shares))
-    for number in np.random.default_rng(0).standard_normal((_MIXES, len(latent))):
+    for number in np.random.default_rng(0).standard_normal((_MIXES, len(objects.hit))):
         for i, share in enumerate(shares):
             mixed = neighbours.mixed(number[None], np.full((1, len(number)), share))[0]
             implied[i] += lasting * np.mean(mixed[row] * mixed[neighbour]) / _MIXES

@@ -30,9 +30,9 @@ def fit_profile(
     """Fit a profile of the detector behind the detections.
 
     Their truth must be complete. ``dt``: s between frames; ``sensor``: its coverage;
-    ``floor``: least score per class of the detections that count, without one the
-    lowest score that occurs; ``alike``: classes, and the class that they are fitted
-    together with and whose noise they have. Classes with fewer than 100 detected true
+    ``floor``: by class, the least score of the detections that count, without one the
+    lowest score that occurs; ``alike``: by class, another class that it is fitted
+    together with and whose noise it has. Classes with fewer than 100 detected true
     boxes are left out; DataError if none remains.
     """
     scenes = list(scenes)
@@ -67,7 +67,7 @@ def fit_profile(
 def _fit_all_objects(
     samples: Mapping[str, Samples], floor: Mapping[str, float]
 ) -> dict[str, ClassNoise]:
-    """Fit the noise of objects of classes with enough hits."""
+    """Fit the noise of true objects, of the classes with enough hits."""
     hits = {
         class_name: int(objects.hit.sum())
         for class_name, (objects, _) in samples.items()
@@ -90,6 +90,7 @@ def _fit_all_objects(
                 objects.score[objects.hit].min(),
                 false_positives.score.min(initial=np.inf),
             )
+            # four digits as in a profile, and not above any score
             lowest = math.floor(1e4 * float(lowest)) / 1e4
             noise[class_name] = fit_objects(objects, floor.get(class_name, lowest))
     return noise

@@ -34,8 +34,9 @@ _BANDS_M = ((0.0, 5.0), (5.0, 10.0))  # between neighbours
 # share of the hits below the second score threshold at which misses are compared
 _SECOND_SHARE = 0.15
 _MIN_PAIRS = 60  # for a correlation
-_SEEDS = 8
-_START = np.array([1.0, 0.0, 1.0, -0.5, 0.5, 1.0, 0.0])
+_QUALITY_GROUPS = 10  # of equal size, by mean quality
+_SEEDS = 8  # simulations per set of parameters
+_START = np.array([1.0, 0.0, 1.0, -0.5, 0.5, 1.0, 0.0])  # log-odds, see `_with_memory`
 _SCALE = 0.03  # of all compared figures, which are correlations
 _MIN_CUT_STEP = 1e-4  # between two cuts
 # inverse variance of a weight around 0; keeps the weight of a feature that never occurs
@@ -69,9 +70,10 @@ def fit_quality(objects: ObjectSamples, floor: float) -> Quality:
 
 
 def random_part(objects: ObjectSamples, quality: Quality) -> Floats:
-    """Return the random part ``[R]`` of qualities in the scores.
+    """Return the random part ``[R]`` of qualities, from the scores.
 
-    It is NaN where undetected.
+    It is the quality of the score less the mean quality of the box; NaN where
+    undetected.
     """
     value = np.full(len(objects.hit), np.nan)
     score = objects.score[objects.hit]
@@ -82,13 +84,14 @@ def random_part(objects: ObjectSamples, quality: Quality) -> Floats:
 def _margins(objects: ObjectSamples, floor: float, lapse_share: float) -> Quality:
     """Return a quality with fitted mean and scores.
 
-    A miss is the lowest level; the memory is a placeholder.
+    A miss is the lowest level. The values of the memory are placeholders.
     """
     score = objects.score[objects.hit]
     cuts = np.unique(np.append(np.quantile(score, _SHARES), floor))
     cuts = cuts[cuts >= floor]
     if score.min() == score.max():
         cuts = cuts[:1]  # without scores only the floor
+    # number of cuts that a box' quality reaches: 0 for a miss, at least 1 for a hit
     level = np.zeros(len(objects.hit), dtype=np.int64)
     level[objects.hit] = np.maximum(np.searchsorted(cuts, score, side="right"), 1)
     location, latent = fit_ordered_levels(
@@ -154,9 +157,9 @@ class _QualitySimulation:
             ids,
             objects.frame,
             column,
-            (),
+            (),  # the noise, which `simulated` sets for all objects
             np.zeros(len(ids), dtype=np.int64),
-            1.0,
+            1.0,  # frame periods of the profile per frame
         )
         self.neighbours = Neighbours.within(
             NEIGHBOUR_LENGTH_M, objects.place, objects.moments(), objects.object
@@ -175,7 +178,7 @@ class _QualitySimulation:
         self.quality = quality
 
     def simulated(self, unknown: Floats) -> Floats:
-        """Return mean `correlations` over seeds, with the memory given by log-odds."""
+        """Return mean `correlations` over seeds with the memory of ``unknown``."""
         quality = _with_memory(self.quality, unknown)
         grid = replace(self.grid, noise=(ClassNoise.model_construct(quality=quality),))
         results = []
@@ -186,10 +189,10 @@ class _QualitySimulation:
         return np.asarray(np.nan_to_num(results).mean(axis=0))
 
     def correlations(self, hit: Bools, score: Floats) -> Floats:
-        """Return correlations of qualities and of misses.
+        """Return correlations of qualities, of misses and of weak scores.
 
-        They are over frames and between neighbours. ``hit`` [R]; ``score`` [R], NaN
-        where undetected.
+        They are over frames and between neighbours. A score is weak below the second
+        threshold. ``hit`` [R]; ``score`` [R], NaN where undetected.
         """
         quality = np.interp(
             np.nan_to_num(score), self.quality.score, self.quality.latent
@@ -210,10 +213,10 @@ class _QualitySimulation:
 
     def _residual(self, miss: Bools) -> Floats:
         """Return misses ``[R]`` less their mean at similar mean quality."""
-        end = np.quantile(self.location, np.linspace(0.0, 1.0, 11)[1:-1])
-        group = np.searchsorted(end, self.location)
-        count = np.bincount(group, minlength=10)
-        mean = np.bincount(group, miss, 10) / np.maximum(count, 1)
+        ends = np.linspace(0.0, 1.0, _QUALITY_GROUPS + 1)[1:-1]
+        group = np.searchsorted(np.quantile(self.location, ends), self.location)
+        count = np.bincount(group, minlength=_QUALITY_GROUPS)
+        mean = np.bincount(group, miss, _QUALITY_GROUPS) / np.maximum(count, 1)
         return np.asarray(miss - mean[group])
 
 
@@ -223,6 +226,7 @@ def _correlation(value: Floats, one: Ints, two: Ints) -> float:
         return float("nan")
     first = value[one]
     second = value[two]
+    # the same mean and variance for both, as each pair counts in both orders
     mean = 0.5 * (first.mean() + second.mean())
     first = first - mean
     second = second - mean
@@ -260,7 +264,7 @@ def fit_ordered_levels(
 
 
 def _cuts(gaps: Floats) -> Floats:
-    """Return cuts after the first from logarithms of gaps."""
+    """Return the cuts after the first, which is 0, from logarithms of gaps."""
     return np.cumsum(np.exp(gaps) + _MIN_CUT_STEP)
 
 
@@ -269,9 +273,10 @@ def _level_loss(
 ) -> tuple[float, Floats]:
     """Return the mean negative log-likelihood and its gradient.
 
-    It is over weights and logarithms of the gaps between cuts.
+    ``unknown``: weights of the features, and logarithms of the gaps between cuts.
     """
     weight, gaps = np.split(unknown, [feature.shape[1]])
+    # the outermost levels have no limit: +-1e3 stands for +-inf
     cuts = np.concatenate([[-1e3, 0.0], _cuts(gaps), [1e3]])
     mean = feature @ weight
     low = mean - cuts[level]
@@ -284,6 +289,7 @@ def _level_loss(
     weight_slope = feature.T @ (at_high - at_low)
     low_slope = np.bincount(level, at_low, len(cuts))
     cut_slope = low_slope - np.bincount(level + 1, at_high, len(cuts))
+    # a gap moves all cuts above it
     gap_slope = np.cumsum(cut_slope[2:-1][::-1])[::-1] * np.exp(gaps)
     penalty = 0.5 * _RIDGE * float(weight[1:] @ weight[1:])
     weight_slope[1:] += _RIDGE * weight[1:]
@@ -294,9 +300,10 @@ def _level_loss(
 def nearest_parameters(
     figures: Callable[[Floats], Floats], real: Floats, scale: Floats, start: Floats
 ) -> Floats:
-    """Return unknowns with ``figures`` nearest to the ``real`` finite ones.
+    """Return unknowns whose ``figures`` are nearest to the ``real`` ones.
 
-    Differences are in units of ``scale``.
+    Only finite real figures count. Differences are in units of ``scale``; ``start``:
+    first unknowns.
     """
     finite = np.isfinite(real)
 

@@ -29,6 +29,7 @@ TANGENTIAL = 1
 HEIGHT = 2
 HEADING = 3
 SIZE = slice(4, 7)
+DISTANCE = 1  # column of ``ObjectSamples.feature``, in units of 10 m
 
 # m, largest BEV distance of a detection from its true box
 _GATES_M = {"pedestrian": 1.0, "cyclist": 1.5, "bicycle": 1.5, "motorcycle": 1.5}
@@ -62,7 +63,10 @@ class ObjectSamples:
         return self.scene * (int(self.frame.max(initial=0)) + 1) + self.frame
 
     def pairs(self, lag: int = 1) -> tuple[Ints, Ints]:
-        """Return rows of the same object, ``lag`` frames apart: earlier, later."""
+        """Return rows of the same object, ``lag`` frames apart: earlier, later.
+
+        Rows are sorted by object and frame, so the keys are too.
+        """
         width = int(self.frame.max(initial=0)) + lag + 1
         key = self.object * width + self.frame
         later = np.searchsorted(key, key + lag)
@@ -122,11 +126,11 @@ def collect_samples(
     floor: Mapping[str, float] | None = None,
     pooled: Mapping[str, str] | None = None,
 ) -> dict[str, Samples]:
-    """Return samples per class over ``scenes``.
+    """Collect the samples of each class over ``scenes``.
 
-    ``floor``: least score per class of the detections that count; ``pooled``: classes,
-    and the class whose samples theirs are added to. Boxes are matched class by class in
-    any case. Raises DataError without a scene.
+    ``floor``: by class, the least score of the detections that count; ``pooled``: by
+    class, another class whose samples its own are added to. Boxes are matched class by
+    class in any case. Raises DataError without a scene.
     """
     pooled = pooled or {}
     sample_names = np.array([pooled.get(name, name) for name in classes])
@@ -180,9 +184,10 @@ def _object_samples(
     sensor: Sensor,
     scene_number: int,
 ) -> ObjectSamples:
-    """Return samples of all true rows.
+    """Return samples of all true rows [R] of a scene.
 
-    ``detection`` [R]: rows of their detections, -1 where they are undetected.
+    ``detection`` [R]: rows of their detections, -1 where they are undetected;
+    ``object_number`` [R]: numbers that are unique over scenes.
     """
     true_box = scene.truth.box
     rows = len(true_box)
@@ -199,6 +204,7 @@ def _object_samples(
     offset = box[:, :2] - true_box[:, :2]
     away = true_box[:, :2] - scene.ego[frame, :2]
     away = away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
+    # in the order of RADIAL, TANGENTIAL, HEIGHT, HEADING, SIZE
     error = [
         (away * offset).sum(axis=1),
         away[:, 0] * offset[:, 1] - away[:, 1] * offset[:, 0],
@@ -229,6 +235,7 @@ def _false_positive_samples(
     sensor: Sensor,
     scene_number: int,
 ) -> FalsePositiveSamples:
+    """Return the covered false positives of a scene of the pooled ``class_ids``."""
     truth = scene.truth
     false_row = np.flatnonzero(matches.false & np.isin(detections.class_id, class_ids))
     frame = detections.frame_of_rows[false_row]
@@ -261,11 +268,11 @@ def _false_positive_samples(
 def nearest_true_boxes(
     truth: Truth, candidates: Bools, frame: Ints, box: Floats
 ) -> tuple[Ints, Floats]:
-    """Return nearest true boxes: rows, and distances in m.
+    """Return the nearest true box of each box: rows [D], and distances [D] in m.
 
-    ``candidates`` ``[R]``: true boxes to choose from, in the ``frame`` of each box
-    ``[D, 7]``. The answer is -1 (the index of an appended value) and inf in frames
-    without one.
+    ``candidates`` ``[R]``: mask of the true boxes to choose from; ``frame`` [D] and
+    ``box`` ``[D, 7]``. In frames without a candidate the row is -1, the index of a
+    value that callers append, and the distance is inf.
     """
     nearest_row = np.full(len(box), -1)
     distance_m = np.full(len(box), np.inf)
@@ -315,7 +322,7 @@ def match_boxes(
             distance_m = center_distance(truth.box[i, None], detections.box[None, j])
             gate_m = _GATES_M.get(class_name, _VEHICLE_GATE_M)
             in_gate = distance_m <= gate_m
-            # more than all pairs together
+            # costs more than all pairs inside the gate together
             beyond_gate = (min(distance_m.shape) + 1) * (gate_m + 1.0)
             cost = np.where(in_gate, distance_m, beyond_gate)
             pair_i, pair_j = linear_sum_assignment(cost)
@@ -324,6 +331,7 @@ def match_boxes(
             detection[i[pair_i[is_pair]]] = matched
             false[matched] = False
             false[j[in_gate[truth.neutral[i]].any(axis=0)]] = False
+            # the matched ones too: `false` leaves them out in the end
             matched_box = detections.box[matched, None]
             distance_m = center_distance(matched_box, detections.box[None, j])
             is_close = distance_m <= _DUPLICATE_DISTANCE_M
