@@ -107,10 +107,7 @@ def card_budget(env_id: str) -> CardBudget:
 
 
 def _read_frozen(env_id: str) -> Reference | None:
-    """Read the frozen event weights of the shipped card.
-
-    None without a file.
-    """
+    """Read the frozen event weights of an env, None without a file."""
     path = frozen_path(env_id)
     if not path.is_file():
         return None
@@ -118,7 +115,6 @@ def _read_frozen(env_id: str) -> Reference | None:
     if reference.env != env_id:
         raise DataError(f"{path}: env is {reference.env!r}, expected {env_id!r}")
     constants = None
-    # not listed where false forecasts are known: then the weights hold the constants
     live_frames = _live_frames().get(env_id)
     if live_frames is not None:
         forecasts = reference.totals["forecasts"]
@@ -276,41 +272,29 @@ def _budget_of(env_id: str, runs: Sequence[_PlainRun]) -> CardBudget | None:
 def _driven_reference(
     card: Card, scenes: Sequence[str], options: RunOptions
 ) -> Reference:
-    """Run ground-truth tracks in a closed loop, and return the ways of the ego.
-
-    Each scene counts as one target.
-    """
+    """Run ground-truth tracks in a closed loop, and return the ways of the ego."""
     submission = load_submission(controls()["ground_truth"])
     jobs = jobs_of(submission, card, {"data": options.data}, scenes)
     ways_m = run_jobs(jobs, options, _way)
-    no_counts = np.zeros((1, len(COUNTED_EVENTS)), dtype=np.uint8)
-    no_events = np.zeros((1, len(EVENT_KINDS)), dtype=bool)
+    # each scene counts as one target
+    no_events = SceneWeights(
+        counts=np.zeros((1, len(COUNTED_EVENTS)), dtype=np.uint8),
+        stp=np.zeros((1, len(EVENT_KINDS)), dtype=bool),
+        stp_events=(0, 0, 0),
+        false_forecasts=0,
+        forecasts=0,
+    )
     weights = {}
     for scene_name, way_m in zip(scenes, ways_m, strict=True):
-        weights[scene_key(card.id, scene_name)] = SceneWeights(
-            no_counts,
-            no_events,
-            stp_events=(0, 0, 0),
-            false_forecasts=0,
-            forecasts=0,
-            way=way_m,
-        )
+        weights[scene_key(card.id, scene_name)] = replace(no_events, way=way_m)
+    runs = 1
     return Reference(
-        card.id,
-        card.digest,
-        WEIGHTS_DEFINITIONS,
-        submission.name,
-        runs=1,
-        parameters={},
-        scenes=weights,
+        card.id, card.digest, WEIGHTS_DEFINITIONS, submission.name, runs, {}, weights
     )
 
 
 def _way(scene: Scene, rollout: Rollout, card: Card) -> float:
-    """Return the distance driven, m, rounded down to micrometres.
-
-    Machines differ in the last bits.
-    """
+    """Return the way of a drive, m, rounded down: machines differ in the last bits."""
     assert rollout.drive is not None
     return float(np.floor(1e6 * rollout.drive.way)) / 1e6
 
@@ -347,8 +331,7 @@ def _perturbed_runs(
     runs: Sequence[int],
 ) -> NDArray[np.uint8]:
     """Return counts [n, 4] of the events of the perturbed ``runs`` on n targets."""
-    # only tracks count, so forecasts have the least sizes
-    env = MTPEnv(
+    env = MTPEnv(  # only tracks count, so forecasts have the least sizes
         card, data=data, samples=1, hypotheses=1, max_objects=1, evaluation=True
     )
     env.reset(options={"scene": scene_name})

@@ -134,6 +134,7 @@ def match_hypotheses(
     pairs = event_pairs(truth, rollout, card)
     pairs = pairs.keep(~truth.neutral[pairs.row])
     count = member.shape[1]
+    # every hypothesis has rows and columns of its own, so all are matched at once
     pair, hypothesis = np.nonzero(member[pairs.column])
     pairs = Pairs(
         pairs.row[pair] * count + hypothesis,
