@@ -154,7 +154,7 @@ def _reference_scores(
     scene_names: Sequence[str],
     options: RunOptions,
 ) -> AgentScores:
-    """Run a reference on the scenes of a stored run, and score it."""
+    """Score a new run of a reference on a stored run's scenes."""
     jobs = jobs_of(
         setting.submission,
         opened.card,

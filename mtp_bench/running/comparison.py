@@ -170,7 +170,7 @@ def _reference_settings(
 def _distinct_runs(
     settings: Sequence[Setting], references: _ReferenceSettings
 ) -> dict[Key, Setting]:
-    """Return settings and references by key, one of those that run the same."""
+    """Return settings and references by key, those that run alike once."""
     runs: dict[Key, Setting] = {}
     for setting in settings:
         runs.setdefault(setting.key, setting)

@@ -86,7 +86,7 @@ def compare_driving(
 
 
 def _reference_ways(card: Card, truth: AgentDrives) -> dict[str, float]:
-    """Return the distance that the ego drives with ground-truth tracks, by scene, m.
+    """Return the ego's way with ground-truth tracks by scene, m driven.
 
     The frozen distances, if there are any, else means over the drives of ``truth``.
     """
@@ -131,7 +131,7 @@ def drives_of(
 
 
 def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
-    """Return a card of the scenes that drives recorded, without a closed loop.
+    """Return a card of recorded scenes of drives, without closed loop.
 
     Any agent can then be run on the scenes that the agents of ``rollouts`` drove in,
     with the detections that they were shown. They are kept as own scenes in the cache;

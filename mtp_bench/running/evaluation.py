@@ -75,7 +75,7 @@ class EnvEvaluation:
         options: RunOptions,
         keywords: Mapping[str, Any],
     ) -> Iterator["EnvEvaluation"]:
-        """Yield the evaluation on the ranked scenes, under the options of a call.
+        """Yield the evaluation on ranked scenes, with the options of a call.
 
         ``verb`` names the work in the display of progress. ``keywords``: `RunKeywords`.
         """

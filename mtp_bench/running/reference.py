@@ -272,7 +272,7 @@ def _budget_of(env_id: str, runs: Sequence[_PlainRun]) -> CardBudget | None:
 def _driven_reference(
     card: Card, scenes: Sequence[str], options: RunOptions
 ) -> Reference:
-    """Run ground-truth tracks in a closed loop, and return the ways of the ego."""
+    """Return the distances that the ego drives with ground-truth tracks."""
     submission = load_submission(controls()["ground_truth"])
     jobs = jobs_of(submission, card, {"data": options.data}, scenes)
     ways_m = run_jobs(jobs, options, _way)

@@ -324,7 +324,7 @@ def _changed_card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
 
 
 def _text(folder: Path, info: RunInfo, keyword: str) -> str | None:
-    """Return a keyword of the run's env that is text, or None if it has no value."""
+    """Return the value of an env's ``keyword``, a text or None."""
     value = info.keywords.get(keyword)
     if value is not None and not isinstance(value, str):
         raise RolloutError(f"{folder}: {keyword} is {value!r}, expected a name")

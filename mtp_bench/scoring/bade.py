@@ -46,7 +46,7 @@ class Cuts:
     miss_error: Floats  # [n] m, c of each target
 
     def at(self, min_confidence: float) -> tuple[Floats, Floats]:
-        """Return the error of each target [n], m, at a least kept confidence.
+        """Return the error of each target [n], m, at a confidence threshold.
 
         The second result is the part of it from targets without a forecast.
         """

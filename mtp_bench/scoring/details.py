@@ -151,7 +151,7 @@ def calibration(confidence: Floats, matched: Bools) -> tuple[float, list[Reliabi
 
 
 def misstated(table: AgentTable) -> tuple[float, float] | None:
-    """Return the mean confidence and the share of forecasts of a true object.
+    """Return the mean confidence, and the share of true forecasts.
 
     Only the first seed is looked at. None unless the two differ by more than `MAX_BIAS`, and
     by more than chance (p < .01). Forecasts of one frame count as independent, and
@@ -251,7 +251,7 @@ def _tracking(counts: list[StreamCounts], card: Card, complete: bool) -> Trackin
     """Return the tracking numbers of all classes and per class.
 
     Numbers of false output are None unless the truth is ``complete``. They are None for
-    each class too if a false track states no class, since it may be of any.
+    each class too if a false track is without a class, since it may be of any.
     """
     sums = _summed(counts, _COUNTS)
     sums |= _summed([count.identity for count in counts], _IDENTITY_COUNTS)

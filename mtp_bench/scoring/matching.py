@@ -200,7 +200,10 @@ def _numbered(label: Ints, components: int) -> tuple[Ints, Rows]:
 
 
 def _settle_star(contested: _Contested, matched: Matched) -> None:
-    """Write the cheapest pair of components with one row or column into ``matched``."""
+    """Match the cheapest pair of components with one row or one column.
+
+    It is written into ``matched``.
+    """
     pairs = contested.pairs
     order = np.lexsort((pairs.column, pairs.row, pairs.cost, contested.label))
     first = order[np.diff(contested.label[order], prepend=-1) != 0]

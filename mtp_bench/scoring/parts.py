@@ -169,7 +169,7 @@ def reference_errors(
 
 
 def _covered_mean(scores: AgentScores, name: str) -> Floats:
-    """Return the mean [n] of the array ``name`` over the seeds that cover a target."""
+    """Return the mean [n] of array ``name`` over seeds that cover a target."""
     seeds = over_seeds(scores, "covered")  # their number
     mean: Floats = np.full(len(seeds), np.nan)
     np.divide(over_seeds(scores, name), seeds, out=mean, where=seeds > 0)

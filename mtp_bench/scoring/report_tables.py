@@ -129,7 +129,7 @@ class Report:
 
 
 def _agent_name(row: Row) -> str:
-    """Return the name of the agent of a row, without the parameters behind it."""
+    """Return the agent's name in a row, without the parameters behind it."""
     return row.agent.split(" ")[0]
 
 
@@ -254,10 +254,11 @@ def _has_other_detections(report: Report) -> bool:
 
 
 def shipped_env_id(env_id: str, digest: str | None) -> str:
-    """Return ``env_id``, or "" if a card of this ``digest`` does not ship.
+    """Return ``env_id``, or "" if its card with this ``digest`` is changed.
 
     Own scenes, another split and other detections keep the name of the env, not its
-    content. A digest of None is not known, and counts as shipped.
+    content. A digest of None is not known, and counts as
+    unchanged.
     """
     # an id that does not ship is that of a user's own card
     if env_id not in card_ids() or digest in (None, load_card(env_id).digest):
