@@ -99,7 +99,7 @@ def _compare(
         finished,
         _reference_scores(finished, references, scores),
     )
-    # `bends` is compared on turning targets
+    # `bends` is shown for comparison on turning targets
     if all(row.subset != "turning" for row in report.rows):
         hidden |= _hidden_controls(("bends",), agents)
     visible = _without(hidden, finished)
@@ -132,8 +132,8 @@ def _hidden_controls(roles: Sequence[Role], agents: Sequence[object]) -> set[str
 def _main_settings(settings: Sequence[Setting], hidden: set[str]) -> list[Setting]:
     """Return the setting of each submission that the main table shows.
 
-    Settings with the env's k samples come before others, then those with the submission's
-    own parameters, then those with the most hypotheses.
+    Settings with the env's k samples come before others, then those with the
+    submission's own parameters, then those with the most hypotheses.
     """
     shown = _without(hidden, settings)
 
@@ -170,7 +170,7 @@ def _reference_settings(
 def _distinct_runs(
     settings: Sequence[Setting], references: _ReferenceSettings
 ) -> dict[Key, Setting]:
-    """Return settings and references by key, those that run alike once."""
+    """Return settings and references by key, each run once."""
     runs: dict[Key, Setting] = {}
     for setting in settings:
         runs.setdefault(setting.key, setting)

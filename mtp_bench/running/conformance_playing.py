@@ -68,6 +68,7 @@ def failure(error: BaseException, where: str, expected: str) -> AgentError:
     if isinstance(error, MtpBenchError):
         error_text = str(error)
         expected = ""
+    # the agent's exception behind errors of this library
     cause = error
     while isinstance(cause, MtpBenchError) and cause.__cause__ is not None:
         cause = cause.__cause__

@@ -107,8 +107,8 @@ def run_scene(
     """Return the rollout of ``agent`` on one scene of ``env``.
 
     It has the seconds that ``act`` took in each frame. ``scene_name``: one of
-    ``env.scene_names``. Raises AgentFailedError, naming the agent (``agent_name``, or its
-    class), scene and frame, if the agent raises. The rollout counts invalid rows of
+    ``env.scene_names``. Raises AgentFailedError if the agent raises, naming the agent
+    (``agent_name``, or its class), scene and frame. The rollout counts invalid rows of
     actions; a strict env raises ActionError for them.
     """
     env_seed = derived_seed(seed, scene_name, "env")
@@ -213,8 +213,8 @@ def _outcomes(
 ) -> Iterator[tuple[int, Any]]:
     """Yield index and result of each call of ``function``.
 
-    The first argument of a call is a job. If a worker process dies, with ``caught``, the
-    calls that remain are made agent by agent, to find the agent that ended it.
+    The first argument of a call is a job. If a process ends, with ``caught``, the calls
+    that remain are made agent by agent, to find the agent that ended it.
     """
     remaining = dict.fromkeys(range(len(calls)))
     try:

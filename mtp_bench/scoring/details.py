@@ -106,7 +106,7 @@ def _curve(table: AgentTable) -> list[tuple[float, float]]:
     allowed = rates
     if false_known:
         allowed = rates * targets
-        rates = allowed / targets  # may differ in the last digit
+        rates = allowed / targets  # of these budgets, up to rounding
     errors = [
         run_errors(run, allowed, false_known).error.mean(axis=1)
         for run in table.setting.seeds
@@ -153,7 +153,7 @@ def calibration(confidence: Floats, matched: Bools) -> tuple[float, list[Reliabi
 def misstated(table: AgentTable) -> tuple[float, float] | None:
     """Return the mean confidence, and the share of true forecasts.
 
-    Only the first seed is looked at. None unless the two differ by more than `MAX_BIAS`, and
+    They are of the first seed. None unless the two differ by more than `MAX_BIAS`, and
     by more than chance (p < .01). Forecasts of one frame count as independent, and
     those of the next frames as repetitions for a quarter of a unit, 5 s: the variance
     of the number of matches is that of independent forecasts times these frames. On
@@ -250,8 +250,8 @@ def _errors(table: AgentTable, mask: Bools) -> Errors:
 def _tracking(counts: list[StreamCounts], card: Card, complete: bool) -> Tracking:
     """Return the tracking numbers of all classes and per class.
 
-    Numbers of false output are None unless the truth is ``complete``. They are None for
-    each class too if a false track is without a class, since it may be of any.
+    None stands for numbers of false output unless the truth is ``complete``. It does so
+    for single classes too if a false track is without a class: it may be of any.
     """
     sums = _summed(counts, _COUNTS)
     sums |= _summed([count.identity for count in counts], _IDENTITY_COUNTS)

@@ -111,7 +111,7 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
 def _stated_parents(rollout: Rollout, alive: Bools) -> tuple[Rows, Bools]:
     """Return stated parents [F, H] and their mask.
 
-    A parent is 0 where none is stated. A parent that did not exist counts as not stated.
+    Where none is stated it is 0. A parent that did not exist counts as not stated.
     """
     parent = np.zeros(alive.shape, dtype=np.intp)
     is_stated = np.zeros(alive.shape, dtype=bool)

@@ -170,9 +170,9 @@ def reference_errors(
 
 def _covered_mean(scores: AgentScores, name: str) -> Floats:
     """Return the mean [n] of array ``name`` over seeds that cover a target."""
-    seeds = over_seeds(scores, "covered")  # their number
-    mean: Floats = np.full(len(seeds), np.nan)
-    np.divide(over_seeds(scores, name), seeds, out=mean, where=seeds > 0)
+    seed_count = over_seeds(scores, "covered")
+    mean: Floats = np.full(len(seed_count), np.nan)
+    np.divide(over_seeds(scores, name), seed_count, out=mean, where=seed_count > 0)
     return mean
 
 
@@ -190,7 +190,7 @@ def error_parts(
     unsplit = bade.error - bade.missed
     parts: dict[str, Floats] = {}
     if references is not None:
-        split = np.isfinite(sum(references))
+        split = np.isfinite(sum(references))  # False if one is NaN
         associated, centred, ground_truth = np.where(split, references, 0.0)
         # share of budgets and seeds with a forecast: the others cost c
         covered = 1.0 - bade.missed / table.miss_error

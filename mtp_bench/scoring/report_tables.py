@@ -257,8 +257,7 @@ def shipped_env_id(env_id: str, digest: str | None) -> str:
     """Return ``env_id``, or "" if its card with this ``digest`` is changed.
 
     Own scenes, another split and other detections keep the name of the env, not its
-    content. A digest of None is not known, and counts as
-    unchanged.
+    content. A digest of None is not known, and counts as unchanged.
     """
     # an id that does not ship is that of a user's own card
     if env_id not in card_ids() or digest in (None, load_card(env_id).digest):

@@ -100,7 +100,7 @@ def _image_boxes(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) -> 
     offset = _CORNER * image.box_size[class_id][:, None]  # [n, 8, 3]
     cos = np.cos(image.heading[frame])[:, None]
     sin = np.sin(image.heading[frame])[:, None]
-    corner = np.ones((len(xy), 8, 4))
+    corner = np.ones((len(xy), 8, 4))  # homogeneous: the last one stays 1
     corner[..., 0] = xy[:, :1] + cos * offset[..., 0] - sin * offset[..., 1]
     corner[..., 1] = xy[:, 1:] + sin * offset[..., 0] + cos * offset[..., 1]
     corner[..., 2] = (image.height[frame] - CAMERA_HEIGHT)[:, None] + offset[..., 2]
