@@ -51,9 +51,9 @@ def run_parts(
 
     They add up to the bADE of each target of the run. Made once, which runs two
     references on all scenes of the run, and kept in the cache. Without references, the
-    error of a forecast is its rest, and `SceneParts.unsplit` says why. ``options``:
-    workers. ``again``: not from the cache. Raises DataError if the scenes cannot be
-    read.
+    whole error of a forecast is the part "rest", and `SceneParts.unsplit` says why.
+    ``options``: workers. ``again``: make them even if the cache has them. Raises
+    DataError if the scenes cannot be read.
     """
     references, unsplit = _references(opened)
     run_text = (opened.folder / RUN_FILE).read_text(encoding="utf-8")
@@ -114,8 +114,8 @@ def _make_parts(
 ) -> tuple[Arrays, str]:
     """Return the parts of all targets, and why a reference failed.
 
-    The arrays are parts [n, len(PART_NAMES)] and distances [n], m, with the numbers of
-    targets by scene.
+    The arrays: ``part`` [n, len(PART_NAMES)] and ``distance`` [n] to the ego, m;
+    ``count``, the number of targets of each scene; ``thresholds`` of `thresholds_of`.
     """
     split = None
     failure = ""
@@ -130,9 +130,11 @@ def _make_parts(
                 split = reference_errors(associated, tracks, opened.run.info.samples)
         except SubmissionError as error:  # such as weights that are not there
             failure = f"a reference failed: {error}"
-        table = agent_table(scores, None, card_budget(opened.card.id))
+        table = agent_table(
+            scores, reference=None, constants=card_budget(opened.card.id)
+        )
         parts = error_parts(table, "all", split)
-    scene_scores = scores.seeds[0]
+    scene_scores = scores.seeds[0]  # a stored run has one seed
     count = np.array([len(score) for score in scene_scores])
     missing = np.zeros(count.sum())
     arrays = {
@@ -152,6 +154,7 @@ def _reference_scores(
     scene_names: Sequence[str],
     options: RunOptions,
 ) -> AgentScores:
+    """Score a new run of a reference on a stored run's scenes."""
     jobs = jobs_of(
         setting.submission,
         opened.card,

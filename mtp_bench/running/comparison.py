@@ -26,7 +26,7 @@ CONTROLS: tuple[Role, ...] = (  # docs/definitions, "Controls"
     "associated",
     "associated_same_samples",
 )
-# A gain of hypotheses is beyond both.
+# Several hypotheses gain only what exceeds the gains of both.
 HYPOTHESIS_CONTROLS: tuple[Role, ...] = ("same_samples", "neighbours")
 
 # Reference settings of agents, by label and field of `References`.
@@ -99,6 +99,7 @@ def _compare(
         finished,
         _reference_scores(finished, references, scores),
     )
+    # `bends` is shown for comparison on turning targets
     if all(row.subset != "turning" for row in report.rows):
         hidden |= _hidden_controls(("bends",), agents)
     visible = _without(hidden, finished)
@@ -131,8 +132,8 @@ def _hidden_controls(roles: Sequence[Role], agents: Sequence[object]) -> set[str
 def _main_settings(settings: Sequence[Setting], hidden: set[str]) -> list[Setting]:
     """Return the setting of each submission that the main table shows.
 
-    Settings with k samples come before others, then those with the submission's own
-    parameters, then those with the most hypotheses.
+    Settings with the env's k samples come before others, then those with the
+    submission's own parameters, then those with the most hypotheses.
     """
     shown = _without(hidden, settings)
 
@@ -153,8 +154,8 @@ def _reference_settings(
     """Return the settings beside which agents are measured.
 
     If settings with several numbers of hypotheses have one label, the last of them
-    decides. Unless ``full``, only the single hypothesis is returned, which the guard of
-    ranks needs.
+    decides. Unless ``full``, only the reference with one hypothesis is returned, which
+    `guard_reason` needs.
     """
     references: dict[str, dict[str, Setting]] = {}
     for setting in settings:
@@ -169,7 +170,7 @@ def _reference_settings(
 def _distinct_runs(
     settings: Sequence[Setting], references: _ReferenceSettings
 ) -> dict[Key, Setting]:
-    """Return settings and references, only one of those that run the same."""
+    """Return settings and references by key, each run once."""
     runs: dict[Key, Setting] = {}
     for setting in settings:
         runs.setdefault(setting.key, setting)
@@ -184,9 +185,9 @@ def _reference_scores(
     references: _ReferenceSettings,
     scores: Mapping[Key, AgentScores],
 ) -> dict[str, References | None]:
-    """Return the scores of the references of agents.
+    """Return the scores of the references of finished agents, by label.
 
-    None if not stated.
+    None for an agent whose manifest states no references.
     """
     labels = {setting.label for setting in finished}
     reference_scores: dict[str, References | None] = {}
@@ -202,11 +203,12 @@ def _scores(
 ) -> tuple[dict[Key, AgentScores], dict[str, str]]:
     """Return the scores of runs, and why submissions failed, by name.
 
-    Each is built and reset before any is run. Raises SubmissionError, with the reasons,
-    if a control failed, or all others, unless a control was asked for.
+    Each is built and reset before any is run. Raises SubmissionError as
+    `_require_success`.
     """
     failures = _copy_failures(evaluation, runs)
     scores: dict[Key, AgentScores] = {}
+    # the first step has an error or None per setting, the second an error or scores
     for step in (evaluation.first_errors, evaluation.scores):
         remaining = _without(failures, runs.values())
         for run, result in zip(remaining, step(remaining), strict=True):
@@ -235,7 +237,10 @@ def _copy_failures(
 def _require_success(
     failures: Mapping[str, str], runs: Mapping[Key, Setting], control_asked_for: bool
 ) -> None:
-    """Raise SubmissionError if a control failed, or all others."""
+    """Raise SubmissionError, with the reasons, if a control failed.
+
+    Also if all other agents failed, unless the user asked for a control.
+    """
     competitors = {run.submission.name for run in runs.values()} - {*control_names()}
     all_failed = bool(competitors) and competitors <= failures.keys()
     fatal = [agent_name for agent_name in failures if agent_name not in competitors]

@@ -72,6 +72,7 @@ def check_agent(
         results, raised = _results_of(check(suite))
         if not results:
             results = [Finding("ok", "", passed_text)]
+        # checks leave the name of the check empty
         findings += [replace(finding, check=check_name) for finding in results]
         if raised and check_name in ("build", "contract"):
             break  # all other checks would fail likewise
@@ -95,11 +96,11 @@ def _builds(suite: Suite) -> Findings:
     if missing:
         yield Finding(
             "error",
-            "",
-            f"{type(agent).__name__} without {' and '.join(missing)}",
-            "reset(task) and act(observation)",
-            "build",
-            "write them",
+            check="",
+            got=f"{type(agent).__name__} without {' and '.join(missing)}",
+            expected="reset(task) and act(observation)",
+            where="build",
+            advice="write them",
         )
 
 
@@ -113,6 +114,7 @@ def _contract(suite: Suite) -> Findings:
     suite.score = mean_plain_error(scores)
     results = [count.finding() for count in suite.problems.values()]
     yield from results
+    # wrong rows were taken out, so that the rest may be empty for this reason
     if any(finding.level == "error" for finding in results):
         return
     actions = [action for played in suite.passes for action in played.actions]
@@ -129,17 +131,18 @@ def _deterministic(suite: Suite) -> Findings:
         suite.deterministic = False
         yield Finding(
             "error",
-            "",
-            "a second agent with the same seed acts differently",
-            "the same actions",
-            where,
-            "draw from np.random.default_rng(task.seed), made in reset",
+            check="",
+            got="a second agent with the same seed acts differently",
+            expected="the same actions",
+            where=where,
+            advice="draw from np.random.default_rng(task.seed), made in reset",
         )
 
 
 def _forgets(suite: Suite) -> Findings:
     """Play another scene before the first one."""
     agent = suite.agent()
+    # an only scene is played twice
     for scene in suite.scenes[1:] or suite.scenes:
         play(agent, suite.env, scene, suite.seed)
     again = play(agent, suite.env, suite.scenes[0], suite.seed)
@@ -147,11 +150,11 @@ def _forgets(suite: Suite) -> Findings:
     if where and suite.deterministic:
         yield Finding(
             "error",
-            "",
-            "after another scene the actions differ",
-            "the actions of a new agent",
-            where,
-            "make everything that changes anew in reset",
+            check="",
+            got="after another scene the actions differ",
+            expected="the actions of a new agent",
+            where=where,
+            advice="make everything that changes anew in reset",
         )
 
 
@@ -161,27 +164,29 @@ def _leaves_observations(suite: Suite) -> Findings:
     if written:
         yield Finding(
             "warning",
-            "",
-            "writes into the observation",
-            "an unchanged observation",
-            written[0],
-            "copy arrays before you change them",
+            check="",
+            got="writes into the observation",
+            expected="an unchanged observation",
+            where=written[0],
+            advice="copy arrays before you change them",
         )
     where = first_difference(suite.passes[0], suite.play(scribble=True))
     if where and suite.deterministic:
         yield Finding(
             "error",
-            "",
-            "actions change when an earlier observation is overwritten",
-            "no references kept",
-            where,
-            "copy arrays that you keep: they may be used again for the next frame",
+            check="",
+            got="actions change when an earlier observation is overwritten",
+            expected="no references kept",
+            where=where,
+            advice="copy arrays that you keep: they may be used again for the next "
+            "frame",
         )
 
 
 def _extremes(suite: Suite) -> Findings:
     """Play frames without detections and full of them."""
     task = agent_task(suite.env, suite.seed)
+    # fields with problems in usual frames, which `_contract` reports
     known_fields = {field_name for field_name, _ in suite.problems}
     played = play_made_up(suite.agent(), task, extreme_frames(task))
     for (field_name, _), count in played.problems.items():
@@ -192,7 +197,7 @@ def _extremes(suite: Suite) -> Findings:
 def _unmoved(suite: Suite) -> Findings:
     """Compare the score with that on turned and shifted coordinates.
 
-    A lookup table fails.
+    An agent that looks up known places fails.
     """
     env = MTPEnv(suite.env_id, **dict(suite.keywords, rigid_motion=True))
     scores = []
@@ -206,20 +211,18 @@ def _unmoved(suite: Suite) -> Findings:
     if abs(moved_score - suite.score) > tolerance:
         yield Finding(
             "error",
-            "",
-            f"the plain error is {moved_score:.3f} m with turned and shifted "
+            check="",
+            got=f"the plain error is {moved_score:.3f} m with turned and shifted "
             f"coordinates, {suite.score:.3f} m without",
-            f"the same within {MOTION_TOLERANCE:.0%}",
-            suite.where,
-            "do not depend on the position of the scene or on the axes",
+            expected=f"the same within {MOTION_TOLERANCE:.0%}",
+            where=suite.where,
+            advice="do not depend on the position of the scene or on the axes",
         )
 
 
 def _latency(suite: Suite) -> Findings:
-    """State the time per frame.
-
-    Always ok.
-    """
+    """State the time per frame, which is always "ok"."""
+    # the first frame, in which agents start, is stated apart
     seconds = np.concatenate([played.seconds[1:] for played in suite.passes])
     if len(seconds):
         p50, p95 = 1000.0 * np.percentile(seconds, [50, 95])
@@ -240,20 +243,21 @@ def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
     row_count = task.detections
     full_frames = np.flatnonzero(_FULL_FRAMES)
     frame = np.repeat(full_frames, row_count)
-    column = np.tile(np.arange(row_count), len(full_frames))
+    number = np.tile(np.arange(row_count), len(full_frames))  # within its frame
     grid_side = int(np.ceil(np.sqrt(row_count)))
-    box = np.tile([0.0, 0, 0, 0, 4.0, 1.8, 1.5], (len(column), 1))
-    box[:, 0] = _SPACING_M * (column % grid_side) + _SPEED_MPS * frame * task.dt
-    box[:, 1] = _SPACING_M * (column // grid_side)
+    # x, y, z, yaw, and the size of a car
+    box = np.tile([0.0, 0, 0, 0, 4.0, 1.8, 1.5], (len(number), 1))
+    box[:, 0] = _SPACING_M * (number % grid_side) + _SPEED_MPS * frame * task.dt
+    box[:, 1] = _SPACING_M * (number // grid_side)
     speed = _SPEED_MPS if task.velocity else 0.0
     feed = Feed(
         start=starts_of(row_count * _FULL_FRAMES),
         size=row_count,
         box=box,
-        velocity=np.tile([speed, 0.0], (len(column), 1)),
-        score=np.ones(len(column)),
-        class_id=column % len(task.classes),
-        object_id=column if task.observe != "detections" else None,
+        velocity=np.tile([speed, 0.0], (len(number), 1)),
+        score=np.ones(len(number)),
+        class_id=number % len(task.classes),
+        object_id=number if task.observe != "detections" else None,
         ego=np.zeros((frames, 4)),
         time=task.dt * np.arange(frames),
         dt=np.full(frames, task.dt),  # in the first frame too, as in the env
@@ -318,7 +322,7 @@ def _check_env(env: MTPEnv) -> list[Finding]:
 
     check_name = "gymnasium"
     where = f"{env.card.id}, scene {env.scene_names[0]}"
-    untyped: Any = env
+    untyped: Any = env  # the checker declares another type
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:

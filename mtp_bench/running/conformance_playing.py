@@ -19,7 +19,7 @@ from .playing import MakeAgent, agent_task, derived_seed
 Steps = Generator[tuple[str, Observation] | None, Any, None]
 Level = Literal["ok", "warning", "error"]
 
-_FOLDER = Path(__file__).resolve().parent  # frames of these files are not the agent's
+_FOLDER = Path(__file__).resolve().parent  # calls in these files are not the agent's
 _AGENT_ROOM = _FOLDER.parent / "agent"
 _LOADERS = {_AGENT_ROOM / name for name in ("loader.py", "submission_files.py")}
 _LOADERS |= {Path(importlib.__file__).resolve()}
@@ -68,6 +68,7 @@ def failure(error: BaseException, where: str, expected: str) -> AgentError:
     if isinstance(error, MtpBenchError):
         error_text = str(error)
         expected = ""
+    # the agent's exception behind errors of this library
     cause = error
     while isinstance(cause, MtpBenchError) and cause.__cause__ is not None:
         cause = cause.__cause__
@@ -100,7 +101,7 @@ class ProblemCount:
         plural = "s" if self.frames > 1 else ""
         got = f"{problem.field}: {problem.reason} in {self.frames} frame{plural}"
         advice = problem.advice
-        if problem.kind:
+        if problem.kind:  # rows, not the whole action, are wrong
             advice = f"the env takes such {problem.kind} out: they count as missing"
             if self.rows > 1:
                 got += f", {self.rows} rows"
@@ -129,8 +130,8 @@ class Played:
             where = place
             if problem.example:
                 where += f", {problem.example}"
-            count = ProblemCount(problem, where)
-            count = self.problems.setdefault((problem.field, problem.reason), count)
+            kind = (problem.field, problem.reason)
+            count = self.problems.setdefault(kind, ProblemCount(problem, where))
             count.rows += problem.rows
             count.frames += 1
 
@@ -153,10 +154,10 @@ def play(
 ) -> Played:
     """Run the agent on a ``scene`` of ``env``.
 
-    Raises AgentError.
     The seeds of env and agent derive from ``seed``, that of the run. ``scribble``:
     overwrite every observation after the action, as an env with buffers would do.
-    ``turn``: number of the rigid motion, in an env with rigid motions.
+    ``turn``: number of the rigid motion, in an env with rigid motions. Raises
+    AgentError.
     """
     seed_name = f"{scene}|{turn}" if turn else scene
     env_seed = derived_seed(seed, seed_name, "env")
@@ -170,9 +171,9 @@ def play_made_up(
 ) -> Played:
     """Run the agent on observations made up for a check.
 
-    Raises AgentError.
-    Each has its description.
+    ``frames``: description and observation of each. Raises AgentError.
     """
+    # a generator, as `_play` sends it the actions
     steps = (step for step in [*frames, None])
     return _play(agent, task, steps, "made-up scene", scribble=False)
 
@@ -196,6 +197,7 @@ def first_difference(a: Played, b: Played) -> str:
 
 
 def _episode(env: MTPEnv, observation: Observation) -> Steps:
+    """Step ``env``, whose reset gave ``observation``, to the end of the scene."""
     frame = 0
     is_over = False
     while not is_over:
@@ -264,6 +266,7 @@ class Suite:
     scenes: tuple[str, ...]
     passes: list[Played] = field(default_factory=list)  # the first pass of each scene
     score: float | None = None  # m, of the first pass
+    # False: passes differ anyway, so no check can compare them
     deterministic: bool = True
 
     @property
@@ -283,8 +286,7 @@ class Suite:
     def agent(self, env: MTPEnv | None = None) -> Agent:
         """Build an agent for the task of ``env``.
 
-        Raises AgentError.
-        None: the env of the suite.
+        None: the env of the suite. Raises AgentError.
         """
         try:
             return self.make(agent_task(env or self.env, self.seed, self.scenes[0]))
@@ -294,7 +296,6 @@ class Suite:
     def play(self, **keywords: Any) -> Played:
         """Run a new agent on the first scene.
 
-        Raises AgentError.
-        ``keywords``: as of `play`.
+        ``keywords``: as of `play`. Raises AgentError.
         """
         return play(self.agent(), self.env, self.scenes[0], self.seed, **keywords)

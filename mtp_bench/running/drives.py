@@ -86,9 +86,9 @@ def compare_driving(
 
 
 def _reference_ways(card: Card, truth: AgentDrives) -> dict[str, float]:
-    """Return the way of the ego with ground-truth tracks by scene, m.
+    """Return the ego's way with ground-truth tracks by scene, m driven.
 
-    The frozen ones, if there are any, else means over the drives of ``truth``.
+    The frozen distances, if there are any, else means over the drives of ``truth``.
     """
     ways_m: dict[str, float] = {}
     for scene_name, drives in truth.drives.items():
@@ -131,7 +131,7 @@ def drives_of(
 
 
 def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
-    """Return the card of the recorded scenes of drives, which have no loop.
+    """Return a card of recorded scenes of drives, without closed loop.
 
     Any agent can then be run on the scenes that the agents of ``rollouts`` drove in,
     with the detections that they were shown. They are kept as own scenes in the cache;
@@ -149,6 +149,7 @@ def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
         with whole_folder(folder) as part:
             for recorded_name, rollout in drives.items():
                 _save_scene(recorded_name, rollout, card, part)
+    # the detections are stored, so none are simulated
     return with_files(card, folder).model_copy(update={"detector": None})
 
 

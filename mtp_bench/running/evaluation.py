@@ -75,7 +75,7 @@ class EnvEvaluation:
         options: RunOptions,
         keywords: Mapping[str, Any],
     ) -> Iterator["EnvEvaluation"]:
-        """Yield the scenes that agents are ranked on, under the options of a call.
+        """Yield the evaluation on ranked scenes, with the options of a call.
 
         ``verb`` names the work in the display of progress. ``keywords``: `RunKeywords`.
         """
@@ -87,7 +87,7 @@ class EnvEvaluation:
             env = MTPEnv(env_id, **options.env_keywords)
             # before anything runs, for an error in a file of weights
             ranked = ranked_scenes(env.card, env.scene_names)
-            left_out = ""
+            left_out = ""  # continues the text on event weights
             unranked = len(env.scene_names) - len(ranked)
             if unranked:
                 left_out = (
@@ -147,19 +147,22 @@ class EnvEvaluation:
     ) -> tuple[Report, Reference]:
         """Return the report of the ``scores`` of ``settings``, and the event weights.
 
-        ``references``: of `summarise`.
+        ``references``: as of `summarise`.
         """
         reference = reference_for(self.card, self.scenes, self.options)
         report = summarise(scores, self.card, reference, references=references)
         report.condition["weights"] += self.left_out
-        agents: dict[str, list[str]] = {}  # by note
+        agents_of_note: dict[str, list[str]] = {}
         for setting in settings:
             note = training_note(setting.submission, self.card)
-            if note and setting.submission.name not in agents.setdefault(note, []):
-                agents[note].append(setting.submission.name)
-        if agents:
-            notes = [f"{note}: {', '.join(names)}" for note, names in agents.items()]
-            report.condition["trained"] = "; ".join(notes)
+            if note:
+                names = agents_of_note.setdefault(note, [])
+                if setting.submission.name not in names:
+                    names.append(setting.submission.name)
+        if agents_of_note:
+            report.condition["trained"] = "; ".join(
+                f"{note}: {', '.join(names)}" for note, names in agents_of_note.items()
+            )
         return report, reference
 
     def jobs(self, setting: Setting, seed: int, scenes: Sequence[str]) -> list[Job]:

@@ -33,7 +33,7 @@ def fold_of(text: str) -> Fold:
     """
     number, _, folds = text.partition("/")
     is_pair = text.isascii() and number.isdecimal() and folds.isdecimal()
-    if not (is_pair and 1 <= int(number) <= int(folds) > 1):
+    if not (is_pair and int(folds) > 1 and 1 <= int(number) <= int(folds)):
         raise MtpBenchError(
             f"fold is {text!r}, expected the number of a fold and the number of folds, "
             "such as 1/4"

@@ -85,9 +85,12 @@ class Perturbation:
         detections = scene.detections
         class_id = detections.class_id
         row_mask = rng.random(len(class_id)) >= DROPPED
-        cut = (run // len(ASSIGNMENTS)) % (len(self.cuts) + 1)
-        if cut > 0:
-            row_mask &= detections.score >= np.asarray(self.cuts[cut - 1])[class_id]
+        # as many runs in a row as assignments have one threshold; 0: without one
+        cut_number = (run // len(ASSIGNMENTS)) % (len(self.cuts) + 1)
+        if cut_number > 0:
+            min_score = np.asarray(self.cuts[cut_number - 1])
+            row_mask &= detections.score >= min_score[class_id]
+        # of x, y, yaw, length, width and height
         noise = rng.standard_normal((len(class_id), 6))
         box = np.array(detections.box, dtype=np.float64)
         box[:, :2] += noise[:, :2] * np.asarray(self.sigma_xy)[class_id, None]
@@ -123,7 +126,7 @@ def assignment_of(run: int) -> str:
 
 
 def _quantiles(values: Floats, of_class: Sequence[Bools], share: float) -> Floats:
-    """Return the quantile of ``values`` [n] per class [C].
+    """Return the quantile ``share`` of ``values`` [n] per class [C].
 
     A class without values gets the quantile of all values, or 0 without any.
     ``of_class`` [C]: mask [n] of the values of each class.

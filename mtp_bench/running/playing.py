@@ -60,6 +60,7 @@ def compile_kernels(workers: Workers = SERIAL) -> None:
     cannot write to the cache.
     """
     missing = [kernel for kernel in all_kernels() if not kernel.is_cached]
+    # without a cache, each process has to compile for itself
     if not missing or not missing[0].can_be_cached():
         return
     functions = [kernel.function for kernel in missing]
@@ -67,9 +68,11 @@ def compile_kernels(workers: Workers = SERIAL) -> None:
     if workers.count == 1 or len(missing) == 1:  # each kernel shows its own progress
         parallel_map(_compile, calls)
         return
-    seconds = [kernel.seconds for kernel in missing]
+    kernel_seconds = [kernel.seconds for kernel in missing]
+    # no kernel is divided among workers
+    expected_seconds = max(*kernel_seconds, sum(kernel_seconds) / workers.count)
     text = "compiling kernels of trackers and samplers, once per installation"
-    with long_work(text, max(*seconds, sum(seconds) / workers.count)):
+    with long_work(text, expected_seconds):
         parallel_map(_compile, calls, Workers(workers.count))
 
 
@@ -79,7 +82,7 @@ def _compile(module: str, name: str) -> None:
 
 MakeAgent = Callable[[Task], Agent]
 Finish = Callable[[Scene, Rollout, Card], Any]
-Finished = Callable[[int, Any], object]  # index of a job, and its result
+OnResult = Callable[[int, Any], object]  # takes the index of a job and its result
 _MAX_ERROR_LETTERS = 500  # of an error of an agent
 _LIBRARIES = ("numpy", "scipy", "gymnasium", "numba", "torch", "scikit-learn")
 
@@ -91,7 +94,7 @@ class AgentFailedError(SubmissionError):
     """
 
     def __init__(self, agent: str, reason: str) -> None:
-        super().__init__(agent, reason)  # both: workers send their errors home
+        super().__init__(agent, reason)  # unpickling from a worker needs both
         self.reason = " ".join(reason.split())
 
     def __str__(self) -> str:
@@ -103,10 +106,10 @@ def run_scene(
 ) -> Rollout:
     """Return the rollout of ``agent`` on one scene of ``env``.
 
-    It has the seconds that ``act`` took per frame. ``scene_name``: one of
-    ``env.scene_names``. Raises AgentFailedError, naming the agent (``agent_name``, or its
-    class), scene and frame, if the agent raises; the rollout counts invalid rows of
-    actions (ActionError of a strict env).
+    It has the seconds that ``act`` took in each frame. ``scene_name``: one of
+    ``env.scene_names``. Raises AgentFailedError if the agent raises, naming the agent
+    (``agent_name``, or its class), scene and frame. The rollout counts invalid rows of
+    actions; a strict env raises ActionError for them.
     """
     env_seed = derived_seed(seed, scene_name, "env")
     observation, _ = env.reset(seed=env_seed, options={"scene": scene_name})
@@ -173,14 +176,14 @@ def run_jobs(
     jobs: Sequence[Job],
     options: RunOptions = DEFAULTS,
     finish: Finish | None = None,
-    finished: Finished | None = None,
+    on_result: OnResult | None = None,
     caught: bool = False,
 ) -> list[Any]:
     """Return the results of ``finish`` for each job, in the order of ``jobs``.
 
     Without ``finish`` they are rollouts. Only workers and progress of ``options`` are
     used. The data root and the submission of a job must be at the same path on every
-    worker. ``finished`` is called in this process with every result. Raises
+    worker. ``on_result`` is called in this process with every result. Raises
     AgentFailedError; with ``caught`` the error is the result of its job, and the others
     go on.
     """
@@ -189,16 +192,16 @@ def run_jobs(
     if workers.count > 1 and any(are_submissions):
         compile_kernels(workers)
     agents = list(dict.fromkeys(job.agent for job in jobs))
-    what = agents[0] if len(agents) == 1 else f"{len(agents)} agents"
+    agents_text = agents[0] if len(agents) == 1 else f"{len(agents)} agents"
     calls = [(job, finish, caught) for job in jobs]
     results: dict[int, Any] = {}
-    with long_work(f"running {what}", progress=options.progress) as progress:
+    with long_work(f"running {agents_text}", progress=options.progress) as progress:
         progress.started(len(jobs))
         for job_index, result in _outcomes(_run_job, calls, workers, caught):
             results[job_index] = result
             progress.done(jobs[job_index].scene)
-            if finished is not None:
-                finished(job_index, result)
+            if on_result is not None:
+                on_result(job_index, result)
     return [results[job_index] for job_index in range(len(jobs))]
 
 
@@ -210,8 +213,8 @@ def _outcomes(
 ) -> Iterator[tuple[int, Any]]:
     """Yield index and result of each call of ``function``.
 
-    The first argument is a job. If a process ends, with ``caught``, the calls that
-    remain are made agent by agent.
+    The first argument of a call is a job. If a process ends, with ``caught``, the calls
+    that remain are made agent by agent, to find the agent that ended it.
     """
     remaining = dict.fromkeys(range(len(calls)))
     try:
@@ -269,6 +272,7 @@ def derived_seed(seed: int, scene_name: str, purpose: str) -> int:
     It is the same in every process and on every machine.
     """
     content = hashlib.sha256(f"{seed}|{purpose}|{scene_name}".encode()).digest()
+    # 31 of 32 bits
     return int.from_bytes(content[:4], "big") >> 1
 
 

@@ -67,14 +67,14 @@ _MAX_SEEDS = 255  # as many as a count of `SceneWeights`, an unsigned byte, hold
 
 
 class _PlainRun(NamedTuple):
-    """The run of a scene without cut or noise, n targets."""
+    """The run of a scene without score threshold or noise, n targets."""
 
     detections: MatchedDetections
-    stp: Bools  # [n, 3], as the following fields one of `SceneWeights`
+    stp: Bools  # [n, 3]; this and the next three are fields of `SceneWeights`
     stp_events: tuple[int, int, int]  # switches, lost, reacquired
     false_forecasts: int
     forecasts: int
-    live: int
+    live_frames: int
     truth_complete: bool
 
 
@@ -107,10 +107,7 @@ def card_budget(env_id: str) -> CardBudget:
 
 
 def _read_frozen(env_id: str) -> Reference | None:
-    """Read the frozen event weights of the shipped card.
-
-    None without a file.
-    """
+    """Read the frozen event weights of an env, None without a file."""
     path = frozen_path(env_id)
     if not path.is_file():
         return None
@@ -126,9 +123,10 @@ def _read_frozen(env_id: str) -> Reference | None:
 
 
 def _live_frames() -> dict[str, int]:
-    """Return the live frames of the scored splits whose truth is targets alone, by env.
+    """Return the numbers of live frames of scored splits, by env.
 
-    The files of event weights lack them, and their hash does not cover them.
+    Only envs whose truth is prediction targets alone are listed. The files of event
+    weights lack these numbers, and their hash does not cover them.
     """
     path = frozen_path("live_frames")
     return read_json(path, DataError) if path.is_file() else {}
@@ -266,7 +264,7 @@ def _budget_of(env_id: str, runs: Sequence[_PlainRun]) -> CardBudget | None:
     """
     if all(run.truth_complete for run in runs):
         return None
-    live_frames = sum(run.live for run in runs)
+    live_frames = sum(run.live_frames for run in runs)
     forecasts = sum(run.forecasts for run in runs)
     return CardBudget(env_id, forecasts, max(live_frames, 1), false_known=False)
 
@@ -274,22 +272,24 @@ def _budget_of(env_id: str, runs: Sequence[_PlainRun]) -> CardBudget | None:
 def _driven_reference(
     card: Card, scenes: Sequence[str], options: RunOptions
 ) -> Reference:
-    """Return ways of the ego of a closed loop with ground-truth tracks, one run.
-
-    Each scene counts as one target.
-    """
+    """Return the distances that the ego drives with ground-truth tracks."""
     submission = load_submission(controls()["ground_truth"])
     jobs = jobs_of(submission, card, {"data": options.data}, scenes)
     ways_m = run_jobs(jobs, options, _way)
-    no_counts = np.zeros((1, len(COUNTED_EVENTS)), dtype=np.uint8)
-    no_events = np.zeros((1, len(EVENT_KINDS)), dtype=bool)
+    # each scene counts as one target
+    no_events = SceneWeights(
+        counts=np.zeros((1, len(COUNTED_EVENTS)), dtype=np.uint8),
+        stp=np.zeros((1, len(EVENT_KINDS)), dtype=bool),
+        stp_events=(0, 0, 0),
+        false_forecasts=0,
+        forecasts=0,
+    )
     weights = {}
     for scene_name, way_m in zip(scenes, ways_m, strict=True):
-        weights[scene_key(card.id, scene_name)] = SceneWeights(
-            no_counts, no_events, (0, 0, 0), 0, 0, way_m
-        )
+        weights[scene_key(card.id, scene_name)] = replace(no_events, way=way_m)
+    runs = 1
     return Reference(
-        card.id, card.digest, WEIGHTS_DEFINITIONS, submission.name, 1, {}, weights
+        card.id, card.digest, WEIGHTS_DEFINITIONS, submission.name, runs, {}, weights
     )
 
 
@@ -304,7 +304,8 @@ def _plain_run(
 ) -> _PlainRun:
     """Run the reference baseline on a scene as it is."""
     env = MTPEnv(card, data=data, evaluation=True)
-    rollout = run_scene(submission.build(env.task), env, scene_name, 0, submission.name)
+    agent = submission.build(env.task)
+    rollout = run_scene(agent, env, scene_name, seed=0, agent_name=submission.name)
     scene = env.scene
     events = events_of(scene, rollout, card)
     object_events = events[~evaluated(scene).truth.neutral]
@@ -330,7 +331,7 @@ def _perturbed_runs(
     runs: Sequence[int],
 ) -> NDArray[np.uint8]:
     """Return counts [n, 4] of the events of the perturbed ``runs`` on n targets."""
-    env = MTPEnv(
+    env = MTPEnv(  # only tracks count, so forecasts have the least sizes
         card, data=data, samples=1, hypotheses=1, max_objects=1, evaluation=True
     )
     env.reset(options={"scene": scene_name})

@@ -122,6 +122,7 @@ def load_run(folder: str | Path) -> Run:
     path = folder / RUN_FILE
     advice = f"no {RUN_FILE} there, expected a folder written by `mtp-bench run`"
     content = read_json(path, RolloutError, advice)
+    # `validate` reports a missing format
     if content.get("format", FORMAT) != FORMAT:
         raise RolloutError(
             f"{path}: has the format {clean_text(str(content['format']), 20)}, and "
@@ -184,7 +185,7 @@ def undone(steps: NDArray[np.int16]) -> NDArray[np.int16]:
 
     ``steps`` is overwritten.
     """
-    for _ in range(2):
+    for _ in range(2):  # second differences
         for previous, current in pairwise(steps):
             np.add(previous, current, out=current)
     return np.ascontiguousarray(np.moveaxis(steps, 0, 2))
@@ -261,7 +262,8 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
 def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]], frames: int) -> None:
     """Raise RolloutError unless all arrays have the dtypes and shapes of a rollout."""
-    # the first array with a letter sets its size
+    # a letter stands for one size, which the first array with it sets; a number stands
+    # for itself
     letter_sizes: dict[str | int, int] = {"F": frames, "F1": frames + 1}
     for array_name, (dtype, letters) in ROLLOUT_ARRAYS.items():
         scene_array = arrays[array_name]
@@ -272,9 +274,8 @@ def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]], frames: int) -> N
             )
         if scene_array.ndim == len(letters):
             for letter, size in zip(letters, scene_array.shape, strict=True):
-                letter_sizes.setdefault(
-                    letter, letter if isinstance(letter, int) else size
-                )
+                if isinstance(letter, str):
+                    letter_sizes.setdefault(letter, size)
         expected_shape = tuple(letter_sizes.get(letter, letter) for letter in letters)
         if scene_array.shape != expected_shape:
             raise RolloutError(

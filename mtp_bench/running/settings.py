@@ -125,19 +125,22 @@ def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
         return kinematic_references(setting, card)
     if compare.gap_references is None or setting.observe == "truth":
         return {}
+    observe = "detections" if setting.observe == "associated" else setting.observe
     single = replace(
         setting,
         label=f"{setting.submission.name} (reference of its gap)",
         parameters={**setting.parameters, **compare.gap_references},
         hypotheses=1,
-        observe=setting.observe.replace("associated", "detections"),
+        observe=observe,
     )
     truth = replace(single, observe="truth")
-    tracked = single
+    # one hypothesis, beside which better association is measured
+    association_single = single
     association = compare.association_references
     if association is not None:
-        tracked = replace(single, parameters={**setting.parameters, **association})
-    same_samples = tracked.with_draws(setting.total_draws)
+        parameters = {**setting.parameters, **association}
+        association_single = replace(single, parameters=parameters)
+    same_samples = association_single.with_draws(setting.total_draws)
     references = {
         "single": single,
         "ground_truth": truth,
@@ -152,9 +155,8 @@ def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
 
 
 def kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
-    """Return the controls as references.
+    """Return the controls, which predict as stp, as references.
 
-    They have the kinematic predictor.
     If the agent has more draws than one, the references that split its error have the
     number of draws of ``same_samples``.
     """
@@ -166,10 +168,9 @@ def kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
     references["tracks"] = truth
     if setting.total_draws > 1:
         references["associated"] = references["associated_same_samples"]
-        draws = {
-            str(truth.submission.compare.draws): references["same_samples"].total_draws
-        }
-        references["tracks"] = setting_of(truth.submission, card, draws)
+        draws_name = str(truth.submission.compare.draws)
+        chosen = {draws_name: references["same_samples"].total_draws}
+        references["tracks"] = setting_of(truth.submission, card, chosen)
     return references
 
 
@@ -185,6 +186,7 @@ def expand(submission: Submission, card: Card) -> list[Setting]:
         for values in itertools.product(*sweep.values()):
             chosen = dict(zip(sweep, values, strict=True))
             setting = setting_of(submission, card, chosen, budget)
+            # else the setting is that of the "equal" budget
             has_more_samples = setting.samples > card.task.samples
             if (budget == "equal" or has_more_samples) and setting not in settings:
                 settings.append(setting)

@@ -107,7 +107,7 @@ class OpenedRun:
     def drawn(self, name: str, note: Note = lambda text: None) -> Scene:
         """Return the `scene` of this name with its road, for pictures.
 
-        ``note`` is called if its map is broken.
+        ``note`` is called with the problem if its map is broken.
         """
         return with_map(self.scene(name), self.card, self.data, note)
 
@@ -247,6 +247,7 @@ def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores
     """
     info = opened.run.info
     rollouts = opened.run.rollouts
+    # each worker opens the source itself
     source = opened.source if options.workers == SERIAL else None
     calls = [(opened.card, opened.data, rollout, source) for rollout in rollouts]
 
@@ -323,6 +324,7 @@ def _changed_card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
 
 
 def _text(folder: Path, info: RunInfo, keyword: str) -> str | None:
+    """Return the value of an env's ``keyword``, a text or None."""
     value = info.keywords.get(keyword)
     if value is not None and not isinstance(value, str):
         raise RolloutError(f"{folder}: {keyword} is {value!r}, expected a name")

@@ -64,9 +64,9 @@ def stated_tracks(rollout: Rollout, scene: Scene, card: Card) -> StoredTracks:
 
 
 def _scores(tracks: StoredTracks, scene: Scene, gate_m: Floats) -> Floats:
-    """Return scores [R] of tracks.
+    """Return the score [R] of each box of ``tracks``, as in `stated_tracks`.
 
-    ``gate_m`` [C].
+    ``gate_m`` [C]: forecast gate per class.
     """
     track_scores = np.zeros(len(tracks.box))
     last_score: dict[int, float] = {}  # by track
@@ -100,18 +100,18 @@ def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False) -> i
     with long_work("exporting tracks") as progress:
         progress.started(len(rollouts))
 
-        def rows() -> Iterator[tuple[Scene, StoredTracks]]:
+        def scene_tracks() -> Iterator[tuple[Scene, StoredTracks]]:
             for rollout in rollouts:
                 scene = opened.recorded(rollout.scene)
                 yield scene, stated_tracks(rollout, scene, opened.card)
                 progress.done(rollout.scene)
 
         target = Path(path).absolute()
-        return write_tracks(rows(), opened.card, opened.data, target, table)
+        return write_tracks(scene_tracks(), opened.card, opened.data, target, table)
 
 
 def write_tracks(
-    rows: Iterable[tuple[Scene, StoredTracks]],
+    scene_tracks: Iterable[tuple[Scene, StoredTracks]],
     card: Card,
     data: str | None,
     path: Path,
@@ -128,7 +128,7 @@ def write_tracks(
                     f"{path}: the task of {dataset_name} takes a {suffix} file; "
                     "for a folder of tables pass --table"
                 )
-            return write_file(rows, card, data, path)
+            return write_file(scene_tracks, card, data, path)
     write_scene, form = _write_table, "tables"
     if isinstance(card.source, KittiSource) and not table:
         write_scene, form = _write_result, "KITTI's results"
@@ -139,7 +139,7 @@ def write_tracks(
         )
     boxes = 0
     with new_folder(path) as folder:
-        for scene, tracks in rows:
+        for scene, tracks in scene_tracks:
             write_scene(scene, tracks, card, data, folder)
             boxes += len(tracks.box)
     return boxes
@@ -176,7 +176,10 @@ def _write_table(
 
 
 def _write_submission(
-    rows: Iterable[tuple[Scene, StoredTracks]], card: Card, data: str | None, path: Path
+    scene_tracks: Iterable[tuple[Scene, StoredTracks]],
+    card: Card,
+    data: str | None,
+    path: Path,
 ) -> int:
     """Write a tracking submission of nuScenes.
 
@@ -189,7 +192,7 @@ def _write_submission(
     separator = ""
     with whole_file(path) as part, part.open("w", encoding="utf-8") as file:
         file.write(f'{{"meta": {json.dumps(meta)}, "results": {{')
-        for scene, tracks in rows:
+        for scene, tracks in scene_tracks:
             tokens = tables.sample_tokens(scene.name)
             for token, boxes in _samples(scene, tracks, card, tokens):
                 file.write(f"{separator}\n{json.dumps(token)}: {json.dumps(boxes)}")
@@ -202,7 +205,7 @@ def _write_submission(
 def _samples(
     scene: Scene, tracks: StoredTracks, card: Card, tokens: list[str]
 ) -> Iterator[tuple[str, list[dict[str, object]]]]:
-    """Yield the boxes of each sample.
+    """Yield token and boxes of each sample, as nuScenes calls a frame.
 
     A box has the mean velocity since the previous box of its track.
     """
@@ -230,7 +233,10 @@ def _samples(
 
 
 def _write_feather(
-    rows: Iterable[tuple[Scene, StoredTracks]], card: Card, data: str | None, path: Path
+    scene_tracks: Iterable[tuple[Scene, StoredTracks]],
+    card: Card,
+    data: str | None,
+    path: Path,
 ) -> int:
     """Write a tracking submission of Argoverse 2.
 
@@ -240,7 +246,7 @@ def _write_feather(
 
     classes = np.array(card.task.classes)
     tables = []
-    for scene, tracks in rows:
+    for scene, tracks in scene_tracks:
         columns = tracking_submission(
             card,
             data,

@@ -46,12 +46,12 @@ class Cuts:
     miss_error: Floats  # [n] m, c of each target
 
     def at(self, min_confidence: float) -> tuple[Floats, Floats]:
-        """Return the error of each target [n], m, at the least kept confidence.
+        """Return the error of each target [n], m, at a confidence threshold.
 
         The second result is the part of it from targets without a forecast.
         """
-        steps = np.searchsorted(-self.confidence, -min_confidence, side="right")
-        changes = int(np.searchsorted(self.step, steps))
+        kept = np.searchsorted(-self.confidence, -min_confidence, side="right")
+        changes = int(np.searchsorted(self.step, kept))
         final_change = last_of(self.target[:changes])
         target = self.target[final_change]
         error = self.miss_error.copy()
@@ -99,7 +99,7 @@ class CardBudget:
     def fit_for(self, false_known: bool) -> "CardBudget":
         """Return the constants for scenes whose false forecasts are known or not.
 
-        Without such constants, one per target.
+        Constants of the other kind do not fit: then the defaults, without an env.
         """
         if self.false_known == false_known:
             return self
@@ -108,8 +108,9 @@ class CardBudget:
     def budgets(self, targets: int, false_known: bool = True) -> Budgets:
         """Return the budgets of a run with this number of targets.
 
-        ``false_known``: False where the truth of the run's scenes holds prediction
-        targets alone.
+        They reach up to the rate of false forecasts of STP; those of "all" are equal
+        steps, up to at most one per target. ``false_known``: False where the truth of
+        the run's scenes holds prediction targets alone.
         """
         constants = self.fit_for(false_known)
         if not false_known:
@@ -120,7 +121,7 @@ class CardBudget:
         # multiplied first: exact on the scored split
         limit = constants.forecasts * targets / constants.divisor
         steps = np.arange(1, BUDGETS + 1)
-        return Budgets(steps * min(float(targets), limit) / BUDGETS, limit)
+        return Budgets(all=steps * min(float(targets), limit) / BUDGETS, subsets=limit)
 
     def text(self, false_known: bool = True) -> str:
         """Return the budgets of a run and their source in words, for a report."""
@@ -129,12 +130,15 @@ class CardBudget:
         if constants.env:
             source = f"constant of {constants.env}"
         if not false_known:
-            rates = ", ".join(f"{rate:.3g}" for rate in self.budgets(0, False).all)
+            # budgets per live frame do not depend on targets
+            budgets = self.budgets(targets=0, false_known=False)
+            rates = ", ".join(f"{rate:.3g}" for rate in budgets.all)
             return (
                 f"{rates} forecasts per live frame, as false ones are not known "
                 f"({source})"
             )
         rate = constants.forecasts / constants.divisor
+        # the subset "all" allows one false forecast per target at most
         limit = ", over all targets up to 1" if rate > 1 else ""
         return f"up to {rate:.3g} per target{limit} ({source})"
 
@@ -175,18 +179,20 @@ def at_budgets(
     value: Callable[[int, float], Floats],
     live_frames: int | None = None,
 ) -> Floats:
-    """Return values of targets at each budget [b, p, n], between two cuts.
+    """Return p values of each target at each budget [b, p, n].
 
-    ``value(scene, min_confidence)``: p values [p, targets] of the scene of this index,
-    for the least kept confidence. Values are interpolated linearly. The other arguments
-    are those of `errors_at`.
+    They are interpolated linearly between the two cuts around a budget.
+    ``value(scene, min_confidence)``: values [p, targets] of the scene of this index at
+    a least kept confidence. The other arguments are those of `errors_at`.
     """
     confidence = np.concatenate([cut.confidence for cut in cuts])
     order = np.argsort(-confidence, kind="stable")
+    # of what a budget limits, in the most confident forecasts
     if live_frames is None:
         count = np.cumsum(np.concatenate([cut.false for cut in cuts])[order])
     else:
         count = np.arange(1, len(order) + 1) / max(live_frames, 1)
+    # a cut keeps all forecasts of equal confidence: up to the last of its level
     level, first = np.unique(-confidence[order], return_index=True)
     level_count = count[np.append(first, len(confidence))[1:] - 1]
     cached: dict[int, Floats] = {}
@@ -202,17 +208,17 @@ def at_budgets(
             cached[index] = np.concatenate(values, axis=1)
         return cached[index]
 
-    rows = []
+    budget_values = []
     for budget in np.asarray(budgets, dtype=np.float64).tolist():
         # the first cut above the budget
         above = int(np.searchsorted(level_count, budget, side="right"))
-        row = at_level(above - 1)
+        values = at_level(above - 1)
         if above < len(level):
             spent = float(level_count[above - 1]) if above else 0.0
             share = (budget - spent) / (float(level_count[above]) - spent)
-            row = (1.0 - share) * row + share * at_level(above)
-        rows.append(row)
-    return np.stack(rows)
+            values = (1.0 - share) * values + share * at_level(above)
+        budget_values.append(values)
+    return np.stack(budget_values)
 
 
 def fixed_parts(
@@ -234,19 +240,20 @@ def fixed_parts(
     """
     error, missed = cuts.at(FIXED_CONFIDENCE)
     class_cost = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())
-    broken_cost = malformed @ class_cost
+    malformed_cost = malformed @ class_cost  # [F]
     if truth_complete:
         false_cost = cuts.false_costs(FIXED_CONFIDENCE, class_cost)
-        return error, missed, false_cost, float(broken_cost.sum())
+        return error, missed, false_cost, float(malformed_cost.sum())
     row = np.flatnonzero(cuts.confidence >= FIXED_CONFIDENCE)
     frame = cuts.frame[row]
     order = np.argsort(frame, kind="stable")  # by frame, then the most confident first
-    place = np.arange(len(order)) - np.searchsorted(frame[order], frame[order])
-    beyond = row[order[place >= FREE_FORECASTS]]
+    rank_in_frame = np.arange(len(order)) - np.searchsorted(frame[order], frame[order])
+    beyond = row[order[rank_in_frame >= FREE_FORECASTS]]
     false_cost = float(class_cost[cuts.class_id[beyond]].sum())
     frame_count = np.bincount(frame, minlength=len(malformed))
+    # invalid objects come last: a frame's share of them beyond the free ones costs
     free = np.maximum(0, FREE_FORECASTS - frame_count)
-    broken = malformed.sum(axis=1)
-    share = np.zeros(len(broken))
-    np.divide(np.maximum(0, broken - free), broken, out=share, where=broken > 0)
-    return error, missed, false_cost, float((share * broken_cost).sum())
+    invalid = malformed.sum(axis=1)
+    share = np.zeros(len(invalid))
+    np.divide(np.maximum(0, invalid - free), invalid, out=share, where=invalid > 0)
+    return error, missed, false_cost, float((share * malformed_cost).sum())

@@ -45,8 +45,8 @@ def tracking_counts(
     if not (np.isfinite(gate) and gate >= 0):
         raise ShapeError(f"gate is {gate}, expected a distance of 0 m or more")
     ordered = _ordered(frames)
-    truth = _positions(ordered, 2, "true")
-    tracks = _positions(ordered, 4, "track")
+    truth = _positions(ordered, column=2, name="true")
+    tracks = _positions(ordered, column=4, name="track")
     pairs = Pairs(*near_pairs(truth.frame, truth.xy, tracks.frame, tracks.xy, gate))
     if mode == "frame":
         matched = match(pairs, len(truth.xy))
@@ -110,6 +110,7 @@ def _ordered(frames: Iterable[Frame]) -> list[Frame]:
 
 def _positions(frames: Sequence[Frame], column: int, name: str) -> _Positions:
     """Read the ids at ``column`` of each frame, and the positions behind them."""
+    # by scene, each new id gets the next unused number
     unused = count()
     codes: dict[Hashable, dict[Hashable, int]] = defaultdict(
         lambda: defaultdict(unused.__next__)
@@ -122,7 +123,8 @@ def _positions(frames: Sequence[Frame], column: int, name: str) -> _Positions:
             positions.append(_xy(frame[column + 1], len(ids)))
         except (TypeError, ValueError):
             raise _content_error(frame, column, name) from None
-        identities += map(codes[frame[0]].__getitem__, ids)
+        scene_codes = codes[frame[0]]
+        identities += [scene_codes[track_id] for track_id in ids]
     frame_index = np.repeat(np.arange(len(frames)), [len(xy) for xy in positions[1:]])
     identity = np.array(identities, dtype=np.int64)
     xy = np.concatenate(positions)
@@ -156,7 +158,7 @@ def _xy(content: Any, ids: int) -> Floats:
     Raises TypeError or ValueError for other content.
     """
     xy = np.asarray(content, dtype=np.float64)
-    if xy.size == ids == 0:
+    if ids == 0 and xy.size == 0:  # of any shape
         return np.zeros((0, 2))
     if xy.shape != (ids, 2):
         raise ValueError

@@ -93,9 +93,10 @@ def _own_fields(table: AgentTable, run: Sequence[SceneScore]) -> dict[str, Any]:
 
 
 def _curve(table: AgentTable) -> list[tuple[float, float]]:
-    """Return the error at budgets of false forecasts per target, mean over seeds.
+    """Return pairs of budget and error, m, mean over seeds.
 
-    Else at budgets of forecasts per live frame.
+    Budgets are false forecasts per target, or forecasts per live frame where false ones
+    are not known.
     """
     targets = len(table.miss_error)
     if not targets:
@@ -105,7 +106,7 @@ def _curve(table: AgentTable) -> list[tuple[float, float]]:
     allowed = rates
     if false_known:
         allowed = rates * targets
-        rates = allowed / targets
+        rates = allowed / targets  # of these budgets, up to rounding
     errors = [
         run_errors(run, allowed, false_known).error.mean(axis=1)
         for run in table.setting.seeds
@@ -118,13 +119,15 @@ def _confidences(
 ) -> tuple[Floats, Bools] | None:
     """Return confidences [n] of forecasts, and whether each is of a true object.
 
-    Without neutral forecasts; None if it is unknown, or without any forecast.
+    Neutral forecasts are left out. None without any other, and if the truth is not
+    complete.
     """
     outcome = join_scenes(scores, "outcome")
     counted = outcome != Outcome.NEUTRAL
     if not table.complete or not counted.any():
         return None
     confidence = np.concatenate([score.cuts.confidence for score in scores])
+    # above: NON_TARGET and TARGET
     return confidence[counted].astype(float), outcome[counted] > Outcome.NEUTRAL
 
 
@@ -133,10 +136,10 @@ def calibration(confidence: Floats, matched: Bools) -> tuple[float, list[Reliabi
 
     ``matched`` [n]: it is of a true object.
     """
-    place = np.minimum((confidence * _RANGES).astype(int), _RANGES - 1)
+    range_index = np.minimum((confidence * _RANGES).astype(int), _RANGES - 1)
     curve = []
-    for i in np.unique(place):
-        in_range = place == i
+    for i in np.unique(range_index):
+        in_range = range_index == i
         curve.append(
             Reliability(
                 confidence=float(confidence[in_range].mean()),
@@ -148,9 +151,9 @@ def calibration(confidence: Floats, matched: Bools) -> tuple[float, list[Reliabi
 
 
 def misstated(table: AgentTable) -> tuple[float, float] | None:
-    """Return the mean confidence and the share that is of a true object.
+    """Return the mean confidence, and the share of true forecasts.
 
-    Only the first seed counts. None unless the two differ by more than `MAX_BIAS`, and
+    They are of the first seed. None unless the two differ by more than `MAX_BIAS`, and
     by more than chance (p < .01). Forecasts of one frame count as independent, and
     those of the next frames as repetitions for a quarter of a unit, 5 s: the variance
     of the number of matches is that of independent forecasts times these frames. On
@@ -164,6 +167,7 @@ def misstated(table: AgentTable) -> tuple[float, float] | None:
         return None
     confidence, matched = confidences
     live_frames = sum(score.live for score in run)
+    # frames of a quarter of a unit
     repetitions = max(1.0, live_frames / max(4 * sum(score.units for score in run), 1))
     variance = (confidence * (1 - confidence)).sum() * repetitions
     deviation = np.sqrt(variance) / len(matched)
@@ -176,6 +180,7 @@ def misstated(table: AgentTable) -> tuple[float, float] | None:
 
 
 def _accuracy(table: AgentTable, mask: Bools, false_forecasts: int) -> float | None:
+    """Return EPA over the targets of a ``mask``, mean over seeds."""
     if not table.complete:
         return None
     seeds = len(table.setting.seeds)
@@ -245,12 +250,13 @@ def _errors(table: AgentTable, mask: Bools) -> Errors:
 def _tracking(counts: list[StreamCounts], card: Card, complete: bool) -> Tracking:
     """Return the tracking numbers of all classes and per class.
 
-    False output only where the truth is ``complete``. A false track without a class is
-    false in every class and in none, so then a single class has none of these numbers.
+    None stands for numbers of false output unless the truth is ``complete``. It does so
+    for single classes too if a false track is without a class: it may be of any.
     """
     sums = _summed(counts, _COUNTS)
     sums |= _summed([count.identity for count in counts], _IDENTITY_COUNTS)
     overall = {name: value.sum(axis=0) for name, value in sums.items()}
+    # the last entry: tracks without a class
     class_complete = complete and not sums["fp"][-1]
     classes = {}
     for i, class_name in enumerate(card.task.classes):
@@ -335,7 +341,8 @@ def forecast_average_precision(
     precision = hits / (1 + np.flatnonzero(is_last))
     recalls = np.linspace(0.0, 1.0, _RECALLS)
     curve = np.interp(recalls, hits / targets, precision, right=0.0)
-    counted = curve[round(100 * _MIN_PRECISION) + 1 :]
+    # recalls above the least
+    counted = curve[round((_RECALLS - 1) * _MIN_PRECISION) + 1 :]
     return float(
         np.maximum(counted - _MIN_PRECISION, 0.0).mean() / (1.0 - _MIN_PRECISION)
     )

@@ -71,8 +71,8 @@ def drop_light_samples(weights: NDArray[Any]) -> Floats:
     """Return weights [n, S] with 0 for samples below 1 % of the uniform weight.
 
     Samples of weight 0 are left out of every metric. So a sample that costs nothing in
-    the energy score earns nothing in minADE. Samples of weight 0 do not count as
-    stated; what is below the floor is dropped once.
+    the energy score earns nothing in minADE. The uniform weight is that of the samples
+    above 0. It is not computed again for those that stay.
     """
     weight = np.asarray(weights, dtype=np.float64)
     sample_count = (weight > 0).sum(axis=1, keepdims=True)

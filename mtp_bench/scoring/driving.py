@@ -127,7 +127,10 @@ def progress_of(drive: Drive, reference: float) -> float:
 
 
 def scene_scores(agent: AgentDrives, reference: Mapping[str, float]) -> Floats:
-    """Return the scores [S] of the scenes of ``reference``, means over seeds."""
+    """Return the scores [S] of the scenes of ``reference``, means over seeds.
+
+    ``reference``: way with ground-truth tracks of each scene, m.
+    """
     scores = []
     for scene, way_m in reference.items():
         scores.append(np.mean([scene_score(d, way_m) for d in agent.drives[scene]]))
@@ -171,7 +174,9 @@ def score_interval(scores: ArrayLike) -> Interval | None:
 
 
 def fault_interval(collisions: float, scenes: int) -> Interval:
-    """Return the interval of ``collisions`` per 100 scenes (Clopper and Pearson 1934).
+    """Return the 95 % interval of ``collisions`` per 100 scenes.
+
+    It is that of Clopper and Pearson (1934) for a share of scenes.
 
     Resamples say too little of rare events.
     """
@@ -188,22 +193,22 @@ def _mean(drives: Sequence[Drive], value: Callable[[Drive], float]) -> float:
 
 
 def _row(
-    agent: AgentDrives, reference: Mapping[str, float], stp_scores: Floats | None
+    agent: AgentDrives, ways_m: Mapping[str, float], stp_scores: Floats | None
 ) -> DrivingRow:
-    scores = scene_scores(agent, reference)
+    scores = scene_scores(agent, ways_m)
     difference = None
     if stp_scores is not None:
         difference = paired_difference(scores, stp_scores, np.ones(len(scores)))
     mean, mean_interval, p = numbers_of(difference)
     drives: list[Drive] = []
     progress = []
-    fault_shares = []
-    for scene, way_m in reference.items():
+    faults_per_100 = []
+    for scene, way_m in ways_m.items():
         scene_drives = agent.drives[scene]
         drives += scene_drives
         progress += [progress_of(drive, way_m) for drive in scene_drives]
-        fault_shares.append(_mean(scene_drives, lambda drive: 100.0 * drive.at_fault))
-    faults = float(np.mean(fault_shares))
+        faults_per_100.append(_mean(scene_drives, lambda drive: 100.0 * drive.at_fault))
+    faults = float(np.mean(faults_per_100))
     arrived = [drive for drive in drives if drive.goal]
 
     return DrivingRow(
@@ -222,5 +227,5 @@ def _row(
         goal_seconds=_mean(arrived, lambda drive: drive.seconds) if arrived else None,
         comfort=_mean(drives, lambda drive: float(drive.comfortable)),
         bade=own_bade(agent),
-        scenes=len(reference),
+        scenes=len(ways_m),
     )

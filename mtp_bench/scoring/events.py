@@ -88,13 +88,13 @@ def find_events(objects: History, matched: Matched, track_id: Ints) -> Events:
     each true box, -1 if none; ``track_id``: id of each track row. Where frames without
     the object lie between two of its boxes, no event is counted.
     """
-    column = matched[objects.order]
-    is_matched = column >= 0
-    column_before = np.roll(column, 1)
+    track_row = matched[objects.order]
+    is_matched = track_row >= 0
+    track_row_before = np.roll(track_row, 1)
     # row -1: no track
     ids = np.append(np.asarray(track_id, dtype=np.int64), -1)
-    follows_match = objects.consecutive & (column_before >= 0)
-    changed = ids[column_before] != ids[column]
+    follows_match = objects.consecutive & (track_row_before >= 0)
+    changed = ids[track_row_before] != ids[track_row]
     reacquired = _matched_again(objects.consecutive, is_matched)
     return Events(
         ids=np.sort(objects.order[follows_match & is_matched & changed]),
@@ -111,13 +111,13 @@ def clear_identity(
     IDS: the id of the track differs from that of the last match. FRAG: the object is
     matched again after a gap.
     """
-    column = matched[objects.order]
-    place = np.flatnonzero(column >= 0)
+    track_row = matched[objects.order]
+    place = np.flatnonzero(track_row >= 0)
     matched_identity = objects.identity[place]
-    matched_id = track_id[column[place]]
+    matched_id = track_id[track_row[place]]
     same_object = matched_identity[1:] == matched_identity[:-1]
     switched = place[1:][same_object & (matched_id[1:] != matched_id[:-1])]
-    fragmented = _matched_again(objects.follows, column >= 0)
+    fragmented = _matched_again(objects.follows, track_row >= 0)
     return objects.order[switched], objects.order[fragmented]
 
 
@@ -126,6 +126,7 @@ def _matched_again(follows: Bools, is_matched: Bools) -> Bools:
 
     Match, gap and row are in the same run. ``follows`` [R]: see `counted_in_run`.
     """
+    # the count includes the row itself
     matched_before = counted_in_run(follows, is_matched) > is_matched
     after_gap = follows & ~np.roll(is_matched, 1)
     return np.asarray(is_matched & after_gap & matched_before)
@@ -138,6 +139,7 @@ def counted_in_run(follows: Bools, flags: Bools) -> Ints:
     of the row before.
     """
     count = np.cumsum(flags)
+    # counts rise, so the maximum so far is that of the run's first row
     count_before_run = np.where(follows, 0, count - flags)
     return np.asarray(count - np.maximum.accumulate(count_before_run))
 

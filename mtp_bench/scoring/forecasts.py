@@ -76,7 +76,7 @@ class RecordedForecasts:
     def paths(self, row: Ints, samples: int | None = None) -> NDArray[np.float64]:
         """Return samples [n, K, T, 2] of these rows [n], m, absolute.
 
-        ``samples``: the first ones alone.
+        ``samples``: number of the first samples to take; None: all.
         """
         center = np.asarray(self.box[row, :2], dtype=np.float64)
         return center[:, None, None] + to_metres(self.offset[row, :samples])
@@ -169,17 +169,18 @@ class Candidates:
             ks=ks,
         )
         object_of_truth = final_match(matching.additions, len(self.scene.truth.box))
-        column = object_of_truth[targets.row]
-        matched = np.flatnonzero(column >= 0)
-        size = max(1, _CHUNK // max(1, samples * horizon))
-        for low in range(0, len(matched), size):
-            part = matched[low : low + size]
-            row = column[part]
+        object_row = object_of_truth[targets.row]
+        matched = np.flatnonzero(object_row >= 0)
+        chunk = max(1, _CHUNK // max(1, samples * horizon))
+        for low in range(0, len(matched), chunk):
+            part = matched[low : low + chunk]
+            row = object_row[part]
             paths = forecasts.paths(row)
             future = targets.future[part]
             weight = sample_weights(forecasts.log_weight[row])
             result = displacement(paths, future, weight)
             truth_xy = self.scene.truth.box[targets.row[part], :2]
+            # as if the forecast began at the truth: the true path is shifted instead
             shift = forecasts.box[row, :2] - truth_xy
             centred, _, _ = sample_errors(
                 paths, future + shift[:, None], drop_light_samples(weight)
@@ -203,9 +204,10 @@ def _pair_errors(
     """
     error = np.zeros(len(pairs))
     of_target = np.flatnonzero(target >= 0)
-    size = max(1, _CHUNK // max(1, int(np.prod(forecasts.offset.shape[1:3]))))
-    for low in range(0, len(of_target), size):
-        part = of_target[low : low + size]
+    _, total_samples, horizon, _ = forecasts.offset.shape
+    chunk = max(1, _CHUNK // max(1, total_samples * horizon))
+    for low in range(0, len(of_target), chunk):
+        part = of_target[low : low + chunk]
         row = pairs.column[part]
         weight = drop_light_samples(sample_weights(forecasts.log_weight[row]))
         # all samples beyond are absent
@@ -235,6 +237,8 @@ def match_by_confidence(
     additions = add_in_order(
         pairs.keep(~neutral), step, confidence, candidates.error[~neutral]
     )
+    # what evaluated objects leave over is offered to neutral ones, from the step on at
+    # which it is dropped
     unmatched = np.where(candidates.neutral_place, NEVER, additions.dropped)
     no_ties = np.zeros(int(neutral.sum()))
     at_neutral = add_in_order(pairs.keep(neutral), unmatched, confidence, no_ties)
@@ -249,6 +253,7 @@ def target_errors(
 
     Step [E] and target [E], and the target's minADE [E] from then on, m.
     """
+    # the candidate pair of each addition has its error
     pairs = candidates.pairs
     additions = matching.additions
     columns = len(candidates.live)
@@ -350,5 +355,6 @@ def sample_weights(log_weight: Floats) -> NDArray[np.float64]:
     max_log = np.where(present, logs, -np.inf).max(
         axis=1, initial=ABSENT_BELOW, keepdims=True
     )
+    # exp(-600) is still above 0
     weight = np.exp(np.clip(np.where(present, logs, 0.0) - max_log, -600.0, 0.0))
     return np.where(present, weight, 0.0)

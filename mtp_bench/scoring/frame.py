@@ -1,7 +1,7 @@
 """Score of single frames, from which a training env takes its reward and metrics."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -53,10 +53,10 @@ class FrameScore:
     def total(cls, frames: Sequence["FrameScore"]) -> "FrameScore":
         """Return sums over ``frames``, and the mean minADE over all covered targets."""
         table = np.array([list(vars(frame).values()) for frame in frames])
-        table = table.reshape(-1, 7)
-        table[:, 2] *= table[:, 1]
-        targets, covered, min_ade, false, *costs = table.sum(axis=0).tolist()
-        mean_ade = min_ade / max(covered, 1.0)
+        table = table.reshape(-1, len(fields(cls)))  # also without frames
+        table[:, 2] *= table[:, 1]  # min_ade times covered: a sum
+        targets, covered, ade_sum, false, *costs = table.sum(axis=0).tolist()
+        mean_ade = ade_sum / max(covered, 1.0)
         return cls(int(targets), int(covered), mean_ade, int(false), *costs)
 
 
@@ -69,6 +69,7 @@ class FrameScorer:
         self._scene = evaluated(scene)
         # evaluated already: without the image
         targets = find_targets(replace(self._scene, image=None), card)
+        # `score` sees the truth of one frame
         frame_row = targets.row - scene.truth.start[targets.frame]
         self._targets = replace(targets, row=frame_row)
         self._miss_error = np.asarray(card.per_class(card.task.miss_error))

@@ -155,6 +155,7 @@ class _Matching:
             cost - self._row_potential[row] for row, cost in self._edges[new_column]
         )
         distance, previous, end_row, left_out, total = self._shortest_path(new_column)
+        # costs less potentials stay 0 or more, and are 0 for matched pairs
         self._column_potential[new_column] += total
         for row, row_distance in distance.items():
             if row in self._column_of:
@@ -162,6 +163,7 @@ class _Matching:
                 self._row_potential[row] -= total - row_distance
         if end_row < 0 and left_out != new_column:
             end_row = self._row_of.pop(left_out)
+        # back along the path, each column takes the next row
         path = []
         while end_row >= 0:
             column = previous[end_row]
@@ -187,6 +189,7 @@ class _Matching:
         queue: list[tuple[int, int]] = []
         column = new_column
         base = 0
+        # the column that is cheapest to leave unmatched so far, and its distance
         left_out = new_column
         limit = self._unmatched_cost[new_column] - self._column_potential[new_column]
         while True:

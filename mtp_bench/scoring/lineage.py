@@ -111,7 +111,7 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
 def _stated_parents(rollout: Rollout, alive: Bools) -> tuple[Rows, Bools]:
     """Return stated parents [F, H] and their mask.
 
-    A parent is 0 where none is stated. A parent that did not exist counts as not stated.
+    Where none is stated it is 0. A parent that did not exist counts as not stated.
     """
     parent = np.zeros(alive.shape, dtype=np.intp)
     is_stated = np.zeros(alive.shape, dtype=bool)
@@ -134,6 +134,7 @@ def match_hypotheses(
     pairs = event_pairs(truth, rollout, card)
     pairs = pairs.keep(~truth.neutral[pairs.row])
     count = member.shape[1]
+    # every hypothesis has rows and columns of its own, so all are matched at once
     pair, hypothesis = np.nonzero(member[pairs.column])
     pairs = Pairs(
         pairs.row[pair] * count + hypothesis,

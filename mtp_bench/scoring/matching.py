@@ -71,7 +71,8 @@ def _match(
 ) -> Matched:
     """Return the column matched to each row [rows].
 
-    ``assign`` solves large components, with ``squares`` not those of 2 x 2.
+    ``assign`` solves large components. ``squares``: components of 2 x 2 are solved
+    without it.
     """
     matched = np.full(rows, -1, dtype=np.intp)
     contested_pairs = _settle_single(pairs, matched)
@@ -152,7 +153,7 @@ def columns_to_rows(matched: Matched, columns: int) -> Matched:
 def _settle_single(pairs: Pairs, matched: Matched) -> Pairs:
     """Match the pairs without another candidate for row or column.
 
-    Returns the other pairs.
+    They are written into ``matched``. Returns the other pairs.
     """
     row_pairs = np.bincount(pairs.row)
     column_pairs = np.bincount(pairs.column)
@@ -162,7 +163,7 @@ def _settle_single(pairs: Pairs, matched: Matched) -> Pairs:
 
 
 def _components(pairs: Pairs) -> _Contested:
-    """Return the connected components of the pairs, at least one pair."""
+    """Return the connected components of ``pairs``, at least one."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -199,7 +200,10 @@ def _numbered(label: Ints, components: int) -> tuple[Ints, Rows]:
 
 
 def _settle_star(contested: _Contested, matched: Matched) -> None:
-    """Match the cheapest pair of components with one row or one column."""
+    """Match the cheapest pair of components with one row or one column.
+
+    It is written into ``matched``.
+    """
     pairs = contested.pairs
     order = np.lexsort((pairs.column, pairs.row, pairs.cost, contested.label))
     first = order[np.diff(contested.label[order], prepend=-1) != 0]
@@ -207,7 +211,11 @@ def _settle_star(contested: _Contested, matched: Matched) -> None:
 
 
 def _settle_square(contested: _Contested, matched: Matched) -> None:
-    """Match components of two rows and two columns: one of the two full matchings."""
+    """Write the matching of components of 2 x 2 into ``matched``.
+
+    It is one of the two full matchings: a component has at least three of the four
+    pairs, so one of them exists.
+    """
     pairs = contested.pairs
     if len(pairs) == 0:
         return
@@ -251,9 +259,9 @@ def _cheapest(row: Rows, column: Rows, cost: Floats, absent: float = 0.0) -> Row
     shape = int(row.max()) + 1, int(column.max()) + 1
     dense = np.full(shape, absent)
     dense[row, column] = cost
-    place = np.full(shape, -1, dtype=np.intp)
-    place[row, column] = np.arange(len(row))
-    chosen = place[linear_sum_assignment(dense)]
+    pair_at = np.full(shape, -1, dtype=np.intp)
+    pair_at[row, column] = np.arange(len(row))
+    chosen = pair_at[linear_sum_assignment(dense)]
     return np.asarray(chosen[chosen >= 0])
 
 

@@ -63,6 +63,7 @@ def near_pairs(
     key_a = frame_a * span + (x_a - min_x)
     key_b = frame_b * span + (x_b - min_x)
     max_key = max(float(np.abs(key_a).max()), float(np.abs(key_b).max()), 1.0)
+    # rounding of the keys must not lose a pair
     slack = 8.0 * np.finfo(np.float64).eps * max_key
     order = np.argsort(key_b, kind="stable")
     sorted_b = key_b[order]
@@ -70,6 +71,7 @@ def near_pairs(
     count = np.searchsorted(sorted_b, key_a + (reach + slack), side="right") - first
     a = np.repeat(np.arange(len(key_a)), count)
     ends = np.cumsum(count)
+    # beside each a stand the rows first, first + 1, ... of the sorted b
     b = order[np.arange(len(a)) + np.repeat(first - ends + count, count)]
     offset = xy_a[a] - xy_b[b]
     distance = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
@@ -113,6 +115,7 @@ def box_pairs(
 
 
 def _max_radius(box: Floats) -> float:
+    """Return half the longest diagonal of the boxes."""
     return 0.5 * float(np.hypot(box[:, 4], box[:, 5]).max(initial=0.0))
 
 

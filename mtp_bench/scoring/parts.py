@@ -88,6 +88,7 @@ def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
     causes = [cause.name.lower() for cause in AbsentCause]
     columns = np.array([_COLUMN[name] for name in (*causes, "rest")])
     part = np.zeros((len(error), len(PART_NAMES)))
+    # -1 takes the last column, "rest"
     part[np.arange(len(error)), columns[absent_cause]] = error
     return part
 
@@ -122,7 +123,8 @@ def parts_text(parts: Mapping[str, float], most: int = len(PART_NAMES)) -> str:
     """
     shown = _shown(parts)
     if parts and not shown:
-        return "{} {:.2f} m".format(*next(iter(parts.items())))
+        name, value = next(iter(parts.items()))
+        return f"{name} {value:.2f} m"
     names = [name for name in shown if name != BELOW_THRESHOLD]
     remainder = sum(shown[name] for name in names[most:])
     named = {name: shown[name] for name in names[:most]}
@@ -167,9 +169,10 @@ def reference_errors(
 
 
 def _covered_mean(scores: AgentScores, name: str) -> Floats:
-    seeds = over_seeds(scores, "covered")
-    mean: Floats = np.full(len(seeds), np.nan)
-    np.divide(over_seeds(scores, name), seeds, out=mean, where=seeds > 0)
+    """Return the mean [n] of array ``name`` over seeds that cover a target."""
+    seed_count = over_seeds(scores, "covered")
+    mean: Floats = np.full(len(seed_count), np.nan)
+    np.divide(over_seeds(scores, name), seed_count, out=mean, where=seed_count > 0)
     return mean
 
 
@@ -187,9 +190,9 @@ def error_parts(
     unsplit = bade.error - bade.missed
     parts: dict[str, Floats] = {}
     if references is not None:
-        split = np.isfinite(sum(references))
+        split = np.isfinite(sum(references))  # False if one is NaN
         associated, centred, ground_truth = np.where(split, references, 0.0)
-        # share of budgets and seeds
+        # share of budgets and seeds with a forecast: the others cost c
         covered = 1.0 - bade.missed / table.miss_error
         parts = {
             "ground_truth": covered * ground_truth,

@@ -105,7 +105,8 @@ def guard_reason(
         difference = sums.minus(limit_sums)
         if difference is None:
             continue
-        limit_error = max(float(limit_sums.error.sum()), 1e-300)
+        limit_error = max(float(limit_sums.error.sum()), 1e-300)  # above 0
+        # as a share of the limit
         excess = difference.mean * float(sums.weight.sum()) / limit_error
         if excess > GUARD or (excess > GUARD_SIGNIFICANT and difference.significant):
             return f"over all targets its bADE is above that of {limit_name}"
@@ -118,7 +119,7 @@ class Place(NamedTuple):
     place: int | None = None  # rank by bADE, from 1 on; agents of equal bADE share it
     # 1 + number of significantly better agents; n - number of worse ones
     span: tuple[int, int] | None = None
-    why: str = ""  # it has no place
+    why: str = ""  # reason why it has no place; empty: it has one
 
     @property
     def rank(self) -> str | None:
@@ -148,7 +149,7 @@ def rank_by_error(sums: ArrayLike, weight: ArrayLike) -> list[Place]:
     pairs = np.array(np.triu_indices(agents, 1))
     difference = beyond_rounding(total[pairs[0]], total[pairs[1]])
     smaller_first = np.where(difference < 0, pairs, pairs[::-1])
-    pairs = smaller_first[:, difference != 0]
+    pairs = smaller_first[:, difference != 0]  # [2, P] the better agent first
     significant = pairs[:, significant_pairs(errors, weight, pairs)]
     place = 1 + np.bincount(pairs[1], minlength=agents)
     first_rank = 1 + np.bincount(significant[1], minlength=agents)
@@ -204,7 +205,10 @@ def span_text(span: tuple[int, int] | None) -> str | None:
 
     One number where it holds one rank.
     """
-    return None if span is None else "–".join(map(str, dict.fromkeys(span)))
+    if span is None:
+        return None
+    first, last = span
+    return str(first) if first == last else f"{first}–{last}"
 
 
 class References(NamedTuple):
@@ -229,9 +233,9 @@ class Gap(NamedTuple):
     """Share of a gap that is closed, or the reason why it is undefined."""
 
     closed: float | None = None  # 0: as STP, 1: as from ground-truth tracks
-    # [U], [U] part that is closed of each unit, and the gap
+    # [U], [U] m, weighted errors summed per unit: closed part of the gap, and the gap
     parts: tuple[Floats, Floats] | None = None
-    why: str | None = None  # it is undefined
+    why: str | None = None  # reason why it is undefined
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -266,8 +270,10 @@ class GapPair(NamedTuple):
     None if one is absent.
     """
 
-    stp: HasSums | None = None  # of association: one hypothesis with all samples
-    truth: HasSums | None = None  # of association: the same with perfect association
+    # for the gap of association: one hypothesis with all samples
+    stp: HasSums | None = None
+    # for the gap of association: the same with perfect association
+    truth: HasSums | None = None
     missing: str = NOT_RUN  # why one is absent
 
     def closed_by(self, agent: HasSums, subset: Subset) -> Gap:
@@ -306,11 +312,15 @@ def pairs_of(
     if runs is None:
         unstated = GapPair(missing=REFERENCES_UNSTATED)
         return GapPairs(unstated, unstated, unstated)
-    single, ground_truth, same_samples, associated = map(tables.get, runs[:4])
+    single = tables.get(runs.single)
+    ground_truth = tables.get(runs.ground_truth)
     kinematic = GapPair(missing=NOT_KINEMATIC)
+    # its predictor is that of stp if its own reference is stp
     if single and stp and single.setting.agent == stp.setting.agent:
         kinematic = GapPair(stp, truth)
-    association = GapPair(same_samples, associated)
+    association = GapPair(
+        tables.get(runs.same_samples), tables.get(runs.associated_same_samples)
+    )
     if setting.observe == "truth":
         association = GapPair(missing=SAW_TRUTH)
     return GapPairs(kinematic, GapPair(single, ground_truth), association)

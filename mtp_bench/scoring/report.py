@@ -168,7 +168,7 @@ def _detections_text(tables: Sequence[AgentTable], card: Card) -> str:
     if isinstance(card.source, FilesSource):
         stored = detectors.pop(f"{card.source.detector}, stored detections", 0)
         label = f"own detections, settings of {card.source.detector}"
-        detectors += Counter({label: stored})
+        detectors += Counter({label: stored})  # without a key if it is 0
     return "; ".join(
         f"{label} ({counted(scene_count, 'scene')})"
         for label, scene_count in sorted(detectors.items())
@@ -237,6 +237,7 @@ def _row(
     sums = table.sums_on(subset)
     seeds = len(table.setting.seeds)
     fixed_sum = sum(score.fixed_error for score in table.scores)
+    # false forecasts belong to no target, so no event subset has this error
     fixed_error = ratio(fixed_sum / seeds, len(table.unit)) if subset == "all" else None
     to_stp = None
     if stp is not None and stp.setting.samples == sums.samples:

@@ -62,7 +62,7 @@ class Report:
     failures: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        agents = len({row.agent.split(" ")[0] for row in self.rows})
+        agents = len({_agent_name(row) for row in self.rows})
         failed = f"; failed: {', '.join(self.failures)}" if self.failures else ""
         title = main_table(self).title.partition(":")[0]
         return (
@@ -122,10 +122,15 @@ class Report:
         content: dict[str, Any] = {"env": self.env, "definitions": self.definitions}
         for name in ("rows", *field_names):
             part = getattr(self, name)
-            if name not in ("condition", "failures"):
+            if name not in ("condition", "failures"):  # a list of rows
                 part = [row.model_dump(mode="json") for row in part]
             content[name] = part
         return content
+
+
+def _agent_name(row: Row) -> str:
+    """Return the agent's name in a row, without the parameters behind it."""
+    return row.agent.split(" ")[0]
 
 
 def rejected_line(agent: str, rejected: int) -> str:
@@ -173,6 +178,7 @@ def main_table(report: Report) -> Table:
     hypotheses at equal k; `Report.shown` names the agents.
     """
 
+    # agents without bADE come last
     def sort_key(rows: Mapping[Subset, Row]) -> tuple[bool, float]:
         return rows["all"].error is None, rows["all"].error or 0.0
 
@@ -248,12 +254,12 @@ def _has_other_detections(report: Report) -> bool:
 
 
 def shipped_env_id(env_id: str, digest: str | None) -> str:
-    """Return ``env_id``.
+    """Return ``env_id``, or "" if its card with this ``digest`` is changed.
 
-    Empty where a card of this ``digest`` does not ship.
     Own scenes, another split and other detections keep the name of the env, not its
-    content.
+    content. A digest of None is not known, and counts as unchanged.
     """
+    # an id that does not ship is that of a user's own card
     if env_id not in card_ids() or digest in (None, load_card(env_id).digest):
         return env_id
     return ""
@@ -261,6 +267,7 @@ def shipped_env_id(env_id: str, digest: str | None) -> str:
 
 def blocks_of(report: Report) -> Iterator[Mapping[Subset, Row]]:
     """Return the rows of each agent and setting, by subset."""
+    # they follow each other, one per subset
     size = max(1, len({row.subset for row in report.rows}))
     for start in range(0, len(report.rows), size):
         yield {row.subset: row for row in report.rows[start : start + size]}
@@ -269,17 +276,18 @@ def blocks_of(report: Report) -> Iterator[Mapping[Subset, Row]]:
 def main_settings(report: Report) -> dict[str, Mapping[Subset, Row]]:
     """Return the rows by subset of each agent's main setting.
 
-    Settings with equal k come before others, then those with the agent's own
-    parameters, then those with the most hypotheses.
+    Settings with the env's k samples come before others, then those with the agent's
+    own parameters, then those with the most hypotheses.
     """
 
     def sort_key(rows: Mapping[Subset, Row]) -> tuple[bool, bool, int]:
         row = rows["all"]
-        return preference(row.budget, " " not in row.agent, row.hypotheses)
+        has_own_parameters = row.agent == _agent_name(row)
+        return preference(row.budget, has_own_parameters, row.hypotheses)
 
     settings: dict[str, Mapping[Subset, Row]] = {}
     for rows in blocks_of(report):
-        agent = rows["all"].agent.split(" ")[0]
+        agent = _agent_name(rows["all"])
         if not report.shown or agent in report.shown:
             settings[agent] = max(settings.get(agent, rows), rows, key=sort_key)
     return settings

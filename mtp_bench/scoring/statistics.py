@@ -52,7 +52,8 @@ def bootstrap_interval(
     return _interval(sums[weight > 0].tobytes(), weight[weight > 0].tobytes())
 
 
-# a leaderboard needs the difference of the same reference pair with every agent
+# a leaderboard needs the difference of the same reference pair with every agent; bytes,
+# as arrays cannot be keys of a cache
 @lru_cache(maxsize=8192)
 def _interval(numerator: bytes, denominator: bytes) -> tuple[float, float] | None:
     from scipy.special import stdtrit  # scipy.stats takes seconds to import
@@ -229,7 +230,7 @@ def _test_interval(difference: bytes, weight: bytes) -> tuple[float, float] | No
     signs, observed = _flips(units)
     flipped = signs @ np.stack([unit_difference, unit_weight], axis=1)
     low, high = _flip_ends(unit_difference, unit_weight, flipped)
-    # as many flips must hold a mean for its p to be 0.05 or more
+    # as many flips must hold a mean for its p to be 0.05 or more; 1e-9: rounding
     count = int(np.ceil(SIGNIFICANT * (len(low) + observed) - 1e-9)) - observed
     low_end = float(np.partition(low, count - 1)[count - 1])
     high_end = float(np.partition(high, -count)[-count])
@@ -314,6 +315,7 @@ def _flips(units: int) -> tuple[Floats, int]:
     if units > EXACT_UNITS:
         rng = np.random.default_rng(_SEED)
         return rng.choice([-1.0, 1.0], size=(FLIPS, units)), 1
+    # bit u of a flip's number is the sign of unit u
     return 1.0 - 2.0 * ((np.arange(1 << units)[:, None] >> np.arange(units)) & 1), 0
 
 

@@ -139,7 +139,7 @@ def _similar_pairs(
     gate = card.task.event_gate
     threshold = np.array(card.per_class(gate.threshold))
     by_overlap = gate.measure == "iou_3d"
-    # half as similar as can be at the gate
+    # pairs of similarity above 0: any overlap, or distances up to twice the gate
     reach = np.full(len(threshold), 1e-9) if by_overlap else 2.0 * threshold
     pairs = box_pairs(
         truth.frame_of_rows,
@@ -226,6 +226,8 @@ def _hits(
     table = np.bincount(
         identities.number[hit] * levels + level, minlength=count * levels
     ).reshape(-1, levels)
+    # a hit of level l counts at the first l thresholds: summed from the right, without
+    # level 0
     return np.asarray(table[:, :0:-1].cumsum(axis=1)[:, ::-1], dtype=np.float64)
 
 
@@ -247,6 +249,7 @@ def hota(
     if not truth + tracks:
         return None
     detection_accuracy = hits / (truth + tracks - hits)
+    # association accuracy is the mean over hits
     return float(
         np.sqrt(detection_accuracy * association / np.maximum(hits, 1.0)).mean()
     )

@@ -14,7 +14,7 @@ from .definitions import KNOWN_SUBSETS, SUBSETS, Subset
 from .rows import AgentSetting, Budget
 from .score import SceneScore
 from .statistics import UnitSums, effective_number, ratio
-from .weights import Reference
+from .weights import COUNTED_EVENTS, WEIGHTED_SUBSETS, Reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +157,11 @@ def agent_table(
     objects = np.stack([recording[scene], join_scenes(first_run, "object_id")], axis=1)
     unit_ends = np.cumsum([score.units for score in first_run])
     first_unit = np.concatenate([[0], unit_ends])
-    budgets = (constants if reference is None else reference.budget).budgets(
-        len(scene), all(score.truth_complete for score in first_run)
+    if reference is not None:
+        constants = reference.budget
+    budgets = constants.budgets(
+        targets=len(scene),
+        false_known=all(score.truth_complete for score in first_run),
     )
     of_all, of_subsets = _bades(seeds, budgets)
     hits = [~join_scenes(run, "miss") for run in seeds]
@@ -190,6 +193,7 @@ def agent_table(
 
 
 def _check_seeds(setting: AgentScores) -> None:
+    """Raise RolloutError as `agent_table`."""
     who = f"agent {setting.agent!r}"
     if not setting.seeds or not setting.seeds[0]:
         raise RolloutError(f"{who} has no scored scene, expected at least one")
@@ -228,9 +232,12 @@ def _bades(
     for run in seeds:
         errors = run_errors(run, allowed, budgets.false_known)
         below_threshold = errors.missed * join_scenes(run, "covered")
-        by_score = run_errors(run, allowed, budgets.false_known, "score_cuts").error
+        by_score = run_errors(
+            run, allowed, budgets.false_known, cuts_name="score_cuts"
+        ).error
         per_seed.append((errors.error, errors.missed, below_threshold, by_score))
     parts = [np.mean(of_seeds, axis=0) for of_seeds in zip(*per_seed, strict=True)]
+    # the last budget is that of the subsets
     of_all = Bade(*[part[:-1].mean(axis=0) for part in parts])
     return of_all, Bade(*[part[-1] for part in parts])
 
@@ -292,7 +299,7 @@ def _weights(
                 "scenes are made again; if that does not help, the weights were made "
                 "of other data"
             )
-    for name in SUBSETS[1:]:
+    for name in WEIGHTED_SUBSETS:
         weights[name] = np.concatenate(
             [reference.weight(score.scene, name) for score in run]
         )
@@ -309,10 +316,11 @@ def _events(
     events: dict[str, float | None] = dict.fromkeys(KNOWN_SUBSETS)
     if reference is None:
         return events
-    for name in SUBSETS[1:5]:
+    for name in COUNTED_EVENTS:
         events[name] = float(
             sum(reference.weight(score.scene, name).sum() for score in run)
         )
+    # of STP: switches, lost, reacquired
     stp_events = [reference.of(score.scene).stp_events for score in run]
     ids, *fragments = np.sum(stp_events, axis=0).tolist()
     events["paper_ids"] = float(ids)

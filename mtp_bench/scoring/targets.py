@@ -100,7 +100,7 @@ def _image_boxes(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) -> 
     offset = _CORNER * image.box_size[class_id][:, None]  # [n, 8, 3]
     cos = np.cos(image.heading[frame])[:, None]
     sin = np.sin(image.heading[frame])[:, None]
-    corner = np.ones((len(xy), 8, 4))
+    corner = np.ones((len(xy), 8, 4))  # homogeneous: the last one stays 1
     corner[..., 0] = xy[:, :1] + cos * offset[..., 0] - sin * offset[..., 1]
     corner[..., 1] = xy[:, 1:] + sin * offset[..., 0] + cos * offset[..., 1]
     corner[..., 2] = (image.height[frame] - CAMERA_HEIGHT)[:, None] + offset[..., 2]
@@ -127,6 +127,7 @@ def _share_in_region(image: ImageField, frame: Ints, box: Floats) -> Floats:
     """Return the largest share [n] of image boxes [n, 4] in one region of a frame."""
     first = image.region_start[frame]
     count = image.region_start[frame + 1] - first
+    # each box beside each region of its frame
     row = np.repeat(np.arange(len(box)), count)
     place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     region = image.region[first[row] + place]
@@ -275,7 +276,7 @@ def absent_causes(scene: Scene, targets: Targets, card: Card) -> Ints:
     conditions = [detected, other_class, off_place, ~ever_detected]
     return np.select(
         [condition[targets.row] for condition in conditions],
-        list(AbsentCause)[:4],
+        list(AbsentCause)[: len(conditions)],
         AbsentCause.UNDETECTED_SEEN,
     )
 

@@ -183,6 +183,7 @@ class Reference:
 
     def weight_in(self, scene: SceneWeights, subset: str) -> NDArray[np.float64]:
         """Return the weights [n] of `weight` from the stored weights of the scene."""
+        # columns as in EVENT_KINDS
         if subset == "paper_ids":
             return scene.stp[:, 0].astype(np.float64)
         if subset == "paper_frag":
