@@ -29,6 +29,7 @@ from .learned.layers import Array, Inputs, namespace
 Arrays = dict[str, np.ndarray]
 
 PER_FRAME = 10  # features of `history` for each frame
+_MIN_SPREAD_S2 = 1e-6  # of the times of several boxes
 
 # fields of observations that show lanes
 LANE_FIELDS = ("lane_point", "lane_valid", "lane_next")
@@ -191,13 +192,13 @@ def _with_past(tracks: Tracks, past: int) -> Tracks:
 
     They are unborn in frames that the tracker does not keep.
     """
-    missing = (max(past - tracks.past.shape[1], 0), 0)
+    padding = (max(past - tracks.past.shape[1], 0), 0)
     detection = tracks.past_detection
     if detection is not None:
-        detection = np.pad(detection, ((0, 0), missing), constant_values=UNBORN)
+        detection = np.pad(detection, ((0, 0), padding), constant_values=UNBORN)
         detection = detection[:, -past:]
-    box = np.pad(tracks.past, ((0, 0), missing, (0, 0)))[:, -past:]
-    valid = np.pad(tracks.past_valid, ((0, 0), missing))[:, -past:]
+    box = np.pad(tracks.past, ((0, 0), padding, (0, 0)))[:, -past:]
+    valid = np.pad(tracks.past_valid, ((0, 0), padding))[:, -past:]
     return replace(tracks, past=box, past_valid=valid, past_detection=detection)
 
 
@@ -226,16 +227,19 @@ def _measured(row: Ints, observations: Sequence[Observation]) -> tuple[Floats, F
     score = np.zeros(row.shape)
     velocity = np.zeros((*row.shape, 2))
     recent = observations[-row.shape[1] :]
-    for age, observation in enumerate(reversed(recent), start=1):
-        window = np.flatnonzero(row[:, -age] >= 0)
-        taken = row[window, -age]
-        score[window, -age] = np.asarray(observation["detection_score"])[taken]
-        velocity[window, -age] = np.asarray(observation["detection_velocity"])[taken]
+    for column, observation in zip(range(-len(recent), 0), recent, strict=True):
+        window = np.flatnonzero(row[:, column] >= 0)
+        taken = row[window, column]
+        score[window, column] = np.asarray(observation["detection_score"])[taken]
+        velocity[window, column] = np.asarray(observation["detection_velocity"])[taken]
     return score, velocity
 
 
 def _ego_poses(observations: Sequence[Observation], past: int) -> Floats:
-    """Return poses [P, 4] of the platform, zeros without them."""
+    """Return poses [P, 4] of the platform, zeros without them.
+
+    Frames before the scene have the first pose.
+    """
     no_pose = np.zeros(4)
     recent = observations[-past:]
     poses = np.array([o.get("ego_pose", no_pose) for o in recent], dtype=np.float64)
@@ -296,10 +300,10 @@ def history(inputs: Inputs) -> Array:
     step = position[:, 1:] - position[:, :-1]
     step = xp.concatenate([xp.zeros_like(position[:, :1]), step], 1)
     # a first box has no step
-    born = xp.concatenate([xp.zeros_like(alive[:, :1]), alive[:, :-1]], 1)
+    was_alive = xp.concatenate([xp.zeros_like(alive[:, :1]), alive[:, :-1]], 1)
     columns = [
         position,
-        step * born[:, :, None],
+        step * was_alive[:, :, None],
         inputs["velocity"],
         xp.sin(yaw)[:, :, None],
         xp.cos(yaw)[:, :, None] - 1,
@@ -322,8 +326,8 @@ def mean_velocity(inputs: Inputs, dt: float) -> Array:
     center = time - ((time * alive).sum(1) / count)[:, None]
     spread = (center * center * alive).sum(1)
     moment = ((center * alive)[:, :, None] * inputs["position"]).sum(1)
-    slope = moment / xp.clip(spread, 1e-6, None)[:, None]
-    has_several = (spread > 1e-6)[:, None]
+    slope = moment / xp.clip(spread, _MIN_SPREAD_S2, None)[:, None]
+    has_several = (spread > _MIN_SPREAD_S2)[:, None]
     return xp.where(has_several, slope, inputs["velocity"][:, -1])
 
 
