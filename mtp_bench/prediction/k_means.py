@@ -236,7 +236,7 @@ def _find_clusters(
     Points [n, d], weighted [n], are relative to one of them, for single precision.
     """
     n, d = points.shape
-    # to the next multiple
+    # d, rounded up to a multiple of six
     axes = (d + _AXES_AT_ONCE - 1) // _AXES_AT_ONCE * _AXES_AT_ONCE
     transposed = np.empty((axes, n), np.float32)
     distance = np.empty(n, np.float32)

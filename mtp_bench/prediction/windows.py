@@ -140,14 +140,16 @@ def shown_as_truth(windows: TrackWindows) -> TrackWindows:
 
 
 def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
-    """Return the distinct windows of a frame's tracks.
+    """Return the distinct windows of a frame's tracks, and each track's.
 
-    Beside them the window [N] of each track. ``past``: number of frames. Tracks that
-    took the same detections in these frames share the window of the first of them,
-    whatever came before. If such tracks coast, or differ in age, this is not exact: at
-    the simulated intersection with 20 hypotheses the forecasts of 2 % of the objects
-    are of another track's window, half of them by more than 0.4 m. A tracker that does
-    not state the detections it took has a window for each track.
+    The second result [N] is the row of each track's window. ``past``: frames of a
+    window. Tracks that took the same detections in these frames share the window of the
+    first of them, whatever came before. A tracker that does not state the detections it
+    took has a window for each track.
+
+    If tracks of one window coast, or differ in age, this is not exact. At the simulated
+    intersection with 20 hypotheses 2 % of the objects have forecasts from another
+    track's window, half of them more than 0.4 m off.
     """
     tracks = _with_past(frame.tracks, past)
     first, window = _distinct(tracks)
@@ -203,9 +205,9 @@ def _with_past(tracks: Tracks, past: int) -> Tracks:
 
 
 def _distinct(tracks: Tracks) -> tuple[Ints, Ints]:
-    """Return the first track of each window.
+    """Return the first track [n] of each window, and each track's window [N].
 
-    Beside it the window [N] of each track.
+    Windows and tracks are numbers.
     """
     count = len(tracks.box)
     if tracks.past_detection is None or count == 0:
@@ -314,7 +316,7 @@ def history(inputs: Inputs) -> Array:
 
 
 def mean_velocity(inputs: Inputs, dt: float) -> Array:
-    """Return velocities [n, 2] m/s: slopes of straight lines through the past.
+    """Return velocities [n, 2] m/s: slopes of least-squares lines through the past.
 
     That of a single box is the measured velocity. ``dt``: s between frames.
     """

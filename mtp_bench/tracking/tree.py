@@ -158,7 +158,7 @@ class HypothesisTree:
         """Return covariances [n, 2, 2] of position (m) and velocity (m/frame).
 
         ``leaf`` [n]: leaves of the tree. Each matrix holds for one axis, and both axes
-        have the same.
+        have the same. Columns of the state: see motion_kernels.
         """
         return self.state[leaf, 10:14].reshape(-1, 2, 2)
 

@@ -118,7 +118,7 @@ def rounded(values: NDArray[np.float16]) -> NDArray[np.float16]:
     Ties go to even. Finite ones stay finite.
     """
     bits = values.view(np.uint16).astype(np.uint32)
-    # 3 is just below a half of the last bit that is kept; with that bit, ties go to even
+    # half of the last bit that is kept, less 1; adding that bit sends ties to even
     nearest = (bits + 3 + (bits >> 3 & 1)) & ~np.uint32(7)
     is_infinite = (nearest & _EXPONENT) == _EXPONENT
     # cut off where rounding up would give infinity
