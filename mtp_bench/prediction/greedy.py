@@ -14,10 +14,10 @@ from .pools import as_points, existing, masses, pass_on
 
 
 @part
-def _transpose(points: Floats, rows: Ints, transposed: Floats) -> None:
-    """Write points [n, d] as [d, n], in single precision.
+def _write_transposed_offsets(points: Floats, rows: Ints, transposed: Floats) -> None:
+    """Write points relative to the first as [d, n], in single precision.
 
-    They are those of ``points`` [S, d] in ``rows`` [n], relative to the first one.
+    They are the ``rows`` [n] of ``points`` [S, d].
     """
     for axis in range(len(transposed)):
         for i in range(len(rows)):
@@ -31,7 +31,7 @@ def _pairwise_distances(transposed: Floats, distance: Floats) -> None:
     They are summed over the T positions. Each pair is computed once.
     """
     for i in range(len(distance)):
-        row = distance[i, i:]  # from 0 on: only then the loop is vectorised
+        row = distance[i, i:]  # so that j begins at 0: only then the loop is vectorised
         for j in range(len(row)):
             row[j] = np.float32(0.0)
         for axis in range(0, len(transposed), 2):
@@ -49,23 +49,27 @@ def _pairwise_distances(transposed: Floats, distance: Floats) -> None:
 
 @part
 def _mean_distances(distance: Floats, mass: Floats, mean: Floats) -> None:
-    """Write the mean distance [n], by mass, from each sample."""
+    """Write the mean distance [n] of all samples from each sample.
+
+    ``mass`` [n] weights the samples and has the sum 1.
+    """
     for c in range(len(mean)):
         mean[c] = 0.0
     for s in range(len(mass)):
         row = distance[s]
-        weight = mass[s]
+        sample_mass = mass[s]
         for c in range(len(mean)):
-            mean[c] += weight * row[c]
+            mean[c] += sample_mass * row[c]
 
 
 @part
 def _lower_gains(
     row: Floats, mass: float, old_distance: float, new_distance: float, gain: Floats
 ) -> None:
-    """Lower the gains [n] for a sample's nearer choice.
+    """Lower the gains [n] of all candidates after one sample's change.
 
-    ``row`` [n]: distances of the sample from all others. A chosen one is nearer to it.
+    The sample is now ``new_distance`` from its nearest chosen sample. A candidate
+    gains by as much as it would be nearer. ``row`` [n]: its distances from the sample.
     """
     zero = np.float32(0.0)
     for c in range(len(gain)):
@@ -85,7 +89,7 @@ def _choose_medoid(
 
     Writes distances [n] from it and gains [n] of a second choice.
     """
-    _mean_distances(distance, mass, gain)
+    _mean_distances(distance, mass, gain)  # the gains replace them below
     medoid = 0
     for c in range(len(gain)):
         medoid = c if gain[c] < gain[medoid] else medoid
@@ -93,6 +97,7 @@ def _choose_medoid(
         gain[c] = 0.0
         min_distance[c] = distance[medoid, c]
     zero: float = np.float32(0.0)  # type: ignore[assignment]  # single precision
+    # a negative mass adds, and at the distance 0 no candidate would be nearer
     for s in range(len(mass)):
         _lower_gains(distance[s], -mass[s], min_distance[s], zero, gain)
     return medoid
@@ -107,12 +112,12 @@ def _choose(
     nearest: Ints,
     gain: Floats,
 ) -> int:
-    """Choose samples that lower the mean distance and count them.
+    """Choose samples that lower the mean distance most, and count them.
 
-    Each lowers it most; the first of equals is chosen. ``distance`` [n, n], ``mass``
-    [n]; ``chosen`` [k]: their indices; ``min_distance`` and ``nearest`` [n]: distance
-    and number of the nearest chosen one; ``gain`` [n]: by how much each would lower the
-    mean distance.
+    The mean is over distances to the nearest chosen sample. The first of equals is
+    chosen. ``distance`` [n, n], ``mass`` [n]. Written are ``chosen`` [k]: indices;
+    ``min_distance`` and ``nearest`` [n]: distance of the nearest chosen sample and its
+    place in ``chosen``; ``gain`` [n]: by how much each would lower the mean.
     """
     best = _choose_medoid(distance, mass, min_distance, gain)
     for s in range(len(mass)):
@@ -141,10 +146,10 @@ def _weigh(
 ) -> None:
     """Write log-weights [k] of the ``count`` chosen samples.
 
-    The weight is that of the samples that are nearest to each.
+    The weight of each is that of all samples nearest to it. ``log_total``: of the pool.
     """
     for j in range(len(log_weight)):
-        log_weight[j] = 0.0
+        log_weight[j] = 0.0  # sums of mass first, then their logarithms
     for s in range(len(mass)):
         log_weight[nearest[s]] += mass[s]
     for j in range(len(log_weight)):
@@ -158,10 +163,10 @@ def _weigh(
 def k_medians(
     pool: Floats, log_weight: Floats, chosen: Floats, chosen_log_weight: Floats
 ) -> None:
-    """Choose samples [O, k, d] from pools [O, S, d].
+    """Write samples [O, k, d] chosen from pools [O, S, d].
 
-    Samples are weighted [O, S], and the chosen ones [O, k]; d = 2 T. A pool of at most
-    k existing samples is copied.
+    Log-weights are [O, S] for pools and [O, k] for ``chosen``, also written; d = 2 T.
+    A pool of at most k existing samples is copied.
     """
     size = pool.shape[1]
     axes = pool.shape[2]
@@ -172,6 +177,7 @@ def k_medians(
     min_distance = np.empty(size, np.float32)
     nearest = np.empty(size, np.int64)
     gain = np.empty(size)
+    # of `transposed` [d, n] and `distance` [n, n]
     workspace = np.empty(size * max(size, axes) * 2, np.float32)
     for o in range(len(pool)):
         n = existing(log_weight[o], rows)
@@ -181,7 +187,7 @@ def k_medians(
         log_total = masses(log_weight[o], rows, n, mass)
         transposed = workspace[: axes * n].reshape(axes, n)
         distance = workspace[axes * n : axes * n + n * n].reshape(n, n)
-        _transpose(pool[o], rows[:n], transposed)
+        _write_transposed_offsets(pool[o], rows[:n], transposed)
         _pairwise_distances(transposed, distance)
         count = _choose(
             distance, mass[:n], chosen_rows, min_distance[:n], nearest[:n], gain[:n]
@@ -191,6 +197,7 @@ def k_medians(
         pass_on(
             pool[o], log_weight[o], chosen_rows, count, chosen[o], chosen_log_weight[o]
         )
+        # in place of the log-weights that were passed on
         _weigh(mass[:n], nearest[:n], count, log_total, chosen_log_weight[o])
 
 
@@ -216,6 +223,6 @@ class GreedySampler:
         """
         objects, _, future, _ = pool.shape
         chosen = np.empty((objects, k, 2 * future))
-        weight = np.empty((objects, k))
-        k_medians(*as_points(pool, log_weight), chosen, weight)
-        return chosen.reshape(objects, k, future, 2), weight
+        chosen_log_weight = np.empty((objects, k))
+        k_medians(*as_points(pool, log_weight), chosen, chosen_log_weight)
+        return chosen.reshape(objects, k, future, 2), chosen_log_weight

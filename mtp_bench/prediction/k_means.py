@@ -22,13 +22,14 @@ from .pools import (
     write_motions,
 )
 
-_JUST_BELOW = 1.0 - 2.0**-53  # factor to the next number below, up to half a unit
+_JUST_BELOW = 1.0 - 2.0**-53  # factor that gives the next smaller number
 _BLOCK = 8  # chances that are summed at once
 _AXES_AT_ONCE = 6  # in one pass over the points, which `_take_closer` writes out
 
 
 @part
 def _axis(point: Floats, axis: int) -> float:
+    """Return a coordinate in single precision, 0 beyond the last."""
     value = point[axis] if axis < len(point) else 0.0
     return np.float32(value)  # type: ignore[return-value]
 
@@ -42,11 +43,12 @@ def _take_closer(
     min_distance: Floats,
     nearest: Ints,
 ) -> None:
-    """Give centre ``j`` the points that it is nearest to.
+    """Give centre ``j`` the points that are closer than ``min_distance`` [S].
 
-    The centre is [d], points are [D, S]. It is nearer than the squared distances
-    ``min_distance`` [S]. The long axis is innermost, for vector units; D is d, filled
-    up to a multiple of six with zeros.
+    These squared distances and ``nearest`` [S], numbers of centres, are updated in
+    place; ``distance`` [S] is workspace. The centre is [d], points are [D, S]. The long
+    axis is innermost, for vector units; D is d, filled up to a multiple of six with
+    zeros.
     """
     for s in range(len(distance)):
         distance[s] = np.float32(0.0)
@@ -78,8 +80,9 @@ def _take_closer(
 def _draw_index(chance: Floats, block_sum: Floats, uniform: float) -> int:
     """Draw an index in proportion to ``chance`` [8 B].
 
-    It is -1 if all chances are 0. Sums of blocks [B] are independent of each other, and
-    few blocks are searched.
+    The index is -1 if all chances are 0. ``uniform`` in [0, 1) decides. ``block_sum``
+    [B] is workspace: sums of blocks are independent of each other, and one block is
+    searched.
     """
     total = 0.0
     for b in range(len(block_sum)):
@@ -98,7 +101,7 @@ def _draw_index(chance: Floats, block_sum: Floats, uniform: float) -> int:
             continue
         for s in range(_BLOCK * b, _BLOCK * (b + 1)):
             partial_sum += chance[s]
-            # the last one, where sums round otherwise than the block's
+            # Rounded sums may never pass the mark: then the last one with a chance.
             if chance[s] > 0.0:
                 chosen = s
             if partial_sum > mark:
@@ -122,10 +125,10 @@ def _seed(
 ) -> None:
     """Draw centres [k, d] far from each other, by ``uniform`` [k].
 
-    Chances are in proportion to weight x squared distance from the centres so far.
-    ``points`` [n, d], weighted [n], and ``transposed`` [D, n]. Every point then belongs
-    to its ``nearest`` centre [n], the first of equally near ones. Of the workspace
-    ``chance`` [8 B] begins with zeros, ``block_sum`` is [B], the rest [n].
+    Chances are in proportion to weight x squared distance from the nearest centre so
+    far. ``points`` [n, d], weighted [n], and ``transposed`` [D, n]. ``nearest`` [n] is
+    written: the centre of every point, the first of equally near ones. Workspace:
+    ``chance`` [8 B], 0 from n on; ``block_sum`` [B]; the rest [n].
     """
     for s in range(len(weight)):
         min_distance[s] = np.float32(np.inf)
@@ -154,8 +157,8 @@ def _assign(
 ) -> bool:
     """Assign points to their nearest centre and return whether any changed.
 
-    That is the first of equally near ones. ``nearest`` [2, S]: centres of the points,
-    and their centres of the last time.
+    The first of equally near ones counts. ``nearest`` [2, S] is written: centres of
+    the points now, and those before.
     """
     new_nearest = nearest[0]
     old_nearest = nearest[1]
@@ -164,7 +167,7 @@ def _assign(
         min_distance[s] = np.float32(np.inf)
     for j in range(len(centre)):
         _take_closer(transposed, centre[j], j, distance, min_distance, new_nearest)
-    changed_bits = 0
+    changed_bits = 0  # without a branch, for vector units
     for s in range(len(distance)):
         changed_bits |= new_nearest[s] ^ old_nearest[s]
     return changed_bits != 0
@@ -172,7 +175,7 @@ def _assign(
 
 @part
 def _sum_shares(weight: Floats, nearest: Ints, share: Floats) -> None:
-    """Write the weight of the points of each centre."""
+    """Write the total weight [k] of the points of each centre."""
     for j in range(len(share)):
         share[j] = 0.0
     for s in range(len(weight)):
@@ -185,7 +188,7 @@ def _move(
 ) -> None:
     """Move every centre to the mean of its points.
 
-    ``share``: the weight of the points. A centre without points stays.
+    Writes the weight of its points to ``share`` [k]. A centre without points stays.
     """
     _sum_shares(weight, nearest, share)
     for j in range(len(centre)):
@@ -201,7 +204,7 @@ def _move(
 
 @part
 def _write_offsets(points: Floats, rows: Ints, offset: Floats) -> None:
-    """Write the points in ``rows`` [n] relative to the first."""
+    """Write the points in ``rows`` [n] relative to the first, [n, d]."""
     for i in range(len(offset)):
         for axis in range(offset.shape[1]):
             offset[i, axis] = points[rows[i], axis] - points[rows[0], axis]
@@ -209,9 +212,9 @@ def _write_offsets(points: Floats, rows: Ints, offset: Floats) -> None:
 
 @part
 def _transpose(points: Floats, transposed: Floats) -> None:
-    """Write points [n, d] as [D, n].
+    """Write points [n, d] as [D, n], in single precision.
 
-    They are relative to one of them. Single precision halves the memory.
+    Axes from d on are filled with zeros, see `_take_closer`.
     """
     for s in range(len(points)):
         point = points[s]
@@ -230,9 +233,10 @@ def _find_clusters(
 ) -> None:
     """Write centres [k, d] and their shares of the weight [k].
 
-    Points [n, d], weighted [n], are relative to one of them.
+    Points [n, d], weighted [n], are relative to one of them, for single precision.
     """
     n, d = points.shape
+    # d, rounded up to a multiple of six
     axes = (d + _AXES_AT_ONCE - 1) // _AXES_AT_ONCE * _AXES_AT_ONCE
     transposed = np.empty((axes, n), np.float32)
     distance = np.empty(n, np.float32)
@@ -274,10 +278,11 @@ def _cluster_pool(
 ) -> None:
     """Write centres [k, d] and shares [k] of a pool.
 
-    Its points are those in ``rows`` [n], weighted [n]; ``basis``: [3, T] or [3, 0].
+    Its points are those in ``rows`` [n], weighted [n]. ``basis``: see `k_means`.
     """
     origin = points[rows[0]]
     motion = np.zeros((len(rows), 2 * DEGREES))
+    # six coordinates in place of 2 T, where they determine the points
     if basis.shape[1] and write_motions(points, rows, basis, motion):
         motion_centre = np.zeros((len(centre), 2 * DEGREES))
         _find_clusters(motion, weight, uniform, iterations, motion_centre, share)
@@ -306,10 +311,11 @@ def k_means(
 ) -> None:
     """Write centres and log-shares of pools.
 
-    Centres are [O, k, d], log-shares [O, k], pools [O, S, d]. Pools are weighted [O,
-    S]. Seeds of k-means++, for uniform numbers [crowded objects, k], then at most
-    ``iterations`` of Lloyd's algorithm (Arthur, Vassilvitskii 2007). A pool of at most
-    k existing samples is copied. ``basis``: `polynomials`, or [3, 0].
+    Centres are [O, k, d], log-shares [O, k], pools [O, S, d], ``log_weight`` [O, S].
+    k-means++ draws seeds by ``uniform`` [crowded objects, k], then at most
+    ``iterations`` of Lloyd's algorithm follow (Arthur, Vassilvitskii 2007). A pool of
+    at most k existing samples is copied; others are crowded. ``basis``: `polynomials`,
+    or [3, 0] to cluster by positions.
     """
     size = pool.shape[1]
     k = centre.shape[1]
@@ -361,11 +367,11 @@ class KMeansSampler:
         """
         objects, _, future, _ = pool.shape
         centre = np.empty((objects, k, 2 * future))
-        weight = np.empty((objects, k))
+        log_share = np.empty((objects, k))
         is_crowded = np.isfinite(log_weight).sum(axis=1) > k
         uniform = rng.random((np.count_nonzero(is_crowded), k))
         basis: Floats = np.zeros((DEGREES, 0))
-        if future > DEGREES:
+        if future > DEGREES:  # else polynomials save no coordinates
             basis = polynomials(future)
         k_means(
             *as_points(pool, log_weight),
@@ -373,6 +379,6 @@ class KMeansSampler:
             self._iterations,
             basis,
             centre,
-            weight,
+            log_share,
         )
-        return centre.reshape(objects, k, future, 2), weight
+        return centre.reshape(objects, k, future, 2), log_share

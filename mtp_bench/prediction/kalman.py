@@ -160,6 +160,7 @@ def filter_pasts(
             r2 = measurement[i] ** 2
             q = jerkiness[i, axis] ** 2
             prior = speed[i, axis] ** 2
+            # position and velocity, then their variances and covariance
             p = 0.0
             v = 0.0
             pp = 0.0
@@ -203,12 +204,11 @@ def stored_noise(task: Task) -> NoiseTable:
     """Return the noise table for the task's condition, or a similar one.
 
     A condition is a domain, as the task's card names it, what is observed and in which
-    frame. Of the similar conditions those that know most classes count; a class of the
-    same kind (vehicles, two wheels, people) counts as known. Most similar: the same
-    domain and another variant of the detector; the same domain and another detector;
-    another domain. Among equals, and if a card names no domain, the detector decides.
-    True boxes and detections, moving and still frames never stand in for each other.
-    Raises UnknownNameError if no stored condition is left.
+    frame. True boxes and detections, moving and still frames never stand in for each
+    other. The condition with noise for most classes is chosen; a class of the same kind
+    (vehicles, two wheels, people) counts. Of equals the most similar one is chosen: the
+    same domain, then the same detector, see `_similarity`. Raises UnknownNameError if
+    no stored condition can stand in.
     """
     stored = _read_folder(FOLDER)
     similar = [name for name in stored if _similarity(name, task) > 0]
@@ -271,10 +271,12 @@ def _similarity(name: str, task: Task) -> int:
     if stored_frame != frame or (stored_pasts == "truth") != (pasts == "truth"):
         return 0
     domain = task.motion_noise
-    same_family = stored_pasts.split("_")[-1] == pasts.split("_")[-1]
+    # behind the last "_" is the detector: "pointrcnn" of "kitti_pointrcnn"
+    same_detector = stored_pasts.split("_")[-1] == pasts.split("_")[-1]
     # A name before "_" is a domain of its own: nuScenes_mini is like nuScenes.
     similar_domain = stored_domain.split("_")[0] == domain.split("_")[0]
-    score = 1 + same_family + 2 * (stored_pasts == pasts)
+    # A similar domain outweighs the same pasts, and these the very same domain.
+    score = 1 + same_detector + 2 * (stored_pasts == pasts)
     return score + 4 * similar_domain + 2 * (stored_domain == domain)
 
 
@@ -282,7 +284,7 @@ def _similarity(name: str, task: Task) -> int:
 def _read_folder(folder: Path) -> dict[str, dict[str, Noise]]:
     """Read the noise of each class under each condition.
 
-    They are in the files' own order.
+    Conditions stand by the ``order`` that their files state.
     """
     files = []
     for path in sorted(folder.glob("*.toml")):

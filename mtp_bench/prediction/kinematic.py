@@ -49,7 +49,7 @@ class KinematicPredictor:
             require_noise(noise)
         self._given_noise = noise
         self._draws = draws
-        self._past = past or 0  # 0: all
+        self._past = past or 0  # 0: all, as the slice [-0:] takes
 
     def reset(self, task: Task) -> None:
         """Begin a new scene."""
@@ -79,7 +79,7 @@ class KinematicPredictor:
         """
         task = self._task
         time_s = task.dt * np.arange(1, task.future + 1)
-        normal = self._normal(frame, int(draw.max(initial=-1)) + 1, samples)
+        normal = self._normal_numbers(frame, int(draw.max(initial=-1)) + 1, samples)
         future = np.empty((len(track), samples, task.future, 2))
         expand(
             self.states(frame.tracks),
@@ -91,7 +91,7 @@ class KinematicPredictor:
         )
         return future
 
-    def _normal(self, frame: Frame, draws: int, samples: int) -> Floats:
+    def _normal_numbers(self, frame: Frame, draws: int, samples: int) -> Floats:
         """Draw standard normal numbers [draws, samples, 7] of a frame.
 
         Every agent with this seed gets the same numbers. A single sample is the point
@@ -132,7 +132,7 @@ class KinematicPredictor:
 
 
 def absolute(state: Floats, heading: Floats) -> tuple[Floats, Floats]:
-    """Return positions and velocities [N, 2], not turned with the track.
+    """Return positions and velocities [N, 2] in the frame of the observations.
 
     ``state`` [N, 16]: rows of `KinematicPredictor.states`; ``heading`` [N]: of tracks.
     """
@@ -166,11 +166,13 @@ class HedgedPredictor:
         """Forecast the tracks of each hypothesis, with k samples each."""
         hypothesis, track = np.nonzero(frame.tracks.member)
         count = len(self._predictors)
-        still = min(1, self._task.k - 1)
+        still = min(1, self._task.k - 1)  # not if k is 1
         share, remainder = divmod(self._task.k - still, count)
         parts = []
         for i, predictor in enumerate(self._predictors):
-            samples = share + (i < remainder)
+            samples = share
+            if i < remainder:
+                samples += 1
             if samples:
                 draw = hypothesis * count + i
                 parts.append(predictor.futures(frame, track, draw, samples))
@@ -202,8 +204,9 @@ def expand(
 ) -> None:
     """Write positions ``future`` [Q, S, T, 2] of motions with constant acceleration.
 
-    ``time_s`` [T]; ``normal`` [D, S, 7]: what is drawn; ``table`` [N, 16]: states of
-    tracks; ``track`` [Q]: its rows; ``draw`` [Q]: rows of ``normal``.
+    ``time_s`` [T]; ``normal`` [D, S, 7]: random numbers; ``table`` [N, 16]: see
+    `KinematicPredictor.states`; ``track`` [Q]: its rows; ``draw`` [Q]: rows of
+    ``normal``.
     """
     for q in range(len(track)):
         px, vx, xx, xv, vvx, ax, py, vy, yy, yv, vvy, ay, c, s, x, y = table[track[q]]

@@ -24,7 +24,7 @@ class Lanes(NamedTuple):
     point: Floats  # [L, Q, 2]
     point_count: Ints  # [L]
     follow: Ints  # [L, 4] successors, -1: none
-    bound: Floats  # [L, 4] the area that is near
+    bound: Floats  # [L, 4] lowest x y, highest x y of objects that may be on it
     length: Floats  # [L] m
 
 
@@ -77,12 +77,12 @@ def _is_outside(x: float, y: float, bound: Floats) -> bool:
 
 @part
 def match_pieces(lanes: Lanes, pose: Floats, row: Ints, match: Floats) -> int:
-    """Write the pieces that an object may be on, and count.
+    """Write the pieces that an object may be on, and count them.
 
-    At most 16 are. Arc length, distance and weight of each are written to ``match``
-    [16, 3].
+    At most 16 are written: numbers to ``row`` [16]; arc length, distance (left
+    positive) and weight to ``match`` [16, 3]. ``pose``: x y heading.
     """
-    start_count = 0
+    piece_count = 0
     x = pose[0]
     y = pose[1]
     for i in range(len(lanes.point_count)):
@@ -93,14 +93,14 @@ def match_pieces(lanes: Lanes, pose: Floats, row: Ints, match: Floats) -> int:
         turn = abs((direction - pose[2] + np.pi) % (2 * np.pi) - np.pi)
         if abs(offset) > MAX_OFFSET_M or turn > _MAX_TURN_RAD or beyond > _MAX_BEYOND_M:
             continue
-        row[start_count] = i
-        match[start_count, ARC] = arc
-        match[start_count, OFFSET] = offset
-        match[start_count, WEIGHT] = np.exp(
+        row[piece_count] = i
+        match[piece_count, ARC] = arc
+        match[piece_count, OFFSET] = offset
+        match[piece_count, WEIGHT] = np.exp(
             -0.5
             * ((offset / _OFFSET_DEVIATION_M) ** 2 + (turn / _TURN_DEVIATION_RAD) ** 2)
         )
-        start_count += 1
-        if start_count == len(row):
+        piece_count += 1
+        if piece_count == len(row):
             break
-    return start_count
+    return piece_count

@@ -23,6 +23,8 @@ _MAX_STARTS = 16  # pieces of lanes that an object may be on
 _MAX_BRANCHES = 16
 _MIN_SHARE = 1 / _MAX_BRANCHES - 1e-9
 _MAX_DEPTH = 40  # pieces of a path
+_SUCCESSORS = 4  # of a piece, at most
+_CHECKS = 5  # places where two paths are compared
 _MAX_GAP_M = 1.0  # between two paths that count as one
 
 
@@ -80,12 +82,12 @@ class _Traces(NamedTuple):
 
     path_count: Ints  # [L] 0: not traced yet
     slot: Ints  # [L] row in the next two
-    points: Floats  # [L, B, G, 2]
-    share: Floats  # [L, B]
+    points: Floats  # [L, B, G, 2] of B paths from a piece
+    share: Floats  # [L, B] branches share evenly
 
 
 class _Candidates(NamedTuple):
-    """Different paths of an object: a traced path from an arc length on."""
+    """Different paths of an object [c]: traced paths from an arc length on."""
 
     slot: Ints
     branch: Ints
@@ -98,7 +100,7 @@ class _Candidates(NamedTuple):
 def _write_path(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
     """Write points [G, 2], 2 m apart, along the pieces ``chain``.
 
-    Behind them the path goes straight on.
+    Behind the last piece the path goes straight on.
     """
     g = 0
     length = 0.0
@@ -143,19 +145,19 @@ def _find_successors(row: int, lanes: Lanes, successors: Ints) -> int:
 
 @part
 def _trace(first: int, lanes: Lanes, path: Floats, share: Floats) -> int:
-    """Write the paths from a piece's beginning and count them.
+    """Write the paths [B, G, 2] from a piece's beginning and count them.
 
-    Paths are [B, G, 2]. Their shares [B] are written too.
+    Writes ``share`` [B]: at each fork the successors share evenly.
     """
     reach = STEP * (path.shape[1] - 1)
     path_count = 0
     waiting = 1
-    stack_row = np.zeros(4 * _MAX_DEPTH, np.int64)
-    stack_depth = np.zeros(4 * _MAX_DEPTH, np.int64)
+    stack_row = np.zeros(_SUCCESSORS * _MAX_DEPTH, np.int64)
+    stack_depth = np.zeros(_SUCCESSORS * _MAX_DEPTH, np.int64)
     chain = np.zeros(_MAX_DEPTH, np.int64)
     length = np.zeros(_MAX_DEPTH + 1)  # before each piece of the chain
     chain_share = np.ones(_MAX_DEPTH)
-    successors = np.zeros(4, np.int64)
+    successors = np.zeros(_SUCCESSORS, np.int64)
     stack_row[0] = first
     while waiting:
         waiting -= 1
@@ -194,8 +196,8 @@ def _stay_close(
     a: Floats, arc_a: float, b: Floats, arc_b: float, metres: float
 ) -> bool:
     """Return whether two paths stay close to each other for ``metres``."""
-    for i in range(5):
-        ahead = metres * i / 4
+    for i in range(_CHECKS):
+        ahead = metres * i / (_CHECKS - 1)
         dx = _coordinate(a, arc_a + ahead, 0) - _coordinate(b, arc_b + ahead, 0)
         dy = _coordinate(a, arc_a + ahead, 1) - _coordinate(b, arc_b + ahead, 1)
         if dx * dx + dy * dy > _MAX_GAP_M**2:
@@ -212,7 +214,7 @@ def _find_equal(
     candidates: _Candidates,
     traces: _Traces,
 ) -> int:
-    """Find the first candidate close to a path, -1 if none."""
+    """Find the first of ``count`` candidates close to a path, -1 if none."""
     for d in range(count):
         candidate = traces.points[candidates.slot[d], candidates.branch[d]]
         if _stay_close(candidate, candidates.arc[d], path, arc, metres):
@@ -231,8 +233,9 @@ def _add_candidates(
 ) -> int:
     """Add a piece's paths to the candidates and count all.
 
-    ``match`` [3]: of the object with the piece. Of paths that stay close branches add
-    up; of lanes over each other the likelier one counts.
+    ``match`` [3]: of the object with the piece. A path that stays close to a candidate
+    is not added. Weights add up if both branch from this piece; of lanes over each
+    other the larger weight counts.
     """
     slot = traces.slot[piece]
     for b in range(traces.path_count[piece]):
@@ -262,7 +265,7 @@ def _write_candidates(
     offset: Floats,
     chance: Floats,
 ) -> None:
-    """Write the likeliest candidates.
+    """Write the likeliest candidates, M at most.
 
     Paths are [M, S, 2], offsets and chances [M].
     """

@@ -23,6 +23,9 @@ _STANDING_DEVIATION_MPS2 = 0.5
 _DEVIATION_PER_SPEED_HZ = 0.08
 _MAX_DEVIATIONS = 2.5  # of the fastest profile
 _MAX_BRAKING_MPS2 = 3.0  # in samples that come to a bend too fast
+_MIN_CURVATURE = 1e-4  # 1/m, of a road that counts as straight
+_LOGISTIC_SCALE = 1.702  # with it the logistic distribution is nearly the normal one
+_ROUNDING = 1e-9  # must not add a sample
 
 
 class LanePredictor(KinematicPredictor):
@@ -57,11 +60,11 @@ class LanePredictor(KinematicPredictor):
             box_heading,
         )
         deviation = _distance_deviations(state, speed, tau)
-        metres = speed * tau[-1] + _MAX_DEVIATIONS * deviation[:, -1]
-        metres = np.clip(metres, 2 * STEP, _MAX_PATH_M)
+        path_m = speed * tau[-1] + _MAX_DEVIATIONS * deviation[:, -1]
+        path_m = np.clip(path_m, 2 * STEP, _MAX_PATH_M)
         is_walking = np.isin(self._task.classes, _WALKING_CLASSES)
         place[is_walking[frame.tracks.class_id]] = np.inf  # on no lane
-        paths = lane_paths(frame.seen[-1], place, heading, _MAX_PATHS, metres)
+        paths = lane_paths(frame.seen[-1], place, heading, _MAX_PATHS, path_m)
         limit = np.empty(paths.points.shape[:3])
         bend_limits(paths.points, paths.chance, limit)
         drive(
@@ -82,8 +85,8 @@ class LanePredictor(KinematicPredictor):
 def _distance_deviations(state: Floats, speed: Floats, tau: Floats) -> Floats:
     """Return standard deviations [N, T] of the distance along the lane.
 
-    ``tau`` [T]: the times. Columns 2 to 4 of the state are the Cholesky factor along
-    the heading.
+    ``tau`` [T]: s from now. Columns 2 to 4 of the state are the Cholesky factor of
+    position and velocity along the heading, column 5 is the acceleration's deviation.
     """
     place = state[:, 2, None]
     cross = state[:, 3, None]
@@ -103,7 +106,7 @@ def _distance_deviations(state: Floats, speed: Floats, tau: Floats) -> Floats:
 def bend_limits(paths: Floats, chance: Floats, limit: Floats) -> None:
     """Write the usual speeds: slow in bends and before them.
 
-    They are [N, M, S], m/s, on paths [N, M, S, 2] of chance [N, M].
+    ``limit`` [N, M, S], m/s, on paths [N, M, S, 2]. Paths end at a chance [N, M] of 0.
     """
     for n in range(len(paths)):
         for m in range(paths.shape[1]):
@@ -123,8 +126,9 @@ def bend_limits(paths: Floats, chance: Floats, limit: Floats) -> None:
                 curvature = 0.0
                 if 0 < s < end:  # at the ends atan2(0, -0) is pi
                     turn = abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
+                    # the middles of the two chords are so far apart
                     curvature = turn / (2 * STEP)
-                speed[s] = np.sqrt(_LATERAL_MPS2 / max(curvature, 1e-4))
+                speed[s] = np.sqrt(_LATERAL_MPS2 / max(curvature, _MIN_CURVATURE))
             for s in range(end - 1, -1, -1):
                 braking_speed = np.sqrt(
                     speed[s + 1] ** 2 + 2 * _BEND_BRAKING_MPS2 * STEP
@@ -144,8 +148,9 @@ def _follow(
 ) -> None:
     """Write places [T, 2] on a path [S, 2].
 
-    ``ahead`` [T]: distances on a straight road, with ``speed`` at the beginning. The
-    track is slower where the path bends.
+    ``ahead`` [T]: distances at times ``tau`` [T] on a straight road, with ``speed`` at
+    the beginning. Beyond ``limit`` [S] the object brakes. It is ``offset`` m left of
+    the path at first.
     """
     arc = 0.0
     old_ahead = 0.0
@@ -157,6 +162,7 @@ def _follow(
         old_ahead = max(ahead[t], old_ahead)
         old_tau = tau[t]
         braking_speed = speed - _MAX_BRAKING_MPS2 * period
+        # no faster than the limit, unless the object cannot brake that hard
         speed = max(min(free_speed, limit[g]), min(free_speed, braking_speed))
         arc += speed * period
         g = min(int(arc / STEP), len(path) - 2)
@@ -170,7 +176,7 @@ def _follow(
 @part
 def _normal_quantile(probability: float) -> float:
     """Return a quantile of a nearly normal distribution, limited."""
-    z = np.log(probability / (1 - probability)) / 1.702
+    z = np.log(probability / (1 - probability)) / _LOGISTIC_SCALE
     return float(min(max(z, -_MAX_DEVIATIONS), _MAX_DEVIATIONS))
 
 
@@ -193,8 +199,9 @@ def drive(
     """Write samples [Q, A, T, 2] of tracks that have paths.
 
     Paths share the samples; those of a path are quantiles of the distance. ``track``
-    [Q]: numbers of the tracks; ``paths`` [N, M, S, 2] with ``chance``, ``offset`` and
-    ``limit``; ``speed`` [N]; ``deviation`` [N, T]: of the distance.
+    [Q]: numbers of the tracks; ``draw`` [Q] picks the quantiles; ``paths`` [N, M, S, 2]
+    with ``chance``, ``offset`` and ``limit``; ``speed`` [N]; ``deviation`` [N, T]: of
+    the distance at times ``tau`` [T].
     """
     count = samples.shape[1]
     ahead = np.empty(len(tau))
@@ -208,7 +215,8 @@ def drive(
             if chance[n, m] <= 0:
                 break
             total += chance[n, m]
-            end = int(np.ceil(total * count - path_shift - 1e-9))
+            # systematic sampling: as many samples as its chance, rounded by the shift
+            end = int(np.ceil(total * count - path_shift - _ROUNDING))
             end = min(max(end, start), count)
             for j in range(start, end):
                 z = _normal_quantile((j - start + level_shift) / (end - start))

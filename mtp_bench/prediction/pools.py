@@ -91,6 +91,7 @@ def polynomials(future: int) -> Floats:
     basis = np.zeros((DEGREES, future))
     for degree in range(DEGREES):
         basis[degree] = (np.arange(future) - 0.5 * (future - 1)) ** degree
+        # cumsum adds one by one, so that the bits are the same everywhere
         for lower in range(degree):
             basis[degree] -= np.cumsum(basis[degree] * basis[lower])[-1] * basis[lower]
         basis[degree] /= np.sqrt(np.cumsum(basis[degree] ** 2)[-1])
@@ -99,11 +100,11 @@ def polynomials(future: int) -> Floats:
 
 @part
 def write_motions(points: Floats, rows: Ints, basis: Floats, motion: Floats) -> bool:
-    """Write coordinates of points and return whether they suffice.
+    """Write six coordinates of points and return whether they suffice.
 
-    They are [n, 6]: position, velocity and acceleration of x and y, in turn, relative
-    to the first point, and suffice if they determine the points. ``points`` [S, 2 T],
-    those in ``rows`` [n].
+    ``motion`` [n, 6]: x and y of each degree of ``basis`` [3, T], relative to the first
+    point. They suffice if they determine the points: those of ``points`` [S, 2 T] in
+    ``rows`` [n].
     """
     max_error = 0.0
     max_square = 0.0
@@ -133,6 +134,7 @@ def write_motions(points: Floats, rows: Ints, basis: Floats, motion: Floats) -> 
         motion[i, 3] = y1
         motion[i, 4] = x2
         motion[i, 5] = y2
+        # the basis is orthonormal: what the coordinates leave of the square
         error = square - (x0 * x0 + y0 * y0 + x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2)
         max_error = max(max_error, error)
         max_square = max(max_square, square)
@@ -143,7 +145,7 @@ def write_motions(points: Floats, rows: Ints, basis: Floats, motion: Floats) -> 
 def from_motions(motion: Floats, basis: Floats, origin: Floats, point: Floats) -> None:
     """Write points [k, 2 T] of coordinates [k, 6].
 
-    These are relative to ``origin`` [2 T].
+    The coordinates are relative to ``origin`` [2 T].
     """
     for j in range(len(point)):
         for t in range(basis.shape[1]):

@@ -101,6 +101,7 @@ def history_of(tracks: Tracks, observation: Observation, dt: float) -> TrackHist
 
 
 def _increasing(table_rows: list[list[float]]) -> list[list[float]]:
+    """Raise ValueError unless two lists have one length and the first rises."""
     lengths = [len(row) for row in table_rows]
     if len(lengths) != 2 or lengths[0] != lengths[1] or lengths[0] < 2:
         raise ValueError(
@@ -159,10 +160,11 @@ class PresenceModel(Section):
         count = len(self.features)
         with_products = 1 + count + count * (count + 1) // 2
         for name in ("low", "high", "center", "scale"):
-            _require_length(name, getattr(self, name), count, count)
-        _require_length("shared", self.shared, count, 1 + count, with_products)
+            _require_length(name, getattr(self, name), (count,), features=count)
+        shared_lengths = (1 + count, with_products)
+        _require_length("shared", self.shared, shared_lengths, features=count)
         for name, row in self.classes.items():
-            _require_length(f"classes.{name}", row, count, 1 + count)
+            _require_length(f"classes.{name}", row, (1 + count,), features=count)
         return self
 
     def standardised(self, history: TrackHistory) -> Floats:
@@ -180,7 +182,7 @@ class PresenceModel(Section):
     def logits(self, z: Floats, class_id: Ints, classes: Sequence[str]) -> Floats:
         """Return logits [N] before calibration.
 
-        ``class_id`` [N] counts in ``classes``.
+        ``class_id`` [N]: index into ``classes``.
         """
         count = len(self.features)
         no_weights = [0.0] * (1 + count)
@@ -204,7 +206,10 @@ class PresenceModel(Section):
 
 
 def _require_length(
-    field_name: str, field_values: Sequence[float], features: int, *lengths: int
+    field_name: str,
+    field_values: Sequence[float],
+    lengths: Sequence[int],
+    features: int,
 ) -> None:
     if len(field_values) not in lengths:
         expected = " or ".join(map(str, lengths))
@@ -217,9 +222,10 @@ def _require_length(
 def map_scores(
     score: Floats, tables: Mapping[str, Table], class_id: Ints, classes: Sequence[str]
 ) -> Floats:
-    """Return scores [N] of another detector in place of these.
+    """Map scores [N] to those of another detector, by class.
 
-    Those of a class without a table stay as they are.
+    ``tables``: see `PresenceModel.score_map`; ``class_id`` [N]: index into ``classes``.
+    Scores of a class without a table stay as they are.
     """
     mapped = np.array(score, dtype=np.float64)
     for number, class_name in enumerate(classes):
@@ -296,15 +302,15 @@ def read_model(path: Path) -> PresenceModel:
     Raises SubmissionError, naming the file and what is wrong, if it is not a presence
     model.
     """
-    modified = path.stat().st_mtime_ns if path.is_file() else 0
-    return _read_state(path.resolve(), modified)
+    changed_ns = path.stat().st_mtime_ns if path.is_file() else 0
+    return _read_version(path.resolve(), changed_ns)
 
 
 @lru_cache(maxsize=16)
-def _read_state(path: Path, modified: int) -> PresenceModel:
+def _read_version(path: Path, changed_ns: int) -> PresenceModel:
     """Read a model once per modification: it may be trained again.
 
-    ``modified``: time, ns.
+    ``changed_ns``: time of the modification, a key of the cache.
     """
     content = read_json(path, SubmissionError)
     model = validate(PresenceModel, content, str(path), SubmissionError)

@@ -29,6 +29,7 @@ from .learned.layers import Array, Inputs, namespace
 Arrays = dict[str, np.ndarray]
 
 PER_FRAME = 10  # features of `history` for each frame
+_MIN_SPREAD_S2 = 1e-6  # of the times of several boxes
 
 # fields of observations that show lanes
 LANE_FIELDS = ("lane_point", "lane_valid", "lane_next")
@@ -139,14 +140,16 @@ def shown_as_truth(windows: TrackWindows) -> TrackWindows:
 
 
 def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
-    """Return the distinct windows of a frame's tracks.
+    """Return the distinct windows of a frame's tracks, and each track's.
 
-    Beside them the window [N] of each track. ``past``: number of frames. Tracks that
-    took the same detections in these frames share the window of the first of them,
-    whatever came before. If such tracks coast, or differ in age, this is not exact: at
-    the simulated intersection with 20 hypotheses the forecasts of 2 % of the objects
-    are of another track's window, half of them by more than 0.4 m. A tracker that does
-    not state the detections it took has a window for each track.
+    The second result [N] is the row of each track's window. ``past``: frames of a
+    window. Tracks that took the same detections in these frames share the window of the
+    first of them, whatever came before. A tracker that does not state the detections it
+    took has a window for each track.
+
+    If tracks of one window coast, or differ in age, this is not exact. At the simulated
+    intersection with 20 hypotheses 2 % of the objects have forecasts from another
+    track's window, half of them more than 0.4 m off.
     """
     tracks = _with_past(frame.tracks, past)
     first, window = _distinct(tracks)
@@ -191,20 +194,20 @@ def _with_past(tracks: Tracks, past: int) -> Tracks:
 
     They are unborn in frames that the tracker does not keep.
     """
-    missing = (max(past - tracks.past.shape[1], 0), 0)
+    padding = (max(past - tracks.past.shape[1], 0), 0)
     detection = tracks.past_detection
     if detection is not None:
-        detection = np.pad(detection, ((0, 0), missing), constant_values=UNBORN)
+        detection = np.pad(detection, ((0, 0), padding), constant_values=UNBORN)
         detection = detection[:, -past:]
-    box = np.pad(tracks.past, ((0, 0), missing, (0, 0)))[:, -past:]
-    valid = np.pad(tracks.past_valid, ((0, 0), missing))[:, -past:]
+    box = np.pad(tracks.past, ((0, 0), padding, (0, 0)))[:, -past:]
+    valid = np.pad(tracks.past_valid, ((0, 0), padding))[:, -past:]
     return replace(tracks, past=box, past_valid=valid, past_detection=detection)
 
 
 def _distinct(tracks: Tracks) -> tuple[Ints, Ints]:
-    """Return the first track of each window.
+    """Return the first track [n] of each window, and each track's window [N].
 
-    Beside it the window [N] of each track.
+    Windows and tracks are numbers.
     """
     count = len(tracks.box)
     if tracks.past_detection is None or count == 0:
@@ -226,16 +229,19 @@ def _measured(row: Ints, observations: Sequence[Observation]) -> tuple[Floats, F
     score = np.zeros(row.shape)
     velocity = np.zeros((*row.shape, 2))
     recent = observations[-row.shape[1] :]
-    for age, observation in enumerate(reversed(recent), start=1):
-        window = np.flatnonzero(row[:, -age] >= 0)
-        taken = row[window, -age]
-        score[window, -age] = np.asarray(observation["detection_score"])[taken]
-        velocity[window, -age] = np.asarray(observation["detection_velocity"])[taken]
+    for column, observation in zip(range(-len(recent), 0), recent, strict=True):
+        window = np.flatnonzero(row[:, column] >= 0)
+        taken = row[window, column]
+        score[window, column] = np.asarray(observation["detection_score"])[taken]
+        velocity[window, column] = np.asarray(observation["detection_velocity"])[taken]
     return score, velocity
 
 
 def _ego_poses(observations: Sequence[Observation], past: int) -> Floats:
-    """Return poses [P, 4] of the platform, zeros without them."""
+    """Return poses [P, 4] of the platform, zeros without them.
+
+    Frames before the scene have the first pose.
+    """
     no_pose = np.zeros(4)
     recent = observations[-past:]
     poses = np.array([o.get("ego_pose", no_pose) for o in recent], dtype=np.float64)
@@ -296,10 +302,10 @@ def history(inputs: Inputs) -> Array:
     step = position[:, 1:] - position[:, :-1]
     step = xp.concatenate([xp.zeros_like(position[:, :1]), step], 1)
     # a first box has no step
-    born = xp.concatenate([xp.zeros_like(alive[:, :1]), alive[:, :-1]], 1)
+    was_alive = xp.concatenate([xp.zeros_like(alive[:, :1]), alive[:, :-1]], 1)
     columns = [
         position,
-        step * born[:, :, None],
+        step * was_alive[:, :, None],
         inputs["velocity"],
         xp.sin(yaw)[:, :, None],
         xp.cos(yaw)[:, :, None] - 1,
@@ -310,7 +316,7 @@ def history(inputs: Inputs) -> Array:
 
 
 def mean_velocity(inputs: Inputs, dt: float) -> Array:
-    """Return velocities [n, 2] m/s: slopes of straight lines through the past.
+    """Return velocities [n, 2] m/s: slopes of least-squares lines through the past.
 
     That of a single box is the measured velocity. ``dt``: s between frames.
     """
@@ -322,8 +328,8 @@ def mean_velocity(inputs: Inputs, dt: float) -> Array:
     center = time - ((time * alive).sum(1) / count)[:, None]
     spread = (center * center * alive).sum(1)
     moment = ((center * alive)[:, :, None] * inputs["position"]).sum(1)
-    slope = moment / xp.clip(spread, 1e-6, None)[:, None]
-    has_several = (spread > 1e-6)[:, None]
+    slope = moment / xp.clip(spread, _MIN_SPREAD_S2, None)[:, None]
+    has_several = (spread > _MIN_SPREAD_S2)[:, None]
     return xp.where(has_several, slope, inputs["velocity"][:, -1])
 
 

@@ -112,6 +112,7 @@ class Histories:
             for frame, row, box in history.reports:
                 column = self._past - 1 - self._frame + frame
                 if column >= 0:
+                    # until a later report replaces it
                     past_box[track, column:] = box
                     past_row[track, column:] = -1
                     past_row[track, column] = row
@@ -120,7 +121,7 @@ class Histories:
 
 
 def bridged(past_box: Floats, valid: Bools) -> Floats:
-    """Put x and y of gaps on the straight line between two reports.
+    """Return boxes with x and y of gaps on straight lines between reports.
 
     ``past_box`` [N, P, 7], oldest first; ``valid`` [N, P]: frames with a report.
     """
@@ -260,10 +261,11 @@ class GivenIdentities:
         """
         track_object = np.repeat(self._track_object, np.diff(indptr))
         is_free = (track_object < 0) & (self._detection_object[column] < 0)
+        # the new indptr counts the free pairs before each old one
         return np.append(0, np.cumsum(is_free))[indptr], column[is_free], gain[is_free]
 
     def assign(self, column: Ints) -> Ints:
-        """Return the assignment [1, N] with those of objects.
+        """Return the assignment ``column`` [1, N] with those of objects.
 
         A track of an object takes the detection of that object.
         """
@@ -279,6 +281,7 @@ class GivenIdentities:
         ``old_leaf``: the leaf that each continues, -1 for a new track; ``detection``:
         the one that each took, -1 for none.
         """
+        # index -1 picks the appended -1
         started = np.append(self._detection_object, -1)[detection]
         inherited = np.append(self._track_object, -1)[old_leaf]
         self._track_object = np.where(old_leaf >= 0, inherited, started)

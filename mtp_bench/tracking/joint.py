@@ -52,13 +52,16 @@ def k_best(
     pair_row, pair_column = np.ascontiguousarray(np.nonzero(matrix != np.inf))
     pair_cost = matrix[pair_row, pair_column]
     _require_finite(pair_cost, pair_row, pair_column, base)
+    # parents by cost; of those with equal rows the first alone
     distinct = np.argsort(base, kind="stable")
     if len(base) > 1:
         _, first = np.unique(member[distinct], axis=0, return_index=True)
         distinct = np.sort(distinct[first])
     start = np.searchsorted(pair_row, np.arange(rows + 1))
+    # Each row has its pairs, or none: working space must not grow with k beyond the
+    # number of solutions that these choices allow.
     choices = np.where(member[distinct], np.diff(start) + 1.0, 1.0)
-    with np.errstate(over="ignore"):  # working space must not grow with an idle k
+    with np.errstate(over="ignore"):
         solutions = int(min(k, choices.prod(axis=1).sum()))
     if solutions == 0:
         no_rows = np.empty(0, dtype=np.int64)

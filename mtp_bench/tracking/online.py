@@ -162,7 +162,7 @@ class OnlineTracker:
         self._task = task
         self._frame = -1
         self._segment = 0  # of the scene, between two holes in time
-        # identity of an id (and its tracker) in a class
+        # identity of a track's key in a class; the key: see `_reports`
         self._identities: dict[tuple[Hashable, int], int] = {}
         # class of each tracker; None: all classes
         self._tracker_classes: list[int | None] = [None]
@@ -176,7 +176,7 @@ class OnlineTracker:
             _update_of(self._make_tracker(self._task)) for _ in self._tracker_classes
         ]
         self._histories = Histories(self._task.past)
-        # class and box of an id
+        # last class and box of each key
         self._last_states: dict[Hashable, tuple[int, Floats]] = {}
 
     def step(self, observation: Observation) -> Tracks:
@@ -223,8 +223,8 @@ class OnlineTracker:
     ) -> list[TrackReport]:
         """Return the rows of one tracker with their classes.
 
-        ``keys``: keys of the tracks. ``rows`` [D]: row in the observation of each
-        detection.
+        ``keys``: (segment, class of the tracker, id) of each row of ``answer``.
+        ``rows`` [D]: row in the observation of each detection.
         """
         reports = []
         taken_rows = self._taken_rows(answer, keys, detections).tolist()
@@ -277,10 +277,12 @@ class OnlineTracker:
             [self._last_states.get(keys[i], no_state)[0] for i in unstated]
         )[:, None]
         other_class = (track_class != -1) & (track_class != detections.class_id[free])
-        # its own class first
+        # Its own class first. All costs are below 0, the cost of taking none.
         cost = distance + self._gate_m * other_class - 3 * self._gate_m
-        column = k_best(np.where(distance <= self._gate_m, cost, np.inf), 1)[1][0]
-        taken[unstated] = np.append(free, -1)[column]
+        allowed_cost = np.where(distance <= self._gate_m, cost, np.inf)
+        _, row_to_column, _ = k_best(allowed_cost, k=1)
+        # index -1 picks the appended -1
+        taken[unstated] = np.append(free, -1)[row_to_column[0]]
         return taken
 
     def _centre(self, box: Floats) -> Floats:

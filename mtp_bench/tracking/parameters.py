@@ -108,6 +108,10 @@ def _tracker_table(detector: str) -> dict[str, ClassParameters]:
 def _of_classes(
     table: Mapping[str, ClassParameters], classes: Iterable[str], where: str
 ) -> tuple[ClassParameters, ...]:
+    """Return the parameters of each class, or of one similar to it.
+
+    ``where``: source of the table, for the error.
+    """
     parameters = []
     for class_name in classes:
         similar = similar_class(class_name, table)

@@ -137,6 +137,7 @@ class HypothesisTracker:
         if self._identities is not None:
             self._identities.grow(tree.old_leaf, tree.detection)
         distinct = tree.merge_equal()
+        # relative to the best hypothesis, so that sums do not grow
         self._cost = cost[distinct] - cost[0]
         return self._output(parent[distinct], rows)
 
@@ -183,6 +184,10 @@ class HypothesisTracker:
         return cost, assigned, parent
 
     def _output(self, parent: Ints, rows: Ints) -> Tracks:
+        """Return the confirmed tracks.
+
+        ``parent`` [H]: hypotheses of the frame before; ``rows`` [D]: of detections.
+        """
         tree = self._tree
         min_hits = self._min_hits[tree.class_id]
         # a recording does not wait for its first tracks
@@ -195,6 +200,7 @@ class HypothesisTracker:
             box=tree.box[leaf],
             class_id=tree.class_id[leaf],
             score=tree.score_sum[leaf] / tree.hits[leaf],
+            # index -1 picks the appended -1
             detection=np.append(rows, -1)[tree.detection[leaf]],
             past=past_box,
             past_valid=past_row >= 0,
@@ -267,7 +273,8 @@ def _greedy_where_asked(
     for class_number, rule in enumerate(parameters):
         rows = np.flatnonzero(class_id == class_number)
         if rule.assignment == "hungarian":
-            column[rows] = k_best(cost[rows], 1)[1][0]
+            _, row_to_column, _ = k_best(cost[rows], k=1)
+            column[rows] = row_to_column[0]
             continue
         open_cost = cost[rows].copy()
         while open_cost.size and np.isfinite(open_cost.min()):

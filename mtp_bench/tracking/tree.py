@@ -42,7 +42,7 @@ class HypothesisTree:
     """
 
     def __init__(self, past: int, next_id: int = 0) -> None:
-        self._hold(np.zeros((0, STATE)), np.zeros((4, 0), dtype=np.int64))
+        self._set_leaves(np.zeros((0, STATE)), np.zeros((4, 0), dtype=np.int64))
         self.score_sum = np.zeros(0)  # [N] over the detections taken
         self.last_score = np.zeros(0)  # [N] of the last detection taken
         self.age = NO_ROWS  # [N] frames since the first detection, this one included
@@ -59,8 +59,8 @@ class HypothesisTree:
         self._detections = np.zeros((past, 0), dtype=np.int64)
         self._parents = np.zeros((past, 0), dtype=np.int64)
 
-    def _hold(self, state: Floats, memory: Ints) -> None:
-        """Take the arrays of all leaves.
+    def _set_leaves(self, state: Floats, memory: Ints) -> None:
+        """Replace the arrays of all leaves, and the views of their columns.
 
         ``state`` [N, STATE]: see motion_kernels; ``memory`` [4, N]: see tree_kernels.
         """
@@ -139,14 +139,15 @@ class HypothesisTree:
         self.score_sum = score_sum
         self.detection = detection
         self.old_leaf = leaf
+        # index -1 picks the appended -1
         self._detections[layer, :leaf_count] = np.append(detections.row, -1)[detection]
         self._parents[layer, :leaf_count] = leaf
-        self._hold(state, memory)
+        self._set_leaves(state, memory)
 
     def merge_equal(self) -> Ints:
         """Keep the first of the hypotheses that hold the same leaves.
 
-        Returns their numbers before.
+        Returns the old numbers of those that are kept.
         """
         first = distinct_rows(self.member, self._leaf_set)
         if len(first) < len(self.member):
@@ -157,7 +158,7 @@ class HypothesisTree:
         """Return covariances [n, 2, 2] of position (m) and velocity (m/frame).
 
         ``leaf`` [n]: leaves of the tree. Each matrix holds for one axis, and both axes
-        have the same.
+        have the same. Columns of the state: see motion_kernels.
         """
         return self.state[leaf, 10:14].reshape(-1, 2, 2)
 
@@ -181,9 +182,9 @@ class HypothesisTree:
         """Return the place of a new layer in the rings, made wide enough for it."""
         layers, width = self._parents.shape
         if leaf_count > width:
-            wider = max(leaf_count, 2 * width) - width
-            no_rows = np.full((layers, wider), -1)
-            no_boxes = np.zeros((layers, wider, 7))
+            added = max(leaf_count, 2 * width) - width
+            no_rows = np.full((layers, added), -1)
+            no_boxes = np.zeros((layers, added, 7))
             self._measured = np.concatenate([self._measured, no_boxes], axis=1)
             self._detections = np.concatenate([self._detections, no_rows], axis=1)
             self._parents = np.concatenate([self._parents, no_rows], axis=1)

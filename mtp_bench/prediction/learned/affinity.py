@@ -13,7 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..windows import Arrays, one_hot
-from .around import FINE, around_inputs, fitted_velocity, shares
+from .around import (
+    FINE,
+    SIZE_SCALE,
+    VELOCITY_SCALE,
+    around_inputs,
+    fitted_velocity,
+    shares,
+)
 from .layers import (
     Array,
     Inputs,
@@ -39,6 +46,8 @@ FADE = 2.0  # log-odds lost per such distance
 # weight of the expected position where no detection belongs to the object; a detection
 # has weight 1
 DOUBT = 0.1
+LEAST_SQUARE = 1e-6  # m2, added to the square of a distance
+SCORE_LIMIT = 5  # of a standardised score
 # inputs of each detection
 FRAME_INPUTS = ("near", "position", "velocity", "yaw", "score", "same", "ratio")
 
@@ -56,8 +65,8 @@ class AffinityNetwork:
 
         A pair is one object and one detection near it.
         """
-        score = {"score.mean": (1,), "score.spread": (1,)}
-        return {**MODES.shapes(sizes), **_pair_shapes(sizes), **score}
+        score_shapes = {"score.mean": (1,), "score.spread": (1,)}
+        return {**MODES.shapes(sizes), **_pair_shapes(sizes), **score_shapes}
 
     def start(
         self,
@@ -67,12 +76,13 @@ class AffinityNetwork:
         sizes: Sizes,
         seed: int,
     ) -> Arrays:
-        """Return random layers.
+        """Return random layers and the statistics of the training data.
 
-        With them an affinity depends mostly on the distance.
+        With these layers an affinity depends mostly on the distance.
         """
-        not_all_alike = np.array([0, 1], dtype=np.float32)
-        score = np.append(inputs["score"][inputs["near"] > 0], not_all_alike)
+        # two scores more, so that the spread is above 0
+        two_scores = np.array([0, 1], dtype=np.float32)
+        score = np.append(inputs["score"][inputs["near"] > 0], two_scores)
         weights = initial(_pair_shapes(sizes), np.random.default_rng([seed, 1]))
         weights["score.mean"] = score.mean(keepdims=True)
         weights["score.spread"] = score.std(keepdims=True)
@@ -116,15 +126,15 @@ def soft_past(weights: Weights, inputs: Inputs, sizes: Sizes) -> dict[str, Array
     alive and taken are probabilities.
     """
     xp = namespace(inputs["near"])
-    origin = inputs["position"][:, -1, 0] * 0
+    origin = inputs["position"][:, -1, 0] * 0  # zeros [n, 2]
     classes = one_hot(inputs["class_id"], len(sizes.classes), origin)
-    size_class = xp.concatenate([inputs["size"][:, :2] / 5, classes], 1)
+    size_class = xp.concatenate([inputs["size"][:, :2] / SIZE_SCALE, classes], 1)
     state = _Backward(origin, origin, origin, origin[:, 0], 0.0, size_class)
     steps: list[_SoftDetection] = []  # the latest first
     for frame in range(sizes.past):
         detections = {name: inputs[name][:, -1 - frame] for name in FRAME_INPUTS}
         steps.append(_soft_detection(weights, detections, state))
-        state = _earlier(state, steps, sizes.dt)
+        state = _earlier_state(state, steps, sizes.dt)
     soft = {
         name: xp.stack([getattr(step, name) for step in reversed(steps)], 1)
         for name in _SoftDetection._fields
@@ -153,10 +163,12 @@ def _soft_detection(
     """
     offset = detections["position"] - state.expected[:, None]
     gate = GATE + SPEED * state.age / (1 + state.count)
-    distance = namespace(offset).sqrt((offset**2).sum(2) + 1e-6)
+    # the root has a derivative at 0, too
+    distance = namespace(offset).sqrt((offset**2).sum(2) + LEAST_SQUARE)
     learned = mlp(weights, "pair", _pairs(weights, detections, state), 3)[..., 0]
     share = shares(FADE * (1 - distance / gate[:, None]) + learned, detections["near"])
     total = share.sum(1)
+    # the rest of the shares stands for the expected position
     doubt = DOUBT * (1 - total)
     share = share / (total + doubt)[:, None]
     doubt = doubt / (total + doubt)
@@ -182,11 +194,11 @@ def _pairs(weights: Weights, detections: Inputs, state: _Backward) -> Array:
     scalars = [
         xp.sin(detections["yaw"]),
         xp.cos(detections["yaw"]) - 1,
-        xp.clip(score, -5, 5),
+        xp.clip(score, -SCORE_LIMIT, SCORE_LIMIT),
         detections["same"],
     ]
     of_object = [
-        state.velocity / 10,
+        state.velocity / VELOCITY_SCALE,
         xp.log(1 + state.count)[:, None],
         state.size_class,
     ]
@@ -195,8 +207,8 @@ def _pairs(weights: Weights, detections: Inputs, state: _Backward) -> Array:
     columns = [
         xp.arcsinh(offset / FINE),
         xp.arcsinh(moved / FINE),
-        (detections["velocity"] - state.velocity[:, None]) / 10,
-        detections["velocity"] / 10,
+        (detections["velocity"] - state.velocity[:, None]) / VELOCITY_SCALE,
+        detections["velocity"] / VELOCITY_SCALE,
         detections["ratio"],
         xp.stack(scalars, 2),
         row[:, None] + xp.zeros_like(detections["near"])[:, :, None],
@@ -204,7 +216,9 @@ def _pairs(weights: Weights, detections: Inputs, state: _Backward) -> Array:
     return xp.concatenate(columns, 2)
 
 
-def _earlier(state: _Backward, steps: list[_SoftDetection], dt: float) -> _Backward:
+def _earlier_state(
+    state: _Backward, steps: list[_SoftDetection], dt: float
+) -> _Backward:
     """Return the state a frame earlier.
 
     The velocity is fitted to all soft detections ``steps`` to here, the latest first.

@@ -19,6 +19,9 @@ REACH = np.array([2.0, 2.0])
 SPEED = np.array([20.0, 4.0])
 OTHER_CLASS = 2.0  # factor of the distance of a detection of another class
 FINE = 0.3  # m: offsets are linear up to here, logarithmic beyond
+# scales of inputs
+SIZE_SCALE = 5  # m
+VELOCITY_SCALE = 10  # m/s
 PRIOR_WEIGHT = 0.01  # of the prior of a velocity, beside one position a frame away
 
 
@@ -73,12 +76,13 @@ def nearest(
     """Return rows [n, M] in ``surroundings`` of the detections within reach.
 
     The row is -1 where no more are. The detections are from ``frames_ago`` frames,
-    ``age`` s, before. The nearest come first, as the reach measures distance.
+    ``age`` s, before ``moment``. The nearest come first, by `_distance`.
     """
     frame = np.maximum(moment - frames_ago, 0)
     count = np.where(
         surroundings.before[moment] >= frames_ago, surroundings.counts[frame], 0
     )
+    # all pairs of a window (owner) with a detection (row) of its frame
     owner = np.repeat(np.arange(len(windows)), count)
     shift = surroundings.start[frame] - np.cumsum(count) + count
     row = np.arange(len(owner)) + np.repeat(shift, count)
@@ -128,7 +132,8 @@ def _distance(
 ) -> Floats:
     """Return distances [r] of detections from the last boxes of windows.
 
-    ``owner`` [r]: the windows. The distance is 1 at the end of the reach.
+    ``owner`` [r]: the windows; ``row`` [r]: the detections. The distance is 1 at the
+    end of the reach after ``age`` s.
     """
     turn = rotation(windows.box[:, -1, 3]) / (REACH + SPEED * age)
     offset = surroundings.box[row, :2] - windows.box[owner, -1, :2]
@@ -139,6 +144,7 @@ def _distance(
 
 def _rows_of(values: np.ndarray, row: Ints) -> np.ndarray:
     """Return the rows of ``values`` [R, ...], 0 for row -1."""
+    # index -1 picks the appended zeros
     no_row = np.zeros_like(values[:1], shape=(1, *values.shape[1:]))
     return np.concatenate([values, no_row])[row]
 
@@ -153,7 +159,7 @@ def ages(near: Array, dt: float) -> Array:
 def shares(logit: Array, near: Array) -> Array:
     """Return the softmax of ``logit`` [n, M, ...] over the ``near`` detections.
 
-    "None" takes part, with the logit 0.
+    "None" takes part, with the logit 0, so that the sum is below 1.
     """
     xp = namespace(logit)
     highest = xp.clip(xp.amax(logit * near, 1), 0, None)
@@ -170,6 +176,7 @@ def fitted_velocity(
     [n, S] s, ``position`` [n, S, 2] m, ``weight`` [n, S]. ``prior`` [n, 2] m/s is the
     velocity of an object without positions.
     """
+    # least squares over the time -age
     total = 1 + weight.sum(1)  # the origin has the weight 1
     middle = (weight * age).sum(1) / total
     lever = (middle[:, None] - age) * weight

@@ -39,7 +39,7 @@ def sigmoid(x: Array) -> Array:
 
 
 def standardised(weights: Weights, name: str, x: Array) -> Array:
-    """Return ``x`` less ``name.mean`` in units of ``name.spread``, limited."""
+    """Return ``x`` less ``name.mean`` in units of ``name.spread``, clipped."""
     units = (x - weights[f"{name}.mean"]) / weights[f"{name}.spread"]
     return namespace(units).clip(units, -INPUT_LIMIT, INPUT_LIMIT)
 
@@ -50,7 +50,7 @@ def linear(weights: Weights, name: str, x: Array) -> Array:
 
 
 def mlp(weights: Weights, name: str, x: Array, layers: int) -> Array:
-    """Apply the linear layers ``name.0`` ... with `relu` between them."""
+    """Apply as many linear layers, ``name.0`` ..., with `relu` between them."""
     for layer in range(layers):
         x = linear(weights, f"{name}.{layer}", x)
         if layer < layers - 1:
@@ -131,6 +131,6 @@ def initial(shapes: Shapes, rng: np.random.Generator) -> dict[str, np.ndarray]:
         if len(shape) == 1:
             weights[name] = np.zeros(shape, np.float32)
         else:
-            bound = np.float32(np.sqrt(shape[0]))
-            weights[name] = rng.uniform(-1, 1, shape).astype(np.float32) / bound
+            root = np.float32(np.sqrt(shape[0]))
+            weights[name] = rng.uniform(-1, 1, shape).astype(np.float32) / root
     return weights

@@ -62,7 +62,7 @@ class Modes:
     def shapes(self, sizes: Sizes) -> Shapes:
         """Return the shapes of a perceptron from the past to all modes.
 
-        Statistics of inputs and outputs are among them.
+        Shapes of statistics of inputs and outputs are among them.
         """
         inputs = self.features(sizes)
         return {
@@ -124,7 +124,7 @@ class Modes:
         return xp.concatenate([past, static, static * coasting, classes], 1)
 
     def moved(self, inputs: Inputs, residual: Array, sizes: Sizes) -> Array:
-        """Return futures [n, S, T, 2] m: constant velocity with ``residual`` added."""
+        """Return futures [n, S, T, 2] m: constant velocity and ``residual``."""
         return straight_future(inputs, sizes)[:, None] + residual
 
 

@@ -46,10 +46,11 @@ class ModesLanes(Modes):
         local = super().inputs(windows, moment, surroundings, sizes)
         velocity = mean_velocity(local, sizes.dt)
         side = np.where(velocity[:, :1] < BACKWARD, -1, 1).astype(np.float32)
-        count = sizes.modes - _free(sizes)
+        count = sizes.modes - _free_count(sizes)
         path, chance = _local_paths(windows, side[:, 0], moment, surroundings, count)
-        half_turn = np.float32(np.pi / 2)
-        yaw = np.remainder(local["yaw"] + np.pi / 2, np.pi) - half_turn
+        # at most a quarter turn: front and rear are alike
+        quarter_turn = np.float32(np.pi / 2)
+        yaw = np.remainder(local["yaw"] + np.pi / 2, np.pi) - quarter_turn
         return {
             **local,
             "position": local["position"] * side[:, None],
@@ -63,7 +64,7 @@ class ModesLanes(Modes):
     def features(self, sizes: Sizes) -> int:
         """Return the number of features of `encoded`."""
         per_path = 2 * len(range(0, POINTS, SHOWN)) + 1
-        return super().features(sizes) + (sizes.modes - _free(sizes)) * per_path
+        return super().features(sizes) + (sizes.modes - _free_count(sizes)) * per_path
 
     def encoded(self, inputs: Inputs, sizes: Sizes) -> Array:
         """Return features of the past, then of the paths."""
@@ -73,9 +74,9 @@ class ModesLanes(Modes):
 
     def moved(self, inputs: Inputs, residual: Array, sizes: Sizes) -> Array:
         """Return futures along and across the paths, then those of "modes"."""
-        free = _free(sizes)
-        along = _along_paths(inputs, residual[:, :-free], sizes)
-        others = super().moved(inputs, residual[:, -free:], sizes)
+        free_count = _free_count(sizes)
+        along = _along_paths(inputs, residual[:, :-free_count], sizes)
+        others = super().moved(inputs, residual[:, -free_count:], sizes)
         return namespace(residual).concatenate([along, others], 1)
 
     def forward(
@@ -97,7 +98,7 @@ class ModesLanes(Modes):
 NETWORK = ModesLanes()
 
 
-def _free(sizes: Sizes) -> int:
+def _free_count(sizes: Sizes) -> int:
     """Return the number of modes that do not follow lanes."""
     return max(1, round(FREE * sizes.modes))
 
@@ -117,13 +118,15 @@ def _local_paths(
     chance = np.zeros((len(windows), count))
     box = windows.box[:, -1].astype(np.float64)
     box[:, 3] += np.where(side < 0, np.pi, 0)
-    for t in np.unique(moment) if surroundings.lanes else ():
-        rows = np.flatnonzero(moment == t)
-        lanes = surroundings.lanes_at(t)
-        paths = lane_paths(lanes, box[rows, :2], box[rows, 3], count, METRES)
-        path[rows] = paths.points
-        chance[rows] = paths.chance
+    if surroundings.lanes:
+        for frame in np.unique(moment):
+            rows = np.flatnonzero(moment == frame)
+            lanes = surroundings.lanes_at(frame)
+            paths = lane_paths(lanes, box[rows, :2], box[rows, 3], count, METRES)
+            path[rows] = paths.points
+            chance[rows] = paths.chance
     path_count = (chance > 0).sum(axis=1)
+    # paths over and over again, until all places are filled
     repeated = np.arange(count) % np.maximum(path_count, 1)[:, None]
     path = np.take_along_axis(path, repeated[:, :, None, None], axis=1)
     path = path - box[:, None, None, :2]
@@ -144,16 +147,18 @@ def _along_paths(inputs: Inputs, residual: Array, sizes: Sizes) -> Array:
     heading = direction[:, :, 0]
     begin = path[:, :, 0]
     speed = (mean_velocity(inputs, sizes.dt)[:, None] * heading).sum(-1)
-    # m to the left of the path is the object
+    # m of the object to the left of the path
     left = heading[..., 1] * begin[..., 0] - heading[..., 0] * begin[..., 1]
     time = xp.cumsum(xp.ones_like(residual[..., 0]), 2) * sizes.dt
+    # points of the path that are passed
     station = ((speed[..., None] * time + residual[..., 0]) / STEP)[..., None]
     inside = xp.clip(station, 0, POINTS - 1)
     number = xp.cumsum(xp.ones_like(path[..., 0]), 2) - 1
     # share of each point: linear between two
     share = relu(1 - abs(inside - number[:, :, None]))
-    place = share @ xp.concatenate([path, direction], 3)
-    ahead = place[..., 2:]
+    place_direction = share @ xp.concatenate([path, direction], 3)
+    ahead = place_direction[..., 2:]
     normal = xp.stack([-ahead[..., 1], ahead[..., 0]], -1)
     across = normal * (left[..., None] + residual[..., 1])[..., None]
-    return place[..., :2] + (station - inside) * STEP * ahead + across
+    beyond = (station - inside) * STEP * ahead  # straight on
+    return place_direction[..., :2] + beyond + across

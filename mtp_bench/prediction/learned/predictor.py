@@ -43,6 +43,7 @@ _XZ_FILTER = {
     "lp": 1,
     "pb": 1,
 }
+_EXPONENT = 0x7C00  # bits of a number in half precision, all 1 in infinity
 FORMAT = "mtp-bench weights 1"
 MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
 ASSOCIATIONS = ("network", "track")
@@ -117,8 +118,10 @@ def rounded(values: NDArray[np.float16]) -> NDArray[np.float16]:
     Ties go to even. Finite ones stay finite.
     """
     bits = values.view(np.uint16).astype(np.uint32)
+    # half of the last bit that is kept, less 1; adding that bit sends ties to even
     nearest = (bits + 3 + (bits >> 3 & 1)) & ~np.uint32(7)
-    is_infinite = (nearest & 0x7C00) == 0x7C00
+    is_infinite = (nearest & _EXPONENT) == _EXPONENT
+    # cut off where rounding up would give infinity
     rounded_bits = np.where(is_infinite, bits & ~np.uint32(7), nearest)
     return rounded_bits.astype(np.uint16).view(np.float16)
 
@@ -273,6 +276,7 @@ class LearnedPredictor:
         self._stored = stored
         self._as_truth = stored.card.get("on") == "truth"
         class_ids = [stored.sizes.classes.index(name) for name in task.classes]
+        # [C] class of the weights for each class of the task
         self._class_of_weights = np.array(class_ids)
 
     def predict(self, frame: Frame) -> Forecasts:
@@ -304,5 +308,8 @@ class LearnedPredictor:
 
 @lru_cache(maxsize=4)  # an agent begins many scenes with the same file
 def _read(path: Path, changed_ns: int, network: str) -> StoredWeights:
-    """Read weights once per modification, at the time ``changed_ns``."""
+    """Read weights once per modification.
+
+    ``changed_ns``: its time, a key of the cache.
+    """
     return read_weights(path, network_of(network))

@@ -57,6 +57,8 @@ PER_STEP = PER_FRAME + 2  # features of a frame of a tracklet
 PER_OBJECT = 7  # features of a tracklet beside its frames and class
 # features of a message: position, velocity and existence of the other object
 PER_MESSAGE = 5
+CROWD = 10  # objects in reach, a scale of their number
+MOST_LOG_VARIANCE = 8  # of a code, in both directions
 
 
 class Ptp:
@@ -112,8 +114,8 @@ class Ptp:
     ) -> Arrays:
         """Return random layers and the statistics of the training data.
 
-        At first the sampling function returns the same k draws of the prior for every
-        object.
+        At first the sampling function returns almost the same k draws of the prior for
+        every object.
         """
         rng = np.random.default_rng(seed)
         weights = initial(_trained_shapes(sizes), rng)
@@ -141,7 +143,7 @@ class Ptp:
         correction = decode_futures(weights, context, code, sizes)
         return {
             "modes": straight_future(inputs, sizes)[:, None] + correction,
-            "log_weight": code[:, :, 0] * 0,
+            "log_weight": code[:, :, 0] * 0,  # all alike
             "present": linear(weights, "cvae.present", context),
         }
 
@@ -232,9 +234,10 @@ def _among_others(weights: Weights, inputs: Inputs, node: Array, sizes: Sizes) -
 
 
 def _messages(inputs: Inputs, sizes: Sizes, like: Array) -> tuple[Array, Array]:
-    """Return reachability [n, n] as 1 and 0, and sums [n, PER_MESSAGE].
+    """Return the mask [n, n] of others in reach, and sums [n, PER_MESSAGE].
 
-    The sums are over the objects in reach, in units of REACH.
+    The mask is 1 or 0. The sums are over the others in reach: position and velocity in
+    units of REACH, and their number.
     """
     xp = namespace(like)
     xy = inputs["place"][:, :2]
@@ -243,9 +246,10 @@ def _messages(inputs: Inputs, sizes: Sizes, like: Array) -> tuple[Array, Array]:
     near = in_view(inputs) & ((between**2).sum(-1) <= REACH**2)
     near = near + xp.zeros_like(like[:, :1])
     velocity = turned(inputs, mean_velocity(inputs, sizes.dt)[:, None], 1)[:, 0]
-    relative = turned(inputs, (near @ velocity)[:, None], -1)[:, 0]
-    place = (near[:, :, None] * between).sum(1)
-    sums = [place / REACH, relative / REACH, near.sum(1)[:, None] / 10]
+    velocity_sum = turned(inputs, (near @ velocity)[:, None], -1)[:, 0]
+    place_sum = (near[:, :, None] * between).sum(1)
+    count = near.sum(1)[:, None]
+    sums = [place_sum / REACH, velocity_sum / REACH, count / CROWD]
     return near, xp.concatenate(sums, 1)
 
 
@@ -264,13 +268,14 @@ def decode_futures(
     xp = namespace(context)
     count, samples = code.shape[:2]
     split = context.shape[1]
+    # the layer "begin" in two parts: the context's is the same for all codes
     begin = weights["cvae.begin.weight"]
     start = (context @ begin[:split] + weights["cvae.begin.bias"])[:, None]
     start = start + code @ begin[split:]
     start = xp.tanh(start.reshape(count * samples, 2 * DECODER))
     hidden = start[:, :DECODER]
     cell = start[:, DECODER:]
-    step = hidden[:, :2] * 0
+    step = hidden[:, :2] * 0  # zeros
     steps = []
     for _ in range(sizes.future):
         hidden, cell = lstm_cell(weights, "cvae.decoder", step, hidden, cell)
@@ -292,7 +297,8 @@ def code_posterior(
     steps = xp.clip(steps, -INPUT_LIMIT, INPUT_LIMIT)
     future = lstm(weights, "cvae.future", steps, is_known)
     output = linear(weights, "cvae.code", xp.concatenate([future, context], 1))
-    return output[:, :CODE], xp.clip(output[:, CODE:], -8, 8)
+    log_variance = xp.clip(output[:, CODE:], -MOST_LOG_VARIANCE, MOST_LOG_VARIANCE)
+    return output[:, :CODE], log_variance
 
 
 def in_view(inputs: Inputs) -> Array:
@@ -312,7 +318,7 @@ def in_view(inputs: Inputs) -> Array:
 def turned(inputs: Inputs, vectors: Array, sense: int) -> Array:
     """Turn vectors [n, S, 2] out of heading frames, or into them.
 
-    Each window has one. ``sense`` is 1 for out of it, -1 for into it.
+    Each window has a heading frame. ``sense`` is 1 for out of it, -1 for into it.
     """
     xp = namespace(vectors)
     yaw = inputs["place"][:, 2]

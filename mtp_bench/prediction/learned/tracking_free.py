@@ -8,7 +8,15 @@ described relative to the object's present box, and pooled by attention.
 import numpy as np
 
 from ..windows import Arrays, one_hot
-from .around import FINE, ages, around_inputs, fitted_velocity, shares
+from .around import (
+    FINE,
+    SIZE_SCALE,
+    VELOCITY_SCALE,
+    ages,
+    around_inputs,
+    fitted_velocity,
+    shares,
+)
 from .layers import (
     Array,
     Inputs,
@@ -35,6 +43,7 @@ ACCELERATION = 1.5  # m/s2 by which objects deviate from constant velocity
 PER_DETECTION = 14  # features of `described`
 RESIDUAL = 0.2  # size of corrections of a constant velocity, beside standing still
 FAR = 1e6  # m2, of an empty place
+LEAST_VOTES = 1e-3  # added to the sum of votes, which may be 0
 PER_FIT = 3  # more features: the fit of a detection to a velocity
 
 
@@ -112,16 +121,16 @@ def _trained(sizes: Sizes) -> Shapes:
 
 
 def encoded(weights: Weights, inputs: Inputs, sizes: Sizes) -> tuple[Array, Array]:
-    """Return the agreed velocity [n, 2] m/s and features of objects.
+    """Return the agreed velocities [n, 2] m/s and features of n objects.
 
-    There is a row of features for each of n objects. Detections vote for a velocity,
-    are compared with it, vote again, and are pooled, frame by frame and altogether.
+    Detections vote for a velocity, are compared with it, vote again, and are pooled,
+    frame by frame and altogether.
     """
     near = inputs["near"]
     xp = namespace(near)
     age = ages(near, sizes.dt)
     classes = one_hot(inputs["class_id"], len(sizes.classes), near[:, 0])
-    of_object = xp.concatenate([inputs["size"][:, :2] / 5, classes], 1)
+    of_object = xp.concatenate([inputs["size"][:, :2] / SIZE_SCALE, classes], 1)
     features = standardised(weights, "around", described(inputs, sizes))
     repeated = of_object[:, None, None] + xp.zeros_like(near)[..., None]
     columns = xp.concatenate([features, repeated], 3)
@@ -145,16 +154,16 @@ def encoded(weights: Weights, inputs: Inputs, sizes: Sizes) -> tuple[Array, Arra
     share = shares(logit, near.reshape(-1, slots)).reshape(near.shape)
     by_frame = (share[..., None] * value).sum(2).reshape(len(near), -1)
     highest = xp.amax(xp.amax(token * near[..., None], 1), 1)
-    count = xp.log(1 + xp.stack([near.sum((1, 2)), vote.sum((1, 2))], 1))
-    pooled = [by_frame, highest, velocity / 10, count, of_object]
+    log_count = xp.log(1 + xp.stack([near.sum((1, 2)), vote.sum((1, 2))], 1))
+    pooled = [by_frame, highest, velocity / VELOCITY_SCALE, log_count, of_object]
     return velocity, xp.concatenate(pooled, 1)
 
 
 def off_line(inputs: Inputs, velocity: Array, age: Array) -> Array:
-    """Return offsets [n, P, M, 2] of detections from a line.
+    """Return offsets [n, P, M, 2] of detections from a constant velocity.
 
-    They are in units of FINE. The line is the way of an object with a ``velocity`` [n,
-    2]; see FINE.
+    An object with ``velocity`` [n, 2] was at -velocity x age. Offsets are in units of
+    FINE, logarithmic beyond.
     """
     offset = inputs["position"] + velocity[:, None, None] * age[..., None]
     return namespace(offset).arcsinh(offset * inputs["near"][..., None] / FINE)
@@ -163,7 +172,7 @@ def off_line(inputs: Inputs, velocity: Array, age: Array) -> Array:
 def voted(inputs: Inputs, vote: Array, dt: float) -> Array:
     """Return the velocity [n, 2] m/s that detections agree on.
 
-    ``vote`` [n, P, M]: their votes.
+    ``vote`` [n, P, M]: weight of each detection.
     """
     count = len(vote)
     slots = vote.shape[1] * vote.shape[2]
@@ -171,7 +180,9 @@ def voted(inputs: Inputs, vote: Array, dt: float) -> Array:
     measured = inputs["velocity"].reshape(count, slots, 2)
     age = ages(vote, dt).reshape(count, slots)
     weight = vote.reshape(count, slots)
-    prior = (weight[:, :, None] * measured).sum(1) / (weight.sum(1) + 1e-3)[:, None]
+    prior = (weight[:, :, None] * measured).sum(1) / (weight.sum(1) + LEAST_VOTES)[
+        :, None
+    ]
     return fitted_velocity(age, position, weight, prior, dt)
 
 
