@@ -17,7 +17,8 @@ from pyarrow import feather
 from scipy.spatial.transform import Rotation
 
 from mtp_bench.cards import Card, load_card, parse_card, with_detector, with_files
-from mtp_bench.core import Floats
+from mtp_bench.core import Floats, Scene
+from mtp_bench.sources import open_source
 from mtp_bench.sources.d123.logs import import_logs
 from tests.support.nuscenes_root import DETECTIONS, VERSION, detection, make_tables, nuscenes_card, write_json
 from tests.support.small_scenes import write_card
@@ -232,7 +233,7 @@ def write_nuscenes(data: Path, recording: Recording) -> Path:
         token, name = f"t{row.frame}", NUSCENES.kinds[row.kind][0]
         results[token].append(detection(token, name, detection_score=row.score, **nuscenes_box(row)))
     write_json(data / DETECTIONS, {"meta": {}, "results": results})
-    return data
+    return data / "nuscenes"
 
 
 def nuscenes_box(row: Row) -> Columns:
@@ -459,3 +460,10 @@ def small_recording(layout: Layout, frames: int = 3) -> Recording:
     box[:, 0] -= 0.5 * frame
     rows = [Row(t, NAMES[0], kind, box[t]) for t in range(frames)]
     return Recording(layout.period * frame, np.zeros((frames, 6)), rows, rows)
+
+
+def small_root(name: str, folder: Path) -> tuple[Path, Callable[[], Scene]]:
+    """The root of a small recording, and a function that reads it."""
+    layout = LAYOUTS[name]
+    root, card = layout.write(folder, small_recording(layout)), layout.card(folder)
+    return root, lambda: open_source(card, root).load(layout.scene)

@@ -21,7 +21,7 @@ from mtp_bench.sources.files.columns import COLUMNS
 from mtp_bench.sources.kitti.files import DETECTION, LABEL, ODOMETRY, OXTS
 from mtp_bench.sources.mot3d import COLUMNS as MOT
 from mtp_bench.sources.readers import TableColumn, read_named_table
-from tests.sources.layouts import LAYOUTS, WILDTRACK, Layout, Recording, Row, recordings, small_recording
+from tests.sources.layouts import LAYOUTS, WILDTRACK, Layout, Recording, Row, recordings, small_root
 from tests.support.nuscenes_root import DETECTIONS, VERSION, edited
 from tests.support.source_files import write
 
@@ -158,17 +158,10 @@ def assert_refused(load: Callable[[], object], *texts: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def made(name: str, folder: Path) -> tuple[Path, Callable[[], object]]:
-    """The root of a small recording, and a function that reads it."""
-    layout = LAYOUTS[name]
-    root, card = layout.write(folder, small_recording(layout)), layout.card(folder)
-    return root, lambda: open_source(card, root).load(layout.scene)
-
-
 @pytest.mark.parametrize("name", TEXTS)
 def test_one_broken_cell_of_a_text(name: str, tmp_path: Path) -> None:
     layout, file, columns, delimiter = TEXTS[name]
-    root, read = made(layout, tmp_path)
+    root, read = small_root(layout, tmp_path)
     read()
     rows = [line.split(delimiter) for line in (root / file).read_text().splitlines()]
     wrong = list(WRONG_NUMBERS)[: 2 if name == "KITTI, detections" else 5]  # detections may be NaN, and are left out
@@ -213,7 +206,7 @@ def test_one_broken_cell_of_own_scenes(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("file", ["annotations", "city_SE3_egovehicle", "mine"])
 def test_one_empty_cell_of_argoverse2(file: str, tmp_path: Path) -> None:
-    root, read = made("Argoverse 2", tmp_path)
+    root, read = small_root("Argoverse 2", tmp_path)
     (path,) = root.rglob(f"{file}.feather")
     table = feather.read_table(path)
     for i, column in enumerate(table.column_names):
@@ -246,8 +239,8 @@ BOX = {
 
 @pytest.mark.parametrize("table", NUSCENES)
 def test_one_broken_value_of_a_table_of_nuscenes(table: str, tmp_path: Path) -> None:
-    root, read = made("nuScenes", tmp_path)
-    path = root / "nuscenes" / VERSION / f"{table}.json"
+    root, read = small_root("nuScenes", tmp_path)
+    path = root / VERSION / f"{table}.json"
     records = json.loads(path.read_text())
     for key, value in NUSCENES[table].items():
         path.write_text(json.dumps([*records[:-1], {**records[-1], key: value}]))
@@ -255,11 +248,11 @@ def test_one_broken_value_of_a_table_of_nuscenes(table: str, tmp_path: Path) -> 
 
 
 def test_one_broken_value_of_a_detection_of_nuscenes(tmp_path: Path) -> None:
-    root, read = made("nuScenes", tmp_path)
+    root, read = small_root("nuScenes", tmp_path)
     for key, value in BOX.items():
-        with edited(root / DETECTIONS) as content:
+        with edited(root.parent / DETECTIONS) as content:
             before = content["results"]["t1"][0]
             content["results"]["t1"][0] = {**before, key: value}
-        assert_refused(read, f"{root / DETECTIONS}, sample 't1', [0].{key}", "expected")
-        with edited(root / DETECTIONS) as content:
+        assert_refused(read, f"{root.parent / DETECTIONS}, sample 't1', [0].{key}", "expected")
+        with edited(root.parent / DETECTIONS) as content:
             content["results"]["t1"][0] = before
