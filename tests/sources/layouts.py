@@ -212,7 +212,7 @@ def write_nuscenes(data: Path, recording: Recording) -> Path:
     tables["category"] = [{"token": kind, "name": kind} for kind in NUSCENES.kinds]
     tables["scene"] = [{"token": "s", "name": "scene-0003"}]
     for t, pose in enumerate(recording.pose):
-        rotation = np.roll(recording.turn[t].as_quat(), 1).tolist()
+        rotation = (np.roll(recording.turn[t].as_quat(), 1) * (-1) ** t).tolist()  # either sign is the same rotation
         tables["sample"].append({"token": f"t{t}", "timestamp": 1.5e15 + 1e6 * recording.time[t], "scene_token": "s"})
         tables["ego_pose"].append({"token": f"p{t}", "translation": pose[:3].tolist(), "rotation": rotation})
         tables["sample_data"].append(
@@ -285,8 +285,10 @@ def write_argoverse2(data: Path, recording: Recording) -> Path:
         "num_interior_pts": [int(row.seen) for row in recording.truth],
     }
     write_feather(folder / "annotations.feather", av2_columns(recording.truth, recording) | own)
-    pose = np.hstack([recording.turn.as_quat(), recording.pose[:, :3] + CITY])
-    poses = {"timestamp_ns": stamps(recording), **dict(zip(POSE, pose.T, strict=True))}
+    turn, place = recording.turn.as_quat(), recording.pose[:, :3] + CITY
+    pose = np.hstack([np.tile(turn, (2, 1)), np.vstack([place, place + 1])])  # a second clock is late, and elsewhere
+    time = np.append(stamps(recording), stamps(recording) + 1)
+    poses = {"timestamp_ns": time, **dict(zip(POSE, pose.T, strict=True))}
     write_feather(folder / "city_SE3_egovehicle.feather", poses)
     stored = recording.detections
     own = {"log_id": ["a-log"] * len(stored), "score": [row.score for row in stored]}

@@ -8,7 +8,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import pyarrow as pa
 import pytest
 
 from mtp_bench.cards import load_card, with_detector, with_files
@@ -17,6 +16,7 @@ from mtp_bench.core.errors import DataError
 from mtp_bench.sources import load_scenes
 from mtp_bench.sources.argoverse2.source import scene_lanes
 from mtp_bench.sources.d123.logs import LABELS, import_logs
+from tests.sources.layouts import write_log
 from tests.support.command_line import CommandLine
 from tests.support.own_scenes import assert_same
 from tests.support.small_scenes import write_card
@@ -58,18 +58,6 @@ def log_tables() -> Tables:
         "route_position": ({"remaining_m": [9.0]}, {"polyline_x": [1.0]}),
         "map": ({"object_id": [40, 41, 42, 43, 7], "map_layer": [0, 0, 0, 0, 1], "features": features}, {}),
     }
-
-
-def write_log(folder: Path, tables: Tables) -> Path:
-    folder.mkdir(parents=True)
-    for name, (columns, metadata) in tables.items():
-        prefix = "" if name == "map" else f"{name}."
-        kinds = {"bounding_box_se3": pa.list_(pa.list_(pa.float64(), 10)), "imu_se3": pa.list_(pa.float64(), 7)}
-        table = pa.table({prefix + key: pa.array(column, kinds.get(key)) for key, column in columns.items() if column})
-        table = table.replace_schema_metadata({"metadata": msgspec.msgpack.encode(metadata)})
-        with pa.ipc.new_file(folder / f"{name}.arrow", table.schema) as file:
-            file.write(table)
-    return folder
 
 
 def imported(tmp_path: Path, tables: Tables) -> Scene:
