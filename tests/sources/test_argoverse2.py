@@ -20,7 +20,7 @@ from mtp_bench.sources import open_source, with_tracks
 from mtp_bench.sources.argoverse2 import PACKAGE
 from mtp_bench.sources.argoverse2.files import ANNOTATIONS, BOX, Sweeps, read_feather
 from mtp_bench.sources.argoverse2.source import Argoverse2
-from tests.sources.layouts import (
+from tests.support.layouts import (
     AV2_CARD,
     CITY,
     Recording,

@@ -21,7 +21,7 @@ from mtp_bench.sources.files.columns import COLUMNS
 from mtp_bench.sources.kitti.files import DETECTION, LABEL, ODOMETRY, OXTS
 from mtp_bench.sources.mot3d import COLUMNS as MOT
 from mtp_bench.sources.readers import TableColumn, read_named_table
-from tests.sources.layouts import LAYOUTS, WILDTRACK, Layout, Recording, Row, recordings, small_root
+from tests.support.layouts import LAYOUTS, WILDTRACK, Layout, Recording, Row, recordings, small_root
 from tests.support.nuscenes_root import DETECTIONS, VERSION, edited
 from tests.support.source_files import write
 

@@ -1,6 +1,8 @@
-"""nuScenes source on a small root: frames, truth, targets, splits, what is missing."""
+"""nuScenes source on a small root: targets, splits, what is missing, texts that are not JSON."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +10,10 @@ import pytest
 from mtp_bench.cards import parse_card
 from mtp_bench.core.errors import DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source
+from mtp_bench.sources.nuscenes.layout import SPLITS, official_scenes, scenes_by_split
 from mtp_bench.sources.nuscenes.source import NuScenes
+from mtp_bench.sources.nuscenes.tables import TableRecord, read_records
+from mtp_bench.sources.text import decode
 from tests.support.nuscenes_root import PREDICTION, SCENES, VERSION, edited, nuscenes_card, scene, write_root
 
 
@@ -74,3 +79,54 @@ def test_boxes_without_a_point_are_neutral(data: Path, counts: dict[str, int], n
     assert len(changed) == neutral
     assert (found.frame_of_rows[changed] == 1).all()
     assert not scene(data, SCENES[0], truth="targets").truth.neutral.any()
+
+
+TARGETS: dict[str, Any] = {
+    "no such instance": {"scene-0003": ["x_scene-0003-t0"]},
+    "no such sample": {"scene-0003": ["scene-0003-car_x"]},
+    "a sample of another scene": {"scene-0003": ["scene-0003-car_scene-0001-t0"]},
+    "a sample without the box": {"scene-0003": ["scene-0003-walker_scene-0003-t2"]},
+    "an instance alone": {"scene-0003": ["scene-0003-car"]},
+    "a list": ["scene"],
+}
+
+
+@pytest.mark.parametrize("content", TARGETS.values(), ids=TARGETS)
+def test_prediction_targets(data: Path, content: Any) -> None:
+    before = json.loads((data / PREDICTION).read_text())
+    (data / PREDICTION).write_text(json.dumps({**before, **content} if isinstance(content, dict) else content))
+    with pytest.raises(DataError, match=r"prediction_scenes\.json"):
+        open_source(nuscenes_card(truth="targets"), data)
+
+
+TEXTS = {
+    "empty": "", "nested too deeply": "[" * 100_000,
+    "nested too deeply in a skipped value": '[{"x": ' + "[" * 100_000, "no list": '{"a": 1}', "no record": "[1, 2]",
+    "bytes that are no text": b'[{"token": "\xff\xfe"}]',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+def test_texts_that_are_not_json(tmp_path: Path, text: str | bytes) -> None:
+    path = tmp_path / "table.json"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    with pytest.raises(DataError, match=r"table\.json"):
+        read_records(path, TableRecord)
+
+
+def test_nan_is_null_outside_of_texts(tmp_path: Path) -> None:
+    path = tmp_path / "table.json"
+    path.write_text('[{"token": "NaN", "x": NaN, "y": [NaN,NaN]}, {"token": "aNaN"}]')
+    assert [each.token for each in read_records(path, TableRecord)] == ["NaN", "aNaN"]
+    with pytest.raises(DataError, match="somewhere"):
+        decode(b"NaN", list[TableRecord], "somewhere")
+
+
+def test_official_splits() -> None:
+    scenes = official_scenes()
+    assert [len(scenes[name]) for name in SPLITS] == [500, 200, 150, 8, 2]
+    whole = {*scenes["train"], *scenes["train_val"], *scenes["val"]}
+    assert len(whole) == 850
+    assert {*scenes["mini_train"], *scenes["mini_val"]} < whole
+    assert max(scenes["train_val"]) < min(scenes["train"])
+    assert scenes_by_split(["scene-9", "scene-0301"]) == {"train": ("scene-0301",), "all": ("scene-0301", "scene-9")}

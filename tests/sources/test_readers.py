@@ -4,13 +4,14 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from mtp_bench.core.errors import DataError
 from mtp_bench.sources.readers import read_table
 from mtp_bench.sources.wildtrack import ANNOTATIONS, DETECTIONS
-from tests.sources.layouts import person, small_root
+from tests.support.layouts import person, small_root
 from tests.support.source_files import assert_one_error, write
 
 TABLES: dict[str, tuple[str, str]] = {  # second line of a table, what the error says of it
@@ -69,6 +70,27 @@ def swap(old: str, by: str, line: int = 0) -> Change:
         return [*lines[:line], lines[line].replace(old, by, 1), *lines[line + 1 :]]
 
     return change
+
+
+def edit(change: Callable[[Any], object]) -> Change:
+    """Another content of a JSON file."""
+
+    def changed(lines: Lines) -> Lines:
+        content = json.loads("\n".join(lines))
+        change(content)
+        return [json.dumps(content)]
+
+    return changed
+
+
+def record(token: str, /, **changes: Any) -> Change:
+    """Changes of a record of nuScenes."""
+    return edit(lambda records: next(each for each in records if each["token"] == token).update(changes))
+
+
+def repeat(token: str, /, **changes: Any) -> Change:
+    """A second record, with changes."""
+    return edit(lambda records: records.append({**next(each for each in records if each["token"] == token), **changes}))
 
 
 LABELS, OXTS, CALIB = "training/label_02/0000.txt", "training/oxts/0000.txt", "training/calib/0000.txt"
@@ -142,7 +164,41 @@ WILDTRACK: Cases = {
     ),
 }
 
-DATASETS = {"KITTI": KITTI, "3DMOT2015": MOT3D, "WILDTRACK": WILDTRACK}
+SCENE, SAMPLE, DATA, POSE, BOX = (
+    f"v1.0-mini/{table}.json" for table in ("scene", "sample", "sample_data", "ego_pose", "sample_annotation")
+)
+FOUND = "detections/megvii_all.json"
+NUSCENES: Cases = {  # samples t0 to t2 with boxes 3-0 to 3-2
+    "a sample is in no scene": (SAMPLE, record("t1", scene_token="?"), r"record 't1': scene_token is '\?'"),
+    "a sample comes twice": (SAMPLE, repeat("t1"), "token 't1', expected one"),
+    "two samples have one time": (SAMPLE, record("t1", timestamp=1.5e15), "at least 0 s; expected"),
+    "times are in milliseconds": (
+        SAMPLE, edit(lambda records: [each.update(timestamp=each["timestamp"] / 1000) for each in records]),
+        "Check that timestamp is in microseconds"),
+    "a scene has no samples": (SCENE, repeat("s", token="new", name="new"), "record 'new'"),
+    "a scene has a name twice": (SCENE, repeat("s", token="t"), "several scenes 'scene-0003'"),
+    "no lidar keyframe": (DATA, record("d2", is_key_frame=False), "LIDAR_TOP keyframe of sample 't2'"),
+    "two lidar keyframes": (DATA, repeat("d2", token="d3"), "record 'd3': a second LIDAR"),
+    "an unknown sensor": ("v1.0-mini/calibrated_sensor.json", record("cam-1", sensor_token="x"), "sensor_token is 'x'"),
+    "a pose is missing": (POSE, edit(lambda records: records.pop(1)), "no record 'p1'"),
+    "a pose is not turned": (POSE, record("p1", rotation=[0, 0, 0, 0]), "'p1': rotation is"),
+    "two boxes in a sample": (BOX, record("3-2", sample_token="t1"), "record '3-2': a second box"),
+    "a box of no instance": (BOX, record("3-1", instance_token=""), "record '3-1': instance_token is ''"),
+    "a box is not turned properly": (BOX, record("3-1", rotation=[0.7, 0, 0, 0.6]), r"'3-1': rotation is \[0\.7, "),
+    "a detection of norm 2": (
+        FOUND, edit(lambda file: file["results"]["t1"][0].update(rotation=[2, 0, 0, 0])), "'t1': rotation is"),
+    "a detection of another sample": (
+        FOUND, edit(lambda file: file["results"]["t1"][0].update(sample_token="x")), "'t1', box 0: sample_token is 'x'"),
+    "no detection": (FOUND, edit(lambda file: file["results"]["t1"].append(3)), r"sample 't1', \[1\]: expected"),
+    "no list": (FOUND, edit(lambda file: file["results"].update(t1={})), "sample 't1'"),
+}  # fmt: skip
+
+PEOPLE: Cases = {
+    "between frames": ("biwi_eth.txt", all_lines("5 1 0 0"), "frame 5, expected a multiple of 10"),
+    "a person twice": ("biwi_eth.txt", lambda lines: [lines[0], *lines], "line 2: a second box of object 3 in frame 0"),
+}
+
+DATASETS = {"KITTI": KITTI, "3DMOT2015": MOT3D, "WILDTRACK": WILDTRACK, "nuScenes": NUSCENES, "ETH/UCY": PEOPLE}
 CASES = [pytest.param(name, case, id=f"{name}: {case}") for name, cases in DATASETS.items() for case in cases]
 
 
@@ -161,7 +217,7 @@ def changed_lines(path: Path, change: Change) -> Lines | None:
     return change and change(path.read_text().splitlines() if path.exists() else [])
 
 
-@pytest.mark.parametrize("dataset", DATASETS)
+@pytest.mark.parametrize("dataset", ONE_PLACE)
 def test_several_objects_at_one_place_are_not_a_truth(dataset: str, tmp_path: Path) -> None:
     root, read = small_root(dataset, tmp_path)
     file, change, text = ONE_PLACE[dataset]
@@ -170,7 +226,7 @@ def test_several_objects_at_one_place_are_not_a_truth(dataset: str, tmp_path: Pa
         read()
 
 
-@pytest.mark.parametrize("dataset", DATASETS)
+@pytest.mark.parametrize("dataset", ONE_PLACE)
 def test_a_pipe_in_place_of_a_file(dataset: str, tmp_path: Path) -> None:
     root, read = small_root(dataset, tmp_path)
     path = root / ONE_PLACE[dataset][0]

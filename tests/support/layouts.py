@@ -34,7 +34,7 @@ class Row(NamedTuple):
     """A box x y z yaw l w h in the frame of reference of the scene."""
 
     frame: int
-    name: int
+    name: int | str  # of the object
     kind: str  # the word of the files for its class
     box: Floats
     score: float = 1.0
@@ -318,7 +318,7 @@ def write_log(folder: Path, tables: Mapping[str, tuple[Columns, Columns]]) -> Pa
     return folder
 
 
-def write_d123(data: Path, recording: Recording) -> Path:
+def d123_tables(recording: Recording) -> dict[str, tuple[Columns, Columns]]:
     time = [1_700_000_000_000_000 + round(1e6 * seconds) for seconds in recording.time]
     frames = [recording.of(t) for t in range(len(time))]
 
@@ -335,11 +335,14 @@ def write_d123(data: Path, recording: Recording) -> Path:
     }  # fmt: skip
     pose = np.hstack([recording.pose[:, :3] + CITY, np.roll(recording.turn.as_quat(), 1, axis=1)])
     labels = {"box_detection_label_class": "py123d.parser.registry.WODPerceptionBoxDetectionLabel"}
-    tables = {
-        "sync": ({"uuid": ["a"]}, {"split": "made_up"}), "box_detections_se3": (boxes, labels),
+    return {
+        "sync": ({"uuid": ["a"]}, {"split": "made_up", "dataset": "made", "location": "up"}), "box_detections_se3": (boxes, labels),
         "ego_state_se3": ({"timestamp_us": time, "imu_se3": pose.tolist()}, {}),
     }  # fmt: skip
-    import_logs(write_log(data / "split/one", tables), data / "own", 10, 60)
+
+
+def write_d123(data: Path, recording: Recording) -> Path:
+    import_logs(write_log(data / "split/one", d123_tables(recording)), data / "own", 10, 60)
     return data
 
 
@@ -364,12 +367,12 @@ def mot3d_card(task: Columns | None = None, detector: Columns | None = None, **s
 
 def write_mot3d(data: Path, recording: Recording) -> Path:
     folder = data / "mot3d2015/train/TUD-Stadtmitte"
-    for name, rows in (("gt", recording.truth), ("det", recording.detections)):
-        cells = [
-            [row.frame + 1, row.name if name == "gt" else -1, 10, 20, 30, 40, row.score if name == "det" else int(row.seen), *row.box[:2], 0]
-            for row in rows
-        ]  # fmt: skip
-        write(folder / name / f"{name}.txt", *(",".join(map(str, row)) for row in cells))
+    lines: dict[str, list[str]] = {"gt": [], "det": []}
+    for file, rows in (("gt", recording.truth), ("det", recording.detections)):
+        for row in rows:
+            confidence, name = (int(row.seen), row.name) if file == "gt" else (row.score, -1)
+            lines[file].append(f"{row.frame + 1},{name},10,20,30,40,{confidence},{row.box[0]},{row.box[1]},0")
+        write(folder / file / f"{file}.txt", *lines[file])
     write(
         folder / "seqinfo.ini", "[Sequence]", "name=TUD-Stadtmitte", "frameRate=5", f"seqLength={len(recording.time)}"
     )
