@@ -20,16 +20,8 @@ from mtp_bench.sources import open_source, with_tracks
 from mtp_bench.sources.argoverse2 import PACKAGE
 from mtp_bench.sources.argoverse2.files import ANNOTATIONS, BOX, Sweeps, read_feather
 from mtp_bench.sources.argoverse2.source import Argoverse2
-from tests.support.layouts import (
-    AV2_CARD,
-    CITY,
-    Recording,
-    Row,
-    av2_columns,
-    stamps,
-    write_argoverse2,
-    write_feather,
-)
+from tests.support.drawn_recordings import Recording, Row
+from tests.support.layouts import AV2_CARD, CITY, av2_columns, stamps, write_argoverse2, write_feather
 
 LOG, FRAMES = "a-log", 24
 # Where the ego is at (0, 0.5 k): the car is beyond reach from sweep 16 on, the truck until 12; the walker has no lidar

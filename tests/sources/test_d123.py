@@ -17,7 +17,8 @@ from mtp_bench.sources import load_scenes
 from mtp_bench.sources.argoverse2.source import scene_lanes
 from mtp_bench.sources.d123.logs import LABELS, import_logs
 from tests.support.command_line import CommandLine
-from tests.support.layouts import Recording, Row, d123_tables, write_log
+from tests.support.drawn_recordings import Recording, Row
+from tests.support.layouts import d123_tables, write_log
 from tests.support.own_scenes import assert_same
 from tests.support.small_scenes import write_card
 

@@ -18,7 +18,8 @@ from mtp_bench.running.reading import read_status
 from mtp_bench.sources import describe, load_scenes, open_source
 from mtp_bench.sources.files.save import save_scene
 from mtp_bench.sources.kitti.files import VALIDATION, read_imu_to_camera, read_labels
-from tests.support.layouts import CALIBRATION, CODES, KITTI, KITTI_PERIOD, kitti_card, small_recording, write_kitti
+from tests.support.drawn_recordings import small_recording
+from tests.support.layouts import CALIBRATION, CODES, KITTI, KITTI_PERIOD, kitti_card, write_kitti
 from tests.support.small_scenes import empty_action
 from tests.support.source_files import write
 

@@ -21,8 +21,9 @@ from mtp_bench.sources.files.columns import COLUMNS
 from mtp_bench.sources.kitti.files import DETECTION, LABEL, ODOMETRY, OXTS
 from mtp_bench.sources.mot3d import COLUMNS as MOT
 from mtp_bench.sources.readers import TableColumn, read_named_table
-from tests.support.layouts import LAYOUTS, WILDTRACK, Layout, Recording, Row, recordings, small_root
-from tests.support.nuscenes_root import DETECTIONS, VERSION, edited
+from tests.support.drawn_recordings import Layout, Recording, Row, recordings
+from tests.support.layouts import LAYOUTS, WILDTRACK, small_root
+from tests.support.nuscenes_root import DETECTIONS, VERSION, edited, sample
 from tests.support.source_files import write
 
 FEW = settings(max_examples=12, derandomize=True)
@@ -91,7 +92,7 @@ def assert_same_truth(scene: Scene, recording: Recording, layout: Layout, classe
     used = [row for row in recording.truth if layout.kinds[row.kind][0] in classes]
     used.sort(key=lambda row: (row.frame, str(row.name)))
     truth, frame = scene.truth, scene.truth.frame_of_rows
-    names = np.array([scene.name_of(number) for number in truth.object_id.tolist()], dtype=str)
+    names = np.array([scene.name_of(number).rpartition("-")[2] for number in truth.object_id.tolist()], dtype=str)
     order = np.lexsort([names, frame])
     neutral = [layout.kinds[row.kind][1] or not row.seen for row in used]
     expected = [
@@ -249,10 +250,11 @@ def test_one_broken_value_of_a_table_of_nuscenes(table: str, tmp_path: Path) -> 
 
 def test_one_broken_value_of_a_detection_of_nuscenes(tmp_path: Path) -> None:
     root, read = small_root("nuScenes", tmp_path)
+    token = sample("scene-0003", 1)
     for key, value in BOX.items():
         with edited(root.parent / DETECTIONS) as content:
-            before = content["results"]["t1"][0]
-            content["results"]["t1"][0] = {**before, key: value}
-        assert_refused(read, f"{root.parent / DETECTIONS}, sample 't1', [0].{key}", "expected")
+            before = content["results"][token][0]
+            content["results"][token][0] = {**before, key: value}
+        assert_refused(read, f"{root.parent / DETECTIONS}, sample '{token}', [0].{key}", "expected")
         with edited(root.parent / DETECTIONS) as content:
-            content["results"]["t1"][0] = before
+            content["results"][token][0] = before

@@ -67,7 +67,8 @@ def test_a_simulated_detector_needs_no_detections(data: Path) -> None:
 
 
 @pytest.mark.parametrize(("counts", "neutral"), [
-    ({"num_lidar_pts": 0, "num_radar_pts": 0}, True), ({"num_lidar_pts": 0}, False), ({}, False),
+    ({"num_lidar_pts": 0, "num_radar_pts": 0}, True), ({"num_lidar_pts": 0, "num_radar_pts": None}, False),
+    ({"num_lidar_pts": None, "num_radar_pts": None}, False),
 ])  # fmt: skip
 def test_boxes_without_a_point_are_neutral(data: Path, counts: dict[str, int], neutral: bool) -> None:
     """As in the official evaluation; a target of the prediction challenge is one all the same."""

@@ -12,7 +12,8 @@ from mtp_bench.core.bundle import card_ids
 from mtp_bench.core.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source, package_of
 from mtp_bench.sources.base import SourcePackage
-from tests.support.layouts import LAYOUTS, small_recording
+from tests.support.drawn_recordings import small_recording
+from tests.support.layouts import LAYOUTS
 from tests.support.source_files import with_task
 
 ROOTS: dict[str, tuple[str, tuple[str, ...], str]] = {  # layout, folders, where to get it

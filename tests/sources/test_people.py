@@ -15,7 +15,8 @@ from mtp_bench.sources import open_source
 from mtp_bench.sources.motion import as_places
 from mtp_bench.sources.people import RECORDINGS, SPLITS, TESTS
 from mtp_bench.sources.wildtrack import SCENES, STORED, Wildtrack
-from tests.support.layouts import MOT3D, WILDTRACK, mot3d_card, people_card, person, small_recording
+from tests.support.drawn_recordings import small_recording
+from tests.support.layouts import MOT3D, WILDTRACK, mot3d_card, people_card, person
 from tests.support.source_files import with_source, write
 
 

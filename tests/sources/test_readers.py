@@ -168,29 +168,30 @@ SCENE, SAMPLE, DATA, POSE, BOX = (
     f"v1.0-mini/{table}.json" for table in ("scene", "sample", "sample_data", "ego_pose", "sample_annotation")
 )
 FOUND = "detections/megvii_all.json"
-NUSCENES: Cases = {  # samples t0 to t2 with boxes 3-0 to 3-2
-    "a sample is in no scene": (SAMPLE, record("t1", scene_token="?"), r"record 't1': scene_token is '\?'"),
-    "a sample comes twice": (SAMPLE, repeat("t1"), "token 't1', expected one"),
-    "two samples have one time": (SAMPLE, record("t1", timestamp=1.5e15), "at least 0 s; expected"),
+T1, CAR, KEY = "scene-0003-t1", "scene-0003-3", "scene-0003-lidar-1-True-2"
+NUSCENES: Cases = {  # three samples, with an object each
+    "a sample is in no scene": (SAMPLE, record(T1, scene_token="?"), r"record 'scene-0003-t1': scene_token is '\?'"),
+    "a sample comes twice": (SAMPLE, repeat(T1), "token 'scene-0003-t1', expected one"),
+    "two samples have one time": (SAMPLE, record(T1, timestamp=1_500_000_000_000_000), "at least 0 s; expected"),
     "times are in milliseconds": (
         SAMPLE, edit(lambda records: [each.update(timestamp=each["timestamp"] / 1000) for each in records]),
         "Check that timestamp is in microseconds"),
-    "a scene has no samples": (SCENE, repeat("s", token="new", name="new"), "record 'new'"),
-    "a scene has a name twice": (SCENE, repeat("s", token="t"), "several scenes 'scene-0003'"),
-    "no lidar keyframe": (DATA, record("d2", is_key_frame=False), "LIDAR_TOP keyframe of sample 't2'"),
-    "two lidar keyframes": (DATA, repeat("d2", token="d3"), "record 'd3': a second LIDAR"),
+    "a scene has no samples": (SCENE, repeat("scene-0003-token", token="new", name="new"), "record 'new'"),
+    "a scene has a name twice": (SCENE, repeat("scene-0003-token", token="t"), "several scenes 'scene-0003'"),
+    "no lidar keyframe": (DATA, record(KEY, is_key_frame=False), "LIDAR_TOP keyframe of sample 'scene-0003-t2'"),
+    "two lidar keyframes": (DATA, repeat(KEY, token="d3"), "record 'd3': a second LIDAR"),
     "an unknown sensor": ("v1.0-mini/calibrated_sensor.json", record("cam-1", sensor_token="x"), "sensor_token is 'x'"),
-    "a pose is missing": (POSE, edit(lambda records: records.pop(1)), "no record 'p1'"),
-    "a pose is not turned": (POSE, record("p1", rotation=[0, 0, 0, 0]), "'p1': rotation is"),
-    "two boxes in a sample": (BOX, record("3-2", sample_token="t1"), "record '3-2': a second box"),
-    "a box of no instance": (BOX, record("3-1", instance_token=""), "record '3-1': instance_token is ''"),
-    "a box is not turned properly": (BOX, record("3-1", rotation=[0.7, 0, 0, 0.6]), r"'3-1': rotation is \[0\.7, "),
+    "a pose is missing": (POSE, edit(lambda records: records.pop(3)), "no record 'scene-0003-pose-1'"),
+    "a pose is not turned": (POSE, record("scene-0003-pose-1", rotation=[0, 0, 0, 0]), "'scene-0003-pose-1': rotation is"),
+    "two boxes in a sample": (BOX, record(f"{CAR}-t2", sample_token=T1), "record 'scene-0003-3-t2': a second box"),
+    "a box of no instance": (BOX, record(f"{CAR}-t1", instance_token=""), "record 'scene-0003-3-t1': instance_token is ''"),
+    "a box is not turned properly": (BOX, record(f"{CAR}-t1", rotation=[0.7, 0, 0, 0.6]), r"'scene-0003-3-t1': rotation is \[0\.7, "),
     "a detection of norm 2": (
-        FOUND, edit(lambda file: file["results"]["t1"][0].update(rotation=[2, 0, 0, 0])), "'t1': rotation is"),
+        FOUND, edit(lambda file: file["results"][T1][0].update(rotation=[2, 0, 0, 0])), "'scene-0003-t1': rotation is"),
     "a detection of another sample": (
-        FOUND, edit(lambda file: file["results"]["t1"][0].update(sample_token="x")), "'t1', box 0: sample_token is 'x'"),
-    "no detection": (FOUND, edit(lambda file: file["results"]["t1"].append(3)), r"sample 't1', \[1\]: expected"),
-    "no list": (FOUND, edit(lambda file: file["results"].update(t1={})), "sample 't1'"),
+        FOUND, edit(lambda file: file["results"][T1][0].update(sample_token="x")), "'scene-0003-t1', box 0: sample_token is 'x'"),
+    "no detection": (FOUND, edit(lambda file: file["results"][T1].append(3)), r"sample 'scene-0003-t1', \[1\]: expected"),
+    "no list": (FOUND, edit(lambda file: file["results"].update({T1: {}})), "sample 'scene-0003-t1'"),
 }  # fmt: skip
 
 PEOPLE: Cases = {

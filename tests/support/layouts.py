@@ -1,18 +1,17 @@
-"""Drawn recordings, and a writer of valid files for the layout of each dataset: what is written must be read.
+"""Writers of valid files for the layout of each dataset.
 
 Writers share nothing with the readers: rotations are those of scipy, and axes and columns are stated here again.
 """
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
 import pyarrow as pa
-from hypothesis import strategies as st
 from pyarrow import feather
 from scipy.spatial.transform import Rotation
 
@@ -20,117 +19,21 @@ from mtp_bench.cards import Card, load_card, parse_card, with_detector, with_fil
 from mtp_bench.core import Floats, Scene
 from mtp_bench.sources import open_source
 from mtp_bench.sources.d123.logs import import_logs
-from tests.support.nuscenes_root import DETECTIONS, VERSION, detection, make_tables, nuscenes_card, write_json
+from tests.support.drawn_recordings import Layout, Recording, Row, small_recording
+from tests.support.nuscenes_root import (
+    DETECTIONS,
+    box_fields,
+    detection,
+    nuscenes_card,
+    sample,
+    write_json,
+    write_scenes,
+)
 from tests.support.small_scenes import write_card
 from tests.support.source_files import card_of, with_source, with_task, write
 
-NAMES = (3, 7, 12, 20)  # of objects
-PERSON = (0.6, 0.6, 1.75)  # m: nominal, where only places are known
 CITY = np.array([1000.0, 2000.0, 50.0])  # where the scene of a city begins: whole metres
 Columns = dict[str, Any]
-
-
-class Row(NamedTuple):
-    """A box x y z yaw l w h in the frame of reference of the scene."""
-
-    frame: int
-    name: int | str  # of the object
-    kind: str  # the word of the files for its class
-    box: Floats
-    score: float = 1.0
-    seen: bool = True  # by a sensor
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """What the files of a scene hold, rows in any order."""
-
-    time: Floats  # [F] s from 0
-    pose: Floats  # [F, 6] of the ego, x y z yaw pitch roll; the first one is at the origin
-    truth: list[Row]
-    detections: list[Row]
-
-    def every(self, stride: int) -> "Recording":
-        """Every n-th frame, which has a number of its own."""
-        truth, detections = (
-            [row._replace(frame=row.frame // stride) for row in rows if row.frame % stride == 0]
-            for rows in (self.truth, self.detections)
-        )
-        return Recording(self.time[::stride], self.pose[::stride], truth, detections)
-
-    @property
-    def turn(self) -> Rotation:
-        return Rotation.from_euler("ZYX", self.pose[:, 3:])
-
-    def of(self, frame: int) -> list[Row]:
-        return [row for row in self.truth if row.frame == frame]
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How the files of a dataset are written, and which recordings they can hold."""
-
-    write: Callable[[Path, Recording], Path]  # returns the root of the dataset
-    card: Callable[[Path], Card]
-    scene: str
-    kinds: Mapping[str, tuple[str, bool]]  # word of the files -> class, "" for skipped ones; neutral
-    period: float  # s
-    jitter: float = 0.0  # s, of the times
-    people: bool = False  # places alone, on the grid of WILDTRACK
-    level: bool = False  # the ego starts with a heading of 0
-    own_frames: bool = False  # every frame has its own frame of reference
-    marks_unseen: bool = True  # boxes without points are neutral
-    least: int = 0  # objects and detections per frame
-    stride: int = 1  # of the card
-    detector: str = ""  # of stored detections
-    scored: bool = True
-    ahead: bool = False  # velocities look ahead too
-    neutral_targets: bool = True
-
-
-# ---- recordings
-@st.composite
-def recordings(draw: st.DrawFn, layout: Layout) -> Recording:
-    objects = st.sets(st.sampled_from(NAMES), min_size=layout.least)
-    present = draw(st.lists(objects, min_size=2 * layout.stride + 1, max_size=6))
-    counts = draw(st.lists(st.integers(layout.least, 3), min_size=len(present), max_size=len(present)))
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    reported = [kind for kind, (name, neutral) in layout.kinds.items() if name and not neutral]
-    kinds = dict(zip(NAMES, rng.choice(list(layout.kinds), len(NAMES)).tolist(), strict=True))
-    kinds[NAMES[0]] = reported[0]
-    present[0].add(NAMES[0])  # a scene needs some truth
-    seen = dict(zip(NAMES, rng.random((len(NAMES), len(present))) < 0.7, strict=True))
-    truth = [
-        Row(t, name, kinds[name], make_box(rng, layout), seen=bool(seen[name][t]) or not layout.marks_unseen)
-        for t, names in enumerate(present)
-        for name in sorted(names)
-    ]
-    detections = [
-        Row(t, 0, str(rng.choice(reported)), make_box(rng, layout), rng.uniform(0.2, 1) if layout.scored else 1.0)
-        for t, count in enumerate(counts)
-        for _ in range(count)
-    ]
-    time = layout.period * np.arange(len(present)) + rng.uniform(0, layout.jitter, len(present)) * (layout.jitter > 0)
-    rows = [[table[i] for i in rng.permutation(len(table))] for table in (truth, detections)]
-    return Recording(np.round(time - time[0], 6), make_poses(rng, len(present), layout), *rows)
-
-
-def make_box(rng: np.random.Generator, layout: Layout) -> Floats:
-    if layout.people:
-        cell, side = rng.integers(0, (480, 1440)), rng.integers(20)
-        if side < 2:  # often at a border
-            cell[side] = (479, 1439)[side]
-        return np.array([*(0.025 * cell - [3, 9]), PERSON[2] / 2, 0, *PERSON])
-    return np.array([*rng.uniform(-20, 20, 2), *rng.uniform([-1, -3], [1, 3]), *rng.uniform(0.3, 6, 3)])
-
-
-def make_poses(rng: np.random.Generator, frames: int, layout: Layout) -> Floats:
-    """A drive of some metres on a road that is not level."""
-    pose = np.cumsum(rng.uniform(-0.4, 0.4, (frames, 6)), axis=0)
-    pose[:, 4:] = rng.uniform(-0.1, 0.1, (frames, 2))
-    pose[:, :3] -= pose[0, :3]
-    pose[:, 3] -= pose[0, 3] if layout.level else rng.uniform(-3, 3)
-    return pose
 
 
 def to_ego(row: Row, recording: Recording) -> tuple[Floats, Rotation]:
@@ -208,37 +111,13 @@ KITTI = Layout(
 
 # ---- nuScenes
 def write_nuscenes(data: Path, recording: Recording) -> Path:
-    tables = make_tables(())
-    tables["category"] = [{"token": kind, "name": kind} for kind in NUSCENES.kinds]
-    tables["scene"] = [{"token": "s", "name": "scene-0003"}]
-    for t, pose in enumerate(recording.pose):
-        rotation = (np.roll(recording.turn[t].as_quat(), 1) * (-1) ** t).tolist()  # either sign is the same rotation
-        tables["sample"].append({"token": f"t{t}", "timestamp": 1.5e15 + 1e6 * recording.time[t], "scene_token": "s"})
-        tables["ego_pose"].append({"token": f"p{t}", "translation": pose[:3].tolist(), "rotation": rotation})
-        tables["sample_data"].append(
-            {"token": f"d{t}", "sample_token": f"t{t}", "calibrated_sensor_token": "lidar-1", "is_key_frame": True,
-             "ego_pose_token": f"p{t}"}
-        )  # fmt: skip
-    kinds = {row.name: row.kind for row in recording.truth}
-    tables["instance"] = [{"token": str(name), "category_token": kind} for name, kind in kinds.items()]
-    tables["sample_annotation"] = [
-        {"token": f"{row.name}-{row.frame}", "sample_token": f"t{row.frame}", "instance_token": str(row.name),
-         "num_lidar_pts": 0, "num_radar_pts": int(row.seen), **nuscenes_box(row)}
-        for row in recording.truth
-    ]  # fmt: skip
-    for name, records in tables.items():
-        write_json(data / "nuscenes" / VERSION / f"{name}.json", records)
-    results: dict[str, list[Columns]] = {f"t{t}": [] for t in range(len(recording.time))}
+    write_scenes(data, {"scene-0003": recording})
+    results: dict[str, list[Columns]] = {sample("scene-0003", t): [] for t in range(len(recording.time))}
     for row in recording.detections:
-        token, name = f"t{row.frame}", NUSCENES.kinds[row.kind][0]
-        results[token].append(detection(token, name, detection_score=row.score, **nuscenes_box(row)))
+        token, name = sample("scene-0003", row.frame), NUSCENES.kinds[row.kind][0]
+        results[token].append(detection(token, name, detection_score=row.score, **box_fields(row)))
     write_json(data / DETECTIONS, {"meta": {}, "results": results})
     return data / "nuscenes"
-
-
-def nuscenes_box(row: Row) -> Columns:
-    x, y, z, yaw, l, w, h = row.box.tolist()
-    return {"translation": [x, y, z], "size": [w, l, h], "rotation": [np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]}
 
 
 NUSCENES = Layout(
@@ -454,17 +333,6 @@ LAYOUTS = {
     "ETH/UCY": PEOPLE,
     "WILDTRACK": WILDTRACK,
 }  # fmt: skip
-
-
-def small_recording(layout: Layout, frames: int = 3) -> Recording:
-    """One object that moves, and a detection of it, in every frame."""
-    (kind, *_), frame = layout.kinds, np.arange(frames)
-    box = np.tile([10.0, 4, 0.8, 0.5, 4, 2, 1.5], (frames, 1))
-    if layout.people:
-        box[:] = [5, 4, PERSON[2] / 2, 0, *PERSON]
-    box[:, 0] -= 0.5 * frame
-    rows = [Row(t, NAMES[0], kind, box[t]) for t in range(frames)]
-    return Recording(layout.period * frame, np.zeros((frames, 6)), rows, rows)
 
 
 def small_root(name: str, folder: Path) -> tuple[Path, Callable[[], Scene]]:
