@@ -264,6 +264,7 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "column twice": ({"truth": [TRUTH[0] + ",x"]}, "truth.csv: column 'x' occurs twice, expected once"),
     "column lacking": ({"truth": ["frame,id,class,x"]}, "truth.csv: no column 'y': m, centre of the box; found"),
     "empty file": ({"truth": []}, "truth.csv is empty, expected a line with the names of the columns"),
+    "a short row": ({"truth": [*TRUTH, "3,1,car"]}, "truth.csv, line 5: 3 columns, expected 10 (frame, id"),
     "no size": ({"truth": [*TRUTH, "3,1,car,0,0,1,0,0,1,1"]}, "line 5, column 'l': 0, expected a number from 1e-06"),
     "two boxes": ({"truth": [*TRUTH, TRUTH[1]]}, "line 5: a second box of object 1 in frame 0"),
     "degrees": ({"detections": [*DETECTIONS, "2,car,0,0,1,-90,4,2,1,1"]}, "line 4, column 'yaw': -90, expected radian"),
