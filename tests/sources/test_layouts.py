@@ -26,7 +26,7 @@ from tests.support.layouts import LAYOUTS, WILDTRACK, small_root
 from tests.support.nuscenes_root import DETECTIONS, VERSION, edited, sample
 from tests.support.source_files import write
 
-FEW = settings(max_examples=12, derandomize=True)
+FEW = settings(max_examples=8, derandomize=True, deadline=None)
 OFFICIAL = {
     "KITTI": "tracks",
     "KITTI, own frames": "tracks",
@@ -58,7 +58,9 @@ def test_what_is_written_is_read(name: str, tmp_path_factory: pytest.TempPathFac
     else:
         assert_same_boxes(scene.ego, recording.pose[:, :4])
     assert_same_truth(scene, recording, layout, card.task.classes)
+    assert (scene.truth_complete, scene.listed_targets, scene.skipped) == (True, False, {})
     if layout.detector:
+        assert not scene.simulated
         assert scene.detector == f"{layout.detector}, stored detections"
         assert_same_detections(scene, recording, layout, card.task.classes)
     for form in sorted({"table", OFFICIAL.get(name, "table")}):

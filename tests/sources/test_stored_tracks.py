@@ -104,6 +104,7 @@ KITTI: dict[str, tuple[list[str], str]] = {  # lines, what the error says; the r
         r"0001.txt, line 2: 17 columns, expected 18 .*; column 18 \(score\) is missing",
     ),
     "a score in some lines": ([line(0, 1, more=""), line(1, 1)], "line 2: 18 columns, expected 17 .* 18 is '0.9'"),
+    "a number not finite": ([line(0, 1, size="nan 1.8 4")], "line 1, column 'height': nan, expected a finite number"),
     "commas": ([line(0, 1).replace(" ", ",")], "line 1: this file is separated by commas, expected blanks"),
     "a box twice": ([line(0, 1), line(0, 1)], "line 2: a second box of object 1 in frame 0"),
     "after the end": ([line(99, 1)], "line 1: frame 99, but the last one of sequence 0001 is 8"),

@@ -83,8 +83,8 @@ def write_kitti(data: Path, recording: Recording, own_frames: bool = False, odom
         angle[:] = angle[0]
         turns = SENSOR_OF_CAMERA.T @ (turn[0].inv() * turn).as_matrix() @ SENSOR_OF_CAMERA
         path = turn[0].inv().apply(place) @ SENSOR_OF_CAMERA
-        rows = np.concatenate([turns, path[:, :, None]], axis=2).reshape(frames, 12).tolist()
-        write(folder / "poses_orbslam3/0000.txt", *(" ".join(map(repr, row)) for row in rows))
+        poses = np.concatenate([turns, path[:, :, None]], axis=2).reshape(frames, 12).tolist()
+        write(folder / "poses_orbslam3/0000.txt", *(" ".join(map(repr, pose)) for pose in poses))
     else:
         path = north.apply(place - turn.apply([1.5, 0, 0]))
         for t in range(1, frames):  # the mean of two velocities leads from one place to the next
