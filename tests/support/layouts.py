@@ -209,13 +209,15 @@ def d123_tables(recording: Recording) -> dict[str, tuple[Columns, Columns]]:
         return [*(row.box[:3] + CITY).tolist(), *rotation.tolist(), *row.box[4:].tolist()]
 
     boxes = {
-        "timestamp_us": time, "bounding_box_se3": values(pose_and_size), "track_token": values(lambda row: str(row.name)),
-        "label": values(lambda row: int(row.kind)), "num_lidar_points": values(lambda row: int(row.seen)),
+        "timestamp_us": time, "bounding_box_se3": values(pose_and_size),
+        "track_token": values(lambda row: str(row.name)), "label": values(lambda row: int(row.kind)),
+        "num_lidar_points": values(lambda row: int(row.seen)),
     }  # fmt: skip
     pose = np.hstack([recording.pose[:, :3] + CITY, np.roll(recording.turn.as_quat(), 1, axis=1)])
     labels = {"box_detection_label_class": "py123d.parser.registry.WODPerceptionBoxDetectionLabel"}
     return {
-        "sync": ({"uuid": ["a"]}, {"split": "made_up", "dataset": "made", "location": "up"}), "box_detections_se3": (boxes, labels),
+        "sync": ({"uuid": ["a"]}, {"split": "made_up", "dataset": "made", "location": "up"}),
+        "box_detections_se3": (boxes, labels),
         "ego_state_se3": ({"timestamp_us": time, "imu_se3": pose.tolist()}, {}),
     }  # fmt: skip
 
