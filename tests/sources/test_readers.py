@@ -164,8 +164,9 @@ WILDTRACK: Cases = {
     ),
 }
 
-SCENE, SAMPLE, DATA, POSE, BOX = (
-    f"v1.0-mini/{table}.json" for table in ("scene", "sample", "sample_data", "ego_pose", "sample_annotation")
+SCENE, SAMPLE, DATA, MOUNT, POSE, BOX = (
+    f"v1.0-mini/{table}.json"
+    for table in ("scene", "sample", "sample_data", "calibrated_sensor", "ego_pose", "sample_annotation")
 )
 FOUND = "detections/megvii_all.json"
 T1, CAR, KEY = "scene-0003-t1", "scene-0003-3", "scene-0003-lidar-1-True-2"
@@ -180,17 +181,21 @@ NUSCENES: Cases = {  # three samples, with an object each
     "a scene has a name twice": (SCENE, repeat("scene-0003-token", token="t"), "several scenes 'scene-0003'"),
     "no lidar keyframe": (DATA, record(KEY, is_key_frame=False), "LIDAR_TOP keyframe of sample 'scene-0003-t2'"),
     "two lidar keyframes": (DATA, repeat(KEY, token="d3"), "record 'd3': a second LIDAR"),
-    "an unknown sensor": ("v1.0-mini/calibrated_sensor.json", record("cam-1", sensor_token="x"), "sensor_token is 'x'"),
+    "an unknown sensor": (MOUNT, record("cam-1", sensor_token="x"), "sensor_token is 'x'"),
     "a pose is missing": (POSE, edit(lambda records: records.pop(3)), "no record 'scene-0003-pose-1'"),
-    "a pose is not turned": (POSE, record("scene-0003-pose-1", rotation=[0, 0, 0, 0]), "'scene-0003-pose-1': rotation is"),
+    "a pose is not turned": (
+        POSE, record("scene-0003-pose-1", rotation=[0, 0, 0, 0]), "'scene-0003-pose-1': rotation is"),
     "two boxes in a sample": (BOX, record(f"{CAR}-t2", sample_token=T1), "record 'scene-0003-3-t2': a second box"),
-    "a box of no instance": (BOX, record(f"{CAR}-t1", instance_token=""), "record 'scene-0003-3-t1': instance_token is ''"),
-    "a box is not turned properly": (BOX, record(f"{CAR}-t1", rotation=[0.7, 0, 0, 0.6]), r"'scene-0003-3-t1': rotation is \[0\.7, "),
+    "a box of no instance": (
+        BOX, record(f"{CAR}-t1", instance_token=""), "record 'scene-0003-3-t1': instance_token is ''"),
+    "a box is not turned properly": (
+        BOX, record(f"{CAR}-t1", rotation=[0.7, 0, 0, 0.6]), r"'scene-0003-3-t1': rotation is \[0\.7, "),
     "a detection of norm 2": (
         FOUND, edit(lambda file: file["results"][T1][0].update(rotation=[2, 0, 0, 0])), "'scene-0003-t1': rotation is"),
     "a detection of another sample": (
         FOUND, edit(lambda file: file["results"][T1][0].update(sample_token="x")), "'scene-0003-t1', box 0: sample_token is 'x'"),
-    "no detection": (FOUND, edit(lambda file: file["results"][T1].append(3)), r"sample 'scene-0003-t1', \[1\]: expected"),
+    "no detection": (
+        FOUND, edit(lambda file: file["results"][T1].append(3)), r"sample 'scene-0003-t1', \[1\]: expected"),
     "no list": (FOUND, edit(lambda file: file["results"].update({T1: {}})), "sample 'scene-0003-t1'"),
 }  # fmt: skip
 
