@@ -92,9 +92,10 @@ def check_action(action: object, task: Task) -> CheckedAction:
     Never raise.
     """
     arrays, problems = _read_fields(action, task)
-    claimed = {kind: _claimed_rows(kind, arrays, task) for kind in ROW_KINDS}
+    claimed: dict[RowKind, Bools] = {}
     sound: dict[RowKind, Bools] = {}
     for kind in ROW_KINDS:
+        claimed[kind] = _claimed_rows(kind, arrays, task)
         sound[kind] = np.zeros_like(claimed[kind])
         if all(name in arrays for name in _FIELD_NAMES[kind]):
             rows = np.flatnonzero(claimed[kind])

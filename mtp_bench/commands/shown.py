@@ -11,7 +11,7 @@ from typer import Option
 
 from ..core import Table, to_text
 from ..running import skipped_line
-from ..scoring import KNOWN_SUBSETS, Report, main_table
+from ..scoring import KNOWN_SUBSETS, Report, Subset, main_table
 from ..viz import (
     chosen_table,
     column_keys,
@@ -79,7 +79,7 @@ class Shown:
             return main_table(report)
         columns = (self.columns or _DEFAULT_COLUMNS).split(",")
         chosen = (self.subsets or _DEFAULT_SUBSETS).split(",")
-        subsets = [subset for subset in KNOWN_SUBSETS if subset in chosen]
+        subsets: list[Subset] = [name for name in KNOWN_SUBSETS if name in chosen]
         return chosen_table(report, columns, subsets, self.full)
 
     def data(self, report: Report) -> Table:

@@ -84,7 +84,8 @@ class Neighbours:
         `bincount` adds in the order of the pairs, so that the sum of a row does not
         depend on other rows.
         """
-        return np.array([np.bincount(self.row, term, rows) for term in terms])
+        sums = [np.bincount(self.row, term, rows) for term in terms]
+        return np.array(sums, dtype=float)
 
 
 # names of fields, or a function of a module: its values are remembered

@@ -77,7 +77,8 @@ def quality_features(visibility: Visibility) -> Floats:
     distance = visibility.distance / DISTANCE_UNIT_M
     levels = [visibility.occlusion == level for level in (PARTLY, LARGELY, HIDDEN)]
     powers = [np.ones(len(distance)), distance, distance**2]
-    return np.stack([*powers, *levels, visibility.truncated], axis=-1)
+    flags = np.array([*levels, visibility.truncated], dtype=float)
+    return np.stack([*powers, *flags], axis=-1)
 
 
 def score_by_rank(quality_rank: Floats, quantiles: tuple[float, ...]) -> Floats:

@@ -37,44 +37,56 @@ class EpisodeLike(Protocol):
     @property
     def frame(self) -> LocalFrame:
         """Local frame of reference of the observations."""
+        ...
 
     @property
     def actions(self) -> Sequence[RecordedAction]:
         """Actions taken so far, in the scene's frame of reference."""
+        ...
 
     @property
     def frame_index(self) -> int:
         """Index of the frame that is shown."""
+        ...
 
     @property
     def dropped(self) -> Ints:
         """Detections of each frame that did not fit into an observation [F]."""
+        ...
 
     @property
     def over(self) -> bool:
         """True after the action for the last frame."""
+        ...
 
     @property
     def drive(self) -> Drive | None:
         """Drive of a closed loop that is over."""
+        ...
 
     def record(self) -> Drive | None:
         """Return the drive of a closed loop until now, for pictures."""
+        ...
 
     def recording(self) -> tuple[Scene, Feed]:
         """Return the scene until now and its observations, for pictures."""
+        ...
 
     def observe(self) -> Observation:
         """Return fresh arrays of the frame that is shown."""
+        ...
 
     def class_counts(self, classes: int) -> Ints:
         """Count the shown detections of each class [C]."""
+        ...
 
     def take(self, action: RecordedAction) -> float:
         """Take the action for this frame and return its reward."""
+        ...
 
     def info(self) -> dict[str, Any]:
         """Return the ``info`` of the frame that is shown, see `frame_info`."""
+        ...
 
 
 def start_drive(

@@ -156,9 +156,9 @@ def _tracker_of(tracker: Any) -> Tracker:
     """
     if isinstance(tracker, str) and tracker == TRUTH:
         return TruthTracker()
-    is_number = isinstance(tracker, int | np.integer) and not isinstance(tracker, bool)
-    if is_number and tracker >= 1:
-        return HypothesisTracker(int(tracker))
+    if isinstance(tracker, int | np.integer) and not isinstance(tracker, bool):
+        if tracker >= 1:
+            return HypothesisTracker(int(tracker))
     methods = [getattr(tracker, name, None) for name in ("reset", "step")]
     if not isinstance(tracker, type) and all(map(callable, methods)):
         return tracker  # type: ignore[no-any-return]

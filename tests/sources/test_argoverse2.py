@@ -7,9 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from pyarrow import feather, table
-from scipy.spatial.transform import Rotation
 
 from mtp_bench import MTPEnv
 from mtp_bench.agent import load_submission
@@ -24,44 +21,27 @@ from mtp_bench.sources import open_source, with_tracks
 from mtp_bench.sources.argoverse2 import PACKAGE
 from mtp_bench.sources.argoverse2.files import ANNOTATIONS, BOX, Sweeps, read_feather
 from mtp_bench.sources.argoverse2.source import Argoverse2
+from tests.support.drawn_recordings import Recording, Row
+from tests.support.layouts import AV2_CARD, CITY, av2_columns, stamps, write_argoverse2, write_feather
 
-LOG, FRAMES, CITY = "a-log", 24, np.array([1000.0, 2000.0, 50.0])
-STAMP = 315_966_070_000_000_001 + 100_200_000 * np.arange(FRAMES)
-EGO = Rotation.from_euler("ZYX", [90, 2, -3], degrees=True)  # tilted with the road
-POSE = ("qx", "qy", "qz", "qw", "tx_m", "ty_m", "tz_m")
-# In the city less `CITY`, where the ego is at (0, 0.5 k): the car is beyond reach from sweep 16 on, the truck until 12;
-# the walker has no lidar point in sweep 5.
-PATHS = {"car": (10, 20, 3), "truck": (12, 90, -2), "walker": (-5, 30, 0)}  # x, y, m per sweep along y
-CATEGORY = {"car": "REGULAR_VEHICLE", "truck": "BOX_TRUCK", "walker": "PEDESTRIAN"}
-CARD = load_card("MTP-AV2-10Hz-v0")  # past and future: 10 frames
-
-
-def write_feather(path: Path, columns: dict[str, Any]) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    feather.write_feather(table(columns), str(path))
-    return path
-
-
-def rows_of(sweeps: NDArray[np.int64]) -> dict[str, Any]:
-    """Boxes of the three objects, which head along y, in the ego frame of their sweep."""
-    k, name = np.repeat(sweeps, 3), np.tile(list(PATHS), len(sweeps))
-    x, y, step = np.array([PATHS[each] for each in name]).T
-    place = EGO.inv().apply(np.column_stack([x, y + step * k - 0.5 * k, np.ones(len(k))]))
-    turn = np.tile((EGO.inv() * Rotation.from_euler("z", 90, degrees=True)).as_quat(), (len(k), 1))
-    sides = {side: np.full(len(k), m) for side, m in (("length_m", 4.0), ("width_m", 2.0), ("height_m", 1.5))}
-    values = dict(zip(POSE, np.hstack([turn, place]).T, strict=True))
-    return {"timestamp_ns": STAMP[k], "category": [CATEGORY[each] for each in name], **values, **sides}
+LOG, FRAMES = "a-log", 24
+# Where the ego is at (0, 0.5 k): the car is beyond reach from sweep 16 on, the truck until 12; the walker has no lidar
+# point in sweep 5.
+PATHS = {"REGULAR_VEHICLE": (10, 20, 3), "BOX_TRUCK": (12, 90, -2), "PEDESTRIAN": (-5, 30, 0)}  # x, y, m per sweep
+RECORDING = Recording(
+    time=0.1002 * np.arange(FRAMES),
+    pose=np.array([[0, 0.5 * k, 0, *np.radians([90, 2, -3])] for k in range(FRAMES)]),  # tilted with the road
+    truth=[
+        Row(k, i, kind, np.array([x, y + step * k, 1, np.pi / 2, 4, 2, 1.5]), seen=(k, kind) != (5, "PEDESTRIAN"))
+        for k in range(FRAMES)
+        for i, (kind, (x, y, step)) in enumerate(PATHS.items())
+    ],
+    detections=[],
+)
 
 
 def make_root(data: Path) -> Path:
-    folder = data / f"argoverse2/sensor/val/{LOG}"
-    points = np.where(np.arange(3 * FRAMES) == 3 * 5 + 2, 0, 1)
-    boxes = {**rows_of(np.arange(FRAMES)), "track_uuid": list(PATHS) * FRAMES, "num_interior_pts": points}
-    write_feather(folder / ANNOTATIONS, boxes)
-    ego = CITY + np.outer(np.arange(FRAMES), [0, 0.5, 0])
-    both = np.hstack([np.tile(EGO.as_quat(), (2 * FRAMES, 1)), np.vstack([ego, ego + 1])])
-    poses = dict(zip(POSE, both.T, strict=True))  # the second clock is 1 ns late, and elsewhere
-    write_feather(folder / "city_SE3_egovehicle.feather", {"timestamp_ns": np.append(STAMP, STAMP + 1), **poses})
+    root = write_argoverse2(data, RECORDING)
     left, right = ([dict(zip("xyz", CITY + np.array([i, i * j, 0]), strict=True)) for i in range(3)] for j in (0, 1))
     lanes = {7: ("VEHICLE", [8, 9, 4], right), 8: ("BUS", [], right[:1]), 9: ("BIKE", [7], right)}
     parts = {
@@ -69,30 +49,28 @@ def make_root(data: Path) -> Path:
             "right_lane_boundary": border}
         for i, (kind, after, border) in lanes.items()
     }  # fmt: skip
-    (folder / "map").mkdir()
-    (folder / f"map/log_map_archive_{LOG}____PIT_city_1.json").write_text(json.dumps({"lane_segments": parts}))
-    return data / "argoverse2"
+    folder = root / f"sensor/val/{LOG}/map"
+    folder.mkdir()
+    (folder / f"log_map_archive_{LOG}____PIT_city_1.json").write_text(json.dumps({"lane_segments": parts}))
+    return root
 
 
-def test_a_log_by_hand(root: Path) -> None:
-    scene = Argoverse2(CARD, root).load(LOG)
+def test_truth_within_reach_and_its_targets(root: Path) -> None:
+    scene = Argoverse2(AV2_CARD, root).load(LOG)
     truth, frame = scene.truth, scene.truth.frame_of_rows
-    np.testing.assert_allclose(scene.time, 0.1002 * np.arange(FRAMES), atol=1e-12)
-    np.testing.assert_allclose(scene.ego[:, :3], np.outer(np.arange(FRAMES), [0, 0.5, 0]), atol=1e-9)
-    for i, (name, (x, y, step)) in enumerate(PATHS.items()):
-        own, first = truth.object_id == i, 13 if name == "truck" else 0
-        assert (scene.name_of(i), frame[own].tolist()) == (name, list(range(first, FRAMES)))
-        expected = np.array([[x, y + step * k, 1, np.pi / 2, 4, 2, 1.5] for k in range(first, FRAMES)])
-        np.testing.assert_allclose(truth.box[own], expected, atol=1e-9)
-        assert np.isnan(truth.velocity[own][0]).all(), "it has no frame before"
-        np.testing.assert_allclose(truth.velocity[own][1:] - [0, step / 0.1002], 0, atol=1e-9)
-        assert frame[own & truth.neutral].tolist() == {"car": list(range(16, FRAMES)), "walker": [5]}.get(name, [])
-    targets = find_targets(scene, CARD)  # the truck never has ten past and ten future frames
+    frames = [frame[truth.object_id == i].tolist() for i in range(3)]
+    assert frames == [list(range(FRAMES)), list(range(13, FRAMES)), list(range(FRAMES))]
+    neutral = [frame[(truth.object_id == i) & truth.neutral].tolist() for i in range(3)]
+    assert neutral == [list(range(16, FRAMES)), [], [5]]
+    targets = find_targets(scene, AV2_CARD)  # the truck never has ten past and ten future frames
     assert frame[targets.row].tolist() == np.repeat(range(9, 14), 2).tolist()
     assert targets.object_id.tolist() == [0, 2] * 5
-    slow = Argoverse2(load_card("MTP-AV2-v0"), root).load(LOG)  # every fifth sweep
-    np.testing.assert_allclose(slow.truth.velocity[slow.truth.rows(1)], np.array([[0, 15 / 0.501], [0, 0]]), atol=1e-9)
-    wide, turn = PACKAGE.lanes(CARD, root, scene)  # one that widens, one about a point; neither bicycles nor loose ends
+
+
+def test_lanes_of_the_map(root: Path) -> None:
+    """One that widens, one about a point; neither bicycles nor loose ends."""
+    scene = Argoverse2(AV2_CARD, root).load(LOG)
+    wide, turn = PACKAGE.lanes(AV2_CARD, root, scene)
     assert (wide.following, turn.following, wide.junction, turn.junction) == ((1,), (), False, True)
     np.testing.assert_allclose(wide.center, np.linspace(0, 2, 10)[:, None] * [1, 0.5], atol=1e-9)
     np.testing.assert_allclose(turn.center, np.array([[0, 0], [0.5, 0], [1, 0]]), atol=1e-9)
@@ -100,25 +78,26 @@ def test_a_log_by_hand(root: Path) -> None:
 
 def test_submissions_are_read_as_they_were_written(root: Path, tmp_path: Path) -> None:
     """The car gets another id in frame 11, the walker is lost in 8 and 9: events of a run on these tracks."""
-    scene, path = open_source(CARD, root).load(LOG), tmp_path / "tracks.feather"
+    scene, path = open_source(AV2_CARD, root).load(LOG), tmp_path / "tracks.feather"
     frame, walker = scene.truth.frame_of_rows, scene.truth.object_id == 2
     kept = scene.truth.select(~scene.truth.neutral & ~(walker & np.isin(frame, (8, 9))))
     ids = kept.object_id + 10 * ((kept.object_id == 0) & (kept.frame_of_rows >= 11))
     rows = StoredTracks(kept.start, kept.box, kept.velocity, kept.class_id, np.linspace(0, 1, len(ids)), ids)
-    assert write_tracks([(scene, rows)], CARD, str(root), path) == len(ids)
-    env = MTPEnv(CARD, str(root), evaluation=True, observe="tracks", tracks=str(path))
+    assert write_tracks([(scene, rows)], AV2_CARD, str(root), path) == len(ids)
+    env = MTPEnv(AV2_CARD, str(root), evaluation=True, observe="tracks", tracks=str(path))
     rollout = run_scene(load_submission("given_tracks").build(env.task), env, LOG, 0, "given_tracks")
     tracks = env.scene.tracks
     assert tracks is not None
     np.testing.assert_allclose(tracks.box, kept.box, atol=1e-9)
     np.testing.assert_array_equal(tracks.score, rows.score)
-    row, kind = np.nonzero(events_of(scene, rollout, CARD)[:, :3])
+    row, kind = np.nonzero(events_of(scene, rollout, AV2_CARD)[:, :3])
     found = sorted(zip(frame[row].tolist(), scene.truth.object_id[row].tolist(), kind.tolist(), strict=True))
     assert found == [(8, 2, 1), (10, 2, 2), (11, 0, 0)], "lost, reacquired, identity switch"
-    again = open_source(with_detections(CARD, path), root).load(LOG)
+    again = open_source(with_detections(AV2_CARD, path), root).load(LOG)
     assert (again.detector, len(again.detections.box)) == ("tracks, stored detections", len(ids))
 
 
+STAMP = stamps(RECORDING)
 BROKEN: dict[str, tuple[dict[str, Any], str]] = {
     "no column": ({"score": None}, "no column 'score': known are "),
     "another log": ({"log_id": ["b"] * 3}, f"tracks of log {LOG}, expected those of each log that is run"),
@@ -132,11 +111,16 @@ BROKEN: dict[str, tuple[dict[str, Any], str]] = {
 
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_broken_submission_is_one_error(root: Path, tmp_path: Path, name: str) -> None:
-    columns = {**rows_of(np.array([14])), "log_id": [LOG] * 3, "score": [0.5] * 3, "track_id": [1, 2, 3]}
+    columns = {
+        **av2_columns(RECORDING.of(14), RECORDING),
+        "log_id": [LOG] * 3,
+        "score": [0.5] * 3,
+        "track_id": [1, 2, 3],
+    }
     change, text = BROKEN[name]
     path = write_feather(tmp_path / "a.feather", {k: v for k, v in {**columns, **change}.items() if v is not None})
     with pytest.raises(DataError, match=text) as caught:
-        with_tracks(open_source(CARD, root), CARD, root, path).load(LOG)
+        with_tracks(open_source(AV2_CARD, root), AV2_CARD, root, path).load(LOG)
     assert str(path) in str(caught.value)
 
 

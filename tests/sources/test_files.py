@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from mtp_bench.cards import Card, load_card, with_detector, with_files, with_scenes, with_split
@@ -42,8 +42,9 @@ def test_a_scene_in_memory_keeps_all_its_fields(base: Card) -> None:
     assert_same(again, scene)
 
 
-@pytest.mark.parametrize("form", FORMS)
+@settings(max_examples=20, derandomize=True)
 @given(data=st.data())
+@pytest.mark.parametrize("form", FORMS)
 def test_any_scene_comes_back(
     form: TableForm, tmp_path_factory: pytest.TempPathFactory, base: Card, data: st.DataObject
 ) -> None:
@@ -262,7 +263,6 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "blanks": ({"truth": [line.replace(",", " ") for line in TRUTH]}, "truth.csv, line 1: this file is separated by b"),
     "column twice": ({"truth": [TRUTH[0] + ",x"]}, "truth.csv: column 'x' occurs twice, expected once"),
     "column lacking": ({"truth": ["frame,id,class,x"]}, "truth.csv: no column 'y': m, centre of the box; found"),
-    "a long row": ({"truth": [*TRUTH, TRUTH[1] + ",more"]}, "truth.csv, line 5: 11 columns, expected 10 (frame, id"),
     "empty file": ({"truth": []}, "truth.csv is empty, expected a line with the names of the columns"),
     "a short row": ({"truth": [*TRUTH, "3,1,car"]}, "truth.csv, line 5: 3 columns, expected 10 (frame, id"),
     "no size": ({"truth": [*TRUTH, "3,1,car,0,0,1,0,0,1,1"]}, "line 5, column 'l': 0, expected a number from 1e-06"),

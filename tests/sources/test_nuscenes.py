@@ -1,6 +1,8 @@
-"""nuScenes source on a small root: frames, truth, targets, splits, what is missing."""
+"""nuScenes source on a small root: targets, splits, what is missing, texts that are not JSON."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,45 +10,11 @@ import pytest
 from mtp_bench.cards import parse_card
 from mtp_bench.core.errors import DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source
-from mtp_bench.sources.motion import backward_velocity
+from mtp_bench.sources.nuscenes.layout import SPLITS, official_scenes, scenes_by_split
 from mtp_bench.sources.nuscenes.source import NuScenes
-from tests.support.nuscenes_root import PREDICTION, SCENES, TIMES, VERSION, edited, nuscenes_card, scene, write_root
-
-NAN = float("nan")
-
-
-def test_frames_and_ego(data: Path) -> None:
-    found = scene(data)
-    np.testing.assert_allclose(found.time, TIMES)
-    np.testing.assert_allclose(found.ego, [[0, 4 * t, 0.5, np.pi / 2] for t in TIMES])
-    assert (found.truth_complete, found.listed_targets, found.skipped) == (True, False, {})
-
-
-def test_every_box(data: Path) -> None:
-    truth, names = scene(data).truth, ["scene-0003-car", "scene-0003-police", "scene-0003-walker"]
-    assert (scene(data).object_names, truth.start.tolist()) == (dict(enumerate(names)), [0, 3, 6, 7, 9])
-    assert truth.object_id.tolist() == [0, 2, 1, 0, 2, 1, 0, 0, 2]  # car, walker, police by token; the dog is not used
-    assert truth.class_id.tolist() == [0, 1, 0, 0, 1, 0, 0, 0, 1]
-    assert truth.neutral.tolist() == [False, False, True, False, False, True, False, False, False]
-    assert truth.eligible.all()
-    np.testing.assert_allclose(truth.box[0], [10, 0, 1, np.pi / 2, 4, 2, 1.5])  # size was width, length, height
-    np.testing.assert_allclose(truth.box[1], [5, 5, 1, 0, 0.6, 0.5, 1.8])
-
-
-def test_velocity_is_that_since_the_frame_before(data: Path) -> None:
-    truth = scene(data).truth
-    car, walker = truth.object_id == 0, truth.object_id == 2
-    np.testing.assert_allclose(truth.velocity[car][1:], [[0, 4], [0, 5], [0, 5]])  # irregular steps
-    np.testing.assert_allclose(truth.velocity[walker][1], [0, 0])
-    assert np.isnan(truth.velocity[[0, 1, 2, 8]]).all()  # the first of each; the last of the walker, after a gap
-
-
-def test_velocity_in_any_order_of_rows() -> None:
-    frame, object_id = np.array([2, 0, 1, 0, 2]), np.array([7, 7, 7, 3, 3])
-    position = np.array([[4.0, 0], [0, 0], [1, 0], [9, 9], [0, 0]])
-    for period, last in ((1.0, [3, 0]), (0.5, [NAN, NAN])):  # the second step is a hole if it is two periods
-        velocity = backward_velocity(frame, object_id, position, np.array([0.0, 0.5, 1.5]), period)
-        np.testing.assert_array_equal(velocity, [last, [NAN, NAN], [2, 0], [NAN, NAN], [NAN, NAN]])
+from mtp_bench.sources.nuscenes.tables import TableRecord, read_records
+from mtp_bench.sources.text import decode
+from tests.support.nuscenes_root import PREDICTION, SCENES, VERSION, edited, nuscenes_card, scene, write_root
 
 
 def test_targets_only(data: Path) -> None:
@@ -99,8 +67,8 @@ def test_a_simulated_detector_needs_no_detections(data: Path) -> None:
 
 
 @pytest.mark.parametrize(("counts", "neutral"), [
-    ({"num_lidar_pts": 0, "num_radar_pts": 0}, True), ({"num_lidar_pts": 0, "num_radar_pts": 1}, False),
-    ({"num_lidar_pts": 3, "num_radar_pts": 0}, False), ({"num_lidar_pts": 0}, False), ({}, False),
+    ({"num_lidar_pts": 0, "num_radar_pts": 0}, True), ({"num_lidar_pts": 0, "num_radar_pts": None}, False),
+    ({"num_lidar_pts": None, "num_radar_pts": None}, False),
 ])  # fmt: skip
 def test_boxes_without_a_point_are_neutral(data: Path, counts: dict[str, int], neutral: bool) -> None:
     """As in the official evaluation; a target of the prediction challenge is one all the same."""
@@ -112,3 +80,54 @@ def test_boxes_without_a_point_are_neutral(data: Path, counts: dict[str, int], n
     assert len(changed) == neutral
     assert (found.frame_of_rows[changed] == 1).all()
     assert not scene(data, SCENES[0], truth="targets").truth.neutral.any()
+
+
+TARGETS: dict[str, Any] = {
+    "no such instance": {"scene-0003": ["x_scene-0003-t0"]},
+    "no such sample": {"scene-0003": ["scene-0003-car_x"]},
+    "a sample of another scene": {"scene-0003": ["scene-0003-car_scene-0001-t0"]},
+    "a sample without the box": {"scene-0003": ["scene-0003-walker_scene-0003-t2"]},
+    "an instance alone": {"scene-0003": ["scene-0003-car"]},
+    "a list": ["scene"],
+}
+
+
+@pytest.mark.parametrize("content", TARGETS.values(), ids=TARGETS)
+def test_prediction_targets(data: Path, content: Any) -> None:
+    before = json.loads((data / PREDICTION).read_text())
+    (data / PREDICTION).write_text(json.dumps({**before, **content} if isinstance(content, dict) else content))
+    with pytest.raises(DataError, match=r"prediction_scenes\.json"):
+        open_source(nuscenes_card(truth="targets"), data)
+
+
+TEXTS = {
+    "empty": "", "nested too deeply": "[" * 100_000,
+    "nested too deeply in a skipped value": '[{"x": ' + "[" * 100_000, "no list": '{"a": 1}', "no record": "[1, 2]",
+    "bytes that are no text": b'[{"token": "\xff\xfe"}]',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+def test_texts_that_are_not_json(tmp_path: Path, text: str | bytes) -> None:
+    path = tmp_path / "table.json"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    with pytest.raises(DataError, match=r"table\.json"):
+        read_records(path, TableRecord)
+
+
+def test_nan_is_null_outside_of_texts(tmp_path: Path) -> None:
+    path = tmp_path / "table.json"
+    path.write_text('[{"token": "NaN", "x": NaN, "y": [NaN,NaN]}, {"token": "aNaN"}]')
+    assert [each.token for each in read_records(path, TableRecord)] == ["NaN", "aNaN"]
+    with pytest.raises(DataError, match="somewhere"):
+        decode(b"NaN", list[TableRecord], "somewhere")
+
+
+def test_official_splits() -> None:
+    scenes = official_scenes()
+    assert [len(scenes[name]) for name in SPLITS] == [500, 200, 150, 8, 2]
+    whole = {*scenes["train"], *scenes["train_val"], *scenes["val"]}
+    assert len(whole) == 850
+    assert {*scenes["mini_train"], *scenes["mini_val"]} < whole
+    assert max(scenes["train_val"]) < min(scenes["train"])
+    assert scenes_by_split(["scene-9", "scene-0301"]) == {"train": ("scene-0301",), "all": ("scene-0301", "scene-9")}

@@ -25,17 +25,6 @@ def load(data: Path, classes: tuple[str, ...] = ("car", "pedestrian"), **source:
     return open_source(nuscenes_card(classes, **source), data).load("scene-0003").detections
 
 
-def test_boxes_by_frame_and_class(data: Path) -> None:
-    scene = open_source(nuscenes_card(), data).load("scene-0003")
-    found = scene.detections
-    assert found.start.tolist() == [0, 2, 4, 6, 6]  # no cones, and nothing in the last frame
-    assert found.class_id.tolist() == [1, 0] * 3
-    np.testing.assert_allclose(found.box[0], [10, 1, 1, np.pi / 2, 4, 2, 1.5])  # size was width, length, height
-    assert np.isnan(found.velocity).all()
-    assert (found.score.tolist(), scene.detector, scene.simulated) == ([0.5] * 6, "megvii, stored detections", False)
-    assert load(data, ("traffic_cone",)).class_id.tolist() == [0] * 3
-
-
 def test_velocity_and_score(data: Path) -> None:
     with edited(stored(data)) as content:
         content["results"][T] = [

@@ -1,37 +1,29 @@
 """Rules that all sources share: their packages, roots, facts, and cards that do not fit."""
 
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from mtp_bench.cards import Card, load_card
+from mtp_bench.cards import load_card
 from mtp_bench.cards.source import SOURCES, source_class
 from mtp_bench.core.bundle import card_ids
 from mtp_bench.core.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source, package_of
 from mtp_bench.sources.base import SourcePackage
-from tests.sources import (
-    test_argoverse2 as argoverse2,
-    test_kitti as kitti,
-    test_mot3d as mot3d,
-    test_people as people,
-    test_wildtrack as wildtrack,
-)
-from tests.support.nuscenes_root import nuscenes_card, write_root
+from tests.support.drawn_recordings import small_recording
+from tests.support.layouts import LAYOUTS
 from tests.support.source_files import with_task
 
-ROOTS: dict[str, tuple[Card, Callable[[Path], Path], tuple[str, ...], str]] = {  # card, root, folders, where to get it
-    "kitti": (kitti.kitti_card(), kitti.make_root, ("kitti_tracking",), "cvlibs.net"),
-    "mot3d": (mot3d.mot3d_card(), mot3d.make_root, ("mot3d2015", "3DMOT2015"), "motchallenge.net"),
-    "people": (people.people_card(), people.make_root, ("eth_ucy", "ETH_UCY"), "Trajectron-plus-plus"),
-    "wildtrack": (
-        wildtrack.wildtrack_card(split="test"), wildtrack.make_root, ("wildtrack", "Wildtrack_dataset"), "epfl.ch"),
-    "argoverse2": (argoverse2.CARD, argoverse2.make_root, ("argoverse2", "av2"), "argoverse.org"),
-    "nuscenes": (nuscenes_card(), lambda data: write_root(data) / "nuscenes", ("nuscenes",), "nuscenes.org"),
-}  # fmt: skip
+ROOTS: dict[str, tuple[str, tuple[str, ...], str]] = {  # layout, folders, where to get it
+    "kitti": ("KITTI", ("kitti_tracking",), "cvlibs.net"),
+    "mot3d": ("3DMOT2015", ("mot3d2015", "3DMOT2015"), "motchallenge.net"),
+    "people": ("ETH/UCY", ("eth_ucy", "ETH_UCY"), "Trajectron-plus-plus"),
+    "wildtrack": ("WILDTRACK", ("wildtrack", "Wildtrack_dataset"), "epfl.ch"),
+    "argoverse2": ("Argoverse 2", ("argoverse2", "av2"), "argoverse.org"),
+    "nuscenes": ("nuScenes", ("nuscenes",), "nuscenes.org"),
+}
 
 
 ROOMS = {"highway": "traffic", "gym": "traffic"}
@@ -46,13 +38,14 @@ def test_a_registered_source_has_a_section_and_a_package(name: str) -> None:
 @pytest.mark.parametrize("name", ROOTS)
 def test_roots(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A dataset lies in a folder of the data root, or the data root is that folder."""
-    card, make_root, folders, address = ROOTS[name]
+    layout, folders, address = ROOTS[name]
+    card = LAYOUTS[layout].card(tmp_path)
     missing = describe(card, tmp_path / "nothing")
     assert missing.searched == tuple(tmp_path / "nothing" / folder for folder in (*folders, ""))
     assert (missing.root, missing.usable, missing.missing) == (None, False, [])
     with pytest.raises(DataError, match=rf"(?s){folders[0]}.*given as data root.*{address}"):
         open_source(card, tmp_path / "nothing")
-    root = make_root(tmp_path)
+    root = LAYOUTS[layout].write(tmp_path, small_recording(LAYOUTS[layout]))
     names = open_source(card, root).names
     for folder in folders:
         root = root.rename(tmp_path / folder)
@@ -67,10 +60,11 @@ def test_roots(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize("change", [{"classes": ("pedestrian", "cars")}, {"rate": 3.3}], ids=["class", "rate"])
 @pytest.mark.parametrize("name", ROOTS)
 def test_cards_that_do_not_fit(name: str, change: dict[str, Any], tmp_path: Path) -> None:
-    card, make_root, *_ = ROOTS[name]
+    layout = LAYOUTS[ROOTS[name][0]]
+    root, card = layout.write(tmp_path, small_recording(layout)), layout.card(tmp_path)
     text = "has no class 'cars'" if "classes" in change else r"task\.rate is 3\.3 Hz, but .* has"
     with pytest.raises(CardError, match=text):
-        open_source(with_task(card, **change), make_root(tmp_path))
+        open_source(with_task(card, **change), root)
 
 
 @pytest.mark.parametrize("env_id", card_ids())

@@ -10,14 +10,17 @@ dog      frame 2                   an animal, not used
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mtp_bench.cards import Card
 from mtp_bench.core import Scene
 from mtp_bench.sources import open_source
+from tests.support.drawn_recordings import Recording, Row
 from tests.support.source_files import card_of
 
 VERSION = "v1.0-mini"
@@ -27,11 +30,7 @@ SCENES = ("scene-0301", "scene-0001", "scene-0003")  # in the order of the table
 TIMES = (0.0, 0.5, 0.9, 1.5)  # s
 CAR_Y = (0.0, 2.0, 4.0, 7.0)
 LEFT = [0.7071, 0.0, 0.0, 0.7071]  # heading along y, as four digits give it
-AHEAD = [1.0, 0.0, 0.0, 0.0]
-MOUNT = {"translation": [0.0, 0.0, 0.0], "rotation": AHEAD, "camera_intrinsic": []}
-CATEGORIES = {
-    "car": "vehicle.car", "walker": "human.pedestrian.adult", "police": "vehicle.emergency.police", "dog": "animal",
-}  # fmt: skip
+MOUNT = {"translation": [0.0, 0.0, 0.0], "rotation": [1.0, 0.0, 0.0, 0.0], "camera_intrinsic": []}
 
 Record = dict[str, Any]
 Tables = dict[str, list[Record]]
@@ -41,49 +40,41 @@ def sample(scene: str, frame: int) -> str:
     return f"{scene}-t{frame}"
 
 
-def object_boxes(scene: str, name: str) -> list[Record]:
-    places = {
-        "car": [(t, [10.0, CAR_Y[t], 1.0], [2.0, 4.0, 1.5], LEFT) for t in range(4)],
-        "walker": [(t, [5.0, 5.0, 1.0], [0.5, 0.6, 1.8], AHEAD) for t in (0, 1, 3)],
-        "police": [(t, [-5.0, 5.0, 1.0], [2.0, 5.0, 1.5], LEFT) for t in (0, 1)],
-        "dog": [(2, [0.0, 9.0, 0.5], [0.3, 0.8, 0.5], AHEAD)],
-    }[name]
-    tokens = ["", *(f"{scene}-{name}-t{t}" for t, *_ in places), ""]
-    return [
-        {
-            "token": tokens[i + 1], "sample_token": sample(scene, t), "instance_token": f"{scene}-{name}",
-            "translation": place, "size": size, "rotation": rotation, "prev": tokens[i], "next": tokens[i + 2],
-        }
-        for i, (t, place, size, rotation) in enumerate(places)
-    ]  # fmt: skip
+def small_scene() -> Recording:
+    """The objects above; the ego is 0.5 m above the ground."""
+    places = [
+        *((t, "car", "vehicle.car", [10, CAR_Y[t], 1, np.pi / 2, 4, 2, 1.5]) for t in range(4)),
+        *((t, "walker", "human.pedestrian.adult", [5, 5, 1, 0, 0.6, 0.5, 1.8]) for t in (0, 1, 3)),
+        *((t, "police", "vehicle.emergency.police", [-5, 5, 1, np.pi / 2, 5, 2, 1.5]) for t in (0, 1)),
+        (2, "dog", "animal", [0, 9, 0.5, 0, 0.8, 0.3, 0.5]),
+    ]
+    truth = [Row(t, name, kind, np.array(box, dtype=float)) for t, name, kind, box in places]
+    pose = np.array([[0, 4 * seconds, 0.5, np.pi / 2, 0, 0] for seconds in TIMES])
+    return Recording(np.array(TIMES), pose, truth, [])
 
 
-def make_tables(scenes: tuple[str, ...] = SCENES) -> Tables:
+def make_tables(recordings: Mapping[str, Recording]) -> Tables:
     """The tables as lists of records; camera keyframes and sweeps come before the ones that count."""
     tables: Tables = {
         "sensor": [{"token": "lidar", "channel": "LIDAR_TOP"}, {"token": "cam", "channel": "CAM_FRONT"}],
         "calibrated_sensor": [
             {"token": "lidar-1", "sensor_token": "lidar", **MOUNT}, {"token": "cam-1", "sensor_token": "cam", **MOUNT}],
-        "category": [{"token": key, "name": name} for key, name in CATEGORIES.items()],
     }  # fmt: skip
     for name in ("scene", "sample", "sample_data", "ego_pose", "instance", "sample_annotation"):
         tables[name] = []
-    for index, scene in enumerate(scenes):
-        _add_scene(tables, scene, 1_500_000_000_000_000 + index * 100_000_000)
+    kinds = {row.kind for recording in recordings.values() for row in recording.truth}
+    tables["category"] = [{"token": kind, "name": kind} for kind in sorted(kinds)]
+    for index, (scene, recording) in enumerate(recordings.items()):
+        _add_scene(tables, scene, 1_500_000_000_000_000 + index * 100_000_000, recording)
     return tables
 
 
-def _add_scene(tables: Tables, scene: str, start: int) -> None:
-    ends = {"first_sample_token": sample(scene, 0), "last_sample_token": sample(scene, 3)}
-    tables["scene"].append({"token": f"{scene}-token", "name": scene, "nbr_samples": 4, **ends})
-    for t, seconds in enumerate(TIMES):
+def _add_scene(tables: Tables, scene: str, start: int, recording: Recording) -> None:
+    tables["scene"].append({"token": f"{scene}-token", "name": scene})
+    for t, seconds in enumerate(recording.time.tolist()):
         tables["sample"].append(
-            {
-                "token": sample(scene, t), "timestamp": start + round(seconds * 1e6),
-                "scene_token": f"{scene}-token", "prev": sample(scene, t - 1) if t else "",
-                "next": sample(scene, t + 1) if t < 3 else "",
-            }
-        )  # fmt: skip
+            {"token": sample(scene, t), "timestamp": start + round(seconds * 1e6), "scene_token": f"{scene}-token"}
+        )
         for sensor, key_frame, pose in (("cam-1", True, "far"), ("lidar-1", False, "far"), ("lidar-1", True, "pose")):
             tables["sample_data"].append(
                 {
@@ -92,17 +83,27 @@ def _add_scene(tables: Tables, scene: str, start: int) -> None:
                     "ego_pose_token": f"{scene}-{pose}-{t}", "filename": "", "width": 0, "height": 0,
                 }
             )  # fmt: skip
-        for pose, x in (("far", 1e6), ("pose", 0.0)):
+        place, rotation = recording.pose[t, :3], np.roll(recording.turn[t].as_quat(), 1)
+        rotation *= (-1) ** t  # either sign is the same rotation
+        for pose, at in (("far", place + 1e6), ("pose", place)):
             tables["ego_pose"].append(
-                {"token": f"{scene}-{pose}-{t}", "translation": [x, 4 * seconds, 0.5], "rotation": LEFT}
+                {"token": f"{scene}-{pose}-{t}", "translation": at.tolist(), "rotation": rotation.tolist()}
             )
-    for name in CATEGORIES:
-        boxes = object_boxes(scene, name)
-        tables["sample_annotation"] += boxes
-        ends = {"first_annotation_token": boxes[0]["token"], "last_annotation_token": boxes[-1]["token"]}
-        tables["instance"].append(
-            {"token": f"{scene}-{name}", "category_token": name, "nbr_annotations": len(boxes), **ends}
-        )
+    kinds = {row.name: row.kind for row in recording.truth}
+    tables["instance"] += [{"token": f"{scene}-{name}", "category_token": kind} for name, kind in kinds.items()]
+    tables["sample_annotation"] += [
+        {
+            "token": f"{scene}-{row.name}-t{row.frame}", "sample_token": sample(scene, row.frame),
+            "instance_token": f"{scene}-{row.name}", "num_lidar_pts": 0, "num_radar_pts": int(row.seen),
+            **box_fields(row),
+        }
+        for row in recording.truth
+    ]  # fmt: skip
+
+
+def box_fields(row: Row) -> Record:
+    x, y, z, yaw, l, w, h = row.box.tolist()
+    return {"translation": [x, y, z], "size": [w, l, h], "rotation": [np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]}
 
 
 def make_targets(scenes: tuple[str, ...] = SCENES) -> dict[str, list[str]]:
@@ -148,9 +149,13 @@ def edited(path: Path) -> Iterator[Any]:
     write_json(path, content)
 
 
-def write_root(data: Path, scenes: tuple[str, ...] = SCENES) -> Path:
-    for name, records in make_tables(scenes).items():
+def write_scenes(data: Path, recordings: Mapping[str, Recording]) -> None:
+    for name, records in make_tables(recordings).items():
         write_json(data / "nuscenes" / VERSION / f"{name}.json", records)
+
+
+def write_root(data: Path, scenes: tuple[str, ...] = SCENES) -> Path:
+    write_scenes(data, dict.fromkeys(scenes, small_scene()))
     write_json(data / PREDICTION, make_targets(scenes))
     write_detections(data / DETECTIONS, scenes)
     return data

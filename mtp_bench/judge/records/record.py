@@ -236,7 +236,8 @@ class HiddenPart(Results):
     commitment: Sha256  # of the secret
     weights: Sha256  # hash of their event weights, made once per seal
     scenes: Count
-    targets: UnitTargets  # in an order of units that the salt of the seal draws
+    # in an order of units that the salt of the seal draws; it must be stated
+    targets: UnitTargets  # pyright: ignore[reportGeneralTypeIssues]
 
 
 def key_of(scene: str, seed: int) -> str:

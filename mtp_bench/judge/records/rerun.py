@@ -15,6 +15,7 @@ import secrets
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -180,11 +181,12 @@ def run_hidden(
         nothing_predicted=results.targets.nothing_predicted,
         subsets=results.targets.subsets,
     )
+    shared_fields: dict[str, Any] = dict(results) | {"targets": targets}
     return HiddenPart(
         commitment=sealed.commitment,
         weights=reference.digest,
         scenes=len(hidden_names),
-        **dict(results) | {"targets": targets},
+        **shared_fields,
     )
 
 

@@ -169,11 +169,14 @@ def _truth(
     distance_m = np.linalg.norm(box[:, :2] - ego[frame, :2], axis=1)
     within_reach = distance_m <= reach_m
     without_points = boxes["num_lidar_points"][is_used, 0] == 0
-    neutral = np.char.startswith(labels, NEUTRAL) | without_points | ~within_reach
+    # lists, since functions of texts fail for an array without rows
+    classes = [label.removeprefix(NEUTRAL) for label in labels.tolist()]
+    is_marked = np.array(classes, dtype=np.str_) != labels
+    neutral = is_marked | without_points | ~within_reach
     columns = {
         "frame": frame,
         "id": object_ids,
-        "class": np.char.replace(labels, NEUTRAL, ""),
+        "class": np.array(classes, dtype=np.str_),
         **dict(zip(BOX_COLUMNS, box.T, strict=True)),
         "neutral": neutral.astype(np.int64),
     }
@@ -197,6 +200,7 @@ def _read_poses(path: Path, time: Floats) -> tuple[Floats, Bools, Floats]:
     require_rotations(pose[:, 3:], lambda row: f"{path}, pose {row + 1}")
     last_pose = np.searchsorted(pose_time, time + ROUNDING_US, "right") - 1
     has_pose = last_pose >= 0
+    age_us = np.zeros(len(time))
     if len(pose):
         age_us = time - pose_time[last_pose]
         has_pose &= age_us <= MAX_POSE_AGE_US

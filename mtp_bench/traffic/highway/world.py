@@ -195,7 +195,8 @@ class Recording:
         frames = self.frames[frame_slice]
         row_counts = [len(frame) for frame in frames]
         frame = np.repeat(np.arange(len(frames)), row_counts)
-        rows = np.column_stack([np.concatenate([np.empty((0, 11)), *frames]), frame])
+        all_rows = np.concatenate([np.empty((0, 11)), *frames])
+        rows = np.column_stack([all_rows, frame.astype(float)])
         rows = rows[np.lexsort((rows[:, NUMBER_COLUMN], frame))]
         rows[:, :9] *= _MIRROR
         yaw_rad = wrap_angle(rows[:, 3])

@@ -140,7 +140,7 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
         scene = entry.record.scenes[index]
         bar: dict[str, Any] = {
             "scene": scene,
-            "targets": round(target_counts[index]),
+            "targets": round(float(target_counts[index])),
             "error": scene_errors.get(scene),  # m
             # user units
             "width": round(per_metre * scene_errors.get(scene, 0.0), 1),
