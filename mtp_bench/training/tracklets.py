@@ -156,9 +156,9 @@ def _tracker_of(tracker: Any) -> Tracker:
     """
     if isinstance(tracker, str) and tracker == TRUTH:
         return TruthTracker()
-    if isinstance(tracker, int | np.integer) and not isinstance(tracker, bool):
-        if tracker >= 1:
-            return HypothesisTracker(int(tracker))
+    is_number = isinstance(tracker, int | np.integer) and not isinstance(tracker, bool)
+    if is_number and int(tracker) >= 1:
+        return HypothesisTracker(int(tracker))
     methods = [getattr(tracker, name, None) for name in ("reset", "step")]
     if not isinstance(tracker, type) and all(map(callable, methods)):
         return tracker  # type: ignore[no-any-return]
