@@ -33,6 +33,7 @@ class EpisodeLike(Protocol):
 
         In a closed loop it has the present frame alone until the loop ends.
         """
+        ...
 
     @property
     def frame(self) -> LocalFrame:

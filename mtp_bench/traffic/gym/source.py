@@ -99,13 +99,17 @@ class GymScenes(TrafficScenes):
         store = WorldStore(traffic_of(section), _simulate)
         super().__init__(card, store, section.seeds)
 
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the scenes without a crash.
 
         Simulates the seeds that are not in the cache. Raises DataError if no scene is
         left.
         """
+        return self._whole_scenes
+
+    @cached_property
+    def _whole_scenes(self) -> tuple[str, ...]:
         names = []
         with long_work(f"simulating {self.store.traffic.id}") as work:
             work.started(len(self.missing()))

@@ -212,7 +212,7 @@ class TrafficScenes:
         self.store = store
         self.seeds = range(*getattr(seeds, card.source.split))
 
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the scenes, in the order of their seeds."""
         return tuple(map(self.name_of, self.seeds))
