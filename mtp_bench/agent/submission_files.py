@@ -27,7 +27,7 @@ from ..core import (
 )
 from .manifest import MANIFEST, MAX_NAME, NAME_RULE, is_name
 
-FOLDERS = ("__pycache__", ".git")  # made by tools: not part of a submission
+SKIPPED_FOLDERS = ("__pycache__", ".git")  # made by tools: not part of a submission
 MOST_BYTES = 2 << 30  # of all files together
 MOST_FILES = 10_000
 MOST_DEPTH = 32  # of nested folders
@@ -39,9 +39,9 @@ FILES = (MANIFEST, "agent.py.txt", "README.md")  # of the template; it is no mod
 def files_of(folder: Path) -> list[Path]:
     """List the files of the submission in ``folder``, sorted by name.
 
-    Those in FOLDERS are left out. No file is opened. Raises SubmissionError, naming the
+    Those in SKIPPED_FOLDERS are left out. No file is opened. Raises SubmissionError, naming the
     file, for links, FIFOs, sockets and devices, for a file with the name of one of
-    FOLDERS, for a name that is not UTF-8, and for more than MOST_FILES or MOST_BYTES.
+    SKIPPED_FOLDERS, for a name that is not UTF-8, and for more than MOST_FILES or MOST_BYTES.
     """
     paths: list[Path] = []
     size = 0
@@ -169,7 +169,7 @@ class _Finder:
     ) -> ModuleSpec | None:
         if not name.startswith(PREFIX) or path is None:
             return None
-        if any(part in FOLDERS for part in name.split(".")):
+        if any(part in SKIPPED_FOLDERS for part in name.split(".")):
             raise ModuleNotFoundError(
                 f"{name.rsplit('.', maxsplit=1)[-1]} is not part of a submission",
                 name=name,
@@ -190,9 +190,9 @@ def _entries(folder: Path, depth: int) -> Iterator[os.DirEntry[str]]:
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
-                if _is_folder(entry):
+                if _is_entered(entry):
                     yield from _entries(Path(entry.path), depth + 1)
-                elif entry.name not in FOLDERS or not entry.is_dir(
+                elif entry.name not in SKIPPED_FOLDERS or not entry.is_dir(
                     follow_symlinks=False
                 ):
                     yield entry
@@ -202,10 +202,11 @@ def _entries(folder: Path, depth: int) -> Iterator[os.DirEntry[str]]:
         ) from None
 
 
-def _is_folder(entry: os.DirEntry[str]) -> bool:
-    """Return True for a folder to enter, False for a file or one of FOLDERS.
+def _is_entered(entry: os.DirEntry[str]) -> bool:
+    """Return True for a folder whose files belong to the submission.
 
-    Raises SubmissionError for an entry that a submission cannot hold, such as a link.
+    False for a file, or a folder that is left out. Raises SubmissionError for an entry
+    that a submission cannot hold, such as a link.
     """
     try:
         entry.name.encode()
@@ -225,10 +226,10 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         raise SubmissionError(
             f"{entry.path} is a {kind}, expected files and folders only: remove it"
         )
-    if kind == "" and entry.name in FOLDERS:
+    if kind == "" and entry.name in SKIPPED_FOLDERS:
         raise SubmissionError(
             f"{entry.path} is a file, and only a folder may have this name: remove it, "
             "or copy the submission without it (a git worktree or submodule has such a "
             "file)"
         )
-    return kind == "folder" and entry.name not in FOLDERS
+    return kind == "folder" and entry.name not in SKIPPED_FOLDERS

@@ -76,7 +76,8 @@ def logistic_regression(
 ) -> tuple[Any, PresenceModel]:
     """Fit scikit-learn's estimator to `design`.
 
-    Also returns a model with its standardisation and no coefficients yet.
+    Returns it with a model of its inputs' standardisation. The caller fills in the
+    coefficients and the knots of the calibration.
     """
     from sklearn.linear_model import LogisticRegression
 
@@ -100,7 +101,7 @@ def logistic_regression(
         scale=_rounded(np.where(scale > 0, scale, 1.0)).tolist(),
         shared=[0.0] * (1 + len(scale)),
         classes={},
-        knots=[[0.0, 1.0], [0.0, 1.0]],
+        knots=[[0.0, 1.0], [0.0, 1.0]],  # no calibration yet
     )
     columns = design(model.standardised(rows), rows.class_name, recipe.products)
     estimator = LogisticRegression(

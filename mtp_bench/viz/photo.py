@@ -67,6 +67,7 @@ def photo_of(focus: Focus) -> Photo | None:
 def _event_boxes(focus: Focus) -> list[tuple[str, Floats]]:
     """Return role and box of all marks, the object first."""
     shown = frame_of(focus, focus.at.frame)
+    # the event is where the object is, or a track; detections alone do not show it
     boxes = [("truth", box) for box in shown.object_box]
     boxes += [(track.role, track.box) for track in shown.tracks]
     if not boxes and focus.at.kind == "spurious":  # a forecast without a track

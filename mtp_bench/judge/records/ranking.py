@@ -36,7 +36,7 @@ from .eligibility import (
 )
 from .fields import LEVELS
 from .record import SubmissionPart
-from .shipped import baselines, learned_truths, network_references
+from .shipped import baselines, network_references, networks_on_truth
 
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 ASSOCIATION = controls()["same_samples"], controls()["associated_same_samples"]
@@ -165,7 +165,7 @@ def _ranked_places(
     Those are the ranked ones, or before a round those that wait for it.
     """
     candidates = [peer for peer in peers if peer.unranked_because is None]
-    truths = _truths(best_records)
+    truths = _truth_references(best_records)
     held_because = [held_back(candidate, truths) for candidate in candidates]
     guards = [_guarded(candidate, best_records) for candidate in candidates]
     places = places_on(subsets, candidates, held_because, guards)
@@ -236,8 +236,13 @@ def _guarded(entrant: _Entrant, best_records: _Best) -> str | None:
 
 
 def _pairs(entrant: _Entrant, best_records: _Best) -> GapPairs:
-    """Return the records between which the gaps of a record are closed."""
+    """Return the pairs of reference records that define each gap of a record.
+
+    A gap is the difference of their errors, and the record closes a share of it. A pair
+    may state why it is missing.
+    """
     submission = entrant.record.submission
+    # references with the predictor of the submission itself
     own_pair = _pair(submission, "truth", best_records)
     kinematic = own_pair
     if submission.gap_references == "own":
@@ -309,14 +314,15 @@ def _gap_blank(
     return pair.closed_by(entrant, "all").why or NO_GAP
 
 
-def _truths(best_records: _Best) -> list[_Entrant]:
-    """Return the records of ground-truth tracks and of the best network on them.
+def _truth_references(best_records: _Best) -> list[_Entrant]:
+    """Return two records with ground-truth tracks.
 
+    The first predicts without a network, the second with the network of lowest error.
     Empty unless there are both.
     """
     truth = best_records.get(TRUTH)
     learned = []
-    for name in learned_truths():
+    for name in networks_on_truth():
         entrant = best_records.get(name)
         if entrant is None:
             continue

@@ -111,7 +111,7 @@ def network_references(network: str, observe: str) -> tuple[str, str] | None:
     return None
 
 
-def learned_truths() -> tuple[str, ...]:
+def networks_on_truth() -> tuple[str, ...]:
     """Return the baselines that predict with a network from ground-truth tracks."""
     truth_names = []
     for name, baseline in baselines().items():

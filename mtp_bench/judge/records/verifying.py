@@ -138,7 +138,7 @@ def verify(
         # all seeds are run, then the scenes are scored
         public_runs = len(record.scenes) * (len(record.seeds) + 1)
         options.progress.started(secret_runs + public_runs)
-        public = _run_again(path, record, plan, reference)
+        public = _check_by_rerun(path, record, plan, reference)
     if not public.holds:
         return public
     with ExitStack() as check_ends:
@@ -275,7 +275,7 @@ def _made_here(
     return Verification(record_file, record, "re-scored", notes=(note,))
 
 
-def _run_again(
+def _check_by_rerun(
     record_file: Path, record: Record, plan: Plan, reference: Reference
 ) -> Verification:
     """Check a record by running its submission as it was run then."""
@@ -284,13 +284,17 @@ def _run_again(
     if plan.options.workers.count > 1 and "hung" in statuses:
         raise RecordError(
             f"{record_file}: an answer came late here, so the run confirms nothing: "
-            "check it "
-            "with --jobs 1"
+            "check it with --jobs 1"
         )
     isolation_now = isolation(seed_runs)
     if changed := tuple(_differences_on_rerun(record, plan, seed_runs)):
+        # its numbers are not scored again, since the run itself differs
         return Verification(
-            record_file, record, "scored", changed, isolation=isolation_now
+            record_file,
+            record,
+            level="scored",
+            differences=changed,
+            isolation=isolation_now,
         )
     checked = _score_again(
         record_file,

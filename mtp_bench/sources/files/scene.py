@@ -177,7 +177,7 @@ def _for_card(scene: Scene, card: Card, where: str, has_detections: bool) -> Sce
             f"{where}: its truth has prediction targets only, so a simulated detector "
             "would miss all other objects; use the detections of the files"
         )
-    # simulated detections take the place of those of the files
+    # the detector is simulated later, and then sets these fields
     no_rows = no_detections(scene.frames)
     return replace(scene, detections=no_rows, detector="", simulated=False)
 

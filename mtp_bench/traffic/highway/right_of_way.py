@@ -66,8 +66,8 @@ class _Approach:
     rear: float
     speed: float
     acceleration: float
-    free: float  # m to a slow leader
-    stop: float = math.inf  # m to the place where it has to wait
+    leader_gap_m: float  # to a slow leader
+    wait_gap_m: float = math.inf  # to the place where it has to wait
 
     @property
     def behind_line(self) -> bool:
@@ -83,19 +83,19 @@ class _Approach:
             return (self.front + self.rear) / 2 > zone.other_end
         return self.rear > zone.other_end
 
-    def soonest(self, place: float) -> float:
-        """Return the earliest time at a place, s from now."""
+    def earliest_arrival_s(self, station_m: float) -> float:
+        """Return how soon its front may reach a station of its route."""
         cruise_mps = _FAST_CRUISE * self.passage.cruise
-        distance_m = place - self.front
+        distance_m = station_m - self.front
         return _travel_time(distance_m, self.speed, _FAST_ACCELERATION_MPS2, cruise_mps)
 
-    def latest(self, end: float) -> float:
-        """Return the latest time at an ``end``, s from now.
+    def latest_clearance_s(self, station_m: float) -> float:
+        """Return how late its rear may pass a station of its route.
 
         Inf if it may stop before.
         """
-        distance_m = end - self.rear
-        if min(self.free, self.stop) < distance_m:
+        distance_m = station_m - self.rear
+        if min(self.leader_gap_m, self.wait_gap_m) < distance_m:
             return math.inf
         acceleration_mps2 = _SLOW_ACCELERATION * self.acceleration
         cruise_mps = _SLOW_CRUISE * self.passage.cruise
@@ -115,8 +115,13 @@ class _Approach:
         # seconds from now, in which the pedestrian is near the vehicle's path
         enters = max(to_middle - _WALKER_GAP_M, 0.0) / walk.speed
         leaves = (to_middle + _WALKER_GAP_M) / walk.speed
-        comes_before = self.soonest(stretch.start) < leaves + _WALKER_GAP_S / 2
-        return comes_before and enters < self.latest(stretch.end) + _WALKER_GAP_S
+        comes_before = (
+            self.earliest_arrival_s(stretch.start) < leaves + _WALKER_GAP_S / 2
+        )
+        return (
+            comes_before
+            and enters < self.latest_clearance_s(stretch.end) + _WALKER_GAP_S
+        )
 
     def meets_any(
         self, stretch: CrossingStretch, walks: list[CrossingPedestrian]
@@ -165,11 +170,11 @@ class RightOfWay:
         # the oldest right first: others wait for those who wait
         for vehicle_number, orders in self._granted.items():
             me = self._vehicles[vehicle_number]
-            me.stop = self._wait_inside(me, orders, walks)
+            me.wait_gap_m = self._wait_inside(me, orders, walks)
         stop = np.full(len(state), np.inf)
         for row_index, (vehicle_number, me) in enumerate(self._vehicles.items()):
             if vehicle_number in self._granted:
-                stop[row_index] = me.stop
+                stop[row_index] = me.wait_gap_m
             elif me.front < me.passage.line + _OVERSHOT_M:
                 stop[row_index] = max(me.passage.line - me.front, 0.0)
         return stop
@@ -191,7 +196,7 @@ class RightOfWay:
     def _observe(self, state: RoadState, leading_obstacles: Leaders) -> None:
         """Read the vehicles in order and forget those that left."""
         stops = {
-            vehicle_number: self._vehicles[vehicle_number].stop
+            vehicle_number: self._vehicles[vehicle_number].wait_gap_m
             for vehicle_number in self._granted
         }
         columns = (
@@ -210,7 +215,7 @@ class RightOfWay:
             *(column.tolist() for column in columns), strict=True
         ):  # the values are in the order of the fields
             approach = _Approach(self.passages[route], route, *values)
-            approach.stop = stops.get(vehicle_number, math.inf)
+            approach.wait_gap_m = stops.get(vehicle_number, math.inf)
             self._vehicles[vehicle_number] = approach
         for vehicle_number in [*self._granted]:
             me = self._vehicles.get(vehicle_number)
@@ -287,8 +292,8 @@ class RightOfWay:
                 if other_approach.has_left(zone):
                     continue
                 if (
-                    me.soonest(zone.start)
-                    > other_approach.latest(zone.other_end) + _AFTER_S
+                    me.earliest_arrival_s(zone.start)
+                    > other_approach.latest_clearance_s(zone.other_end) + _AFTER_S
                 ):
                     leaders.append((vehicle_number, zone))
                 elif self._can_go_before(me, other_approach, zone):
@@ -326,9 +331,9 @@ class RightOfWay:
     ) -> bool:
         if self.first_in_first_out or other_approach.front > zone.other_start:
             return False
-        return me.latest(zone.end) + _BEFORE_S < other_approach.soonest(
-            zone.other_start
-        )
+        return me.latest_clearance_s(
+            zone.end
+        ) + _BEFORE_S < other_approach.earliest_arrival_s(zone.other_start)
 
     def _wait_inside(
         self, me: _Approach, orders: Orders, walks: list[CrossingPedestrian]
@@ -342,8 +347,11 @@ class RightOfWay:
             if vehicle_number not in self._granted or me.front > zone.start + _INSIDE_M:
                 continue
             other_approach = self._vehicles[vehicle_number]
-            latest = other_approach.latest(zone.other_end) + _MIN_AFTER_S
-            if not other_approach.has_left(zone) and me.soonest(zone.start) < latest:
+            latest = other_approach.latest_clearance_s(zone.other_end) + _MIN_AFTER_S
+            if (
+                not other_approach.has_left(zone)
+                and me.earliest_arrival_s(zone.start) < latest
+            ):
                 stop = min(stop, max(zone.start - me.front, 0.0))
         for stretch in me.passage.stretches:
             if me.front < stretch.start and me.meets_any(stretch, walks):

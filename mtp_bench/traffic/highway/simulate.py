@@ -77,6 +77,10 @@ def simulate_world(traffic: Traffic, seed: int) -> World:
 def _map_of(
     scenario: ScenarioName, seconds: float
 ) -> tuple[RoadMap, RouteTable, tuple[Passage, ...], tuple[Lane, ...]]:
+    """Return the map of worlds of ``seconds``, its routes, passages and lanes.
+
+    Passages, the ways through a junction, are empty without rules of right of way.
+    """
     road_map = build_map(scenario, seconds)
     routes = route_table(road_map.routes, road_map.geometry)
     passages = find_passages(road_map, routes) if road_map.regulated else ()

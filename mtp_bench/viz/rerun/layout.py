@@ -46,7 +46,7 @@ class Eye:
         False forecasts among them are hidden until their eye icon is clicked.
         """
         world = f"/{agent.root}world"
-        contents = [f"/{agent.shared}world/{path}" for path in SHARED]
+        contents = [f"/{agent.shared_prefix}world/{path}" for path in SHARED]
         contents += [f"{world}/{path}" for path in ("events", "plan", "slower")]
         contents += paths
         hidden = rrb.EntityBehavior(visible=False)
@@ -128,7 +128,7 @@ def _blueprint(
 
 def _eye(agent: ShownAgent, at: Incident | None) -> Eye:
     """Return an eye on the event ``at``, else the sensors, else the detections."""
-    world = f"/{agent.shared}world"
+    world = f"/{agent.shared_prefix}world"
     if at is not None:
         return Eye(np.array(at.position), NEAR_M)
     if agent.replay.card.has_ego:
@@ -161,7 +161,11 @@ def _views(agent: ShownAgent, eye: Eye, max_views: int) -> list[Any]:
         paths = [*forecasts, f"{world}/hyp/{hypothesis:02d}/**"]
         views.append(eye.view(agent, name, paths))
     best = next(iter(agent.hypotheses))
-    paths = [*forecasts, f"{world}/hyp/{best:02d}/**", f"/{agent.shared}world/det"]
+    paths = [
+        *forecasts,
+        f"{world}/hyp/{best:02d}/**",
+        f"/{agent.shared_prefix}world/det",
+    ]
     views.append(replace(eye, offset=OBLIQUE, up=UP).view(agent, "scene", paths))
     tabs = rrb.Tabs(views[0], *views[max_views:], active_tab=0)
     return [tabs, *views[1:max_views]]

@@ -154,7 +154,9 @@ class LiveRecording:
             self._root = f"episode-{next(_EPISODES)}/"
             # NaN is not shown: weights change while a title does not
             weights = dict.fromkeys(range(TOP_HYPOTHESES), np.nan)
-            agent = ShownAgent(replay, weights, root=self._root, shared=self._root)
+            agent = ShownAgent(
+                replay, weights, root=self._root, shared_prefix=self._root
+            )
             # as the default: a layout that the user has sent or made stays
             self._recording.send_blueprint(
                 live_layout(agent), make_active=False, make_default=True

@@ -106,7 +106,7 @@ class ShownAgent:
     hypotheses: dict[int, float]
     name: str = ""  # empty for the only agent
     root: str = ""  # prefix of the paths of its entities
-    shared: str = ""  # prefix of the paths of the map, the truth and the detections
+    shared_prefix: str = ""  # of the paths of the map, the truth and the detections
     focus: Focus | None = None  # the event that the views look at
 
     @cached_property

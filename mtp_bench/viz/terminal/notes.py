@@ -70,7 +70,7 @@ def warnings(report: Report) -> Iterator[str]:
 
 
 def _coverage_warnings(report: Report) -> Iterator[str]:
-    """Yield a warning if no target exists or has forecasts."""
+    """Yield a warning if targets are missing, or all forecasts are off them."""
     if report.rows and not report.rows[0].targets:
         yield (
             "! there is no target: no object that may be one is present in all past "
