@@ -147,10 +147,11 @@ class EnvEvaluation:
     ) -> tuple[Report, Reference]:
         """Return the report of the ``scores`` of ``settings``, and the event weights.
 
-        ``references``: as of `summarise`.
+        ``references``: the agents that gaps are measured between, as of `summarise`.
         """
-        reference = reference_for(self.card, self.scenes, self.options)
-        report = summarise(scores, self.card, reference, references=references)
+        event_weights = reference_for(self.card, self.scenes, self.options)
+        report = summarise(scores, self.card, event_weights, references=references)
+        # the line on weights also names the scenes that have none
         report.condition["weights"] += self.left_out
         agents_of_note: dict[str, list[str]] = {}
         for setting in settings:
@@ -163,7 +164,7 @@ class EnvEvaluation:
             report.condition["trained"] = "; ".join(
                 f"{note}: {', '.join(names)}" for note, names in agents_of_note.items()
             )
-        return report, reference
+        return report, event_weights
 
     def jobs(self, setting: Setting, seed: int, scenes: Sequence[str]) -> list[Job]:
         """Return the jobs of a setting on ``scenes``.

@@ -213,14 +213,14 @@ def _settle_star(contested: _Contested, matched: Matched) -> None:
 def _settle_square(contested: _Contested, matched: Matched) -> None:
     """Write the matching of components of 2 x 2 into ``matched``.
 
-    It is one of the two full matchings: a component has at least three of the four
-    pairs, so one of them exists.
+    A component has at least three of the four possible pairs, so that at least one of
+    its two full matchings exists. The cheaper one is taken; a missing pair costs inf.
     """
     pairs = contested.pairs
     if len(pairs) == 0:
         return
     group = np.unique(contested.label, return_inverse=True)[1]
-    count = int(group[-1]) + 1
+    count = int(group.max()) + 1  # of components
     row = np.empty((count, 2), np.intp)
     column = np.empty((count, 2), np.intp)
     cost = np.full((count, 2, 2), np.inf)

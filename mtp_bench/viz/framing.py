@@ -271,7 +271,7 @@ def window_of(
 
     It holds the object in its middle third, and its future and forecasts at the event;
     if ``is_close`` only the boxes. All frames of an event have windows of one size, and
-    so have the pictures of all ``compared`` runs.
+    so have the pictures of all ``compared`` runs, of which ``focus`` is one.
     """
     turn = turn_of(focus)
     shown = compared or (focus,)
@@ -281,10 +281,11 @@ def window_of(
     offset_m = MARGIN * rotate(np.concatenate(offsets_m), -turn)
     low = offset_m.min(axis=0)
     high = offset_m.max(axis=0)
-    # the window holds both ends, of which the far one is at most 1 + OFF_CENTER halves
-    # from the object
-    half = np.maximum((high - low) / 2, np.maximum(high, -low) / (1 + OFF_CENTER))
-    smallest = 1.5 + 1.2 * max(map(length_of, shown))
+    # The object, at 0, is at most OFF_CENTER halves off the middle: a window is as large
+    # as its content, or as the far end needs.
+    far_end = np.maximum(high, -low)
+    half = np.maximum((high - low) / 2, far_end / (1 + OFF_CENTER))
+    smallest = 1.5 + 1.2 * max(map(length_of, shown))  # the whole object and some room
     largest = max(smallest, CLOSE_M) if is_close else LARGEST_M
     half = np.clip(half, smallest, largest)
     offset = np.clip((low + high) / 2, -OFF_CENTER * half, OFF_CENTER * half)

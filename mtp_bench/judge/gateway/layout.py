@@ -108,11 +108,11 @@ _LOCK_SECONDS = 60.0  # within which a process has surely locked its new folder
 def image_of(
     submission: Submission, env_id: str, weights_of: str | None = None
 ) -> Image:
-    """Return the image of a submission for an env.
+    """Return the copy of files and weights that the agent sees in an env.
 
-    It is made once per process, and again if a file has changed. ``weights_of``:
-    another env whose weights serve here too. Raises SubmissionError for a folder
-    without a submission.
+    The judge makes it once, and again if a file has changed. ``weights_of``:
+    another env whose weights the agent may use, too. Raises SubmissionError for a
+    folder without a submission.
     """
     files = files_of(submission.path)
     networks = network_files(submission.networks, env_id, weights_of)

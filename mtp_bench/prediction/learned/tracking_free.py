@@ -214,10 +214,13 @@ def described(inputs: Inputs, sizes: Sizes) -> Array:
 def support(velocity: Array, position: Array, near: Array, dt: float) -> Array:
     """Return how many frames [n, P, M] agree with each detection's ``velocity``.
 
-    ``velocity`` [n, P, M, 2]; the numbers are from 0 to P - 1. A frame agrees by its
-    detection that is nearest to where an object of that velocity was: 1 there, less
-    with its distance in units of the noise of both positions and of possible
-    acceleration.
+    Of n objects, P frames and M detections in each: ``velocity`` [n, P, M, 2] leads a
+    detection to the object's place now, the origin of ``position`` [n, P, M, 2];
+    ``near`` is 1 for a detection, 0 for an empty place. The numbers are from 0 to
+    P - 1. A frame agrees by its detection that is nearest to where an object of that
+    velocity was: 1 there, less with its distance in units of the noise of both
+    positions and of possible acceleration. The last frame is left out: all lines end
+    there.
     """
     xp = namespace(near)
     frames = near.shape[1]
@@ -229,6 +232,7 @@ def support(velocity: Array, position: Array, near: Array, dt: float) -> Array:
         x = position[:, None, None, frame, :, 0] + shift[..., 0, None]
         y = position[:, None, None, frame, :, 1] + shift[..., 1, None]
         distance2 = x * x + y * y + FAR * (1 - near[:, None, None, frame])
+        # the error of a velocity grows with the time that it is followed
         noise = NOISE * (1 + frame_age / xp.clip(age, dt, None))
         width = noise + ACCELERATION / 2 * frame_age * xp.abs(frame_age - age)
         gap = xp.amin(distance2, 3) / (2 * width**2)[None, :, None]

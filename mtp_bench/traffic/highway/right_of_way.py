@@ -164,6 +164,7 @@ class RightOfWay:
         """
         self._observe(state, leading_obstacles)
         self._grant(self._first_waiting(), walks, claimed_crossings, time_s)
+        # that of a closed loop cannot be told to wait: others let it pass
         driven = self._vehicles.get(self.driven)
         if driven is not None and driven.rear <= driven.passage.end:
             self._let_pass(driven)

@@ -236,8 +236,9 @@ class _CloseUp:
         center = canvas.pixels(self.place)
         reach_px = self.radius_px + 3.0
         shapes = [np.stack([center - reach_px, center + reach_px])]
-        track_boxes = [track.box for track in shown.tracks]
-        for box in (*track_boxes, *shown.other_boxes, *shown.detection_box):
+        boxes = [track.box for track in shown.tracks]
+        boxes += [*shown.other_boxes, *shown.detection_box]
+        for box in boxes:
             shapes.append(canvas.pixels(bev_corners(box)))
         paths = [forecast.nearest_path for _, forecast in self.forecasts]
         for path in (shown.future, *paths):
