@@ -281,8 +281,8 @@ def window_of(
     offset_m = MARGIN * rotate(np.concatenate(offsets_m), -turn)
     low = offset_m.min(axis=0)
     high = offset_m.max(axis=0)
-    # The object, at 0, is at most OFF_CENTER halves off the middle: a window is as large
-    # as its content, or as the far end needs.
+    # The object, at 0, is at most OFF_CENTER halves off the middle. So a window is
+    # as large as its content, or as the far end needs.
     far_end = np.maximum(high, -low)
     half = np.maximum((high - low) / 2, far_end / (1 + OFF_CENTER))
     smallest = 1.5 + 1.2 * max(map(length_of, shown))  # the whole object and some room
