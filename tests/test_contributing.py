@@ -13,12 +13,13 @@ import pytest
 
 FILE = re.compile(r"^```(?:python|toml)\n# (\S+/\S+)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 DIFF = re.compile(r"^```diff\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
-NAMED = re.compile(r"^\| (?:sampler|metric|dataset) \| `(tests/.+)` \|$", flags=re.MULTILINE)
+NAMED = re.compile(r"^\| (?:sampler|metric|card, dataset) \| `(tests/.+)` \|$", flags=re.MULTILINE)
 # Of the tests that the page names those that read what the examples add; all of them take minutes.
 QUICK = (
     "tests/scoring/test_golden_results.py",
     "tests/tables",
     "tests/viz/test_verdict.py",
+    "tests/running/test_compare.py::test_the_file_has_the_keys_that_others_script_against",
     "tests/cards/test_cards.py",
     "tests/sources/test_packages.py",
     "tests/test_readme.py::test_the_table_of_environments_is_complete",
