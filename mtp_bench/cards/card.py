@@ -114,7 +114,7 @@ class PlannerSection(Section):
     """
 
     caution: Annotated[float, Field(ge=0)] = (
-        60.0  # m/s of progress that a certain contact now costs
+        30.0  # m/s of progress that a certain contact now costs
     )
     patience: Annotated[float, Field(gt=0)] = (
         2.0  # s, by which a later contact counts less
@@ -123,9 +123,11 @@ class PlannerSection(Section):
         0.4  # m/s of progress per m/s2 of braking beyond 2
     )
     smoothness: Annotated[float, Field(ge=0)] = 0.05  # m/s of progress per m/s2
-    margin: Annotated[float, Field(ge=0)] = 0.3  # m around the boxes
-    growth: Annotated[float, Field(ge=0)] = 0.05  # m/s, of the margin over the forecast
-    headway: Annotated[float, Field(ge=0)] = 0.6  # s, to those who drive ahead
+    margin: Annotated[float, Field(gt=0)] = 0.3  # m, of error of a forecast place
+    creep: Annotated[float, Field(ge=0)] = 0.65  # widths of a box per second
+    headway: Annotated[float, Field(ge=0)] = (
+        1.0  # s of not braking that must not end in a contact
+    )
     pace: Annotated[float, Field(gt=0, le=1)] = (
         1.0  # share of the speed limits that is driven at most
     )

@@ -13,15 +13,14 @@ learning-based vehicle motion planning"): proposals along a line, scored by a fo
 """
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import ceil
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from ..cards import PlannerSection
 from ..core import NO_ROWS, Bools, Floats, Ints
-from .highway.driven import Way
+from .highway.driven import REACH_M, Way
 
 # accelerations of all profiles, every pair: in the first second, and later
 _FIRST_MPS2 = np.repeat([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5], 4)
@@ -29,23 +28,21 @@ _LATER_MPS2 = np.tile([-4.0, -2.0, 0.0, 1.5], 9)
 _FIRST_SECONDS = 1.0
 _MAX_STEP_S = 0.3  # between two forecast places that count
 _MIN_SAMPLE_WEIGHT = 0.002  # of a sample that counts
-# spacing of the grid that finds the station next to a place, and of the speed table
-_CELL_M = 1.0
-_REACH_M = 9.0  # from the way, beyond which no object is met
-_DISCS = 3  # that cover a box
-# centres of the discs, as shares of the length
-_DISC_PLACES = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS
+_CELL_M = 1.0  # spacing of the speed table
+_PARTS = 3  # of a box, one behind the other
+# centres of the parts, as shares of the length
+_PART_PLACES = (np.arange(_PARTS) - (_PARTS - 1) / 2) / _PARTS
 _LIMIT_BRAKING_MPS2 = 1.5  # for lower limits ahead
 _ROUNDING = 1e-6
 _COMFORTABLE_BRAKING_MPS2 = 2.0  # costs no comfort
 _MIN_TURN_SPEED_MPS = 0.5  # slower objects keep their heading
+_TURN_RADIUS_M = 5.0  # of the narrowest curve
 _STANDING_SEVERITY = 0.15  # of a contact while the ego stands
 _FULL_SEVERITY_SPEED_MPS = 4.0  # ego speed from which a contact has severity 1
 # risk by an object ahead in the lane, from which the ego brakes hardest if no profile
 # has less
 _EMERGENCY_RISK = 0.5
-_GAP_SEVERITY = 0.5  # of entering the time gap alone, against a contact
-_GAP_OPENING_S = 2.0  # in which the time gap to those ahead may be opened
+_NEAR_MISS_SEVERITY = 5 / 12  # against a contact, as in the drive score
 _SAME_DIRECTION_COSINE = 0.5
 
 
@@ -83,6 +80,7 @@ class _Contacts:
 
     low: Floats  # m
     high: Floats  # m
+    chance: Floats  # that the boxes touch within the stretch, in [0, 1]
     step: Ints  # step of the forecast
     sample: Ints  # object times K plus k, ascending
     leads: Bools  # the object drives ahead in the direction of the way
@@ -109,25 +107,18 @@ def _resampled(forecast: Obstacles) -> Obstacles:
     return Obstacles(forecast.box, filled, forecast.weight, forecast.dt / parts)
 
 
-@lru_cache(maxsize=32)
-def _station_grid(way: Way) -> tuple[Floats, Ints]:
-    """Return a grid around a way: its lower corner [2], and its cells.
+def _without_creeping(forecast: Obstacles, creep: float) -> Obstacles:
+    """Return the forecast without motion that is too slow to be told from noise.
 
-    A cell holds the index of the way's point next to its middle, -1 beyond `_REACH_M`.
+    A place counts as the present one if it is reached at less than ``creep`` widths of
+    the box per second.
     """
-    corner = way.xy.min(axis=0) - _REACH_M - _CELL_M
-    extent = way.xy.max(axis=0) + _REACH_M - corner
-    within_reach = np.zeros(np.ceil(extent / _CELL_M).astype(np.int64) + 1, dtype=bool)
-    reach_cells = round(_REACH_M / _CELL_M)
-    # every other point: they are closer together than cells
-    for x, y in ((way.xy[::2] - corner) / _CELL_M).astype(np.int64).tolist():
-        columns = slice(max(x - reach_cells, 0), x + reach_cells + 1)
-        rows = slice(max(y - reach_cells, 0), y + reach_cells + 1)
-        within_reach[columns, rows] = True
-    grid = np.full(within_reach.shape, -1)
-    centers = corner + (np.argwhere(within_reach) + 0.5) * _CELL_M
-    grid[within_reach] = KDTree(way.xy).query(centers)[1]
-    return corner, grid
+    now_m = forecast.box[:, None, None, :2]
+    moved_m = np.hypot(*np.moveaxis(forecast.path - now_m, -1, 0))
+    time_s = forecast.dt * np.arange(1, forecast.path.shape[2] + 1)
+    creeps = moved_m < creep * forecast.box[:, 5, None, None] * time_s
+    path = np.where(creeps[..., None], now_m, forecast.path)
+    return Obstacles(forecast.box, path, forecast.weight, forecast.dt)
 
 
 class Planner:
@@ -200,10 +191,11 @@ class Planner:
         path = obstacles.path[rows]
         weight = obstacles.weight[rows]
         forecast = _resampled(Obstacles(box, path, weight, obstacles.dt))
+        forecast = _without_creeping(forecast, self._weights.creep)
         steps = forecast.path.shape[2]
         stations_m, speeds_mps = self.profiles(s, speed, forecast.dt, steps)
-        box_station, aside_m, tangent = self._along_route(*forecast.box.T[:2])
-        in_lane = aside_m < (self._size[1] + forecast.box[:, 5]) / 2
+        box_station, aside_m, tangent = self._way.along(*forecast.box.T[:2])
+        in_lane = np.abs(aside_m) < (self._size[1] + forecast.box[:, 5]) / 2
         turn = forecast.box[:, 3] - tangent
         follows = (box_station < s) & in_lane & (np.cos(turn) > _SAME_DIRECTION_COSINE)
         contacts = self._contacts(s, float(stations_m[:, -1].max()), forecast, follows)
@@ -232,7 +224,7 @@ class Planner:
         """
         reaches = np.ones(len(obstacles.box), dtype=bool)
         if obstacles.dt > _MAX_STEP_S:
-            margin_m = _REACH_M + 2 * _CELL_M
+            margin_m = REACH_M + 2.0
             path = obstacles.path
             now_m = obstacles.box[:, :2]
             # missing samples may be NaN, which fmax and fmin leave out
@@ -271,20 +263,24 @@ class Planner:
 
         It is 0 for a profile without the contact.
         """
-        times_s = step_s * np.arange(1, stations_m.shape[1])
-        places_m = stations_m[:, 1:]
-        gap_m = self._weights.headway * speeds_mps[:, 1:]
-        nose_m = places_m + gap_m * np.minimum(times_s / _GAP_OPENING_S, 1.0)
-        center_m = places_m[:, contacts.step]
-        front_m = np.where(contacts.leads, nose_m[:, contacts.step], center_m)
+        steps = np.arange(1, stations_m.shape[1])
+        center_m = stations_m[:, 1:][:, contacts.step]
         # within one step the ego may jump over the stretch of a leader
         start_m = stations_m[:, :-1][:, contacts.step]
         back_m = np.where(contacts.leads, start_m, center_m)
-        touches = (front_m >= contacts.low) & (back_m <= contacts.high)
-        severity = contact_severity(speeds_mps[:, 1:], times_s, self._weights.patience)
-        # less where the ego enters only the time gap
-        weight = np.where(center_m >= contacts.low, 1.0, _GAP_SEVERITY)
-        return np.where(touches, weight * severity[:, contacts.step], 0.0)
+        inside_m = np.minimum(center_m - contacts.low, contacts.high - back_m)
+        chance = np.clip(0.5 + inside_m / (2 * self._weights.margin), 0.0, 1.0)
+        # where the ego would be without braking for `headway` s before
+        before = np.maximum(steps - round(self._weights.headway / step_s), 0)
+        unbraked_m = stations_m[:, before]
+        unbraked_m = unbraked_m + speeds_mps[:, before] * step_s * (steps - before)
+        unbraked_m = unbraked_m[:, contacts.step]
+        is_near_miss = (unbraked_m >= contacts.low) & (back_m <= contacts.high)
+        harm = np.maximum(chance, _NEAR_MISS_SEVERITY * is_near_miss) * contacts.chance
+        severity = contact_severity(
+            speeds_mps[:, 1:], step_s * steps, self._weights.patience
+        )
+        return np.asarray(harm * severity[:, contacts.step])
 
     def _contacts(
         self, s: float, end_m: float, forecast: Obstacles, follows: Bools
@@ -297,84 +293,91 @@ class Planner:
         length_m = forecast.box[:, 4]
         width_m = forecast.box[:, 5]
         x, y = forecast.path.reshape(-1, 2).T
-        way_point = self._nearest_points(x, y)
+        way_point = self._way.nearest_points(x, y)
         counts = (forecast.weight > _MIN_SAMPLE_WEIGHT) & ~follows[:, None]
         path_row = np.flatnonzero((way_point >= 0) & counts.repeat(steps))
         place_m = self._way.s[way_point[path_row]]
         # a long box may reach the ego from a place behind ``s`` or beyond ``end_m``
-        is_close = (place_m > s - 2 * _REACH_M) & (place_m < end_m + 3 * _REACH_M)
+        is_close = (place_m > s - 2 * REACH_M) & (place_m < end_m + 3 * REACH_M)
         path_row = path_row[is_close]
         object_row = path_row // (samples * steps)
         forecast_step = path_row % steps
         heading = self._headings(path_row, object_row, forecast_step, forecast)
-        along = _DISC_PLACES * length_m[object_row, None]  # [n, discs]
-        disc_x = x[path_row, None] + along * np.cos(heading)[:, None]
-        disc_y = y[path_row, None] + along * np.sin(heading)[:, None]
-        places_m = (disc_x.ravel(), disc_y.ravel())
-        disc_station, aside_m, tangent = self._along_route(*places_m)
-        radius_m = np.hypot(width_m / 2, length_m / (2 * _DISCS))[object_row]
-        margin_m = self._weights.margin
-        grown_m = margin_m + self._weights.growth * forecast.dt * (forecast_step + 1)
-        reach_m = (radius_m + grown_m).repeat(_DISCS)
-        meets = np.flatnonzero(aside_m < self._size[1] / 2 + reach_m)
-        met_row = meets // _DISCS
-        center_m = disc_station[meets]
-        reach_m = self._size[0] / 2 + reach_m[meets]
-        leads = np.cos(heading[met_row] - tangent[meets]) > _SAME_DIRECTION_COSINE
-        # an ego beyond the middle of a leader has passed it
+        along = _PART_PLACES * length_m[object_row, None]  # [n, parts]
+        part_x = x[path_row, None] + along * np.cos(heading)[:, None]
+        part_y = y[path_row, None] + along * np.sin(heading)[:, None]
+        part_station, aside_m, tangent = self._way.along(part_x.ravel(), part_y.ravel())
+        turn = heading.repeat(_PARTS) - tangent
+        half_length_m = (length_m[object_row] / (2 * _PARTS)).repeat(_PARTS)
+        half_width_m = (width_m[object_row] / 2).repeat(_PARTS)
+        across_m = half_length_m * np.abs(np.sin(turn))
+        across_m += half_width_m * np.abs(np.cos(turn))
+        overlap_m = across_m + self._size[1] / 2 - np.abs(aside_m)
+        chance = np.minimum(0.5 + overlap_m / (2 * self._weights.margin), 1.0)
+        meets = np.flatnonzero(chance > 0)
+        met_row = meets // _PARTS
+        center_m = part_station[meets]
+        middle_m = part_station[_PARTS // 2 :: _PARTS][met_row]
+        turn = turn[meets]
+        half_m = (half_length_m[meets], half_width_m[meets])
+        low_m, high_m = self._stretch(center_m, aside_m[meets], turn, half_m)
+        leads = np.cos(turn) > _SAME_DIRECTION_COSINE
         return _Contacts(
-            low=center_m - reach_m,
-            high=np.where(leads, center_m, center_m + reach_m),
+            low=low_m,
+            # an ego beyond the middle of a leader has passed it
+            high=np.where(leads, np.minimum(high_m, middle_m), high_m),
+            chance=chance[meets],
             step=forecast_step[met_row],
             sample=path_row[met_row] // steps,
             leads=leads,
         )
+
+    def _stretch(
+        self, center_m: Floats, aside_m: Floats, turn: Floats, half: tuple[Floats, ...]
+    ) -> tuple[Floats, Floats]:
+        """Return from and to which station an ego touches n boxes.
+
+        The boxes are at stations ``center_m`` and ``aside_m`` m to the left, at angles
+        ``turn`` to the way; ``half``: half their lengths and widths. Found by separating
+        axes: the way, and both sides of a box.
+        """
+        half_ego_length_m = self._size[0] / 2
+        half_ego_width_m = self._size[1] / 2 + self._weights.margin
+        cos = np.cos(turn)
+        sin = np.sin(turn)
+        reach_m = half_ego_length_m + half[0] * np.abs(cos) + half[1] * np.abs(sin)
+        low_m = center_m - reach_m
+        high_m = center_m + reach_m
+        for axis_x, axis_y, half_m in ((cos, sin, half[0]), (-sin, cos, half[1])):
+            along = np.where(np.abs(axis_x) < _ROUNDING, _ROUNDING, axis_x)
+            middle_m = center_m + aside_m * axis_y / along
+            reach_m = half_m + half_ego_width_m * np.abs(axis_y)
+            reach_m = half_ego_length_m + reach_m / np.abs(along)
+            low_m = np.maximum(low_m, middle_m - reach_m)
+            high_m = np.minimum(high_m, middle_m + reach_m)
+        return low_m, high_m
 
     def _headings(
         self, path_row: Ints, object_row: Ints, forecast_step: Ints, forecast: Obstacles
     ) -> Floats:
         """Return headings [n] of objects in rows [n] of the flat paths.
 
-        An object that hardly moves keeps the heading of its box.
+        They go from that of the box towards the direction of motion, as a car can turn.
         """
         places_m = forecast.path.reshape(-1, 2)
+        now_m = forecast.box[object_row, :2]
         first = (forecast_step == 0)[:, None]
         # the row before is the step before
-        start_m = np.where(first, forecast.box[object_row, :2], places_m[path_row - 1])
+        start_m = np.where(first, now_m, places_m[path_row - 1])
         move_x, move_y = (places_m[path_row] - start_m).T
         moves = np.hypot(move_x, move_y) > _MIN_TURN_SPEED_MPS * forecast.dt
-        heading = np.where(
-            moves, np.arctan2(move_y, move_x), forecast.box[object_row, 3]
-        )
-        return np.asarray(heading)
-
-    def _nearest_points(self, x: Floats, y: Floats) -> Ints:
-        """Return indices of the way's points next to places [n], -1 beyond reach.
-
-        Places outside the grid count as in its outermost cells, which are beyond reach.
-        """
-        corner, grid = _station_grid(self._way)
-        cells = []
-        for value, start_m, count in zip((x, y), corner, grid.shape, strict=True):
-            cell = np.fmin(np.fmax((value - start_m) / _CELL_M, 0), count - 1)
-            cells.append(cell.astype(np.int64))
-        return np.asarray(grid[cells[0], cells[1]])
-
-    def _along_route(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return stations, distances to the way and its headings for places [n], m.
-
-        The distance is inf beyond reach.
-        """
-        way_point = self._nearest_points(x, y)
-        tangent = self._way.heading[way_point]
-        away_x = x - self._way.xy[way_point, 0]
-        away_y = y - self._way.xy[way_point, 1]
-        cos = np.cos(tangent)
-        sin = np.sin(tangent)
-        across_m = np.abs(away_y * cos - away_x * sin)
-        aside_m = np.where(way_point >= 0, across_m, np.inf)
-        station_m = self._way.s[way_point] + away_x * cos + away_y * sin
-        return station_m, aside_m, tangent
+        yaw = forecast.box[object_row, 3]
+        turn = np.where(moves, np.arctan2(move_y, move_x) - yaw, 0.0)
+        # a box has no front: it may also go backwards
+        yaw = np.where(np.cos(turn) < 0, yaw + np.pi, yaw)
+        turn = np.arctan(np.tan(turn))
+        most = np.hypot(*(places_m[path_row] - now_m).T) / _TURN_RADIUS_M
+        return np.asarray(yaw + np.clip(turn, -most, most))
 
 
 def contact_severity(speed: Floats, time: Floats, patience: float) -> Floats:

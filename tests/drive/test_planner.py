@@ -11,7 +11,7 @@ from mtp_bench.cards.card import PlannerSection
 from mtp_bench.core import Floats, boxes_meet
 from mtp_bench.traffic.drive_episode import obstacles
 from mtp_bench.traffic.highway.driven import Way
-from mtp_bench.traffic.planner import Obstacles, Planner, contact_severity
+from mtp_bench.traffic.planner import Obstacles, Planner, _Contacts, _without_creeping, contact_severity
 from tests.support.small_scenes import decode, full_action, task
 
 SIZE, LIMIT = (4.5, 1.8), 10.0  # m, m/s
@@ -46,6 +46,12 @@ def drive(seen: Callable[[float], Obstacles], seconds: float, speed: float) -> F
     return np.array(rows)
 
 
+def contacts_of(planner: Planner, seen: Obstacles) -> _Contacts:
+    """Contacts of an ego that drives its first 100 m."""
+    steady = _without_creeping(seen, planner._weights.creep)
+    return planner._contacts(0.0, 100.0, steady, np.zeros(len(seen.box), dtype=bool))
+
+
 def same(first: Obstacles, second: Obstacles) -> bool:
     """True if an ego that drives 8 m/s at 20 m decides the same on both."""
     plans = [PLANNER.decide(20.0, 8.0, seen) for seen in (first, second)]
@@ -61,14 +67,61 @@ def test_severity_of_a_contact(speed: float, time: float, patience: float, sever
     assert contact_severity(np.array(speed), np.array(time), patience) == pytest.approx(severity)
 
 
-@pytest.mark.parametrize(("aside_m", "first_step"), [(0.4, 0), (0.9, 1), (1.4, 2), (5.9, 11), (6.1, None)])
-def test_the_margin_grows_from_the_first_forecast_on(aside_m: float, first_step: int | None) -> None:
-    """A standing car is this far beside the ego's strip; the margin grows by .5 m per step of half a second."""
-    planner = Planner(WAY, SIZE, PlannerSection(margin=0.0, growth=1.0))
-    disc_m = np.hypot(1.8 / 2, 4.5 / 6)
-    seen = moving(car(30.0, SIZE[1] / 2 + disc_m + aside_m))
-    contacts = planner._contacts(0.0, 60.0, seen, np.zeros(1, dtype=bool))
-    assert min(contacts.step, default=None) == first_step
+@pytest.mark.parametrize(("aside_m", "chance"), [(-0.4, 1.0), (-0.15, 0.75), (0.0, 0.5), (0.15, 0.25), (0.31, 0.0)])
+def test_the_chance_of_a_contact_falls_over_the_margin(aside_m: float, chance: float) -> None:
+    """A standing car is this far beside the ego's strip; a forecast place is wrong by up to .3 m."""
+    contacts = contacts_of(PLANNER, moving(car(30.0, (SIZE[1] + 1.8) / 2 + aside_m)))
+    assert contacts.chance.max(initial=0.0) == pytest.approx(chance)
+
+
+@pytest.mark.parametrize("turn", [0.0, np.pi / 2, np.pi, 0.4, 1.2, 2.2, -0.9])
+def test_certain_forecasts_touch_where_boxes_meet(turn: float) -> None:
+    """Cars that drive into all directions: without a margin there is a contact where boxes meet, and nowhere else."""
+    rng = np.random.default_rng(round(10 * turn) + 10)
+    planner = Planner(WAY, SIZE, PlannerSection(margin=1e-6, creep=0.0))
+    ego_m = np.arange(5.0, 95.0, 0.37)
+    boxes = np.array([car(s) for s in ego_m])
+    for _ in range(40):
+        box = np.array(car(rng.uniform(20, 60), rng.uniform(-20, 20), turn))
+        seen = moving(box, rng.uniform(3, 8) * np.array([np.cos(turn), np.sin(turn)]))
+        contacts = contacts_of(planner, seen)
+        for step in range(12):
+            here = (contacts.step == step) & (contacts.chance > 0.5)
+            inside = (ego_m[:, None] >= contacts.low[here]) & (ego_m[:, None] <= contacts.high[here])
+            place = np.concatenate([seen.path[0, 0, step], box[2:]])
+            meets = boxes_meet(boxes, np.tile(place, (len(boxes), 1)))
+            if np.cos(turn) > 0.5:
+                meets &= ego_m < place[0]  # one that leads is passed from its middle on
+                inside = inside[ego_m < place[0]]
+                meets = meets[ego_m < place[0]]
+            assert (inside.any(axis=1) == meets).all()
+
+
+def test_a_car_that_drifts_aside_does_not_turn_on_the_spot() -> None:
+    """It stands 3 m beside the way, where it would reach the ego only across."""
+    assert not len(contacts_of(PLANNER, moving(car(30.0, 3.0), (0.0, 1.2))).step)
+    assert len(contacts_of(PLANNER, moving(car(30.0, 3.0, np.pi / 2))).step), "one that stands across"
+    turning = moving(car(30.0, -12.0), (0.0, 4.0))
+    assert len(contacts_of(PLANNER, turning).step), "after some metres it has turned"
+
+
+@pytest.mark.parametrize(("speed", "meets"), [(1.1, False), (1.3, True)])
+def test_motion_below_the_noise_is_none(speed: float, meets: bool) -> None:
+    """A place counts from .65 widths per second on, 1.17 m/s; so a car 8 m aside meets the way, or never does."""
+    contacts = contacts_of(PLANNER, moving(car(30.0, -8.0, np.pi / 2), (0.0, speed)))
+    assert bool(len(contacts.step)) == meets
+    late = moving(car(30.0, -8.0, np.pi / 2))
+    late.path[..., 6:, 1] += np.arange(6) * 3.0  # it leaves after 3 s
+    assert len(contacts_of(PLANNER, late).step)
+
+
+def test_it_keeps_clear_of_near_misses() -> None:
+    """An ego that comes to a standing car would never meet it within .95 s at its speed."""
+    s, speed = drive(lambda t: moving(car(60.0, 0.0, np.pi / 2)), 25.0, 8.0).T
+    assert (s + SIZE[0] / 2 + 0.95 * speed < 60.0 - SIZE[1] / 2).all()
+    close = Planner(WAY, SIZE, PlannerSection(headway=0.0))
+    stands = moving(car(28.0, 0.0, np.pi / 2))
+    assert close.decide(20.0, 3.0, stands).acceleration > PLANNER.decide(20.0, 3.0, stands).acceleration
 
 
 def test_with_nobody_it_drives_at_the_allowed_speed() -> None:
@@ -93,7 +146,7 @@ def test_it_yields_to_a_car_that_crosses() -> None:
     rows = drive(lambda t: moving(crossing[round(10 * t)], (0.0, 7.5)), 12.0, 8.0)
     for own, meets in ((rows, False), (drive(lambda t: NOBODY, 12.0, 8.0), True)):
         assert boxes_meet(np.array([car(s) for s in own[:, 0]]), crossing[1:]).any() == meets
-    assert rows[:, 1].min() < 6.0
+    assert rows[:, 1].min() < 6.5
     assert rows[-1, 0] > 60.0, "it goes on afterwards"
 
 

@@ -5,9 +5,10 @@ The ego keeps to its way, and others react to it.
 
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from ...core import DataError, Floats, Ints, boxes_meet, unit_vectors
 from .lanes import NO_LANE, RoadMap, RouteTable, lane_points
@@ -15,6 +16,8 @@ from .simulate import ATTEMPTS, MAX_BRAKING_MPS2, RANDOM_KINDS, Attempt
 from .vehicles import Driver
 from .world import CLASSES, RATE, WARM_UP, Recording, Traffic, World
 
+REACH_M = 9.0  # from a way, beyond which places have no station on it
+_CELL_M = 1.0  # of the grid that finds the station next to a place
 _POINT_STEP_M = 0.5  # between two points of a way
 # from the start of a road, where a way changes to the lane that goes on
 _CHANGE_START_M = 15.0
@@ -46,6 +49,53 @@ class Way:
         x = np.interp(s, self.s, self.xy[:, 0])
         y = np.interp(s, self.s, self.xy[:, 1])
         return np.stack([x, y], axis=-1), np.interp(s, self.s, self.heading)
+
+    def along(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return stations of places [n], how far left of the way, and its headings.
+
+        In m and rad. Places beyond `REACH_M` are inf m aside.
+        """
+        point = self.nearest_points(x, y)
+        heading = self.heading[point]
+        away_x = x - self.xy[point, 0]
+        away_y = y - self.xy[point, 1]
+        cos = np.cos(heading)
+        sin = np.sin(heading)
+        aside_m = np.where(point >= 0, away_y * cos - away_x * sin, np.inf)
+        return self.s[point] + away_x * cos + away_y * sin, aside_m, heading
+
+    def nearest_points(self, x: Floats, y: Floats) -> Ints:
+        """Return indices of the points next to places [n], -1 beyond `REACH_M`.
+
+        Places outside the grid count as in its outermost cells, which are beyond reach.
+        """
+        corner, grid = self._station_grid
+        cells = []
+        for value, start_m, count in zip((x, y), corner, grid.shape, strict=True):
+            cell = np.fmin(np.fmax((value - start_m) / _CELL_M, 0), count - 1)
+            cells.append(cell.astype(np.int64))
+        return np.asarray(grid[cells[0], cells[1]])
+
+    @cached_property
+    def _station_grid(self) -> tuple[Floats, Ints]:
+        """Lower corner [2] of a grid around the way, and its cells.
+
+        A cell holds the index of the point next to its middle, -1 beyond `REACH_M`.
+        """
+        corner = self.xy.min(axis=0) - REACH_M - _CELL_M
+        extent = self.xy.max(axis=0) + REACH_M - corner
+        shape = np.ceil(extent / _CELL_M).astype(np.int64) + 1
+        within_reach = np.zeros(shape, dtype=bool)
+        reach_cells = round(REACH_M / _CELL_M)
+        # every other point: they are closer together than cells
+        for x, y in ((self.xy[::2] - corner) / _CELL_M).astype(np.int64).tolist():
+            columns = slice(max(x - reach_cells, 0), x + reach_cells + 1)
+            rows = slice(max(y - reach_cells, 0), y + reach_cells + 1)
+            within_reach[columns, rows] = True
+        grid = np.full(within_reach.shape, -1)
+        centers = corner + (np.argwhere(within_reach) + 0.5) * _CELL_M
+        grid[within_reach] = KDTree(self.xy).query(centers)[1]
+        return corner, grid
 
 
 @dataclass(frozen=True)
