@@ -8,27 +8,35 @@ keeps a file per scene, agent and seed (`driving_measure.py`), and goes on where
 fill one folder. `show`: drive score, and bADE of the open loop over all targets, on identity switches, and near the ego
 (targets weighted by exp(-approach^2 / (2 sigma^2)), as in PI-ADE). bADE in own episodes has equal weights, and budgets
 of the number of targets alone, as each agent drives in other traffic. Tau is 1 where the agent of less error always
-drives better. Intervals resample scenes, the same for both numbers. `--attacks` adds those of `driving_attacks.py`.
+drives better. Intervals resample scenes, the same for both numbers. `--attacks` adds those of `driving_attacks.py`,
+`--changes` every agent with each change of its confidence and samples; "stp: scale 0.5" is one of them.
+
+The weights of the planner were fitted so, on training scenes:
+
+    python benchmarks/driving.py measure --split train --set caution=20 --agents gt_tracks,stp,tracking_free -o FOLDER
+    python benchmarks/driving_honesty.py gains FOLDER
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks.driving_attacks import ATTACKS
+from benchmarks.driving_attacks import ATTACKS, SCAN
 from benchmarks.driving_figures import Measured, figures
 from benchmarks.driving_measure import AGENTS, measure
 from benchmarks.driving_tables import grids
-from mtp_bench.cards import load_card
+from mtp_bench.cards import Card, DriveSection, PlannerSection, load_card
+from mtp_bench.cards.changes import with_split
 from mtp_bench.env.environment import MTPEnv
 
 
 def measured(given: argparse.Namespace) -> None:
-    card = load_card(given.env)
+    card = _changed(with_split(load_card(given.env), given.split), given.set)
     note = given.output / "env.txt"
     if (
         note.is_file()
@@ -39,10 +47,11 @@ def measured(given: argparse.Namespace) -> None:
         )
     given.output.mkdir(parents=True, exist_ok=True)
     note.write_text(card.digest + " " + given.env, encoding="utf-8")
-    agents = [
-        *(given.agents.split(",") if given.agents else AGENTS),
-        *(ATTACKS if given.attacks else ()),
-    ]
+    agents = list(given.agents.split(",") if given.agents else AGENTS)
+    if given.changes:
+        agents += [f"{agent}: {change}" for agent in agents for change in SCAN]
+    if given.attacks:
+        agents += [attack for attack in ATTACKS if attack not in agents]
     low, _, high = (given.scenes or "").rpartition(":")
     names = MTPEnv(card).scene_names[int(low or 0) : int(high) if high else None]
     seeds = [int(seed) for seed in given.seed.split(",")]
@@ -54,6 +63,18 @@ def measured(given: argparse.Namespace) -> None:
         given.output,
         given.jobs,
         lambda text: print(text, flush=True),
+    )
+
+
+def _changed(card: Card, weights: Sequence[str]) -> Card:
+    """The card with other weights of its planner, each WEIGHT=VALUE."""
+    drive = card.drive or DriveSection()
+    values = {
+        name: float(value) for name, value in (each.split("=") for each in weights)
+    }
+    planner = PlannerSection(**{**drive.planner.model_dump(), **values})
+    return card.model_copy(
+        update={"drive": drive.model_copy(update={"planner": planner})}
     )
 
 
@@ -87,6 +108,11 @@ def main() -> None:
         help="of the detector and of agents' draws, separated by commas",
     )
     one.add_argument("--attacks", action="store_true")
+    one.add_argument("--changes", action="store_true")
+    one.add_argument("--split", default="val")
+    one.add_argument(
+        "--set", nargs="*", default=[], metavar="WEIGHT=VALUE", help="of the planner"
+    )
     one.add_argument("--jobs", type=int, default=1)
     one.add_argument("-o", "--output", type=Path, required=True)
     one.set_defaults(run=measured)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.driving_attacks import ATTACKS
+from benchmarks.driving_attacks import base_of, changed
 from mtp_bench.agent.loader import submission_of
 from mtp_bench.cards import Card
 from mtp_bench.core import HARD_BRAKING, Drive, Floats, Ints, Rollout, Scene
@@ -122,9 +122,7 @@ class Scores:
     """Scores of an agent in a scene."""
 
     own: SceneScore  # of its own episode
-    open_loop: (
-        SceneScore | None
-    )  # of the recorded scene; None for attacks, and for seeds above 0
+    open_loop: SceneScore | None  # of the recorded scene; None for seeds above 0
 
 
 def path_of(folder: Path, seed: int, scene: str, agent: str) -> Path:
@@ -168,12 +166,8 @@ def measure_scene(
     card, failures, recorded = seeded(card, seed), {}, None
     for agent in missing_agents(folder, seed, name, agents):
         try:
-            if (
-                agent != TRUTH
-                and agent not in ATTACKS
-                and seed == 0
-                and recorded is None
-            ):
+            open_loop = agent == base_of(agent) != TRUTH and seed == 0
+            if open_loop and recorded is None:
                 recorded = recorded_card(card, [_recorded(card, name, folder, seed)])
             kept = _measured(agent, card, recorded, name, folder, seed)
         except Exception as error:  # of an agent: the others go on
@@ -187,16 +181,19 @@ def _measured(
     agent: str, card: Card, recorded: Card | None, name: str, folder: Path, seed: int
 ) -> Kept:
     start = time.process_time()
-    env, rollout = _played(agent, card, name, seed)
+    env, rollout = played(agent, card, name, seed)
     assert rollout.drive is not None
+    if agent != base_of(agent):  # changed agents are not scored
+        drive = replace(rollout.drive, world={})
+        return Kept("", drive, None, (time.process_time() - start, 0.0))
     if agent == TRUTH:
         _write(path_of(folder, seed, name, agent).with_name(RECORDED), rollout)
     own, noted = score_scene(env.scene, rollout, env.card), moments(env, rollout)
     middle, open_loop = time.process_time(), None
     if agent == TRUTH and seed == 0:
         open_loop = own  # the recorded scene is its own
-    elif recorded is not None and agent not in ATTACKS:
-        open_env, forecasts = _played(agent, recorded, name, seed)
+    elif recorded is not None:
+        open_env, forecasts = played(agent, recorded, name, seed)
         open_loop = score_scene(open_env.scene, forecasts, open_env.card)
     seconds = middle - start, time.process_time() - middle
     _write(
@@ -209,7 +206,7 @@ def _recorded(card: Card, name: str, folder: Path, seed: int) -> Rollout:
     """The drive of ground-truth tracks, made unless it is there."""
     path = path_of(folder, seed, name, TRUTH).with_name(RECORDED)
     if not path.is_file():
-        _write(path, _played(TRUTH, card, name, seed)[1])
+        _write(path, played(TRUTH, card, name, seed)[1])
     return read_rollout(path)
 
 
@@ -219,13 +216,13 @@ def read_rollout(path: Path) -> Rollout:
     return rollout
 
 
-def _played(agent: str, card: Card, name: str, seed: int) -> tuple[MTPEnv, Rollout]:
-    setting = setting_of(submission_of(ATTACKS.get(agent, agent)), card)
+def played(agent: str, card: Card, name: str, seed: int) -> tuple[MTPEnv, Rollout]:
+    """An agent's drive in a scene, or its forecasts of a recorded one, and the env that it ended."""
+    setting = setting_of(submission_of(base_of(agent)), card)
     env = MTPEnv(card, **setting.env_keywords(card), evaluation=True)
     with np.errstate(), warnings.catch_warnings():
-        made = setting.submission.factory(setting.parameters)(
-            agent_task(env, seed, name)
-        )
+        task = agent_task(env, seed, name)
+        made = changed(agent, setting.submission.factory(setting.parameters)(task))
         return env, run_scene(made, env, name, seed, agent)
 
 

@@ -186,26 +186,17 @@ class Planner:
 
     def decide(self, s: float, speed: float, obstacles: Obstacles) -> Decision:
         """Choose the best profile at ``s`` m with ``speed`` m/s."""
-        rows = self._relevant(obstacles)
-        box = obstacles.box[rows]
-        path = obstacles.path[rows]
-        weight = obstacles.weight[rows]
-        forecast = _resampled(Obstacles(box, path, weight, obstacles.dt))
-        forecast = _without_creeping(forecast, self._weights.creep)
+        rows, forecast = self._prepared(obstacles)
         steps = forecast.path.shape[2]
         stations_m, speeds_mps = self.profiles(s, speed, forecast.dt, steps)
-        box_station, aside_m, tangent = self._way.along(*forecast.box.T[:2])
-        in_lane = np.abs(aside_m) < (self._size[1] + forecast.box[:, 5]) / 2
-        turn = forecast.box[:, 3] - tangent
-        follows = (box_station < s) & in_lane & (np.cos(turn) > _SAME_DIRECTION_COSINE)
+        leads, follows = self._in_lane(s, forecast.box)
         contacts = self._contacts(s, float(stations_m[:, -1].max()), forecast, follows)
         share, object_row = self._shares(stations_m, speeds_mps, contacts, forecast)
         progress_mps = (stations_m[:, -1] - s) / (forecast.dt * steps) - self._effort
         score = progress_mps - self._weights.caution * share.sum(axis=1)
         best = int(score.round(9).argmax())  # equal scores on all machines
         best_if_free = int(progress_mps.round(9).argmax())
-        blocks = ((box_station > s) & in_lane)[object_row]
-        if (blocks & (share.min(axis=0) > _EMERGENCY_RISK)).any():
+        if (share.min(axis=0) > _EMERGENCY_RISK)[leads[object_row]].any():
             best = 0  # brakes hardest
         cause = -1
         if best != best_if_free and share[best_if_free].any():
@@ -215,6 +206,22 @@ class Planner:
         profile_time = forecast.dt * np.arange(steps + 1)
         planned_m = np.interp(time, profile_time, stations_m[best])
         return Decision(float(_FIRST_MPS2[best]), risk, cause, planned_m)
+
+    def _in_lane(self, s: float, box: Floats) -> tuple[Bools, Bools]:
+        """Return masks [O] of objects ahead in the lane of the ego, and of followers."""
+        station_m, aside_m, tangent = self._way.along(*box.T[:2])
+        in_lane = np.abs(aside_m) < (self._size[1] + box[:, 5]) / 2
+        goes_along = np.cos(box[:, 3] - tangent) > _SAME_DIRECTION_COSINE
+        return in_lane & (station_m > s), in_lane & (station_m < s) & goes_along
+
+    def _prepared(self, obstacles: Obstacles) -> tuple[Ints, Obstacles]:
+        """Return the rows of objects that may matter, and their forecasts to plan on."""
+        rows = self._relevant(obstacles)
+        box = obstacles.box[rows]
+        path = obstacles.path[rows]
+        weight = obstacles.weight[rows]
+        forecast = _resampled(Obstacles(box, path, weight, obstacles.dt))
+        return rows, _without_creeping(forecast, self._weights.creep)
 
     def _relevant(self, obstacles: Obstacles) -> Ints:
         """Return rows of objects whose forecasts reach the rectangle around the way.

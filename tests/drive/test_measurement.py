@@ -1,6 +1,5 @@
 """Lower references, dishonest agents and the measurement of a closed loop (`benchmarks/driving.py`)."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,12 +7,13 @@ import numpy as np
 import pytest
 from scipy.stats import kendalltau
 
-from benchmarks.driving_attacks import ATTACKS, AWAY
+from benchmarks.driving_attacks import ATTACKS, AWAY_M, CHANGES, SCAN, base_of, changed
 from benchmarks.driving_figures import Measured, figures
+from benchmarks.driving_honesty import ORACLE, chances_of_scene, gains
 from benchmarks.driving_measure import TRUTH, Kept, Moments, measure_scene
 from benchmarks.driving_switches import Windows, cost_in_windows
 from benchmarks.kendall import kendall_tau
-from mtp_bench import Action, Agent, MTPEnv, Task, load_card, load_submission
+from mtp_bench import Action, Agent, MTPEnv, load_card, load_submission
 from mtp_bench.core import Floats
 from mtp_bench.running.playing import agent_task, run_scene
 from tests.drive.test_record import of
@@ -43,25 +43,75 @@ def objects(action: Action) -> int:
 
 
 def test_objects_everywhere_stop_the_ego_and_far_away_they_are_as_none(env: MTPEnv) -> None:
-    def gains(build: Callable[[Task], Agent]) -> Floats:
-        drive = run_scene(build(agent_task(env, 0)), env, env.scene_names[0], 0).drive
+    def gains(agent: str) -> Floats:
+        task = agent_task(env, 0)
+        made = changed(agent, load_submission(base_of(agent)).build(task))
+        drive = run_scene(made, env, env.scene_names[0], 0).drive
         assert drive is not None
         return drive.acceleration
 
-    blind = gains(load_submission("blind").build)
-    assert gains(ATTACKS["everywhere"]).min() < -3.0 < blind.min()
-    np.testing.assert_array_equal(gains(ATTACKS["far_away"]), blind)
+    blind = gains("blind")
+    assert gains("stp: everywhere").min() < -3.0 < blind.min()
+    np.testing.assert_array_equal(gains("stp: far away"), blind)
+    np.testing.assert_array_equal(gains("blind: ghosts behind"), blind)
 
 
-def test_attacks_change_what_stp_states(env: MTPEnv) -> None:
-    stp = actions(load_submission("stp").build(agent_task(env, 0)), env)
+def test_changes_of_what_stp_states(env: MTPEnv) -> None:
+    def stated(change: str) -> list[Action]:
+        made = load_submission("stp").build(agent_task(env, 0))
+        return actions(changed(change and f"stp: {change}", made), env)
+
+    stp = stated("")
     assert min(map(objects, stp)) > 0
-    said = {name: actions(build(agent_task(env, 0)), env) for name, build in ATTACKS.items()}
-    assert list(map(objects, said["flickering"])) == [objects(stp[0]), 0, objects(stp[2])]
-    assert list(map(objects, said["late"])) == [0, objects(stp[0]), objects(stp[1])]
-    moved = said["far_away"][1]["object_box"] - stp[1]["object_box"]
-    np.testing.assert_allclose(moved[:, 0], AWAY, atol=1e-4)
-    assert (said["sure"][1]["object_confidence"] == 1.0).all()
+    assert list(map(objects, stated("flickering"))) == [objects(stp[0]), 0, objects(stp[2])]
+    assert list(map(objects, stated("late"))) == [0, objects(stp[0]), objects(stp[1])]
+    assert list(map(objects, stated("ghosts behind"))) == [objects(each) + 3 for each in stp]
+    assert list(map(objects, stated("nobody oncoming"))) < list(map(objects, stp))
+    valid = stp[1]["object_valid"] == 1
+    now = {name: values[valid] for name, values in stp[1].items() if name.startswith(("object", "forecast"))}
+
+    def after(change: str, name: str) -> Floats:
+        return np.asarray(stated(change)[1][name][valid], dtype=float)
+
+    moved = after("far away", "object_box") - now["object_box"]
+    np.testing.assert_allclose(moved[:, 0], AWAY_M, atol=1e-4)
+    assert (after("all certain", "object_confidence") == 1.0).all()
+    confidence = now["object_confidence"]
+    for change, expected in (
+        ("scale 0.5", confidence / 2), ("scale 2", np.minimum(2 * confidence, 1)), ("floor 0.3", np.maximum(confidence, 0.3)),
+        ("none below 0.3", confidence * (confidence >= 0.3)), ("ceiling 0.5", np.minimum(confidence, 0.5)),
+    ):  # fmt: skip
+        np.testing.assert_allclose(after(change, "object_confidence"), expected, rtol=1e-6)
+    np.testing.assert_allclose(after("small boxes", "object_box")[:, 4:6], now["object_box"][:, 4:6] / 2)
+    path, there = now["forecast"], np.isfinite(now["forecast_log_weight"])
+    weight = np.exp(now["forecast_log_weight"].astype(float))
+    mean = np.einsum("ok,oktx->otx", weight / weight.sum(axis=1, keepdims=True), path)
+    for change, factor in (("samples at their mean", 0.0), ("samples twice as wide", 2.0)):
+        expected = mean[:, None] + factor * (path - mean[:, None])
+        np.testing.assert_allclose(after(change, "forecast")[there], expected[there], atol=1e-3)
+    waited = after("leaves late", "forecast")
+    steps = round(2.0 / env.task.dt)
+    assert not waited[:, :, :steps].any()
+    np.testing.assert_array_equal(waited[:, :, steps:], path[:, :, :-steps])
+    apart = np.linalg.norm(after("two peaks", "forecast") - path, axis=-1)
+    np.testing.assert_allclose(apart, 4.0, atol=1e-4)
+
+
+def test_every_attack_is_a_change_of_stp() -> None:
+    assert {attack.partition(": ")[0] for attack in ATTACKS} == {"stp"}
+    assert {attack.partition(": ")[2] for attack in ATTACKS} == {*CHANGES} - {*SCAN} | {
+        "scale 0.5",
+        "samples at their mean",
+    }
+
+
+def test_contacts_of_true_places_come_true() -> None:
+    """Forecasts of what will happen leave the planner no contact that does not come; constant velocity does."""
+    card = load_card("MTP-Drive-Intersection-v0")
+    sums = chances_of_scene(card, MTPEnv(card).scene_names[6], [TRUTH])
+    wrong = {agent: np.abs(each[:, 0] - each[:, 1]).sum() for agent, each in sums.items()}
+    assert sums[ORACLE][:, 1].sum() > 5
+    assert wrong[ORACLE] < 0.1 * sums[ORACLE][:, 1].sum() < wrong[TRUTH]
 
 
 def test_standing_states_the_detections(env: MTPEnv) -> None:
@@ -93,10 +143,17 @@ def test_agents_are_scored_on_the_scenes_in_which_ground_truth_tracks_drove(
 def test_figures_of_two_scenes(drive_card: str, tmp_path: Path) -> None:
     card = load_card(drive_card)
     for name in MTPEnv(card).scene_names:
-        measure_scene(card, name, [*AGENTS, "everywhere"], tmp_path)
+        measure_scene(card, name, [*AGENTS, "stp: everywhere", "stp: scale 0.5"], tmp_path)
     (tmp_path / "env.txt").write_text(f"{card.digest} {drive_card}")
     made = figures(Measured(tmp_path))
-    assert (made["scenes"], {*made["rows"]}, {*made["attacks"]}) == (2, {*AGENTS}, {"stp", "everywhere"})
+    assert (made["scenes"], {*made["rows"]}, {*made["attacks"]}) == (
+        2,
+        {*AGENTS},
+        {"stp", "stp: everywhere", "stp: scale 0.5"},
+    )
+    rows = gains(tmp_path)
+    assert rows["stp"]["score"] + rows["stp: everywhere"]["gain"] == pytest.approx(rows["stp: everywhere"]["score"])
+    assert rows["stp: scale 0.5"]["p by Holm"] >= rows["stp: scale 0.5"]["p"]
     near = [made["rows"][agent]["errors"]["bADE near the ego"] for agent in (TRUTH, "blind")]
     assert near[0] < near[1]
     assert -1.0 <= made["tau"]["all"]["measures"]["bADE"]["low"] <= 1.0
