@@ -125,9 +125,7 @@ class PlannerSection(Section):
     smoothness: Annotated[float, Field(ge=0)] = 0.05  # m/s of progress per m/s2
     margin: Annotated[float, Field(gt=0)] = 0.3  # m, of error of a forecast place
     creep: Annotated[float, Field(ge=0)] = 0.65  # widths of a box per second
-    headway: Annotated[float, Field(ge=0)] = (
-        1.0  # s of not braking that must not end in a contact
-    )
+    headway: Annotated[float, Field(ge=0)] = 0.6  # s, to those who drive ahead
     pace: Annotated[float, Field(gt=0, le=1)] = (
         1.0  # share of the speed limits that is driven at most
     )

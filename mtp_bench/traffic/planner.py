@@ -43,6 +43,8 @@ _FULL_SEVERITY_SPEED_MPS = 4.0  # ego speed from which a contact has severity 1
 # has less
 _EMERGENCY_RISK = 0.5
 _NEAR_MISS_SEVERITY = 5 / 12  # against a contact, as in the drive score
+_NEAR_MISS_S = 1.0  # of not braking that lead to a contact
+_GAP_OPENING_S = 2.0  # in which the time gap to those ahead may be opened
 _SAME_DIRECTION_COSINE = 0.5
 
 
@@ -270,24 +272,36 @@ class Planner:
 
         It is 0 for a profile without the contact.
         """
-        steps = np.arange(1, stations_m.shape[1])
         center_m = stations_m[:, 1:][:, contacts.step]
         # within one step the ego may jump over the stretch of a leader
         start_m = stations_m[:, :-1][:, contacts.step]
         back_m = np.where(contacts.leads, start_m, center_m)
         inside_m = np.minimum(center_m - contacts.low, contacts.high - back_m)
         chance = np.clip(0.5 + inside_m / (2 * self._weights.margin), 0.0, 1.0)
-        # where the ego would be without braking for `headway` s before
-        before = np.maximum(steps - round(self._weights.headway / step_s), 0)
-        unbraked_m = stations_m[:, before]
-        unbraked_m = unbraked_m + speeds_mps[:, before] * step_s * (steps - before)
-        unbraked_m = unbraked_m[:, contacts.step]
-        is_near_miss = (unbraked_m >= contacts.low) & (back_m <= contacts.high)
-        harm = np.maximum(chance, _NEAR_MISS_SEVERITY * is_near_miss) * contacts.chance
-        severity = contact_severity(
-            speeds_mps[:, 1:], step_s * steps, self._weights.patience
-        )
+        unbraked_m, gap_m = self._ahead(stations_m, speeds_mps, step_s)
+        front_m = unbraked_m[:, contacts.step]
+        behind_gap_m = np.maximum(front_m, gap_m[:, contacts.step])
+        front_m = np.where(contacts.leads, behind_gap_m, front_m)
+        is_near = (front_m >= contacts.low) & (back_m <= contacts.high)
+        harm = np.maximum(chance, _NEAR_MISS_SEVERITY * is_near) * contacts.chance
+        times_s = step_s * np.arange(1, stations_m.shape[1])
+        severity = contact_severity(speeds_mps[:, 1:], times_s, self._weights.patience)
         return np.asarray(harm * severity[:, contacts.step])
+
+    def _ahead(
+        self, stations_m: Floats, speeds_mps: Floats, step_s: float
+    ) -> tuple[Floats, Floats]:
+        """Return stations [C, T] that an ego should not share with others.
+
+        Where it would be if it had not braked in the last `_NEAR_MISS_S`; and as far
+        ahead as it drives in the time gap, which may be opened in `_GAP_OPENING_S`.
+        """
+        steps = np.arange(1, stations_m.shape[1])
+        before = np.maximum(steps - round(_NEAR_MISS_S / step_s), 0)
+        driven_m = speeds_mps[:, before] * step_s * (steps - before)
+        opened = np.minimum(step_s * steps / _GAP_OPENING_S, 1.0)
+        gap_m = self._weights.headway * speeds_mps[:, 1:] * opened
+        return stations_m[:, before] + driven_m, stations_m[:, 1:] + gap_m
 
     def _contacts(
         self, s: float, end_m: float, forecast: Obstacles, follows: Bools

@@ -34,13 +34,13 @@ def moving(boxes: ArrayLike = (), velocity: ArrayLike = (0.0, 0.0)) -> Obstacles
 NOBODY = moving()
 
 
-def drive(seen: Callable[[float], Obstacles], seconds: float, speed: float) -> Floats:
+def drive(seen: Callable[[float], Obstacles], seconds: float, speed: float, planner: Planner = PLANNER) -> Floats:
     """Stations and speeds [N, 2] at 10 Hz of an ego that decides every half second."""
     s, rows = 0.0, []
     for step in range(round(10 * seconds)):
         if step % 5 == 0:
-            wanted = PLANNER.decide(s, speed, seen(step / 10)).acceleration
-        gain = min(wanted, (PLANNER.allowed(s) - speed) / 0.3) if wanted > -2.0 else wanted  # as `DrivenEpisode` does
+            wanted = planner.decide(s, speed, seen(step / 10)).acceleration
+        gain = min(wanted, (planner.allowed(s) - speed) / 0.3) if wanted > -2.0 else wanted  # as `DrivenEpisode` does
         s, speed = s + speed / 10, speed + max(gain, -10 * speed) / 10
         rows.append((s, speed))
     return np.array(rows)
@@ -119,9 +119,15 @@ def test_it_keeps_clear_of_near_misses() -> None:
     """An ego that comes to a standing car would never meet it within .95 s at its speed."""
     s, speed = drive(lambda t: moving(car(60.0, 0.0, np.pi / 2)), 25.0, 8.0).T
     assert (s + SIZE[0] / 2 + 0.95 * speed < 60.0 - SIZE[1] / 2).all()
-    close = Planner(WAY, SIZE, PlannerSection(headway=0.0))
-    stands = moving(car(28.0, 0.0, np.pi / 2))
-    assert close.decide(20.0, 3.0, stands).acceleration > PLANNER.decide(20.0, 3.0, stands).acceleration
+
+
+@pytest.mark.parametrize(("headway", "least_m", "most_m"), [(0.0, 0.0, 3.2), (0.6, 3.4, 6.0), (1.2, 6.0, 12.0)])
+def test_it_keeps_a_time_gap_to_a_leader(headway: float, least_m: float, most_m: float) -> None:
+    """The leader drives 6 m/s, 4 m ahead of an ego that would drive 10 m/s."""
+    planner = Planner(WAY, SIZE, PlannerSection(headway=headway))
+    rows = drive(lambda t: moving(car(4.0 + SIZE[0] + 6.0 * t), (6.0, 0.0)), 15.0, 6.0, planner)
+    gap_m = 4.0 + 6.0 * np.arange(1, 151) / 10 - rows[:, 0]
+    assert least_m < gap_m[-50:].min() < most_m
 
 
 def test_with_nobody_it_drives_at_the_allowed_speed() -> None:
