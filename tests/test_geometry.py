@@ -12,8 +12,10 @@ from mtp_bench.core import Floats
 from mtp_bench.core.geometry import (
     bev_corners,
     bev_intersection_area,
+    boxes_meet,
     center_distance,
     iou_3d,
+    sliding_contact,
     transform_boxes,
     wrap_angle,
 )
@@ -140,3 +142,21 @@ def test_wrap_angle(angle: float, wrapped: float | None) -> None:
     assert np.exp(1j * got) == pytest.approx(np.exp(1j * angle))
     if wrapped is not None:
         assert got == pytest.approx(wrapped)
+
+
+def test_a_sliding_box_touches_from_the_first_to_the_last_contact() -> None:
+    """Against boxes at many places along x; askew, across, along, and beside the track."""
+    rng = np.random.default_rng(1)
+    others = random_boxes(rng, 400)
+    others[::4, 3] = rng.integers(-4, 5, size=100) * QUARTER
+    low, high = sliding_contact((4.0, 2.0), others)
+    x = np.arange(-12.0, 12.0, 0.043)
+    slider = np.tile(box(z=0.0), (len(x), 1))
+    slider[:, 0] = x
+    touched = np.array([boxes_meet(slider, np.tile(other, (len(x), 1))) for other in others])
+    # beside the track y of the other box may part both for every x, which is not asked for
+    reach = (others[:, 4] * np.abs(np.sin(others[:, 3])) + others[:, 5] * np.abs(np.cos(others[:, 3]))) / 2 + 1.0
+    within = np.abs(others[:, 1]) < reach
+    assert 0.3 < within.mean() < 1
+    expected = (x >= low[:, None]) & (x <= high[:, None]) & within[:, None]
+    np.testing.assert_array_equal(expected, touched)

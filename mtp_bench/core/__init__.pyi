@@ -73,6 +73,7 @@ from .geometry import (
     iou_3d as iou_3d,
     overlapping as overlapping,
     rotate as rotate,
+    sliding_contact as sliding_contact,
     transform_boxes as transform_boxes,
     unit_vectors as unit_vectors,
     wrap_angle as wrap_angle,

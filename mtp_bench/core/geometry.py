@@ -18,6 +18,7 @@ _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]) / 2
 _NEXT_CORNER = np.array([1, 2, 3, 0])
 # share of the smallest side: far above rounding, far below what matters
 _SHRINK_SHARE = 1e-8
+_LEAST_SLOPE = 1e-6  # of an axis of a box along x
 _PARALLEL = 1e-3  # sine or cosine of the angle between two boxes
 _MIN_DIVISOR = 1e-300
 
@@ -190,6 +191,29 @@ def boxes_meet(a: Floats, b: Floats) -> Bools:
     meets = ~_separated(a, b)
     meets[meets] = ~_separated(b[meets], a[meets])
     return meets
+
+
+def sliding_contact(size: tuple[float, float], box: Floats) -> tuple[Floats, Floats]:
+    """Return from and to which x a box that slides along x touches boxes [n, 7].
+
+    Its centre is at y = 0; ``size``: its length and width. All in m. Where it passes a
+    box without a touch, the first x is the larger one, or any.
+    """
+    half_length = size[0] / 2
+    half_width = size[1] / 2
+    cos = np.cos(box[:, 3])
+    sin = np.sin(box[:, 3])
+    extent = (box[:, 4] * np.abs(cos) + box[:, 5] * np.abs(sin)) / 2
+    low = box[:, 0] - extent - half_length
+    high = box[:, 0] + extent + half_length
+    # by both axes of a box; one across the way parts the boxes nowhere, or everywhere
+    for axis_x, axis_y, side in ((cos, sin, box[:, 4]), (-sin, cos, box[:, 5])):
+        along = np.where(np.abs(axis_x) < _LEAST_SLOPE, _LEAST_SLOPE, axis_x)
+        middle = box[:, 0] + box[:, 1] * axis_y / along
+        extent = (side / 2 + half_width * np.abs(axis_y)) / np.abs(along)
+        low = np.maximum(low, middle - extent - half_length)
+        high = np.minimum(high, middle + extent + half_length)
+    return low, high
 
 
 def _separated(a: Floats, b: Floats) -> Bools:

@@ -1,11 +1,11 @@
 """Fixed planner of the closed loop, which drives the best of some speed profiles.
 
-A profile is an acceleration for a second and another one after it. Its risk is a score
-of contacts of the ego's box, grown by a margin, with forecast boxes, by the weights of
-the samples and the confidence of the objects. Early contacts count more. Contacts of a
-standing ego, which are not its fault, count less. The ego keeps a time gap to objects
-that drive ahead, and leaves out those that follow it. The risks by all objects are
-added up. If no profile keeps clear of an object ahead in the lane, the ego brakes
+A profile is an acceleration for a second and another one after it. It costs contacts of
+the ego's box with forecast boxes, by the weights of the samples and the confidence of
+the objects: probabilities that are true give as many contacts as will happen. Near
+misses cost less, and so do late contacts and those of a standing ego, which are not its
+fault. The ego keeps a time gap to objects that drive ahead, and leaves out those that
+follow it. If no profile keeps clear of an object ahead in the lane, the ego brakes
 hardest. `PlannerSection` weighs risk, progress and comfort.
 
 The family is that of PDM-Closed (Dauner et al. 2023, "Parting with misconceptions about
@@ -19,7 +19,7 @@ from math import ceil
 import numpy as np
 
 from ..cards import PlannerSection
-from ..core import NO_ROWS, Bools, Floats, Ints
+from ..core import NO_ROWS, Bools, Floats, Ints, sliding_contact
 from .highway.driven import REACH_M, Way
 
 # accelerations of all profiles, every pair: in the first second, and later
@@ -39,9 +39,7 @@ _MIN_TURN_SPEED_MPS = 0.5  # slower objects keep their heading
 _TURN_RADIUS_M = 5.0  # of the narrowest curve
 _STANDING_SEVERITY = 0.15  # of a contact while the ego stands
 _FULL_SEVERITY_SPEED_MPS = 4.0  # ego speed from which a contact has severity 1
-# risk by an object ahead in the lane, from which the ego brakes hardest if no profile
-# has less
-_EMERGENCY_RISK = 0.5
+_EMERGENCY_RISK = 0.5  # of all profiles, by an object ahead in the lane
 _NEAR_MISS_SEVERITY = 5 / 12  # against a contact, as in the drive score
 _NEAR_MISS_S = 1.0  # of not braking that lead to a contact
 _GAP_OPENING_S = 2.0  # in which the time gap to those ahead may be opened
@@ -52,7 +50,7 @@ _SAME_DIRECTION_COSINE = 0.5
 class Obstacles:
     """Forecast of O objects in the frame of the way: K samples of T steps of ``dt`` s.
 
-    The weight of a sample is its probability times the object's confidence.
+    ``weight``: probability of a sample times the object's confidence.
     """
 
     box: Floats  # [O, 7] now
@@ -196,7 +194,7 @@ class Planner:
         share, object_row = self._shares(stations_m, speeds_mps, contacts, forecast)
         progress_mps = (stations_m[:, -1] - s) / (forecast.dt * steps) - self._effort
         score = progress_mps - self._weights.caution * share.sum(axis=1)
-        best = int(score.round(9).argmax())  # equal scores on all machines
+        best = int(score.round(9).argmax())  # equal on all machines
         best_if_free = int(progress_mps.round(9).argmax())
         if (share.min(axis=0) > _EMERGENCY_RISK)[leads[object_row]].any():
             best = 0  # brakes hardest
@@ -327,25 +325,27 @@ class Planner:
         along = _PART_PLACES * length_m[object_row, None]  # [n, parts]
         part_x = x[path_row, None] + along * np.cos(heading)[:, None]
         part_y = y[path_row, None] + along * np.sin(heading)[:, None]
-        part_station, aside_m, tangent = self._way.along(part_x.ravel(), part_y.ravel())
-        turn = heading.repeat(_PARTS) - tangent
-        half_length_m = (length_m[object_row] / (2 * _PARTS)).repeat(_PARTS)
-        half_width_m = (width_m[object_row] / 2).repeat(_PARTS)
-        across_m = half_length_m * np.abs(np.sin(turn))
-        across_m += half_width_m * np.abs(np.cos(turn))
-        overlap_m = across_m + self._size[1] / 2 - np.abs(aside_m)
+        station_m, aside_m, tangent = self._way.along(part_x.ravel(), part_y.ravel())
+        # the parts seen from the way
+        part = np.zeros((len(station_m), 7))
+        part[:, 0] = station_m
+        part[:, 1] = aside_m
+        part[:, 3] = heading.repeat(_PARTS) - tangent
+        part[:, 4] = (length_m[object_row] / _PARTS).repeat(_PARTS)
+        part[:, 5] = width_m[object_row].repeat(_PARTS)
+        turn = part[:, 3]
+        across_m = part[:, 4] * np.abs(np.sin(turn)) + part[:, 5] * np.abs(np.cos(turn))
+        overlap_m = (across_m + self._size[1]) / 2 - np.abs(aside_m)
         chance = np.minimum(0.5 + overlap_m / (2 * self._weights.margin), 1.0)
         meets = np.flatnonzero(chance > 0)
         met_row = meets // _PARTS
-        center_m = part_station[meets]
-        middle_m = part_station[_PARTS // 2 :: _PARTS][met_row]
-        turn = turn[meets]
-        half_m = (half_length_m[meets], half_width_m[meets])
-        low_m, high_m = self._stretch(center_m, aside_m[meets], turn, half_m)
-        leads = np.cos(turn) > _SAME_DIRECTION_COSINE
+        width_m = self._size[1] + 2 * self._weights.margin
+        low_m, high_m = sliding_contact((self._size[0], width_m), part[meets])
+        leads = np.cos(turn[meets]) > _SAME_DIRECTION_COSINE
+        # an ego beyond the middle of a leader has passed it
+        middle_m = station_m[_PARTS // 2 :: _PARTS][met_row]
         return _Contacts(
             low=low_m,
-            # an ego beyond the middle of a leader has passed it
             high=np.where(leads, np.minimum(high_m, middle_m), high_m),
             chance=chance[meets],
             step=forecast_step[met_row],
@@ -353,37 +353,12 @@ class Planner:
             leads=leads,
         )
 
-    def _stretch(
-        self, center_m: Floats, aside_m: Floats, turn: Floats, half: tuple[Floats, ...]
-    ) -> tuple[Floats, Floats]:
-        """Return from and to which station an ego touches n boxes.
-
-        The boxes are at stations ``center_m`` and ``aside_m`` m to the left, at angles
-        ``turn`` to the way; ``half``: half their lengths and widths. Found by separating
-        axes: the way, and both sides of a box.
-        """
-        half_ego_length_m = self._size[0] / 2
-        half_ego_width_m = self._size[1] / 2 + self._weights.margin
-        cos = np.cos(turn)
-        sin = np.sin(turn)
-        reach_m = half_ego_length_m + half[0] * np.abs(cos) + half[1] * np.abs(sin)
-        low_m = center_m - reach_m
-        high_m = center_m + reach_m
-        for axis_x, axis_y, half_m in ((cos, sin, half[0]), (-sin, cos, half[1])):
-            along = np.where(np.abs(axis_x) < _ROUNDING, _ROUNDING, axis_x)
-            middle_m = center_m + aside_m * axis_y / along
-            reach_m = half_m + half_ego_width_m * np.abs(axis_y)
-            reach_m = half_ego_length_m + reach_m / np.abs(along)
-            low_m = np.maximum(low_m, middle_m - reach_m)
-            high_m = np.minimum(high_m, middle_m + reach_m)
-        return low_m, high_m
-
     def _headings(
         self, path_row: Ints, object_row: Ints, forecast_step: Ints, forecast: Obstacles
     ) -> Floats:
-        """Return headings [n] of objects in rows [n] of the flat paths.
+        """Return headings [n], from those of the boxes on, of rows [n] of the flat paths.
 
-        They go from that of the box towards the direction of motion, as a car can turn.
+        An object turns towards its direction of motion as far as a car can.
         """
         places_m = forecast.path.reshape(-1, 2)
         now_m = forecast.box[object_row, :2]
