@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rich.console import Console
@@ -12,6 +12,7 @@ from rich.table import Table as RichTable
 from benchmarks.driving_figures import MOST_SCENES
 from benchmarks.driving_measure import AHEAD, NEAR
 from benchmarks.driving_switches import LOST, SECONDS
+from mtp_bench.judge.records.shipped import earlier_cards
 
 CHOSEN_LATER, KEPT = ", no switch in it", ", no switch before it"
 IN_SHORT = (
@@ -82,7 +83,16 @@ def grids(made: Mapping[str, Any]) -> list[Grid]:
             )
         )
     found.append(_taus(made["tau"]))
-    return [*found, *_switches(made["switches"])] if made["switches"] else found
+    if made["switches"]:
+        found += _switches(made["switches"])
+    mark = planner_note(made)
+    return [replace(grid, title=grid.title + mark) for grid in found]
+
+
+def planner_note(made: Mapping[str, Any]) -> str:
+    """How the figures of a card that has changed since are marked."""
+    note = earlier_cards().get(made["card"])
+    return f", {note}" if note else ""
 
 
 def in_short(figures: Mapping[str, Any]) -> Grid:
@@ -111,7 +121,9 @@ def in_short(figures: Mapping[str, Any]) -> Grid:
                 *(f"{tau['between halves']:.2f}" for tau in taus),
             ]
         )
-    return Grid("Differences of drive scores, and tau", ["", *roads], rows)
+    notes = {planner_note(figures[name]) for name in names}
+    title = f"Differences of drive scores, and tau{max(notes, default='')}"
+    return Grid(title, ["", *roads], rows)
 
 
 def _difference(made: Mapping[str, Any], one: str, other: str) -> str:

@@ -31,6 +31,7 @@ from mtp_bench.core.errors import MtpBenchError, RecordError, UnknownNameError
 from mtp_bench.core.files import write_text
 from mtp_bench.core.notice import NO_PROGRESS
 from mtp_bench.judge import trusted
+from mtp_bench.judge.records.shipped import earlier_cards
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.parts import PART_NAMES, STAGE_NAMES, by_fault
 from mtp_bench.viz.board.entries import Entry, by_board
@@ -305,7 +306,14 @@ def faults_table(rows: Sequence[dict[str, Any]]) -> Table:
 
 def driving_table(figures: Mapping[str, Any]) -> Table:
     """Drive scores of `DRIVERS`, and Kendall's tau of driving better with less bADE: a row per closed loop."""
-    columns = [Column("environment", key="env")]
+    columns = [
+        Column("environment", key="env"),
+        Column(
+            "measured with",
+            key="planner",
+            read=lambda row: earlier_cards().get(row["card"], "today's planner"),
+        ),
+    ]
     for agent in DRIVERS:
         columns += [
             Column(

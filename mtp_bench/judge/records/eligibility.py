@@ -28,6 +28,7 @@ from .shipped import (
     Shipped,
     baseline_digest,
     baselines,
+    earlier_cards,
     earlier_scorers,
     shipped,
 )
@@ -196,8 +197,10 @@ def _unlike_baselines(record: Record) -> Iterator[str]:
 
 
 def _unlike_env(record: Record, env: Shipped) -> Iterator[str]:
-    if record.env.card_digest != env.card:
-        yield f"card {record.env.card_digest}, the one that ships is {env.card}"
+    digest = record.env.card_digest
+    if digest != env.card:
+        other_card = f"card {digest}, the one that ships is {env.card}"
+        yield earlier_cards().get(digest, other_card)
     changed_settings = [
         f"{name} {value!r}"
         for name, value in record.env.keywords.items()

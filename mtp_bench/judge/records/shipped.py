@@ -73,6 +73,16 @@ def earlier_scorers() -> frozenset[tuple[str, str, str]]:
     return frozenset(scorers)
 
 
+@cache
+def earlier_cards() -> Mapping[str, str]:
+    """Read why records of earlier cards are shown apart, by the digests of the cards.
+
+    Raises DataError if the file that lists them cannot be read.
+    """
+    path = bundled("envs") / "reference" / "earlier.toml"
+    return dict(read_toml(path, DataError)["cards"])
+
+
 def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str | None:
     """Return the digest of the shipped baseline ``name``.
 
