@@ -7,6 +7,7 @@ from typer import Option
 
 from ..core import long_work
 from ..running import open_run
+from ..traffic import RATE
 from ..viz import (
     AT,
     VIDEO_SUFFIXES,
@@ -47,16 +48,20 @@ def video(
         opened = open_run(folder, root, env)
         rollout = opened.first(scene)
         content = opened.drawn(rollout.scene, say)
+        rate_hz = opened.card.task.rate
         if at is None:
             played = replay(content, rollout, opened.card, opened.run.info.agent)
             incident = None
             frames = range(played.frames)
+            if rollout.drive is not None:  # its states, and a second for the last one
+                frames = range(len(rollout.drive.station) + round(RATE))
+                rate_hz = RATE
         else:
             played = PlayedRun(opened).replay(rollout, content)
             incident = find_incident(played, at)
             frames = frames_around(played.scene, incident.frame)
         progress.started(len(frames))
-        rate_hz = fps or opened.card.task.rate
+        rate_hz = fps or rate_hz
         images = pictures(played, frames, incident)
         write_video(output, images, rate_hz, lambda: progress.done(rollout.scene))
     show(

@@ -55,7 +55,7 @@ class Drive:
     # [n, 4] points of the way: m along it, x, y, heading in rad without jumps
     route: Floats
     # the recording until the last decision, packed, and "ending", the road users after
-    # it: see `record.rows_from`
+    # it: see `drive_record.rows_from`
     world: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 

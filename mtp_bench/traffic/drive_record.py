@@ -15,6 +15,7 @@ from ..core import (
     unit_vectors,
 )
 from .highway.driven import STANDING, DrivenTraffic, Way
+from .highway.source import unpack
 from .highway.world import CLASSES, RATE, World
 from .planner import Decision
 
@@ -79,6 +80,13 @@ def rows_from(truth: Truth, first: int) -> Floats:
     state = truth.frame_of_rows
     columns = [state, truth.object_id, truth.class_id, truth.box, truth.velocity]
     return np.column_stack(columns).astype(float)[state >= first]
+
+
+def state_rows(drive: Drive, state: int) -> Floats:
+    """Return the rows [n, 12] of one state of a stored drive, as `rows_from`."""
+    recorded_rows = rows_from(unpack(dict(drive.world)).truth, 0)
+    rows = np.concatenate([recorded_rows, drive.world["ending"]])
+    return np.asarray(rows[rows[:, 0] == state])
 
 
 def near_misses(world: World, speed_mps: Floats, size: tuple[float, float]) -> Bools:

@@ -77,8 +77,7 @@ HAPPENED = {  # kind of incident -> text
     "reacquired": "{object} is found again by {new_track}, before {old_track}",
     "spurious": "a {noun} is forecast by {new_track} until {until_s:.1f} s, "
     "confidence up to {confidence:.2f}",
-    "collision": "the ego hits {object} at {hit_s:.1f} s, {fault}, planned risk "
-    "{risk:.0%}",
+    "collision": "the ego hits {object}, {fault}, planned risk {risk:.0%}",
     MOMENT: "{object} is followed by {new_track}",
     "no event": "no false forecast of a {noun}",
 }
@@ -191,12 +190,13 @@ def happened(focus: Focus) -> str:
         if at.kind == MOMENT and is_same:
             event = other
             name = f"{at.name}, {other.name}"
-    time = f"at {focus.seconds(at.frame):.1f} s"
+    values = _event_values(focus, event)
+    time = f"at {values['at_s']:.1f} s"
     if 0 <= at.first < at.until:
         time += f" (bad {focus.seconds(at.first):.1f} to {focus.seconds(at.until):.1f})"
     is_absent = at.kind == MOMENT and at.object_id < 0
     template = HAPPENED["no event" if is_absent else event.kind]
-    return f"{name}: {time} {template.format(**_event_values(focus, event))}"
+    return f"{name}: {time} {template.format(**values)}"
 
 
 def sentence(focus: Focus) -> str:
@@ -220,12 +220,13 @@ def _event_values(focus: Focus, event: Incident) -> Values:
         "old_track": old_track,
         "new_track": new_track,
         "duration": duration,
+        "at_s": focus.seconds(event.frame),
         "until_s": focus.seconds(event.until),
         "confidence": event.confidence or 0.0,
     }
     drive = focus.replay.rollout.drive
-    if drive is not None:
-        values["hit_s"] = drive.seconds
+    if drive is not None and event.kind == "collision":
+        values["at_s"] = drive.seconds  # the frame is before it
         values["fault"] = "at fault" if drive.at_fault else "not at fault"
         values["risk"] = drive.risk[-1]
     return values

@@ -110,7 +110,7 @@ def _matched_detections(
     """Match tracks of a hypothesis with detections, by rows."""
     detections = replay.scene.detections
     rollout = replay.rollout
-    tracks = np.arange(rollout.tracks.rows(t).start, rollout.tracks.rows(t).stop)
+    tracks = np.arange(*rollout.tracks.start[[t, t + 1]])
     tracks = tracks[replay.answers.hypotheses.member[tracks, hypothesis]]
     rows = detections.rows(t)
     offset_m = (

@@ -1,12 +1,12 @@
 """Closed loops: plans of the ego, and the outputs of the stages before a collision."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ..core import HARD_BRAKING, Bools, Floats, to_metres
-from ..traffic import RATE
+from ..core import HARD_BRAKING, Bools, Drive, Floats, to_metres
+from ..traffic import RATE, state_rows
 from .focus import Focus, nearest_box
 from .run_replay import Replay
 
@@ -41,11 +41,32 @@ def plan_at(replay: Replay, t: int) -> ShownPlan | None:
     speed = np.hypot(*np.diff(drive.plan[t], axis=0).T) * rate_hz
     hard = np.append(acceleration, np.diff(speed) * rate_hz) < HARD_BRAKING
     objects = replay.rollout.objects.rows(t - replay.first)
-    slower = np.zeros((0, 7))
-    if drive.cause[t] >= 0:
-        row = objects.start + int(drive.cause[t])
-        slower = replay.rollout.object_box[row : row + 1].astype(np.float64)
+    boxes = replay.rollout.object_box[objects].astype(np.float64)
+    slower = boxes[np.arange(len(boxes)) == drive.cause[t]]
     return ShownPlan(drive.plan[t], hard, acceleration, float(drive.risk[t]), slower)
+
+
+def in_state(replay: Replay, t: int, drive: Drive, state: int) -> Replay:
+    """Move the ego and the true boxes of frame ``t`` to a state of the drive.
+
+    The collision is an incident of the last state.
+    """
+    scene = replay.scene
+    truth = scene.truth
+    ego = scene.ego.copy()
+    along, *columns = drive.route.T
+    station = drive.station[state]
+    ego[t, [0, 1, 3]] = [np.interp(station, along, values) for values in columns]
+    box = truth.box.copy()
+    is_present = truth.frame_of_rows == t
+    box[is_present, 0] += 1e5  # m: road users that have left are out of the picture
+    for row in state_rows(drive, state):
+        box[is_present & (truth.object_id == row[1])] = row[3:10]
+    scene = replace(scene, ego=ego, truth=replace(truth, box=box))
+    incidents = replay.incidents
+    if state < len(drive.station) - 1:
+        incidents = tuple(one for one in incidents if one.kind != "collision")
+    return replace(replay, scene=scene, incidents=incidents)
 
 
 class CollisionEvidence(NamedTuple):
@@ -92,12 +113,10 @@ def collision_evidence(focus: Focus) -> CollisionEvidence:
     for event in replay.events:
         if (event.kind, event.object_id) == ("ids", object_id) and event.frame >= first:
             switch_s = focus.seconds(event.frame)
-    forecasts = np.array([_forecast_then(focus, frame) for frame in frames.tolist()])
-    forecasts = forecasts[~np.isnan(forecasts[:, 0])]
-    means = [np.nan, np.nan]
-    if len(forecasts):
-        means = forecasts.mean(axis=0).tolist()
-    error_m, confidence = means
+    pairs = [_forecast_then(focus, frame) for frame in frames.tolist()]
+    forecasts = [pair for pair in pairs if pair is not None]
+    means = np.mean(forecasts or [(np.nan, np.nan)], axis=0)
+    error_m, confidence = means.tolist()
     return CollisionEvidence(
         frames=len(frames),
         detected_frames=int(np.isin(frames, detected_in).sum()),
@@ -109,11 +128,11 @@ def collision_evidence(focus: Focus) -> CollisionEvidence:
     )
 
 
-def _forecast_then(focus: Focus, frame: int) -> tuple[float, float]:
+def _forecast_then(focus: Focus, frame: int) -> tuple[float, float] | None:
     """Return the error of a forecast at the collision, m, and its confidence.
 
     It is the forecast made in ``frame`` that begins nearest to the object, inside its
-    gate: the scorer matches no forecast this late. Both are NaN without a forecast.
+    gate: the scorer matches no forecast this late. None without a forecast.
     """
     rollout = focus.replay.rollout
     rows = rollout.objects.rows(frame)
@@ -121,10 +140,10 @@ def _forecast_then(focus: Focus, frame: int) -> tuple[float, float]:
     place = focus.place(frame)
     row = nearest_box(rollout.object_box, rows, same_class, place, focus.gate_m)
     if row < 0:
-        return np.nan, np.nan
+        return None
     samples = rollout.forecast[row][np.isfinite(rollout.forecast_log_weight[row])]
     if not len(samples):
-        return np.nan, np.nan
+        return None
     step = min(max(1, focus.at.frame - frame), samples.shape[1]) - 1
     ends = rollout.object_box[row, :2] + to_metres(samples[:, step])
     error_m = np.hypot(*(ends - focus.place(focus.at.frame)).T).min()

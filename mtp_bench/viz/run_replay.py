@@ -41,7 +41,7 @@ from ..sources import CameraImage
 from .answers import Answers
 from .incident import MOMENT, Incident, numbered
 
-# m, l w h of a usual car: sources do not state the size of their vehicle
+# m, l w h of a usual car: only drives state the size of their vehicle
 EGO_SIZE = (4.6, 1.9, 1.6)
 
 
@@ -121,6 +121,14 @@ class Replay:
     def frames(self) -> int:
         """Number of frames F."""
         return self.scene.frames
+
+    @property
+    def ego_boxes(self) -> Floats:
+        """Boxes [F, 7] of the vehicle."""
+        size_m = np.tile(EGO_SIZE, (self.frames, 1))
+        if self.rollout.drive is not None:
+            size_m[:, :2] = self.rollout.drive.size
+        return np.concatenate([self.scene.ego, size_m], axis=1)
 
     @cached_property
     def matched(self) -> NDArray[np.intp]:
@@ -263,11 +271,6 @@ def replay(
     )
     incidents = [*_identity_events(judged), *_false_runs(judged), *_collisions(judged)]
     return replace(judged, incidents=numbered(incidents))
-
-
-def ego_boxes(ego: Floats) -> Floats:
-    """Return boxes [F, 7] of the vehicle at poses [F, 4]."""
-    return np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
 
 
 def _forecasts(

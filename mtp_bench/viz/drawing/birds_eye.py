@@ -3,7 +3,7 @@
 Tracks are numbered, false tracks and forecasts red, an event is a ring with its name.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ from ..palette import (
     Color,
 )
 from ..plan import plan_at
-from ..run_replay import Replay, ego_boxes
+from ..run_replay import Replay
 from .canvas import GRAY, LARGE, MIDDLE, SMALL, Canvas, Outline
 from .column import Mark, Text, column
 
@@ -99,8 +99,13 @@ def _squares(middle: Floats, size: float) -> list[Window]:
     return [Window(x, y, size, size) for x, y in middle.tolist()]
 
 
-def draw_frame(replay: Replay, t: int, window: Window) -> NDArray[np.uint8]:
-    """Draw frame ``t`` of a run [height, width, 3] in `SIZE`."""
+def draw_frame(
+    replay: Replay, t: int, window: Window, remarks: Iterable[Text] = ()
+) -> NDArray[np.uint8]:
+    """Draw frame ``t`` of a run [height, width, 3] in `SIZE`.
+
+    ``remarks`` stand below the heading of the column.
+    """
     truth = replay.scene.truth
     canvas = Canvas(SIZE[0] - PANEL, SIZE[1], window)
     rollout_frame = t - replay.first
@@ -124,11 +129,11 @@ def draw_frame(replay: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     for event, place in zip(events, event_places, strict=True):
         canvas.callout(place, event.label, BLACK, 0.7 * ring_px, SMALL)
     if replay.card.has_ego:
-        ego = ego_boxes(replay.scene.ego[t][None])[0]
-        named_boxes = [NamedBox(ego, "ego", EGO), *named_boxes]
+        named_boxes.insert(0, NamedBox(replay.ego_boxes[t], "ego", EGO))
     for box, name, color in named_boxes:
         canvas.label(box[:2], name, color, 0.5 * float(box[4]) * canvas.scale)
-    panel = column((PANEL, SIZE[1]), list(_heading(replay, t)), legend(replay))
+    heading = [*_heading(replay, t), *remarks]
+    panel = column((PANEL, SIZE[1]), heading, legend(replay))
     picture = Image.new("RGB", SIZE)
     picture.paste(canvas.finished(), (0, 0))
     picture.paste(panel, (canvas.width, 0))
@@ -199,9 +204,8 @@ def _draw_tracks(canvas: Canvas, replay: Replay, rollout_frame: int) -> list[Nam
     canvas.boxes(boxes[rows[~is_false]], TRACK_BOX)
     named_boxes = []
     for chosen, color in ((rows[~is_false], TRACK), (rows[is_false], FALSE)):
-        names = rollout.track_id[chosen].astype(str).tolist()
-        pairs = zip(boxes[chosen], names, strict=True)
-        named_boxes += [NamedBox(box, name, color) for box, name in pairs]
+        for row in chosen:
+            named_boxes.append(NamedBox(boxes[row], str(rollout.track_id[row]), color))
     return named_boxes
 
 
@@ -242,7 +246,7 @@ def _draw_boxes(canvas: Canvas, replay: Replay, t: int) -> None:
     canvas.boxes(boxes[is_evaluated & is_tracked], TRACKED)
     canvas.boxes(boxes[is_evaluated & ~is_tracked], UNTRACKED)
     if replay.card.has_ego:
-        canvas.boxes(ego_boxes(replay.scene.ego[t][None]), VEHICLE)
+        canvas.boxes(replay.ego_boxes[t][None], VEHICLE)
 
 
 def _heading(replay: Replay, t: int) -> Iterator[Text]:
@@ -297,21 +301,15 @@ class EpisodePictures:
     Before the first answer they are of frame 0.
     """
 
-    def __init__(self) -> None:
-        self._episode: LiveEpisode | None = None
-        self._windows: list[Window] = []
-
     def render(self, episode: LiveEpisode) -> NDArray[np.uint8]:
         """Draw a picture [height, width, 3], always of the same size.
 
         True boxes are not compared with the answer.
         """
-        if self._episode is not episode:
-            self._episode = episode
-            self._windows = windows_of(episode.scene, episode.card)
+        windows = windows_of(episode.scene, episode.card)
         frames_back = round(TRAIL_SECONDS * episode.card.task.rate)
         replay = Replay.of_episode(episode, frames_back)
-        return draw_frame(replay, episode.frame, self._windows[episode.frame])
+        return draw_frame(replay, episode.frame, windows[episode.frame])
 
     def close(self) -> None:
         """Do nothing: pictures keep no resource open."""

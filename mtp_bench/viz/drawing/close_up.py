@@ -14,7 +14,6 @@ from ..focus import Focus, ObjectForecast
 from ..framing import FocusFrame, ShownTrack, Window, frame_of
 from ..incident import INCIDENT_KINDS
 from ..palette import BLACK, DIM, ROLES
-from ..run_replay import ego_boxes
 from .birds_eye import VEHICLE, draw_lanes, draw_plan
 from .canvas import GRAY, Canvas, Outline
 from .column import Mark
@@ -88,8 +87,8 @@ class _CloseUp:
         self._boxes(self.shown.dim_track, DIM_TRACK)
         self._boxes(self.shown.dim_truth, DIM_TRUTH)
         if self.focus.replay.card.has_ego:
-            ego = self.focus.replay.scene.ego[self.shown.frame]
-            self.canvas.boxes(ego_boxes(ego[None]), VEHICLE)
+            ego_box = self.focus.replay.ego_boxes[self.shown.frame]
+            self.canvas.boxes(ego_box[None], VEHICLE)
             plan_marks = draw_plan(self.canvas, self.focus.replay, self.shown.frame)
             for mark, places in plan_marks:
                 self._note(mark, places)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -9,15 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ...core import MtpBenchError, whole_file
+from ...core import Drive, MtpBenchError, whole_file
+from ...traffic import RATE
+from ..causes import sentence
 from ..focus import Focus
+from ..framing import Window
 from ..incident import Incident
+from ..palette import BLACK, FALSE
+from ..plan import in_state
 from ..run_replay import Replay
-from .birds_eye import SIZE, draw_frame, windows_of
+from .birds_eye import LARGEST_M, SIZE, draw_frame, windows_of
+from .canvas import LARGE
 from .report import picture
 
 VIDEO_SUFFIXES = (".mp4", ".gif")
 GIF_COLORS = 128
+CONTACT_M = 24.0  # that are shown around a collision
 MIN_DURATION_MS = 20  # of a picture of a gif: viewers slow down shorter ones
 Picture = NDArray[Any]  # uint8 [height, width, 3]
 
@@ -38,16 +46,40 @@ def pictures(
 ) -> Iterator[Picture]:
     """Draw bird's-eye pictures of ``frames``, all of one size.
 
-    With an incident they are close-ups in which all else is dim.
+    Frames of a drive are its states, the last of which goes on. With an incident the
+    pictures are close-ups in which all else is dim.
     """
-    if at is None:
+    drive = replay.rollout.drive
+    if at is not None:
+        focus = Focus(replay, at)
+        for t in frames:
+            yield np.asarray(picture(focus, t, SIZE), dtype=np.uint8)
+    elif drive is None:
         windows = windows_of(replay.scene, replay.card)
         for t in frames:
             yield draw_frame(replay, t, windows[t])
     else:
-        focus = Focus(replay, at)
-        for t in frames:
-            yield np.asarray(picture(focus, t, SIZE), dtype=np.uint8)
+        for state in frames:
+            yield _draw_state(replay, drive, min(state, len(drive.station) - 1))
+
+
+@lru_cache(maxsize=1)  # the last state is shown for a second
+def _draw_state(replay: Replay, drive: Drive, state: int) -> Picture:
+    """Draw a state of a drive, with the answers of the latest decision.
+
+    The ego is in the middle. A collision is drawn from near, with its cause.
+    """
+    t = min(state // round(RATE / replay.card.task.rate), replay.frames - 1)
+    shown = in_state(replay, t, drive, state)
+    side_m = 2 * LARGEST_M
+    remarks = [(f"now {state / RATE:.1f} s", LARGE, BLACK)]
+    for incident in shown.incidents:
+        if incident.kind == "collision":
+            side_m = CONTACT_M
+            # the cause is measured where the objects were at the decision
+            remarks.append((sentence(Focus(replay, incident)), LARGE, FALSE))
+    x, y, *_ = shown.scene.ego[t].tolist()
+    return draw_frame(shown, t, Window(x, y, side_m, side_m), remarks)
 
 
 def write_video(

@@ -13,7 +13,7 @@ from ...scoring import history, separated_truth
 from ..framing import arrows_of
 from ..palette import FALSE, Color
 from ..plan import plan_at
-from ..run_replay import Replay, ego_boxes
+from ..run_replay import Replay
 from .sdk import rr
 from .shown import (
     BORDER,
@@ -191,9 +191,7 @@ def log_scene(log: Log, replay: Replay) -> None:
     if replay.card.has_ego:
         row_colors = _all(EGO, scene.frames)
         row_start: Ints = np.arange(scene.frames + 1)
-        log.boxes(
-            "world/ego", row_start, ego_boxes(scene.ego), row_colors, fill="solid"
-        )
+        log.boxes("world/ego", row_start, replay.ego_boxes, row_colors, fill="solid")
         translation = np.float32(scene.ego[log.frames, :3])
         log.columns(
             "world/follow", None, rr.Transform3D.columns(translation=translation)

@@ -248,7 +248,10 @@ def show_collisions(rows: Sequence[Listed], shown_command: str = "") -> None:
     if it is the ``shown_command`` above.
     """
     collisions = [(row.drive, row) for row in rows if row.drive is not None]
-    collisions.sort(key=lambda pair: (not pair[0].at_fault, -_last_step_m(pair[0])))
+    # the last step, of .1 s, grows with the speed
+    collisions.sort(
+        key=lambda pair: (not pair[0].at_fault, -np.diff(pair[0].station)[-1])
+    )
     for drive, row in collisions:
         fault = "at fault" if drive.at_fault else "not at fault"
         collision = f"collision at {drive.seconds:.1f} s with {row.object_name}"
@@ -256,11 +259,6 @@ def show_collisions(rows: Sequence[Listed], shown_command: str = "") -> None:
     if collisions and collisions[0][1].view != shown_command:
         show_lines([f"To look at the first collision; {_PICTURE}"])
         show_command(collisions[0][1].view)
-
-
-def _last_step_m(drive: Drive) -> float:
-    """Return the length of the last plan's first step, which grows with speed."""
-    return float(np.hypot(*np.diff(drive.plan[-1, :2], axis=0)[0]))
 
 
 def events_json(
@@ -280,12 +278,11 @@ def events_json(
 
 def _record(row: Listed) -> dict[str, Any]:
     event = row.incident
-    at_fault = None if row.drive is None else row.drive.at_fault
     return {
         "time": row.scene.seconds(event.frame),
         "event": event.name,
         "position": list(event.position),
         **row.record("kind", "wrong", "error", "parts", "error_before"),
         "cause": row.cause or None,
-        "at_fault": at_fault,
+        "at_fault": row.drive and row.drive.at_fault,
     }
