@@ -44,7 +44,15 @@ from mtp_bench.scoring.driving import scene_score
 from mtp_bench.scoring.statistics import paired_difference
 from mtp_bench.traffic.highway.driven import hit_from_behind
 from mtp_bench.traffic.highway.world import CLASSES as ROAD_USERS, RATE
-from mtp_bench.traffic.planner import _FIRST_MPS2, _LATER_MPS2, Obstacles, Planner
+from mtp_bench.traffic.planner import (
+    _FIRST_MPS2,
+    _LATER_MPS2,
+    Obstacles,
+    Planner,
+    _reduce_runs,
+    _resampled,
+    _without_creeping,
+)
 
 ORACLE = "true places"
 SECONDS = 3.0
@@ -166,7 +174,7 @@ class Recorded:
         s = float(self.station[state])
         speed = RATE * float(self.station[min(state + 1, len(self.station) - 1)] - s)
         planner = self.planner
-        rows, forecast = planner._prepared(seen)
+        forecast = _without_creeping(_resampled(seen), planner._weights.creep)
         steps = forecast.path.shape[2]
         stations, _ = planner.profiles(s, speed, forecast.dt, steps)
         progress = (stations[:, -1] - s) / (forecast.dt * steps) - planner._effort
@@ -177,19 +185,21 @@ class Recorded:
         met = planner._contacts(s, float(stations.max()), forecast, follows)
         within = met.step < round(SECONDS / forecast.dt)
         met = type(met)(**{name: values[within] for name, values in vars(met).items()})
-        # severity 1 for each contact, none for near misses
-        weights = planner._weights.model_copy(update={"patience": 1e9, "headway": 0.0})
-        certain = Planner(planner._way, planner._size, weights)
-        share, row = certain._shares(
-            stations, np.full_like(stations, 99.0), met, forecast
-        )
-        expected = np.zeros(len(rows))
-        expected[row] = share.sum(axis=0)
+        expected = np.zeros(len(seen.box))
+        if len(met.step):
+            chance, sample = _reduce_runs(
+                np.maximum, planner._touches(stations, met)[0], met.sample
+            )
+            weighed = chance * forecast.weight.ravel()[sample]
+            share, row = _reduce_runs(
+                np.add, weighed, sample // forecast.weight.shape[1]
+            )
+            expected[row] = np.minimum(share, 1.0).sum(axis=0)
         time = forecast.dt * np.arange(steps + 1)
         true = self._true(
             state, forecast, [np.interp(TIMES, time, each) for each in stations]
         )
-        return Contacts(self._kinds(forecast, on_foot[rows]), expected, true * ~follows)
+        return Contacts(self._kinds(forecast, on_foot), expected, true * ~follows)
 
     def _true(
         self, state: int, forecast: Obstacles, stations: Sequence[Floats]

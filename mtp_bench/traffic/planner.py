@@ -28,7 +28,6 @@ _LATER_MPS2 = np.tile([-4.0, -2.0, 0.0, 1.5], 9)
 _FIRST_SECONDS = 1.0
 _MAX_STEP_S = 0.3  # between two forecast places that count
 _MIN_SAMPLE_WEIGHT = 0.002  # of a sample that counts
-_CELL_M = 1.0  # spacing of the speed table
 _PARTS = 3  # of a box, one behind the other
 # centres of the parts, as shares of the length
 _PART_PLACES = (np.arange(_PARTS) - (_PARTS - 1) / 2) / _PARTS
@@ -146,12 +145,6 @@ class Planner:
             squared_mps[i] = min(squared_mps[i], squared_mps[i + 1] + gained[i])
         return np.sqrt(squared_mps)
 
-    @cached_property
-    def _speed_table(self) -> Floats:
-        """Allowed speeds, every `_CELL_M` from the start of the way, m/s."""
-        stations_m = np.arange(0.0, self._way.s[-1] + _CELL_M, _CELL_M)
-        return np.interp(stations_m, self._way.s, self._allowed_mps)
-
     def allowed(self, s: float) -> float:
         """Return the highest speed at ``s`` m along the way, m/s."""
         return float(np.interp(s, self._way.s, self._allowed_mps))
@@ -170,12 +163,10 @@ class Planner:
         for k in range(steps):
             later = k * step_s > _FIRST_SECONDS - 1e-6
             gain_mps = (_LATER_MPS2 if later else _FIRST_MPS2) * step_s
-            cell = (stations_m[k] / _CELL_M).astype(np.int64)
-            table_speed = self._speed_table.take(cell, mode="clip")
+            allowed_mps = np.interp(stations_m[k], self._way.s, self._allowed_mps)
             # an ego that is too fast slows down at twice the usual rate
-            top_mps = np.maximum(
-                table_speed, speeds_mps[k] - 2 * _LIMIT_BRAKING_MPS2 * step_s
-            )
+            slowed_mps = speeds_mps[k] - 2 * _LIMIT_BRAKING_MPS2 * step_s
+            top_mps = np.maximum(allowed_mps, slowed_mps)
             speeds_mps[k + 1] = np.maximum(
                 np.minimum(speeds_mps[k] + gain_mps, top_mps), 0.0
             )
@@ -186,7 +177,7 @@ class Planner:
 
     def decide(self, s: float, speed: float, obstacles: Obstacles) -> Decision:
         """Choose the best profile at ``s`` m with ``speed`` m/s."""
-        rows, forecast = self._prepared(obstacles)
+        forecast = _without_creeping(_resampled(obstacles), self._weights.creep)
         steps = forecast.path.shape[2]
         stations_m, speeds_mps = self.profiles(s, speed, forecast.dt, steps)
         leads, follows = self._in_lane(s, forecast.box)
@@ -200,7 +191,7 @@ class Planner:
             best = 0  # brakes hardest
         cause = -1
         if best != best_if_free and share[best_if_free].any():
-            cause = int(rows[object_row[share[best_if_free].argmax()]])
+            cause = int(object_row[share[best_if_free].argmax()])
         risk = 1.0 - float((1.0 - share[best]).prod())
         time = obstacles.dt * np.arange(obstacles.path.shape[2] + 1)
         profile_time = forecast.dt * np.arange(steps + 1)
@@ -213,33 +204,6 @@ class Planner:
         in_lane = np.abs(aside_m) < (self._size[1] + box[:, 5]) / 2
         goes_along = np.cos(box[:, 3] - tangent) > _SAME_DIRECTION_COSINE
         return in_lane & (station_m > s), in_lane & (station_m < s) & goes_along
-
-    def _prepared(self, obstacles: Obstacles) -> tuple[Ints, Obstacles]:
-        """Return the rows of objects that may matter, and their forecasts to plan on."""
-        rows = self._relevant(obstacles)
-        box = obstacles.box[rows]
-        path = obstacles.path[rows]
-        weight = obstacles.weight[rows]
-        forecast = _resampled(Obstacles(box, path, weight, obstacles.dt))
-        return rows, _without_creeping(forecast, self._weights.creep)
-
-    def _relevant(self, obstacles: Obstacles) -> Ints:
-        """Return rows of objects whose forecasts reach the rectangle around the way.
-
-        At a junction only a few do. Dense forecasts keep all objects, as `_resampled`
-        makes them smaller.
-        """
-        reaches = np.ones(len(obstacles.box), dtype=bool)
-        if obstacles.dt > _MAX_STEP_S:
-            margin_m = REACH_M + 2.0
-            path = obstacles.path
-            now_m = obstacles.box[:, :2]
-            # missing samples may be NaN, which fmax and fmin leave out
-            high_corner = np.fmax(np.fmax.reduce(path, axis=(1, 2)), now_m)
-            low_corner = np.fmin(np.fmin.reduce(path, axis=(1, 2)), now_m)
-            reaches &= (high_corner > self._way.xy.min(axis=0) - margin_m).all(axis=1)
-            reaches &= (low_corner < self._way.xy.max(axis=0) + margin_m).all(axis=1)
-        return np.flatnonzero(reaches)
 
     def _shares(
         self,
@@ -270,21 +234,31 @@ class Planner:
 
         It is 0 for a profile without the contact.
         """
-        center_m = stations_m[:, 1:][:, contacts.step]
-        # within one step the ego may jump over the stretch of a leader
-        start_m = stations_m[:, :-1][:, contacts.step]
-        back_m = np.where(contacts.leads, start_m, center_m)
-        inside_m = np.minimum(center_m - contacts.low, contacts.high - back_m)
-        chance = np.clip(0.5 + inside_m / (2 * self._weights.margin), 0.0, 1.0)
+        chance, back_m = self._touches(stations_m, contacts)
         unbraked_m, gap_m = self._ahead(stations_m, speeds_mps, step_s)
         front_m = unbraked_m[:, contacts.step]
         behind_gap_m = np.maximum(front_m, gap_m[:, contacts.step])
         front_m = np.where(contacts.leads, behind_gap_m, front_m)
         is_near = (front_m >= contacts.low) & (back_m <= contacts.high)
-        harm = np.maximum(chance, _NEAR_MISS_SEVERITY * is_near) * contacts.chance
+        harm = np.maximum(chance, _NEAR_MISS_SEVERITY * is_near * contacts.chance)
         times_s = step_s * np.arange(1, stations_m.shape[1])
         severity = contact_severity(speeds_mps[:, 1:], times_s, self._weights.patience)
         return np.asarray(harm * severity[:, contacts.step])
+
+    def _touches(
+        self, stations_m: Floats, contacts: _Contacts
+    ) -> tuple[Floats, Floats]:
+        """Return chances [C, M] that boxes touch, and where the ego's centre is, m.
+
+        Within one step the ego may jump over the stretch of a leader, so there it is
+        where the step began.
+        """
+        center_m = stations_m[:, 1:][:, contacts.step]
+        start_m = stations_m[:, :-1][:, contacts.step]
+        back_m = np.where(contacts.leads, start_m, center_m)
+        inside_m = np.minimum(center_m - contacts.low, contacts.high - back_m)
+        chance = np.clip(0.5 + inside_m / (2 * self._weights.margin), 0.0, 1.0)
+        return chance * contacts.chance, back_m
 
     def _ahead(
         self, stations_m: Floats, speeds_mps: Floats, step_s: float
