@@ -137,8 +137,7 @@ class Planner:
     @cached_property
     def _allowed_mps(self) -> Floats:
         """Highest speeds [n] at points of the way that meet the limits ahead."""
-        limit = self._weights.pace * self._way.limit.astype(np.float64)
-        squared_mps = limit**2
+        squared_mps = (self._weights.pace * self._way.limit) ** 2
         # braking over s metres takes 2 a s from the squared speed
         gained = 2 * _LIMIT_BRAKING_MPS2 * np.diff(self._way.s)
         for i in range(len(squared_mps) - 2, -1, -1):
@@ -170,9 +169,8 @@ class Planner:
             speeds_mps[k + 1] = np.maximum(
                 np.minimum(speeds_mps[k] + gain_mps, top_mps), 0.0
             )
-            stations_m[k + 1] = stations_m[k] + (speeds_mps[k] + speeds_mps[k + 1]) * (
-                step_s / 2
-            )
+            mean_mps = (speeds_mps[k] + speeds_mps[k + 1]) / 2
+            stations_m[k + 1] = stations_m[k] + mean_mps * step_s
         return stations_m.T, speeds_mps.T
 
     def decide(self, s: float, speed: float, obstacles: Obstacles) -> Decision:

@@ -110,7 +110,8 @@ def _matched_detections(
     """Match tracks of a hypothesis with detections, by rows."""
     detections = replay.scene.detections
     rollout = replay.rollout
-    tracks = np.arange(*rollout.tracks.start[[t, t + 1]])
+    track_rows = rollout.tracks.rows(t)
+    tracks = np.arange(track_rows.start, track_rows.stop)
     tracks = tracks[replay.answers.hypotheses.member[tracks, hypothesis]]
     rows = detections.rows(t)
     offset_m = (
