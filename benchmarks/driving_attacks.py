@@ -27,7 +27,7 @@ PEAK_M = 4.0  # from the forecast place to either of two peaks
 
 @dataclass(frozen=True)
 class Statement:
-    """What an agent states in a frame, and what it knows."""
+    """Action of an agent in a frame, and what else a change may use."""
 
     task: Task
     action: Action

@@ -136,10 +136,11 @@ class Recorded:
         """States of the decisions that have `SECONDS` left."""
         last = self.truth.frames - 1 - round(SECONDS * RATE)
         decided = (np.arange(self.rollout.frames) * self.dt * RATE).round().astype(int)
-        return decided[decided <= last].tolist()
+        states: list[int] = decided[decided <= last].tolist()
+        return states
 
     def stated(self, frame: int) -> tuple[Obstacles, Bools]:
-        """What the agent forecast in a decision, and which objects are on foot."""
+        """Forecasts of the agent in a decision, and which objects are on foot."""
         rows = self.rollout.objects.rows(frame)
         box = self.rollout.object_box[rows].astype(float)
         path = box[:, None, None, :2] + to_metres(self.rollout.forecast[rows])

@@ -90,7 +90,7 @@ def grids(made: Mapping[str, Any]) -> list[Grid]:
 
 
 def planner_note(made: Mapping[str, Any]) -> str:
-    """How the figures of a card that has changed since are marked."""
+    """Mark of the figures of a card that has changed since."""
     note = earlier_cards().get(made["card"])
     return f", {note}" if note else ""
 

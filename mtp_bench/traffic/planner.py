@@ -137,7 +137,7 @@ class Planner:
     @cached_property
     def _allowed_mps(self) -> Floats:
         """Highest speeds [n] at points of the way that meet the limits ahead."""
-        squared_mps = (self._weights.pace * self._way.limit) ** 2
+        squared_mps: Floats = (self._weights.pace * self._way.limit) ** 2
         # braking over s metres takes 2 a s from the squared speed
         gained = 2 * _LIMIT_BRAKING_MPS2 * np.diff(self._way.s)
         for i in range(len(squared_mps) - 2, -1, -1):
@@ -311,8 +311,8 @@ class Planner:
         chance = np.minimum(0.5 + overlap_m / (2 * self._weights.margin), 1.0)
         meets = np.flatnonzero(chance > 0)
         met_row = meets // _PARTS
-        width_m = self._size[1] + 2 * self._weights.margin
-        low_m, high_m = sliding_contact((self._size[0], width_m), part[meets])
+        wide_ego = (self._size[0], self._size[1] + 2 * self._weights.margin)
+        low_m, high_m = sliding_contact(wide_ego, part[meets])
         leads = np.cos(turn[meets]) > _SAME_DIRECTION_COSINE
         # an ego beyond the middle of a leader has passed it
         middle_m = station_m[_PARTS // 2 :: _PARTS][met_row]

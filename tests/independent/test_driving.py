@@ -28,9 +28,10 @@ from tests.support.command_line import CommandLine
 DRIVES = (
     ("blind", "MTP-Drive-Intersection-v0", 10004, 10006, {"at fault", "near miss", "goal", "comfort"}),
     ("blind", "MTP-Drive-Intersection-10Hz-v0", 10006, 10006, {"at fault"}),
-    ("standing", "MTP-Drive-Merge-v0", 10004, 10004, {"hit from behind"}),
-    ("standing", "MTP-Drive-Merge-v0", 10009, 10011, {"at fault", "near miss alone", "phantom brake", "no comfort"}),
-    ("stp", "MTP-Drive-Roundabout-v0", 10001, 10001, {"near miss alone"}),
+    ("standing", "MTP-Drive-Merge-v0", 10000, 10000, {"hit from behind", "no comfort"}),
+    ("standing", "MTP-Drive-Merge-v0", 10010, 10011, {"at fault", "near miss alone"}),
+    ("stp", "MTP-Drive-Intersection-v0", 10013, 10013, {"phantom brake"}),
+    ("stp", "MTP-Drive-Roundabout-v0", 10000, 10000, {"comfort"}),
 )
 
 

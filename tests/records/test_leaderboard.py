@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from docs.generate import driving
+from docs.generate import driving, honesty
 from docs.generate.results import PAGES, filled
 from mtp_bench.cards import load_card
 from mtp_bench.commands.board import read_board
 from mtp_bench.core.notice import NO_PROGRESS
 from mtp_bench.judge import Record, load_record, record_paths, trusted
 from mtp_bench.judge.records.eligibility import why_not_comparable
-from mtp_bench.judge.records.shipped import baseline_digest
+from mtp_bench.judge.records.shipped import baseline_digest, earlier_cards
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.scoring.definitions import SIGNIFICANT
 from mtp_bench.viz.board.entries import Entry, by_board
@@ -69,10 +69,11 @@ def test_records_fit_their_environments(records: dict[Path, Record]) -> None:
         assert (path.parent.name, path.stem, record.status) == (record.submission.name, record.env.id, "finished")
         assert (record.missed.malformed, record.missed.crashed_scenes) == (0, 0)
     assert len(records) >= LEAST
-    for record in records.values():  # what ships today made them
-        assert record.env.card_digest == load_card(record.env.id).digest
+    for record in records.values():  # what ships today made them, but for cards that are listed with what has changed
+        change = earlier_cards().get(record.env.card_digest)
+        assert (record.env.card_digest == load_card(record.env.id).digest) == (change is None)
         assert record.submission.digest == baseline_digest(record.submission.name, record.submission.networks)
-        assert why_not_comparable(record) is None
+        assert why_not_comparable(record) == change
 
 
 def test_no_place_contradicts_its_number_and_no_interval_its_test(entries: list[Entry]) -> None:
@@ -105,6 +106,9 @@ def test_pages_are_made_of_records(
         assert filled(text, entries, page.name) == text, page.name
     text, figures = (path.read_text(encoding="utf-8") for path in (driving.PAGE, driving.FIGURES))
     assert driving.filled(text, json.loads(figures)) == text
+    stated = json.loads(honesty.FIGURES.read_text(encoding="utf-8"))
+    assert honesty.filled(text, stated) == text
+    assert honesty.curve(stated) == honesty.PICTURE.read_text(encoding="utf-8")
 
 
 def _files(leaderboard: Path) -> dict[str, bytes]:

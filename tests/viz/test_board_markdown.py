@@ -10,6 +10,7 @@ from docs.generate.paper import RELATIONS
 from docs.generate.results import DRIVERS, PARTS_FILE, STORY, SUBSET_TEXT, filled
 from mtp_bench.cards import load_card
 from mtp_bench.core.errors import MtpBenchError
+from mtp_bench.judge.records.shipped import earlier_cards
 from mtp_bench.scoring.definitions import DEFINITIONS
 from mtp_bench.scoring.parts import PART_NAMES, STAGE_NAMES
 from mtp_bench.viz.board.entries import Entry
@@ -119,8 +120,9 @@ def test_relations_of_the_paper_stand_beside_those_of_records() -> None:
 def test_drive_scores_stand_beside_their_agreement_with_bade() -> None:
     figures = json.loads(FIGURES.read_text(encoding="utf-8"))
     headings, _, *rows = rows_of(filled(marked("driving"), [], "page.md"))
-    assert headings[1:-2] == [f"`{agent}` ↑" for agent in DRIVERS]
+    assert headings[2:-2] == [f"`{agent}` ↑" for agent in DRIVERS]
     assert [row[0] for row in rows] == list(figures)
     for row, figure in zip(rows, figures.values(), strict=True):
-        assert row[2].startswith(f"{figure['rows']['stp']['drive_score']:.2f} [")
+        assert row[1] == earlier_cards().get(figure["card"], "today's planner")
+        assert row[3].startswith(f"{figure['rows']['stp']['drive_score']:.2f} [")
         assert row[-2].startswith(f"{figure['tau']['all']['measures']['bADE']['tau']:.2f} [")
