@@ -1,4 +1,4 @@
-"""Write the tables and the picture of "Does honesty pay?" anew from `leaderboard/driving_honesty.json`.
+"""Write the tables and the picture of "Whether honesty pays" anew from `leaderboard/driving_honesty.json`.
 
     python -m docs.generate.honesty [PART FIGURES.json ...]
 
