@@ -9,9 +9,17 @@ from numpy.typing import ArrayLike
 
 from mtp_bench.cards.card import PlannerSection
 from mtp_bench.core import Floats, boxes_meet
+from mtp_bench.scoring.driving import DRIVE_SCORE_WEIGHTS
 from mtp_bench.traffic.drive_episode import obstacles
 from mtp_bench.traffic.highway.driven import Way
-from mtp_bench.traffic.planner import Obstacles, Planner, _Contacts, _without_creeping, contact_severity
+from mtp_bench.traffic.planner import (
+    _NEAR_MISS_SEVERITY,
+    Obstacles,
+    Planner,
+    _Contacts,
+    _without_creeping,
+    contact_severity,
+)
 from tests.support.small_scenes import decode, full_action, task
 
 SIZE, LIMIT = (4.5, 1.8), 10.0  # m, m/s
@@ -113,6 +121,10 @@ def test_motion_below_the_noise_is_none(speed: float, meets: bool) -> None:
     late = moving(car(30.0, -8.0, np.pi / 2))
     late.path[..., 6:, 1] += np.arange(6) * 3.0  # it leaves after 3 s
     assert len(contacts_of(PLANNER, late).step)
+
+
+def test_a_near_miss_costs_what_it_does_in_the_drive_score() -> None:
+    assert DRIVE_SCORE_WEIGHTS["no near miss"] / sum(DRIVE_SCORE_WEIGHTS.values()) == _NEAR_MISS_SEVERITY
 
 
 def test_it_keeps_clear_of_near_misses() -> None:
