@@ -130,6 +130,13 @@ def small_boxes(stated: Statement) -> Action:
     return {**stated.action, "object_box": box}
 
 
+def wide_boxes(stated: Statement) -> Action:
+    """Boxes three times as wide: the planner leaves out motion of less than .65 widths per second."""
+    box = stated.action["object_box"].copy()
+    box[:, 5] *= 3
+    return {**stated.action, "object_box": box}
+
+
 def ghosts_behind(stated: Statement) -> Action:
     """Certain objects close behind the ego, as if it had to hurry."""
     action = {name: values.copy() for name, values in stated.action.items()}
@@ -214,6 +221,7 @@ CHANGES: dict[str, Change] = SCAN | {
     "two peaks": two_peaks,
     "nobody oncoming": nobody_oncoming,
     "small boxes": small_boxes,
+    "wide boxes": wide_boxes,
     "ghosts behind": ghosts_behind,
 }
 ATTACKS = tuple(
@@ -231,7 +239,12 @@ def base_of(agent: str) -> str:
     return agent.partition(": ")[0]
 
 
+def change_of(agent: str) -> str:
+    """The change of a label such as "stp: late"; empty for a baseline as it is."""
+    return agent.partition(": ")[2]
+
+
 def changed(agent: str, made: Agent) -> Agent:
     """The agent ``made`` of the baseline of a label, with the change of the label."""
-    change = agent.partition(": ")[2]
+    change = change_of(agent)
     return ChangedAgent(made, CHANGES[change]) if change else made

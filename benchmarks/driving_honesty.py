@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from benchmarks.driving_attacks import base_of
+from benchmarks.driving_attacks import CHANGES, base_of, change_of
 from benchmarks.driving_measure import STP, TRUTH, played, read_kept
 from mtp_bench.cards import Card, load_card
 from mtp_bench.cards.changes import with_split
@@ -75,7 +75,9 @@ def gains(folder: Path) -> dict[str, dict[str, Any]]:
             drives[path.stem][path.parent.name] = kept.drive
     way_m = {scene: drive.way for scene, drive in drives[TRUTH].items()}
     rows: dict[str, dict[str, Any]] = {}
-    for agent, run in drives.items():
+    order = {change: place for place, change in enumerate(CHANGES)}
+    for agent in sorted(drives, key=lambda name: order.get(change_of(name), -1)):
+        run = drives[agent]
         scenes = [scene for scene in run if scene in drives[base_of(agent)]]
         rows[agent] = _row([run[scene] for scene in scenes])
         score = _scores(run, scenes, way_m)

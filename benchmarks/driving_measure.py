@@ -160,21 +160,40 @@ def missing_agents(
 
 
 def measure_scene(
-    card: Card, name: str, agents: Sequence[str], folder: Path, seed: int = 0
+    card: Card,
+    name: str,
+    agents: Sequence[str],
+    folder: Path,
+    seed: int = 0,
+    scored: bool = True,
 ) -> dict[str, str]:
-    """Let agents that have no result yet drive in a scene, and forecast the recorded one; reasons of failures."""
+    """Let agents that have no result yet drive in a scene, and forecast the recorded one; reasons of failures.
+
+    Changed agents drive only; all agents do without ``scored``.
+    """
     card, failures, recorded = seeded(card, seed), {}, None
     for agent in missing_agents(folder, seed, name, agents):
         try:
-            open_loop = agent == base_of(agent) != TRUTH and seed == 0
-            if open_loop and recorded is None:
-                recorded = recorded_card(card, [_recorded(card, name, folder, seed)])
-            kept = _measured(agent, card, recorded, name, folder, seed)
+            if not scored or agent != base_of(agent):
+                kept = _driven(agent, card, name, seed)
+            else:
+                if agent != TRUTH and seed == 0 and recorded is None:
+                    recording = _recorded(card, name, folder, seed)
+                    recorded = recorded_card(card, [recording])
+                kept = _measured(agent, card, recorded, name, folder, seed)
         except Exception as error:  # of an agent: the others go on
             kept = Kept(failure=" ".join(f"{type(error).__name__}: {error}".split()))
             failures[agent] = kept.failure
         _write(path_of(folder, seed, name, agent), kept)
     return failures
+
+
+def _driven(agent: str, card: Card, name: str, seed: int) -> Kept:
+    start = time.process_time()
+    rollout = played(agent, card, name, seed)[1]
+    assert rollout.drive is not None
+    drive = replace(rollout.drive, world={})
+    return Kept("", drive, None, (time.process_time() - start, 0.0))
 
 
 def _measured(
@@ -183,9 +202,6 @@ def _measured(
     start = time.process_time()
     env, rollout = played(agent, card, name, seed)
     assert rollout.drive is not None
-    if agent != base_of(agent):  # changed agents are not scored
-        drive = replace(rollout.drive, world={})
-        return Kept("", drive, None, (time.process_time() - start, 0.0))
     if agent == TRUTH:
         _write(path_of(folder, seed, name, agent).with_name(RECORDED), rollout)
     own, noted = score_scene(env.scene, rollout, env.card), moments(env, rollout)
@@ -292,6 +308,7 @@ def measure(
     seeds: Sequence[int],
     folder: Path,
     jobs: int,
+    scored: bool,
     say: Callable[[str], None],
 ) -> None:
     """Fill the folder, scene by scene, and ``say`` how long it takes."""
@@ -301,7 +318,7 @@ def measure(
         for name in scenes
     }
     calls = [
-        (card, name, agents, folder, seed)
+        (card, name, agents, folder, seed, scored)
         for (seed, name), count in left.items()
         if count
     ]
@@ -311,7 +328,7 @@ def measure(
         f"{len(calls)} scenes, {total} drives left of {len(left) * len(agents)}; at first guess {guess:.0f} min"
     )
     for place, failures in unordered_map(measure_scene, calls, Workers(jobs)):
-        _, name, _, _, seed = calls[place]
+        _, name, _, _, seed, _ = calls[place]
         done += left[seed, name]
         spent = (time.perf_counter() - start) / 60
         say(
