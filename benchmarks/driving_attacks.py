@@ -207,7 +207,7 @@ SCAN: dict[str, Change] = {
     "samples at their mean": partial(spread, factor=0.0),
     "samples 1.5 times as wide": partial(spread, factor=1.5),
     "samples twice as wide": partial(spread, factor=2.0),
-    "scale 0.75, samples at their mean": partial(
+    "scale 0.75 and samples at their mean": partial(
         both, first=_scaled(0.75), second=partial(spread, factor=0.0)
     ),
 }
