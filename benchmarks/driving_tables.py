@@ -12,6 +12,7 @@ from rich.table import Table as RichTable
 from benchmarks.driving_figures import MOST_SCENES
 from benchmarks.driving_measure import AHEAD, NEAR
 from benchmarks.driving_switches import LOST, SECONDS
+from docs.generate.blocks import table
 from mtp_bench.judge.records.shipped import earlier_cards
 
 CHOSEN_LATER, KEPT = ", no switch in it", ", no switch before it"
@@ -51,14 +52,9 @@ class Grid:
 
     def markdown(self) -> str:
         """The table in Markdown."""
-        rule = ["---", *["--:"] * (len(self.heads) - 1)]
         first = [f"`{row[0]}`" if " " not in row[0] else row[0] for row in self.rows]
-        rows = [
-            self.heads,
-            rule,
-            *([name, *row[1:]] for name, row in zip(first, self.rows, strict=True)),
-        ]
-        lines = "\n".join(f"| {' | '.join(row)} |" for row in rows)
+        rows = [[name, *row[1:]] for name, row in zip(first, self.rows, strict=True)]
+        lines = table(self.heads, rows)
         return f"**{self.title}**\n\n{lines}\n" + f"\n{self.note}\n" * bool(self.note)
 
 

@@ -10,7 +10,6 @@ after ``<!-- driving: in short -->``.
 from __future__ import annotations
 
 import json
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from importlib import import_module
@@ -19,35 +18,30 @@ from typing import Any
 
 from mtp_bench.core.files import write_text
 
+from .blocks import filled_blocks
+
 ROOT = Path(__file__).resolve().parents[2]
 PAGE, FIGURES = (
     ROOT / "docs" / "environment" / "driving_results.md",
     ROOT / "leaderboard" / "driving.json",
 )
 NONE = "Not measured yet."
-_BLOCK = re.compile(
-    r"^<!-- driving: ([^>]+) -->\n.*?^<!-- /driving -->$",
-    flags=re.DOTALL | re.MULTILINE,
-)
 
 
 def filled(text: str, figures: Mapping[str, Any]) -> str:
     """``text`` with its tables made anew; ``figures``: by environment."""
 
-    def block(match: re.Match[str]) -> str:
+    def tables(name: str) -> str:
         # the tables are those that the measurement prints
-        printed, made, tables = (
-            import_module("benchmarks.driving_tables"),
-            figures.get(match[1]),
-            NONE,
-        )
-        if match[1] == "in short":
-            tables = printed.in_short(figures).markdown().strip()
-        elif made is not None:
-            tables = "\n".join(grid.markdown() for grid in printed.grids(made)).strip()
-        return f"<!-- driving: {match[1]} -->\n\n{tables}\n\n<!-- /driving -->"
+        printed = import_module("benchmarks.driving_tables")
+        if name == "in short":
+            return str(printed.in_short(figures).markdown().strip())
+        if name not in figures:
+            return NONE
+        grids = printed.grids(figures[name])
+        return "\n".join(grid.markdown() for grid in grids).strip()
 
-    return _BLOCK.sub(block, text)
+    return filled_blocks(text, "driving", tables)
 
 
 def rounded(value: Any) -> Any:

@@ -9,7 +9,6 @@ PART says where the figures of `benchmarks/driving_honesty.py --json` belong, su
 from __future__ import annotations
 
 import json
-import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 
 from mtp_bench.core.files import write_text
 
+from .blocks import filled_blocks, table
 from .driving import PAGE, ROOT, rounded
 from .svg import (
     BLACK,
@@ -41,25 +41,20 @@ SCALES = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
 WIDTH, HEIGHT, LEFT = 330.0, 220.0, 60.0  # px of a panel
 LOW, HIGH = 0.5, 1.0  # drive scores
 NONE = "Not measured yet."
-_BLOCK = re.compile(
-    r"^<!-- honesty: ([^>]+) -->\n.*?^<!-- /honesty -->$",
-    flags=re.DOTALL | re.MULTILINE,
-)
 
 
 def filled(page: str, figures: Mapping[str, Any]) -> str:
     """``page`` with its tables made anew."""
 
-    def block(match: re.Match[str]) -> str:
-        name, _, env = match[1].partition(" ")
-        made = TABLES[name](figures, env)
-        return f"<!-- honesty: {match[1]} -->\n\n{made or NONE}\n\n<!-- /honesty -->"
+    def content(name: str) -> str:
+        table_name, _, env = name.partition(" ")
+        return TABLES[table_name](figures, env) or NONE
 
-    return _BLOCK.sub(block, page)
+    return filled_blocks(page, "honesty", content)
 
 
 def chances(figures: Mapping[str, Any], env: str) -> str:
-    """Expected and true contacts by class of motion, of both planners; ``env``: empty for all at 2 Hz."""
+    """Return expected and true contacts by class of motion, of both planners; ``env``: empty for all at 2 Hz."""
     rows = []
     for planner, envs in figures.get("chances", {}).items():
         chosen = [
@@ -77,7 +72,7 @@ def chances(figures: Mapping[str, Any], env: str) -> str:
                 cells.append(f"{expected:.0f} : {true:.0f}{share}")
             rows.append([planner, agent if " " in agent else f"`{agent}`", *cells])
         heads = ["planner", "forecasts", *chosen[0][agent]] if chosen else []
-    return markdown(heads, rows) if rows else ""
+    return table(heads, rows) if rows else ""
 
 
 def scan(figures: Mapping[str, Any], env: str) -> str:
@@ -92,7 +87,7 @@ def scan(figures: Mapping[str, Any], env: str) -> str:
         [change, *(_gain(rows.get(f"{agent}: {change}")) for agent in agents)]
         for change in changes
     ]
-    return markdown(["", *(f"`{agent}`" for agent in agents)], lines) if agents else ""
+    return table(["", *(f"`{agent}`" for agent in agents)], lines) if agents else ""
 
 
 def fresh(figures: Mapping[str, Any], env: str) -> str:
@@ -121,7 +116,7 @@ def fresh(figures: Mapping[str, Any], env: str) -> str:
                     str(row["scenes"]),
                 ]
             )
-    return markdown(heads, lines) if lines else ""
+    return table(heads, lines) if lines else ""
 
 
 def attacks(figures: Mapping[str, Any], env: str) -> str:
@@ -151,7 +146,7 @@ def attacks(figures: Mapping[str, Any], env: str) -> str:
                 f"{row['phantom brakes']:.0f}",
             ]
         )
-    return markdown(heads, lines) if lines else ""
+    return table(heads, lines) if lines else ""
 
 
 def _gain(row: Mapping[str, Any] | None) -> str:
@@ -159,12 +154,6 @@ def _gain(row: Mapping[str, Any] | None) -> str:
         return "–"
     low, high = row["interval"] or (row["gain"], row["gain"])
     return f"{row['gain']:+.3f} [{low:+.3f}, {high:+.3f}]"
-
-
-def markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown; numbers are right-aligned."""
-    lines = [heads, ["---", *["--:"] * (len(heads) - 1)], *rows]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 TABLES: dict[str, Callable[[Mapping[str, Any], str], str]] = {

@@ -1,5 +1,5 @@
 from .drive_episode import DrivenEpisode as DrivenEpisode, whole_scene as whole_scene
-from .drive_record import state_rows as state_rows
+from .drive_record import drive_rows as drive_rows
 from .highway.source import unpack as unpack
 from .highway.world import (
     RATE as RATE,

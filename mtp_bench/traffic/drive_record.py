@@ -1,6 +1,7 @@
 """Record of a drive: collision, near misses, hard braking, comfort, and way driven."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from ..core import (
     Drive,
     Floats,
     Ints,
+    RolloutError,
     Truth,
     boxes_meet,
     unit_vectors,
@@ -82,11 +84,20 @@ def rows_from(truth: Truth, first: int) -> Floats:
     return np.column_stack(columns).astype(float)[state >= first]
 
 
-def state_rows(drive: Drive, state: int) -> Floats:
-    """Return the rows [n, 12] of one state of a stored drive, as `rows_from`."""
-    recorded_rows = rows_from(unpack(dict(drive.world)).truth, 0)
-    rows = np.concatenate([recorded_rows, drive.world["ending"]])
-    return np.asarray(rows[rows[:, 0] == state])
+@lru_cache(maxsize=1)  # a video draws every state of one drive
+def drive_rows(drive: Drive) -> Floats:
+    """Return the rows [R, 12] of all states of a stored drive, as `rows_from`.
+
+    Raises RolloutError.
+    """
+    try:
+        recorded_rows = rows_from(unpack(dict(drive.world)).truth, 0)
+        return np.concatenate([recorded_rows, drive.world["ending"]])
+    except (KeyError, IndexError, TypeError, ValueError) as error:  # an edited file
+        raise RolloutError(
+            f"the recording of a drive cannot be read ({error}); expected all road "
+            "users in its states: run the agent again"
+        ) from None
 
 
 def near_misses(world: World, speed_mps: Floats, size: tuple[float, float]) -> Bools:

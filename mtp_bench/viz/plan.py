@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core import HARD_BRAKING, Bools, Drive, Floats, to_metres
-from ..traffic import RATE, state_rows
+from ..traffic import RATE, drive_rows
 from .focus import Focus, nearest_box
 from .run_replay import Replay
 
@@ -60,7 +60,8 @@ def in_state(replay: Replay, t: int, drive: Drive, state: int) -> Replay:
     box = truth.box.copy()
     is_present = truth.frame_of_rows == t
     box[is_present, 0] += 1e5  # m: road users that have left are out of the picture
-    for row in state_rows(drive, state):
+    rows = drive_rows(drive)
+    for row in rows[rows[:, 0] == state]:
         box[is_present & (truth.object_id == row[1])] = row[3:10]
     scene = replace(scene, ego=ego, truth=replace(truth, box=box))
     incidents = replay.incidents

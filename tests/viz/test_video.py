@@ -245,3 +245,15 @@ def test_a_video_of_a_drive_lasts_a_second_longer(
                 durations.append(image.info["duration"])
         assert sum(durations) == (states + 10) * 1000 / rate
         assert len(durations) == states
+
+
+def test_a_drive_without_the_end_of_its_recording_is_one_error(cli: CommandLine, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    mtp_bench.run("blind", write_short_card(tmp_path, "MTP-Drive-Intersection-v0", 8.0), run, scenes=1)
+    (file,) = run.glob("*.npz")
+    with np.load(file) as stored:
+        kept: Any = {name: array for name, array in stored.items() if name != "world_ending"}
+    np.savez(file, **kept)
+    said = cli("video", run, "-o", tmp_path / "a.gif")
+    assert "the recording of a drive cannot be read ('ending')" in said.error
+    assert not (tmp_path / "a.gif").exists()
