@@ -2,10 +2,11 @@
 
     python benchmarks/driving.py measure --env MTP-Drive-Intersection-v0 --agents stp,mtp,tracking_free,gt_tracks --changes --scenes 60 -o FOLDER
     python benchmarks/driving_honesty.py gains FOLDER [--json FILE]
+    python benchmarks/driving_honesty.py apart FOLDER [--agents blind,standing,stp,gt_tracks] [--json FILE]
     python benchmarks/driving_honesty.py chances --env MTP-Drive-Intersection-v0 --scenes 40 [--agents stp,gt_tracks] [--json FILE]
 
 `gains`: drive score of each changed agent less that of the agent as it is, in the same scenes, with the sign-flip test;
-p also by Holm over the rows of a run. `chances`: contacts that the planner expects within three seconds, beside those that
+p also by Holm over the rows of a run. `apart`: drive score of each agent less that of the one before. `chances`: contacts that the planner expects within three seconds, beside those that
 come true, on training scenes, for four profiles of each decision: free, at constant speed, braking gently, and braking
 hard before going on. "true places" states what will happen, with certainty: a planner that is right about such forecasts
 leaves only the error of the forecasts themselves.
@@ -66,47 +67,64 @@ CLASSES = ("stands", "goes the ego's way", "crosses or comes", "on foot")
 PROFILES = ((0.0, 0.0), (-2.0, 0.0), (-4.5, 1.5))
 
 
-def gains(folder: Path) -> dict[str, dict[str, Any]]:
+Rows = dict[str, dict[str, Any]]
+
+
+def gains(folder: Path) -> Rows:
     """Row of each changed agent by its label, in the scenes where it and its base have driven."""
+    drives = _drives(folder)
+    order = {change: place for place, change in enumerate(CHANGES)}
+    agents = sorted(drives, key=lambda name: order.get(change_of(name), -1))
+    rows = {agent: _row(drives, agent, base_of(agent)) for agent in agents}
+    _add_holm(rows)
+    return rows
+
+
+def apart(folder: Path, agents: Sequence[str]) -> Rows:
+    """Row of each agent, with its gain over the agent before it."""
+    drives = _drives(folder)
+    pairs = zip(agents, [agents[0], *agents], strict=False)
+    rows = {agent: _row(drives, agent, before) for agent, before in pairs}
+    _add_holm(rows)
+    return rows
+
+
+def _drives(folder: Path) -> dict[str, dict[str, Drive]]:
+    """Drives of a folder by agent and scene."""
     drives = defaultdict[str, dict[str, Drive]](dict)
     for path in sorted((folder / "seed0").glob("*/*.pickle")):
         kept = read_kept(path)
         if kept is not None and not kept.failure:
             drives[path.stem][path.parent.name] = kept.drive
-    way_m = {scene: drive.way for scene, drive in drives[TRUTH].items()}
-    rows: dict[str, dict[str, Any]] = {}
-    order = {change: place for place, change in enumerate(CHANGES)}
-    for agent in sorted(drives, key=lambda name: order.get(change_of(name), -1)):
-        run = drives[agent]
-        scenes = [scene for scene in run if scene in drives[base_of(agent)]]
-        rows[agent] = _row([run[scene] for scene in scenes])
-        score = _scores(run, scenes, way_m)
-        rows[agent]["score"] = float(score.mean())
-        if agent != base_of(agent):
-            base = _scores(drives[base_of(agent)], scenes, way_m)
-            gain = paired_difference(score, base, np.ones(len(scenes)))
-            assert gain is not None
-            rows[agent] |= {"gain": gain.mean, "interval": gain.interval, "p": gain.p}
-    _add_holm(rows)
-    return rows
+    return drives
 
 
-def _scores(
-    run: dict[str, Drive], scenes: Sequence[str], way_m: dict[str, float]
-) -> Floats:
-    return np.array([scene_score(run[scene], way_m[scene]) for scene in scenes])
-
-
-def _row(drives: Sequence[Drive]) -> dict[str, Any]:
-    return {
-        "scenes": len(drives),
-        "at fault": 100 * float(np.mean([drive.at_fault for drive in drives])),
-        "phantom brakes": 100
-        * float(np.mean([drive.phantom_brakes for drive in drives])),
+def _row(drives: dict[str, dict[str, Drive]], agent: str, base: str) -> dict[str, Any]:
+    """Figures of an agent, and its gain over another one in the scenes of both."""
+    scenes = [scene for scene in drives[agent] if scene in drives[base]]
+    run = [drives[agent][scene] for scene in scenes]
+    way_m = [drives[TRUTH][scene].way for scene in scenes]
+    score = _scores(run, way_m)
+    row = {
+        "scenes": len(scenes),
+        "at fault": 100 * float(np.mean([drive.at_fault for drive in run])),
+        "phantom brakes": 100 * float(np.mean([drive.phantom_brakes for drive in run])),
+        "score": float(score.mean()),
     }
+    if agent != base:
+        base_score = _scores([drives[base][scene] for scene in scenes], way_m)
+        gain = paired_difference(score, base_score, np.ones(len(scenes)))
+        assert gain is not None
+        row |= {"gain": gain.mean, "interval": gain.interval, "p": gain.p}
+    return row
 
 
-def _add_holm(rows: dict[str, dict[str, Any]]) -> None:
+def _scores(run: Sequence[Drive], way_m: Sequence[float]) -> Floats:
+    pairs = zip(run, way_m, strict=True)
+    return np.array([scene_score(drive, way) for drive, way in pairs])
+
+
+def _add_holm(rows: Rows) -> None:
     """Add the p by Holm to rows with a gain: the chance that any of them is as large."""
     tested = sorted((row["p"], agent) for agent, row in rows.items() if "gain" in row)
     largest = 0.0
@@ -315,7 +333,7 @@ def chances(
     }
 
 
-def print_gains(rows: dict[str, dict[str, Any]]) -> None:
+def print_gains(rows: Rows) -> None:
     """A line per agent, the largest gain first."""
     for agent, row in sorted(rows.items(), key=lambda item: -item[1].get("gain", 9.0)):
         text = f"{agent:45s} {row['scenes']:4d} scenes  score {row['score']:.3f}  at fault {row['at fault']:.1f}"
@@ -333,16 +351,22 @@ def main() -> None:
     commands = parser.add_subparsers(required=True, dest="command")
     one = commands.add_parser("gains")
     one.add_argument("folder", type=Path)
+    pairs = commands.add_parser("apart")
+    pairs.add_argument("folder", type=Path)
+    pairs.add_argument("--agents", default=f"blind,standing,{STP},{TRUTH}")
     two = commands.add_parser("chances")
     two.add_argument("--env", default="MTP-Drive-Intersection-v0")
     two.add_argument("--agents", default=f"{STP},tracking_free,{TRUTH}")
     two.add_argument("--scenes", type=int, default=40)
     two.add_argument("--jobs", type=int, default=1)
-    for each in (one, two):
+    for each in (one, pairs, two):
         each.add_argument("--json", type=Path)
     given = parser.parse_args()
     if given.command == "gains":
         made = gains(given.folder)
+        print_gains(made)
+    elif given.command == "apart":
+        made = apart(given.folder, given.agents.split(","))
         print_gains(made)
     else:
         made = chances(

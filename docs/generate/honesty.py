@@ -2,8 +2,8 @@
 
     python -m docs.generate.honesty [PART FIGURES.json ...]
 
-PART says where the figures of `benchmarks/driving_honesty.py --json` belong, such as ``gains/MTP-Drive-Merge-v0/scan`` or
-``chances/planner of 3.0/MTP-Drive-Merge-v0``; the file then takes their place.
+PART says where the figures of `benchmarks/driving_honesty.py --json` belong, such as ``gains/MTP-Drive-Merge-v0/scan``,
+``apart/MTP-Drive-Merge-v0`` or ``chances/planner of 3.0/MTP-Drive-Merge-v0``; the file then takes their place.
 """
 
 from __future__ import annotations
@@ -149,6 +149,17 @@ def attacks(figures: Mapping[str, Any], env: str) -> str:
     return table(heads, lines) if lines else ""
 
 
+def apart(figures: Mapping[str, Any], env: str) -> str:
+    """Agents that must differ, each less the one above it."""
+    lines = []
+    for name, row in figures.get("apart", {}).get(env, {}).items():
+        gain = [_gain(row), f"{row['p by Holm']:.4f}"] if "gain" in row else ["", ""]
+        score = f"{row['score']:.3f}"
+        lines.append([f"`{name}`", score, *gain, f"{row['at fault']:.1f}"])
+    heads = ["agent", "drive score", "more than above", "p by Holm", "at fault /100"]
+    return table(heads, lines) if lines else ""
+
+
 def _gain(row: Mapping[str, Any] | None) -> str:
     if row is None or "gain" not in row:
         return "–"
@@ -157,7 +168,7 @@ def _gain(row: Mapping[str, Any] | None) -> str:
 
 
 TABLES: dict[str, Callable[[Mapping[str, Any], str], str]] = {
-    "chances": chances, "scan": scan, "fresh": fresh, "attacks": attacks,
+    "chances": chances, "scan": scan, "fresh": fresh, "attacks": attacks, "apart": apart,
 }  # fmt: skip
 
 
