@@ -1,7 +1,7 @@
 """Do true probabilities drive best? What agents gain by stating others, and which contacts come true.
 
     python benchmarks/driving.py measure --env MTP-Drive-Intersection-v0 --agents stp,mtp,tracking_free,gt_tracks --changes --scenes 60 -o FOLDER
-    python benchmarks/driving_honesty.py gains FOLDER [--json FILE]
+    python benchmarks/driving_honesty.py gains FOLDER [--list attacks] [--json FILE]
     python benchmarks/driving_honesty.py apart FOLDER [--agents blind,standing,stp,gt_tracks] [--json FILE]
     python benchmarks/driving_honesty.py chances --env MTP-Drive-Intersection-v0 --scenes 40 [--agents stp,gt_tracks] [--json FILE]
 
@@ -17,7 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from benchmarks.driving_attacks import CHANGES, base_of, change_of
+from benchmarks.driving_attacks import ATTACKS, CHANGES, SCAN, base_of, change_of
 from benchmarks.driving_measure import STP, TRUTH, played, read_kept
 from mtp_bench.cards import Card, load_card
 from mtp_bench.cards.changes import with_split
@@ -68,11 +68,20 @@ PROFILES = ((0.0, 0.0), (-2.0, 0.0), (-4.5, 1.5))
 
 
 Rows = dict[str, dict[str, Any]]
+LISTS: dict[str, Callable[[str], bool]] = {
+    "scan": lambda agent: change_of(agent) in ("", *SCAN),
+    "attacks": lambda agent: agent in (TRUTH, STP, *ATTACKS),
+}
 
 
-def gains(folder: Path) -> Rows:
-    """Row of each changed agent by its label, in the scenes where it and its base have driven."""
-    drives = _drives(folder)
+def gains(folder: Path, listed: str) -> Rows:
+    """Row of each changed agent by its label, in the scenes where it and its base have driven.
+
+    ``listed``: "scan" for the mild changes, "attacks" for those of stp that the page lists.
+    """
+    drives = {
+        agent: run for agent, run in _drives(folder).items() if LISTS[listed](agent)
+    }
     order = {change: place for place, change in enumerate(CHANGES)}
     agents = sorted(drives, key=lambda name: order.get(change_of(name), -1))
     rows = {agent: _row(drives, agent, base_of(agent)) for agent in agents}
@@ -351,6 +360,7 @@ def main() -> None:
     commands = parser.add_subparsers(required=True, dest="command")
     one = commands.add_parser("gains")
     one.add_argument("folder", type=Path)
+    one.add_argument("--list", choices=LISTS, default="scan")
     pairs = commands.add_parser("apart")
     pairs.add_argument("folder", type=Path)
     pairs.add_argument("--agents", default=f"blind,standing,{STP},{TRUTH}")
@@ -363,7 +373,7 @@ def main() -> None:
         each.add_argument("--json", type=Path)
     given = parser.parse_args()
     if given.command == "gains":
-        made = gains(given.folder)
+        made = gains(given.folder, given.list)
         print_gains(made)
     elif given.command == "apart":
         made = apart(given.folder, given.agents.split(","))
