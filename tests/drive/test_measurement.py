@@ -151,7 +151,7 @@ def test_figures_of_two_scenes(drive_card: str, tmp_path: Path) -> None:
         {*AGENTS},
         {"stp", "stp: everywhere", "stp: scale 0.5"},
     )
-    rows = gains(tmp_path, "scan")
+    rows = gains(tmp_path, "scan") | gains(tmp_path, "attacks")
     assert rows["stp"]["score"] + rows["stp: everywhere"]["gain"] == pytest.approx(rows["stp: everywhere"]["score"])
     assert rows["stp: scale 0.5"]["p by Holm"] >= rows["stp: scale 0.5"]["p"]
     near = [made["rows"][agent]["errors"]["bADE near the ego"] for agent in (TRUTH, "blind")]
