@@ -9,7 +9,7 @@ from scipy.stats import kendalltau
 
 from benchmarks.driving_attacks import ATTACKS, AWAY_M, CHANGES, SCAN, base_of, changed
 from benchmarks.driving_figures import Measured, figures
-from benchmarks.driving_honesty import ORACLE, chances_of_scene, gains
+from benchmarks.driving_honesty import ORACLE, apart, chances_of_scene, gains
 from benchmarks.driving_measure import TRUTH, Kept, Moments, measure_scene
 from benchmarks.driving_switches import Windows, cost_in_windows
 from benchmarks.kendall import kendall_tau
@@ -154,6 +154,8 @@ def test_figures_of_two_scenes(drive_card: str, tmp_path: Path) -> None:
     rows = gains(tmp_path, "scan") | gains(tmp_path, "attacks")
     assert rows["stp"]["score"] + rows["stp: everywhere"]["gain"] == pytest.approx(rows["stp: everywhere"]["score"])
     assert rows["stp: scale 0.5"]["p by Holm"] >= rows["stp: scale 0.5"]["p"]
+    pair = apart(tmp_path, ["blind", "stp"])
+    assert pair["stp"]["gain"] == pytest.approx(rows["stp"]["score"] - pair["blind"]["score"])
     near = [made["rows"][agent]["errors"]["bADE near the ego"] for agent in (TRUTH, "blind")]
     assert near[0] < near[1]
     assert -1.0 <= made["tau"]["all"]["measures"]["bADE"]["low"] <= 1.0
