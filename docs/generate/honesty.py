@@ -155,8 +155,10 @@ def apart(figures: Mapping[str, Any], env: str) -> str:
     for name, row in figures.get("apart", {}).get(env, {}).items():
         gain = [_gain(row), f"{row['p by Holm']:.4f}"] if "gain" in row else ["", ""]
         score = f"{row['score']:.3f}"
-        lines.append([f"`{name}`", score, *gain, f"{row['at fault']:.1f}"])
+        scenes = str(row["scenes"])
+        lines.append([f"`{name}`", score, *gain, f"{row['at fault']:.1f}", scenes])
     heads = ["agent", "drive score", "more than above", "p by Holm", "at fault /100"]
+    heads.append("scenes of both")
     return table(heads, lines) if lines else ""
 
 
