@@ -114,7 +114,7 @@ def _row(drives: dict[str, dict[str, Drive]], agent: str, base: str) -> dict[str
     run = [drives[agent][scene] for scene in scenes]
     way_m = [drives[TRUTH][scene].way for scene in scenes]
     score = _scores(run, way_m)
-    row = {
+    row: dict[str, Any] = {
         "scenes": len(scenes),
         "at fault": 100 * float(np.mean([drive.at_fault for drive in run])),
         "phantom brakes": 100 * float(np.mean([drive.phantom_brakes for drive in run])),
