@@ -21,6 +21,7 @@ from ..plan import in_state
 from ..run_replay import Replay
 from .birds_eye import LARGEST_M, SIZE, draw_frame, windows_of
 from .canvas import LARGE
+from .column import Text
 from .report import picture
 
 VIDEO_SUFFIXES = (".mp4", ".gif")
@@ -72,7 +73,7 @@ def _draw_state(replay: Replay, drive: Drive, state: int) -> Picture:
     t = min(state // round(RATE / replay.card.task.rate), replay.frames - 1)
     shown = in_state(replay, t, drive, state)
     side_m = 2 * LARGEST_M
-    remarks = [(f"now {state / RATE:.1f} s", LARGE, BLACK)]
+    remarks: list[Text] = [(f"now {state / RATE:.1f} s", LARGE, BLACK)]
     for incident in shown.incidents:
         if incident.kind == "collision":
             side_m = CONTACT_M
