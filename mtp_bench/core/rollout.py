@@ -1,6 +1,5 @@
 """Records of what an agent answered on a scene, and of how a closed loop drove."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -56,7 +55,7 @@ class Drive:
     route: Floats
     # the recording until the last decision, packed, and "ending", the road users after
     # it: see `drive_record.rows_from`
-    world: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    world: dict[str, NDArray[Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -184,9 +184,9 @@ def _save_scene(recorded_name: str, rollout: Rollout, card: Card, folder: Path) 
     """
     assert rollout.drive is not None
     try:
-        world = unpack(dict(rollout.drive.world))
+        world = unpack(rollout.drive.world)
         scene = replace(whole_scene(world, card, rollout.scene), name=recorded_name)
-    except (KeyError, IndexError, TypeError, ValueError) as error:  # an edited file
+    except (LookupError, TypeError, ValueError) as error:  # an edited file
         raise RolloutError(
             f"scene {recorded_name!r} of {card.id}: the world of its drive cannot be "
             f"read ({error}); expected recorded traffic: run the agent again"

@@ -84,19 +84,18 @@ def rows_from(truth: Truth, first: int) -> Floats:
     return np.column_stack(columns).astype(float)[state >= first]
 
 
-@lru_cache(maxsize=1)  # a video draws every state of one drive
+@lru_cache(1)  # a video draws every state of one drive
 def drive_rows(drive: Drive) -> Floats:
     """Return the rows [R, 12] of all states of a stored drive, as `rows_from`.
 
     Raises RolloutError.
     """
     try:
-        recorded_rows = rows_from(unpack(dict(drive.world)).truth, 0)
-        return np.concatenate([recorded_rows, drive.world["ending"]])
-    except (KeyError, IndexError, TypeError, ValueError) as error:  # an edited file
+        truth = unpack(drive.world).truth
+        return np.concatenate([rows_from(truth, 0), drive.world["ending"]])
+    except (LookupError, TypeError, ValueError) as error:  # an edited file
         raise RolloutError(
-            f"the recording of a drive cannot be read ({error}); expected all road "
-            "users in its states: run the agent again"
+            f"the recording of a drive cannot be read ({error}): run the agent again"
         ) from None
 
 

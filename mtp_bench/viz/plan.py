@@ -60,9 +60,9 @@ def in_state(replay: Replay, t: int, drive: Drive, state: int) -> Replay:
     box = truth.box.copy()
     is_present = truth.frame_of_rows == t
     box[is_present, 0] += 1e5  # m: road users that have left are out of the picture
-    rows = drive_rows(drive)
-    for row in rows[rows[:, 0] == state]:
-        box[is_present & (truth.object_id == row[1])] = row[3:10]
+    for row in drive_rows(drive):
+        if row[0] == state:
+            box[is_present & (truth.object_id == row[1])] = row[3:10]
     scene = replace(scene, ego=ego, truth=replace(truth, box=box))
     incidents = replay.incidents
     if state < len(drive.station) - 1:

@@ -199,8 +199,9 @@ def _unlike_baselines(record: Record) -> Iterator[str]:
 def _unlike_env(record: Record, env: Shipped) -> Iterator[str]:
     digest = record.env.card_digest
     if digest != env.card:
-        other_card = f"card {digest}, the one that ships is {env.card}"
-        yield earlier_cards().get(digest, other_card)
+        yield earlier_cards().get(
+            digest, f"card {digest}, the one that ships is {env.card}"
+        )
     changed_settings = [
         f"{name} {value!r}"
         for name, value in record.env.keywords.items()

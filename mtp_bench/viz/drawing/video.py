@@ -21,7 +21,6 @@ from ..plan import in_state
 from ..run_replay import Replay
 from .birds_eye import LARGEST_M, SIZE, draw_frame, windows_of
 from .canvas import LARGE
-from .column import Text
 from .report import picture
 
 VIDEO_SUFFIXES = (".mp4", ".gif")
@@ -73,14 +72,15 @@ def _draw_state(replay: Replay, drive: Drive, state: int) -> Picture:
     t = min(state // round(RATE / replay.card.task.rate), replay.frames - 1)
     shown = in_state(replay, t, drive, state)
     side_m = 2 * LARGEST_M
-    remarks: list[Text] = [(f"now {state / RATE:.1f} s", LARGE, BLACK)]
+    causes = []
     for incident in shown.incidents:
         if incident.kind == "collision":
             side_m = CONTACT_M
             # the cause is measured where the objects were at the decision
-            remarks.append((sentence(Focus(replay, incident)), LARGE, FALSE))
-    x, y, *_ = shown.scene.ego[t].tolist()
-    return draw_frame(shown, t, Window(x, y, side_m, side_m), remarks)
+            causes.append((sentence(Focus(replay, incident)), LARGE, FALSE))
+    x, y = shown.scene.ego[t, :2]
+    now = (f"now {state / RATE:.1f} s", LARGE, BLACK)
+    return draw_frame(shown, t, Window(x, y, side_m, side_m), [now, *causes])
 
 
 def write_video(
