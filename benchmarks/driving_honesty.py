@@ -6,10 +6,10 @@
     python benchmarks/driving_honesty.py chances --env MTP-Drive-Intersection-v0 --scenes 40 [--agents stp,gt_tracks] [--json FILE]
 
 `gains`: drive score of each changed agent less that of the agent as it is, in the same scenes, with the sign-flip test;
-p also by Holm over the rows of a run. `apart`: drive score of each agent less that of the one before. `chances`: contacts that the planner expects within three seconds, beside those that
-come true, on training scenes, for four profiles of each decision: free, at constant speed, braking gently, and braking
-hard before going on. "true places" states what will happen, with certainty: a planner that is right about such forecasts
-leaves only the error of the forecasts themselves.
+p also by Holm over the rows of a run. `apart`: drive score of each agent less that of the one before. `chances`: contacts
+that the planner expects within three seconds, beside those that come true, on training scenes, for four profiles of each
+decision: free, at constant speed, braking gently, and braking hard before going on. "true places" states what will happen,
+with certainty: a planner that is right about such forecasts leaves only the error of the forecasts themselves.
 """
 
 from __future__ import annotations
