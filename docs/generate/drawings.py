@@ -134,6 +134,7 @@ def events() -> str:
         said,
         stated,
         match_hypotheses(scene.truth, said, stated.member, CARD),
+        scene.annotated_frames,
     )
     lines = [text((16, 77), "true object"), text((16, 125), "tracks")]
     lines.append(line([(_column(0), 72), (_column(len(ids) - 1), 72)], GREEN))

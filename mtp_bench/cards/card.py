@@ -58,6 +58,9 @@ class TaskSection(Section):
     event_gate: EventGate
     forecast_gate: PerClass  # m, BEV centre distance
     miss_error: PerClass  # m, c: the error of a target without a forecast
+    # n: only every n-th frame, from the first one on, is annotated, unless a scene
+    # itself states its annotated frames; None: all are
+    annotated_every: Annotated[int, Field(ge=1)] | None = None
 
     @field_validator("event_gate", "forecast_gate", "miss_error", mode="before")
     @classmethod

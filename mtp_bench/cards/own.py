@@ -14,7 +14,7 @@ from ..core import CardError, DataError, Scene, file_digest
 from .source import FilesSource
 
 FORMS = ("csv", "parquet")
-_TABLES = ("truth", "detections", "ego")
+_TABLES = ("truth", "detections", "ego", "annotated", "neutral_areas")
 SCENES = tuple(f"*/{table}.{form}" for table in _TABLES for form in FORMS)
 ROADS = tuple(f"*/lanes.{form}" for form in FORMS)
 TEXT_PATTERNS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections

@@ -110,6 +110,12 @@ class Scene:
     lanes: tuple[
         Lane, ...
     ] = ()  # the road map; observations show it where a card says so
+    # [F] True: all objects of the frame are labelled, as far as the truth goes. Other
+    # frames have no truth, and neither score nor count. None: all are annotated
+    annotated: Bools | None = None
+    # [n, 4] m, least x and y, largest x and y of rectangles without labels, in the
+    # frame of reference that all frames share
+    neutral_areas: Floats | None = None
     # Names of true objects in the files, by their number and only where they differ
     # from it. They are all different. Texts alone show names, and no digest has them.
     object_names: Mapping[int, str] = field(default_factory=dict, compare=False)
@@ -130,6 +136,28 @@ class Scene:
     def frames(self) -> int:
         """Number of frames F."""
         return len(self.time)
+
+    @property
+    def annotated_frames(self) -> Ints:
+        """Annotated frames [A], rising."""
+        if self.annotated is None:
+            return np.arange(self.frames)
+        return np.flatnonzero(self.annotated)
+
+    @property
+    def annotated_place(self) -> Ints:
+        """Place of each frame [F] among the annotated ones.
+
+        Of another frame that of the annotated one before, -1 without one.
+        """
+        frames = np.arange(self.frames)
+        return np.searchsorted(self.annotated_frames, frames, side="right") - 1
+
+    @property
+    def annotated_step(self) -> int:
+        """Frames from one annotated frame to the next, as the median."""
+        steps = np.diff(self.annotated_frames)
+        return int(np.median(steps)) if len(steps) else 1
 
     def seconds(self, t: int) -> float:
         """Return the time of frame ``t`` since the first frame."""

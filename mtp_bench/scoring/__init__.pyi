@@ -165,6 +165,7 @@ from .targets import (
     find_targets as find_targets,
     live_frames as live_frames,
     neutral_places as neutral_places,
+    unlabelled as unlabelled,
 )
 from .weights import (
     COUNTED_EVENTS as COUNTED_EVENTS,

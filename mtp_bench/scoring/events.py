@@ -70,15 +70,16 @@ def history(frame: Ints, identity: Ints) -> History:
     return History(order, sorted_identity, sorted_frame, follows, consecutive)
 
 
-def object_history(truth: Truth) -> History:
-    """Return the history of the true boxes [R].
+def object_history(truth: Truth, place: Ints) -> History:
+    """Return the history of the true boxes [R] over annotated frames.
 
-    A neutral box counts as absent, as an object of its own.
+    A neutral box counts as absent, as an object of its own. ``place`` [F]: see
+    `Scene.annotated_place`.
     """
     object_id = np.asarray(truth.object_id, dtype=np.int64)
     unused_id = object_id.max(initial=0) + 1 + np.arange(len(object_id))
     identity = np.where(truth.neutral, unused_id, object_id)
-    return history(truth.frame_of_rows, identity)
+    return history(place[truth.frame_of_rows], identity)
 
 
 def find_events(objects: History, matched: Matched, track_id: Ints) -> Events:
@@ -145,8 +146,13 @@ def counted_in_run(follows: Bools, flags: Bools) -> Ints:
 
 
 def pieces(scene: Scene, card: Card) -> Ints:
-    """Return the piece of time [F] of each frame: 0 up to the first hole."""
-    return pieces_of(scene.time, 1.0 / card.task.rate)
+    """Return the piece of time [F] of each frame: 0 up to the first hole.
+
+    A gap between annotated frames of 1.5 times their usual step also is a hole.
+    """
+    gaps = pieces_of(scene.annotated_frames.astype(float), scene.annotated_step)
+    gaps_before = gaps[np.maximum(scene.annotated_place, 0)]
+    return pieces_of(scene.time, 1.0 / card.task.rate) + gaps_before
 
 
 def separated(identity: Ints, piece: Ints) -> Ints:

@@ -73,13 +73,19 @@ class RecordedForecasts:
             rollout.forecast_log_weight,
         )
 
-    def paths(self, row: Ints, samples: int | None = None) -> NDArray[np.float64]:
+    def paths(
+        self, row: Ints, step: Ints, samples: int | None = None
+    ) -> NDArray[np.float64]:
         """Return samples [n, K, T, 2] of these rows [n], m, absolute.
 
-        ``samples``: number of the first samples to take; None: all.
+        ``step`` [n, T] as in `Targets`; ``samples``: number of the first samples to
+        take; None: all.
         """
         center = np.asarray(self.box[row, :2], dtype=np.float64)
-        return center[:, None, None] + to_metres(self.offset[row, :samples])
+        offset = self.offset[row, :samples]
+        if step.shape[1] < offset.shape[2]:  # else they are all its steps
+            offset = np.take_along_axis(offset, step[:, None, :, None], axis=2)
+        return center[:, None, None] + to_metres(offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +181,7 @@ class Candidates:
         for low in range(0, len(matched), chunk):
             part = matched[low : low + chunk]
             row = object_row[part]
-            paths = forecasts.paths(row)
+            paths = forecasts.paths(row, targets.step[part])
             future = targets.future[part]
             weight = sample_weights(forecasts.log_weight[row])
             result = displacement(paths, future, weight)
@@ -212,7 +218,7 @@ def _pair_errors(
         weight = drop_light_samples(sample_weights(forecasts.log_weight[row]))
         # all samples beyond are absent
         samples = int(np.flatnonzero(weight.any(axis=0)).max(initial=-1)) + 1
-        paths = forecasts.paths(row, samples)
+        paths = forecasts.paths(row, targets.step[target[part]], samples)
         future = targets.future[target[part]]
         ade, _, _ = sample_errors(paths, future, weight[:, :samples])
         error[part] = ade.min(axis=1, initial=np.inf)

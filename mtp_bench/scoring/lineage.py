@@ -174,12 +174,17 @@ def gated_pairs(
 
 
 def lineage_events(
-    truth: Truth, rollout: Rollout, lineage: Hypotheses, matched: NDArray[np.intp]
+    truth: Truth,
+    rollout: Rollout,
+    lineage: Hypotheses,
+    matched: NDArray[np.intp],
+    annotated: Ints,
 ) -> LineageEvents:
-    """Return the events [R, H] of all hypotheses.
+    """Return the events [R, H] of all hypotheses, from one annotated frame to the next.
 
-    ``matched`` [R, H] as `match_hypotheses` gives it. An object is absent where it is
-    neutral: it has no event there, and none across such frames.
+    ``matched`` [R, H] as `match_hypotheses` gives it; ``annotated``: see
+    `Scene.annotated_frames`. An object is absent where it is neutral: it has no event
+    there, and none across such frames.
     """
     shape = matched.shape
     ids = np.zeros(shape, dtype=bool)
@@ -197,11 +202,15 @@ def lineage_events(
     truth_row = np.flatnonzero(~truth.neutral)
     for t in range(evaluated.frames):
         parent = lineage.parent[t]
+        previous = previous[:, parent]
+        latest = latest[:, parent]
+        if t not in annotated:
+            continue
         rows = truth_row[evaluated.rows(t)]
         index = object_number[rows]
         track = matched[rows]
-        previous_track = previous[:, parent][index]
-        old_track = latest[:, parent][index]
+        previous_track = previous[index]
+        old_track = latest[index]
         is_matched = track >= 0
         was_matched = previous_track >= 0
         other_id = track_id[previous_track] != track_id[track]

@@ -1,7 +1,7 @@
 """Score of one scene: arrays per target and counts, to be sent between processes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -144,7 +144,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     score_matching = match_by_confidence(candidates, score)
     lineage = hypotheses(rollout, card)
     matched = match_hypotheses(truth, rollout, lineage.member, card)
-    events = lineage_events(truth, rollout, lineage, matched)
+    events = lineage_events(truth, rollout, lineage, matched, scene.annotated_frames)
     best_events = events.of(lineage.best[truth.frame_of_rows])
     unit = units(scene, card)
     hypothesis_count = np.isfinite(rollout.hypothesis_log_weight).sum(axis=1)
@@ -188,7 +188,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         outcome=outcome,
         final_error=final_error,
         fixed_error=float(fixed.sum()) + false_cost + broken_cost,
-        counts=stream_counts(truth, tracks, lineage, card),
+        counts=stream_counts(replace(scene, truth=truth), tracks, lineage, card),
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
         skipped=scene.skipped | count_holes(scene, card),

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..core import Bools, Floats, Ints, Rollout, Truth
+from ..core import Bools, Floats, Ints, Rollout, Scene, Truth
 from .events import clear_identity, history, object_history
 from .forecasts import match_neutral_last, offer_neutral
 from .lineage import Hypotheses
 from .matching import columns_to_rows, match_best, match_sticky
 from .pairs import Pairs, Rows, box_pairs
+from .targets import unlabelled
 
 THRESHOLDS = np.arange(1, 20) * 0.05
 _EPSILON = float(np.finfo(np.float64).eps)
@@ -64,21 +65,24 @@ class StreamCounts:
 
 
 def stream_counts(
-    truth: Truth, rollout: Rollout, lineage: Hypotheses, card: Card
+    scene: Scene, rollout: Rollout, lineage: Hypotheses, card: Card
 ) -> StreamCounts:
-    """Return CLEAR counts and false output of the best hypothesis of every frame.
+    """Return counts of the best hypothesis of every annotated frame of a scene.
 
     CLEAR counts are of the sticky mode, false output of the frame mode.
     """
+    truth = scene.truth
     frame = rollout.tracks.frame_of_rows
-    chosen = np.flatnonzero(lineage.member[np.arange(len(frame)), lineage.best[frame]])
+    of_best = lineage.member[np.arange(len(frame)), lineage.best[frame]]
+    chosen = np.flatnonzero(of_best & np.isin(frame, scene.annotated_frames))
     chosen_id = rollout.track_id[chosen]
     chosen_class = rollout.track_class[chosen]
     similar, similarity, inside = _similar_pairs(truth, rollout, chosen, card)
     pairs = similar.keep(inside)
     evaluated_pairs = pairs.keep(~truth.neutral[pairs.row])
-    objects = object_history(truth)
-    tracks = history(frame[chosen], chosen_id)
+    place = scene.annotated_place
+    objects = object_history(truth, place)
+    tracks = history(place[frame[chosen]], chosen_id)
     matched = match_sticky(
         evaluated_pairs, len(truth.box), objects.previous(), tracks.previous()
     )
@@ -87,8 +91,11 @@ def stream_counts(
     cost = np.zeros(len(truth.box))
     hit = matched[evaluated_pairs.row] == evaluated_pairs.column
     cost[evaluated_pairs.row[hit]] = evaluated_pairs.cost[hit]
+    counts = ~unlabelled(scene, frame[chosen], rollout.track_box[chosen, :2])
     false = offer_neutral(matched, pairs, truth.neutral, len(chosen)).unmatched
+    false &= counts
     false_in_frame = match_neutral_last(pairs, truth.neutral, len(chosen)).unmatched
+    false_in_frame &= counts
     ids, track_number = np.unique(chosen_id, return_inverse=True)
     matched_frames = np.bincount(
         track_number, weights=~false_in_frame, minlength=len(ids)

@@ -57,9 +57,9 @@ _ENDS = np.array(
 def evaluated(scene: Scene) -> Scene:
     """Return a scene as it is evaluated.
 
-    True boxes that no label of its image could confirm are neutral, never targets.
+    True boxes that no label could confirm are neutral, never targets.
     """
-    if scene.image is None:
+    if scene.image is None and scene.neutral_areas is None:
         return scene
     truth = scene.truth
     hidden = neutral_places(
@@ -74,22 +74,40 @@ def evaluated(scene: Scene) -> Scene:
 def neutral_places(scene: Scene, frame: Ints, xy: Floats, class_id: Ints) -> Bools:
     """Return True [n] for objects that no label of the scene could confirm.
 
-    At ``xy`` [n, 2] m, scene's frame of reference; False without an image. An object of
-    ``class_id`` [n] in ``frame`` [n] is seen as an upright box of the size that stands
-    for its class, with the heading of the platform and its bottom 1.65 m below the
-    camera. In the image it is the least rectangle around that box as far as it lies
+    At ``xy`` [n, 2] m, scene's frame of reference: those that are `unlabelled`, and
+    those that its image does not confirm. An object of ``class_id`` [n] in ``frame``
+    [n] is seen as an upright box of the size that stands for its class, with the
+    heading of the platform and its bottom 1.65 m below the camera. In the image it is the least rectangle around that box as far as it lies
     before the camera, cut to the image. No label confirms it if nothing of it is left,
     if it is at most 25 pixels high, or if more than half of it lies in one region where
     labels do not care.
     """
+    without_label = unlabelled(scene, frame, xy)
     image = scene.image
     if image is None:
-        return np.zeros(len(xy), dtype=bool)
+        return without_label
     box = _image_boxes(image, frame, np.asarray(xy, dtype=np.float64), class_id)
     is_wide = box[:, 2] > box[:, 0]
     is_high = box[:, 3] - box[:, 1] > LEAST_IMAGE_HEIGHT
     in_region = _share_in_region(image, frame, box) > MOST_IN_REGION
-    return np.asarray(~(is_high & is_wide) | in_region)
+    return np.asarray(without_label | ~(is_high & is_wide) | in_region)
+
+
+def unlabelled(scene: Scene, frame: Ints, xy: Floats) -> Bools:
+    """Return True [n] in frames that are not annotated, and in neutral areas.
+
+    ``xy`` [n, 2] m, scene's frame of reference, in ``frame`` [n].
+    """
+    without_label = np.zeros(len(frame), dtype=bool)
+    if scene.annotated is not None:
+        without_label = ~scene.annotated[frame]
+    if scene.neutral_areas is not None:
+        place = _in_world(scene, xy, frame)[:, None]
+        low = scene.neutral_areas[:, :2]
+        high = scene.neutral_areas[:, 2:]
+        inside = np.all((place >= low) & (place <= high), axis=2)
+        without_label |= inside.any(axis=1)
+    return without_label
 
 
 def _image_boxes(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) -> Floats:
@@ -150,12 +168,17 @@ _EXCESS = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Targets(Ragged):
-    """Targets of a scene, ``n`` of them, sorted by their row in the truth."""
+    """Targets of a scene, ``n`` of them, sorted by their row in the truth.
+
+    T here counts the annotated frames of the forecast horizon.
+    """
 
     row: Ints  # [n] row of the truth
     frame: Ints  # [n]
     object_id: Ints  # [n]
     class_id: Ints  # [n]
+    # [n, T] step of a forecast, from 0, that is compared with each future frame
+    step: Ints
     future: Floats  # [n, T, 2] true x y of the next T frames, m, frame of the scene
     distance: Floats  # [n] m to the ego now (BEV)
     approach: Floats  # [n] m, nearest BEV distance to the ego over the future
@@ -175,30 +198,33 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     and T future ones. Objects that no label of an image could confirm are neutral. The
     P + T frames are consecutive, without a hole in time, and the object may be neutral
     in all but the current one. Targets of an official list need the T future frames
-    only. ``moving`` and ``turning`` are measured in the world also where every frame
+    only. Of a partly annotated scene the annotated frames alone count, see `_windows`.
+    ``moving`` and ``turning`` are measured in the world also where every frame
     has its own frame of reference; where headings are nominal, no target turns. Raises
     DataError where an object occurs twice in a frame.
     """
     truth = evaluated(scene).truth
-    future = card.task.future
-    past = _past(scene, card)
+    past, future = _windows(scene, card)
     frame = truth.frame_of_rows
+    place = scene.annotated_place[frame]
     piece = pieces(scene, card)[frame]
     try:
-        objects = history(frame, separated(truth.object_id, piece))
+        objects = history(place, separated(truth.object_id, piece))
     except ShapeError as error:
         raise DataError(f"scene {scene.name!r}: {error}") from None
     length = past + future
-    place = _windows(objects.identity, objects.frame, length)
-    rows = objects.order[place[:, None] + np.arange(length)]
+    first = _window_starts(objects.identity, objects.frame, length)
+    rows = objects.order[first[:, None] + np.arange(length)]
     present = rows[:, past - 1]
     is_target = truth.eligible[present] & ~truth.neutral[present]
+    is_target &= live_frames(scene, card)[frame[present]]
     rows = rows[is_target][np.argsort(present[is_target])]
     present = rows[:, past - 1]
     end = rows[:, -1]
     xy = np.asarray(truth.box[:, :2], dtype=np.float64)
     future_xy = xy[rows[:, past:]]
-    future_frame = frame[present][:, None] + np.arange(1, future + 1)
+    future_frame = frame[rows[:, past:]]
+    step = np.minimum(future_frame - frame[present][:, None], card.task.future) - 1
     ego_xy = np.asarray(scene.ego[:, :2], dtype=np.float64)
     future_distance = np.linalg.norm(future_xy - ego_xy[future_frame], axis=-1)
     world_start = _in_world(scene, xy[present], frame[present])
@@ -214,6 +240,7 @@ def find_targets(scene: Scene, card: Card) -> Targets:
         frame=frame[present],
         object_id=np.asarray(truth.object_id)[present],
         class_id=np.asarray(truth.class_id)[present],
+        step=step,
         future=future_xy,
         distance=np.linalg.norm(xy[present] - ego_xy[frame[present]], axis=-1),
         approach=future_distance.min(axis=1, initial=np.inf),
@@ -222,9 +249,15 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     )
 
 
-def _past(scene: Scene, card: Card) -> int:
-    """Return the past frames that a target needs, the current one included."""
-    return 1 if scene.listed_targets else card.task.past
+def _windows(scene: Scene, card: Card) -> tuple[int, int]:
+    """Return the annotated frames of past, the current one included, and future.
+
+    They are those of the card's windows if every frame that is annotated follows the
+    one before at the usual step of the scene.
+    """
+    step = scene.annotated_step
+    past = 1 if scene.listed_targets else -(-card.task.past // step)
+    return past, card.task.future // step
 
 
 class AbsentCause(IntEnum):
@@ -284,16 +317,20 @@ def absent_causes(scene: Scene, targets: Targets, card: Card) -> Ints:
 def live_frames(scene: Scene, card: Card) -> Bools:
     """Return the frames [F] in which a target can exist.
 
-    Only there false forecasts count (docs/definitions, "Targets").
+    Only there false forecasts count (docs/definitions, "Targets"). The last annotated
+    frame of the future may lie half a step beyond the forecast.
     """
-    past = _past(scene, card) - 1
-    future = card.task.future
-    t = np.arange(scene.frames)
+    past, future = _windows(scene, card)
+    frames = scene.annotated_frames
+    place = np.arange(len(frames))
+    first = frames[np.maximum(place - past + 1, 0)]
+    last = frames[np.minimum(place + future, len(frames) - 1)]
     piece = pieces(scene, card)
-    first_piece = piece[np.maximum(t - past, 0)]
-    last_piece = piece[np.minimum(t + future, scene.frames - 1)]
-    inside = (t >= past) & (t < scene.frames - future)
-    return np.asarray(inside & (first_piece == last_piece))
+    inside = (place >= past - 1) & (place < len(frames) - future)
+    inside &= last - frames <= card.task.future + scene.annotated_step / 2
+    live = np.zeros(scene.frames, dtype=bool)
+    live[frames] = inside & (piece[first] == piece[last])
+    return live
 
 
 def count_holes(scene: Scene, card: Card) -> dict[str, int]:
@@ -301,10 +338,11 @@ def count_holes(scene: Scene, card: Card) -> dict[str, int]:
 
     Empty without holes. The counts stand beside `Scene.skipped`.
     """
-    holes = int(pieces(scene, card).max(initial=0))
+    even_scene = replace(scene, time=np.arange(scene.frames) / card.task.rate)
+    gaps = pieces(even_scene, card).max(initial=0)
+    holes = int(pieces(scene, card).max(initial=0) - gaps)
     if not holes:
         return {}
-    even_scene = replace(scene, time=np.arange(scene.frames) / card.task.rate)
     targets = len(find_targets(even_scene, card)) - len(find_targets(scene, card))
     return {HOLES: holes, LOST_TARGETS: targets}
 
@@ -327,7 +365,7 @@ def _heading_change(scene: Scene, end: Ints, present: Ints) -> Floats:
     return np.abs(wrap_angle(heading[end] - heading[present]))
 
 
-def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
+def _window_starts(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
     """Return the first rows [n] of ``length`` consecutive frames of one object."""
     if len(ids) < length:
         return np.zeros(0, dtype=np.intp)
@@ -342,15 +380,18 @@ def units(scene: Scene, card: Card) -> Ints:
 
     Blocks of at most 20 s are the units of uncertainty. They have equal numbers of
     frames, up to one, and are as few as possible. The frames must be about equally
-    spaced in time; a hole counts as one period.
+    spaced in time; a hole counts as one period. Annotated frames alone count; another
+    is in the block of the one before.
     """
-    frames = scene.frames
-    if frames < 2:
-        return np.zeros(frames, dtype=np.int64)
-    excess = np.diff(scene.time) - 1.0 / card.task.rate
-    hole_seconds = excess[np.diff(pieces(scene, card)) > 0].sum()
-    span = float(scene.time[-1] - scene.time[0] - hole_seconds)
-    seconds = span * frames / (frames - 1)
+    frames = scene.annotated_frames
+    count = len(frames)
+    if count < 2:
+        return np.zeros(scene.frames, dtype=np.int64)
+    time = scene.time[frames]
+    excess = np.diff(time) - scene.annotated_step / card.task.rate
+    hole_seconds = excess[np.diff(pieces(scene, card)[frames]) > 0].sum()
+    span = float(time[-1] - time[0] - hole_seconds)
+    seconds = span * count / (count - 1)
     # times are sums of rounded periods
     blocks = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))
-    return np.arange(frames) * blocks // frames
+    return np.maximum(scene.annotated_place, 0) * blocks // count

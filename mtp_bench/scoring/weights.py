@@ -203,8 +203,9 @@ def tracking_events(scene: Scene, rollout: Rollout, card: Card) -> Bools:
     matched = match_hypotheses(scene.truth, rollout, lineage.member, card)
     best = lineage.best[scene.truth.frame_of_rows]
     truth = separated_truth(scene, card)
-    events = lineage_events(truth, rollout, lineage, matched).of(best)
-    return np.concatenate([getattr(events, kind) for kind in EVENT_KINDS], axis=1)
+    events = lineage_events(truth, rollout, lineage, matched, scene.annotated_frames)
+    best_events = events.of(best)
+    return np.concatenate([getattr(best_events, kind) for kind in EVENT_KINDS], axis=1)
 
 
 def count_runs(events: Iterable[Bools], targets: int) -> NDArray[np.uint8]:

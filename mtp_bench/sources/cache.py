@@ -65,8 +65,8 @@ def scene_digest(scene: Scene) -> str:
     """Return the hex sha256 of a scene.
 
     A stored result has it, so that it is scored only with the same scene. It covers
-    name, times, ego poses, truth and detections, with numbers rounded to DECIMALS
-    decimals.
+    name, times, ego poses, truth, what of it is annotated, and detections, with numbers
+    rounded to DECIMALS decimals.
     """
     fields = (scene.name, scene.frames, scene.truth_complete, scene.listed_targets)
     sha256 = hashlib.sha256("|".join(map(str, fields)).encode())
@@ -74,6 +74,10 @@ def scene_digest(scene: Scene) -> str:
     for rows in (scene.truth, scene.detections):
         for name, column in vars(rows).items():
             arrays[f"{type(rows).__name__}.{name}"] = column
+    for name in ("annotated", "neutral_areas"):
+        array = getattr(scene, name)
+        if array is not None:
+            arrays[name] = array
     for name, array in arrays.items():
         if array.dtype.kind == "f":
             values = np.round(array.astype("<f8"), DECIMALS) + 0.0  # -0.0 becomes 0.0

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..cards import SOURCES, Card, load_card
 from ..core import DataError, MtpBenchError, Scene, long_work, require_known
+from .annotation import as_annotated
 from .base import (
     CameraImage,
     ChangedScenes,
@@ -50,7 +51,7 @@ def open_source(card: Card, data: DataRoot = None) -> SceneSource:
         return _DrivenScenes(card.id, source.names)
 
     def complete(scene: Scene) -> Scene:
-        scene = detected(usable(scene), card)
+        scene = as_annotated(detected(usable(scene), card), card)
         if card.lanes is None:
             return scene
         return _with_lanes(scene, card, data)

@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from ..cards import Card, DetectorSection
-from ..core import Detections, Floats, Scene, Truth, pieces_of, rotate, transform_boxes
+from ..core import (
+    DataError,
+    Detections,
+    Floats,
+    Scene,
+    Truth,
+    pieces_of,
+    rotate,
+    transform_boxes,
+)
 from .motion import as_places, extent, looking_back
 
 if TYPE_CHECKING:
@@ -37,10 +46,16 @@ def detected(
     velocity is measured as 0, as that of a false positive, since a missing one would
     show that a box is true and new. If every frame has its own frame of reference,
     velocities are those in the world, turned into the frames. ``going_on``: state of a
-    closed loop.
+    closed loop. Raises DataError for a partly annotated scene.
     """
     if card.detector is None or (scene.detector and not scene.simulated):
         return scene
+    if scene.annotated is not None:
+        raise DataError(
+            f"scene {scene.name!r}: only some of its frames are annotated, so a "
+            "simulated detector would see nothing in the others; use the detections "
+            "of the files"
+        )
     from ..detector import simulate, visibility_of, visible_fractions
 
     profile = card.detector.resolved

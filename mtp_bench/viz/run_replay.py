@@ -36,6 +36,7 @@ from ..scoring import (
     pieces,
     plain_parts,
     separated_truth,
+    unlabelled,
 )
 from ..sources import CameraImage
 from .answers import Answers
@@ -171,7 +172,8 @@ class Replay:
 
         It is -1 without one and across a hole in time.
         """
-        return object_history(separated_truth(self.scene, self.card)).previous()
+        truth = separated_truth(self.scene, self.card)
+        return object_history(truth, self.scene.annotated_place).previous()
 
     def moment(self, row: int) -> Incident:
         """Return a true box as an incident without an event."""
@@ -252,15 +254,20 @@ def replay(
     worth, parts, truth_forecast, forecast_false = _forecasts(
         scene, rollout, card, parts
     )
-    track_false = answers.shown.copy()
-    track_false[chosen] = track_matches.unmatched
+    track_false = answers.shown & ~unlabelled(
+        scene, rollout.tracks.frame_of_rows, rollout.track_box[:, :2]
+    )
+    track_false[chosen] &= track_matches.unmatched
+    detection_false = detection_matches.unmatched & ~unlabelled(
+        scene, detections.frame_of_rows, detections.box[:, :2]
+    )
     judged = Replay(
         scene=scene,
         answers=answers,
         agent=agent,
         truth_track=np.append(chosen, -1)[track_matches.object_of_truth],
         track_false=track_false & scene.truth_complete,
-        detection_false=detection_matches.unmatched & scene.truth_complete,
+        detection_false=detection_false & scene.truth_complete,
         forecast_false=forecast_false & scene.truth_complete,
         truth_forecast=truth_forecast,
         worth=worth,
@@ -311,7 +318,8 @@ def _identity_events(judged: Replay) -> list[Incident]:
     hypotheses = judged.answers.hypotheses
     frame = judged.scene.truth.frame_of_rows
     truth = separated_truth(judged.scene, judged.card)
-    lineage = lineage_events(truth, rollout, hypotheses, judged.matched)
+    annotated = judged.scene.annotated_frames
+    lineage = lineage_events(truth, rollout, hypotheses, judged.matched, annotated)
     events = lineage.of(hypotheses.best[frame])
     track_ids = np.append(rollout.track_id, -1)  # row -1: no track
     incidents = []

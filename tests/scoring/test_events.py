@@ -60,12 +60,13 @@ def test_events_of_one_object(stream: str) -> None:
     counts = tracking_counts(frames_of(stream))
     assert (counts["ids"], counts["lost"], counts["reacquired"]) == tuple(len(want[i]) for i in (0, 1, 3))
     tracks = [[Thing(ord(id), x, 0) for id, x in track] for track in tracks_of(stream)]
-    truth = make_scene([[] if c == "." else [Thing(7, 0, 0)] for c in stream]).truth
+    scene = make_scene([[] if c == "." else [Thing(7, 0, 0)] for c in stream])
     rollout, card = make_rollout(tracks), make_card()
     lineage = hypotheses(rollout, card)
-    found = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
+    matched = match_hypotheses(scene.truth, rollout, lineage.member, card)
+    found = lineage_events(scene.truth, rollout, lineage, matched, scene.annotated_frames)
     kinds = (found.ids, found.lost, found.wrong, found.reacquired)
-    assert tuple(truth.frame_of_rows[kind[:, 0]].tolist() for kind in kinds) == want
+    assert tuple(scene.truth.frame_of_rows[kind[:, 0]].tolist() for kind in kinds) == want
 
 
 def test_an_identity_twice_in_a_frame_is_an_error() -> None:

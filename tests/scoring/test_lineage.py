@@ -58,7 +58,7 @@ def events(tracks: list[list[Thing]], weight: Any, h: int, truth: list[list[Thin
     rollout = make_rollout(tracks, log_weight=weight, hypotheses=h)
     found = hypotheses(rollout, CARD)
     matched = match_hypotheses(scene.truth, rollout, found.member, CARD)
-    return lineage_events(scene.truth, rollout, found, matched), found
+    return lineage_events(scene.truth, rollout, found, matched, scene.annotated_frames), found
 
 
 def test_a_change_of_rank_is_no_switch() -> None:

@@ -87,6 +87,13 @@ TABLES: dict[str, tuple[TableColumn, ...]] = {
     ),
 }
 PROJECTION = tuple(f"p{row}{column}" for row in range(3) for column in range(4))
+AREA = ("x_min", "y_min", "x_max", "y_max")
+LABELS: dict[str, tuple[TableColumn, ...]] = {  # what of the truth is annotated
+    "annotated": (replace(_FRAME, meaning="whole number of an annotated frame"),),
+    "neutral_areas": tuple(
+        TableColumn(name, "m, border of a rectangle without labels") for name in AREA
+    ),
+}
 BORDERS = ("left_x", "left_y", "right_x", "right_y")
 PICTURES: dict[str, tuple[TableColumn, ...]] = {  # beside those of the boxes
     "lanes": (
@@ -147,7 +154,7 @@ TRACKS = (  # of a table of stored tracks, which is a separate file
     replace(_SCORE, meaning="as the tracker gives it"),
     *_VELOCITY,
 )
-COLUMNS = {**TABLES, **PICTURES, "tracks": TRACKS}
+COLUMNS = {**TABLES, **LABELS, **PICTURES, "tracks": TRACKS}
 
 
 MAX_FRAMES = 1_000_000
@@ -169,7 +176,7 @@ _SIZE = (
 _ANY_NUMBER = (-LIMIT, LIMIT, f"expected a number from {-LIMIT:g} to {LIMIT:g}")
 _PLACE = (-MAX_COORDINATE_M, MAX_COORDINATE_M, _NEAR_ORIGIN)
 _RANGES = {  # column -> least, largest, message
-    **dict.fromkeys(("x", "y", *BORDERS), _PLACE),
+    **dict.fromkeys(("x", "y", *BORDERS, *AREA), _PLACE),
     **dict.fromkeys(("l", "w", "h"), _SIZE),
     **dict.fromkeys(("z", "vx", "vy", "score"), _ANY_NUMBER),
     "yaw": (-MAX_ANGLE_RAD, MAX_ANGLE_RAD, RADIANS),

@@ -24,7 +24,7 @@ from ...core import (
 )
 from ..base import require_separate
 from ..readers import MAX_WORD_LETTERS, write_table
-from .columns import BOX_COLUMNS, FORMS, TABLES
+from .columns import AREA, BOX_COLUMNS, FORMS, LABELS, TABLES
 from .pictures import lane_columns
 
 Columns = dict[str, NDArray[Any]]
@@ -63,6 +63,11 @@ def save_scene(
         tables["truth"]["id"] = np.array([scene.name_of(i) for i in numbers])
     if scene.lanes:
         tables["lanes"] = lane_columns(scene.lanes)
+    if scene.annotated is not None:
+        tables["annotated"] = {"frame": scene.annotated_frames}
+    if scene.neutral_areas is not None:
+        borders = scene.neutral_areas.T
+        tables["neutral_areas"] = dict(zip(AREA, borders, strict=True))
     folder = Path(folder).expanduser()
     make_folder(folder)
     scene_folder = folder / file_stem(scene.name)
@@ -96,7 +101,7 @@ def _require_free(folder: Path) -> None:
         return
     if not folder.is_dir():
         raise MtpBenchError(f"{folder} is a file, {_ADVICE}")
-    names = (*TABLES, "lanes")
+    names = (*TABLES, *LABELS, "lanes")
     tables = {f"{name}.{form}" for name in names for form in FORMS}
     other_files = {path.name for path in folder.iterdir()} - tables - {".DS_Store"}
     if other_files:

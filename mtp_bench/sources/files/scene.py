@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -35,9 +36,11 @@ from ..motion import backward_velocity, unknown_velocity
 from ..readers import read_named_table
 from ..tables import RowTable
 from .columns import (
+    AREA,
     BOX_COLUMNS,
     COLUMNS,
     FORMS,
+    LABELS,
     PICTURES,
     TABLES,
     check_frames,
@@ -62,7 +65,7 @@ def read_scene(folder: Path, card: Card) -> Scene:
     wrong.
     """
     _refuse_misspelt(folder)
-    tables = _read_tables(folder, (*TABLES, "lanes"))
+    tables = _read_tables(folder, TABLES)
     if "truth" not in tables:
         raise DataError(
             f"{folder}: no table truth.csv or truth.parquet, which the score needs"
@@ -71,7 +74,6 @@ def read_scene(folder: Path, card: Card) -> Scene:
         raise DataError(
             f"{tables['truth'].source} has no rows, expected one per object and frame"
         )
-    lanes = lanes_of(tables.pop("lanes")) if "lanes" in tables else ()
     frame_numbers, time = scene_frames(str(folder), tables, card.task.rate)
     ego = np.zeros((len(time), 4))
     if "ego" in tables:
@@ -80,11 +82,33 @@ def read_scene(folder: Path, card: Card) -> Scene:
                 ego[:, index] = tables["ego"][column]
     check_frames(time, ego, card, str(folder))
     scene = _true_scene(folder, tables["truth"], frame_numbers, time, ego, card)
-    scene = replace(scene, lanes=lanes)
+    scene = replace(scene, **_beside_boxes(folder, frame_numbers))
     has_detections = "detections" in tables
     if has_detections and card.detector is None:
         scene = _with_detections(scene, tables["detections"], frame_numbers, card)
     return _for_card(scene, card, str(folder), has_detections)
+
+
+def _beside_boxes(folder: Path, frame_numbers: Ints) -> dict[str, Any]:
+    """Return fields of a scene from its tables of lanes and labels.
+
+    ``frame_numbers`` [F] of the scene.
+    """
+    changes: dict[str, Any] = {}
+    tables = _read_tables(folder, ("lanes", *LABELS))
+    if "lanes" in tables:
+        changes["lanes"] = lanes_of(tables["lanes"])
+    if "annotated" in tables:
+        annotated = np.zeros(len(frame_numbers), dtype=bool)
+        annotated[frame_index(tables["annotated"], frame_numbers)] = True
+        changes["annotated"] = annotated
+    if "neutral_areas" in tables:
+        areas = tables["neutral_areas"]
+        check_ranges(areas)
+        for low, high in (("x_min", "x_max"), ("y_min", "y_max")):
+            areas.refuse(areas[low] >= areas[high], f"expected less than {high}", low)
+        changes["neutral_areas"] = areas.matrix(" ".join(AREA))
+    return changes
 
 
 def read_images(folder: Path, card: Card) -> tuple[CameraImage, ...]:
@@ -150,7 +174,7 @@ def _read_tables(folder: Path, names: Iterable[str]) -> dict[str, RowTable]:
 
 def _refuse_misspelt(folder: Path) -> None:
     """Raise DataError for nearly the name of a missing table (``detection.csv``)."""
-    names = (*TABLES, *PICTURES)
+    names = (*TABLES, *LABELS, *PICTURES)
     missing = [name for name in names if find_table(folder, name) is None]
     for path in sorted(folder.iterdir()):
         form = path.suffix.lower().removeprefix(".")
