@@ -346,7 +346,9 @@ def _false_runs(judged: Replay) -> list[Incident]:
     tracks = track_id[row]
     frames = frame[row]
     # over a hole in time a step is more than 1
-    step = np.diff(frames) + np.diff(pieces(judged.scene, judged.card)[frames])
+    scene = judged.scene
+    step = np.diff(scene.annotated_place[frames])
+    step += np.diff(pieces(scene, judged.card)[frames])
     same_track = (np.diff(tracks) == 0) & (tracks[1:] >= 0)
     is_break = ~same_track | (np.diff(classes) != 0) | (step != 1)
     runs = np.split(np.arange(len(row)), np.flatnonzero(is_break) + 1)
