@@ -156,6 +156,7 @@ from .task import (
     ABSENT_BELOW as ABSENT_BELOW,
     ID_LIMIT as ID_LIMIT,
     SCORES as SCORES,
+    UNKNOWN_OBJECT as UNKNOWN_OBJECT,
     Task as Task,
 )
 from .tracks import (

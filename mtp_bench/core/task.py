@@ -11,6 +11,8 @@ SCORES = "scores"  # a `Task.presence`: the last detection's score is the confid
 # log-weights below, such as -inf, mean an absent sample or hypothesis
 ABSENT_BELOW = -1e30
 ID_LIMIT = 2**31 - 1  # largest number of an object or a track
+# in place of an object's number, where the frame is not annotated
+UNKNOWN_OBJECT = -2
 
 
 @dataclass(frozen=True)

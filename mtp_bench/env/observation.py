@@ -11,6 +11,7 @@ import numpy as np
 from ..agent import COORDINATE_LIMIT, SIZE_LIMIT, pad_rows
 from ..cards import Card
 from ..core import (
+    UNKNOWN_OBJECT,
     Bools,
     DataError,
     Detections,
@@ -130,6 +131,8 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
         object_id = true_ids(
             scene, in_frame[fits], shown.box[fits], shown.class_id[fits], card
         )
+        annotated = np.isin(in_frame[fits], scene.annotated_frames)
+        object_id = np.where(annotated, object_id, UNKNOWN_OBJECT)
     count = np.bincount(in_frame[fits], minlength=scene.frames)
     pose = np.concatenate([scene.ego, np.zeros((scene.frames, 3))], axis=1)
     time = scene.time - scene.time[0]

@@ -16,7 +16,7 @@ from ..agent import (
     ActionField,
     check_action,
 )
-from ..core import ID_LIMIT, Task
+from ..core import ID_LIMIT, UNKNOWN_OBJECT, Task
 from .lanes import SUCCESSORS
 
 SCORE_LIMIT = 1e6
@@ -37,7 +37,7 @@ def observation_space(task: Task) -> spaces.Dict:
     ``observe="truth"`` true boxes come as detections with score 1 and ``detection_id``
     (D,) is added; with ``observe="tracks"`` those of a foreign tracker do. With
     ``observe="associated"`` it is the true object that a detection is matched to, -1
-    for none.
+    for none, and -2 in frames that are not annotated.
 
     A card with lanes adds pieces of the road map in reach of the sensor, nearest first:
     ``lane_point`` (L, Q, 2) along the direction of travel, ``lane_valid`` (L, Q), and
@@ -56,7 +56,7 @@ def observation_space(task: Task) -> spaces.Dict:
         "dt": Box(0.0, _TIME_LIMIT, (), np.float64),
     }
     if task.observe != "detections":
-        fields["detection_id"] = Box(-1, ID_LIMIT, (d,), np.int64)
+        fields["detection_id"] = Box(UNKNOWN_OBJECT, ID_LIMIT, (d,), np.int64)
     if task.lanes:
         shape = (task.lanes, task.lane_points)
         fields["lane_point"] = Box(

@@ -10,6 +10,7 @@ import numpy as np
 from ..core import (
     NO_ROWS,
     UNBORN,
+    UNKNOWN_OBJECT,
     Bools,
     Floats,
     Ints,
@@ -238,7 +239,7 @@ class GivenIdentities:
     The object of a track is that of the detection which started it, -1 for none. A
     detection of an object may only continue or start the track of that object, at any
     distance; a track that has ended is not resumed. Detections and tracks without an
-    object are associated as always.
+    object are associated as always, and so are all tracks where objects are unknown.
     """
 
     def __init__(self) -> None:
@@ -255,12 +256,14 @@ class GivenIdentities:
     def free_pairs(
         self, indptr: Ints, column: Ints, gain: Floats
     ) -> tuple[Ints, Ints, Floats]:
-        """Return the pairs in which neither side has an object.
+        """Return the pairs in which neither side has an object, or it is unknown.
 
         Arguments and results are those of `sparse_gains`.
         """
         track_object = np.repeat(self._track_object, np.diff(indptr))
-        is_free = (track_object < 0) & (self._detection_object[column] < 0)
+        detection_object = self._detection_object[column]
+        is_free = (track_object < 0) & (detection_object < 0)
+        is_free |= detection_object == UNKNOWN_OBJECT
         # the new indptr counts the free pairs before each old one
         return np.append(0, np.cumsum(is_free))[indptr], column[is_free], gain[is_free]
 

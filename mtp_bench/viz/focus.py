@@ -120,8 +120,9 @@ class Focus:
     def until_gap(self, rows: Ints, first_frame: int, last_frame: int) -> Ints:
         """Return the ``rows`` [F] of an interval up to a gap.
 
-        A gap is a row of -1 or a hole in time. If the last frame lies before the first,
-        the rows go back in time.
+        A gap is a row of -1 or a hole in time; for the object's own rows, annotated
+        frames alone count. If the last frame lies before the first, the rows go back in
+        time.
         """
         frame_step = 1
         if last_frame < first_frame:
@@ -129,6 +130,8 @@ class Focus:
         time_piece = pieces(self.replay.scene, self.replay.card)
         frames = np.arange(first_frame, last_frame + frame_step, frame_step)
         frames = frames[(frames >= 0) & (frames < len(rows))]
+        if rows is self.rows:
+            frames = frames[np.isin(frames, self.replay.scene.annotated_frames)]
         is_gap = (rows[frames] < 0) | (time_piece[frames] != time_piece[frames[:1]])
         count = int(np.argmax(np.append(is_gap, True)))
         return rows[frames[:count]]
@@ -148,10 +151,18 @@ class Focus:
         return self.replay.rollout.track_box[track_row, :2].astype(np.float64)
 
     def path(self, first_frame: int, last_frame: int) -> Floats:
-        """Return places [n, 2] of the object up to a gap."""
-        return self.replay.scene.truth.box[
-            self.until_gap(self.rows, first_frame, last_frame), :2
-        ]
+        """Return places [n, 2] of the object up to a gap.
+
+        Between annotated frames it moves on straight lines.
+        """
+        truth = self.replay.scene.truth
+        rows = self.until_gap(self.rows, first_frame, last_frame)
+        if not len(rows):
+            return truth.box[rows, :2]
+        step = np.abs(truth.frame_of_rows[rows] - first_frame)
+        steps = np.arange(step[0], step[-1] + 1)
+        x, y = truth.box[rows, :2].T
+        return np.column_stack([np.interp(steps, step, x), np.interp(steps, step, y)])
 
     def future(self, t: int) -> Floats:
         """Return places [n, 2] within the horizon, now first."""
