@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.sources.files.columns import COLUMNS, PICTURES, TABLES
+from mtp_bench.sources.files.columns import COLUMNS, LABELS, PICTURES, TABLES
 from tests.support.own_scenes import write_long_log
 from tests.test_readme import blocks
 
@@ -24,7 +24,7 @@ def page(repository: Path) -> str:
     return (repository / PAGE).read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", [*TABLES, *PICTURES])
+@pytest.mark.parametrize("name", [*TABLES, *LABELS, *PICTURES])
 def test_the_columns_are_those_of_the_code(repository: Path, name: str) -> None:
     assert columns_table(name) in page(repository)
 

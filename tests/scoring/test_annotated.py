@@ -2,13 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mtp_bench.core import Detections, Rollout, Scene, starts_of
+from mtp_bench import MTPEnv
+from mtp_bench.agent import load_submission
+from mtp_bench.cards import Card, load_card, with_files, with_scenes
+from mtp_bench.core import UNKNOWN_OBJECT, Detections, Rollout, Scene, starts_of
+from mtp_bench.running.playing import run_scene
 from mtp_bench.scoring import (
     FrameScorer,
     RecordedForecasts,
@@ -20,6 +25,8 @@ from mtp_bench.scoring import (
 )
 from mtp_bench.scoring.bade import CardBudget
 from mtp_bench.scoring.table import agent_table
+from mtp_bench.sources import load_scenes
+from mtp_bench.sources.files.save import save_scene
 from mtp_bench.viz.run_replay import replay
 from tests.independent import scorer
 from tests.independent.test_agreement import PARTS, SHARED, agent_scores, reference_of, rows_of, same
@@ -32,6 +39,7 @@ from tests.support.scoring_scenes import (
     make_scene,
     random_case,
 )
+from tests.support.small_scenes import empty_action
 
 Array = NDArray[Any]
 STEP = 5
@@ -44,7 +52,7 @@ FAST = CUT.model_copy(update={"task": TASK})
 OF_ALL_FRAMES = ("frames", "seconds", "invalid", "dropped")
 
 
-def stretched(cut: Scene, said: Rollout, seed: int) -> tuple[Scene, Rollout]:
+def stretched(cut: Scene, said: Rollout, seed: int, future: int = FAST_FUTURE) -> tuple[Scene, Rollout]:
     """A log in which ``cut`` is what people annotated, and answers of which ``said`` are those in these frames.
 
     Between the annotated frames, and after them, is noise: tracks and forecasts under other ids at other places, other
@@ -56,7 +64,7 @@ def stretched(cut: Scene, said: Rollout, seed: int) -> tuple[Scene, Rollout]:
     count = int(frames[-1]) + 1 + int(rng.integers(0, 4))
     source = np.searchsorted(frames, np.arange(count), side="right") - 1  # annotated frame that each frame resembles
     annotated = np.isin(np.arange(count), frames)
-    tail = 0.02 * np.arange(1, count - frames[-1])
+    tail = (cut.time[1] - cut.time[0]) / STEP * np.arange(1, count - frames[-1])
     time = np.interp(np.arange(frames[-1] + 1), frames, cut.time)
     scene = replace(
         cut, time=np.append(time, time[-1] + tail), ego=cut.ego[source], annotated=annotated,
@@ -75,10 +83,10 @@ def stretched(cut: Scene, said: Rollout, seed: int) -> tuple[Scene, Rollout]:
         for t in range(frames[place - 1] + 1, frames[place]):
             gap = gap[parent[t]]  # the annotated ancestor of each hypothesis of frame t
         parent[frames[place]] = np.argsort(gap)[said.hypothesis_parent[place]]
-    sizes = (len(thing), said.forecast.shape[1], FAST_FUTURE, 2)
+    sizes = (len(thing), said.forecast.shape[1], future, 2)
     forecast = rng.integers(-3000, 3000, sizes).astype(np.int16)
     frame = np.repeat(np.arange(count), np.diff(thing_start))
-    for j in range(CUT.task.future):
+    for j in range(said.forecast.shape[2]):
         later = np.append(frames, [-1] * (j + 1))[source[frame] + j + 1]
         row = np.flatnonzero(~other_thing & (later >= 0))
         forecast[row, :, later[row] - frame[row] - 1] = said.forecast[thing[row], :, j]
@@ -229,6 +237,103 @@ def test_a_scene_whose_frames_are_all_annotated_keeps_every_digit(seed: int) -> 
     every_frame = replace(cut, annotated=np.ones(cut.frames, dtype=bool))
     score, want = score_scene(every_frame, said, CUT), score_scene(cut, said, CUT)
     assert_equal(score, want, np.arange(cut.frames), tolerance=0.0)
+
+
+KITTI = load_card("MTP-KITTI-v0")  # 10 Hz
+SLOW = KITTI.model_copy(update={"task": KITTI.task.model_copy(update={"rate": 2.0, "past": 2, "future": 2})})
+FRAMES = 100
+
+
+def played(agent: str, card: Card) -> tuple[Scene, Rollout]:
+    """The only scene of a card, and what a baseline answers."""
+    submission = load_submission(agent)
+    env = MTPEnv(card, observe=submission.compare.observe)
+    rollout = run_scene(submission.build(env.task), env, env.scene_names[0], seed=0)
+    return env.scene, rollout
+
+
+def two_cars(frames: int, step: float) -> Scene:
+    """Two cars at 2 m/s, one of which bends, with exact detections in every frame."""
+    time = step * np.arange(frames)
+    scene = make_scene([[at(0, (2 * t, 0.0)), at(1, (10 + 2 * t, 8 + 0.05 * t**2))] for t in time])
+    truth = scene.truth
+    detections = Detections(truth.start, truth.box, truth.velocity, truth.class_id, np.ones(2 * frames))
+    return replace(scene, time=time, detections=detections, detector="exact")
+
+
+def every_fifth(scene: Scene) -> Scene:
+    return replace(scene, annotated=np.arange(scene.frames) % STEP == 0)
+
+
+def test_an_answer_at_ten_hertz_counts_as_that_at_two(tmp_path: Path) -> None:
+    """The log of 10 Hz is read from its tables, and truth stands in every fifth frame alone."""
+    cut, said = played("gt_tracks", with_scenes(SLOW, [two_cars(20, 0.5)]))
+    log, answers = stretched(cut, said, seed=0, future=10)
+    save_scene(log, tmp_path, KITTI.task.classes)
+    assert (tmp_path / "s" / "annotated.csv").read_text().split()[1:4] == ["0", "5", "10"]
+    (scene,) = load_scenes(with_files(KITTI, tmp_path))
+    score, want = score_scene(scene, answers, KITTI), score_scene(cut, said, SLOW)
+    assert (len(score), score.covered.all(), score.false_forecasts) == (34, True, 0)
+    assert_equal(score, replace(want, detections=score.detections), scene.annotated_frames)
+
+
+@pytest.mark.parametrize("agent", ["gt_tracks", "stp"])
+def test_agents_at_ten_hertz_and_at_two(agent: str) -> None:
+    """They see five times as many frames, so the numbers are near, not equal; ground truth comes in some of them."""
+    fast_log, slow_log = every_fifth(two_cars(96, 0.1)), two_cars(20, 0.5)
+    cards = with_scenes(KITTI, [fast_log]), with_scenes(SLOW, [slow_log])
+    fast, slow = (score_scene(*played(agent, card), card) for card in cards)
+    errors = [float(score.capped.mean()) for score in (fast, slow)]
+    print(f"{agent}: {errors[0]:.3f} m at 10 Hz, {errors[1]:.3f} m at 2 Hz, {errors[0] - errors[1]:.3f} m more")
+    assert np.isfinite(errors).all()
+    assert abs(errors[0] - errors[1]) < 0.15
+    for score in (fast, slow):
+        assert (len(score), score.live) == (34, 17)
+        assert (score.covered.mean(), score.false_forecasts) == (1.0, 0)
+
+
+def test_exact_detections_of_a_log_with_truth_in_every_fifth_frame_are_not_false() -> None:
+    whole = two_cars(FRAMES, 0.1)
+    sparse = replace(whole, truth=whole.truth.select(whole.truth.frame_of_rows % STEP == 0))
+    cards = [with_scenes(KITTI, [scene]) for scene in (sparse, every_fifth(sparse))]
+    judged = [replay(*played("stp", card), card) for card in cards]
+    false_tracks = judged[0].answers.shown & (judged[0].rollout.tracks.frame_of_rows % STEP > 0)
+    assert [int(one.detection_false.sum()) for one in judged] == [160, 0]
+    assert [int(one.track_false.sum()) for one in judged] == [int(false_tracks.sum()), 0]
+    assert [int(np.isfinite(one.part[:, 0]).sum()) for one in judged] == [0, 34]
+    counts = score_scene(judged[1].scene, judged[1].rollout, KITTI).counts
+    assert (int(counts.truth.sum()), int(counts.fp.sum()), int(counts.ids.sum())) == (40, 0, 0)
+
+
+def test_agents_are_not_told_which_frames_are_annotated() -> None:
+    whole = two_cars(30, 0.1)
+    partly = every_fifth(whole)
+    envs = [MTPEnv(with_scenes(KITTI, [scene])) for scene in (whole, partly)]
+    assert envs[0].task == envs[1].task
+    seen = [env.reset(seed=0)[0] for env in envs]
+    rewards = []
+    for _ in range(30):
+        for name, value in seen[0].items():
+            np.testing.assert_array_equal(seen[1][name], value)
+        steps = [env.step(empty_action(env.task)) for env in envs]
+        seen = [step[0] for step in steps]
+        rewards.append([step[1] for step in steps])
+    of_whole, of_partly = np.array(rewards).T
+    assert np.flatnonzero(of_whole).tolist() == list(range(9, 20))  # 9 frames before, 10 after
+    assert np.flatnonzero(of_partly).tolist() == [5, 10, 15]  # one annotated frame before, two after
+    assert set(of_partly[[5, 10, 15]]) == {-4.0}  # two cars, 2 m each
+
+
+def test_perfect_association_goes_on_between_annotated_frames() -> None:
+    card = with_scenes(KITTI, [every_fifth(two_cars(60, 0.1))])
+    env = MTPEnv(card, observe="associated")
+    observations = [env.reset(seed=0)[0], *(env.step(empty_action(env.task))[0] for _ in range(59))]
+    for t, observation in enumerate(observations):
+        valid = observation["detection_valid"] == 1
+        assert observation["detection_id"][valid].tolist() == ([0, 1] if t % STEP == 0 else [UNKNOWN_OBJECT] * 2)
+        assert env.observation_space.contains(observation)
+    _, rollout = played("perfect_association", card)
+    assert len(set(rollout.track_id)) == 2
 
 
 AHEAD = {

@@ -17,9 +17,21 @@ from mtp_bench.cards.card import LaneSection
 from mtp_bench.cards.own import own_digest
 from mtp_bench.core import Detections, Scene, StoredTracks, Truth, starts_of
 from mtp_bench.core.errors import CardError, DataError, MtpBenchError, UnknownNameError
+from mtp_bench.scoring import find_targets, unlabelled
 from mtp_bench.sources import camera_images, load_scenes, open_source
+from mtp_bench.sources.cache import scene_digest
 from mtp_bench.sources.files.save import TableForm, save_scene
-from tests.support.own_scenes import BOX, CLASSES, DETECTIONS, EGO, TRUTH, assert_same, whole_scene, write_tables
+from tests.support.own_scenes import (
+    BOX,
+    CLASSES,
+    DETECTIONS,
+    EGO,
+    TRUTH,
+    assert_same,
+    whole_scene,
+    write_long_log,
+    write_tables,
+)  # fmt: skip
 from tests.support.small_scenes import make_scene
 
 FORMS: tuple[TableForm, ...] = ("csv", "parquet")
@@ -246,6 +258,82 @@ def test_the_digest_holds_what_the_files_hold_and_not_where_they_are(tmp_path: P
     assert [a == b for a, b in zip(before, after, strict=True)] == [True, False], "only pictures show them, agents too"
 
 
+# --- what of the truth is annotated ----------------------------------------------------------------------------------
+AREAS = ["x_min,y_min,x_max,y_max", "-1.5,0,2,3"]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_annotated_frames_and_neutral_areas_are_read_and_written(form: TableForm, tmp_path: Path, base: Card) -> None:
+    scene = replace(make_scene(frames=6, empty=(2,)), detector="mine", annotated=np.arange(6) != 5)
+    scene = replace(scene, truth=scene.truth.select(scene.truth.frame_of_rows != 5))
+    scene = replace(scene, neutral_areas=np.array([[-1.5, 0.0, 2.0, 3.0], [5.0, 5.0, 6.0, 6.25]]))
+    folder = save_scene(scene, tmp_path, CLASSES, form)
+    assert {"annotated", "neutral_areas"} < {path.stem for path in folder.iterdir()}
+    again = only(base, tmp_path)
+    for name in ("annotated", "neutral_areas"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(scene, name))
+    save_scene(again, tmp_path, CLASSES, form)
+    assert_same(only(base, tmp_path), again)
+
+
+def test_truth_in_other_frames_is_left_out_and_counted(tmp_path: Path, base: Card) -> None:
+    """The digest of the card holds the tables; agents and their baselines see detections of every frame."""
+    whole = with_files(base, write_tables(tmp_path))
+    tables = {"annotated": ["frame", "2", "1"], "neutral_areas": AREAS}
+    for name, lines in tables.items():
+        before = with_files(base, tmp_path).digest
+        write_tables(tmp_path, **{name: lines})
+        assert with_files(base, tmp_path).digest != before
+    scene = only(base, tmp_path)
+    assert scene.annotated is not None
+    assert (scene.annotated.tolist(), scene.truth.counts.tolist()) == ([False, True, True], [0, 1, 1])
+    assert scene.skipped == {"true boxes in frames that are not annotated": 1}
+    assert scene.detections.counts.tolist() == [1, 0, 1]
+    assert scene_digest(scene) != scene_digest(replace(scene, annotated=None))
+    with pytest.raises(DataError, match="sha256"):
+        open_source(whole)
+    write_tables(tmp_path, detections=None)
+    with pytest.raises(DataError, match="scene 'one': only some of its frames are annotated, so a simulated detector"):
+        only(with_detector(base, "nuscenes_megvii"), tmp_path)
+
+
+def test_a_card_states_that_every_nth_frame_is_annotated(tmp_path: Path, base: Card) -> None:
+    task = base.task.model_copy(update={"annotated_every": 2, "past": 3})
+    card = base.model_copy(update={"task": task})
+    assert (card.digest != base.digest, base.task.annotated_every) == (True, None)
+    folder = write_long_log(tmp_path, frames=10)
+    scene = only(card, folder)
+    assert scene.annotated_frames.tolist() == [0, 2, 4, 6, 8]
+    assert scene.truth.counts.tolist() == [2, 0] * 5
+    write_tables(folder, truth=None, detections=None, annotated=["frame", *map(str, range(10))])
+    assert only(card, folder).truth.counts.tolist() == [2] * 10  # a table says more than the card
+
+
+def test_sweeps_between_keyframes(tmp_path: Path, base: Card) -> None:
+    """nuScenes: ego and detections come with every sweep, at about 20 Hz, labels with keyframes, at 2 Hz."""
+    keyframes = [0, 10, 19, 30, 40, 50, 61, 70]
+    sweeps = range(75)
+    rng = np.random.default_rng(0)
+    time = 1.5e9 + 0.05 * np.arange(75) + rng.uniform(-0.005, 0.005, 75)
+    truth = [TRUTH[0], *(f"{t},a1,car,{0.4 * t},0,{BOX}" for t in keyframes)]
+    detections = [DETECTIONS[0], *(f"{t},car,{0.4 * t},0,{BOX},0.9" for t in sweeps)]
+    ego = ["frame,time,x", *(f"{t},{time[t]:.4f},{0.3 * t}" for t in sweeps)]
+    write_tables(
+        tmp_path, truth=truth, detections=detections, ego=ego, annotated=["frame", *map(str, keyframes)]
+    )  # fmt: skip
+    task = base.task.model_copy(update={"rate": 20.0, "past": 20, "future": 30})
+    card = base.model_copy(update={"task": task})
+    scene = only(card, tmp_path)
+    assert (scene.annotated_step, scene.annotated_frames.tolist()) == (10, keyframes)
+    targets = find_targets(scene, card)  # 2 keyframes of past, 3 of future
+    assert targets.frame.tolist() == keyframes[1:5]
+    assert targets.step.tolist() == [[8, 19, 29], [10, 20, 29], [9, 19, 29], [9, 20, 29]]
+    np.testing.assert_allclose(targets.future[:, :, 0], [[0.4 * t for t in keyframes[i : i + 3]] for i in range(2, 6)])
+    missed = np.isin(sweeps, keyframes)
+    assert not unlabelled(scene, np.flatnonzero(missed), np.zeros((8, 2))).any()
+    assert unlabelled(scene, np.flatnonzero(~missed), np.zeros((67, 2))).all()
+
+
 # --- one sentence for every mistake ----------------------------------------------------------------------------------
 TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "no truth": ({"truth": None}, "one: no table truth.csv or truth.parquet, which the score needs"),
@@ -254,6 +342,14 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "a lane of one point": ({"lanes": LANES[:2]}, "lanes.csv, line 2, column 'lane': the only point of this lane, exp"),
     "a lane of another map": ({"lanes": [*LANES, "way,12,0,0,turn exit"]}, "lanes.csv, line 7, column 'following': 'e"),
     "a border": ({"lanes": ["lane,x,y,left_x"]}, "lanes.csv: some of the columns 'left_x', 'left_y', 'right_x', 'r"),
+    "annotated frames in the singular": ({"annotate": ["frame", "0"]}, "annotate.csv is not a known table; did you mea"),
+    "an annotated frame that is not there": (
+        {"annotated": ["frame", "0", "1", "3"]},
+        "annotated.csv, line 4, column 'frame': no frame of the scene, which has 0 to 2",
+    ),
+    "annotated frames without their column": ({"annotated": ["time", "0"]}, "annotated.csv: unknown column 'time'"),
+    "no border of an area": ({"neutral_areas": [*AREAS[:1], "0,,2,3"]}, "neutral_areas.csv, line 2, column 'y_min'"),
+    "an area turned over": ({"neutral_areas": [*AREAS, "0,3,2,1"]}, "line 3, column 'y_min': expected less than y_max"),
     "no detections": ({"detections": None}, "one: no detections; without them a simulated detector runs at once"),
     "names alone": ({"truth": TRUTH[:1]}, "truth.csv has no rows, expected one per object and frame"),
     "one place": (
@@ -342,6 +438,19 @@ def with_column(part: str, name: str, row: int | list[int], value: object) -> Ca
 
 
 WRONG: dict[str, tuple[Callable[[Scene], Scene], str]] = {
+    "annotated of other frames": (
+        lambda scene: replace(scene, annotated=np.ones(3, dtype=bool)),
+        "annotated has the shape (3,) and 3 frames, expected one or more of the 8 frames of the scene",
+    ),
+    "nothing annotated": (
+        lambda scene: replace(scene, annotated=np.zeros(8, dtype=bool)),
+        "annotated has the shape (8,) and 0 frames, expected one or more of the 8 frames of the scene",
+    ),
+    "annotated too far apart": (
+        lambda scene: replace(scene, annotated=np.arange(8) % 2 == 0),
+        "annotated frames are 2 apart, but MTP-Small-v0 has windows of 2 past and 3 future frames, expected windows with",
+    ),
+    "an area of three borders": (lambda scene: replace(scene, neutral_areas=np.ones((2, 3))), "neutral_areas, expected"),
     "detections": (
         lambda scene: replace(scene, detections=None),  # type: ignore[arg-type]
         "detections is NoneType, expected Detections; use one without rows for none",

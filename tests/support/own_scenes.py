@@ -40,7 +40,8 @@ def whole_scene() -> Scene:
     return replace(
         scene, truth=truth, detector="pointrcnn, stored detections", truth_complete=True,
         visible=np.linspace(0, 1, rows), skipped={"detection not finite": 2}, recording="a long drive",
-        world=np.arange(24.0).reshape(6, 4), image=image, lanes=lanes,
+        world=np.arange(24.0).reshape(6, 4), image=image, lanes=lanes, annotated=np.ones(6, dtype=bool),
+        neutral_areas=np.array([[0.0, 1.0, 2.0, 3.0]]),
     )  # fmt: skip
 
 

@@ -144,6 +144,12 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
         check_ranges(table, positive_sizes=name == "truth")
         if name == "truth":
             check_objects(table, columns["frame"], columns["id"], card.task.classes)
+    areas = scene.neutral_areas
+    if areas is not None and (
+        areas.shape != (len(areas), len(AREA))
+        or not (areas[:, :2] < areas[:, 2:]).all()
+    ):
+        raise DataError(f"{where}: neutral_areas, expected rows of {', '.join(AREA)}")
     return _for_card(scene, card, where, "detections" in tables)
 
 
