@@ -12,6 +12,7 @@ from mtp_bench import MTPEnv
 from mtp_bench.agent import load_submission
 from mtp_bench.cards import load_card, with_detections
 from mtp_bench.core import StoredTracks
+from mtp_bench.core.bundle import bundled
 from mtp_bench.core.errors import DataError
 from mtp_bench.running.playing import run_scene
 from mtp_bench.running.track_export import write_tracks
@@ -65,6 +66,22 @@ def test_truth_within_reach_and_its_targets(root: Path) -> None:
     targets = find_targets(scene, AV2_CARD)  # the truck never has ten past and ten future frames
     assert frame[targets.row].tolist() == np.repeat(range(9, 14), 2).tolist()
     assert targets.object_id.tolist() == [0, 2] * 5
+
+
+def test_truth_in_every_fifth_sweep(root: Path, tmp_path: Path) -> None:
+    """Detections are simulated from the whole truth; the walker has no lidar point in sweep 5."""
+    text = (bundled("envs") / f"{AV2_CARD.id}.toml").read_text()
+    text = text.replace(AV2_CARD.id, "MTP-AV2-keys-v0").replace("rate = 10.0", "rate = 10.0\nannotated_every = 5")
+    (tmp_path / "MTP-AV2-keys-v0.toml").write_text(text)
+    card = load_card(tmp_path / "MTP-AV2-keys-v0.toml")
+    whole, scene = (open_source(one, root).load(LOG) for one in (AV2_CARD, card))
+    for name, column in vars(whole.detections).items():
+        np.testing.assert_array_equal(getattr(scene.detections, name), column)
+    assert scene.annotated_frames.tolist() == [0, 5, 10, 15, 20]
+    np.testing.assert_array_equal(scene.truth.box, whole.truth.box[whole.truth.frame_of_rows % 5 == 0])
+    targets = find_targets(scene, card)  # 2 annotated sweeps of ten past ones, 2 of ten future ones
+    assert (targets.frame.tolist(), targets.object_id.tolist()) == ([5, 10, 10], [0, 0, 2])
+    assert targets.step.tolist() == [[4, 9]] * 3
 
 
 def test_lanes_of_the_map(root: Path) -> None:
