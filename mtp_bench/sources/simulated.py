@@ -50,7 +50,7 @@ def detected(
     """
     if card.detector is None or (scene.detector and not scene.simulated):
         return scene
-    if scene.annotated is not None:
+    if len(scene.annotated_frames) < scene.frames:
         raise DataError(
             f"scene {scene.name!r}: only some of its frames are annotated, so a "
             "simulated detector would see nothing in the others; use the detections "

@@ -76,12 +76,12 @@ def _complete_scene(scene: Scene) -> Scene:
 
     Raises MtpBenchError if its truth is not complete.
     """
-    if scene.truth_complete:
+    if scene.truth_complete and len(scene.annotated_frames) == scene.frames:
         return in_world(scene)  # objects at rest move in the frames of a moving sensor
     raise MtpBenchError(
-        f"scene {scene.name!r} has the truth of prediction targets only, so detections "
-        "of other objects would be fitted as false positives; fit on an environment "
-        "with complete truth"
+        f"scene {scene.name!r} has the truth of prediction targets or of some frames "
+        "only, so other detections would be fitted as false positives; fit on an "
+        "environment with complete truth"
     )
 
 
