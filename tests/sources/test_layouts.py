@@ -198,6 +198,8 @@ def test_one_broken_cell_of_own_scenes(name: str, tmp_path: Path) -> None:
     header = ",".join(one.name for one in columns)
     for i, column in enumerate(columns):
         for cell, text in wrong_cells(column).items():
+            if not cell and len(columns) == 1:
+                continue  # a blank line, which is skipped
             changed = list(rows)
             changed[i % 3] = rows[i % 3] | {column.name: cell}
             write(path, header, *(",".join(row.values()) for row in changed))
