@@ -35,7 +35,7 @@ from ..core import (
     starts_of_sorted,
 )
 from .dataset import DataRoot as DataRoot, Dataset, DataStatus
-from .tables import SMALLEST_SIDE_M, refuse_shared_place
+from .tables import SMALLEST_SIDE_M, refuse, refuse_shared_place
 
 HALF_LANE = 1.75  # m
 SectionT = TypeVar("SectionT", bound=SourceSection)
@@ -90,6 +90,21 @@ class CameraImage:
     # [3, 4] from the scene's frame of reference, homogeneous, to pixels; its third row
     # gives metres
     projection: Floats
+
+
+def require_focal_lengths(camera: Floats, where: Callable[[int], str]) -> None:
+    """Raise DataError for the first camera whose focal lengths are not above 0.
+
+    ``camera`` [R, 3, n]: rows of intrinsics, pixels; ``where``: name of a row.
+    """
+    focal_px = camera[:, (0, 1), (0, 1)]
+    refuse(
+        ~(focal_px > 0).all(axis=1),
+        lambda row: (
+            f"{where(row)}: the focal lengths are {focal_px[row].tolist()} pixels, "
+            "expected numbers above 0"
+        ),
+    )
 
 
 # number of pieces of work, and their names, each when it is finished

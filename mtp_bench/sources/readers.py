@@ -173,6 +173,9 @@ def _checked_numbers(table: RowTable, column: TableColumn, arrow_values: Any) ->
             lambda row: f"{numbers[row]:g}, {expected}",
             column.name,
         )
+    arrow_type = arrow_values.type
+    if str(arrow_type) in ("halffloat", "float"):
+        table.refuse_coarse(numbers.astype(arrow_type.to_pandas_dtype()), column.name)
     if column.flag:
         table.refuse(
             (numbers != 0) & (numbers != 1),

@@ -14,6 +14,7 @@ from ..core import Bools, DataError, Floats, Ints
 from .text import LIMIT
 
 SMALLEST_SIDE_M = 1e-6
+MAX_STEP = 0.05  # between two numbers of a stored type
 # an angle that is never wrapped may be some turns beyond one
 MAX_ANGLE_RAD = 8 * np.pi
 RADIANS = (
@@ -81,6 +82,23 @@ class RowTable:
         angle_rad = self[column]
         bad_rows = np.isfinite(angle_rad) & (np.abs(angle_rad) > MAX_ANGLE_RAD)
         self.refuse(bad_rows, lambda row: f"{angle_rad[row]:g}, {RADIANS}", column)
+
+    def refuse_coarse(self, numbers: NDArray[Any], column: str) -> None:
+        """Raise DataError for a number whose stored type has steps above 5 cm there.
+
+        ``numbers`` [R]: of a column, in the type that the file or the user stores.
+        """
+        with np.errstate(invalid="ignore"):  # infinity has no step
+            step = np.spacing(np.abs(numbers))
+        advice = "store the original numbers as float64"
+        self.refuse(
+            step > MAX_STEP,
+            lambda row: (
+                f"{numbers[row]:g} stored as {numbers.dtype}, which has steps of "
+                f"{step[row]:g} there; {advice}"
+            ),
+            column,
+        )
 
     def whole_numbers(self, column: str) -> Ints:
         """Return a column as integers.

@@ -8,9 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow
 import pytest
 from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
+from pyarrow import parquet
 
 from mtp_bench.cards import Card, load_card, with_detector, with_files, with_scenes, with_split
 from mtp_bench.cards.card import LaneSection
@@ -408,6 +410,30 @@ def test_a_mark_blank_lines_quotes_and_blanks_are_fine_and_lines_are_counted(tmp
         only(base, write_tables(tmp_path, truth=[*lines, f"2,2,car,far,0,{BOX}"]))
 
 
+@pytest.mark.parametrize("part", ["truth", "detections"])
+@pytest.mark.parametrize(("stored", "x", "step"), [("float16", 1000.0, 0.5), ("float32", 1e6, 0.0625)])
+def test_a_number_type_too_coarse_for_its_coordinates(
+    stored: str, x: float, step: float, part: str, tmp_path: Path, base: Card
+) -> None:
+    save_scene(replace(make_scene(), detector="mine"), tmp_path, CLASSES, "parquet")
+    path = tmp_path / "one" / f"{part}.parquet"
+    rows = parquet.read_table(path).to_pydict()
+    column = np.array(rows["x"])
+    column[2] = x
+    parquet.write_table(pyarrow.table({**rows, "x": column.astype(stored)}), path)
+    text = f"{path}, row 3, column 'x': {x:g} stored as {stored}, which has steps of {step:g} there; store the original"
+    with pytest.raises(DataError, match=re.escape(text)):
+        only(base, tmp_path)
+
+
+def test_scores_may_be_of_a_coarse_type(tmp_path: Path, base: Card) -> None:
+    save_scene(replace(make_scene(), detector="mine"), tmp_path, CLASSES, "parquet")
+    path = tmp_path / "one" / "detections.parquet"
+    rows = parquet.read_table(path).to_pydict()
+    parquet.write_table(pyarrow.table({**rows, "score": np.array(rows["score"], dtype=np.float16)}), path)
+    np.testing.assert_allclose(only(base, tmp_path).detections.score, rows["score"], rtol=1e-3)
+
+
 def test_names_do_not_stand_for_contents(tmp_path: Path) -> None:
     first, second = (write_tables(tmp_path / name) for name in "ab")
     (second / "one" / "truth.csv").rename(second / "one" / "ego.csv")
@@ -466,6 +492,10 @@ WRONG: dict[str, tuple[Callable[[Scene], Scene], str]] = {
     "size": (with_column("truth", "box", 2, 0.0), "truth, row 2, column 'l': 0, expected a number from 1e-06"),
     "far away": (with_column("detections", "box", 0, [5e5, *[1.0] * 6]), "detections, row 0, column 'x': 500000, exp"),
     "not finite": (with_column("detections", "score", 0, np.nan), "detections, row 0, column 'score': nan, expected"),
+    "a coarse type": (
+        lambda scene: changed("truth", box=(scene.truth.box + [1000, *[0] * 6]).astype(np.float16))(scene),
+        "truth, row 0, column 'x': 1020 stored as float16, which has steps of 0.5 there; store the original numbers as",
+    ),
     "time": (lambda scene: replace(scene, time=np.zeros(8)), "time 0 of frame 1, expected a number above that of"),
     "ego": (lambda scene: replace(scene, ego=np.full((8, 4), np.nan)), "x of the ego in frame 0 is nan, expected"),
     "detector": (

@@ -109,6 +109,10 @@ KITTI: Cases = {  # three frames with the object 3
         f"has 2 rows, expected one for each frame of the sequence map; {RENAME}"),
     "GPS/IMU empty": (OXTS, all_lines(), "is empty, expected one row per frame"),
     "a calibration without the image": (CALIB, lambda lines: lines[1:], "no line 'P2'; found R_rect"),
+    "a calibration without a focal length": (
+        CALIB, swap("707", "0"), r"line 'P2': the focal lengths are \[0.0, 707.0\] pixels, expected numbers above 0"),
+    "a calibration with a negative focal length": (
+        CALIB, lambda lines: [lines[0].replace("0 0 707", "0 0 -707"), *lines[1:]], r"are \[707.0, -707.0\] pixels"),
     "a calibration without a turn": (CALIB, swap("1 0 0 0 1", "0 0 0 0 0", 1), "line 'R_rect' must hold a rotation"),
     "a calibration not finite": (CALIB, swap("-1.5", "nan", 3), "'Tr_imu_velo'"),
     "a calibration cut off": (CALIB, lambda lines: [*lines[:-2], "Tr_imu_velo 1 2"], "must hold 12 numbers"),

@@ -137,10 +137,13 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
         if name not in tables:
             continue
         columns = tables[name]
-        for column in columns.keys() - {"frame", "id", "class"}:
-            columns[column] = np.asarray(columns[column], dtype=np.float64)
         row_numbers = np.arange(len(columns["frame"]))
         table = RowTable(f"{where}: {name}", "row", row_numbers, columns)
+        for column in columns:
+            if column in ("frame", "id", "class"):
+                continue
+            table.refuse_coarse(np.asarray(columns[column]), column)
+            columns[column] = np.asarray(columns[column], dtype=np.float64)
         check_ranges(table, positive_sizes=name == "truth")
         if name == "truth":
             check_objects(table, columns["frame"], columns["id"], card.task.classes)

@@ -13,7 +13,12 @@ from pydantic import Field
 
 from ...cards import Card, DetectionsSection, Traits, instead_of_stored
 from ...core import DataError, Floats, Ints, MissingDataError, wrap_angle
-from ..base import detections_folder, own_detections, section_of
+from ..base import (
+    detections_folder,
+    own_detections,
+    require_focal_lengths,
+    section_of,
+)
 from ..dataset import Dataset
 from ..readers import read_table
 from ..tables import RowTable
@@ -162,6 +167,13 @@ def read_imu_to_camera(path: Path) -> Floats:
             )
         transform = transform @ step
     return transform
+
+
+def read_camera(path: Path) -> Floats:
+    """Read the projection [3, 4] of the rectified camera 2, in pixels."""
+    camera = read_calibration(path, ("P2",), 4)[:3]
+    require_focal_lengths(camera[None], lambda row: f"{path}, line 'P2'")
+    return camera
 
 
 def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats:

@@ -22,7 +22,7 @@ from .files import (
     RENAME,
     SENSOR_FROM_CAMERA,
     KittiSource,
-    read_calibration,
+    read_camera,
     read_frames,
     read_imu_to_camera,
     read_odometry,
@@ -196,7 +196,7 @@ def image_field(
     ``region_start`` [F + 1] of DontCare. The ground is level below the camera: that
     fits the labels better than ground that tilts with it.
     """
-    camera = read_calibration(path, ("P2",), 4)[:3]
+    camera = read_camera(path)
     ego = poses.ego()
     origin = ego[:, :3]
     heading = ego[:, 3]
@@ -231,7 +231,7 @@ def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage,
     # every frame in its own sensor frame, which the labels are given in
     if scene.world is not None:
         path = root / f"training/calib/{scene.name}.txt"
-        camera = read_calibration(path, ("P2",), 4)[:3]
+        camera = read_camera(path)
         camera = np.column_stack([camera[:, :3] @ SENSOR_FROM_CAMERA.T, camera[:, 3]])
         projection = np.broadcast_to(camera, (scene.frames, 3, 4))
     stride = section_of(card, KittiSource).stride

@@ -18,7 +18,15 @@ import numpy as np
 
 from ...cards import Card
 from ...core import DataError, Floats, Lane, Scene, unit_vectors
-from ..base import CameraImage, DataRoot, is_near, lane_around, link_lanes, section_of
+from ..base import (
+    CameraImage,
+    DataRoot,
+    is_near,
+    lane_around,
+    link_lanes,
+    require_focal_lengths,
+    section_of,
+)
 from ..cache import write_arrays
 from ..text import read_json
 from .layout import CAMERAS, DATASET, EXPANSION, VERSIONS, NuScenesSource
@@ -259,12 +267,17 @@ def _projections(
     mount_rotation = floats([mount.rotation for mount in mounts], 4)
     mount_place = floats([mount.translation for mount in mounts], 3)
     intrinsic = floats([mount.camera_intrinsic for mount in mounts], 9)
+    intrinsic = intrinsic.reshape(-1, 3, 3)
+    require_focal_lengths(
+        intrinsic,
+        lambda row: f"{sources['calibrated_sensor']}, record {mounts[row].token!r}",
+    )
     to_ego = _matrices(rotation).swapaxes(1, 2)
     to_mount = _matrices(mount_rotation).swapaxes(1, 2)
     # a place p is at to_mount (to_ego p - shift) in the camera
     shift = np.einsum("nij,nj->ni", to_ego, place) + mount_place
     pose = np.concatenate([to_ego, -shift[..., None]], axis=2)
-    return np.asarray(intrinsic.reshape(-1, 3, 3) @ to_mount @ pose)
+    return np.asarray(intrinsic @ to_mount @ pose)
 
 
 def _matrices(rotation: Floats) -> Floats:
