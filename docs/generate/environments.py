@@ -237,6 +237,8 @@ def _data(card: Card) -> str:
         f"Cite: {about.citation}.",
         f"How to get it: {about.how_to_get}.",
     ]
+    if about.known_fault:
+        lines.append(f"**Known fault**: {about.known_fault}.")
     if about.layout:
         lines.append(f"```text\n{about.layout}\n```")
     lines.append("Licences of everything: [Datasets and licences](../data/index.md).")

@@ -40,6 +40,7 @@ class Dataset:
     licence: str
     citation: str
     how_to_get: str
+    known_fault: str = ""  # a sentence without a full stop, beside the results
     # pattern of files -> note if there are none
     optional: Mapping[str, str] = field(default_factory=dict)
     # made by the library: there are no files to read and check

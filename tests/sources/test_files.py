@@ -493,7 +493,7 @@ WRONG: dict[str, tuple[Callable[[Scene], Scene], str]] = {
     "far away": (with_column("detections", "box", 0, [5e5, *[1.0] * 6]), "detections, row 0, column 'x': 500000, exp"),
     "not finite": (with_column("detections", "score", 0, np.nan), "detections, row 0, column 'score': nan, expected"),
     "a coarse type": (
-        lambda scene: changed("truth", box=(scene.truth.box + [1000, *[0] * 6]).astype(np.float16))(scene),
+        lambda scene: changed("truth", box=(scene.truth.box + np.eye(7)[0] * 1000).astype(np.float16))(scene),
         "truth, row 0, column 'x': 1020 stored as float16, which has steps of 0.5 there; store the original numbers as",
     ),
     "time": (lambda scene: replace(scene, time=np.zeros(8)), "time 0 of frame 1, expected a number above that of"),

@@ -60,7 +60,8 @@ def test_the_tables_are_read_once(seen: Path, own_cache: Path, monkeypatch: pyte
 
 BROKEN: dict[str, tuple[str, dict[str, Any], str]] = {
     "a focal length of 0": (
-        "calibrated_sensor", {"camera_intrinsic": [[1000.0, 0.0, 800.0], [0.0, 0.0, 450.0], [0.0, 0.0, 1.0]]},
+        "calibrated_sensor",
+        {"camera_intrinsic": [[1000.0, 0.0, 800.0], [0.0, 0.0, 450.0], [0.0, 0.0, 1.0]]},
         "record 'CAM_BACK-1': the focal lengths are [1000.0, 0.0] pixels, expected numbers above 0",
     ),
     "no intrinsic matrix": ("calibrated_sensor", {"camera_intrinsic": []}, "camera_intrinsic"),

@@ -13,7 +13,7 @@ from mtp_bench.core.errors import CardError, DataError
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources import open_source
 from mtp_bench.sources.motion import as_places
-from mtp_bench.sources.people import RECORDINGS, SPLITS, TESTS
+from mtp_bench.sources.people import FRAME_STEP, RATE_HZ, RECORDINGS, SPLITS, TESTS, read_recording
 from mtp_bench.sources.wildtrack import SCENES, STORED, Wildtrack
 from tests.support.drawn_recordings import small_recording
 from tests.support.layouts import MOT3D, WILDTRACK, mot3d_card, people_card, person
@@ -55,6 +55,20 @@ def test_recordings_that_are_missing_or_too_short(root: Path) -> None:
     (root / "students003.txt").unlink()
     with pytest.raises(DataError, match=r"no file .*students003\.txt"):
         open_source(people_card("univ"), root)
+
+
+@pytest.mark.data
+def test_only_the_people_of_biwi_eth_walk_too_fast(data_root: Path) -> None:
+    """As docs/data/faults.md states it."""
+    median: dict[str, float] = {}
+    for recording in RECORDINGS:
+        frame, person, place = read_recording(data_root / "eth_ucy" / f"{recording}.txt")
+        order = np.lexsort((frame, person))
+        walked = np.linalg.norm(np.diff(place[order], axis=0), axis=1)
+        is_step = (np.diff(person[order]) == 0) & (np.diff(frame[order]) == FRAME_STEP)
+        median[recording] = float(np.median(walked[is_step])) * RATE_HZ
+    assert median.pop("biwi_eth") == pytest.approx(2.45, abs=0.005)
+    assert 0.5 < min(median.values()) < max(median.values()) < 1.5
 
 
 @pytest.mark.data

@@ -6,7 +6,7 @@ from typing import Any
 
 from ...cards import Card
 from ...core import Column, Table
-from ...sources import DataStatus
+from ...sources import DataStatus, package_of
 
 MAX_NAMED_CLASSES = 3  # of a cell; `envs --json` names all
 
@@ -36,6 +36,8 @@ def _classes(card: Card) -> str:
 
 
 def _summary(card: Card) -> str:
+    if fault := package_of(card).dataset.known_fault:
+        return f"{card.summary}. {fault}"
     return card.summary if card.drive is None else f"Closed loop. {card.summary}"
 
 
@@ -119,6 +121,8 @@ def _about(statuses: Mapping[str, DataStatus]) -> Iterator[str]:
     about = next(iter(statuses.values())).about
     yield f"licence: {about.licence}"
     yield f"please cite: {about.citation}"
+    if about.known_fault:
+        yield f"known fault: {about.known_fault}"
     if not all(status.usable for status in statuses.values()):
         yield f"how to get it: {about.how_to_get}"
         yield "expected layout:"
