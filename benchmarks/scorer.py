@@ -1,4 +1,4 @@
-"""Speed of the scorer: `tracking_counts` beside motmetrics and TrackEval, bADE beside one plain matching.
+"""Speed of the scorer: its CLEAR counts beside motmetrics and TrackEval, bADE beside one plain matching.
 
     python benchmarks/scorer.py [--scenes 10] [--frames 300] [--objects 20] [--area 80] [--json FILE]
     python benchmarks/scorer.py --env MTP-Intersection-v0 [--agent mtp] [--scenes 3] [--data ROOT]
@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.scoring import tracking_counts
+from tests.support.tracking_counts import tracking_counts
 
 GATE = 2.0  # m
 GROWTH = 500, 5000  # objects per frame
@@ -67,7 +67,7 @@ def synthetic_frames(
 
 
 def ours(mode: Any) -> Callable[[Frames], Callable[[], Counts]]:
-    """`tracking_counts`, straight from the frames."""
+    """The scorer's CLEAR counts, straight from the frames."""
 
     def prepare(frames: Frames) -> Callable[[], Counts]:
         def run() -> Counts:
@@ -277,7 +277,7 @@ def timed(step: Callable[[], object]) -> float:
 
 
 def measure_growth(repeats: int) -> None:
-    """Print CPU time of `tracking_counts` and peak memory against the objects of a frame, at equal density."""
+    """Print CPU time of CLEAR counts and peak memory against the objects of a frame, at equal density."""
     spent: dict[int, dict[str, float]] = {}
     for objects in GROWTH:
         frames = synthetic_frames(1, 20, objects, 80.0 * (objects / 20) ** 0.5)

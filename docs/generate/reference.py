@@ -22,9 +22,9 @@ PACKAGES = {
     " KinematicPredictor LanePredictor local_future local_inputs to_absolute"
     " LearnedPredictor LearnedPresence TrackWindows windows_of",
     "training": "Windows windows",
-    "scoring": "tracking_counts DEFINITIONS SUBSETS end_to_end_accuracy"
-    " forecast_average_precision Displacement displacement energy_score k_curve Events"
-    " find_events history FrameScore FrameScorer match match_sticky evaluated"
+    "scoring": "DEFINITIONS SUBSETS end_to_end_accuracy"
+    " forecast_average_precision Displacement displacement energy_score k_curve"
+    " history FrameScore FrameScorer match match_sticky evaluated"
     " Pairs References rank_by_error Report summarise SceneScore"
     " mean_plain_error score_scene bootstrap_interval effective_number"
     " paired_difference AgentScores stated_hypotheses Targets find_targets live_frames"

@@ -1,5 +1,4 @@
 from .bade import ONE_PER_TARGET as ONE_PER_TARGET, CardBudget as CardBudget
-from .clear import tracking_counts as tracking_counts
 from .definitions import (
     DEFINITIONS as DEFINITIONS,
     FIXED_CONFIDENCE as FIXED_CONFIDENCE,
@@ -37,8 +36,6 @@ from .driving import (
 from .events import (
     HOLES as HOLES,
     LOST_TARGETS as LOST_TARGETS,
-    Events as Events,
-    find_events as find_events,
     history as history,
     object_history as object_history,
     pieces as pieces,

@@ -5,7 +5,6 @@ hole is scored like a scene of its own: objects and tracks have another identity
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,14 +16,6 @@ from .pairs import Rows
 # counts beside the skipped rows of a scene
 HOLES = "holes in time"
 LOST_TARGETS = "targets across holes in time"
-
-
-class Events(NamedTuple):
-    """Rows of the truth where an object's identity has an event, ascending."""
-
-    ids: Rows
-    lost: Rows
-    reacquired: Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,28 +71,6 @@ def object_history(truth: Truth, place: Ints) -> History:
     unused_id = object_id.max(initial=0) + 1 + np.arange(len(object_id))
     identity = np.where(truth.neutral, unused_id, object_id)
     return history(place[truth.frame_of_rows], identity)
-
-
-def find_events(objects: History, matched: Matched, track_id: Ints) -> Events:
-    """Return the events of one stream of tracks.
-
-    ``objects``: history of the true boxes [R]; ``matched`` [R]: row of the track of
-    each true box, -1 if none; ``track_id``: id of each track row. Where frames without
-    the object lie between two of its boxes, no event is counted.
-    """
-    track_row = matched[objects.order]
-    is_matched = track_row >= 0
-    track_row_before = np.roll(track_row, 1)
-    # row -1: no track
-    ids = np.append(np.asarray(track_id, dtype=np.int64), -1)
-    follows_match = objects.consecutive & (track_row_before >= 0)
-    changed = ids[track_row_before] != ids[track_row]
-    reacquired = _matched_again(objects.consecutive, is_matched)
-    return Events(
-        ids=np.sort(objects.order[follows_match & is_matched & changed]),
-        lost=np.sort(objects.order[follows_match & ~is_matched]),
-        reacquired=np.sort(objects.order[reacquired]),
-    )
 
 
 def clear_identity(

@@ -1,4 +1,4 @@
-"""Events and CLEAR counts on streams that can be read off a line; input that is wrong."""
+"""Events and CLEAR counts on streams that can be read off a line."""
 
 from typing import Any
 
@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from mtp_bench.core.errors import ShapeError
-from mtp_bench.scoring import history, tracking_counts
+from mtp_bench.scoring import history
 from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene
+from tests.support.tracking_counts import tracking_counts
 
 # One object, one character per frame: a letter is the id of the track on it, "-" no track on it, "." no object,
 # "!" the track before is output, but 9 m away.
@@ -120,62 +121,3 @@ def test_names_types_order_and_place_do_not_matter(seed: int, mode: Any) -> None
     moved = [(s, t, a, b @ [[0, 1], [-1, 0]] + 100, c, d @ [[0, 1], [-1, 0]] + 100) for s, t, a, b, c, d in shuffled]
     for other in (shuffled, moved):
         assert tracking_counts(other, mode=mode) == pytest.approx(want)
-
-
-def test_one_and_its_name_are_two_ids() -> None:
-    frames: Any = [("s", 0, [1], [[0, 0]], [1], [[0, 0]]), ("s", 1, [1], [[0, 0]], ["1"], [[0, 0]])]
-    assert tracking_counts(frames)["ids"] == 1
-    xy = [[0, 0], [9, 9]]
-    mixed: Any = [("s", 0, [1, 2], xy, [1, 2], xy), ("s", 1, [1, 2], xy, [1, "a"], xy)]
-    assert tracking_counts(mixed)["ids"] == 1, "1 beside a text is the number still"
-    both: Any = np.array([1, "1"], dtype=object)
-    assert tracking_counts([("s", 0, both, [[0, 0], [9, 9]], both, [[0, 0], [9, 9]])])["TP"] == 2
-
-
-def test_nothing_at_all() -> None:
-    numbers = ("TP", "FP", "FN", "IDS", "FRAG", "MOTA", "MOTP", "ids", "lost", "reacquired")
-    empty = {name: None if name in ("MOTA", "MOTP") else 0 for name in numbers}
-    nothing: Any
-    for nothing in ([], [("s", 0, [], [], [], [])], [("s", 0, np.zeros(0, int), np.zeros((0, 2)), (), ())]):
-        assert tracking_counts(nothing) == empty
-
-
-GOOD: Any = ("s", 3, [1, 2], [[0, 0], [1, 1]], [5], [[0, 0]])
-TRUE, TRACK = (rf"(?s){name} ids and xy of \(scene 's', t 3\) are .*, expected distinct" for name in ("true", "track"))
-BAD: dict[str, tuple[dict[int, Any], str]] = {  # what stands in place of the content of a good frame
-    "NaN": ({3: [[0, 0], [1, float("nan")]]}, TRUE),
-    "infinite": ({5: [[np.inf, 0]]}, TRACK),
-    "true id twice": ({2: [1, 1]}, TRUE),
-    "track id twice": ({4: ["a", "a"], 5: [[0, 0], [1, 1]]}, TRACK),
-    "lengths differ": ({3: [[0, 0]]}, TRUE),
-    "three coordinates": ({5: [[0, 0, 0]]}, TRACK),
-    "ragged": ({3: [[0, 0], [1]]}, TRUE),
-    "text": ({5: [["a", "b"]]}, TRACK),
-    "ids are floats": ({4: [0.5]}, TRACK),
-    "a float beside a text": ({2: [0.5, "a"]}, TRUE),
-    "ids are flags": ({2: [True, False]}, TRUE),
-    "no ids": ({2: None, 3: []}, TRUE),
-    "ids as a column": ({2: np.array([[1], [2]])}, TRUE),
-    "no time": ({1: float("nan")}, r"t of frame \(scene 's', t nan\) is nan, expected a finite number"),
-    "a time in words": ({1: "noon"}, r"t of frame .* is 'noon', expected a finite number"),
-}
-
-
-@pytest.mark.parametrize(("change", "message"), BAD.values(), ids=BAD.keys())
-def test_wrong_frames_are_an_error(change: dict[int, Any], message: str) -> None:
-    with pytest.raises(ShapeError, match=message):
-        tracking_counts([tuple(change.get(i, value) for i, value in enumerate(GOOD))])
-
-
-OTHER_WRONG: dict[str, tuple[list[Any], dict[str, Any]]] = {
-    r"frame \(scene 's', t 3\) is given twice": ([GOOD, GOOD], {}),
-    "gate is -1, expected a distance of 0 m or more": ([GOOD], {"gate": -1}),
-    "mode is 'x', expected 'frame' or 'sticky'": ([GOOD], {"mode": "x"}),
-}
-
-
-@pytest.mark.parametrize("message", OTHER_WRONG)
-def test_other_wrong_input_is_an_error(message: str) -> None:
-    frames, options = OTHER_WRONG[message]
-    with pytest.raises(ShapeError, match=message):
-        tracking_counts(frames, **options)

@@ -9,11 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from mtp_bench.core import Rollout, Scene
-from mtp_bench.scoring import AgentScores, match, score_scene, summarise, tracking_counts
+from mtp_bench.scoring import AgentScores, match, score_scene, summarise
 from mtp_bench.scoring.details import end_to_end_accuracy, forecast_average_precision
 from mtp_bench.scoring.displacements import displacement, k_curve
 from mtp_bench.scoring.pairs import Pairs, near_pairs
 from tests.support.scoring_scenes import Thing, at, make_card, make_rollout, make_scene
+from tests.support.tracking_counts import tracking_counts
 
 GOLDEN = Path(__file__).parent / "golden"
 

@@ -11,12 +11,13 @@ import pytest
 
 from mtp_bench.cards import Card, load_card
 from mtp_bench.core import Bools, Floats, Scene
-from mtp_bench.scoring import find_events, history, match
+from mtp_bench.scoring import history, match
 from mtp_bench.scoring.pairs import box_pairs
 from mtp_bench.sources import open_source
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.split import observations
 from tests.support.kitti_mot import Annotations, TrackRows, count_scene, detection_image_boxes, read_annotations
+from tests.support.tracking_counts import find_events
 from tests.support.tracking_scenes import kitti_task
 
 CLASSES = ("car", "pedestrian", "cyclist")
