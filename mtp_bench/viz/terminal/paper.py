@@ -25,21 +25,6 @@ def paper_errors(env_id: str, row: Row) -> PaperErrors:
     return dict(errors)
 
 
-def paper_gap(env_id: str, row: Row) -> float | None:
-    """Return the share of the gap that the paper closes.
-
-    The gap is that of minADE on IDS. None if the paper does not have the numbers.
-    """
-    dataset = _dataset_errors(env_id)
-    single = dataset.get("single", {}).get("ids")
-    truth = dataset.get("ground_truth", {}).get("ids")
-    agent = paper_errors(env_id, row).get("ids")
-    if single is None or truth is None or agent is None:
-        return None
-    stp_minade = single[0]
-    return float((stp_minade - agent[0]) / (stp_minade - truth[0]))
-
-
 @cache
 def _dataset_errors(env_id: str) -> dict[str, Any]:
     """Return the paper's table of an env, empty for others."""

@@ -1,7 +1,6 @@
 """The verdict of a comparison: one sentence, and all sentences."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
 
 from ...agent import controls
 from ...core import Column
@@ -13,13 +12,10 @@ from ...scoring import (
     PairedRow,
     Report,
     Row,
-    Subset,
     main_settings,
     paired_row,
-    shipped_env,
 )
 from .notes import REFERENCES, label_of
-from .paper import paper_gap
 
 STP = controls()["single"]
 GT_TRACKS = controls()["ground_truth"]
@@ -42,36 +38,6 @@ _SUBSET_PHRASES = {
 }
 _SIGNED = Column(format="+.3f")
 _METRES = Column(format=".3f")
-_SHARE = Column(format=".1%")
-
-
-class GapForm(NamedTuple):
-    """Names of the fields of a row about a gap, and the gap's name."""
-
-    share: str
-    interval: str
-    blank_because: str  # empty: rows give no reason for a missing share
-    name: str
-
-
-_GAP = GapForm(
-    "gap_closed",
-    "gap_interval",
-    "gap_blank_because",
-    f"gap between {STP} and ground-truth tracks",
-)
-_GAP_SAME_PREDICTOR = GapForm(
-    "gap_closed_same_predictor",
-    "gap_same_predictor_interval",
-    "",
-    "same gap with its own predictor and presence",
-)
-_ASSOCIATION_GAP = GapForm(
-    "association_gap_closed",
-    "association_gap_interval",
-    "association_gap_blank_because",
-    "association gap",
-)
 
 
 def short_verdict(report: Report, names: Sequence[str]) -> str:
@@ -158,7 +124,6 @@ def verdict(report: Report, names: Sequence[str]) -> list[str]:
     for name in names:
         if name in blocks and name not in (STP, GT_TRACKS, ASSOCIATED):
             sentences += _against_controls(report, blocks[name]["all"])
-            sentences += _gaps(report, blocks[name])
     sentences += _unranked(report)
     return sentences
 
@@ -221,57 +186,6 @@ def _against_controls(report: Report, row: Row) -> Iterator[str]:
                 texts.append(f"{phrase} {_SIGNED.text(pair.error)} m, {chance}")
         if texts:
             yield f"{label_of(row)} against {control}, {meaning}: {'; '.join(texts)}."
-
-
-def _gaps(report: Report, block: Mapping[Subset, Row]) -> Iterator[str]:
-    """Yield the shares of gaps that an agent closes or widens."""
-    row = block["all"]
-    texts = _gap_texts(block)
-    in_paper = paper_gap(shipped_env(report), row)
-    if in_paper is not None and texts["closes"]:
-        share = _SHARE.text(in_paper)
-        texts["closes"][-1] += f" (in the paper, by minADE on IDS: {share})"
-    sentences = [
-        f"{label_of(row)} {verb} {'; '.join(gap_texts)}."
-        for verb, gap_texts in texts.items()
-        if gap_texts
-    ]
-    if sentences:
-        yield " ".join(sentences)
-
-
-def _gap_texts(block: Mapping[Subset, Row]) -> dict[str, list[str]]:
-    """Return gaps with their shares, or why these are missing."""
-    texts: dict[str, list[str]] = {"closes": [], "widens": [], "closes no share of": []}
-    for gap in (_GAP, _GAP_SAME_PREDICTOR, _ASSOCIATION_GAP):
-        shares = _shares(block, gap)
-        if gap is _GAP_SAME_PREDICTOR and shares == _shares(block, _GAP):
-            continue  # it would say the same twice
-        for verb, of_subsets in shares.items():
-            texts[verb].append(f"the {gap.name} by {' and '.join(of_subsets)}")
-        reason = getattr(block["all"], gap.blank_because, None)
-        if reason and not shares:
-            texts["closes no share of"].append(f"the {gap.name}: {reason}")
-    return texts
-
-
-def _shares(block: Mapping[Subset, Row], gap: GapForm) -> dict[str, list[str]]:
-    """Return the shares of a gap by "closes" or "widens"."""
-    shares: dict[str, list[str]] = {}
-    for row in (block["all"], block["ids"]):
-        share = getattr(row, gap.share)
-        if share is None:
-            continue
-        verb = "closes"
-        interval = getattr(row, gap.interval)
-        if share < 0:
-            verb = "widens"
-            interval = _negated(interval)
-        text = _SHARE.text(abs(share))
-        if interval is not None:
-            text += f" (95 % {_SHARE.text(interval)})"
-        shares.setdefault(verb, []).append(f"{text} {_SUBSET_PHRASES[row.subset]}")
-    return shares
 
 
 def _unranked(report: Report) -> Iterator[str]:
