@@ -37,7 +37,7 @@ class Split:
 
 
 def open_split(
-    env_id: str,
+    env_id: str | Card,
     options: RunOptions,
     without: Fold | None = None,
     away: Sequence[str] = (),
@@ -59,7 +59,9 @@ def open_split(
         [scene_name for scene_name in source.names if scene_name not in left_out]
     )
     if not scene_names:
-        raise MtpBenchError(f"{env_id} has no scene in its split {card.source.split!r}")
+        raise MtpBenchError(
+            f"{card.id} has no scene in its split {card.source.split!r}"
+        )
     return Split(card, source, scene_names, options)
 
 

@@ -24,7 +24,6 @@ from ..core import (
     Task,
     long_work,
     parallel_map,
-    require_known,
     starts_of,
 )
 from ..env import LocalFrame, make_feed
@@ -34,7 +33,7 @@ from ..scoring import pieces
 from ..sources import open_source
 from ..tracking import HypothesisTracker, TruthTracker
 from .labels import UNKNOWN, SceneLabels
-from .split import Split, open_split
+from .split import open_split
 
 TRUTH = "truth"  # in place of a tracker: ground-truth tracks
 
@@ -122,10 +121,10 @@ def windows(
     MtpBenchError for another ``tracker`` and if there is no track to learn from.
     """
     track_with = _tracker_of(tracker)
-    keywords = {"data": data, "jobs": jobs}
+    keywords = {"scenes": scenes, "data": data, "jobs": jobs}
     keywords = {name: value for name, value in keywords.items() if value is not None}
-    _, options = resolve_options(env_id, options, keywords)
-    opened = _open_scenes(env_id, scenes, replace(options, split=split))
+    env, options = resolve_options(env_id, options, keywords)
+    opened = open_split(env, replace(options, split=split))
     names = opened.names
     task = opened.task(
         "truth" if isinstance(track_with, TruthTracker) else "detections"
@@ -166,32 +165,6 @@ def _tracker_of(tracker: Any) -> Tracker:
         f"tracker is {tracker!r}, expected {TRUTH!r}, a number of hypotheses of at "
         "least 1, or a tracker of your own, with reset(task) and step(observation)"
     )
-
-
-def _open_scenes(
-    env_id: str, scenes: int | Sequence[str] | None, options: RunOptions
-) -> Split:
-    """Return the scenes that the argument of `windows` stands for."""
-    if isinstance(scenes, str | bool) or not isinstance(
-        scenes, int | np.integer | Sequence | None
-    ):
-        raise MtpBenchError(
-            f"scenes is {scenes!r}, expected a number of scenes or a list of their "
-            "names"
-        )
-    if scenes is None:
-        return open_split(env_id, options)
-    if not isinstance(scenes, Sequence):
-        return open_split(env_id, replace(options, scenes=int(scenes)))
-    opened = open_split(env_id, options)
-    for scene_name in scenes:
-        require_known(f"scene of {env_id}", scene_name, opened.source.names)
-        if scenes.count(scene_name) > 1:
-            raise MtpBenchError(
-                f"scene {scene_name!r} is named twice, expected each once: it would be "
-                "learnt twice"
-            )
-    return replace(opened, names=tuple(scenes))
 
 
 def concatenate(parts: Sequence[Windows]) -> Windows:

@@ -165,7 +165,9 @@ def test_from_a_data_root(tmp_path: Path) -> None:
     first = windows(card, "val", 2, options=options)
     own = windows(card, "val", HypothesisTracker(2), options=options)
     np.testing.assert_array_equal(first.future, own.future)
-    wrong: dict[str, Any] = {"scene of": ["nowhere"], "number of": {"one"}, "a list": True, "twice": ["0008", "0008"]}
+    named = windows(card, "val", 2, first.names * 2, options=options)
+    assert named.names == first.names, "no scene is learnt twice"
+    wrong: dict[str, Any] = {"scene 'nowhere'": ["nowhere"], "number of": {"one"}, "a whole number": True}
     for message, scenes in wrong.items():
         with pytest.raises(MtpBenchError, match=message):
             windows(card, "val", 1, scenes=scenes, options=options)
