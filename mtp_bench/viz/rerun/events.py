@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core import Floats, Ints, starts_of, unit_vectors
 from ...scoring import LEAST_SHOWN, PART_NAMES
-from ..causes import cause_text, causes_of, happened, sentence
+from ..causes import cause_text, causes_of, happened
 from ..drawing.report import report
 from ..evidence import gate
 from ..focus import Focus
@@ -60,7 +60,6 @@ def log_judgement(log: Log, agent: ShownAgent) -> None:
         incidents = [event for event in replay.incidents if event.kind == kind]
         if incidents:
             _log_marks(log, kind, replay, incidents)
-            _log_sentences(log, kind, replay, incidents)
     for object_id, tracks in lanes(replay).items():
         track_ids = np.array([-1 if track is None else track for track in tracks])
         colors = track_colors(track_ids)
@@ -73,19 +72,6 @@ def _track_state(track: int | None) -> str:
     if track is None:
         return ""
     return "untracked" if track < 0 else f"track {track}"
-
-
-def _log_sentences(
-    log: Log, kind: str, replay: Replay, incidents: Sequence[Incident]
-) -> None:
-    """Log events of one kind in the event log."""
-    shown = [event for event in incidents if event.frame in log.frames]
-    if shown:
-        texts = [drawable(sentence(Focus(replay, event))) for event in shown]
-        color = packed([EVENTS[kind]] * len(shown))
-        levels = ["INFO"] * len(shown)
-        columns = rr.TextLog.columns(text=texts, level=levels, color=color)
-        log.columns(f"marks/{kind}", None, columns, [event.frame for event in shown])
 
 
 def log_focus(log: Log, focuses: Sequence[Focus], focus: Focus) -> None:

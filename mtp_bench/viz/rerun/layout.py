@@ -187,7 +187,7 @@ def _curves(agent: ShownAgent, in_tabs: bool) -> list[Any]:
 
 
 def _lanes(agents: Sequence[ShownAgent]) -> rrb.Tabs:
-    """Return lanes, events on the time line, and event log.
+    """Return lanes, and events on the time line.
 
     The first tab has those of the event, or of the objects with most events.
     """
@@ -203,9 +203,7 @@ def _lanes(agents: Sequence[ShownAgent]) -> rrb.Tabs:
     for name, paths in (("events and tracks", chosen_paths), ("all", all_paths)):
         if paths:
             views.append(rrb.StateTimelineView(origin="/", contents=paths, name=name))
-    columns = rrb.TextLogColumns(timeline_columns=["frame"], text_log_columns=["Body"])
-    log = rrb.TextLogView(origin="/", name="event log", columns=columns)
-    return rrb.Tabs(*views, log, active_tab=0)
+    return rrb.Tabs(*views, active_tab=0)
 
 
 def _chosen_lanes(agent: ShownAgent, max_lanes: int) -> list[str]:
