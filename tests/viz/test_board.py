@@ -160,7 +160,6 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     assert (first["level"], first["public"], second["public"]) == ("hidden by tester", "0.600", "0.500")
     details = pieces_of(files, "MTP-Merge-v0")["MTP-Merge-v0/honest"]
     assert "2030-02-02 by tester; seal first of 2030-01-01, retired 2030-03-03" in details
-    assert "Error per scene (m), public scenes" in details, "whose numbers are not those that rank"
     (row, _) = board_json(entries)["MTP-Merge-v0"]
     assert row["level"] == "hidden"
     assert row["public"] == pytest.approx(0.6)

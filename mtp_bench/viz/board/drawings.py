@@ -1,24 +1,20 @@
-"""Drawings of a leaderboard: intervals of differences, errors per scene, curves."""
+"""Drawings of a leaderboard: intervals of differences, and curves."""
 
 import math
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 
-from ...core import Floats
 from ...scoring import PairedDifference, Point
 from .entries import Entry
 
 # in SVG user units
 WIDTH = 150.0  # of a drawing of an interval
-BAR_WIDTH = 120.0  # of the longest bar of a scene
 PAD = 9.0  # left and right of the scale
 MAX_TICKS = 5
-MAX_SCENES = 40  # of an entry
 _MAX_DISTANCE = 3.0  # of a value from 0, in medians
 _MARGIN = 0.04  # of a scale beyond its values, on each side
 _MAX_POINTS = 50  # of a curve
@@ -114,64 +110,6 @@ def nice_scale(low: float, high: float) -> Scale:
 def _limits(difference: PairedDifference) -> tuple[float, float]:
     """Return the interval of a difference, without one the difference twice."""
     return difference.interval or (difference.mean, difference.mean)
-
-
-def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
-    """Return bars of scenes, with a mark at the error of ``reference``.
-
-    At most MAX_SCENES are shown, those with the largest sums of errors, in the order of
-    the record.
-    """
-    error_sums, target_counts = _scene_sums(entry)
-    scene_errors = _scene_errors(entry)
-    reference_errors = {}
-    if reference is not None and reference is not entry:
-        for scene, error in _scene_errors(reference).items():
-            if scene in scene_errors:
-                reference_errors[scene] = error
-    largest_error = max(
-        [*scene_errors.values(), *reference_errors.values()], default=0.0
-    )
-    # bars without errors have no width
-    per_metre = BAR_WIDTH / (largest_error or math.inf)
-    heaviest = np.argsort(-error_sums, kind="stable")[:MAX_SCENES]
-    bars = []
-    for index in sorted(heaviest.tolist()):
-        scene = entry.record.scenes[index]
-        bar: dict[str, Any] = {
-            "scene": scene,
-            "targets": round(float(target_counts[index])),
-            "error": scene_errors.get(scene),  # m
-            # user units
-            "width": round(per_metre * scene_errors.get(scene, 0.0), 1),
-            "reference": None,
-        }
-        if scene in reference_errors:
-            bar["reference"] = round(per_metre * reference_errors[scene], 1)
-        bars.append(bar)
-    return bars
-
-
-def _scene_sums(entry: Entry) -> tuple[Floats, Floats]:
-    """Return sums of errors [S], m, and numbers of targets [S].
-
-    S: the scenes of the record.
-    """
-    record = entry.record
-    errors = record.targets.scene_sums(record.unit_error("all"))
-    return errors, record.targets.scene_sums(record.unit_weight("all"))
-
-
-def _scene_errors(entry: Entry) -> dict[str, float]:
-    """Return the mean error of each scene with targets, metres."""
-    error_sums, target_counts = _scene_sums(entry)
-    scene_errors = {}
-    for scene, total, count in zip(
-        entry.record.scenes, error_sums, target_counts, strict=True
-    ):
-        if count > 0:
-            scene_errors[scene] = float(total / count)
-    return scene_errors
 
 
 @dataclass(frozen=True)

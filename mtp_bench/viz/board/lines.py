@@ -15,7 +15,7 @@ from ...scoring import SUBSET_NAMES, SUBSETS, PairedDifference, Subset
 from ...sources import package_of
 from ..terminal.tables import parts_text
 from .columns import COLUMN, PAGE, ROW_COLUMNS, best_text, optional_columns
-from .drawings import WIDTH, Scale, bar_of, curve_chart, scale_of, scene_chart
+from .drawings import WIDTH, Scale, bar_of, curve_chart, scale_of
 from .entries import Entry, empty_error, has_map, is_simulated
 
 _MAX_LETTERS = 120  # of a text in a row: the details show all of it
@@ -123,7 +123,6 @@ def details_of(line: Line, reference: Entry | None) -> Line:
         "subsets": subset_table(entry),
         "parts": error_parts,
         "costs": parts_text(row),
-        "scenes": scene_chart(entry, reference),
     }
 
 
