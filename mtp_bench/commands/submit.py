@@ -48,7 +48,6 @@ _SHOWN_COLUMNS = (
     "scenes",
 )
 Outcome = Literal["made", "kept", "not here", "failed"]
-_MIB = 2**20
 
 
 @dataclass(frozen=True)
@@ -318,7 +317,6 @@ def summary_table(lines: Sequence[Line]) -> Table:
         Column("environment", key="env"),
         *(Column(key=outcome) for outcome in get_args(Outcome)),
         Column(key="minutes", format=".1f"),
-        Column("MiB", key="size", format=".1f"),
     ]
     return Table("records", "Records with their rollouts", "", rows, columns)
 
@@ -329,5 +327,4 @@ def _summary(env_id: str, lines: Sequence[Line]) -> dict[str, str | float]:
         "env": env_id,
         **{outcome: outcomes.count(outcome) for outcome in get_args(Outcome)},
         "minutes": sum(line.seconds for line in lines) / 60,
-        "size": sum(line.piece.size for line in lines) / _MIB,
     }

@@ -12,7 +12,6 @@ from ...running import DEFAULTS, RunOptions, agent_task
 from .ranking import STP, TRUTH
 from .record import Record
 from .running import plan_run
-from .storage import ROLLOUTS_SUFFIX
 from .submitting import RECORDS, finished_record, plan_content, record_path
 
 
@@ -23,15 +22,6 @@ class RecordPiece:
     submission: Submission
     env: str  # id, or path of a card
     target: Path  # its file
-
-    @property
-    def size(self) -> int:
-        """Bytes of the record and its rollouts.
-
-        It is 0 before it is made.
-        """
-        files = [self.target, *self.target.with_suffix(ROLLOUTS_SUFFIX).rglob("*")]
-        return sum(path.stat().st_size for path in files if path.is_file())
 
 
 def inventory(
