@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,12 +125,9 @@ def _write_gif(path: Path, frames: Iterator[Picture], rate: float) -> None:
 def _write_mp4(path: Path, frames: Iterator[Picture], rate: float) -> None:
     import av
 
-    codec: Literal["libx264", "mpeg4"] = "mpeg4"
-    if "libx264" in av.codecs_available:
-        codec = "libx264"
     with av.open(str(path), "w", format="mp4") as container:
         stream = container.add_stream(
-            codec, rate=Fraction(rate).limit_denominator(1000)
+            "libx264", rate=Fraction(rate).limit_denominator(1000)
         )
         stream.width, stream.height = SIZE
         stream.pix_fmt = "yuv420p"  # every player shows it
