@@ -38,7 +38,7 @@ def test_a_recording_is_written(cli: CommandLine, folder: Path, known: list[str]
     out = cli.ok("view", folder, folder, *known, "--scene", "0006", "--level", "tracks", "--save", file)
     assert "scene 0006" in out
     entities = set(read(file))
-    assert {"world/hyp/00/box", "agents/echo-2/world/hyp/00/box"} <= entities
+    assert {"world/hyp/00/box", "agents/2-echo/world/hyp/00/box"} <= entities
     assert not any(path.endswith("/forecast") for path in entities)
 
 

@@ -128,11 +128,11 @@ def test_several_agents_share_the_scene(run: Replay, tmp_path: Path) -> None:
     other = changed(run, agent="stp", answers=Answers(renamed, run.card))
     both = read(save(tmp_path / "both.rrd", run, other, changed(run, agent="mtp")))
     assert both["world/hyp/00/name"][0]["labels"] == ["10", "11"]
-    assert both["agents/stp/world/hyp/00/name"][0]["labels"] == ["110", "111"]
-    assert "agents/mtp-2/world/hyp/00/box" in both
+    assert both["agents/2-stp/world/hyp/00/name"][0]["labels"] == ["110", "111"]
+    assert "agents/3-mtp/world/hyp/00/box" in both
     shared = {path for path in both if path.endswith(("/gt", "/det", "/ego", "/gt_future"))}
     assert shared == {"world/gt", "world/det", "world/ego", "world/gt_future"}
-    assert "agents/stp/curves/0/00" in both
+    assert "agents/2-stp/curves/0/00" in both
 
 
 def test_runs_of_different_scenes_share_no_recording(run: Replay, tmp_path: Path) -> None:

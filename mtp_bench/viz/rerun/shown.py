@@ -132,7 +132,7 @@ def shown_agents(
     """Name the runs of one scene.
 
     All look at the event ``at`` of the first one. The entities of the first run have no
-    prefix, those of the others "agents/NAME/".
+    prefix, those of the others "agents/2-NAME/" and so on.
     """
     require_known("level", level, LEVELS)
     scenes = {replay.scene.name for replay in replays}
@@ -143,22 +143,13 @@ def shown_agents(
     if at is not None:
         focuses = focuses_of(replays, at)
     agents: list[ShownAgent] = []
-    names = _distinct([path_part(replay.agent) or "agent" for replay in replays])
-    for replay, agent_name, focus in zip(replays, names, focuses, strict=True):
+    for number, replay in enumerate(replays, 1):
         hypotheses = _hypotheses(replay, level, at)
-        name = agent_name if len(replays) > 1 else ""
-        root = f"agents/{agent_name}/" if agents else ""
+        name = f"{number}-{path_part(replay.agent)}" if len(replays) > 1 else ""
+        root = f"agents/{name}/" if agents else ""
+        focus = focuses[number - 1]
         agents.append(ShownAgent(replay, hypotheses, name, root, focus=focus))
     return agents
-
-
-def _distinct(names: Sequence[str]) -> list[str]:
-    """Number names that occur again: "mtp", "mtp-2"."""
-    distinct: list[str] = []
-    for name in names:
-        choices = [name, *(f"{name}-{n}" for n in range(2, len(names) + 1))]
-        distinct.append(next(choice for choice in choices if choice not in distinct))
-    return distinct
 
 
 def _hypotheses(replay: Replay, level: str, at: Incident | None) -> dict[int, float]:
