@@ -184,8 +184,8 @@ class Curve(NamedTuple):
 
 
 def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
-    """Return curves by the titles of their plots: of an event, else of the scene."""
-    if focus is None:
+    """Return curves by the titles of their plots: of an object, else of the scene."""
+    if focus is None or focus.at.object_id < 0:  # a false forecast has no error
         part = np.full((replay.frames, len(PART_NAMES)), np.nan)
         is_target = np.isfinite(replay.part[:, 0])
         frame = replay.scene.truth.frame_of_rows
@@ -194,13 +194,6 @@ def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
         errors = _error_curves(part, range(replay.frames))
         return {"mean error of the targets, m": errors}
     at = focus.at
-    if at.object_id < 0:
-        confidence = np.full(replay.frames, np.nan)
-        of_track = (replay.answers.object_track_id == at.new_id) & (at.new_id >= 0)
-        frame = replay.rollout.objects.frame_of_rows[of_track]
-        confidence[frame] = replay.rollout.object_confidence[of_track]
-        curve = Curve(f"track {at.new_id}", confidence, FROM_EVENT)
-        return {"confidence of the false forecast": [curve]}
     part = np.where(focus.rows[:, None] >= 0, replay.part[focus.rows], np.nan)
     max_error = replay.card.per_class(replay.card.task.miss_error)[at.class_id]
     rule = gate(focus)
