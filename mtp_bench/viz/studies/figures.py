@@ -55,7 +55,6 @@ _NO_DATE: dict[str, dict[str, None]] = {  # equal figures have equal bytes
     ".pdf": {"CreationDate": None},
     ".png": {"Software": None},
 }
-_EVENT_KINDS: tuple[Subset, ...] = ("ids", "lost", "reacquired")
 _SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired")
 _WIDTH_IN = 9.0
 _ROW_HEIGHT_IN = 0.3
@@ -205,20 +204,6 @@ def _draw_samples(report: Report) -> "Figure":
     return figure
 
 
-def _draw_events(report: Report) -> "Figure":
-    """Draw each agent's own events, a panel per kind."""
-    lines = _scored_lines(report)
-    figure, axes = _row_panels(len(_EVENT_KINDS), lines)
-    for axis, kind in zip(axes, _EVENT_KINDS, strict=True):
-        for place, line in enumerate(lines):
-            count = line.details.own_events[kind]
-            bars = axis.barh(place, count, color=AGENT_COLOR)
-            axis.bar_label(bars, padding=2)
-        axis.margins(x=0.2)
-        axis.set(title=SUBSET_NAMES[kind], xlabel="events")
-    return figure
-
-
 def _lines_by_agent(report: Report) -> dict[str, list[AgentLine]]:
     """Return the settings of each agent at equal k."""
     lines: dict[str, list[AgentLine]] = defaultdict(list)
@@ -301,11 +286,5 @@ FIGURES = {
         "Expected minADE of k random samples, over targets with a forecast. It falls "
         "with k even where samples are worthless.",
         _draw_samples,
-    ),
-    "events": FigureSpec(
-        "Events of each agent's own tracks",
-        "Numbers of identity switches, losses and re-acquisitions along the best "
-        "hypothesis in the first seed, on targets or not.",
-        _draw_events,
     ),
 }

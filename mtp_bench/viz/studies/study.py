@@ -182,7 +182,9 @@ def _event_table(report: Report) -> Table:
         Column(key="reacquired"),
         Column("targets with a switch in all H", key="all_h_ids"),
     )
-    return Table("events", "Events of each agent's own tracks", "", rows, columns)
+    title = "Events of each agent's own tracks"
+    sentence = "Along the best hypothesis in the first seed, on targets or not."
+    return Table("events", title, sentence, rows, columns)
 
 
 def _sample_table(report: Report) -> Table:
