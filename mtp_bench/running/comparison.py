@@ -42,15 +42,10 @@ class Comparison:
     settings: tuple[Setting, ...]
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
-    def __repr__(self) -> str:
-        first_line = repr(self.report).partition("\n")[0].removeprefix("Report")
-        return (
-            f"Comparison{first_line}\n"
-            "print(comparison) shows the table, comparison.report has the numbers"
-        )
-
     def __str__(self) -> str:
         return str(self.report)
+
+    __repr__ = __str__
 
     def _repr_html_(self) -> str:
         return self.report._repr_html_()

@@ -61,19 +61,11 @@ class Report:
     # agents that failed, which have no rows: where and why
     failures: Mapping[str, str] = field(default_factory=dict)
 
-    def __repr__(self) -> str:
-        agents = len({_agent_name(row) for row in self.rows})
-        failed = f"; failed: {', '.join(self.failures)}" if self.failures else ""
-        title = main_table(self).title.partition(":")[0]
-        return (
-            f"Report on {title}, {counted(agents, 'agent')}{failed}\n"
-            "print(report) shows the table, report.to_frame() and report.per_scene() "
-            "have the numbers"
-        )
-
     def __str__(self) -> str:
         table = to_text(main_table(self)).rstrip()
         return "\n".join([table, *self.notes(), *map(" ".join, self.failures.items())])
+
+    __repr__ = __str__
 
     def notes(self) -> Iterator[str]:
         """Return the lines about agents that no reader may miss.
