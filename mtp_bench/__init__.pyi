@@ -46,6 +46,7 @@ from .running import (
     check_agent as check_agent,
     check_card as check_card,
     compare as compare,
+    doctor as doctor,
     evaluate as evaluate,
     run as run,
     score as score,

@@ -84,7 +84,7 @@ MOMENT = {  # of `worst --json`
     "end": "Time of the last frame, seconds.",
     "frames": "Number of its targets.",
     "cost": "Sum over its frames of the error without the part below threshold, metres.",
-    "fault": "`detector`, `tracker`, `predictor`, `forecast` (tracker or predictor) or `confidence`.",
+    "fault": "`detector`, `tracker`, `predictor`, `forecast` (tracker or predictor), `confidence` or `data`.",
     "cause": "Name of its largest part.",
     "distance": "Distance from the ego in that frame, metres; null without an ego.",
     "borrowed": "True if the detections behind its cause are mostly those of other objects.",

@@ -22,7 +22,7 @@ from .source import DetectionsSection, SourceSection
 # a single number in the TOML stands for every class
 PerClass = dict[str, Annotated[float, Field(gt=0, le=1e4)]]
 # hints for agents, and the place on the leaderboard
-_NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker")
+_NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker", "data")
 
 
 class EventGate(Section):
@@ -134,6 +134,21 @@ class PlannerSection(Section):
     )
 
 
+class DataSection(Section):
+    """Switch of the doctor for the recordings of a card."""
+
+    # "off": the doctor does not examine them
+    doctor: Literal["on", "off"] = "on"
+    reason: str = ""  # why it is off
+
+    @field_validator("reason")
+    @classmethod
+    def _require_reason(cls, reason: str, info: ValidationInfo) -> str:
+        if info.data.get("doctor") == "off" and not reason.strip():
+            raise ValueError("expected why the doctor is off")
+        return reason
+
+
 class DriveSection(Section):
     """The forecasts of the agent drive the ego of simulated traffic."""
 
@@ -226,6 +241,7 @@ class Card(Section):
     # observations show the road; ``true``: in the default sizes
     lanes: Annotated[LaneSection | None, _SWITCH] = None
     drive: Annotated[DriveSection | None, _SWITCH] = None  # closed loop
+    data: DataSection | None = None
     source: SerializeAsAny[SourceSection]
     detector: DetectorSection | None = None
     task: TaskSection
@@ -262,6 +278,12 @@ class Card(Section):
     def simulated(self) -> bool:
         """True if there is a scene for any seed."""
         return self.source.traits.simulated
+
+    @property
+    def is_trusted(self) -> bool:
+        """True if the doctor does not examine the recordings."""
+        is_off = self.data is not None and self.data.doctor == "off"
+        return self.simulated or is_off
 
     @property
     def has_ego(self) -> bool:

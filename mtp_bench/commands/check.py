@@ -12,7 +12,14 @@ from ..core import Column, SubmissionError, Table, Workers, cores, long_work
 from ..judge import MAX_CHECKED_SCENES, check_submission
 from ..running import Finding, RunOptions
 from ..viz import command_line, counted, show, show_table
-from .options import DataOption, JsonOption, SubmissionArgument, TracksOption, absolute
+from .options import (
+    DataOption,
+    JsonOption,
+    NoDoctorOption,
+    SubmissionArgument,
+    TracksOption,
+    absolute,
+)
 from .output import prepare, write_json
 
 
@@ -46,6 +53,7 @@ def check(
     scenes: Annotated[
         int, Option(min=1, max=MAX_CHECKED_SCENES, help="Scenes to check on.")
     ] = MAX_CHECKED_SCENES,
+    no_doctor: NoDoctorOption = False,
     json_file: JsonOption = None,
 ) -> None:
     """Check a submission on up to three scenes.
@@ -56,7 +64,7 @@ def check(
     options = RunOptions(root, scenes, tracks=absolute(tracks), workers=workers)
     submission = load_submission(path)
     options.require_usable([submission])
-    prepare(env, options)
+    prepare(env, options, no_doctor=no_doctor)
     with long_work(f"checking {path}") as progress:
         options = replace(options, progress=progress)
         findings = check_submission(submission, env, options)

@@ -50,7 +50,7 @@ def compare(
     """
     options = on.options(workers, range(seeds))
     env = on.card
-    prepare(env, options, agents)
+    prepare(env, options, agents, on.no_doctor)
     if train:
         from .train import train_missing
 

@@ -9,8 +9,16 @@ from ..cards import load_card, with_split
 from ..core import MtpBenchError, card_ids, long_work
 from ..running import read_status
 from ..sources import DataStatus
-from ..viz import data_lines, env_table, show, show_table, status_json, status_table
-from .options import DataOption, JsonOption, SplitOption, env_ids
+from ..viz import (
+    data_lines,
+    env_table,
+    show,
+    show_lines,
+    show_table,
+    status_json,
+    status_table,
+)
+from .options import DataOption, JsonOption, NoDoctorOption, SplitOption, env_ids
 from .output import write_json
 
 
@@ -31,10 +39,12 @@ def data(
     root: DataOption = None,
     json_file: JsonOption = None,
     split: SplitOption = None,
+    no_doctor: NoDoctorOption = False,
 ) -> None:
     """Show which data is found, what is missing and how to get it.
 
-    Status 1 for broken files; with --env also for data that is not there.
+    With --env also if it fits together. Status 1 for broken files; with --env also for
+    data that is not there.
     """
     if split is not None and env is None:
         raise BadParameter(
@@ -56,6 +66,10 @@ def data(
     show_table(status_table(statuses))
     show("\n".join(data_lines(statuses)))
     _require_complete(statuses, is_needed=env is not None)
+    if env is not None and not no_doctor and not cards[0].is_trusted:
+        from ..running import RunOptions, doctor
+
+        show_lines(doctor(cards[0], RunOptions(root)).lines())
 
 
 def _require_complete(statuses: Mapping[str, DataStatus], is_needed: bool) -> None:

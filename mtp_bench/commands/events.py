@@ -25,7 +25,14 @@ from ..viz import (
     show_table,
     tally_line,
 )
-from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice
+from .options import (
+    DataOption,
+    FolderArgument,
+    JsonOption,
+    NoDoctorOption,
+    RunCardOption,
+    choice,
+)
 from .output import write_json
 
 _KIND = choice(
@@ -46,6 +53,7 @@ def events(
     top: Annotated[int | None, Option(min=1, help="Only the first N.")] = None,
     root: DataOption = None,
     env: RunCardOption = None,
+    no_doctor: NoDoctorOption = False,
     json_file: JsonOption = None,
 ) -> None:
     """List identity switches, losses, re-acquisitions, false forecasts and collisions.
@@ -56,7 +64,7 @@ def events(
     all_rows = list[Listed]()
     with long_work("finding events") as progress:
         opened = open_run(folder, root, env)
-        for played in replays(opened, scene, progress):
+        for played in replays(opened, scene, progress, no_doctor):
             tally.add(played)
             for incident in played.incidents:
                 all_rows.append(Listed.of(played, incident, str(folder), root, env))

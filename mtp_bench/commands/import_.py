@@ -9,7 +9,7 @@ from ..core import long_work
 from ..running import RunOptions
 from ..sources import import_logs, import_tracks, open_source, with_tracks
 from ..viz import command_line, counted, show, show_command
-from .options import DataOption, EnvOption, ScenesOption, SplitOption
+from .options import DataOption, EnvOption, NoDoctorOption, ScenesOption, SplitOption
 from .output import prepare
 
 import_ = Typer(
@@ -36,10 +36,11 @@ def tracks(
     root: DataOption = None,
     scenes: ScenesOption = None,
     split: SplitOption = None,
+    no_doctor: NoDoctorOption = False,
 ) -> None:
     """Write the tracks of another program as tables, one for each scene."""
     options = RunOptions(root, scenes, split=split)
-    prepare(env, options)
+    prepare(env, options, no_doctor=no_doctor)
     card = options.card(env)
     source = with_tracks(open_source(card, root), card, root, file)
     scene_names = options.chosen(source.names)

@@ -170,6 +170,7 @@ RunCardOption = Annotated[
         autocompletion=env_ids,
     ),
 ]
+NoDoctorOption = Annotated[bool, Option("--no-doctor", help="Do not examine the data.")]
 SubmissionArgument = Annotated[
     str,
     Argument(
@@ -288,6 +289,7 @@ class AgentScenes(EnvScenes):
             ", or scores, which takes those of detections as they are."
         ),
     ] = None
+    no_doctor: NoDoctorOption = False
 
     @cached_property
     def card(self) -> str | Card:

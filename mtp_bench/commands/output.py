@@ -25,6 +25,7 @@ from ..core import (
 
 if TYPE_CHECKING:
     from ..cards import Card
+    from ..doubts import Doubt
     from ..running import RunOptions
 
 STANDARD_OUTPUT = Path("-")  # of `--json`
@@ -32,19 +33,32 @@ _MAX_FAILURES = 10  # named in one line
 
 
 def prepare(
-    env: "str | Card", options: "RunOptions", agents: Iterable[str] = ()
-) -> None:
+    env: "str | Card",
+    options: "RunOptions",
+    agents: Iterable[str] = (),
+    no_doctor: bool = True,
+) -> "list[Doubt]":
     """Make simulated scenes, or the compact copy of tables, unless they are cached.
 
     The ``agents`` are looked up first, so that a misspelt name is an error at once.
+    Unless ``no_doctor``, doubts about the data are returned, and printed on the error
+    stream.
     """
     from ..agent import load_submission
     from ..sources import prepare as prepare_scenes
 
     for agent in agents:
         load_submission(agent)
-    workers = options.workers.count
-    prepare_scenes(options.card(env), options.data, options.scenes, workers)
+    card = options.card(env)
+    prepare_scenes(card, options.data, options.scenes, options.workers.count)
+    if no_doctor or card.is_trusted:
+        return []
+    from ..running import doctor, doubt_lines
+
+    doubts = doctor(card, options.unchanged).doubts
+    for line in doubt_lines(doubts):
+        say(line)
+    return doubts
 
 
 def error_text(error: MtpBenchError | OSError) -> str:

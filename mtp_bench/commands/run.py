@@ -44,7 +44,7 @@ def run(
     """Run an agent and store its rollouts."""
     options = on.options(workers, [seed])
     require_free(output, force)
-    prepare(on.card, options, [agent])
+    prepare(on.card, options, [agent], on.no_doctor)
     stored = run_agent(agent, on.card, output, options, replace=force)
     line = skipped_line(stored.skipped)
     if line is not None:

@@ -57,9 +57,9 @@ def study(
     if quick and options.scenes is None:
         options = replace(options, scenes=QUICK_SCENES)
     agents = agent or [controls()["several"]]
-    prepare(on.card, options, agents)
+    doubts = prepare(on.card, options, agents, on.no_doctor)
     command = command_line(*sys.argv[1:])
-    result = run_study(agents, on.card, output, options, command)
+    result = run_study(agents, on.card, output, options, command, doubts)
     show_lines(result.findings, "- ")
     show_lines(result.warnings)
     page = output / result.page.name

@@ -27,7 +27,7 @@ from ..viz import (
     sentence,
     show,
 )
-from .options import DataOption, RunCardOption, choice, file_option
+from .options import DataOption, NoDoctorOption, RunCardOption, choice, file_option
 from .output import say
 
 _FOLDERS = Argument(
@@ -60,6 +60,7 @@ def view(
     web: Annotated[bool, _WEB] = False,
     root: DataOption = None,
     env: RunCardOption = None,
+    no_doctor: NoDoctorOption = False,
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
     outputs = [save is not None, web, png is not None]
@@ -83,7 +84,7 @@ def view(
 
         if save is None and not web:
             require_display()
-    replays = _replays(runs, scene, with_images=at is not None)
+    replays = _replays(runs, scene, at is not None, no_doctor)
     incident = None
     focuses: list[Focus] = []
     if at is not None:
@@ -129,7 +130,7 @@ def _opened(
 
 @long_work("reading the scene and finding its events")
 def _replays(
-    runs: Sequence[OpenedRun], scene: str | None, with_images: bool
+    runs: Sequence[OpenedRun], scene: str | None, with_images: bool, no_doctor: bool
 ) -> list[Replay]:
     """Replay one scene of runs.
 
@@ -152,7 +153,7 @@ def _replays(
         run_content = content
         if run is not first:  # its detections may be other draws
             run_content = replace(content, detections=run.scene(name).detections)
-        played = PlayedRun(run).replay(run.first(name), run_content, agent)
+        played = PlayedRun(run, no_doctor).replay(run.first(name), run_content, agent)
         replays.append(replace(played, images=cameras))
     return replays
 

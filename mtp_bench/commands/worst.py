@@ -7,8 +7,9 @@ import numpy as np
 from typer import BadParameter, Option
 
 from ..core import long_work
-from ..running import OpenedRun, open_run
-from ..scoring import BELOW_THRESHOLD, PART_NAMES, STAGE_PARTS, named_parts
+from ..doubts import Doubt
+from ..running import OpenedRun, doubt_lines, open_run
+from ..scoring import BELOW_THRESHOLD, PARTS, STAGE_PARTS, named_parts
 from ..viz import (
     CAPTION_BELOW,
     UNSPLIT,
@@ -32,13 +33,14 @@ from .options import (
     DataOption,
     FolderArgument,
     JsonOption,
+    NoDoctorOption,
     RunCardOption,
     choice,
     one_of,
 )
 from .output import write_json
 
-CAUSES = tuple(dict.fromkeys([*STAGE_PARTS, *PART_NAMES.values()]))
+CAUSES = tuple(dict.fromkeys([*STAGE_PARTS, *PARTS]))
 LOOK = (
     "To look at the first; with --png FILE.png it becomes a picture, without a screen:"
 )
@@ -59,22 +61,25 @@ def worst(
     top: Annotated[int, Option(min=1, help="How many.")] = 20,
     root: DataOption = None,
     env: RunCardOption = None,
+    no_doctor: NoDoctorOption = False,
     json_file: JsonOption = None,
 ) -> None:
     """List the worst moments of a run: whose fault each was, and how to look at it."""
     collisions = list[Listed]()
     rows = list[WorstRow]()
     is_below = cause in (BELOW_THRESHOLD, "confidence")
-    part_sum = np.zeros(len(PART_NAMES))
+    part_sum = np.zeros(len(PARTS))
     targets = 0
+    doubts = list[Doubt]()
     unsplit = ""
     with long_work("finding the worst moments") as progress:
         opened = open_run(folder, root, env)
         _check_filters(opened, class_name, within)
-        for played in replays(opened, scene, progress):
+        for played in replays(opened, scene, progress, no_doctor):
             part_sum += np.nansum(played.part, axis=0)
             targets += int(np.isfinite(played.part[:, 0]).sum())
             unsplit = played.unsplit
+            doubts += played.doubts
             for event in played.events:
                 if event.kind == "collision":
                     row = Listed.of(played, event, str(folder), root, env)
@@ -97,6 +102,7 @@ def worst(
     sum_name = "part" if is_below else "blame"
     summary = f"{count}, {cost / (total or 1.0):.0%} of the {sum_name}."
     show_lines([summary, run_line(parts, len(opened.rollouts(scene)))])
+    show_lines(doubt_lines(doubts))
 
 
 def _chosen(

@@ -1,4 +1,12 @@
 from .causes import run_parts as run_parts
+from .checkup import (
+    Checkup as Checkup,
+    cure as cure,
+    doctor as doctor,
+    doubt_lines as doubt_lines,
+    require_own as require_own,
+    scene_doubts as scene_doubts,
+)
 from .comparison import (
     HYPOTHESIS_CONTROLS as HYPOTHESIS_CONTROLS,
     compare as compare,

@@ -128,6 +128,17 @@ class RunOptions(CardChanges):
         return tuple(scene_names)[: self.scenes]
 
     @property
+    def unchanged(self) -> "RunOptions":
+        """The same scenes, for a card that has all the changes already."""
+        return RunOptions(
+            self.data,
+            self.scenes,
+            fold=self.fold,
+            names=self.names,
+            workers=self.workers,
+        )
+
+    @property
     def env_keywords(self) -> dict[str, Any]:
         """Keywords of `MTPEnv`: the data root and the changes of the card."""
         return {"data": self.data, **self.changes}

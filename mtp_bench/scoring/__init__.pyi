@@ -74,6 +74,7 @@ from .parts import (
     BELOW_THRESHOLD as BELOW_THRESHOLD,
     LEAST_SHOWN as LEAST_SHOWN,
     PART_NAMES as PART_NAMES,
+    PARTS as PARTS,
     STAGE_NAMES as STAGE_NAMES,
     STAGE_PARTS as STAGE_PARTS,
     SceneParts as SceneParts,

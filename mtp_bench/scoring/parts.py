@@ -36,6 +36,8 @@ PART_NAMES = {
     "undetected_new": "never detected so far",
     "undetected_seen": "not detected now",
 }
+# names of parts; the last takes the blame of targets that doubts about the data touch
+PARTS = (*PART_NAMES.values(), "data")
 LEAST_SHOWN = 0.05  # m, of a part in a text
 # part of the stack -> parts of the error that it causes
 STAGE_PARTS = {
@@ -51,9 +53,11 @@ STAGE_PARTS = {
     "predictor": ("predictor",),
     "forecast": ("rest",),  # of tracker or predictor
     "confidence": ("below threshold",),
+    "data": ("data",),
 }
-# in tables of all parts
-STAGE_NAMES = {stage: stage for stage in STAGE_PARTS} | {"forecast": "not split"}
+# in tables of all parts of a `Row`
+STAGE_NAMES = {stage: stage for stage in STAGE_PARTS if stage != "data"}
+STAGE_NAMES["forecast"] = "not split"
 BELOW_THRESHOLD = PART_NAMES["below_threshold"]
 _COLUMN = {name: column for column, name in enumerate(PART_NAMES)}
 
@@ -94,7 +98,7 @@ def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
 
 
 def blame(part: Floats) -> Floats:
-    """Return the sum [...] of ``part`` [..., len(PART_NAMES)] but below threshold, m.
+    """Return the sum [...] of parts [..., n] but below threshold, m.
 
     That part depends on all other forecasts.
     """
@@ -102,14 +106,12 @@ def blame(part: Floats) -> Floats:
 
 
 def named_parts(part: Floats) -> dict[str, float]:
-    """Return the parts [len(PART_NAMES)] by name, m, without those of 0.
+    """Return the parts [len(PARTS)] by name, m, without those of 0.
 
     The largest first, below threshold last.
     """
     parts = {
-        name: float(value)
-        for name, value in zip(PART_NAMES.values(), part, strict=True)
-        if value
+        name: float(value) for name, value in zip(PARTS, part, strict=False) if value
     }
     names = sorted(parts, key=lambda name: (name == BELOW_THRESHOLD, -parts[name]))
     return {name: parts[name] for name in names}

@@ -38,6 +38,7 @@ from .rerun.viewer import (
     show_recording as show_recording,
 )
 from .run_replay import Replay as Replay, replay as replay
+from .studies.doubts import doubt_page as doubt_page
 from .studies.study import (
     Study as Study,
     require_study_folder as require_study_folder,

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core import wrap_angle
 from ..scoring import BELOW_THRESHOLD, FIXED_CONFIDENCE, LEAST_SHOWN, STAGE_PARTS
+from .doubted import doubt_numbers
 from .evidence import (
     appeared,
     borrowed,
@@ -55,6 +56,7 @@ TEMPLATES = {  # reason -> evidence; keys of the values have their units
     "below threshold": "its confidence {confidence:.3f} is left out at "
     "{budgets_without} of {budgets} budgets, the largest of which needs "
     "{least_confidence:.3f}",
+    "data": "{doubt}",
     "filled budgets": "other forecasts fill {budgets_without} of {budgets} budgets "
     "before its confidence of {confidence:.3f}",
     # false forecasts
@@ -357,6 +359,16 @@ def _below_threshold(focus: Focus) -> Values:
     }
 
 
+def _data(focus: Focus) -> Values:
+    """Quote the doubt that touches the object."""
+    replay = focus.replay
+    truth = replay.scene.truth
+    numbers = doubt_numbers(
+        replay.doubts, replay.card, truth.frame_of_rows, truth.object_id
+    )
+    return {"doubt": replay.doubts[numbers[focus.at.row]].line}
+
+
 _MEASURES: dict[str, Callable[[Focus], Values]] = {
     "predictor": _forecast,
     "rest": _forecast,
@@ -371,6 +383,7 @@ _MEASURES: dict[str, Callable[[Focus], Values]] = {
     "not detected now": _not_detected,
     "below threshold": _below_threshold,
     "filled budgets": _below_threshold,
+    "data": _data,
 }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..core import Bools, Floats, Ints, MtpBenchError, UnknownNameError
 from ..scoring import (
     BELOW_THRESHOLD,
-    PART_NAMES,
+    PARTS,
     blame,
     history,
     named_parts,
@@ -52,12 +52,12 @@ class Moment:
 
 
 def costs(part: Floats, below: bool = False) -> Floats:
-    """Return costs [...] of the ``part`` [..., len(PART_NAMES)] of errors, m.
+    """Return costs [...] of the ``part`` [..., len(PARTS)] of errors, m.
 
     They are the blame, or with ``below`` the part below threshold.
     """
     if below:
-        return part[..., list(PART_NAMES.values()).index(BELOW_THRESHOLD)]
+        return part[..., PARTS.index(BELOW_THRESHOLD)]
     return blame(part)
 
 
@@ -99,7 +99,7 @@ def _moment(replay: Replay, rows: Ints, cost: Floats) -> Moment:
     part = replay.part[rows]
     parts = named_parts(part.mean(axis=0))
     cause_name = next(iter(parts))
-    names = np.array(list(PART_NAMES.values()))
+    names = np.array(PARTS)
     # largest part of each frame, with below threshold last
     frame_cause = names[
         np.where(names == BELOW_THRESHOLD, -np.inf, part).argmax(axis=1)

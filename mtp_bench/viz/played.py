@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..core import SERIAL, Progress, Rollout, Scene, Workers, cores
-from ..running import OpenedRun, RunOptions, run_parts
+from ..doubts import Doubt
+from ..running import OpenedRun, RunOptions, run_parts, scene_doubts
 from ..scoring import find_targets
 from .run_replay import Replay, replay
 
@@ -13,10 +14,14 @@ _SERIAL_SCENES = 4  # so few are scored before other processes have started
 
 
 class PlayedRun:
-    """A stored run whose scenes can be replayed; its causes are found first."""
+    """A stored run whose scenes can be replayed; its causes are found first.
 
-    def __init__(self, opened: OpenedRun) -> None:
+    Unless ``no_doctor``, doubts about its data are among them.
+    """
+
+    def __init__(self, opened: OpenedRun, no_doctor: bool = False) -> None:
         self.opened = opened
+        self.no_doctor = no_doctor
         is_short = len(opened.run.rollouts) <= _SERIAL_SCENES
         workers = SERIAL if is_short else Workers(cores())
         self._options = RunOptions(data=opened.data, workers=workers)
@@ -38,14 +43,21 @@ class PlayedRun:
             # the causes are of other data
             self.parts = run_parts(self.opened, self._options, again=True)
         agent = agent or self.opened.run.info.agent
-        return replay(scene, rollout, card, agent, self.parts[name])
+        doubts: tuple[Doubt, ...] = ()
+        if rollout.drive is None and not self.no_doctor:
+            recorded = self.opened.recorded(name)
+            doubts = scene_doubts(recorded, card, self.opened.data)
+        return replay(scene, rollout, card, agent, self.parts[name], doubts)
 
 
 def replays(
-    opened: OpenedRun, scene: str | None, progress: Progress
+    opened: OpenedRun, scene: str | None, progress: Progress, no_doctor: bool = False
 ) -> Iterator[Replay]:
-    """Replay all scenes of a stored run, or one ``scene``."""
-    played = PlayedRun(opened)
+    """Replay all scenes of a stored run, or one ``scene``.
+
+    ``no_doctor``: as of `PlayedRun`.
+    """
+    played = PlayedRun(opened, no_doctor)
     rollouts = opened.rollouts(scene)
     progress.started(len(rollouts))
     for rollout in rollouts:

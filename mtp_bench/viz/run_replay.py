@@ -3,6 +3,7 @@
 It has the scorer's own matching and events.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..core import Bools, Floats, Ints, Rollout, RolloutError, Scene, require_known
+from ..doubts import Doubt
 from ..env import LiveEpisode, true_ids
 from ..scoring import (
     EVENT_KINDS,
     PART_NAMES,
+    PARTS,
     Candidates,
     RecordedForecasts,
     SceneParts,
@@ -40,6 +43,7 @@ from ..scoring import (
 )
 from ..sources import CameraImage
 from .answers import Answers
+from .doubted import blamed_parts, doubt_numbers
 from .incident import MOMENT, Incident, numbered
 
 # m, l w h of a usual car: only drives state the size of their vehicle
@@ -67,8 +71,9 @@ class Replay:
     truth_forecast: Ints  # [R] row of the forecast matched to each true box, or -1
     # [R, 2] minADE (m) and confidence of the forecast of each true box, or NaN
     worth: Floats
-    # [R, len(PART_NAMES)] m, parts of the error of each true box; NaN: not a target
+    # [R, len(PARTS)] m, parts of the error of each true box; NaN: not a target
     part: Floats
+    doubts: Sequence[Doubt] = ()  # about the data of the scene, the gravest first
     mean_blame_m: float = 0.0  # m, mean blame of a target of the run
     unsplit: str = ""  # why the error of forecasts is "rest"; empty: it is split
     thresholds: Floats | None = None  # [b] least confidence that each budget keeps
@@ -95,7 +100,7 @@ class Replay:
             forecast_false=np.zeros(len(rollout.object_box), dtype=bool),
             truth_forecast=unjudged,
             worth=np.full((len(unjudged), 2), np.nan),
-            part=np.full((len(unjudged), len(PART_NAMES)), np.nan),
+            part=np.full((len(unjudged), len(PARTS)), np.nan),
             first=first,
             judged=False,
         )
@@ -229,12 +234,14 @@ def replay(
     card: Card,
     agent: str = "",
     parts: SceneParts | None = None,
+    doubts: Sequence[Doubt] = (),
 ) -> Replay:
     """Return the run of a scene with its judgement.
 
     ``parts``: those of the errors of its targets, in their order. If None, those of
-    forecasts are not split. Raises RolloutError for a rollout of another scene or
-    another number of frames or classes.
+    forecasts are not split. ``doubts`` about the scene take the blame of targets that
+    they touch. Raises RolloutError for a rollout of another scene or another number of
+    frames or classes.
     """
     check_rollout(scene, rollout, card)
     scene = evaluated(scene)
@@ -254,6 +261,7 @@ def replay(
     worth, parts, truth_forecast, forecast_false = _forecasts(
         scene, rollout, card, parts
     )
+    doubt = doubt_numbers(doubts, card, truth.frame_of_rows, truth.object_id)
     track_false = answers.shown & ~unlabelled(
         scene, rollout.tracks.frame_of_rows, rollout.track_box[:, :2]
     )
@@ -271,7 +279,8 @@ def replay(
         forecast_false=forecast_false & scene.truth_complete,
         truth_forecast=truth_forecast,
         worth=worth,
-        part=parts.part,
+        part=blamed_parts(parts.part, doubt >= 0),
+        doubts=doubts,
         mean_blame_m=parts.usual,
         unsplit=parts.unsplit,
         thresholds=parts.thresholds,

@@ -18,6 +18,12 @@ from tests.support.scoring_scenes import make_scene
 ROW = re.compile(r"(\S+) +([\d–]+) +(\S+-\d+\*?) +(.+?) +(\S+ → \S+|\S+) +([\d.–]+) +([\d.–]+) +(.+?) +([\d.–]+) *")
 
 
+@pytest.fixture
+def known(known: list[str]) -> list[str]:
+    """The options of the small card, whose few boxes are no sound recording."""
+    return [*known, "--no-doctor"]
+
+
 def rows_of(printed: str) -> list[list[str]]:
     return [list(row.groups()) for line in printed.splitlines() if (row := ROW.fullmatch(line))]
 

@@ -261,7 +261,6 @@ def test_a_board_of_drives(made: Path) -> None:
     assert row["drive_score"] == pytest.approx(0.65)
     page = board_files(entries)
     assert all(text in page.page for text in ("drive score", "0.650", "at fault", "Closed loop"))
-    assert "drive score of each scene" in page.parts[f"{DRIVE}.js"]
 
 
 def test_the_tracks_of_a_drive_are_exported(short: Any, tmp_path: Path, cli: CommandLine) -> None:

@@ -65,7 +65,8 @@ def test_results_are_told_scene_by_scene_and_add_up_to_those_of_the_report(card:
     rows = report.per_scene()
     assert [(each.scene, each.seed) for each in told] == [(row["scene"], row["seed"]) for row in rows]
     assert [each.min_ade for each in told] == [row["minADE"] for row in rows]
-    assert sum(row["bADE_sum"] for row in rows) / sum(row["targets"] for row in rows) == report.rows[0].error
+    mean = sum(row["bADE_sum"] for row in rows) / sum(row["targets"] for row in rows)
+    assert mean == pytest.approx(report.rows[0].error, rel=1e-12)
     assert rows[2]["bADE"] is None, "a scene without targets"
     assert report.to_frame().set_index("subset").loc["all", "error"] == report.rows[0].error
     assert repr(report).startswith("MTP-Small-v0, 2 scenes, 2 seeds: m, less is better")

@@ -88,7 +88,7 @@ class CommandLine:
         """Output of a command that must succeed and keep the error stream clean."""
         output = self(*arguments)
         assert output.status == 0, output.err
-        assert output.err == ""
+        assert output.err == "", output.err
         return output.out
 
 

@@ -221,7 +221,7 @@ def _write_sequence(folder: Path, name: str, scene: Scene) -> None:
     (folder / "training/label_02" / f"{name}.txt").write_text("\n".join(labels))
     for type_name, lines in found.items():
         (folder / "detections/pointrcnn" / type_name / f"{name}.txt").write_text("\n".join(lines))
-    oxts = "49.0 8.4 115 0 0 0.3 0 5 5" + " 0" * 21
+    oxts = "49.0 8.4 115 0 0 0.3 1.4776 4.7767 5" + " 0" * 21
     (folder / "training/oxts" / f"{name}.txt").write_text("\n".join([oxts] * scene.frames))
     unit, turned = "1 0 0 0 1 0 0 0 1", "0 -1 0 0 0 0 -1 0 1 0 0 0"
     calibration = "P2: 721.5377 0 609.5593 0 0 721.5377 172.854 0 0 0 1 0\n"

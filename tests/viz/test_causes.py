@@ -13,7 +13,7 @@ import mtp_bench
 from mtp_bench.agent.loader import load_submission
 from mtp_bench.cards import load_card
 from mtp_bench.running.stored import open_run
-from mtp_bench.scoring.parts import BELOW_THRESHOLD, LEAST_SHOWN, PART_NAMES, STAGE_PARTS, by_fault
+from mtp_bench.scoring.parts import BELOW_THRESHOLD, LEAST_SHOWN, PART_NAMES, PARTS, STAGE_PARTS, by_fault
 from mtp_bench.sources import open_source
 from mtp_bench.viz.causes import TEMPLATES, Cause, causes_of, happened, headline, ranked_parts, sentence
 from mtp_bench.viz.focus import Focus
@@ -137,7 +137,7 @@ def test_forecasts_that_budgets_leave_out(
 ) -> None:
     part, worth = planted.part.copy(), planted.worth.copy()
     row = int(np.flatnonzero(np.isfinite(worth[:, 0]) & np.isfinite(part[:, 0]))[0])
-    part[row] = 9.0 * (np.array([*PART_NAMES.values()]) == BELOW_THRESHOLD)
+    part[row] = 9.0 * (np.array(PARTS) == BELOW_THRESHOLD)
     worth[row, 1] = confidence
     thresholds = np.append(np.linspace(1.0, 0.8, 9), 0.0)
     run = replace(planted, part=part, worth=worth, thresholds=thresholds)

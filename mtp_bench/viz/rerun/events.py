@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core import Floats, Ints, starts_of, unit_vectors
-from ...scoring import LEAST_SHOWN, PART_NAMES
+from ...scoring import LEAST_SHOWN, PARTS
 from ..causes import cause_text, causes_of, happened
 from ..drawing.report import report
 from ..evidence import gate
@@ -35,7 +35,7 @@ EVENT_FRAMES = 10  # frames that an event stays in the picture
 MARK_SECONDS = 1.0  # that a mark on the time line lasts at least: room for its name
 MAX_CURVES = 4  # parts or tracks in a plot: the legend has no more room
 LIMIT = (130, 130, 130)
-PART_COLORS: tuple[Color, ...] = (  # of `PART_NAMES`, in their order
+PART_COLORS: tuple[Color, ...] = (  # of `PARTS`, in their order
     BLUE,
     (0, 150, 150),
     PURPLE,
@@ -47,6 +47,7 @@ PART_COLORS: tuple[Color, ...] = (  # of `PART_NAMES`, in their order
     SKY,
     (120, 94, 240),
     (215, 60, 60),
+    (140, 150, 70),
 )
 MARKER_M = (0.0, 3.4, 3.0)  # from an event to its mark: beside the label of the box
 
@@ -186,7 +187,7 @@ class Curve(NamedTuple):
 def curves_of(replay: Replay, focus: Focus | None) -> dict[str, list[Curve]]:
     """Return curves by the titles of their plots: of an object, else of the scene."""
     if focus is None or focus.at.object_id < 0:  # a false forecast has no error
-        part = np.full((replay.frames, len(PART_NAMES)), np.nan)
+        part = np.full((replay.frames, len(PARTS)), np.nan)
         is_target = np.isfinite(replay.part[:, 0])
         frame = replay.scene.truth.frame_of_rows
         for t in np.unique(frame[is_target]):
@@ -235,12 +236,11 @@ def _places(box: Floats, rows: Ints) -> Floats:
 def _error_curves(part: Floats, frames: range) -> list[Curve]:
     """Return the error and its largest parts in ``frames``."""
     largest = np.nan_to_num(np.abs(part))[frames].max(axis=0)
-    names = list(PART_NAMES.values())
     curves = [Curve("error", part.sum(axis=1), SWITCH, 5.0)]
     for column in np.argsort(-largest, kind="stable")[:MAX_CURVES].tolist():
         if largest[column] >= LEAST_SHOWN:
             color = PART_COLORS[column]
-            curves.append(Curve(names[column], part[:, column], color))
+            curves.append(Curve(PARTS[column], part[:, column], color))
     return curves
 
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
 
+import numpy as np
+
 from ...cards import Card
 from ...core import (
     Column,
@@ -16,16 +18,19 @@ from ...core import (
     whole_folder,
     write_text,
 )
+from ...doubts import Doubt
 from ...running import (
     DEFAULTS,
     RunKeywords,
     RunOptions,
     compare,
     control_names,
+    doubt_lines,
     resolve_options,
     skipped_line,
 )
 from ...scoring import RANKED_UNITS, AgentSetting, Details, Report, main_table, place_of
+from ..doubted import doubt_numbers
 from ..pages import require_own_folder, source_of, templates_of, text_of
 from ..terminal.notes import warnings
 from ..terminal.tables import data_table, full_tables
@@ -62,6 +67,7 @@ def study(
     folder: str | Path,
     options: RunOptions = DEFAULTS,
     command: str = "",
+    doubts: Sequence[Doubt] = (),
     **keywords: Unpack[RunKeywords],
 ) -> Study:
     """Compare agents, and write tables, figures and a page.
@@ -72,6 +78,7 @@ def study(
         folder: New or empty, or the folder of an earlier study, which is replaced.
         options: Data, scenes, seeds, workers and progress, as of `compare`.
         command: Command that makes the study again, shown on the page.
+        doubts: Of `doctor`, about these scenes: findings, and blamed for errors.
         keywords: As of `compare`, in place of options.
 
     Raises MtpBenchError for wrong arguments and broken data.
@@ -89,14 +96,17 @@ def study(
     skipped = skipped_line(comparison.skipped)
     if skipped:
         warning_lines.append(skipped)
+    tables = study_tables(report)
+    if doubts:
+        tables["data"] = _doubt_table(report, options.card(env_id), doubts)
     with whole_folder(folder) as part:
         make_folder(part / "figures")
         result = Study(
             folder=folder,
             report=report,
-            tables=study_tables(report),
+            tables=tables,
             figures=draw_figures(report, part / "figures"),
-            findings=verdict(report, compared),
+            findings=[*doubt_lines(doubts), *verdict(report, compared)],
             warnings=warning_lines,
         )
         _write_tables(part / "tables", result.tables)
@@ -185,6 +195,25 @@ def _event_table(report: Report) -> Table:
     title = "Events of each agent's own tracks"
     sentence = "Along the best hypothesis in the first seed, on targets or not."
     return Table("events", title, sentence, rows, columns)
+
+
+def _doubt_table(report: Report, card: Card, doubts: Sequence[Doubt]) -> Table:
+    """Return the part of bADE that is blamed on the data, m."""
+    scene_numbers = []
+    for score in report.tables[0].setting.seeds[0]:  # all have the same targets
+        of_scene = [doubt for doubt in doubts if doubt.scene == score.scene]
+        scene_numbers.append(
+            doubt_numbers(of_scene, card, score.frame, score.object_id)
+        )
+    is_doubted = np.concatenate(scene_numbers) >= 0
+    rows = []
+    for table in report.tables:
+        blame_m = table.of_all.error - table.of_all.below_threshold
+        data_m = float(blame_m @ is_doubted) / max(1, len(blame_m))
+        rows.append(table.setting.key | {"data": data_m})
+    columns = (*_SETTING_COLUMNS, Column(key="data", unit="m"))
+    title = "Part of bADE (m) that is blamed on the data"
+    return Table("data", title, "", rows, columns)
 
 
 def _sample_table(report: Report) -> Table:

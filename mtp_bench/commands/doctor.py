@@ -1,0 +1,116 @@
+"""``mtp-bench doctor``."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Option
+
+from ..core import MtpBenchError, write_text
+from .options import EnvScenes, JsonOption, env_ids
+from .output import error_text, say, write_json
+
+if TYPE_CHECKING:
+    from ..cards import Card
+    from ..running import RunOptions
+
+_DOUBTS = 1  # exit status
+_ERROR = 2
+
+
+@dataclass(frozen=True)
+class _DataScenes(EnvScenes):
+    """Scenes of an environment or a user."""
+
+    env: Annotated[
+        str,
+        Option(
+            help="Environment id; with --files: whose rate and classes the files have.",
+            autocompletion=env_ids,
+        ),
+    ] = "MTP-nuScenes-v0"
+
+
+def doctor(
+    on: _DataScenes,
+    run: Annotated[
+        Path | None, Argument(help="Folder of a stored run, whose scenes are examined.")
+    ] = None,
+    cure: Annotated[
+        Path | None,
+        Option(help="New folder for a corrected copy of own scenes (--files)."),
+    ] = None,
+    page: Annotated[
+        Path | None, Option(help="HTML file to write, with a picture per doubt.")
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Examine data: do truth, detections, ego and clock fit together?
+
+    Status 0 for healthy data, 1 for doubts, 2 for an error.
+    """
+    try:
+        has_doubts = _examine(on, run, cure, page, json_file)
+    except (MtpBenchError, OSError) as error:
+        say(f"error: {error_text(error)}")
+        raise SystemExit(_ERROR) from None
+    if has_doubts:
+        raise SystemExit(_DOUBTS)
+
+
+def _examine(
+    on: _DataScenes,
+    run: Path | None,
+    cure: Path | None,
+    page: Path | None,
+    json_file: Path | None,
+) -> bool:
+    """Write what is asked for, and return if there are doubts."""
+    from ..running import doctor as examine_scenes, require_own
+    from ..viz import doubt_page, show_lines
+
+    options = on.options()
+    card = options.card(on.env)
+    options = options.unchanged
+    if run is not None:
+        card, options = _scenes_of(run, options)
+    if on.files is not None and (run is not None or card.detector is not None):
+        what = f"{card.id} simulates detections" if run is None else f"{run} is a run"
+        raise MtpBenchError(
+            f"{what}, so those in {on.files} would not be examined: leave out --files, "
+            "or name an environment that plays stored detections"
+        )
+    if cure is not None:
+        require_own(card)
+    checkup = examine_scenes(card, options)
+    write_json(json_file, checkup.to_json())
+    if page is not None:
+        write_text(page, doubt_page(checkup, card, options))
+    show_lines(checkup.lines())
+    if cure is not None:
+        show_lines([_cured_line(card, cure, options)])
+    return bool(checkup.doubts)
+
+
+def _scenes_of(run: Path, options: "RunOptions") -> "tuple[Card, RunOptions]":
+    """Return the card of a stored run, and options with its scenes."""
+    from ..running import open_run
+
+    opened = open_run(run, options.data)
+    names = tuple(rollout.scene for rollout in opened.rollouts())
+    return opened.card, replace(options, names=names)
+
+
+def _cured_line(card: "Card", folder: Path, options: "RunOptions") -> str:
+    """Write the corrected copy, and return what it changes."""
+    from ..running import cure as cure_scenes
+
+    cured = cure_scenes(card, folder, options)
+    if not cured.scenes:
+        return f"{folder}: an unchanged copy, as nothing can be cured"
+    errors = [
+        "no target" if error_m is None else f"{error_m:.3f} m"
+        for error_m in (cured.before_m, cured.after_m)
+    ]
+    names = ", ".join(cured.scenes)
+    return f"{folder}: {names} corrected; bADE of stp {' -> '.join(errors)}"

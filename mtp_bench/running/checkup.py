@@ -1,0 +1,236 @@
+"""The doctor on the scenes of an env, once per state of their files."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+from ..cards import Card, FilesSource, with_files
+from ..core import (
+    MtpBenchError,
+    Scene,
+    Section,
+    cache_root,
+    counted,
+    long_work,
+    make_folder,
+    new_folder,
+    read_json,
+    validate,
+    write_text,
+)
+from ..doubts import DOCTOR_VERSION, Doubt, Examination, examine
+from ..sources import open_source, save_scene, scene_digest, with_map
+from .evaluation import evaluate
+from .options import DEFAULTS, RunKeywords, RunOptions, resolve_options
+
+JUDGE = "stp"  # whose error says whether a cure helps
+_MOST_DOUBTS = 5  # lines beside other output
+
+
+class SceneCheckup(Section):
+    """Findings of the doctor in a scene."""
+
+    scene: str
+    doubts: tuple[Doubt, ...]
+    misfit: float  # between detections and truth, in [0, 1]
+    near: float  # share of true boxes with a detection near
+    # late by s, off by m, turned by degrees, as fits say; empty: nothing to compare
+    shifts: tuple[float, ...]
+    told: tuple[str, ...]  # small faults that would be told
+    missing: tuple[str, ...]  # what could not be checked
+
+
+@dataclass(frozen=True)
+class Checkup:
+    """Findings of the doctor in the scenes of an env."""
+
+    env: str
+    scenes: tuple[SceneCheckup, ...]
+
+    @property
+    def doubts(self) -> list[Doubt]:
+        """All doubts, scene by scene."""
+        return [doubt for scene in self.scenes for doubt in scene.doubts]
+
+    def lines(self) -> list[str]:
+        """Return a line per doubt, and at most three on what is healthy."""
+        lines = [f"{doubt.scene}: {doubt.line}" for doubt in self.doubts]
+        healthy = [scene for scene in self.scenes if not scene.doubts]
+        return lines + _healthy_lines(healthy)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all that was found as plain values."""
+        scenes = [scene.model_dump(mode="json") for scene in self.scenes]
+        return {"env": self.env, "doubts": len(self.doubts), "scenes": scenes}
+
+
+def doctor(
+    env_id: str | Card,
+    options: RunOptions = DEFAULTS,
+    **keywords: Unpack[RunKeywords],
+) -> Checkup:
+    """Examine the scenes of an env: do truth, detections, ego and clock fit together?
+
+    ``env_id``: id, path of a card, or a card; ``keywords`` as in `evaluate`, such as
+    ``files`` for own logs. Results are kept until the scenes change. Raises
+    MtpBenchError for a closed loop, and for data that cannot be read.
+    """
+    env_id, options = resolve_options(env_id, options, keywords)
+    card = options.card(env_id)
+    card.require_same_scenes(
+        "whose recordings are made anew by each agent", "there is nothing to examine"
+    )
+    work = long_work(f"examining the data of {card.id}", progress=options.progress)
+    with work as progress:
+        source = open_source(card, options.data)
+        names = options.chosen(source.names)
+        progress.started(len(names))
+        found = []
+        for name in names:
+            found.append(_checked(source.load(name), card, options.data))
+            progress.done(name)
+    return Checkup(card.id, tuple(found))
+
+
+@dataclass(frozen=True)
+class Cured:
+    """Own scenes before and after the cure."""
+
+    scenes: tuple[str, ...]  # names of those that were changed
+    before_m: float | None  # bADE of `JUDGE`; None without a target
+    after_m: float | None
+
+
+def cure(
+    env_id: str | Card,
+    folder: str | Path,
+    options: RunOptions = DEFAULTS,
+    **keywords: Unpack[RunKeywords],
+) -> Cured:
+    """Write own scenes into a new folder, with the doubts undone that can be.
+
+    ``env_id`` and ``keywords`` as in `doctor`; ``files`` names the scenes, which stay
+    as they are. Raises MtpBenchError without own scenes, and if ``folder`` is not new.
+    """
+    env_id, options = resolve_options(env_id, options, keywords)
+    card = options.card(env_id)
+    require_own(card)
+    source = open_source(card, options.data)
+    names = []
+    with long_work("curing scenes", progress=options.progress) as progress:
+        chosen = options.chosen(source.names)
+        progress.started(len(chosen))
+        with new_folder(Path(folder)) as part:
+            for name in chosen:
+                scene = source.load(name)
+                cured = examine(scene, card).cure(scene)
+                if scene_digest(cured) != scene_digest(scene):
+                    names.append(name)
+                save_scene(cured, part, card.task.classes)
+                progress.done(name)
+    after = with_files(card, folder)
+    return Cured(tuple(names), _error_m(card, options), _error_m(after, options))
+
+
+def require_own(card: Card) -> None:
+    """Raise MtpBenchError for a card without own scenes, which alone can be cured."""
+    if not isinstance(card.source, FilesSource):
+        raise MtpBenchError(
+            f"{card.id} has no scenes of your own: a cure writes tables, so name their "
+            "folder (--files)"
+        )
+
+
+def _error_m(card: Card, options: RunOptions) -> float | None:
+    """Return the bADE of `JUDGE` on the scenes of a card."""
+    report = evaluate(JUDGE, card, options.unchanged)
+    return report.rows[0].error if report.rows else None
+
+
+def scene_doubts(scene: Scene, card: Card, data: str | None) -> tuple[Doubt, ...]:
+    """Return the doubts about a scene; none where the doctor does not examine it."""
+    return () if card.is_trusted else _checked(scene, card, data).doubts
+
+
+def doubt_lines(doubts: Sequence[Doubt]) -> list[str]:
+    """Return a line per doubt, up to five, and how many there are beside."""
+    lines = [f"doubt: {doubt.scene}: {doubt.line}" for doubt in doubts[:_MOST_DOUBTS]]
+    if len(doubts) > _MOST_DOUBTS:
+        others = len(doubts) - _MOST_DOUBTS
+        lines.append(f"and {others} doubts more: `mtp-bench doctor`")
+    return lines
+
+
+def _checked(scene: Scene, card: Card, data: str | None) -> SceneCheckup:
+    """Return what is kept of a scene, else examine it."""
+    file_name = f"{scene_digest(scene)[:24]}-{card.digest}-{DOCTOR_VERSION}.json"
+    path = cache_root() / "doctor" / file_name
+    with suppress(MtpBenchError):  # missing, or not what was written
+        content = read_json(path, MtpBenchError)
+        return validate(SceneCheckup, content, str(path), MtpBenchError)
+    scene = with_map(scene, card, data)
+    found = _summary(examine(scene, card), scene, card)
+    with suppress(MtpBenchError, OSError):
+        make_folder(path.parent)
+        write_text(path, found.model_dump_json())
+    return found
+
+
+def _summary(found: Examination, scene: Scene, card: Card) -> SceneCheckup:
+    missing = [
+        f"{fault}, too small here"
+        for fault, is_told in found.powers.items()
+        if not is_told
+    ]
+    if not len(scene.truth.box):
+        missing = ["truth: the scene has none"]
+    elif not len(scene.detections.box):
+        missing = ["detections: the scene has none"]
+    elif np.ptp(scene.detections.score) == 0:
+        missing.append("scores, which are all equal")
+    if not scene.lanes:
+        missing.append("the map: the scene has none")
+    if not found.cured.has_ego:
+        missing.append("the ego, which does not move")
+    sizes = np.abs([found.size_of(kind) for kind in ("late", "offset", "turn")])
+    sizes[0] /= card.task.rate
+    return SceneCheckup(
+        scene=scene.name,
+        doubts=found.doubts,
+        misfit=found.misfit,
+        near=found.near,
+        shifts=tuple(sizes[np.isfinite(sizes)].tolist()),
+        told=tuple(fault for fault, is_told in found.powers.items() if is_told),
+        missing=tuple(missing),
+    )
+
+
+def _healthy_lines(scenes: Sequence[SceneCheckup]) -> list[str]:
+    """Return what was checked in scenes without a doubt, and with what power."""
+    if not scenes:
+        return []
+    who = scenes[0].scene if len(scenes) == 1 else counted(len(scenes), "scene")
+    lines = [f"{who}: no doubt, but truth and detections could not be compared"]
+    compared = [scene for scene in scenes if scene.shifts]
+    if compared:
+        near = min(scene.near for scene in compared)
+        late_s, offset_m, turn_degrees = np.max([scene.shifts for scene in compared], 0)
+        sentence = (
+            f"{who}: data fit together. At least {near:.0%} of the true boxes have a "
+            f"detection near; no shift in time (at most {1000 * late_s:.0f} ms), place "
+            f"({offset_m:.2f} m) or turn ({turn_degrees:.2f}°)"
+        )
+        lines = [sentence]
+    told = [fault for fault in scenes[0].told if all(fault in s.told for s in scenes)]
+    if told:
+        lines.append(
+            f"{who}: faults as small as these would be told: {', '.join(told)}"
+        )
+    missing = list(dict.fromkeys(gap for scene in scenes for gap in scene.missing))
+    if missing:
+        lines.append(f"{who}: not checked: {'; '.join(missing)}")
+    return lines

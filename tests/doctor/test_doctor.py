@@ -1,0 +1,140 @@
+"""The doctor: healthy scenes have no doubt, and each planted fault is named, undone and gone."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mtp_bench
+from benchmarks.doctor_faults import ALONE, FITTED, Fault
+from mtp_bench import Scene, evaluate, load_card, load_scenes
+from mtp_bench.doubts import examine, kinds
+from mtp_bench.sources import save_scene
+from tests.support.command_line import CommandLine, read_json
+
+ENV = "MTP-Intersection-v0"
+CARD = load_card(ENV)
+OWN = "MTP-nuScenes-v0"  # whose rate the scene has, and which takes own scenes
+FAULTS = (*FITTED, *ALONE)
+CURED = (
+    "late",
+    "mirrored",
+    "offset",
+    "turn",
+    "pose late",
+    "rear axle",
+    "axes exchanged",
+    "detections in feet",
+    "detections in the ego frame",
+    "detections doubled",
+    "classes exchanged",
+)
+# at the middle strength in this scene: too few slow people, twice the speed of a car in a town
+UNSEEN = ("detected heading turned 180", "rate too low by 2", "rate too low by 5", "both in the ego frame")
+# the last strength is one that a person sees
+SEEN = [fault for fault in FAULTS if fault.name not in UNSEEN]
+
+
+@pytest.fixture(scope="module")
+def scenes() -> list[Scene]:
+    return list(load_scenes(CARD, names=["intersection-010001", "intersection-010004"]))
+
+
+def test_healthy_scenes_have_no_doubt(scenes: list[Scene]) -> None:
+    for scene in scenes:
+        found = examine(scene, CARD)
+        assert [doubt.line for doubt in found.doubts] == []
+        assert all(found.powers.values()), "a small delay, offset or turn would be told"
+
+
+@pytest.mark.parametrize("fault", SEEN, ids=lambda fault: fault.name.replace(" ", "-"))
+def test_a_planted_fault_is_named(fault: Fault, scenes: list[Scene]) -> None:
+    draw = np.random.default_rng(len(fault.name))
+    found = examine(fault.plant(scenes[0], fault.strengths[-1], draw), CARD)
+    told = [doubt.kind for doubt in found.doubts]
+    assert any(kind in fault.expected for kind in told), told
+
+
+@pytest.mark.parametrize("fault", FITTED, ids=lambda fault: fault.name.replace(" ", "-"))
+def test_a_cured_scene_is_healthy(fault: Fault, scenes: list[Scene]) -> None:
+    draw = np.random.default_rng(len(fault.name))
+    scene = fault.plant(scenes[0], fault.strengths[-1], draw)
+    cured = examine(scene, CARD).cure(scene)
+    assert [doubt.line for doubt in examine(cured, CARD).doubts] == []
+
+
+@pytest.fixture(scope="module")
+def vehicles(scenes: list[Scene]) -> Scene:
+    """A scene with the classes that MTP-nuScenes-v0 has, too: car, truck, bus."""
+    truth = scenes[0].truth
+    detections = scenes[0].detections
+    return replace(
+        scenes[0],
+        truth=truth.select(truth.class_id <= 2),
+        detections=detections.select(detections.class_id <= 2),
+    )
+
+
+@pytest.fixture(scope="module")
+def healthy_error(vehicles: Scene) -> float:
+    return error_of(vehicles)
+
+
+def error_of(scene: Scene) -> float:
+    error = evaluate("stp", OWN, scenes=[scene]).rows[0].error
+    assert error is not None
+    return error
+
+
+@pytest.mark.parametrize("name", CURED)
+def test_a_cured_scene_scores_like_its_healthy_twin(name: str, vehicles: Scene, healthy_error: float) -> None:
+    fault = next(fault for fault in FAULTS if fault.name == name)
+    planted = fault.plant(vehicles, fault.strengths[-1], np.random.default_rng(1))
+    assert error_of(planted) > 1.1 * healthy_error
+    cured = examine(planted, load_card(OWN)).cure(planted)
+    assert error_of(cured) == pytest.approx(healthy_error, rel=0.02)
+
+
+def test_every_kind_has_a_sentence_without_a_hole() -> None:
+    for name, kind in kinds().items():
+        assert kind.says, name
+        assert kind.least > 0, name
+
+
+def test_a_log_is_cured(tmp_path: Path, cli: CommandLine, scenes: list[Scene]) -> None:
+    late = FITTED[0].plant(scenes[0], 1.0, np.random.default_rng(0))
+    save_scene(late, tmp_path / "logs", CARD.task.classes)
+    words = ("doctor", "--files", tmp_path / "logs")
+    said = cli(*words, "--cure", tmp_path / "cured", "--json", tmp_path / "found.json")
+    assert said.status == 1
+    assert "s late (1.0 frames): misfit" in said.out.replace("\n", " ")
+    found: Any = read_json(tmp_path / "found.json")
+    assert [doubt["kind"] for doubt in found["scenes"][0]["doubts"]] == ["late"]
+    before, after = (float(word) for word in said.out.split("bADE of stp ")[1].replace("m", "").split("->"))
+    assert after < before
+    healed = cli("doctor", "--files", tmp_path / "cured")
+    assert healed.status == 0
+    assert "data fit together" in healed.out
+
+
+def test_errors_have_status_2(tmp_path: Path, cli: CommandLine) -> None:
+    said = cli("doctor", "--env", ENV, "--files", tmp_path / "nowhere")
+    assert said.status == 2
+    assert said.err.startswith("error: ")
+
+
+def test_runs_tell_doubts_first_and_once(tmp_path: Path, cli: CommandLine, scenes: list[Scene]) -> None:
+    late = FITTED[0].plant(scenes[0], 1.0, np.random.default_rng(0))
+    save_scene(late, tmp_path / "logs", CARD.task.classes)
+    words = ("run", "blind", "--env", "MTP-nuScenes-v0", "--files", tmp_path / "logs", "-o")
+    assert "doubt: intersection-010001: detections are 0.49 s late (1.0 frames)" in cli(*words, tmp_path / "a").err
+    assert cli(*words, tmp_path / "b", "--no-doctor").err == ""
+
+
+def test_from_python(scenes: list[Scene]) -> None:
+    found = mtp_bench.doctor(ENV, scenes=scenes)
+    assert found.doubts == []
+    assert "2 scenes: data fit together" in found.lines()[0]
+    assert len(found.lines()) <= 3
