@@ -61,7 +61,8 @@ def detection_signs(recording: RecordedScene) -> Iterator[Sign]:
         yield _scores(score[labelled], pairs.right[labelled])
     yield _moved_sector(recording, pairs)
     yield _late_sector(recording)
-    yield from _unlabelled(recording, pairs.right, labelled)
+    if recording.scene.truth_complete:
+        yield from _unlabelled(recording, pairs.right, labelled)
 
 
 def class_signs(recording: RecordedScene) -> Iterator[Sign]:
@@ -71,16 +72,29 @@ def class_signs(recording: RecordedScene) -> Iterator[Sign]:
     few = max(_MIN_PAIRS, _MIN_NEAR * len(recording.truth.box))
     if count < 2 or len(pairs.truth) < few:
         return
-    truth = recording.truth.class_id[pairs.truth]
-    detected = recording.detections.class_id[pairs.detection]
-    table = np.zeros((count, count))
-    np.add.at(table, (truth, detected), 1.0)
+    table = _class_votes(recording, pairs)
     wrong = table * (1.0 - np.eye(count))
-    share = wrong / np.maximum(table.sum(axis=1), _MIN_PAIRS / 2)[:, None]
+    share = wrong / np.maximum(table.sum(axis=1), 2.0)[:, None]
     sign = _class_sign(recording, "classes_exchanged", np.minimum(share, share.T))
     first, second = (recording.card.task.classes.index(name) for name in sign.names)
     yield replace(sign, undo=partial(_exchanged, first, second))
+    wrong[wrong < _MIN_OBJECTS] = 0.0
     yield _class_sign(recording, "class_renamed", wrong / table.sum())
+
+
+def _class_votes(recording: RecordedScene, pairs: _Pairs) -> Floats:
+    """Return how many objects of a class are mostly detected as another one [C, C]."""
+    count = len(recording.card.task.classes)
+    truth = recording.truth
+    object_ids, number = np.unique(truth.object_id[pairs.truth], return_inverse=True)
+    votes = np.zeros((len(object_ids), count))
+    detected = recording.detections.class_id[pairs.detection]
+    np.add.at(votes, (number, detected), 1.0)
+    true_class = np.zeros(len(object_ids), dtype=np.int64)
+    true_class[number] = truth.class_id[pairs.truth]
+    table = np.zeros((count, count))
+    np.add.at(table, (true_class, votes.argmax(axis=1)), 1.0)
+    return table
 
 
 def _matched(recording: RecordedScene) -> _Pairs:
