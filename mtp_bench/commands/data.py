@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import BadParameter, Option
 
-from ..cards import load_card, with_split
+from ..cards import Card, load_card, with_split
 from ..core import MtpBenchError, card_ids, long_work
 from ..running import read_status
 from ..sources import DataStatus
@@ -66,10 +66,16 @@ def data(
     show_table(status_table(statuses))
     show("\n".join(data_lines(statuses)))
     _require_complete(statuses, is_needed=env is not None)
-    if env is not None and not no_doctor and not cards[0].is_trusted:
-        from ..running import RunOptions, doctor
+    if env is not None and not no_doctor:
+        _examine(cards[0], root)
 
-        show_lines(doctor(cards[0], RunOptions(root)).lines())
+
+def _examine(card: Card, root: str | None) -> None:
+    """Show if the recordings of a card fit together."""
+    from ..running import RunOptions, doctor
+
+    if not card.is_trusted:
+        show_lines(doctor(card, RunOptions(root)).lines())
 
 
 def _require_complete(statuses: Mapping[str, DataStatus], is_needed: bool) -> None:

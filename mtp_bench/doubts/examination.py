@@ -63,18 +63,8 @@ def examine(scene: Scene, card: Card) -> Examination:
             found.append((sign, ""))
             if sign.undo is not None:
                 recording = sign.undo(recording)
-    comparison = CauseFits(recording)
-    is_steady = all(sign.kind != "truth_jitter" for sign, _ in found)
-    for _ in range(MOST_DOUBTS * is_steady):  # jitter leaves nothing to compare with
-        fits = list(comparison.signs())
-        signs += fits
-        winner = _winner(fits)
-        if winner is None:
-            break
-        found.append(winner)
-        assert winner[0].undo is not None
-        recording = winner[0].undo(recording)
-        comparison = CauseFits(recording)
+    if all(sign.kind != "truth_jitter" for sign, _ in found):  # else nothing to compare
+        recording = _without_causes(recording, signs, found)
     rest = [*truth_signs(recording), *detection_signs(recording)]
     rest += class_signs(recording)
     signs += rest
@@ -85,6 +75,7 @@ def examine(scene: Scene, card: Card) -> Examination:
         if sign.undo is not None:
             recording = sign.undo(recording)
     doubts = [doubt_of(sign, recording, other) for sign, other in found]
+    comparison = CauseFits(recording)
     return Examination(
         doubts=tuple(doubts[:MOST_DOUBTS]),
         signs=tuple(signs),
@@ -93,6 +84,24 @@ def examine(scene: Scene, card: Card) -> Examination:
         near=comparison.near_share,
         powers=comparison.powers(),
     )
+
+
+def _without_causes(
+    recording: RecordedScene, signs: list[Sign], found: list[tuple[Sign, str]]
+) -> RecordedScene:
+    """Return the recording with up to `MOST_DOUBTS` causes of the misfit undone.
+
+    Adds all fits to ``signs``, and the winners with their runners-up to ``found``.
+    """
+    for _ in range(MOST_DOUBTS):
+        fits = list(CauseFits(recording).signs())
+        signs += fits
+        winner = _winner(fits)
+        if winner is None or winner[0].undo is None:
+            break
+        found.append(winner)
+        recording = winner[0].undo(recording)
+    return recording
 
 
 def _winner(fits: Iterable[Sign]) -> tuple[Sign, str] | None:

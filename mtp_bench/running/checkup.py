@@ -180,7 +180,8 @@ def _checked(scene: Scene, card: Card, data: str | None) -> SceneCheckup:
     return found
 
 
-def _summary(found: Examination, scene: Scene, card: Card) -> SceneCheckup:
+def _unchecked(found: Examination, scene: Scene) -> list[str]:
+    """Return what could not be checked in a scene, and why."""
     missing = [
         f"{fault}, too small here"
         for fault, is_told in found.powers.items()
@@ -196,6 +197,11 @@ def _summary(found: Examination, scene: Scene, card: Card) -> SceneCheckup:
         missing.append("the map: the scene has none")
     if not found.cured.has_ego:
         missing.append("the ego, which does not move")
+    return missing
+
+
+def _summary(found: Examination, scene: Scene, card: Card) -> SceneCheckup:
+    """Return what is kept of an examination."""
     sizes = np.abs([found.size_of(kind) for kind in ("late", "offset", "turn")])
     sizes[0] /= card.task.rate
     return SceneCheckup(
@@ -205,7 +211,21 @@ def _summary(found: Examination, scene: Scene, card: Card) -> SceneCheckup:
         near=found.near,
         shifts=tuple(sizes[np.isfinite(sizes)].tolist()),
         told=tuple(fault for fault, is_told in found.powers.items() if is_told),
-        missing=tuple(missing),
+        missing=tuple(_unchecked(found, scene)),
+    )
+
+
+def _fit_text(scenes: Sequence[SceneCheckup]) -> str:
+    """Return how well truth and detections of scenes without a doubt fit."""
+    compared = [scene for scene in scenes if scene.shifts]
+    if not compared:
+        return "no doubt, but truth and detections could not be compared"
+    near = min(scene.near for scene in compared)
+    late_s, offset_m, turn_degrees = np.max([scene.shifts for scene in compared], 0)
+    return (
+        f"data fit together. At least {near:.0%} of the true boxes have a detection "
+        f"near; no shift in time (at most {1000 * late_s:.0f} ms), place "
+        f"({offset_m:.2f} m) or turn ({turn_degrees:.2f}°)"
     )
 
 
@@ -214,17 +234,7 @@ def _healthy_lines(scenes: Sequence[SceneCheckup]) -> list[str]:
     if not scenes:
         return []
     who = scenes[0].scene if len(scenes) == 1 else counted(len(scenes), "scene")
-    lines = [f"{who}: no doubt, but truth and detections could not be compared"]
-    compared = [scene for scene in scenes if scene.shifts]
-    if compared:
-        near = min(scene.near for scene in compared)
-        late_s, offset_m, turn_degrees = np.max([scene.shifts for scene in compared], 0)
-        sentence = (
-            f"{who}: data fit together. At least {near:.0%} of the true boxes have a "
-            f"detection near; no shift in time (at most {1000 * late_s:.0f} ms), place "
-            f"({offset_m:.2f} m) or turn ({turn_degrees:.2f}°)"
-        )
-        lines = [sentence]
+    lines = [f"{who}: {_fit_text(scenes)}"]
     told = [fault for fault in scenes[0].told if all(fault in s.told for s in scenes)]
     if told:
         lines.append(
