@@ -17,7 +17,7 @@ from pydantic import (
 
 from ..core import CardError, MtpBenchError, Section, nearest, rule
 from ..detector import Profile, Variant, load_profile, with_variant
-from .source import DetectionsSection, SourceSection
+from .source import DataSection, DetectionsSection, SourceSection
 
 # a single number in the TOML stands for every class
 PerClass = dict[str, Annotated[float, Field(gt=0, le=1e4)]]
@@ -132,21 +132,6 @@ class PlannerSection(Section):
     pace: Annotated[float, Field(gt=0, le=1)] = (
         1.0  # share of the speed limits that is driven at most
     )
-
-
-class DataSection(Section):
-    """Switch of the doctor for the recordings of a card."""
-
-    # "off": the doctor does not examine them
-    doctor: Literal["on", "off"] = "on"
-    reason: str = ""  # why it is off
-
-    @field_validator("reason")
-    @classmethod
-    def _require_reason(cls, reason: str, info: ValidationInfo) -> str:
-        if info.data.get("doctor") == "off" and not reason.strip():
-            raise ValueError("expected why the doctor is off")
-        return reason
 
 
 class DriveSection(Section):

@@ -9,7 +9,7 @@ import pkgutil
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, InstanceOf, field_validator
+from pydantic import Field, InstanceOf, ValidationInfo, field_validator
 
 from ..core import CardError, Scene, Section, validate
 
@@ -132,6 +132,22 @@ class FilesSource(SourceSection):
             lanes=True,
             view=self.view,
         )
+
+
+class DataSection(Section):
+    """Switch of the doctor for the recordings of a card."""
+
+    # "off": the doctor does not examine them
+    doctor: Literal["on", "off"] = "on"
+    # why it is off
+    reason: str = Field(default="", validate_default=True)
+
+    @field_validator("reason")
+    @classmethod
+    def _require_reason(cls, reason: str, info: ValidationInfo) -> str:
+        if info.data.get("doctor") == "off" and not reason.strip():
+            raise ValueError("got no text, expected why the doctor is off")
+        return reason
 
 
 class DetectionsSection(SourceSection):

@@ -5,4 +5,3 @@ from .kinds import (
     kinds as kinds,
     limit_of as limit_of,
 )
-from .recording import RecordedScene as RecordedScene

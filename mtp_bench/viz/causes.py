@@ -1,13 +1,12 @@
 """Causes of an event as a table: stage at fault, reason, evidence in columns, cost."""
 
-from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..core import wrap_angle
-from ..scoring import BELOW_THRESHOLD, FIXED_CONFIDENCE, LEAST_SHOWN, STAGE_PARTS
+from ..scoring import BELOW_THRESHOLD, FIXED_CONFIDENCE, LEAST_SHOWN
 from .doubted import doubt_numbers
 from .evidence import (
     appeared,
@@ -22,6 +21,7 @@ from .evidence import (
 )
 from .focus import Focus, nearest_box
 from .incident import MOMENT, Incident
+from .part_ranking import DETECTION_REASONS, ranked_parts
 from .plan import collision_evidence
 
 Values = dict[str, Any]
@@ -83,8 +83,6 @@ HAPPENED = {  # kind of incident -> text
     MOMENT: "{object} is followed by {new_track}",
     "no event": "no false forecast of a {noun}",
 }
-_STAGES = {name: stage for stage, names in STAGE_PARTS.items() for name in names}
-_OF_DETECTIONS = ("no forecast", "other class", "off place")  # reasons
 
 
 class Cause(NamedTuple):
@@ -117,33 +115,6 @@ def cause_line(cause: Cause) -> str:
     return f"{cause.title}{cost}: {evidence}" if evidence else f"{cause.title}{cost}"
 
 
-def ranked_parts(
-    parts: Mapping[str, float], is_borrowed: bool
-) -> list[tuple[str, str, float]]:
-    """Rank the parts of an error, the gravest first.
-
-    Returns stage, reason and cost in m. The stage with the largest sum comes first,
-    below threshold last. Stages and parts that do not add to the error are left out.
-    ``is_borrowed``: the detections behind it are of other objects, so the object itself
-    is not detected.
-    """
-    stages = dict(_STAGES)
-    if is_borrowed:
-        stages |= dict.fromkeys(_OF_DETECTIONS, "detector")
-    totals_m: dict[str, float] = defaultdict(float)
-    for name, cost_m in parts.items():
-        totals_m[stages[name]] += cost_m
-
-    def sort_key(name: str) -> tuple[bool, float, float]:
-        return name == BELOW_THRESHOLD, -totals_m[stages[name]], -parts[name]
-
-    return [
-        (stages[name], name, parts[name])
-        for name in sorted(parts, key=sort_key)
-        if parts[name] > 0 and totals_m[stages[name]] >= LEAST_SHOWN
-    ]
-
-
 def causes_of(focus: Focus) -> list[Cause]:
     """Return the causes of an event, the gravest first.
 
@@ -164,7 +135,7 @@ def causes_of(focus: Focus) -> list[Cause]:
         if causes and cost_m < LEAST_SHOWN:  # the gravest is shown however small
             continue
         reason = part_name
-        if is_borrowed and part_name in _OF_DETECTIONS:
+        if is_borrowed and part_name in DETECTION_REASONS:
             reason = "borrowed detections"
         elif is_sure and part_name == BELOW_THRESHOLD:
             reason = "filled budgets"

@@ -15,9 +15,9 @@ from ..scoring import (
     named_parts,
     separated_truth,
 )
-from .causes import ranked_parts
 from .evidence import borrowed
 from .incident import INCIDENT_KINDS, Incident
+from .part_ranking import ranked_parts
 from .run_replay import Replay
 
 AT = (

@@ -9,7 +9,7 @@ import pytest
 
 import mtp_bench
 from benchmarks.doctor_faults import ALONE, FITTED, Fault
-from mtp_bench import Scene, evaluate, load_card, load_scenes
+from mtp_bench import MtpBenchError, Scene, evaluate, load_card, load_scenes
 from mtp_bench.doubts import examine, kinds
 from mtp_bench.sources import save_scene
 from tests.support.command_line import CommandLine, read_json
@@ -138,3 +138,13 @@ def test_from_python(scenes: list[Scene]) -> None:
     assert found.doubts == []
     assert "2 scenes: data fit together" in found.lines()[0]
     assert len(found.lines()) <= 3
+
+
+def test_a_card_that_switches_the_doctor_off_says_why(tmp_path: Path, repository: Path) -> None:
+    path = tmp_path / "MTP-WILDTRACK-v0.toml"
+    text = (repository / "envs" / path.name).read_text()
+    path.write_text(f'{text}\n[data]\ndoctor = "off"\n')
+    with pytest.raises(MtpBenchError, match="expected why the doctor is off"):
+        load_card(path)
+    path.write_text(f'{text}\n[data]\ndoctor = "off"\nreason = "shifted on purpose"\n')
+    assert load_card(path).is_trusted
