@@ -10,7 +10,7 @@ import pytest
 
 import mtp_bench
 from mtp_bench import load_card
-from mtp_bench.cards.card import DataSection
+from mtp_bench.cards.source import DataSection
 from mtp_bench.core import NO_PROGRESS
 from mtp_bench.doubts import Doubt
 from mtp_bench.running import doctor, open_run

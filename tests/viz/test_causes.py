@@ -15,9 +15,10 @@ from mtp_bench.cards import load_card
 from mtp_bench.running.stored import open_run
 from mtp_bench.scoring.parts import BELOW_THRESHOLD, LEAST_SHOWN, PART_NAMES, PARTS, STAGE_PARTS, by_fault
 from mtp_bench.sources import open_source
-from mtp_bench.viz.causes import TEMPLATES, Cause, causes_of, happened, headline, ranked_parts, sentence
+from mtp_bench.viz.causes import TEMPLATES, Cause, causes_of, happened, headline, sentence
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.moment_list import find_incident, moments
+from mtp_bench.viz.part_ranking import ranked_parts
 from mtp_bench.viz.played import PlayedRun
 from mtp_bench.viz.run_replay import Replay, replay
 from tests.support.focus_scenes import CARD, EVENT, crowd, told
