@@ -44,7 +44,6 @@ from .core import (
 from .env import MTPEnv as MTPEnv
 from .running import (
     check_agent as check_agent,
-    check_card as check_card,
     compare as compare,
     doctor as doctor,
     evaluate as evaluate,

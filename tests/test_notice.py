@@ -68,8 +68,6 @@ def test_a_terminal_has_a_bar_that_goes_at_the_end(monkeypatch: pytest.MonkeyPat
 def test_short_work_and_workers_are_silent(capfd: pytest.CaptureFixture[str]) -> None:
     with notice.long_work("short"):
         pass
-    with notice.long_work("waiting"), notice.long_work(""):
-        time.sleep(0.05)
     with notice.long_work("of a caller", 300, notice.Progress()):
         time.sleep(0.05)
     parallel_map(work_long, [("in a worker", 300), ("in a worker", 300)], Workers(2))

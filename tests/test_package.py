@@ -20,7 +20,7 @@ PUBLIC = {
     "Action", "ActionError", "Agent", "Card", "CardError", "DataError", "Detections", "Forecasts", "Frame",
     "FunctionPredictor", "MTPEnv", "MtpBenchError", "Objects", "Observation", "Pipeline", "Predictor", "RecordError",
     "Report", "Rollout", "RolloutError", "Sampler", "Scene", "ShapeError", "Submission", "SubmissionError", "Task",
-    "Tracker", "Tracks", "Truth", "UnknownNameError", "__version__", "card_ids", "check_agent", "check_card", "compare",
+    "Tracker", "Tracks", "Truth", "UnknownNameError", "__version__", "card_ids", "check_agent", "compare",
     "doctor",
     "evaluate", "load_card", "load_scenes", "load_submission", "make_action", "run", "save_scene", "score", "windows",
 }  # fmt: skip

@@ -9,6 +9,7 @@ again and compares.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -423,7 +424,9 @@ def parts() -> str:
     references = reference_errors(
         runs["perfect association"], runs["ground-truth tracks"], 4
     )
-    found = error_parts(agent_table(runs["agent"], None), "all", references)
+    found = error_parts(
+        replace(agent_table(runs["agent"], None), split=references), "all"
+    )
     colors = dict(zip(found, (GREEN, ORANGE, BLUE, PURPLE, GREY), strict=False))
     lines, scale = [], 46.0
     for i in range(len(true)):

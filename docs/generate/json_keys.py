@@ -26,6 +26,7 @@ CONTENT = {  # of `compare --json` and `score --json`
     "details": "A row per agent and setting, over all targets.",
     "skipped": "Rows of the data that could not be used, by reason.",
     "failures": "Agents that failed, with the reason; `compare` alone.",
+    "doubts": "What the doctor doubts about the data; `compare` alone.",
 }
 CONDITION = {
     "source": "Kind of data.",
@@ -115,9 +116,6 @@ HEAD = """\
 for undefined. **`error` is bADE**; per scene its key is `bADE`. An interval holds the two ends, at 95 %, of the number
 in the line above it. Arrows point to better values, metres are means over targets, and [What is measured](index.md)
 defines the numbers.
-
-The keys of `rows` can be columns of `--table`: `--columns error,interval,minADE --subsets all,ids`. So can those of
-`details` that are single numbers with a direction, and MOTA, IDF1, HOTA, IDS and FRAG.
 
 `mtp-bench worst --json` and `events --json` write lists of moments and of events, at the end of this page.
 """

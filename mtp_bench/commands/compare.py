@@ -50,7 +50,7 @@ def compare(
     """
     options = on.options(workers, range(seeds))
     env = on.card
-    prepare(env, options, agents, on.no_doctor)
+    doubts = prepare(env, options, agents, on.no_doctor)
     if train:
         from .train import train_missing
 
@@ -61,7 +61,8 @@ def compare(
     full = shown.is_full or json_file is not None
     result = run_comparison(agents, env, options, full)
     content = result.report.to_json("condition", "paired", "details", "failures")
-    write_json(json_file, content | {"skipped": result.skipped})
+    doubt_texts = [f"{doubt.scene}: {doubt.line}" for doubt in doubts]
+    write_json(json_file, content | {"skipped": result.skipped, "doubts": doubt_texts})
     # the verdict is about agents, and about controls only if they are named
     agent_names = dict.fromkeys(setting.submission.name for setting in result.settings)
     for control in control_names():
@@ -80,10 +81,6 @@ def _compare_driving(
     shown: Shown,
     json_file: Path | None,
 ) -> None:
-    if shown.columns or shown.subsets:
-        options.card(env).require_same_scenes(
-            "which has one table of driving", "leave --columns and --subsets out"
-        )
     with EnvEvaluation.opened("driving", env, options, keywords={}) as evaluation:
         result = compare_driving(agents, evaluation, shown.full)
     table = result.table

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import BadParameter, Option
 
-from ..cards import Card, load_card, with_split
+from ..cards import load_card, with_split
 from ..core import MtpBenchError, card_ids, long_work
 from ..running import read_status
 from ..sources import DataStatus
@@ -13,7 +13,6 @@ from ..viz import (
     data_lines,
     env_table,
     show,
-    show_lines,
     show_table,
     status_json,
     status_table,
@@ -41,10 +40,9 @@ def data(
     split: SplitOption = None,
     no_doctor: NoDoctorOption = False,
 ) -> None:
-    """Show which data is found, what is missing and how to get it.
+    """Show which data is found, what is missing, how to get it, and doubts about it.
 
-    With --env also if it fits together. Status 1 for broken files; with --env also for
-    data that is not there.
+    Status 1 for broken files; with --env also for data that is not there.
     """
     if split is not None and env is None:
         raise BadParameter(
@@ -59,23 +57,13 @@ def data(
     with long_work("checking data") as progress:
         progress.started(len(cards))
         for card in cards:
-            statuses[card.id] = read_status(card, root)
+            statuses[card.id] = read_status(card, root, no_doctor)
             progress.done(card.id)
     content = {env_id: status_json(status) for env_id, status in statuses.items()}
     write_json(json_file, content)
     show_table(status_table(statuses))
     show("\n".join(data_lines(statuses)))
     _require_complete(statuses, is_needed=env is not None)
-    if env is not None and not no_doctor:
-        _examine(cards[0], root)
-
-
-def _examine(card: Card, root: str | None) -> None:
-    """Show if the recordings of a card fit together."""
-    from ..running import RunOptions, doctor
-
-    if not card.is_trusted:
-        show_lines(doctor(card, RunOptions(root)).lines())
 
 
 def _require_complete(statuses: Mapping[str, DataStatus], is_needed: bool) -> None:

@@ -67,7 +67,7 @@ def _examine(
 ) -> bool:
     """Write what is asked for, and return if there are doubts."""
     from ..running import doctor as examine_scenes, require_own
-    from ..viz import doubt_page, show_lines
+    from ..viz import doubt_page, show
 
     options = on.options()
     card = options.card(on.env)
@@ -86,9 +86,9 @@ def _examine(
     write_json(json_file, checkup.to_json())
     if page is not None:
         write_text(page, doubt_page(checkup, card, options))
-    show_lines(checkup.lines())
+    show("\n".join(checkup.lines()))
     if cure is not None:
-        show_lines([_cured_line(card, cure, options)])
+        show(_cured_line(card, cure, options))
     return bool(checkup.doubts)
 
 
@@ -96,7 +96,11 @@ def _scenes_of(run: Path, options: "RunOptions") -> "tuple[Card, RunOptions]":
     """Return the card of a stored run, and options with its scenes."""
     from ..running import open_run
 
-    opened = open_run(run, options.data)
+    try:
+        opened = open_run(run, options.data)
+    except MtpBenchError as error:
+        error.add_note("own scenes are named with --files")
+        raise
     names = tuple(rollout.scene for rollout in opened.rollouts())
     return opened.card, replace(options, names=names)
 

@@ -130,7 +130,7 @@ TableOption = Annotated[
         "--table",
         suffixes=TABLE_SUFFIXES,
         text="Write the table to this file: .csv or .json with all numbers, .md or "
-        ".tex as it is shown. With --columns or --subsets all four hold these.",
+        ".tex as it is shown.",
     ),
 ]
 EnvOption = Annotated[

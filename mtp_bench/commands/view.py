@@ -1,4 +1,4 @@
-"""``mtp-bench view``: runs of one scene in a file, a window or a browser."""
+"""``mtp-bench view``: runs of one scene in a window or a file."""
 
 # rerun is slow to load: its functions are imported, and called, without --png alone
 # pyright: reportPossiblyUnboundVariable=false
@@ -47,7 +47,6 @@ _PNG = file_option(
     text="Write a picture (.png) instead; needs --at, no screen, no rerun.",
     suffixes=(".png",),
 )
-_WEB = Option("--web", help="Serve it to a browser on this machine instead.")
 
 
 def view(
@@ -57,15 +56,13 @@ def view(
     level: Annotated[str, _LEVEL] = "top",
     save: Annotated[Path | None, _SAVE] = None,
     png: Annotated[Path | None, _PNG] = None,
-    web: Annotated[bool, _WEB] = False,
     root: DataOption = None,
     env: RunCardOption = None,
     no_doctor: NoDoctorOption = False,
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
-    outputs = [save is not None, web, png is not None]
-    if outputs.count(True) > 1:
-        raise BadParameter("choose one of them", param_hint="--save, --web, --png")
+    if save is not None and png is not None:
+        raise BadParameter("choose one of them", param_hint="--save, --png")
     if png is not None and at is None:
         raise BadParameter(
             "a picture shows one moment: name it with --at; `mtp-bench worst` lists "
@@ -78,11 +75,10 @@ def view(
             from ..viz import (
                 require_display,
                 save_recording,
-                serve_recording,
                 show_recording,
             )
 
-        if save is None and not web:
+        if save is None:
             require_display()
     replays = _replays(runs, scene, at is not None, no_doctor)
     incident = None
@@ -97,13 +93,6 @@ def view(
     elif save is not None:
         save_recording(save, replays, level, incident)
         show(f"{save}: {text}; open it with `rerun {shlex.quote(str(save))}`")
-    elif web:
-        with long_work(""):  # nothing to say while the user looks at it
-
-            def ready(url: str) -> None:
-                show(f"{text}: {url} until Ctrl-C")
-
-            serve_recording(replays, level, incident, ready)
     else:
         show_recording(replays, level, incident)
         show(text)

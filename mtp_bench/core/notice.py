@@ -62,8 +62,7 @@ def long_work(
 ) -> Iterator[Progress]:
     """Show work while it lasts, and yield the callbacks that count its items.
 
-    ``expected_seconds``: of the work; 0: not known. An empty ``text`` hides the
-    work around it, as while waiting for the user. ``progress``: callbacks
+    ``expected_seconds``: of the work; 0: not known. ``progress``: callbacks
     of a caller that counts the items of this work itself; nothing else is shown then.
     """
     if progress is not NO_PROGRESS:
@@ -235,8 +234,6 @@ def _show() -> None:
     """Show the innermost work that is due or was shown before."""
     now_s = time.monotonic()
     for work in reversed(_stack):
-        if not work.text:  # it hides the work around it
-            return
         if not work.shown and now_s < work.due:
             continue
         if now_s >= work.due:

@@ -6,25 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from ..core import Bools, Detections, Floats, Truth
+from ..core import Bools, Detections, Floats, Truth, toml_beside
 from .maps import UNITS
 from .recording import RecordedScene
 from .signs import Sign, Undo
 
-_USUAL_SIZE_M = {  # l w h
-    "car": (4.5, 1.9, 1.65),
-    "van": (5.2, 2.0, 2.1),
-    "truck": (7.5, 2.6, 3.0),
-    "bus": (11.0, 2.9, 3.4),
-    "trailer": (11.0, 2.8, 3.7),
-    "motorcycle": (2.1, 0.8, 1.5),
-    "motorcyclist": (2.1, 0.8, 1.6),
-    "bicycle": (1.7, 0.6, 1.4),
-    "bicyclist": (1.7, 0.6, 1.7),
-    "cyclist": (1.75, 0.6, 1.75),
-    "pedestrian": (0.7, 0.7, 1.75),
-    "regular_vehicle": (4.6, 2.0, 1.75),
-}
+_USUAL_SIZE_M = toml_beside(__file__, "sizes.toml")  # class -> l w h
 LONG = ("car", "van", "truck", "bus", "trailer", "regular_vehicle")
 _MIN_ROWS = 5  # below which a share says nothing
 _MIN_HEADINGS = 20

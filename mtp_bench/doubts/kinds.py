@@ -1,13 +1,12 @@
 """Doubts: signs above their limits, in words."""
 
 from functools import cache
-from importlib import resources
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
-from ..core import MtpBenchError, Section, read_toml, validate
+from ..core import MtpBenchError, Section, toml_beside, validate
 from .form_signs import unit_of
 from .recording import NEVER, RecordedScene
 from .signs import Sign
@@ -68,7 +67,7 @@ def kinds() -> dict[str, Kind]:
     """Return all kinds by name, in the order of their file."""
     return {
         name: validate(Kind, table, name, MtpBenchError)
-        for name, table in _read("kinds.toml").items()
+        for name, table in toml_beside(__file__, "kinds.toml").items()
     }
 
 
@@ -78,7 +77,7 @@ def limit_of(kind: str) -> float:
 
     It is worth telling, and clearly above that of any healthy recording.
     """
-    healthy = float(_read("healthy.toml").get(kind, 0.0))
+    healthy = float(toml_beside(__file__, "healthy.toml").get(kind, 0.0))
     return max(kinds()[kind].least, _MARGIN * healthy)
 
 
@@ -115,11 +114,6 @@ def doubt_of(sign: Sign, recording: RecordedScene, runner_up: str = "") -> Doubt
         text=says.format(**fields),
         cure=kind.cure.format(**fields),
     )
-
-
-def _read(file_name: str) -> dict[str, Any]:
-    with resources.as_file(resources.files(__package__) / file_name) as path:
-        return read_toml(path, MtpBenchError)
 
 
 def _known(value: float) -> float | None:

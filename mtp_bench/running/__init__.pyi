@@ -12,7 +12,7 @@ from .comparison import (
     compare as compare,
     control_names as control_names,
 )
-from .conformance_checks import check_agent as check_agent, check_card as check_card
+from .conformance_checks import check_agent as check_agent
 from .conformance_playing import Finding as Finding
 from .drives import compare_driving as compare_driving
 from .evaluation import (

@@ -133,7 +133,7 @@ def _make_parts(
         table = agent_table(
             scores, reference=None, constants=card_budget(opened.card.id)
         )
-        parts = error_parts(table, "all", split)
+        parts = error_parts(replace(table, split=split), "all")
     scene_scores = scores.seeds[0]  # a stored run has one seed
     count = np.array([len(score) for score in scene_scores])
     missing = np.zeros(count.sum())

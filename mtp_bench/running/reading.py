@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..cards import Card
 from ..core import (
@@ -22,6 +23,9 @@ from ..core import (
 )
 from ..scoring import HOLES, LOST_TARGETS, count_holes
 from ..sources import DataStatus, describe, open_source
+
+if TYPE_CHECKING:
+    from ..doubts import Doubt
 
 _NOT_READ = (".jpg", ".png", ".bin")  # images and points
 
@@ -63,16 +67,23 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
     return "; ".join(sentences) or None
 
 
-def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
+def read_status(
+    card: Card, data: str | None = None, no_doctor: bool = False
+) -> DataStatus:
     """Return the status of the data of ``card`` after reading all its scenes.
 
-    The status lists broken files, counts, and a note on skipped rows. If no file is
-    broken, the counts are cached until the size or time of a file changes.
+    The status lists broken files, counts, and notes on skipped rows and, unless
+    ``no_doctor``, on doubts about the data. If no file is broken, they are cached until
+    the size or time of a file changes.
     """
     status = describe(card, data)
     if not status.usable or status.about.generated or status.root is None:
         return status
-    file_name = f"{card.digest}-{_files_digest(status.root)}.json"
+    from ..doubts import DOCTOR_VERSION  # slow to load
+
+    no_doctor |= card.is_trusted
+    version = 0 if no_doctor else DOCTOR_VERSION
+    file_name = f"{card.digest}-{_files_digest(status.root)}-{version}.json"
     path = cache_root() / "counts" / file_name
     with suppress(MtpBenchError):  # missing, or not what was written
         content = read_json(path, MtpBenchError)
@@ -80,7 +91,7 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
         status.counts.update(cached.counts)
         status.notes += cached.notes
         return status
-    notes = _read_scenes(status, card, data)
+    notes = _read_scenes(status, card, data, no_doctor)
     status.notes += notes
     if status.usable:
         with suppress(MtpBenchError, OSError):
@@ -89,14 +100,21 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
     return status
 
 
-def _read_scenes(status: DataStatus, card: Card, data: str | Path | None) -> list[str]:
-    """Count what the scenes hold in ``status``, and return notes on skipped rows."""
+def _read_scenes(
+    status: DataStatus, card: Card, data: str | None, no_doctor: bool
+) -> list[str]:
+    """Count what the scenes hold in ``status``, and return notes on their rows."""
+    from .checkup import doubt_lines, scene_doubts  # slow to load
+
     source = open_source(card, data)
     skipped = []
+    doubts: list[Doubt] = []
     for scene_name in source.names:
         with status.noted():
             scene = source.load(scene_name)
             skipped.append(scene.skipped | count_holes(scene, card))
+            if not no_doctor:
+                doubts += scene_doubts(scene, card, data)
             counts = {
                 "scenes": 1,
                 "frames": scene.frames,
@@ -105,7 +123,7 @@ def _read_scenes(status: DataStatus, card: Card, data: str | Path | None) -> lis
             }
             status.counts.update(counts)
     line = skipped_line(total_skipped(skipped))
-    return [] if line is None else [line]
+    return [*filter(None, [line]), *doubt_lines(doubts)]
 
 
 def _files_digest(root: Path) -> str:

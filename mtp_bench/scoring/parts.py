@@ -19,7 +19,7 @@ import numpy as np
 from ..core import Floats, Ints
 from .bade import at_budgets
 from .statistics import ratio
-from .table import AgentScores, AgentTable, over_seeds
+from .table import AgentScores, AgentTable, ReferenceErrors, over_seeds
 from .targets import AbsentCause
 
 # key of `Row` without "cost_" -> printed name; the first four are of references
@@ -60,17 +60,6 @@ STAGE_NAMES = {stage: stage for stage in STAGE_PARTS if stage != "data"}
 STAGE_NAMES["forecast"] = "not split"
 BELOW_THRESHOLD = PART_NAMES["below_threshold"]
 _COLUMN = {name: column for column, name in enumerate(PART_NAMES)}
-
-
-class ReferenceErrors(NamedTuple):
-    """Plain errors [n] m of references: means over the seeds that cover a target.
-
-    NaN without such a seed.
-    """
-
-    associated: Floats  # perfect association
-    centred: Floats  # the same with the present place moved to the truth
-    ground_truth: Floats  # ground-truth tracks
 
 
 class SceneParts(NamedTuple):
@@ -178,22 +167,20 @@ def _covered_mean(scores: AgentScores, name: str) -> Floats:
     return mean
 
 
-def error_parts(
-    table: AgentTable, subset: str, references: ReferenceErrors | None
-) -> dict[str, Floats]:
+def error_parts(table: AgentTable, subset: str) -> dict[str, Floats]:
     """Return the parts [n] of bADE on a subset, m, by the keys of `PART_NAMES`.
 
-    Unknown parts are left out. ``references``: runs with the agent's own predictor and
-    its number of samples. Without them the whole error of a forecast is its "rest"; so
-    it is for a target of which one of them has no forecast.
+    Unknown parts are left out. Without references, which `AgentTable.split` holds, the
+    whole error of a forecast is its "rest"; so it is for a target of which one of them
+    has no forecast.
     """
     bade = table.bade(subset)
     absent = bade.missed - bade.below_threshold
     unsplit = bade.error - bade.missed
     parts: dict[str, Floats] = {}
-    if references is not None:
-        split = np.isfinite(sum(references))  # False if one is NaN
-        associated, centred, ground_truth = np.where(split, references, 0.0)
+    if table.split is not None:
+        split = np.isfinite(sum(table.split))  # False if one is NaN
+        associated, centred, ground_truth = np.where(split, table.split, 0.0)
         # share of budgets and seeds with a forecast: the others cost c
         covered = 1.0 - bade.missed / table.miss_error
         parts = {
@@ -228,16 +215,14 @@ def thresholds_of(table: AgentTable) -> Floats:
     return at_budgets(cuts, budgets.all, threshold, live_frames)[:, 0, 0]
 
 
-def mean_costs(
-    table: AgentTable, subset: str, references: ReferenceErrors | None
-) -> dict[str, Any]:
+def mean_costs(table: AgentTable, subset: str) -> dict[str, Any]:
     """Return fields ``cost_*`` of a `Row`: means over the targets of a subset, m.
 
     Fields of unknown parts are missing.
     """
     weight = table.weight[subset]
     total = float(weight.sum())
-    parts = error_parts(table, subset, references)
+    parts = error_parts(table, subset)
     return {
         f"cost_{name}": ratio(float((part * weight).sum()), total)
         for name, part in parts.items()

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from ..core import counted
 from .bade import ONE_PER_TARGET
 from .definitions import DEFINITIONS, Subset
 from .details import details
-from .parts import ReferenceErrors, mean_costs, reference_errors
+from .parts import mean_costs, reference_errors
 from .rank import (
     ALONE_TEXT,
     GapPairs,
@@ -59,7 +60,7 @@ def summarise(
     """
     references = references or {}
     all_tables = _tables_of(agents, references, reference)
-    tables = [all_tables[setting] for setting in agents]
+    tables = [_split(all_tables[setting], references) for setting in agents]
     equal_budget = _equal_budget(tables)
     stp_table = equal_budget.get(stp)
     truth_table = equal_budget.get(truth)
@@ -70,10 +71,9 @@ def summarise(
     places = _places(tables, stp_table, pairs)
     rows = []
     for table, gaps, agent_places in zip(tables, pairs, places, strict=True):
-        split = _split_of(table, references)
         for subset in table.subsets:
             place = agent_places[subset]
-            rows.append(_row(table, subset, stp_table, gaps, split, place))
+            rows.append(_row(table, subset, stp_table, gaps, place))
     controls = [equal_budget[name] for name in CONTROLS if name in equal_budget]
     return Report(
         env=card.id,
@@ -119,15 +119,17 @@ def _tables_of(
     return tables
 
 
-def _split_of(
+def _split(
     table: AgentTable, references: Mapping[str, References | None]
-) -> ReferenceErrors | None:
-    """Return errors of the references that split an agent's error into parts."""
+) -> AgentTable:
+    """Return the table with errors of the references that split its errors."""
     runs = references.get(table.setting.agent)
     # the truth has no detections to associate
     if runs is None or table.setting.observe == "truth":
-        return None
-    return reference_errors(runs.associated, runs.tracks, table.setting.samples)
+        return table
+    samples = table.setting.samples
+    errors = reference_errors(runs.associated, runs.tracks, samples)
+    return replace(table, split=errors)
 
 
 def _condition(
@@ -227,7 +229,6 @@ def _row(
     subset: Subset,
     stp: AgentTable | None,
     gaps: GapPairs,
-    split: ReferenceErrors | None,
     place: Place,
 ) -> Row:
     weight = table.weight[subset]
@@ -260,7 +261,7 @@ def _row(
         localisation=mean(bade.error - bade.missed),
         missed=mean(bade.missed),
         error_by_score=mean(bade.by_score),
-        **mean_costs(table, subset, split),
+        **mean_costs(table, subset),
         plain_error=mean(table.capped),
         fixed_error=fixed_error,
         energy_score=mean_covered(table.energy_score),

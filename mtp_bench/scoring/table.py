@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,17 @@ class Bade:
     by_score: Floats
 
 
+class ReferenceErrors(NamedTuple):
+    """Plain errors [n] m of references with an agent's predictor and samples.
+
+    They are means over the seeds that cover a target, NaN without such a seed.
+    """
+
+    associated: Floats  # perfect association
+    centred: Floats  # the same with the present place moved to the truth
+    ground_truth: Floats  # ground-truth tracks
+
+
 @dataclass(frozen=True, eq=False)
 class AgentTable:
     """Targets [n] of all scenes.
@@ -81,6 +92,7 @@ class AgentTable:
     weight: dict[str, Floats]  # [n] per subset
     # per subset: expected number in a run of the reference
     events: dict[str, float | None]
+    split: ReferenceErrors | None = None  # of references that split errors into parts
 
     def bade(self, subset: str) -> Bade:
         """Return bADE on a subset.

@@ -34,7 +34,6 @@ from .rerun.recording import save_recording as save_recording
 from .rerun.shown import LEVELS as LEVELS
 from .rerun.viewer import (
     require_display as require_display,
-    serve_recording as serve_recording,
     show_recording as show_recording,
 )
 from .run_replay import Replay as Replay, replay as replay
@@ -43,10 +42,6 @@ from .studies.study import (
     Study as Study,
     require_study_folder as require_study_folder,
     study as study,
-)
-from .terminal.chosen_table import (
-    chosen_table as chosen_table,
-    column_keys as column_keys,
 )
 from .terminal.event_table import (
     EVENT_CAPTION as EVENT_CAPTION,
@@ -77,7 +72,7 @@ from .terminal.output import (
     show_table as show_table,
 )
 from .terminal.tables import data_table as data_table, full_tables as full_tables
-from .terminal.verdict import short_verdict as short_verdict, verdict as verdict
+from .terminal.verdict import cost_lines as cost_lines, verdict as verdict
 from .terminal.worst_table import (
     CAPTION_BELOW as CAPTION_BELOW,
     UNSPLIT as UNSPLIT,

@@ -4,7 +4,7 @@ import base64
 import hashlib
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..core import MtpBenchError, require_folder, require_replaceable
 
@@ -42,6 +42,17 @@ def source_of(text: str) -> str:
     """
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
     return f"'sha256-{digest}'"
+
+
+def page_of(folder: Path, template: str, **content: Any) -> str:
+    """Return a page that has no script and loads no other file.
+
+    Its style is ``page.css`` in the ``folder`` of the ``template``.
+    """
+    style = text_of(folder, "page.css")
+    policy = f"default-src 'none'; style-src {source_of(style)}; img-src data:"
+    page = templates_of(folder).get_template(template)
+    return f"{page.render(style=style, policy=policy, **content)}\n"
 
 
 def templates_of(folder: Path) -> "Environment":

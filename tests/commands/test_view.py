@@ -1,10 +1,5 @@
 """`mtp-bench view`: what it writes, what it refuses, and that windows and pages open on the event."""
 
-import re
-import signal
-import subprocess
-import sys
-import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +12,7 @@ from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
 from mtp_bench.viz.framing import AROUND_SECONDS
-from tests.support.command_line import CommandLine, plain_environment, write_submission
+from tests.support.command_line import CommandLine, write_submission
 from tests.support.headless_viewer import until, windows_without_a_screen
 from tests.support.recordings import read
 
@@ -78,22 +73,3 @@ def test_a_window_plays(cli: CommandLine, folder: Path, known: list[str], monkey
         views = {view.name: view.reports for view in viewer.get_state().views}
         assert "lost-0 at 0.3 s" in views
         assert not any(views.values()), "every view is drawn without a report"
-
-
-def test_pages_are_served_on_this_machine_only(folder: Path, known: list[str]) -> None:
-    # a process in the background of a shell ignores interrupts, and so would its child
-    start = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    run = "from mtp_bench.commands.app import main; main()"
-    command = [sys.executable, "-u", "-c", f"{start}; {run}", "view", str(folder), *known, "--web"]
-    environment = {**plain_environment(), "COLUMNS": "400"}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as served:
-        try:
-            assert served.stdout is not None
-            line = served.stdout.readline()
-            found = re.search(r"http://127\.0\.0\.1:\d+/", line)
-            assert found, line
-            with urllib.request.urlopen(found[0], timeout=20) as page:
-                assert page.status == 200
-        finally:
-            served.send_signal(signal.SIGINT)
-        assert served.wait(20) == 0

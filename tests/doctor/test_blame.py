@@ -118,10 +118,12 @@ def test_the_study_quotes_doubts_and_sums_their_part(runs: dict[str, Path], tmp_
     made = study(["stp"], ENV, tmp_path / "study", doubts=doubts, files=files)
     assert "padded rows? Cure: leave out rows" in made.findings[0]
     assert "padded rows?" in made.page.read_text()
-    (row,) = [row for row in made.tables["data"].rows if row["agent"] == "stp"]
+    (row,) = [row for row in made.tables["parts"].rows if row["agent"] == "stp"]
     (played,) = replays(open_run(runs["padded"]), None, NO_PROGRESS)
     parts = played.part[np.isfinite(played.part[:, 0])].mean(axis=0)
-    assert row["data"] == pytest.approx(parts[PARTS.index("data")])
+    assert [row[name] for name in PARTS] == pytest.approx(parts.tolist())
+    assert not {"parts_with_forecast", "parts_without_forecast"} & made.tables.keys()
+    assert "parts" not in [figure.name for figure in made.figures]
 
 
 def test_who_trusts_the_data_has_no_doubt(runs: dict[str, Path]) -> None:

@@ -85,7 +85,6 @@ def test_where_an_agent_fails_the_ego_drives_on_without_forecasts(short: Any, tm
 COMMANDS = {
     "study": ("study --quick -o study", "there is no study: `mtp-bench compare`"),
     "compare": ("compare stp --tracks .", "takes no stored tracks: leave --tracks out"),
-    "columns": ("compare stp --columns error", "one table of driving: leave --columns"),
     "tracks": ("import tracks . -o tables", "takes no stored tracks"),
 }
 

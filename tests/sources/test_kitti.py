@@ -133,18 +133,18 @@ def test_train_is_every_other_sequence(root: Path) -> None:
 def test_status_lists_what_is_missing_and_what_is_wrong(root: Path, own_cache: Path) -> None:
     assert describe(kitti_card(), root).usable
     assert "has no detector 'other'; found: pointrcnn" in describe(kitti_card(detector="other"), root).missing[0]
-    counts = [read_status(kitti_card(), root).counts for _ in range(2)]
+    counts = [read_status(kitti_card(), str(root)).counts for _ in range(2)]
     assert counts[0] == counts[1] != {}, "kept until a file changes"
     for content in ("[]", json.dumps({"counts": counts[0]})):
         for kept in (own_cache.parent / "counts").iterdir():
             kept.write_text(content)
-        assert read_status(kitti_card(), root).counts == counts[0], "counted again where the cache is wrong"
+        assert read_status(kitti_card(), str(root)).counts == counts[0], "counted again where the cache is wrong"
     text, before = (root / LABELS).read_text(), (root / LABELS).stat()
     write(root / LABELS, "0 1 Car".ljust(len(text) - 1))
     os.utime(root / LABELS, ns=(before.st_atime_ns, before.st_mtime_ns))
     assert (root / LABELS).stat().st_size == before.st_size
-    status = read_status(kitti_card(), root)
+    status = read_status(kitti_card(), str(root))
     assert "line 1: 3 columns" in status.problems[0]
     assert not status.usable
     (root / OXTS).unlink()
-    assert read_status(kitti_card(ego_motion=False), root).missing == [f"no file {root / OXTS}"]
+    assert read_status(kitti_card(ego_motion=False), str(root)).missing == [f"no file {root / OXTS}"]

@@ -12,8 +12,8 @@ from mtp_bench import load_submission
 from mtp_bench.agent import SubmissionFactory
 from mtp_bench.agent.submission_files import new_submission
 from mtp_bench.core import Observation, Task
-from mtp_bench.running import Finding, check_agent, check_card
-from tests.support.small_scenes import CARD, Action, EchoAgent, write_card, write_short_card
+from mtp_bench.running import Finding, check_agent
+from tests.support.small_scenes import Action, EchoAgent, write_short_card
 
 SCENES = ["0006", "0001"]
 
@@ -156,22 +156,3 @@ def test_an_agent_that_raises_shows_its_own_lines(card: str, kitti: str) -> None
     assert (error.got, error.where, len(error.traceback)) == ("ValueError: no more", "scene 0006, frame 3", 1)
     assert error.traceback[0].startswith("test_suite.py, line ")
     assert error.traceback[0].endswith('in act: raise ValueError("no more")')
-
-
-def test_a_card_that_is_sound(card: str, kitti: str) -> None:
-    findings = check_card(card, kitti)
-    assert [(finding.level, finding.check) for finding in findings] == [
-        ("ok", "card"), ("ok", "gymnasium"), ("ok", "content"),
-    ]  # fmt: skip
-
-
-CARDS: dict[str, tuple[str, str, str, str]] = {
-    "misspelt": ("samples = 4", "smaples = 4", "error", "unknown key 'task.smaples'"),
-    "too few rows": ("detections = 6", "detections = 2", "warning", "3 detections in a frame"),
-    "no future": ("future = 3", "future = 30", "warning", "0 in this scene"),
-}
-
-
-@pytest.mark.parametrize(("old", "new", "level", "text"), CARDS.values(), ids=CARDS)
-def test_faults_of_a_card_are_found(old: str, new: str, level: str, text: str, kitti: str, tmp_path: Path) -> None:
-    assert text in only(check_card(write_card(tmp_path, CARD.replace(old, new)), kitti), level).got

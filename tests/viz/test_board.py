@@ -262,15 +262,6 @@ def test_turning_targets_are_a_column_that_older_records_leave_blank() -> None:
     assert "turning" not in board_files(board_of(old)).parts[f"{MAIN}.csv"]
 
 
-def test_a_curve_is_drawn() -> None:
-    curve = [[0.0, 9.0], [1.0, 5.0], [5.0, 4.0]]
-    files = board_files(board_of(made_up("stp", 1.5, curve=curve), made_up("none", 1.0)))
-    drawn = pieces_of(files)[f"{MAIN}/stp"]
-    assert drawn.count("<polyline") == 1
-    assert "false forecasts allowed per target" in drawn
-    assert "polyline" not in pieces_of(files)[f"{MAIN}/none"]
-
-
 def test_energy_score_and_calibration_stand_beside_the_error() -> None:
     files = board_files(board_of(made_up("calibrated", 0.5, brier=0.0625, overconfidence=0.075), made_up("plain", 1.0)))
     lines = {entry["id"].partition("/")[2]: entry for entry in Page(files.page).entries}

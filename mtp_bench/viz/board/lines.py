@@ -15,7 +15,7 @@ from ...scoring import SUBSET_NAMES, SUBSETS, PairedDifference, Subset
 from ...sources import package_of
 from ..terminal.tables import parts_text
 from .columns import COLUMN, PAGE, ROW_COLUMNS, best_text, optional_columns
-from .drawings import WIDTH, Scale, bar_of, curve_chart, scale_of
+from .drawings import WIDTH, Scale, bar_of, scale_of
 from .entries import Entry, empty_error, has_map, is_simulated
 
 _MAX_LETTERS = 120  # of a text in a row: the details show all of it
@@ -103,11 +103,10 @@ def _unranked_subsets(entries: Sequence[Entry]) -> list[Subset]:
     return unranked
 
 
-def details_of(line: Line, reference: Entry | None) -> Line:
+def details_of(line: Line) -> Line:
     """Return the content of the template for an entry's details.
 
-    It is the ``line`` of the entry with all cells, links, charts and tables.
-    ``reference``: the entry of STP.
+    It is the ``line`` of the entry with all cells, links and tables.
     """
     entry: Entry = line["entry"]
     row = entry.row
@@ -119,7 +118,6 @@ def details_of(line: Line, reference: Entry | None) -> Line:
         "cells": {key: column.shown(entry) for key, column in COLUMN.items()},
         "link": address_of(entry.link),
         "all_links": _links(entry),
-        "chart": curve_chart(entry, reference),
         "subsets": subset_table(entry),
         "parts": error_parts,
         "costs": parts_text(row),

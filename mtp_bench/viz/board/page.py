@@ -175,7 +175,7 @@ def _details_script(board: dict[str, Any], content: dict[str, Any]) -> str:
     """
     calls = []
     for line in board["lines"]:
-        details = details_of(line, board["reference"])
+        details = details_of(line)
         html = _render("entry.html", **content, board=board, line=details)
         address = content["ids"][line["entry"]]
         call = f"mtpBoard({json.dumps(address)}, {json.dumps(html)});\n"

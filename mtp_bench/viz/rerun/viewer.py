@@ -1,14 +1,13 @@
-"""The viewer that comes with rerun: a window, or pages for browsers on this machine."""
+"""The window of the viewer that comes with rerun."""
 
 import importlib.util
 import os
-import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -22,8 +21,8 @@ from .sdk import INSTALL
 LOCAL = "127.0.0.1"  # the viewer's own default is every network interface
 START_SECONDS = 30.0
 OTHER_WAYS = (
-    "write a file with --save FILE.rrd, serve it with --web, or draw an event with "
-    "--at and --png"
+    "write a file with --save FILE.rrd and serve it to a browser with `rerun "
+    "--serve-web FILE.rrd`, or draw an event with --at and --png"
 )
 
 
@@ -63,37 +62,6 @@ def show_recording(replays: Sequence[Replay], level: str, at: Incident | None) -
             start_viewer(free_port(), ["--hide-welcome-screen", "-"], content)
 
 
-def serve_recording(
-    replays: Sequence[Replay],
-    level: str,
-    at: Incident | None,
-    ready: Callable[[str], object],
-) -> None:
-    """Serve runs to browsers on this machine until interrupted.
-
-    ``ready`` gets the address. Raises MtpBenchError if the server does not start.
-    """
-    # SIGTERM is handled as Ctrl-C, so that this process stops its server
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    port = free_port()
-    page_port = free_port()
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        path = Path(folder) / "scene.rrd"
-        save_recording(path, replays, level, at)
-        options = ["--serve-web", "--web-viewer-port", str(page_port), str(path)]
-        server = start_viewer(port, options)
-        try:
-            ready(
-                f"http://{LOCAL}:{page_port}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy"
-            )
-            server.wait()
-        except KeyboardInterrupt:
-            pass  # the usual end
-        finally:
-            server.terminate()
-            server.wait()
-
-
 def free_port() -> int:
     """Return a port that is not in use."""
     with socket.socket() as probe:
@@ -125,4 +93,4 @@ def start_viewer(
             return viewer
         time.sleep(0.05)
     viewer.terminate()
-    raise MtpBenchError("the viewer did not start: try --save FILE.rrd or --web")
+    raise MtpBenchError("the viewer did not start: try --save FILE.rrd")

@@ -15,7 +15,7 @@ from ...running import Checkup, RunOptions
 from ...sources import in_world, open_source, with_map
 from ..drawing.canvas import EDGE, Canvas, Outline
 from ..framing import TRAIL_SECONDS, Window
-from ..pages import source_of, templates_of, text_of
+from ..pages import page_of
 from ..palette import DETECTION, TRUTH
 
 _TEMPLATES = Path(__file__).parent
@@ -39,18 +39,7 @@ def doubt_page(checkup: Checkup, card: Card, options: RunOptions) -> str:
         cured = examine(scene, card).cure(scene)
         for doubt in checked.doubts:
             figures.append((doubt, _data_uri(_picture(doubt, scene, cured, card))))
-    style = text_of(_TEMPLATES, "page.css")
-    content = (
-        templates_of(_TEMPLATES)
-        .get_template("doubts.html")
-        .render(
-            style=style,
-            policy=f"default-src 'none'; style-src {source_of(style)}; img-src data:",
-            checkup=checkup,
-            figures=figures,
-        )
-    )
-    return f"{content}\n"
+    return page_of(_TEMPLATES, "doubts.html", checkup=checkup, figures=figures)
 
 
 def _picture(doubt: Doubt, scene: Scene, cured: Scene, card: Card) -> Image.Image:

@@ -15,13 +15,12 @@ from ...running import HYPOTHESIS_CONTROLS
 from ...scoring import (
     PART_NAMES,
     SUBSET_NAMES,
-    Details,
     Report,
     Row,
     Subset,
 )
-from ..terminal.chosen_table import AgentLine, agent_lines, main_lines, sort_error
 from ..terminal.notes import REFERENCES, label_of
+from ..terminal.settings_table import AgentLine, agent_lines, main_lines, sort_error
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -82,10 +81,12 @@ class DrawnFigure:
     data_uri: str  # the SVG, for a page
 
 
-def draw_figures(report: Report, folder: Path) -> list[DrawnFigure]:
+def draw_figures(
+    report: Report, folder: Path, has_parts: bool = True
+) -> list[DrawnFigure]:
     """Draw the figures of a report as SVG, PDF and PNG.
 
-    Figures without values are left out.
+    Figures without values are left out, that of the parts unless ``has_parts``.
     """
     from matplotlib import style
 
@@ -95,7 +96,7 @@ def draw_figures(report: Report, folder: Path) -> list[DrawnFigure]:
     with style.context(["default", _STYLE]):
         for name, spec in FIGURES.items():
             figure = spec.draw(report)
-            if figure is None:
+            if figure is None or (name == "parts" and not has_parts):
                 continue
             for suffix in FILE_SUFFIXES:
                 path = folder / f"{name}{suffix}"
@@ -181,29 +182,6 @@ def _plot_sweep(axis: Any, agent: str, rows: Sequence[Row]) -> None:
     axis.set_xticks(counts)
 
 
-def _draw_samples(report: Report) -> "Figure":
-    """Draw expected minADE over k.
-
-    Each agent has its setting with most samples.
-    """
-    agents = _values(_on(_scored_lines(report), "all"), "agent")
-    most_samples: dict[str, Details] = {}
-    for details in sorted(report.details, key=lambda details: details.samples):
-        if details.agent in agents:
-            most_samples[details.agent] = details
-    figure, (axis,) = _panels(1)
-    ticks: set[int] = set()
-    for agent, details in most_samples.items():
-        counts = list(map(int, details.k_curve))
-        axis.plot(counts, list(details.k_curve.values()), label=agent)
-        ticks.update(counts)
-    axis.set(xlabel="samples k", ylabel="expected minADE, m", xscale="log")
-    axis.set_xticks(sorted(ticks), list(map(str, sorted(ticks))))
-    axis.minorticks_off()
-    _add_legend(figure, axis)
-    return figure
-
-
 def _lines_by_agent(report: Report) -> dict[str, list[AgentLine]]:
     """Return the settings of each agent at equal k."""
     lines: dict[str, list[AgentLine]] = defaultdict(list)
@@ -280,11 +258,5 @@ FIGURES = {
         "hypotheses must exceed that of both controls: more samples of one hypothesis, "
         "and futures of neighbours. The table of differences has the paired tests.",
         _draw_hypotheses,
-    ),
-    "samples": FigureSpec(
-        "Error by the number of samples",
-        "Expected minADE of k random samples, over targets with a forecast. It falls "
-        "with k even where samples are worthless.",
-        _draw_samples,
     ),
 }

@@ -29,12 +29,21 @@ from ...running import (
     resolve_options,
     skipped_line,
 )
-from ...scoring import RANKED_UNITS, AgentSetting, Details, Report, main_table, place_of
-from ..doubted import doubt_numbers
-from ..pages import require_own_folder, source_of, templates_of, text_of
+from ...scoring import (
+    PART_NAMES,
+    PARTS,
+    RANKED_UNITS,
+    AgentSetting,
+    Report,
+    error_parts,
+    main_table,
+    place_of,
+)
+from ..doubted import blamed_parts, doubt_numbers
+from ..pages import page_of, require_own_folder, text_of
 from ..terminal.notes import warnings
-from ..terminal.tables import data_table, full_tables
-from ..terminal.verdict import verdict
+from ..terminal.tables import PART_TABLES, data_table, full_tables
+from ..terminal.verdict import cost_lines, verdict
 from .figures import DrawnFigure, draw_figures
 
 TABLE_SUFFIXES = (".csv", ".json", ".tex")
@@ -52,7 +61,7 @@ class Study:
     report: Report
     tables: dict[str, Table]  # by name
     figures: list[DrawnFigure]
-    findings: list[str]  # sentences of the verdict
+    findings: list[str]  # sentences: doubts, costs, and the verdict
     warnings: list[str]
 
     @property
@@ -92,21 +101,24 @@ def study(
     names = dict.fromkeys(setting.submission.name for setting in comparison.settings)
     # controls run beside the agents; a verdict is given on those that were asked for
     compared = [name for name in names if name in agents or name not in control_names()]
+    best = filter(None, [verdict(report, compared)])
     warning_lines = list(warnings(report))
     skipped = skipped_line(comparison.skipped)
     if skipped:
         warning_lines.append(skipped)
     tables = study_tables(report)
     if doubts:
-        tables["data"] = _doubt_table(report, options.card(env_id), doubts)
+        tables["parts"] = _blamed_table(report, options.card(env_id), doubts)
+        for name in PART_TABLES:  # they blame agents alone
+            del tables[name]
     with whole_folder(folder) as part:
         make_folder(part / "figures")
         result = Study(
             folder=folder,
             report=report,
             tables=tables,
-            figures=draw_figures(report, part / "figures"),
-            findings=[*doubt_lines(doubts), *verdict(report, compared)],
+            figures=draw_figures(report, part / "figures", has_parts=not doubts),
+            findings=[*doubt_lines(doubts), *cost_lines(report), *best],
             warnings=warning_lines,
         )
         _write_tables(part / "tables", result.tables)
@@ -133,11 +145,9 @@ def study_page(result: Study, command: str) -> str:
 
     It has no script and loads no other file. Equal results give equal bytes.
     """
-    style = text_of(_TEMPLATES, "page.css")
-    template = templates_of(_TEMPLATES).get_template("page.html")
-    content = template.render(
-        style=style,
-        policy=f"default-src 'none'; style-src {source_of(style)}; img-src data:",
+    return page_of(
+        _TEMPLATES,
+        "page.html",
         place=place_of(result.report),
         facts=_facts(result.report),
         units=result.report.rows[0].effective_units,
@@ -146,7 +156,6 @@ def study_page(result: Study, command: str) -> str:
         to_html=to_html,
         command=command,
     )
-    return f"{content}\n"
 
 
 def _facts(report: Report) -> dict[str, str]:
@@ -171,34 +180,14 @@ def study_tables(report: Report) -> dict[str, Table]:
     tables = (
         main_table(report),
         *full_tables(report),
-        _event_table(report),
         _sample_table(report),
         data_table(report),
     )
     return {table.name: table for table in tables}
 
 
-def _event_table(report: Report) -> Table:
-    """Return the events of each agent's own tracks, of the first seed."""
-    rows = []
-    for details in report.details:
-        in_all_hypotheses = {"all_h_ids": details.own["all_h_ids"].targets}
-        rows.append(_setting(details) | details.own_events | in_all_hypotheses)
-    columns = (
-        *_SETTING_COLUMNS,
-        Column("identity switches", key="ids"),
-        Column(key="lost"),
-        Column("lost, track elsewhere", key="wrong"),
-        Column(key="reacquired"),
-        Column("targets with a switch in all H", key="all_h_ids"),
-    )
-    title = "Events of each agent's own tracks"
-    sentence = "Along the best hypothesis in the first seed, on targets or not."
-    return Table("events", title, sentence, rows, columns)
-
-
-def _doubt_table(report: Report, card: Card, doubts: Sequence[Doubt]) -> Table:
-    """Return the part of bADE that is blamed on the data, m."""
+def _blamed_table(report: Report, card: Card, doubts: Sequence[Doubt]) -> Table:
+    """Return the parts of bADE, m, with the blame of doubted targets on the data."""
     scene_numbers = []
     for score in report.tables[0].setting.seeds[0]:  # all have the same targets
         of_scene = [doubt for doubt in doubts if doubt.scene == score.scene]
@@ -208,24 +197,23 @@ def _doubt_table(report: Report, card: Card, doubts: Sequence[Doubt]) -> Table:
     is_doubted = np.concatenate(scene_numbers) >= 0
     rows = []
     for table in report.tables:
-        blame_m = table.of_all.error - table.of_all.below_threshold
-        data_m = float(blame_m @ is_doubted) / max(1, len(blame_m))
-        rows.append(table.setting.key | {"data": data_m})
-    columns = (*_SETTING_COLUMNS, Column(key="data", unit="m"))
-    title = "Part of bADE (m) that is blamed on the data"
-    return Table("data", title, "", rows, columns)
+        known = error_parts(table, "all")
+        unknown = np.zeros(len(is_doubted))
+        part = np.column_stack([known.get(name, unknown) for name in PART_NAMES])
+        mean_m = blamed_parts(part, is_doubted).sum(axis=0) / max(1, len(part))
+        rows.append(table.setting.key | dict(zip(PARTS, mean_m.tolist(), strict=True)))
+    columns = [Column(key=name, unit="m") for name in PARTS]
+    title = "Parts of bADE (all targets, m), with the share of doubtful data"
+    return Table("parts", title, "", rows, [*_SETTING_COLUMNS, *columns])
 
 
 def _sample_table(report: Report) -> Table:
     """Return expected minADE of k random samples of each setting."""
     rows = []
     for details in report.details:
+        setting = {key: getattr(details, key) for key in AgentSetting.model_fields}
         for k, minade_m in details.k_curve.items():
-            rows.append(_setting(details) | {"k": int(k), "minADE": minade_m})
+            rows.append(setting | {"k": int(k), "minADE": minade_m})
     columns = (*_SETTING_COLUMNS, Column(key="k"), Column(key="minADE", unit="m"))
     title = "Expected minADE of k random samples out of K (all targets, m)"
     return Table("samples", title, "", rows, columns)
-
-
-def _setting(details: Details) -> dict[str, object]:
-    return {key: getattr(details, key) for key in AgentSetting.model_fields}

@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 
 from ...core import BLANK, short
-from ...scoring import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH, Report, Row, shipped_env
+from ...scoring import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH, Report, Row
 from .output import counted
-from .paper import paper_errors
 
 REFERENCES = (SAW_TRUTH, ASSOCIATED)  # reasons of `why_unranked`
 
@@ -36,9 +35,6 @@ def _column_note(report: Report) -> str:
         "STP has that event, as in the paper."
     )
     sentences = [meaning]
-    env = shipped_env(report)
-    if any(paper_errors(env, row) for row in report.rows):
-        sentences.append("(paper): the paper's numbers.")
     if report.details:
         error = report.details[0].nothing_predicted  # the same for all agents
         if error is not None:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from textwrap import wrap
 
-from ...core import Column, Table, Value, columns_of, short
+from ...core import Column, Table, Value, columns_of
 from ...scoring import (
     EVENT_KINDS,
     KNOWN_SUBSETS,
@@ -19,21 +19,19 @@ from ...scoring import (
     Row,
     Subset,
     blocks_of,
-    shipped_env,
 )
-from .chosen_table import (
+from .settings_table import (
     AgentLine,
     agent_lines,
-    chosen_table,
     row_columns,
+    settings_table,
     subset_column,
 )
-from .paper import PAPER_SUBSETS, paper_errors
 
 _EVENT_SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired", "lost", "frag")
 PART_KEYS = tuple(f"cost_{part}" for part in PART_NAMES)
 _PARTS_WITH_FORECAST = 5  # so many of PART_KEYS, the first
-_PART_TABLES: dict[str, tuple[str, Sequence[str]]] = {  # name -> title and keys
+PART_TABLES: dict[str, tuple[str, Sequence[str]]] = {  # name -> title and keys
     "forecasts": (
         "bADE of targets with and without a forecast",
         ("error", "localisation", "missed"),
@@ -53,7 +51,11 @@ _GAP_KEYS = (
     "association_gap_closed",
     "association_gap_interval",
 )
-_GAP_REASON_KEYS = ("gap_blank_because", "association_gap_blank_because")
+_REASON_KEYS = (
+    "unranked_because",
+    "gap_blank_because",
+    "association_gap_blank_because",
+)
 _COUNT_KEYS = (
     "subset",
     "events",
@@ -88,21 +90,20 @@ def data_table(report: Report) -> Table:
 def full_tables(report: Report) -> Iterator[Table]:
     """Yield all tables but the main one."""
     displacements = ("minADE", "minFDE")
-    yield _settings_table(
+    yield settings_table(
         report, "settings", "All settings (m)", ("error", "rank_range"), "all", "ids"
     )
-    yield _settings_table(
+    yield settings_table(
         report,
         "paper_subsets",
         "minADE/minFDE with the paper's subsets (m)",
         displacements,
-        *PAPER_SUBSETS,
+        "all",
+        "paper_ids",
+        "paper_frag",
     )
-    paper = paper_table(report)
-    if paper.rows:
-        yield paper
     yield _subset_table(report)
-    yield _settings_table(
+    yield settings_table(
         report,
         "event_errors",
         "Error on events (m; below: 95 % interval)",
@@ -110,7 +111,7 @@ def full_tables(report: Report) -> Iterator[Table]:
         *_EVENT_SUBSETS,
     )
     if "turning" in next(blocks_of(report), {}):
-        yield _settings_table(
+        yield settings_table(
             report,
             "turning",
             "Turning targets (m; below: 95 % interval)",
@@ -118,7 +119,7 @@ def full_tables(report: Report) -> Iterator[Table]:
             "all",
             "turning",
         )
-    yield _settings_table(
+    yield settings_table(
         report,
         "event_displacements",
         "minADE/minFDE on events (m, of targets with a forecast)",
@@ -127,7 +128,7 @@ def full_tables(report: Report) -> Iterator[Table]:
     )
     if report.paired:
         yield _paired_table(report)
-    yield _settings_table(
+    yield settings_table(
         report,
         "gaps",
         "Shares of gaps closed (below: 95 % interval)",
@@ -138,59 +139,6 @@ def full_tables(report: Report) -> Iterator[Table]:
     yield from _tables_of_all_targets(report)
     yield _tracking_table(report)
     yield from _bin_tables(report)
-
-
-def _settings_table(
-    report: Report, name: str, title: str, keys: Sequence[str], *subsets: Subset
-) -> Table:
-    """Return a table of all settings.
-
-    Several subsets are named above their columns.
-    """
-    names: dict[Subset, str] = dict.fromkeys(subsets, "")
-    if len(subsets) > 1:
-        names = {subset: subset for subset in subsets}
-    return chosen_table(
-        report, ("samples", *keys), subsets, names=names, title=title, table_name=name
-    )
-
-
-def paper_table(report: Report) -> Table:
-    """Return minADE/minFDE here and in the paper.
-
-    Changed cards and other scenes have no row.
-    """
-    env = shipped_env(report)
-    rows = []
-    for block in blocks_of(report):
-        setting = block["all"]
-        errors = paper_errors(env, setting)
-        if not errors:
-            continue
-        name = setting.agent
-        if setting.hypotheses != 1:
-            name += f" {setting.hypotheses}"
-        row: dict[str, str | None] = {"agent": name}
-        for subset, paper_subset in PAPER_SUBSETS.items():
-            row[subset] = _displacements(block[subset].minADE, block[subset].minFDE)
-            paper = errors.get(paper_subset, (None, None))
-            row[f"{subset}_in_paper"] = _displacements(*paper)
-        rows.append(row)
-    columns = [Column("agent H", key="agent")]
-    for subset, paper_subset in PAPER_SUBSETS.items():
-        group = "all targets" if subset == "all" else paper_subset.upper()
-        columns += [
-            Column("here", "m", key=subset, group=group),
-            Column("paper", "m", key=f"{subset}_in_paper", group=group),
-        ]
-    title = "minADE/minFDE here and in the paper, whose detections are others (m)"
-    return Table("paper", title, "", rows, columns)
-
-
-def _displacements(ade: float | None, fde: float | None) -> str | None:
-    if ade is None or fde is None:
-        return None
-    return f"{short(ade)}/{short(fde)}"
 
 
 def _subset_table(report: Report) -> Table:
@@ -217,23 +165,23 @@ def _paired_table(report: Report) -> Table:
 
 def _tables_of_all_targets(report: Report) -> Iterator[Table]:
     """Yield the tables over all targets, such as parts of bADE."""
-    yield _settings_table(
+    yield settings_table(
         report,
-        "gap_reasons",
-        "Reasons of missing shares (all targets)",
-        _GAP_REASON_KEYS,
+        "reasons",
+        "Reasons of missing ranks and shares (all targets)",
+        _REASON_KEYS,
         "all",
     )
     part_keys: set[str] = set()
-    for name, (title, keys) in _PART_TABLES.items():
+    for name, (title, keys) in PART_TABLES.items():
         part_keys.update(keys)
-        yield _settings_table(report, name, f"{title} (all targets, m)", keys, "all")
+        yield settings_table(report, name, f"{title} (all targets, m)", keys, "all")
     optional_keys = [
         key
         for key, column in row_columns(report).items()
         if column.optional and key not in part_keys
     ]
-    yield _settings_table(
+    yield settings_table(
         report, "further", "Further metrics (all targets)", optional_keys, "all"
     )
     number_keys = [
@@ -241,7 +189,7 @@ def _tables_of_all_targets(report: Report) -> Iterator[Table]:
         for column in columns_of(Details)
         if column.key not in AgentSetting.model_fields
     ]
-    yield _settings_table(
+    yield settings_table(
         report,
         "other",
         "Other numbers (all targets; forecasts per live frame)",
@@ -253,7 +201,7 @@ def _tables_of_all_targets(report: Report) -> Iterator[Table]:
 def _tracking_table(report: Report) -> Table:
     """Return tracking numbers and own events of the first seed."""
     keys = [column.key for column in columns_of(Clear)]
-    table = _settings_table(report, "tracking", "Tracking of the first seed", keys)
+    table = settings_table(report, "tracking", "Tracking of the first seed", keys)
     return replace(table, columns=[*table.columns, *_OWN_EVENT_COLUMNS])
 
 

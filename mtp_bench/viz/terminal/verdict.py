@@ -1,11 +1,10 @@
-"""The verdict of a comparison: one sentence, and all sentences."""
+"""The verdict of a comparison in a sentence, and what errors of the stages cost."""
 
 from collections.abc import Iterator, Sequence
 
 from ...agent import controls
 from ...core import Column
 from ...scoring import (
-    RANKED_SUBSETS,
     SIGNIFICANT,
     AgentScores,
     Interval,
@@ -15,7 +14,7 @@ from ...scoring import (
     main_settings,
     paired_row,
 )
-from .notes import REFERENCES, label_of
+from .notes import REFERENCES
 
 STP = controls()["single"]
 GT_TRACKS = controls()["ground_truth"]
@@ -23,24 +22,12 @@ SAME_SAMPLES = controls()["same_samples"]
 NEIGHBOURS = controls()["neighbours"]
 ASSOCIATED = controls()["associated_same_samples"]
 SEVERAL = controls()["several"]
-CONTROL_DRAWS = 20  # times k samples
-_CONTROL_MEANINGS = {
-    STP: "one hypothesis with k samples",
-    SAME_SAMPLES: f"one hypothesis with {CONTROL_DRAWS} times k samples",
-    NEIGHBOURS: (
-        "as many, a third of them a near neighbour's (hypotheses must gain beyond both)"
-    ),
-}
-_SUBSET_PHRASES = {
-    "all": "over all targets",
-    "ids": "on identity switches",
-    "reacquired": "on re-acquisitions",
-}
+_SUBSET_PHRASES = {"all": "Over all targets", "ids": "On identity switches"}
 _SIGNED = Column(format="+.3f")
 _METRES = Column(format=".3f")
 
 
-def short_verdict(report: Report, names: Sequence[str]) -> str:
+def verdict(report: Report, names: Sequence[str]) -> str:
     """Return one sentence about the submissions ``names``.
 
     On baselines it states the gains of perfect association and of several hypotheses
@@ -113,26 +100,11 @@ def _setting_key(setting: Row | AgentScores) -> tuple[str, int, int]:
     return setting.agent, setting.hypotheses, setting.samples
 
 
-def verdict(report: Report, names: Sequence[str]) -> list[str]:
-    """Return sentences about the submissions ``names``, without missing numbers.
-
-    Of a submission with several settings they state the one with the most hypotheses,
-    at equal k.
-    """
-    blocks = main_settings(report)
-    sentences = list(_costs(report))
-    for name in names:
-        if name in blocks and name not in (STP, GT_TRACKS, ASSOCIATED):
-            sentences += _against_controls(report, blocks[name]["all"])
-    sentences += _unranked(report)
-    return sentences
-
-
-def _costs(report: Report) -> Iterator[str]:
+def cost_lines(report: Report) -> Iterator[str]:
     """Yield the costs of detection, tracking and association."""
     sentences = []
     knows_association = False
-    for subset in ("all", "ids"):
+    for subset, phrase in _SUBSET_PHRASES.items():
         tracks = _paired(report, GT_TRACKS, STP, subset)
         association = _paired(report, ASSOCIATED, SAME_SAMPLES, subset)
         if tracks is None:
@@ -141,7 +113,7 @@ def _costs(report: Report) -> Iterator[str]:
         if association is not None:
             knows_association = True
             text += f", of which association {_cost(association)}"
-        sentences.append(f"{_SUBSET_PHRASES[subset].capitalize()} {text}.")
+        sentences.append(f"{phrase} {text}.")
     if knows_association:
         sentences.append(
             "The cost of association is that to perfect association of the same "
@@ -172,54 +144,6 @@ def _cost(pair: PairedRow) -> str:
 def _negated(interval: Interval | None) -> Interval | None:
     """Return the interval of a number whose sign is reversed."""
     return None if interval is None else (-interval[1], -interval[0])
-
-
-def _against_controls(report: Report, row: Row) -> Iterator[str]:
-    """Yield differences to the controls that have one hypothesis."""
-    for control, meaning in _CONTROL_MEANINGS.items():
-        texts = []
-        for subset in ("all", "ids"):
-            pair = _paired(report, row.agent, control, subset)
-            if pair is not None:
-                chance = _chance(pair.interval, pair.p)
-                phrase = _SUBSET_PHRASES[subset]
-                texts.append(f"{phrase} {_SIGNED.text(pair.error)} m, {chance}")
-        if texts:
-            yield f"{label_of(row)} against {control}, {meaning}: {'; '.join(texts)}."
-
-
-def _unranked(report: Report) -> Iterator[str]:
-    """Yield the reasons of missing ranks, by subset."""
-    texts: list[str] = []
-    for subset in ("all", *RANKED_SUBSETS):
-        texts += _unranked_on(report, subset)
-    references = [
-        row.agent for row in report.rows if row.unranked_because in REFERENCES
-    ]
-    if references:
-        agents = ", ".join(dict.fromkeys(references))
-        texts.append(f"Never ranked, as they saw the truth: {agents}")
-    if texts:
-        yield ". ".join(texts) + "."
-
-
-def _unranked_on(report: Report, subset: str) -> Iterator[str]:
-    """Yield the agents without a rank on a subset, by reason."""
-    agents_by_reason: dict[str, list[str]] = {}
-    has_ranks = False
-    for row in report.rows:
-        if row.subset != subset or row.budget != "equal":
-            continue
-        has_ranks |= row.place is not None
-        reason = row.unranked_because
-        if reason is not None and reason not in REFERENCES:
-            agents_by_reason.setdefault(reason, []).append(label_of(row))
-    phrase = _SUBSET_PHRASES[subset]
-    if has_ranks:
-        for reason, agents in agents_by_reason.items():
-            yield f"Not ranked {phrase} ({reason}): {', '.join(agents)}"
-    elif agents_by_reason:
-        yield f"No agent is ranked {phrase} ({'; '.join(agents_by_reason)})"
 
 
 def _chance(

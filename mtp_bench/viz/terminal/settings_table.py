@@ -1,4 +1,4 @@
-"""A table of chosen columns: a row per agent and setting."""
+"""A table of settings: a row per agent and setting."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -7,15 +7,12 @@ from typing import Any
 
 from ...core import Column, Table, Value, columns_of
 from ...scoring import (
-    SUBSET_NAMES,
-    AgentSetting,
     Clear,
     Details,
     Report,
     Row,
     Subset,
     blocks_of,
-    heading,
     main_settings,
 )
 
@@ -46,55 +43,25 @@ def row_columns(report: Report) -> dict[str, Column]:
     return {column.key: column for column in columns_of(row_type)}
 
 
-def column_keys() -> list[str]:
-    """Return the keys of the columns that `chosen_table` can show."""
-    keys: dict[str, None] = {}
-    for row_type in (Row, Details, Clear):
-        keys |= dict.fromkeys(column.key for column in columns_of(row_type))
-    del keys["subset"]
-    return list(keys)
-
-
-def chosen_table(
-    report: Report,
-    keys: Sequence[str],
-    subsets: Sequence[Subset],
-    all_settings: bool = True,
-    names: Mapping[Subset, str] = SUBSET_NAMES,
-    title: str = "",
-    table_name: str = "chosen",
+def settings_table(
+    report: Report, name: str, title: str, keys: Sequence[str], *subsets: Subset
 ) -> Table:
-    """Return a table of ``keys`` on ``subsets``, lowest bADE first.
+    """Return a table of all settings, lowest bADE first.
 
-    Each agent has a row for its main setting, or for each of ``all_settings``. Columns
-    that do not depend on the subset stand at the end, once. ``names``: of subsets,
-    above their columns.
+    It has the columns ``keys`` of ``subsets``, which are named above their columns if
+    they are several. Columns that do not depend on the subset stand at the end, once.
     """
-    lines = agent_lines(report) if all_settings else main_lines(report)
-    lines.sort(key=sort_error)
-    columns = list(_chosen_columns(report, keys, subsets, names))
-    return Table(table_name, title or heading(report), "", lines, columns)
-
-
-def _chosen_columns(
-    report: Report,
-    keys: Sequence[str],
-    subsets: Sequence[Subset],
-    names: Mapping[Subset, str],
-) -> Iterator[Column]:
-    """Yield columns of the setting, the subsets, then the agent."""
-    setting_keys = {"agent", "hypotheses", *keys} & AgentSetting.model_fields.keys()
-    number_keys = [key for key in keys if key not in setting_keys]
+    lines = sorted(agent_lines(report), key=sort_error)
     of_agents = {column.key: column for column in _agent_columns()}
     of_rows = row_columns(report)
-    for key, column in of_agents.items():
-        if key in setting_keys:
-            yield column
+    columns = _pick(of_agents, ("agent", "hypotheses", "samples"))
     for subset in subsets:
-        for column in _pick(of_rows, number_keys):
+        group = subset if len(subsets) > 1 else ""
+        for column in _pick(of_rows, keys):
             on_subset = subset_column(column, subset, column.title)
-            yield replace(on_subset, group=names[subset])
-    yield from _pick(of_agents, number_keys)
+            columns.append(replace(on_subset, group=group))
+    columns += _pick(of_agents, keys)
+    return Table(name, title, "", lines, columns)
 
 
 def subset_column(column: Column, subset: Subset, title: str = "") -> Column:
