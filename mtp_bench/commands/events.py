@@ -41,7 +41,7 @@ _KIND = choice(
 )
 _SORT = choice(
     ORDERS,
-    text="time: by scene and frame; cost, confidence or length: the largest first.",
+    text="time: by scene and frame; cost: the largest first.",
 )
 
 

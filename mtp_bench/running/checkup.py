@@ -1,5 +1,6 @@
 """The doctor on the scenes of an env, once per state of their files."""
 
+import hashlib
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,8 +19,7 @@ from ..core import (
     long_work,
     make_folder,
     new_folder,
-    read_json,
-    validate,
+    validate_json,
     write_text,
 )
 from ..doubts import DOCTOR_VERSION, Doubt, Examination, examine
@@ -167,12 +167,14 @@ def doubt_lines(doubts: Sequence[Doubt]) -> list[str]:
 
 def _checked(scene: Scene, card: Card, data: str | None) -> SceneCheckup:
     """Return what is kept of a scene, else examine it."""
-    file_name = f"{scene_digest(scene)[:24]}-{card.digest}-{DOCTOR_VERSION}.json"
-    path = cache_root() / "doctor" / file_name
-    with suppress(MtpBenchError):  # missing, or not what was written
-        content = read_json(path, MtpBenchError)
-        return validate(SceneCheckup, content, str(path), MtpBenchError)
     scene = with_map(scene, card, data)
+    lanes = repr([lane.center.tolist() for lane in scene.lanes])
+    state = f"{scene_digest(scene)}|{lanes}|{card.digest}|{DOCTOR_VERSION}"
+    file_name = f"{hashlib.sha256(state.encode()).hexdigest()[:32]}.json"
+    path = cache_root() / "doctor" / file_name
+    with suppress(MtpBenchError, OSError):  # missing, or not what was written
+        text = path.read_text(encoding="utf-8")
+        return validate_json(SceneCheckup, text, str(path), MtpBenchError)
     found = _summary(examine(scene, card), scene, card)
     with suppress(MtpBenchError, OSError):
         make_folder(path.parent)

@@ -9,8 +9,10 @@ import pytest
 
 import mtp_bench
 from benchmarks.doctor_faults import ALONE, FITTED, Fault
-from mtp_bench import MtpBenchError, Scene, evaluate, load_card, load_scenes
-from mtp_bench.doubts import examine, kinds
+from mtp_bench import Card, MtpBenchError, Scene, evaluate, load_card, load_scenes
+from mtp_bench.core import Lane
+from mtp_bench.doubts import Examination, examine, kinds
+from mtp_bench.running import checkup
 from mtp_bench.sources import save_scene
 from tests.support.command_line import CommandLine, read_json
 
@@ -123,6 +125,70 @@ def test_errors_have_status_2(tmp_path: Path, cli: CommandLine) -> None:
     said = cli("doctor", "--env", ENV, "--files", tmp_path / "nowhere")
     assert said.status == 2
     assert said.err.startswith("error: ")
+
+
+def test_a_folder_of_scenes_is_no_run(tmp_path: Path, cli: CommandLine, scenes: list[Scene]) -> None:
+    save_scene(scenes[0], tmp_path / "logs", CARD.task.classes)
+    said = cli("doctor", tmp_path / "logs")
+    assert said.status == 2
+    assert said.err.rstrip().endswith("own scenes are named with --files")
+
+
+def test_results_are_kept_until_the_scene_or_its_map_changes(
+    scenes: list[Scene], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    examined = []
+
+    def counted(scene: Scene, card: Card) -> Examination:
+        examined.append(scene.name)
+        return examine(scene, card)
+
+    monkeypatch.setattr(checkup, "examine", counted)
+    moved = replace(scenes[0], time=scenes[0].time + 5.0)  # no other test has it
+    for _ in range(2):
+        mtp_bench.doctor(ENV, scenes=[moved])
+    assert len(examined) == 1
+    lane = Lane(np.zeros((2, 2)), np.ones((2, 2)), np.zeros((2, 2)))
+    monkeypatch.setattr(checkup, "with_map", lambda scene, card, data: replace(scene, lanes=(lane,)))
+    for _ in range(2):
+        mtp_bench.doctor(ENV, scenes=[moved])
+    assert len(examined) == 2
+
+
+def test_comparisons_state_doubts_in_their_numbers(tmp_path: Path, cli: CommandLine, scenes: list[Scene]) -> None:
+    late = FITTED[0].plant(scenes[0], 1.0, np.random.default_rng(0))
+    save_scene(late, tmp_path / "logs", CARD.task.classes)
+    words = (
+        "compare",
+        "blind",
+        "--env",
+        OWN,
+        "--files",
+        tmp_path / "logs",
+        "--seeds",
+        1,
+        "--json",
+        tmp_path / "a.json",
+    )
+    assert cli(*words).status == 0
+    (doubt,) = read_json(tmp_path / "a.json")["doubts"]
+    assert doubt.startswith("intersection-010001: detections are 0.49 s late")
+
+
+def test_data_lists_doubts_once_per_state_of_the_files(
+    tmp_path: Path, cli: CommandLine, scenes: list[Scene], repository: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late = FITTED[0].plant(scenes[0], 1.0, np.random.default_rng(0))
+    save_scene(late, tmp_path / "logs", CARD.task.classes)
+    _, _, task = (repository / "envs" / f"{OWN}.toml").read_text().partition("[task]")
+    card = tmp_path / "MTP-Own-v0.toml"
+    source = '[source]\nname = "files"\nfolder = "logs"\n'
+    card.write_text(f'id = "MTP-Own-v0"\nsummary = "own"\n\n{source}\n[task]{task}')
+    doubt = "doubt: intersection-010001: detections are 0.49 s late"
+    assert doubt not in cli.ok("data", "--env", card, "--no-doctor")
+    assert doubt in cli.ok("data", "--env", card)
+    monkeypatch.setattr(checkup, "scene_digest", None)  # what is kept needs no scene
+    assert doubt in cli.ok("data", "--env", card)
 
 
 def test_runs_tell_doubts_first_and_once(tmp_path: Path, cli: CommandLine, scenes: list[Scene]) -> None:

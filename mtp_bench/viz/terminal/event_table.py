@@ -1,7 +1,7 @@
 """List of the events of a run: object, tracks and error."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -15,7 +15,7 @@ from ..incident import INCIDENT_KINDS, Incident
 from ..run_replay import Replay
 from .output import command_line, counted, show_command, show_lines
 
-ORDERS = ("time", "cost", "confidence", "length")
+ORDERS = ("time", "cost")
 LONGEST = 3  # runs of false forecasts per scene that are listed, if not asked for
 EVENT_CAPTION = (
     "minADE: of the forecast made then, metres; – where the object is not a target, or "
@@ -136,27 +136,18 @@ def in_order(rows: Sequence[Listed], order: str) -> list[Listed]:
     """
     if order == "time":
         return list(rows)
-    keys: dict[str, Callable[[Listed], Any]] = {
-        "cost": _cost,
-        "confidence": _confidence,
-        "length": _length,
-    }
-    return sorted(rows, key=keys[order], reverse=True)
+    return sorted(rows, key=_cost, reverse=True)
 
 
 def _cost(row: Listed) -> tuple[float, ...]:
     """Return the sort key of "cost", see `in_order`."""
     event = row.incident
     if event.error is None:
-        return -1.0, _confidence(row)
+        return -1.0, event.confidence or 0.0
     rise_m = 0.0
     if event.error_before is not None:
         rise_m = event.error - event.error_before
     return event.blame, rise_m, event.minADE or 0.0
-
-
-def _confidence(row: Listed) -> float:
-    return row.incident.confidence or 0.0
 
 
 def _length(row: Listed) -> int:
