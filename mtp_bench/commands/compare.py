@@ -11,7 +11,6 @@ from ..running import (
     RunOptions,
     compare as run_comparison,
     compare_driving,
-    control_names,
 )
 from ..viz import counted, show_lines, show_table
 from .options import (
@@ -20,7 +19,6 @@ from .options import (
     JsonOption,
     SeedsOption,
     WorkerChoice,
-    submissions,
 )
 from .output import STANDARD_OUTPUT, prepare, say, write_json, write_table
 from .shown import Shown, show_report
@@ -31,7 +29,6 @@ def compare(
         list[str],
         Argument(
             help="Names of baselines or folders of submissions.",
-            autocompletion=submissions,
         ),
     ],
     on: AgentScenes,
@@ -63,13 +60,8 @@ def compare(
     content = result.report.to_json("condition", "paired", "details", "failures")
     doubt_texts = [f"{doubt.scene}: {doubt.line}" for doubt in doubts]
     write_json(json_file, content | {"skipped": result.skipped, "doubts": doubt_texts})
-    # the verdict is about agents, and about controls only if they are named
-    agent_names = dict.fromkeys(setting.submission.name for setting in result.settings)
-    for control in control_names():
-        if control not in agents:
-            agent_names.pop(control, None)
-    title = counted(seeds, "seed")
-    show_report(result.report, title, result.skipped, shown, list(agent_names))
+    names = result.names(agents)
+    show_report(result.report, counted(seeds, "seed"), result.skipped, shown, names)
     if result.report.failures:
         raise Exit(1)
 

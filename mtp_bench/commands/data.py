@@ -17,7 +17,7 @@ from ..viz import (
     status_json,
     status_table,
 )
-from .options import DataOption, JsonOption, NoDoctorOption, SplitOption, env_ids
+from .options import DataOption, JsonOption, NoDoctorOption, SplitOption
 from .output import write_json
 
 
@@ -32,9 +32,7 @@ def envs(json_file: JsonOption = None) -> None:
 
 
 def data(
-    env: Annotated[
-        str | None, Option(help="Only this environment.", autocompletion=env_ids)
-    ] = None,
+    env: Annotated[str | None, Option(help="Only this environment.")] = None,
     root: DataOption = None,
     json_file: JsonOption = None,
     split: SplitOption = None,

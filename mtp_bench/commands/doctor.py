@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from ..core import MtpBenchError, write_text
-from .options import EnvScenes, JsonOption, env_ids
+from .options import EnvScenes, JsonOption
 from .output import error_text, say, write_json
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ class _DataScenes(EnvScenes):
         str,
         Option(
             help="Environment id; with --files: whose rate and classes the files have.",
-            autocompletion=env_ids,
         ),
     ] = "MTP-nuScenes-v0"
 
@@ -77,8 +76,9 @@ def _examine(
     if on.files is not None and (run is not None or card.detector is not None):
         what = f"{card.id} simulates detections" if run is None else f"{run} is a run"
         raise MtpBenchError(
-            f"{what}, so those in {on.files} would not be examined: leave out --files, "
-            "or name an environment that plays stored detections"
+            f"{what}, so those in {on.files} would not be examined: name an "
+            "environment of their rate that plays stored detections, such as "
+            "MTP-nuScenes-v0 (2 Hz) and MTP-KITTI-v0 (10 Hz), or a card of your own"
         )
     if cure is not None:
         require_own(card)
@@ -110,6 +110,8 @@ def _cured_line(card: "Card", folder: Path, options: "RunOptions") -> str:
     from ..running import cure as cure_scenes
 
     cured = cure_scenes(card, folder, options)
+    if cured.skipped:
+        say(f"{folder}: {cured.skipped}; --env says which classes are kept")
     if not cured.scenes:
         return f"{folder}: an unchanged copy, as nothing can be cured"
     errors = [

@@ -4,7 +4,7 @@ A parameter of a command that is a dataclass of options expands to these options
 """
 
 import inspect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property, wraps
 from pathlib import Path
@@ -17,8 +17,6 @@ from ..core import (
     TABLE_SUFFIXES,
     MtpBenchError,
     Workers,
-    baseline_names,
-    card_ids,
     closest,
     cores,
     require_cluster,
@@ -30,55 +28,15 @@ from .output import json_alone
 SEEDS = 3  # default of commands that compare or submit
 
 
-def env_ids(incomplete: str) -> list[str]:
-    """Return completions: ids of the shipped environments, and files of cards."""
-    return _completions([*card_ids(), *_files(incomplete, "*.toml")], incomplete)
-
-
-def submissions(incomplete: str) -> list[str]:
-    """Return completions: names of the baselines, and folders of submissions."""
-    manifests = _files(incomplete, "*/submission.toml")
-    folders = [path.removesuffix("/submission.toml") for path in manifests]
-    return _completions([*baseline_names(), *folders], incomplete)
-
-
-def detectors(incomplete: str) -> list[str]:
-    """Return completions: shipped profiles and variants, and files of profiles."""
-    from ..detector import profile_names
-
-    names = ["iid", "hard", *profile_names(), *_files(incomplete, "*.toml")]
-    return _completions(names, incomplete)
-
-
-def _files(incomplete: str, pattern: str) -> list[str]:
-    """Return the files of ``pattern`` in the folder that is being typed."""
-    folder = incomplete[: incomplete.rfind("/") + 1]
-    paths = sorted(Path(folder).glob(pattern))
-    return [f"{folder}{path.relative_to(folder)}" for path in paths]
-
-
-def _completions(words: Iterable[str], incomplete: str) -> list[str]:
-    return [word for word in words if word.startswith(incomplete)]
-
-
-def choice(words: Sequence[str], *names: str, text: str, several: bool = False) -> Any:
-    """Return an option that takes these words, with completion.
-
-    ``text``: its help. ``several``: it takes words with commas between them.
-    """
+def choice(words: Sequence[str], *names: str, text: str) -> Any:
+    """Return an option that takes one of ``words``, or several; ``text``: its help."""
 
     def check(value: Any) -> Any:
-        chosen = value or ()
-        if isinstance(value, str):
-            chosen = value.split(",") if several else [value]
-        for word in chosen:
+        for word in [value] if isinstance(value, str) else value or ():
             one_of(word, words)
         return value
 
-    def complete(incomplete: str) -> list[str]:
-        return _completions(words, incomplete)
-
-    return Option(*names, help=text, callback=check, autocompletion=complete)
+    return Option(*names, help=text, callback=check)
 
 
 def one_of(value: str, words: Sequence[str], option: str | None = None) -> None:
@@ -135,9 +93,7 @@ TableOption = Annotated[
 ]
 EnvOption = Annotated[
     str,
-    Option(
-        "--env", help="Environment id, of `mtp-bench envs`.", autocompletion=env_ids
-    ),
+    Option("--env", help="Environment id, of `mtp-bench envs`."),
 ]
 JobsOption = Annotated[
     int, Option("--jobs", min=0, help="Processes; 0 takes one per core.")
@@ -164,18 +120,12 @@ TracksOption = Annotated[
 ]
 RunCardOption = Annotated[
     str | None,
-    Option(
-        "--env",
-        help="Another card than the one that the run keeps.",
-        autocompletion=env_ids,
-    ),
+    Option("--env", help="Another card than the one that the run keeps."),
 ]
 NoDoctorOption = Annotated[bool, Option("--no-doctor", help="Do not examine the data.")]
 SubmissionArgument = Annotated[
     str,
-    Argument(
-        help="Folder of a submission or name of a baseline.", autocompletion=submissions
-    ),
+    Argument(help="Folder of a submission or name of a baseline."),
 ]
 BaseOption = Annotated[
     Path | None,
@@ -233,8 +183,7 @@ class EnvScenes:
         str | None,
         Option(
             help="Another detector. Simulated: a profile, iid, hard or a .toml file of "
-            "a profile. Stored (nuScenes): the first part of its files' names.",
-            autocompletion=detectors,
+            "a profile. Stored (nuScenes): the first part of its files' names."
         ),
     ] = None
     detections: Annotated[
@@ -275,11 +224,7 @@ class AgentScenes(EnvScenes):
 
     env: Annotated[
         str,
-        Option(
-            "--env",
-            help="Environment id, or a stored run: its scenes.",
-            autocompletion=env_ids,
-        ),
+        Option("--env", help="Environment id, or a stored run: its scenes."),
     ]
     tracks: TracksOption = None
     presence: Annotated[

@@ -15,7 +15,7 @@ from ..viz import (
     show_lines,
     study as run_study,
 )
-from .options import SEEDS, AgentScenes, WorkerChoice, submissions
+from .options import SEEDS, AgentScenes, WorkerChoice
 from .output import prepare
 
 QUICK_SCENES = 6
@@ -29,7 +29,6 @@ def study(
         Option(
             help="Name of a baseline or folder of a submission; repeatable. "
             f"Default: {controls()['several']}.",
-            autocompletion=submissions,
         ),
     ] = None,
     output: Annotated[

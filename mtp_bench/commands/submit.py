@@ -32,7 +32,7 @@ from ..judge import (
 )
 from ..running import RunOptions
 from ..viz import counted, show, show_table
-from .options import SEEDS, DataOption, SeedsOption, WorkerChoice, env_ids, submissions
+from .options import SEEDS, DataOption, SeedsOption, WorkerChoice
 from .output import error_text, prepare, say, some_of
 
 _SHOWN_COLUMNS = (
@@ -90,12 +90,11 @@ def submit(
         str | None,
         Argument(
             help="Folder of a submission or name of a baseline.",
-            autocompletion=submissions,
         ),
     ] = None,
     env: Annotated[
         list[str] | None,
-        Option(help="Environment id; repeatable.", autocompletion=env_ids),
+        Option(help="Environment id; repeatable."),
     ] = None,
     everything: Annotated[
         bool,

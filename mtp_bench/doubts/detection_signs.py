@@ -11,7 +11,7 @@ from ..core import Bools, Floats, Ints
 from ..scoring import unlabelled
 from .form_signs import LONG, heading_signs
 from .recording import Places, RecordedScene, to_ego
-from .signs import Sign
+from .signs import Sign, mean_of_others
 
 _DIRECTIONS = (  # around the ego, counter-clockwise
     "ahead",
@@ -50,17 +50,19 @@ def detection_signs(recording: RecordedScene) -> Iterator[Sign]:
     yaw = recording.detections.box[pairs.detection, 3]
     along = np.cos(yaw - recording.truth.box[pairs.truth, 3])
     long = recording.is_of(recording.truth.class_id[pairs.truth], LONG)
-    yield from heading_signs("detection", along[long])
+    object_id = recording.truth.object_id[pairs.truth]
+    yield from heading_signs("detection", along[long], object_id[long])
     yield _height(recording, pairs)
     labelled = ~unlabelled(
         recording.scene,
         recording.detections.frame_of_rows,
         recording.detections.box[:, :2],
     )
-    if np.ptp(score) > 0:
-        yield _scores(score[labelled], pairs.right[labelled])
     yield _moved_sector(recording, pairs)
     yield _late_sector(recording)
+    if np.ptp(score) == 0:  # no detection is surer than others
+        return
+    yield _scores(score[labelled], pairs.right[labelled])
     if recording.scene.truth_complete:
         yield from _unlabelled(recording, pairs.right, labelled)
 
@@ -198,7 +200,8 @@ def _late_sector(recording: RecordedScene) -> Sign:
             inside = direction == number
             if min(inside.sum(), (~inside).sum()) < _MIN_PAIRS:
                 continue
-            value = float(gain[inside].mean() - max(0.0, gain[~inside].mean()))
+            gain_inside = mean_of_others(gain[inside], truth.object_id[row[inside]])
+            value = gain_inside - max(0.0, float(gain[~inside].mean()))
             if value > sign.value:
                 sign = Sign("sector_late", value, late, variant=name)
     return sign

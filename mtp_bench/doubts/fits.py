@@ -22,7 +22,7 @@ from .maps import (
     turn,
 )
 from .recording import NEVER, RecordedScene
-from .signs import Sign, Undo
+from .signs import Sign, Undo, mean_of_others
 
 _PAIR_GATES = (3.0, 2.0, 1.0, 0.5)  # from far pairs inwards
 _STEPS = 2  # of each fit at a distance
@@ -34,6 +34,7 @@ _MOST_FRAMES = 0.9  # share of the clear frames, from which all have a fixed map
 _FRAME_GAIN = 0.3  # of misfit that a fixed map takes from a frame
 _PARAMETER_GAIN = 0.003  # of misfit that another parameter must gain
 _MIN_GAIN = 0.01  # of misfit, below which a fit explains nothing
+_MIN_OTHERS_GAIN = 0.005  # without the object that gains most
 _MIN_LATE_FRAMES = 0.15
 _MIN_OBJECTS = 2
 _FEW_OBJECTS = 4  # below which a fit must gain more
@@ -62,7 +63,8 @@ class CauseFits:
         self.frame = truth.frame_of_rows[self.rows]
         self.class_id = truth.class_id[self.rows]
         self.gate = recording.gate[self.class_id]
-        self.objects = len(np.unique(truth.object_id[self.rows]))
+        self.object_id = truth.object_id[self.rows]
+        self.objects = len(np.unique(self.object_id))
         self.losses = self._losses(self.xy)
         self.misfit = _mean(self.losses)  # of the true boxes as they are, in [0, 1]
 
@@ -200,6 +202,8 @@ class CauseFits:
         value = gain if kind in _BY_GAIN else abs(size)
         is_short = kind in _BY_GAIN and abs(size) < _MIN_LATE_FRAMES
         is_weak = self.objects < _FEW_OBJECTS and gain < _STRONG_GAIN
+        row_gain = self.losses - self._losses(predict(values))
+        is_weak |= mean_of_others(row_gain, self.object_id) < _MIN_OTHERS_GAIN
         if gain < _MIN_GAIN or is_short or is_weak:
             value = 0.0
         return Sign(
@@ -284,6 +288,8 @@ class CauseFits:
         """Undo a delay: whole frames by their numbers, the rest along the motion."""
         detections = recording.detections
         whole = round(late)
+        if abs(late - whole) < _MIN_LATE_FRAMES:
+            late = whole
         xy = self._places_later(-late)
         reach = float(self.gate.max())
         _, row = self.recording.detected.nearest(xy, self.frame, self.class_id, reach)

@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from ..core import Bools, Detections, Floats, Truth, toml_beside
+from ..core import Bools, Detections, Floats, Ints, Truth, toml_beside
 from .maps import UNITS
 from .recording import RecordedScene
-from .signs import Sign, Undo
+from .signs import Sign, Undo, mean_of_others
 
 _USUAL_SIZE_M = toml_beside(__file__, "sizes.toml")  # class -> l w h
 LONG = ("car", "van", "truck", "bus", "trailer", "regular_vehicle")
@@ -34,14 +34,14 @@ def form_signs(recording: RecordedScene) -> Iterator[Sign]:
         yield from _repeated(recording)
 
 
-def heading_signs(part: str, along: Floats) -> Iterator[Sign]:
-    """Yield the shares of vehicles that face backwards and across.
+def heading_signs(part: str, along: Floats, object_id: Ints) -> Iterator[Sign]:
+    """Yield the shares of rows of vehicles that face backwards and across.
 
-    ``along`` [n]: cosine between their heading and the right one.
+    ``along`` [n]: cosine between their heading and the right one; ``object_id`` [n].
     """
     if len(along) >= _MIN_HEADINGS:
-        yield Sign(f"{part}_backwards", float((along < -0.7).mean()))
-        yield Sign(f"{part}_across", float((np.abs(along) < 0.7).mean()))
+        yield Sign(f"{part}_backwards", mean_of_others(along < -0.7, object_id))
+        yield Sign(f"{part}_across", mean_of_others(np.abs(along) < 0.7, object_id))
 
 
 def unit_of(factor: float) -> tuple[str, float]:

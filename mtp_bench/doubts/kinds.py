@@ -8,10 +8,11 @@ from pydantic import Field
 
 from ..core import MtpBenchError, Section, toml_beside, validate
 from .form_signs import unit_of
+from .maps import UNITS
 from .recording import NEVER, RecordedScene
 from .signs import Sign
 
-DOCTOR_VERSION = 3  # results of another one are made anew
+DOCTOR_VERSION = 5  # results of another one are made anew
 _MARGIN = 1.05  # of a limit above the largest healthy value
 
 
@@ -134,6 +135,7 @@ def _fields(sign: Sign, recording: RecordedScene) -> dict[str, Any]:
         "ahead": ahead,
         "left": left,
         "sign": sign,
+        "times": UNITS.get(sign.variant, 1.0),
         "unit_name": unit_name,
         "unit_factor": unit_factor,
         "object": recording.object_name(sign.object_id),

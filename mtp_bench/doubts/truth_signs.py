@@ -22,6 +22,8 @@ _HARD_MPS2 = 6.0  # acceleration that is no surprise
 _NOISE_M = 0.3  # of a true place
 _TURN_SHARE = 0.15  # of a step, by which a car's next one may differ
 _FROZEN_ROWS = 3
+_STANDING_GATES = 0.5  # distance of a detection of an object that stands
+_STANDING_SHARE = 0.5  # of frames with such a detection
 _LANE_M = 2.0  # from the middle of a lane to a vehicle on it
 _LANE_STEP_M = 1.0
 _LANE_COS = 0.7  # between the directions of a lane and of a vehicle on it
@@ -42,10 +44,11 @@ def truth_signs(recording: RecordedScene) -> Iterator[Sign]:
         if len(row):
             yield _object_jump(motion, row, bend)
             yield _common_jump(recording, motion.frame[row], bend)
-        yield _stop_dead(motion)
+        yield _stop_dead(recording)
         yield from _identities(recording)
         moves = recording.is_of(motion.class_id, LONG) & (motion.speed > _MOVING_MPS)
-        yield from heading_signs("truth", np.cos(motion.yaw - motion.course)[moves])
+        along = np.cos(motion.yaw - motion.course)
+        yield from heading_signs("truth", along[moves], motion.object_id[moves])
         yield from _map(recording, moves)
         yield from _speeds(recording, moves)
         yield _ego_frame(recording)
@@ -105,8 +108,15 @@ def _common_jump(recording: RecordedScene, frame: Ints, bend: Floats) -> Sign:
     return sign
 
 
-def _stop_dead(motion: Motion) -> Sign:
-    """Return the largest speed from which an object stands still until it ends."""
+def _stop_dead(recording: RecordedScene) -> Sign:
+    """Return the largest speed from which an object stands still until it ends.
+
+    Detections there mean that it really stands.
+    """
+    motion = recording.motion
+    places = (motion.xy, motion.frame, motion.class_id)
+    reach_m = _STANDING_GATES * float(recording.gate.max())
+    _, row = recording.detected.nearest(*places, reach_m)
     sign = Sign("padded_last", 0.0)
     for first, last in motion.spans.tolist():
         step = motion.step[first:last]
@@ -114,6 +124,8 @@ def _stop_dead(motion: Motion) -> Sign:
         if not len(moves) or len(step) - 1 - moves[-1] < _FROZEN_ROWS:
             continue
         stop = int(moves[-1]) + 1  # steps before the object stands still
+        if np.mean(row[first + stop + 1 : last + 1] != NEVER) > _STANDING_SHARE:
+            continue
         seconds = np.diff(motion.time[first : first + stop + 1])
         speeds = (step[:stop] / seconds)[-_FROZEN_ROWS:]
         speed = float(min(np.median(speeds), speeds[-1]))

@@ -26,6 +26,7 @@ from ..doubts import DOCTOR_VERSION, Doubt, Examination, examine
 from ..sources import open_source, save_scene, scene_digest, with_map
 from .evaluation import evaluate
 from .options import DEFAULTS, RunKeywords, RunOptions, resolve_options
+from .reading import skipped_line, total_skipped
 
 JUDGE = "stp"  # whose error says whether a cure helps
 _MOST_DOUBTS = 5  # lines beside other output
@@ -101,8 +102,9 @@ class Cured:
     """Own scenes before and after the cure."""
 
     scenes: tuple[str, ...]  # names of those that were changed
-    before_m: float | None  # bADE of `JUDGE`; None without a target
-    after_m: float | None
+    skipped: str  # sentence on rows that are not in the copy; empty: none
+    before_m: float | None = None  # bADE of `JUDGE`; None without a target
+    after_m: float | None = None
 
 
 def cure(
@@ -121,19 +123,24 @@ def cure(
     require_own(card)
     source = open_source(card, options.data)
     names = []
+    skipped = []
     with long_work("curing scenes", progress=options.progress) as progress:
         chosen = options.chosen(source.names)
         progress.started(len(chosen))
         with new_folder(Path(folder)) as part:
             for name in chosen:
                 scene = source.load(name)
+                skipped.append(scene.skipped)
                 cured = examine(scene, card).cure(scene)
                 if scene_digest(cured) != scene_digest(scene):
                     names.append(name)
                 save_scene(cured, part, card.task.classes)
                 progress.done(name)
+    line = skipped_line(total_skipped(skipped)) or ""
+    if not names:
+        return Cured((), line)
     after = with_files(card, folder)
-    return Cured(tuple(names), _error_m(card, options), _error_m(after, options))
+    return Cured(tuple(names), line, _error_m(card, options), _error_m(after, options))
 
 
 def require_own(card: Card) -> None:
@@ -157,11 +164,11 @@ def scene_doubts(scene: Scene, card: Card, data: str | None) -> tuple[Doubt, ...
 
 
 def doubt_lines(doubts: Sequence[Doubt]) -> list[str]:
-    """Return a line per doubt, up to five, and how many there are beside."""
+    """Return a line per doubt, up to five, and what to do next."""
     lines = [f"doubt: {doubt.scene}: {doubt.line}" for doubt in doubts[:_MOST_DOUBTS]]
-    if len(doubts) > _MOST_DOUBTS:
-        others = len(doubts) - _MOST_DOUBTS
-        lines.append(f"and {others} doubts more: `mtp-bench doctor`")
+    if lines:
+        shown = f"{len(lines)} of {counted(len(doubts), 'doubt')}"
+        lines.append(f"shown: {shown}; `mtp-bench doctor` draws and cures them")
     return lines
 
 

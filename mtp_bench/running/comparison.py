@@ -42,6 +42,11 @@ class Comparison:
     settings: tuple[Setting, ...]
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
+    def names(self, agents: Container[str]) -> list[str]:
+        """Return the names of the agents, controls only if ``agents`` names them."""
+        names = dict.fromkeys(setting.submission.name for setting in self.settings)
+        return [name for name in names if name in agents or name not in control_names()]
+
     def __str__(self) -> str:
         return str(self.report)
 

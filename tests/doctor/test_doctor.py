@@ -10,8 +10,9 @@ import pytest
 import mtp_bench
 from benchmarks.doctor_faults import ALONE, FITTED, Fault
 from mtp_bench import Card, MtpBenchError, Scene, evaluate, load_card, load_scenes
-from mtp_bench.core import Lane
+from mtp_bench.core import Detections, Lane, joined, select, starts_of_sorted
 from mtp_bench.doubts import Examination, examine, kinds
+from mtp_bench.doubts.signs import mean_of_others
 from mtp_bench.running import checkup
 from mtp_bench.sources import save_scene
 from tests.support.command_line import CommandLine, read_json
@@ -99,6 +100,53 @@ def test_a_cured_scene_scores_like_its_healthy_twin(name: str, vehicles: Scene, 
     assert error_of(cured) == pytest.approx(healthy_error, rel=0.02)
 
 
+def test_one_object_alone_makes_no_fault_of_the_recording(scenes: list[Scene]) -> None:
+    assert mean_of_others(np.array([9.0, 9.0, 1.0, 1.0, 4.0]), np.array([1, 1, 2, 2, 3])) == 2.0
+    assert mean_of_others(np.array([9.0]), np.array([1])) == 0.0
+    truth = scenes[0].truth
+    often = np.bincount(truth.object_id[truth.class_id == 0]).argmax()
+    turned = np.where(truth.object_id == often, truth.box[:, 3] + np.pi, truth.box[:, 3])
+    box = truth.box.copy()
+    box[:, 3] = np.arctan2(np.sin(turned), np.cos(turned))
+    assert not examine(replace(scenes[0], truth=replace(truth, box=box)), CARD).doubts
+
+
+def test_a_delay_of_whole_frames_is_undone_by_their_numbers(scenes: list[Scene]) -> None:
+    late = FITTED[0].plant(scenes[0], 1.0, np.random.default_rng(0))
+    cured = examine(late, CARD).cure(late).detections
+    frame = late.detections.frame_of_rows
+    np.testing.assert_array_equal(cured.box, late.detections.box[frame > 0])
+    np.testing.assert_array_equal(cured.frame_of_rows, frame[frame > 0] - 1)
+
+
+def test_detections_say_that_an_object_really_stands(scenes: list[Scene]) -> None:
+    fault = next(fault for fault in FAULTS if fault.name == "padded with the last position")
+    padded = fault.plant(scenes[0], 20, np.random.default_rng(2))
+    (doubt,) = examine(padded, CARD).doubts
+    assert doubt.kind == "padded_last"
+    truth = padded.truth
+    stands = np.isin(truth.object_id, doubt.objects) & (truth.frame_of_rows >= doubt.first)
+    detections = replace(
+        padded.detections,
+        start=truth.select(stands).start,
+        box=truth.box[stands],
+        velocity=truth.velocity[stands],
+        class_id=truth.class_id[stands],
+        score=np.ones(stands.sum()),
+    )
+    seen = joined_by_frame(padded.detections, detections)
+    assert not [
+        doubt for doubt in examine(replace(padded, detections=seen), CARD).doubts if doubt.kind == "padded_last"
+    ]
+
+
+def joined_by_frame(first: Detections, second: Detections) -> Detections:
+    both: Detections = joined([first, second])
+    frame = np.concatenate([first.frame_of_rows, second.frame_of_rows])
+    order = np.argsort(frame, kind="stable")
+    return replace(select(both, order), start=starts_of_sorted(frame[order], len(first.start) - 1))
+
+
 def test_every_kind_has_a_sentence_without_a_hole() -> None:
     for name, kind in kinds().items():
         assert kind.says, name
@@ -119,6 +167,22 @@ def test_a_log_is_cured(tmp_path: Path, cli: CommandLine, scenes: list[Scene]) -
     healed = cli("doctor", "--files", tmp_path / "cured")
     assert healed.status == 0
     assert "data fit together" in healed.out
+
+
+def test_a_copy_says_which_rows_it_lacks(tmp_path: Path, cli: CommandLine, scenes: list[Scene]) -> None:
+    late = FITTED[0].plant(scenes[0], 1.0, np.random.default_rng(0))
+    classes = ("car", "spaceship", *CARD.task.classes[2:])
+    save_scene(late, tmp_path / "logs", classes)
+    said = cli("doctor", "--files", tmp_path / "logs", "--cure", tmp_path / "cured")
+    assert "detections of class 'spaceship', which the task does not have" in said.err
+    assert "--env says which classes are kept" in said.err
+
+
+def test_simulated_detections_are_not_those_of_a_log(tmp_path: Path, cli: CommandLine, scenes: list[Scene]) -> None:
+    save_scene(scenes[0], tmp_path / "logs", CARD.task.classes)
+    said = cli("doctor", "--files", tmp_path / "logs", "--env", ENV)
+    assert said.status == 2
+    assert "such as MTP-nuScenes-v0 (2 Hz) and MTP-KITTI-v0 (10 Hz)" in said.err
 
 
 def test_errors_have_status_2(tmp_path: Path, cli: CommandLine) -> None:

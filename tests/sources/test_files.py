@@ -375,7 +375,7 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "a frame that the ego has not": ({"ego": EGO[:3]}, "truth.csv, line 4, column 'frame': no frame of the scene, whi"),
     "an object of two classes": (
         {"truth": [*TRUTH[:2], TRUTH[2].replace("car", "pedestrian"), TRUTH[3]]},
-        "truth.csv, line 3, column 'class': 'pedestrian', but this object has another class before",
+        "truth.csv, line 3, column 'class': 'pedestrian', but object '1' has another class before: did two objects exch",
     ),
     "a pose in degrees": ({"ego": [*EGO[:3], "2,0.2,0,0,0,90"]}, "yaw of the ego in frame 2 is 90, expected radians"),
     "a pose far away": ({"ego": [*EGO[:3], "2,0.2,0,0,1e6,0"]}, "z of the ego in frame 2 is "),

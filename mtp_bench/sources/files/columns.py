@@ -336,7 +336,12 @@ def check_objects(
     is_changed[row_order[1:]] = same_object & (
         class_names[row_order[1:]] != class_names[row_order[:-1]]
     )
-    problem = "but this object has another class before"
-    table.refuse(
-        is_changed, lambda row: f"{str(class_names[row])!r}, {problem}", "class"
-    )
+
+    def problem(row: int) -> str:
+        name = str(object_names[row])
+        return (
+            f"{str(class_names[row])!r}, but object {name!r} has another class before: "
+            "did two objects exchange their ids?"
+        )
+
+    table.refuse(is_changed, problem, "class")

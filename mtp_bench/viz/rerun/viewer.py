@@ -59,7 +59,7 @@ def show_recording(replays: Sequence[Replay], level: str, at: Incident | None) -
         save_recording(path, replays, level, at)
         # the viewer reads the open file to its end although it is deleted
         with path.open("rb") as content:
-            start_viewer(free_port(), ["--hide-welcome-screen", "-"], content)
+            start_viewer(content)
 
 
 def free_port() -> int:
@@ -69,19 +69,17 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def start_viewer(
-    port: int, options: Sequence[str], content: IO[bytes] | None = None
-) -> subprocess.Popen[bytes]:
-    """Start a viewer with a session of its own.
+def start_viewer(content: IO[bytes]) -> None:
+    """Start a viewer of a recording, with a session of its own.
 
-    ``content``: a recording for its standard input. Raises MtpBenchError if it does not
-    start.
+    Raises MtpBenchError if it does not start.
     """
     quiet = subprocess.DEVNULL
-    command = [viewer_program(), "--bind", LOCAL, "--port", str(port), *options]
+    port = free_port()
+    command = [viewer_program(), "--bind", LOCAL, "--port", str(port)]
     viewer = subprocess.Popen(
-        command,
-        stdin=content or quiet,
+        [*command, "--hide-welcome-screen", "-"],
+        stdin=content,
         stdout=quiet,
         stderr=quiet,
         start_new_session=True,
@@ -90,7 +88,7 @@ def start_viewer(
     while viewer.poll() is None and time.monotonic() < deadline:
         with suppress(OSError):
             socket.create_connection((LOCAL, port), timeout=1.0).close()
-            return viewer
+            return
         time.sleep(0.05)
     viewer.terminate()
     raise MtpBenchError("the viewer did not start: try --save FILE.rrd")

@@ -16,7 +16,7 @@ from ...sources import in_world, open_source, with_map
 from ..drawing.canvas import EDGE, Canvas, Outline
 from ..framing import TRAIL_SECONDS, Window
 from ..pages import page_of
-from ..palette import DETECTION, TRUTH
+from ..palette import DETECTION, EGO, TRUTH
 
 _TEMPLATES = Path(__file__).parent
 _PANEL_PX = 460
@@ -70,6 +70,7 @@ def _panel(scene: Scene, frame: int, trail: int, window: Window) -> NDArray[np.u
     for object_id in np.unique(truth.object_id[around]):
         way = truth.box[around & (truth.object_id == object_id), :2]
         canvas.lines([way], TRUTH, 1.0, alpha=140)
+    canvas.lines([scene.ego[max(0, frame - trail) : frame + trail + 1, :2]], EGO, 2.0)
     canvas.boxes(detections.box[detections.rows(frame)], _DETECTED_BOX)
     canvas.boxes(truth.box[truth.rows(frame)], _TRUE_BOX)
     canvas.scale_bar()

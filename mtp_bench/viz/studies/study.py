@@ -24,7 +24,6 @@ from ...running import (
     RunKeywords,
     RunOptions,
     compare,
-    control_names,
     doubt_lines,
     resolve_options,
     skipped_line,
@@ -98,10 +97,7 @@ def study(
     options.card(env_id).require_same_scenes("of which there is no study")
     comparison = compare(agents, env_id, options)
     report = comparison.report
-    names = dict.fromkeys(setting.submission.name for setting in comparison.settings)
-    # controls run beside the agents; a verdict is given on those that were asked for
-    compared = [name for name in names if name in agents or name not in control_names()]
-    best = filter(None, [verdict(report, compared)])
+    best = filter(None, [verdict(report, comparison.names(agents))])
     warning_lines = list(warnings(report))
     skipped = skipped_line(comparison.skipped)
     if skipped:
