@@ -10,7 +10,7 @@ import pytest
 import mtp_bench
 from benchmarks.doctor_faults import ALONE, FITTED, Fault
 from mtp_bench import Card, MtpBenchError, Scene, evaluate, load_card, load_scenes
-from mtp_bench.core import Detections, Lane, joined, select, starts_of_sorted
+from mtp_bench.core import Detections, Lane, starts_of_sorted
 from mtp_bench.doubts import Examination, examine, kinds
 from mtp_bench.doubts.signs import mean_of_others
 from mtp_bench.running import checkup
@@ -141,10 +141,15 @@ def test_detections_say_that_an_object_really_stands(scenes: list[Scene]) -> Non
 
 
 def joined_by_frame(first: Detections, second: Detections) -> Detections:
-    both: Detections = joined([first, second])
     frame = np.concatenate([first.frame_of_rows, second.frame_of_rows])
     order = np.argsort(frame, kind="stable")
-    return replace(select(both, order), start=starts_of_sorted(frame[order], len(first.start) - 1))
+    columns = {
+        name: np.concatenate([column, vars(second)[name]])[order]
+        for name, column in vars(first).items()
+        if isinstance(column, np.ndarray) and len(column) == len(first.box)
+    }
+    start = starts_of_sorted(frame[order], len(first.start) - 1)
+    return replace(first, start=start, **{name: columns[name] for name in ("box", "velocity", "class_id", "score")})
 
 
 def test_every_kind_has_a_sentence_without_a_hole() -> None:
