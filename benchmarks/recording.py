@@ -1,4 +1,4 @@
-"""Recordings: seconds and megabytes per scene at every level, for runs written by `mtp-bench run`.
+"""Recordings: seconds and megabytes per scene with the heaviest and with all hypotheses, for runs written by `mtp-bench run`.
 
 ``python benchmarks/recording.py FOLDER...``: importing rerun, reading the run and comparing it with the truth are not
 counted. Each recording is written three times; the least of the seconds is shown.
@@ -13,13 +13,12 @@ from pathlib import Path
 
 from mtp_bench.running.stored import open_run
 from mtp_bench.viz.rerun.recording import save_recording
-from mtp_bench.viz.rerun.shown import LEVELS
 from mtp_bench.viz.run_replay import Replay, replay
 
 
 def main(folders: list[str]) -> None:
     print(
-        f"{'run':12} {'scene':22} {'H':>3} {'frames':>6} {'level':>7} {'CPU s':>7} {'s':>7} {'MB':>6}"
+        f"{'run':12} {'scene':22} {'H':>3} {'frames':>6} {'all':>7} {'CPU s':>7} {'s':>7} {'MB':>6}"
     )
     for folder in folders:
         opened = open_run(Path(folder))
@@ -27,20 +26,20 @@ def main(folders: list[str]) -> None:
             run = replay(
                 opened.scene(rollout.scene), rollout, opened.card, opened.run.info.agent
             )
-            for level in LEVELS:
-                processor, wall, size = measure(run, level)
-                which = f"{run.agent:12} {rollout.scene:22} {rollout.member.shape[1]:3} {rollout.frames:6} {level:>7}"
+            for is_all in (False, True):
+                processor, wall, size = measure(run, is_all)
+                which = f"{run.agent:12} {rollout.scene:22} {rollout.member.shape[1]:3} {rollout.frames:6} {is_all!s:>7}"
                 print(f"{which} {processor:7.3f} {wall:7.3f} {size / 1e6:6.2f}")
 
 
-def measure(run: Replay, level: str) -> tuple[float, float, int]:
+def measure(run: Replay, is_all: bool) -> tuple[float, float, int]:
     """Seconds of the processor, seconds and bytes of one recording."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.rrd"
         seconds = []
         for _ in range(3):
             start = time.process_time(), time.perf_counter()
-            save_recording(path, [run], level)
+            save_recording(path, [run], is_all)
             seconds.append(
                 (time.process_time() - start[0], time.perf_counter() - start[1])
             )

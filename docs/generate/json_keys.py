@@ -41,7 +41,7 @@ CONDITION = {
     "presence": "Presence model of baselines that the run names: its file, or scores; empty: the detector's.",
     "trained": "Agents with parts that were trained on the scored scenes.",
 }
-PER_SCENE = {  # of `score --per-scene` and `Report.per_scene`, beside columns of rows
+PER_SCENE = {  # of `Report.per_scene`, beside columns of rows
     "seed": "Number of the run, from 0 on.",
     "scene": "Name of the scene.",
     "frames": "Frames of the scene.",
@@ -141,7 +141,7 @@ def page() -> str:
     ]
     parts += [_table(title, keys_of(kind)) for title, kind in SECTIONS.items()]
     plain = {
-        "Rows of score --per-scene (other keys as in rows[])": PER_SCENE,
+        "Rows of Report.per_scene (other keys as in rows[])": PER_SCENE,
         "The file of worst --json": WORST,
         "moments[] of worst --json": MOMENT,
         "events[] of events --json": EVENT,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from ..core import MtpBenchError, write_text
-from .options import EnvScenes, JsonOption
+from .options import EnvScenes, JsonOption, file_option
 from .output import error_text, say, write_json
 
 if TYPE_CHECKING:
@@ -40,7 +40,12 @@ def doctor(
         Option(help="New folder for a corrected copy of own scenes (--files)."),
     ] = None,
     page: Annotated[
-        Path | None, Option(help="HTML file to write, with a picture per doubt.")
+        Path | None,
+        file_option(
+            "--page",
+            text="HTML file to write, with a picture per doubt.",
+            suffixes=(".html",),
+        ),
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -82,6 +87,8 @@ def _examine(
         )
     if cure is not None:
         require_own(card)
+        if on.files and cure.absolute().is_relative_to(on.files.absolute()):
+            raise MtpBenchError(f"{cure} is inside of {on.files}: name another folder")
     checkup = examine_scenes(card, options)
     write_json(json_file, checkup.to_json())
     if page is not None:
@@ -115,7 +122,7 @@ def _cured_line(card: "Card", folder: Path, options: "RunOptions") -> str:
     if not cured.scenes:
         return f"{folder}: an unchanged copy, as nothing can be cured"
     errors = [
-        "no target" if error_m is None else f"{error_m:.3f} m"
+        "not scored" if error_m is None else f"{error_m:.3f} m"
         for error_m in (cured.before_m, cured.after_m)
     ]
     names = ", ".join(cured.scenes)

@@ -5,7 +5,6 @@ from typing import Annotated
 
 from typer import Option
 
-from ..core import Column, Table, columns_of
 from ..running import (
     RunOptions,
     export_tracks,
@@ -15,7 +14,7 @@ from ..running import (
     score as score_run,
     skipped_line,
 )
-from ..scoring import Report, Row, rejected_line
+from ..scoring import rejected_line
 from ..viz import command_line, counted, show
 from .options import (
     AgentScenes,
@@ -25,9 +24,8 @@ from .options import (
     RunCardOption,
     SubmissionArgument,
     WorkerChoice,
-    file_option,
 )
-from .output import prepare, write_json, write_table
+from .output import prepare, write_json
 from .shown import Shown, show_report
 
 
@@ -62,31 +60,13 @@ def score(
     root: DataOption = None,
     env: RunCardOption = None,
     json_file: JsonOption = None,
-    per_scene: Annotated[
-        Path | None,
-        file_option(
-            "--per-scene",
-            suffixes=(".csv", ".json"),
-            text="Write a row per scene to this file.",
-        ),
-    ] = None,
 ) -> None:
     """Score stored rollouts."""
     scored = score_run(folder, RunOptions(root), env)
     report = scored.report
     content = report.to_json("condition", "details")
     write_json(json_file, {**content, "skipped": scored.skipped})
-    write_table(per_scene, [], _scene_table(report, f"Scenes of {folder.name}"))
     show_report(report, folder.name, scored.skipped, shown)
-
-
-def _scene_table(report: Report, title: str) -> Table:
-    """Return a row per scene, with a report's columns where they fit."""
-    rows = report.per_scene()
-    row_columns = {column.key: column for column in columns_of(Row)}
-    keys = dict.fromkeys(key for row in rows for key in row)
-    columns = [row_columns.get(key, Column(key=key)) for key in keys]
-    return Table("scenes", title, "", rows, columns)
 
 
 def export(

@@ -17,7 +17,6 @@ from ..running import OpenedRun, open_run
 from ..sources import camera_images
 from ..viz import (
     AT,
-    LEVELS,
     Focus,
     PlayedRun,
     Replay,
@@ -27,7 +26,7 @@ from ..viz import (
     sentence,
     show,
 )
-from .options import DataOption, NoDoctorOption, RunCardOption, choice, file_option
+from .options import DataOption, NoDoctorOption, RunCardOption, file_option
 from .output import say
 
 _FOLDERS = Argument(
@@ -35,10 +34,7 @@ _FOLDERS = Argument(
 )
 _SCENE = Option(help="Which scene. Default: the first of the run.")
 _AT = Option(help=f"Open the first run there: {AT}.")
-_LEVEL = choice(
-    LEVELS,
-    text="tracks, top (3 samples per object) or all (every sample and hypothesis).",
-)
+_ALL = Option("--all", help="Every hypothesis and sample, not the heaviest alone.")
 _SAVE = file_option(
     "--save", text="Write a recording (.rrd) instead.", suffixes=(".rrd",)
 )
@@ -53,7 +49,7 @@ def view(
     folders: Annotated[list[Path], _FOLDERS],
     scene: Annotated[str | None, _SCENE] = None,
     at: Annotated[str | None, _AT] = None,
-    level: Annotated[str, _LEVEL] = "top",
+    is_all: Annotated[bool, _ALL] = False,
     save: Annotated[Path | None, _SAVE] = None,
     png: Annotated[Path | None, _PNG] = None,
     root: DataOption = None,
@@ -91,10 +87,10 @@ def view(
         save_report(png, *focuses)
         show(f"{png}: {text}")
     elif save is not None:
-        save_recording(save, replays, level, incident)
+        save_recording(save, replays, is_all, incident)
         show(f"{save}: {text}; open it with `rerun {shlex.quote(str(save))}`")
     else:
-        show_recording(replays, level, incident)
+        show_recording(replays, is_all, incident)
         show(text)
 
 

@@ -15,7 +15,8 @@ from .recording import RecordedScene
 from .signs import Sign
 from .truth_signs import jitter_signs, truth_signs
 
-MOST_DOUBTS = 3
+_MOST_CAUSES = 3
+_INCOMPARABLE = ("truth_jitter", "class_renamed")  # then places say nothing
 _NEAR = 0.1  # of the misfit that the winner explains: a runner-up is named
 
 
@@ -26,7 +27,6 @@ class Examination:
     doubts: tuple[Doubt, ...]  # the gravest first
     signs: tuple[Sign, ...]  # all, also those below their limits
     cured: RecordedScene  # with the doubts undone that can be
-    misfit: float  # between detections and truth, in [0, 1]
     near: float  # share of true boxes with a detection near
     powers: Mapping[str, bool]  # which small faults would be told
 
@@ -41,6 +41,7 @@ class Examination:
             truth=cured.truth,
             detections=cured.detections,
             annotated=cured.annotated,
+            visible=cured.visible,
         )
 
     def size_of(self, kind: str) -> float:
@@ -59,28 +60,26 @@ def examine(scene: Scene, card: Card) -> Examination:
     for look in (class_signs, form_signs, jitter_signs):
         seen = list(look(recording))
         signs += seen
-        for sign in _unexplained(filter(is_doubt, seen)):
+        for sign in _unexplained(filter(is_doubt, seen), found):
             found.append((sign, ""))
             if sign.undo is not None:
                 recording = sign.undo(recording)
-    if all(sign.kind != "truth_jitter" for sign, _ in found):  # else nothing to compare
+    if not any(sign.kind in _INCOMPARABLE for sign, _ in found):
         recording = _without_causes(recording, signs, found)
-    rest = [*truth_signs(recording), *detection_signs(recording)]
+    comparison = CauseFits(recording)
+    rest = [Sign("apart", comparison.apart), *truth_signs(recording)]
+    rest += detection_signs(recording)
     rest += class_signs(recording)
     signs += rest
-    before = [sign.kind for sign, _ in found]
-    rest_found = _unexplained(filter(is_doubt, rest), before)
-    for sign in sorted(rest_found, key=_excess):
+    for sign in sorted(_unexplained(filter(is_doubt, rest), found), key=_excess):
         found.append((sign, ""))
         if sign.undo is not None:
             recording = sign.undo(recording)
     doubts = [doubt_of(sign, recording, other) for sign, other in found]
-    comparison = CauseFits(recording)
     return Examination(
-        doubts=tuple(doubts[:MOST_DOUBTS]),
+        doubts=tuple(doubts),
         signs=tuple(signs),
         cured=recording,
-        misfit=comparison.misfit,
         near=comparison.near_share,
         powers=comparison.powers(),
     )
@@ -89,11 +88,11 @@ def examine(scene: Scene, card: Card) -> Examination:
 def _without_causes(
     recording: RecordedScene, signs: list[Sign], found: list[tuple[Sign, str]]
 ) -> RecordedScene:
-    """Return the recording with up to `MOST_DOUBTS` causes of the misfit undone.
+    """Return the recording with up to `_MOST_CAUSES` causes of the misfit undone.
 
     Adds all fits to ``signs``, and the winners with their runners-up to ``found``.
     """
-    for _ in range(MOST_DOUBTS):
+    for _ in range(_MOST_CAUSES):
         fits = list(CauseFits(recording).signs())
         signs += fits
         winner = _winner(fits)
@@ -117,16 +116,15 @@ def _winner(fits: Iterable[Sign]) -> tuple[Sign, str] | None:
     return first, ""
 
 
-def _unexplained(signs: Iterable[Sign], before: Iterable[str] = ()) -> list[Sign]:
-    """Return the signs that are not consequences of others.
-
-    ``before``: kinds that were found already.
-    """
-    found = list(signs)
-    explained = set(before)
-    for kind in (*before, *(sign.kind for sign in found)):
+def _unexplained(
+    signs: Iterable[Sign], found: Iterable[tuple[Sign, str]]
+) -> list[Sign]:
+    """Return the signs that are not consequences of others, or of those found."""
+    new = list(signs)
+    explained = {sign.kind for sign, _ in found}
+    for kind in (*explained, *(sign.kind for sign in new)):
         explained.update(kinds()[kind].explains)
-    return [sign for sign in found if sign.kind not in explained]
+    return [sign for sign in new if sign.kind not in explained]
 
 
 def _excess(sign: Sign) -> float:

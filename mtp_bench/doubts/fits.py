@@ -34,6 +34,7 @@ _MOST_FRAMES = 0.9  # share of the clear frames, from which all have a fixed map
 _FRAME_GAIN = 0.3  # of misfit that a fixed map takes from a frame
 _PARAMETER_GAIN = 0.003  # of misfit that another parameter must gain
 _MIN_GAIN = 0.01  # of misfit, below which a fit explains nothing
+_MOST_LEFT = 0.9  # misfit, above which nothing is explained
 _MIN_OTHERS_GAIN = 0.005  # without the object that gains most
 _MIN_LATE_FRAMES = 0.15
 _MIN_OBJECTS = 2
@@ -75,6 +76,12 @@ class CauseFits:
         places = (self.xy, self.frame, self.class_id)
         distance, _ = self.recording.detected.nearest(*places, reach)
         return _mean(distance <= self.gate)
+
+    @property
+    def apart(self) -> float:
+        """Share of the true boxes without a detection near; 0 if there are few."""
+        is_large = min(len(self.xy), len(self.recording.detections.box)) >= _MIN_PAIRS
+        return (1.0 - self.near_share) * is_large
 
     def signs(self) -> Iterator[Sign]:
         """Yield all causes, each as well as it fits."""
@@ -143,9 +150,9 @@ class CauseFits:
         if np.ptp(ego[:, 3]) > _MIN_TURN_RAD:
             yield self._mapped("world_offset", offset_world, _OFFSETS_M)
         yield from self._moved_later()
-        degrees = np.array([0.0, -8.0, -4.0, -2.0, 2.0, 4.0, 8.0])
+        degrees = np.arange(-180.0, 180.0, 10.0)
         yield self._mapped("turn", turn, np.radians(degrees)[:, None])
-        shares = np.array([0.0, -0.1, -0.03, 0.03, 0.1])
+        shares = np.array([0.0, -0.5, -0.3, -0.1, -0.03, 0.03, 0.1, 0.4, 1.0])
         yield self._mapped("scale", scale, shares[:, None])
         if self.recording.has_ego:
             frames = np.array([0.0, -1.0, -0.5, 0.5, 1.0])
@@ -204,7 +211,8 @@ class CauseFits:
         is_weak = self.objects < _FEW_OBJECTS and gain < _STRONG_GAIN
         row_gain = self.losses - self._losses(predict(values))
         is_weak |= mean_of_others(row_gain, self.object_id) < _MIN_OTHERS_GAIN
-        if gain < _MIN_GAIN or is_short or is_weak:
+        is_weak |= gain < _MIN_GAIN or after > _MOST_LEFT
+        if is_short or is_weak:
             value = 0.0
         return Sign(
             kind,
@@ -287,15 +295,20 @@ class CauseFits:
     def _on_time(self, late: float, recording: RecordedScene) -> RecordedScene:
         """Undo a delay: whole frames by their numbers, the rest along the motion."""
         detections = recording.detections
-        whole = round(late)
+        # half a frame is undone without the loss of a frame at the end
+        whole = int(np.sign(late) * np.floor(abs(late) + 0.25))
         if abs(late - whole) < _MIN_LATE_FRAMES:
             late = whole
-        xy = self._places_later(-late)
-        reach = float(self.gate.max())
-        _, row = self.recording.detected.nearest(xy, self.frame, self.class_id, reach)
+        truth = self.recording.truth
+        motion = self.recording.motion
+        rows = np.arange(len(truth.box))
+        xy = motion.places(rows, -late)
+        _, row = self.recording.detected.nearest(
+            xy, truth.frame_of_rows, truth.class_id, float(self.gate.max())
+        )
         seen = row != NEVER
         box = detections.box.copy()
-        box[row[seen], :2] += (self._places_later(-whole) - xy)[seen]
+        box[row[seen], :2] += (motion.places(rows, -whole) - xy)[seen]
         frame = detections.frame_of_rows - whole
         kept = (frame >= 0) & (frame < self.recording.frames)
         start = starts_of_sorted(frame[kept], self.recording.frames)
@@ -329,8 +342,10 @@ def _remapped(
     """Map truth or detections in the frames [F] that need it."""
     rows: Truth | Detections = getattr(recording, part)
     frame = rows.frame_of_rows
-    box = np.where(has[frame, None], made.boxes(rows.box, frame), rows.box)
-    return recording.with_rows(replace(rows, box=box))
+    mapped = has[frame, None]
+    box = np.where(mapped, made.boxes(rows.box, frame), rows.box)
+    velocity = np.where(mapped, made.turned(rows.velocity, frame), rows.velocity)
+    return recording.with_rows(replace(rows, box=box, velocity=velocity))
 
 
 def _centered(values: Floats, recording: RecordedScene) -> RecordedScene:

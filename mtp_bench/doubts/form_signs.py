@@ -109,6 +109,7 @@ def _padding(recording: RecordedScene) -> Iterator[Sign]:
     """Yield the object with the most rows at x = y = 0."""
     truth = recording.truth
     at_zero = np.abs(truth.box[:, :2]).max(axis=1) < _AT_ZERO_M
+    at_zero &= np.isin(truth.object_id, truth.object_id[~at_zero])
     if not at_zero.any():
         return
     ids, counts = np.unique(truth.object_id[at_zero], return_counts=True)
@@ -139,14 +140,19 @@ def _doubled(recording: RecordedScene) -> Sign:
 
 def _repeated(recording: RecordedScene) -> Iterator[Sign]:
     """Yield how many frames show all the boxes of the frame before."""
-    rows = recording.detections
-    frames = []
-    for t in range(1, recording.frames):
-        box = rows.box[rows.rows(t)]
-        if len(box) > 1 and np.array_equal(box, rows.box[rows.rows(t - 1)]):
-            frames.append(t)
+    frames = [
+        t
+        for t in range(1, recording.frames)
+        if _repeats(recording.detections, t) and not _repeats(recording.truth, t)
+    ]
     if frames:
         yield Sign("hangs", float(len(frames)), first=frames[0], last=frames[-1])
+
+
+def _repeats(rows: _Rows, t: int) -> bool:
+    """Return True for several boxes that are those of the frame before."""
+    box = rows.box[rows.rows(t)]
+    return len(box) > 1 and np.array_equal(box, rows.box[rows.rows(t - 1)])
 
 
 def _edit(part: str, change: Callable[[Floats], None]) -> Undo:
@@ -163,4 +169,7 @@ def _edit(part: str, change: Callable[[Floats], None]) -> Undo:
 
 def _kept(part: str, mask: Bools, recording: RecordedScene) -> RecordedScene:
     rows: _Rows = getattr(recording, part)
-    return recording.with_rows(rows.select(mask))
+    scene = recording.scene
+    if part == "truth" and scene.visible is not None:
+        scene = replace(scene, visible=scene.visible[mask])
+    return replace(recording, scene=scene).with_rows(rows.select(mask))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core import Floats, Ints, wrap_angle
+from ..core import Floats, Ints, unit_vectors, wrap_angle
 
 UNITS = {  # name -> how often it goes into a metre
     "feet": 1 / 0.3048,
@@ -23,13 +23,15 @@ class PlaneMap:
 
     def places(self, xy: Floats, frame: Ints) -> Floats:
         """Return where places [n, 2] of frames [n] appear."""
-        turned = np.einsum("nij,nj->ni", self.matrix[frame], xy)
-        return np.asarray(turned + self.shift[frame])
+        return self.turned(xy, frame) + self.shift[frame]
+
+    def turned(self, vector: Floats, frame: Ints) -> Floats:
+        """Return how vectors [n, 2] of frames [n] appear, such as velocities."""
+        return np.asarray(np.einsum("nij,nj->ni", self.matrix[frame], vector))
 
     def headings(self, yaw: Floats, frame: Ints) -> Floats:
         """Return how headings [n] of frames [n] appear, rad."""
-        ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-        x, y = np.einsum("nij,nj->in", self.matrix[frame], ahead)
+        x, y = self.turned(unit_vectors(yaw), frame).T
         return np.asarray(np.arctan2(y, x))
 
     def boxes(self, box: Floats, frame: Ints) -> Floats:

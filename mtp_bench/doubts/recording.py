@@ -7,7 +7,16 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from ..cards import Card
-from ..core import Bools, Detections, Floats, Ints, Scene, Truth, rotate
+from ..core import (
+    Bools,
+    Detections,
+    Floats,
+    Ints,
+    Scene,
+    Truth,
+    pieces_of,
+    rotate,
+)
 from ..sources import in_world
 
 NEVER = -1  # in place of a row
@@ -114,7 +123,7 @@ class RecordedScene:
     @cached_property
     def motion(self) -> "Motion":
         """Tracks of the true objects."""
-        return Motion(self.truth, self.scene.time, self.period)
+        return Motion(self.scene, self.period)
 
     @cached_property
     def sample(self) -> Ints:
@@ -149,13 +158,16 @@ class RecordedScene:
 class Motion:
     """Tracks of true objects: their rows by object and frame, places between frames."""
 
-    def __init__(self, truth: Truth, time: Floats, period: float) -> None:
+    def __init__(self, scene: Scene, period: float) -> None:
+        truth = scene.truth
         frame = truth.frame_of_rows
         order = np.lexsort((frame, truth.object_id))
-        self.period = period
+        self.stride = scene.annotated_step  # frames between two rows of an object
+        self.scene_time = scene.time
         self.object_id = truth.object_id[order]
         self.frame = frame[order]
-        self.time = time[self.frame]
+        self.time = scene.time[self.frame]
+        self.piece = pieces_of(scene.time, period)[self.frame]
         self.xy = truth.box[order, :2]
         self.yaw = truth.box[order, 3]
         self.class_id = truth.class_id[order]
@@ -164,8 +176,13 @@ class Motion:
 
     @cached_property
     def joined(self) -> Bools:
-        """Marks [n - 1] of neighbouring rows of one object."""
-        return np.asarray(np.diff(self.number) == 0)
+        """Marks [n - 1] of neighbouring rows of one object, without a hole in time."""
+        return np.asarray((np.diff(self.number) == 0) & (np.diff(self.piece) == 0))
+
+    @cached_property
+    def steady(self) -> Bools:
+        """Marks [n - 1] of rows that the next annotated frame follows."""
+        return np.asarray(self.joined & (np.diff(self.frame) == self.stride))
 
     @cached_property
     def step(self) -> Floats:
@@ -176,10 +193,12 @@ class Motion:
     @cached_property
     def velocity(self) -> Floats:
         """Velocities [n, 2] m/s, by the neighbouring frames; NaN for a single row."""
-        frames = self._clipped(1.0) - self._clipped(-1.0)
-        moved = self._between(self._clipped(1.0)) - self._between(self._clipped(-1.0))
-        seconds = np.where(frames > 0, frames * self.period, np.nan)
-        return np.asarray(moved / seconds[:, None])
+        later = self._clipped(1.0)
+        earlier = self._clipped(-1.0)
+        moved = self._between(later) - self._between(earlier)
+        time = self.scene_time
+        seconds = time[later.astype(int)] - time[earlier.astype(int)]
+        return np.asarray(moved / np.where(seconds > 0, seconds, np.nan)[:, None])
 
     @cached_property
     def speed(self) -> Floats:

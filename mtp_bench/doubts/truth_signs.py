@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial import KDTree
 
-from ..core import Bools, Floats, Ints, wrap_angle
+from ..core import Bools, Floats, Ints, pieces_of, wrap_angle
 from .form_signs import LONG, heading_signs
 from .recording import NEVER, Motion, Places, RecordedScene, from_ego
 from .signs import Sign
@@ -64,8 +64,7 @@ def _bends(motion: Motion) -> tuple[Ints, Floats]:
 
     Bend [n, 2]: the second difference, twice the way to the middle of the neighbours.
     """
-    both = motion.joined[1:] & motion.joined[:-1]
-    both &= motion.frame[2:] - motion.frame[:-2] == 2
+    both = motion.steady[1:] & motion.steady[:-1]
     row = np.flatnonzero(both) + 1
     return row, motion.xy[row + 1] - 2 * motion.xy[row] + motion.xy[row - 1]
 
@@ -82,6 +81,8 @@ def _object_jump(motion: Motion, row: Ints, bend: Floats) -> Sign:
             usual_step[first:last] = np.median(motion.step[first:last])
     surprise = jump / (_NOISE_M + _TURN_SHARE * usual_step[1:-1])
     surprise[~np.isfinite(surprise)] = 0.0
+    if not surprise.any():
+        return Sign("truth_jump", 0.0)
     middle = int(surprise.argmax()) + 1
     before = middle - 1 + int(np.nanargmax(motion.step[middle - 1 : middle + 1]))
     return Sign(
@@ -148,16 +149,16 @@ def _identities(recording: RecordedScene) -> Iterator[Sign]:
     leaves = np.flatnonzero((heir != NEVER) & follows)
     old = heir[leaves] - 1  # where the heir's object was before
     exchange = (old >= 0) & (heir[old] == leaves + 1)
-    pair = leaves[exchange][:1]
-    names = [*motion.object_id[pair], *motion.object_id[heir[pair]], NEVER, NEVER]
-    yield Sign(
-        "ids_exchanged",
-        float(exchange.sum() // 2),
-        first=int(motion.frame[pair[0]] + 1) if len(pair) else NEVER,
-        last=recording.frames - 1 if len(pair) else NEVER,
-        object_id=int(names[0]),
-        other_id=int(names[1]),
-    )
+    if exchange.any():
+        row = leaves[exchange][0]
+        yield Sign(
+            "ids_exchanged",
+            float(exchange.sum() // 2),
+            first=int(motion.frame[row] + motion.stride),
+            last=recording.frames - 1,
+            object_id=int(motion.object_id[row]),
+            other_id=int(motion.object_id[heir[row]]),
+        )
     begins = np.append(True, ~motion.joined)
     ends = np.flatnonzero(~follows & (motion.frame < recording.frames - 1))
     inherited = (heir[ends] != NEVER) & begins[heir[ends]]
@@ -171,13 +172,15 @@ def _heirs(recording: RecordedScene, motion: Motion) -> Ints:
     `NEVER` if no other is there, and if the object itself goes near.
     """
     heir = np.full(len(motion.xy), NEVER)
-    steady = motion.joined & (np.diff(motion.frame) == 1)
-    row = np.flatnonzero(steady) + 1
+    row = np.flatnonzero(motion.steady) + 1
     ahead = 2 * motion.xy[row] - motion.xy[row - 1]
     gate = recording.gate[motion.class_id[row]]
     places = Places(motion.xy, motion.frame, motion.class_id)
     distance, goal = places.nearest(
-        ahead, motion.frame[row] + 1, motion.class_id[row], float(gate.max(initial=0))
+        ahead,
+        motion.frame[row] + motion.stride,
+        motion.class_id[row],
+        float(gate.max(initial=0)),
     )
     there = motion.xy[np.minimum(row + 1, len(motion.xy) - 1)]
     own = np.where(
@@ -281,6 +284,8 @@ def _ego(recording: RecordedScene) -> Iterator[Sign]:
     """Yield the largest jump of the ego, and its angle to its own way."""
     xy = recording.ego[:, :2]
     bend = np.hypot(*np.diff(xy, n=2, axis=0).T)
+    piece = pieces_of(recording.scene.time, recording.period)
+    bend[piece[2:] != piece[:-2]] = 0.0
     middle = int(bend.argmax())
     jump = float(bend[middle])
     hard = _HARD_MPS2 * recording.period**2

@@ -1,7 +1,7 @@
 """The doctor on the scenes of an env, once per state of their files."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +11,7 @@ import numpy as np
 
 from ..cards import Card, FilesSource, with_files
 from ..core import (
+    DataError,
     MtpBenchError,
     Scene,
     Section,
@@ -37,10 +38,9 @@ class SceneCheckup(Section):
 
     scene: str
     doubts: tuple[Doubt, ...]
-    misfit: float  # between detections and truth, in [0, 1]
     near: float  # share of true boxes with a detection near
     # late by s, off by m, turned by degrees, as fits say; empty: nothing to compare
-    shifts: tuple[float, ...]
+    shifts: tuple[()] | tuple[float, float, float]
     told: tuple[str, ...]  # small faults that would be told
     missing: tuple[str, ...]  # what could not be checked
 
@@ -85,16 +85,21 @@ def doctor(
     card.require_same_scenes(
         "whose recordings are made anew by each agent", "there is nothing to examine"
     )
-    work = long_work(f"examining the data of {card.id}", progress=options.progress)
-    with work as progress:
+    found = []
+    for scene in _scenes(card, options, f"examining the data of {card.id}"):
+        found.append(_checked(scene, card, options.data))
+    return Checkup(card.id, tuple(found))
+
+
+def _scenes(card: Card, options: RunOptions, work: str) -> Iterator[Scene]:
+    """Yield the chosen scenes, each of which is done when the next one is asked for."""
+    with long_work(work, progress=options.progress) as progress:
         source = open_source(card, options.data)
         names = options.chosen(source.names)
         progress.started(len(names))
-        found = []
         for name in names:
-            found.append(_checked(source.load(name), card, options.data))
+            yield source.load(name)
             progress.done(name)
-    return Checkup(card.id, tuple(found))
 
 
 @dataclass(frozen=True)
@@ -121,21 +126,15 @@ def cure(
     env_id, options = resolve_options(env_id, options, keywords)
     card = options.card(env_id)
     require_own(card)
-    source = open_source(card, options.data)
     names = []
     skipped = []
-    with long_work("curing scenes", progress=options.progress) as progress:
-        chosen = options.chosen(source.names)
-        progress.started(len(chosen))
-        with new_folder(Path(folder)) as part:
-            for name in chosen:
-                scene = source.load(name)
-                skipped.append(scene.skipped)
-                cured = examine(scene, card).cure(scene)
-                if scene_digest(cured) != scene_digest(scene):
-                    names.append(name)
-                save_scene(cured, part, card.task.classes)
-                progress.done(name)
+    with new_folder(Path(folder)) as part:
+        for scene in _scenes(card, options, "curing scenes"):
+            skipped.append(scene.skipped)
+            cured = examine(scene, card).cure(scene)
+            if scene_digest(cured) != scene_digest(scene):
+                names.append(scene.name)
+            save_scene(cured, part, card.task.classes)
     line = skipped_line(total_skipped(skipped)) or ""
     if not names:
         return Cured((), line)
@@ -154,8 +153,10 @@ def require_own(card: Card) -> None:
 
 def _error_m(card: Card, options: RunOptions) -> float | None:
     """Return the bADE of `JUDGE` on the scenes of a card."""
-    report = evaluate(JUDGE, card, options.unchanged)
-    return report.rows[0].error if report.rows else None
+    with suppress(DataError):  # such as windows that are too short for the copy
+        report = evaluate(JUDGE, card, options.unchanged)
+        return report.rows[0].error if report.rows else None
+    return None
 
 
 def scene_doubts(scene: Scene, card: Card, data: str | None) -> tuple[Doubt, ...]:
@@ -179,7 +180,7 @@ def _checked(scene: Scene, card: Card, data: str | None) -> SceneCheckup:
     state = f"{scene_digest(scene)}|{lanes}|{card.digest}|{DOCTOR_VERSION}"
     file_name = f"{hashlib.sha256(state.encode()).hexdigest()[:32]}.json"
     path = cache_root() / "doctor" / file_name
-    with suppress(MtpBenchError, OSError):  # missing, or not what was written
+    with suppress(MtpBenchError, OSError, ValueError):  # not what was written
         text = path.read_text(encoding="utf-8")
         return validate_json(SceneCheckup, text, str(path), MtpBenchError)
     found = _summary(examine(scene, card), scene, card)
@@ -216,7 +217,6 @@ def _summary(found: Examination, scene: Scene, card: Card) -> SceneCheckup:
     return SceneCheckup(
         scene=scene.name,
         doubts=found.doubts,
-        misfit=found.misfit,
         near=found.near,
         shifts=tuple(sizes[np.isfinite(sizes)].tolist()),
         told=tuple(fault for fault, is_told in found.powers.items() if is_told),

@@ -31,7 +31,6 @@ from .moment_list import (
 )
 from .played import PlayedRun as PlayedRun, replays as replays
 from .rerun.recording import save_recording as save_recording
-from .rerun.shown import LEVELS as LEVELS
 from .rerun.viewer import (
     require_display as require_display,
     show_recording as show_recording,

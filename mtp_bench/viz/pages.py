@@ -44,6 +44,11 @@ def source_of(text: str) -> str:
     return f"'sha256-{digest}'"
 
 
+def data_uri(content: bytes, media_type: str) -> str:
+    """Return the address of a picture that stands in the page itself."""
+    return f"data:{media_type};base64,{base64.b64encode(content).decode()}"
+
+
 def page_of(folder: Path, template: str, **content: Any) -> str:
     """Return a page that has no script and loads no other file.
 

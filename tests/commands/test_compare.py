@@ -1,6 +1,5 @@
 """`mtp-bench compare` and `score`: one table of 80 columns, the verdict, the rest when asked."""
 
-import csv
 import json
 import re
 from collections.abc import Iterator
@@ -9,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from docs.generate import json_keys
+from mtp_bench.running import score
 from mtp_bench.scoring.rows import Row
 from tests.support.command_line import CommandLine, read_json, write_submission
 
@@ -77,14 +77,12 @@ def test_a_stored_run_has_the_same_table(mine: Path, cli: CommandLine, known: li
     assert [line.split()[:2] for line in printed.splitlines() if line.startswith("mine")] == [["mine", "2"]]
     assert "--full" in printed.splitlines()[-1]
     assert "\n\nSubsets" in cli.ok("score", tmp_path / "run", *known, "--full")
-    latex, scenes = tmp_path / "table.tex", tmp_path / "scenes.csv"
+    latex = tmp_path / "table.tex"
     content = json.loads(cli.ok("score", tmp_path / "run", *known, "--json", "-", "--table", latex))
     assert latex.read_text().startswith("\\begin{table}\n\\caption{MTP-Small-v0, 2 scenes, 1 seed: m, less is better}")
     assert list(content) == ["env", "definitions", "rows", "condition", "details", "skipped"]
-    cli.ok("score", tmp_path / "run", *known, "--per-scene", scenes)
-    with scenes.open() as file:
-        lines = list(csv.DictReader(file))
-    assert {key.split(" [")[0] for key in lines[0]} - json_keys.PER_SCENE.keys() < set(Row.model_fields)
-    assert sum(float(line["bADE_sum"]) for line in lines) == pytest.approx(
+    lines = score(tmp_path / "run", data=known[3], env_id=known[1]).report.per_scene()
+    assert lines[0].keys() - json_keys.PER_SCENE.keys() < set(Row.model_fields)
+    assert sum(line["bADE_sum"] for line in lines) == pytest.approx(
         content["rows"][0]["error"] * content["rows"][0]["targets"]
     )

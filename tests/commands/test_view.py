@@ -30,11 +30,10 @@ def test_a_recording_is_written(cli: CommandLine, folder: Path, known: list[str]
     assert "scene 0001; open it with `rerun" in " ".join(out.split())
     assert {"world/gt", "world/det", "world/forecast", "world/hyp/00/box"} <= set(read(file))
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]  # nothing half written beside it
-    out = cli.ok("view", folder, folder, *known, "--scene", "0006", "--level", "tracks", "--save", file)
+    out = cli.ok("view", folder, folder, *known, "--scene", "0006", "--save", file)
     assert "scene 0006" in out
     entities = set(read(file))
     assert {"world/hyp/00/box", "agents/2-echo/world/hyp/00/box"} <= entities
-    assert not any(path.endswith("/forecast") for path in entities)
 
 
 def test_runs_of_other_cards(cli: CommandLine, folder: Path, known: list[str], kitti: str, tmp_path: Path) -> None:

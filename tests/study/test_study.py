@@ -52,7 +52,7 @@ def errors_by_label(report: Report) -> dict[str, float]:
 def test_every_table_is_written_for_programs_and_for_papers(made: Study) -> None:
     written = {path.name for path in (made.folder / "tables").iterdir()}
     assert written == {f"{name}{suffix}" for name in made.tables for suffix in TABLE_SUFFIXES}
-    assert {"main", "settings", "differences", "gaps", "tracking", "samples", "rows"} <= made.tables.keys()
+    assert {"main", "settings", "differences", "gaps", "tracking", "rows"} <= made.tables.keys()
     for name in made.tables:
         content = json.loads((made.folder / "tables" / f"{name}.json").read_text())
         lines = list(csv.reader((made.folder / "tables" / f"{name}.csv").read_text().splitlines()))
@@ -65,8 +65,6 @@ def test_every_table_is_written_for_programs_and_for_papers(made: Study) -> None
 def test_the_rows_are_those_of_the_report(made: Study) -> None:
     written = json.loads((made.folder / "tables" / "rows.json").read_text())["rows"]
     assert written == json.loads(json.dumps(made.report.to_json()["rows"]))
-    samples = made.tables["samples"].rows
-    assert [row["minADE"] for row in samples] == [m for each in made.report.details for m in each.k_curve.values()]
 
 
 def test_the_notebook_draws_the_errors_of_the_report(made: Study, monkeypatch: pytest.MonkeyPatch) -> None:

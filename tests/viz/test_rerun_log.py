@@ -80,18 +80,16 @@ def test_what_is_recorded_is_what_was_said(run: Replay, top: dict[str, Rows], tm
         np.testing.assert_allclose(boxes(top["world/ego"], t)[0, :4], run.scene.ego[t], rtol=1e-6)
         seconds = top["world/gt"][t]["time"].total_seconds()
         assert seconds == pytest.approx(run.scene.time[t] - run.scene.time[0], abs=1e-6)
-    everything = read(save(tmp_path / "all.rrd", run, level="all"))
+    everything = read(save(tmp_path / "all.rrd", run, is_all=True))
     assert {path for path in everything if path.endswith("/box")} == {f"world/hyp/{h:02d}/box" for h in range(H)}
     assert_recorded(everything, run.scene, run.rollout, range(H), K)
 
 
-def test_levels_leave_out_what_they_say(run: Replay, top: dict[str, Rows], tmp_path: Path) -> None:
-    tracks = set(read(save(tmp_path / "tracks.rrd", run, level="tracks")))
-    assert {"world/gt", "world/det", "world/events", "marks/ids", "identity/car-7", "key", "curves/0/00"} <= tracks
-    assert {path for path in tracks if "hyp" in path} == {
+def test_the_default_has_the_heaviest(top: dict[str, Rows]) -> None:
+    assert {"world/gt", "world/det", "world/events", "marks/ids", "identity/car-7", "key", "curves/0/00"} <= set(top)
+    assert {path for path in top if "hyp" in path} == {
         f"world/hyp/{h:02d}/{kind}" for h in range(TOP_HYPOTHESES) for kind in ("box", "name", "trail")
     }
-    assert set(top) - tracks == {"world/forecast"}
     assert not any("focus" in path for path in top), "without an event no view is of one"
 
 
@@ -139,8 +137,6 @@ def test_runs_of_different_scenes_share_no_recording(run: Replay, tmp_path: Path
     other = changed(run, scene=changed(run.scene, name="two"))
     with pytest.raises(MtpBenchError, match="one scene, got one, two"):
         save(tmp_path / "a.rrd", run, other)
-    with pytest.raises(MtpBenchError, match="unknown level 'tops': did you mean 'top'"):
-        save(tmp_path / "a.rrd", run, level="tops")
     assert not list(tmp_path.iterdir())
 
 

@@ -260,12 +260,12 @@ def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
 
 
 def log_answers(
-    log: Log, replay: Replay, hypotheses: Iterable[int], level: str
+    log: Log, replay: Replay, hypotheses: Iterable[int], is_all: bool
 ) -> None:
     """Log tracks and trails of hypotheses, and forecasts.
 
-    ``level`` of `LEVELS`: "tracks" leaves out forecasts. False forecasts have an entity
-    of their own, so that they can be hidden.
+    ``is_all``: all samples, else the heaviest. False forecasts have an entity of their
+    own, so that they can be hidden.
     """
     rollout = replay.rollout
     rate_hz = replay.card.task.rate
@@ -283,15 +283,14 @@ def log_answers(
         past = replay.answers.past(rows, hypothesis, trail_frames(rate_hz))
         trails = rollout.track_box[past[:, :: _stride(rate_hz)], :3]
         log.strips(f"{entity_path}/trail", row_start, trails, row_colors, TRAIL_M)
-    if level != "tracks":
-        is_false = replay.forecast_false
-        _log_forecasts(log, "world/forecast", replay, level, ~is_false)
-        if is_false.any():
-            _log_forecasts(log, "world/false_forecast", replay, level, is_false)
+    is_false = replay.forecast_false
+    _log_forecasts(log, "world/forecast", replay, is_all, ~is_false)
+    if is_false.any():
+        _log_forecasts(log, "world/false_forecast", replay, is_all, is_false)
 
 
 def _log_forecasts(
-    log: Log, entity_path: str, replay: Replay, level: str, chosen: Bools
+    log: Log, entity_path: str, replay: Replay, is_all: bool, chosen: Bools
 ) -> None:
     """Log all or the heaviest samples of ``chosen`` objects [O].
 
@@ -300,7 +299,7 @@ def _log_forecasts(
     rollout = replay.rollout
     weight = rollout.forecast_log_weight
     is_stated = np.isfinite(weight) & chosen[:, None]
-    if level != "all":
+    if not is_all:
         order = np.argsort(-weight, axis=1, kind="stable")
         rank = np.argsort(order, axis=1, kind="stable")
         is_stated &= rank < TOP_SAMPLES

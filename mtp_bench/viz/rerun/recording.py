@@ -36,27 +36,25 @@ _EPISODES = itertools.count(1)
 def save_recording(
     path: str | Path,
     replays: Sequence[Replay],
-    level: str = "top",
+    is_all: bool = False,
     at: Incident | None = None,
 ) -> None:
     """Write the recording of runs of one scene (.rrd).
 
-    ``at``: the views look at this event of the first run. ``level``: "tracks" has
-    truth, detections, events, and boxes and trails of the heaviest hypotheses; "top"
-    also the 3 heaviest forecast samples of each object; "all" every hypothesis and
-    sample.
+    ``at``: the views look at this event of the first run. ``is_all``: every
+    hypothesis and sample, else the heaviest.
 
-    Raises MtpBenchError for runs of several scenes and if the file cannot be written,
-    UnknownNameError for a wrong level. An earlier file stays as it was until the new
+    Raises MtpBenchError for runs of several scenes and if the file cannot be written.
+    An earlier file stays as it was until the new
     one is complete.
     """
-    agents = shown_agents(replays, level, at)
+    agents = shown_agents(replays, is_all, at)
     try:
         with whole_file(Path(path)) as part:
             part.touch()  # fails before the work where nothing can be written
-            recording = _new_recording(agents, level, at)
+            recording = _new_recording(agents, is_all, at)
             recording.save(part, default_blueprint=layout(agents, at))
-            _log_runs(recording, agents, level, at)
+            _log_runs(recording, agents, is_all, at)
             recording.flush()
             recording.disconnect()
     # RuntimeError: from rerun, whose texts name the cause
@@ -68,7 +66,7 @@ def save_recording(
 
 
 def _new_recording(
-    agents: Sequence[ShownAgent], level: str, at: Incident | None
+    agents: Sequence[ShownAgent], is_all: bool, at: Incident | None
 ) -> rr.RecordingStream:
     """Return an empty recording named after its content.
 
@@ -76,7 +74,7 @@ def _new_recording(
     would not fit.
     """
     event_name = at.name if at else ""
-    text = f"{level}|{agents[0].replay.scene.name}|{event_name}"
+    text = f"{is_all}|{agents[0].replay.scene.name}|{event_name}"
     for agent in agents:
         text += f"|{agent.root}|{digest(agent.replay.rollout)}"
     name = hashlib.sha256(text.encode()).hexdigest()[:32]
@@ -91,7 +89,7 @@ def _new_recording(
 def _log_runs(
     recording: rr.RecordingStream,
     agents: Sequence[ShownAgent],
-    level: str,
+    is_all: bool,
     at: Incident | None,
 ) -> None:
     """Log shared content once, then each run under its root."""
@@ -108,7 +106,7 @@ def _log_runs(
         log_scene(log, agents[0].replay)
         for agent in agents:
             agent_log = replace(log, root=agent.root)
-            log_answers(agent_log, agent.replay, agent.hypotheses, level)
+            log_answers(agent_log, agent.replay, agent.hypotheses, is_all)
             log_judgement(agent_log, agent)
     for agent in agents:
         if agent.focus is not None:
@@ -166,7 +164,7 @@ class LiveRecording:
         log_scene(log, replay)
         count = replay.answers.hypotheses.member.shape[1]
         hypotheses = range(min(TOP_HYPOTHESES, count))
-        log_answers(replace(log, first=replay.first), replay, hypotheses, "top")
+        log_answers(replace(log, first=replay.first), replay, hypotheses, is_all=False)
 
     def close(self) -> None:
         """Wait until everything has been sent."""

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core import Ints, MtpBenchError, require_known
+from ...core import Ints, MtpBenchError
 from ..focus import Focus
 from ..framing import focuses_of
 from ..incident import Incident
@@ -49,7 +49,6 @@ EVENTS = {
     "spurious": UNKNOWN,
     "collision": FALSE,
 }
-LEVELS = ("tracks", "top", "all")  # of detail, each with the content of the one before
 TOP_HYPOTHESES = 4
 _DRAWABLE = r"[^\n\x20-\x7e\xa1-\xac\xae-\u017f\u0391-\u03a1\u03a3-\u03c9\u0410-\u044f]"
 
@@ -127,14 +126,13 @@ class ShownAgent:
 
 
 def shown_agents(
-    replays: Sequence[Replay], level: str, at: Incident | None
+    replays: Sequence[Replay], is_all: bool, at: Incident | None
 ) -> list[ShownAgent]:
     """Name the runs of one scene.
 
     All look at the event ``at`` of the first one. The entities of the first run have no
     prefix, those of the others "agents/2-NAME/" and so on.
     """
-    require_known("level", level, LEVELS)
     scenes = {replay.scene.name for replay in replays}
     if len(scenes) != 1:
         scene_names = ", ".join(sorted(scenes)) or "none"
@@ -144,7 +142,7 @@ def shown_agents(
         focuses = focuses_of(replays, at)
     agents: list[ShownAgent] = []
     for number, replay in enumerate(replays, 1):
-        hypotheses = _hypotheses(replay, level, at)
+        hypotheses = _hypotheses(replay, is_all, at)
         name = f"{number}-{path_part(replay.agent)}" if len(replays) > 1 else ""
         root = f"agents/{name}/" if agents else ""
         focus = focuses[number - 1]
@@ -152,16 +150,16 @@ def shown_agents(
     return agents
 
 
-def _hypotheses(replay: Replay, level: str, at: Incident | None) -> dict[int, float]:
-    """Return hypotheses of a level with weights, heaviest first.
+def _hypotheses(replay: Replay, is_all: bool, at: Incident | None) -> dict[int, float]:
+    """Return hypotheses with weights, heaviest first.
 
-    Level "all" has all that ever hold a track, others the TOP_HYPOTHESES heaviest of
-    them. Without any it is hypothesis 0.
+    They are all that ever hold a track, or the TOP_HYPOTHESES heaviest of them. Without
+    any it is hypothesis 0.
     """
     weights = np.exp(replay.rollout.hypothesis_log_weight.astype(np.float64))
     weight = weights.mean(axis=0) if at is None else weights[at.frame]
     alive = np.flatnonzero(replay.answers.hypotheses.member.any(axis=0))
     alive = alive[np.argsort(-weight[alive], kind="stable")]
-    if level != "all":
+    if not is_all:
         alive = alive[:TOP_HYPOTHESES]
     return {int(h): float(weight[h]) for h in alive} or {0: 1.0}

@@ -47,16 +47,17 @@ def require_display() -> None:
         raise MtpBenchError(f"no display for the viewer: {OTHER_WAYS}")
 
 
-def show_recording(replays: Sequence[Replay], level: str, at: Incident | None) -> None:
+def show_recording(
+    replays: Sequence[Replay], is_all: bool, at: Incident | None
+) -> None:
     """Open a viewer on runs of one scene.
 
     It shows the frame of ``at`` and stays when this process ends. Raises MtpBenchError
-    without a display, and if the viewer does not start.
+    if the viewer does not start.
     """
-    require_display()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.rrd"
-        save_recording(path, replays, level, at)
+        save_recording(path, replays, is_all, at)
         # the viewer reads the open file to its end although it is deleted
         with path.open("rb") as content:
             start_viewer(content)

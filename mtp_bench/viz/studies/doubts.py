@@ -1,6 +1,5 @@
 """Page of the doctor: each doubt with a picture before and after the cure."""
 
-import base64
 from io import BytesIO
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from ...running import Checkup, RunOptions
 from ...sources import in_world, open_source, with_map
 from ..drawing.canvas import EDGE, Canvas, Outline
 from ..framing import TRAIL_SECONDS, Window
-from ..pages import page_of
+from ..pages import data_uri, page_of
 from ..palette import DETECTION, EGO, TRUTH
 
 _TEMPLATES = Path(__file__).parent
@@ -38,7 +37,9 @@ def doubt_page(checkup: Checkup, card: Card, options: RunOptions) -> str:
         scene = with_map(in_world(source.load(checked.scene)), card, options.data)
         cured = examine(scene, card).cure(scene)
         for doubt in checked.doubts:
-            figures.append((doubt, _data_uri(_picture(doubt, scene, cured, card))))
+            png = BytesIO()
+            _picture(doubt, scene, cured, card).save(png, format="PNG")
+            figures.append((doubt, data_uri(png.getvalue(), "image/png")))
     return page_of(_TEMPLATES, "doubts.html", checkup=checkup, figures=figures)
 
 
@@ -58,7 +59,8 @@ def _picture(doubt: Doubt, scene: Scene, cured: Scene, card: Card) -> Image.Imag
     window = Window(x, y, _AROUND_M, _AROUND_M)
     trail = round(TRAIL_SECONDS * card.task.rate)
     panels = [_panel(each, frame, trail, window) for each in (scene, cured)]
-    return Image.fromarray(np.concatenate(panels, axis=1))
+    image = Image.fromarray(np.concatenate(panels, axis=1))
+    return image.quantize(64, dither=Image.Dither.NONE)
 
 
 def _panel(scene: Scene, frame: int, trail: int, window: Window) -> NDArray[np.uint8]:
@@ -77,10 +79,3 @@ def _panel(scene: Scene, frame: int, trail: int, window: Window) -> NDArray[np.u
     picture = np.array(canvas.finished(), dtype=np.uint8)
     picture[:, -1] = EDGE
     return picture
-
-
-def _data_uri(image: Image.Image) -> str:
-    """Return a picture as an address for a page."""
-    content = BytesIO()
-    image.quantize(64, dither=Image.Dither.NONE).save(content, format="PNG")
-    return f"data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}"

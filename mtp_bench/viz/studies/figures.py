@@ -1,6 +1,5 @@
 """Figures of a study, drawn from the rows of its report."""
 
-from base64 import b64encode
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from ...scoring import (
     Row,
     Subset,
 )
+from ..pages import data_uri
 from ..terminal.notes import REFERENCES, label_of
 from ..terminal.settings_table import AgentLine, agent_lines, main_lines, sort_error
 
@@ -101,9 +101,8 @@ def draw_figures(
             for suffix in FILE_SUFFIXES:
                 path = folder / f"{name}{suffix}"
                 figure.savefig(path, metadata=_NO_DATE[suffix])
-            svg = b64encode((folder / f"{name}.svg").read_bytes()).decode("ascii")
-            data_uri = f"data:image/svg+xml;base64,{svg}"
-            figures.append(DrawnFigure(name, spec.title, spec.caption, data_uri))
+            svg = data_uri((folder / f"{name}.svg").read_bytes(), "image/svg+xml")
+            figures.append(DrawnFigure(name, spec.title, spec.caption, svg))
     return figures
 
 

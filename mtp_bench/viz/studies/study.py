@@ -176,7 +176,6 @@ def study_tables(report: Report) -> dict[str, Table]:
     tables = (
         main_table(report),
         *full_tables(report),
-        _sample_table(report),
         data_table(report),
     )
     return {table.name: table for table in tables}
@@ -201,15 +200,3 @@ def _blamed_table(report: Report, card: Card, doubts: Sequence[Doubt]) -> Table:
     columns = [Column(key=name, unit="m") for name in PARTS]
     title = "Parts of bADE (all targets, m), with the share of doubtful data"
     return Table("parts", title, "", rows, [*_SETTING_COLUMNS, *columns])
-
-
-def _sample_table(report: Report) -> Table:
-    """Return expected minADE of k random samples of each setting."""
-    rows = []
-    for details in report.details:
-        setting = {key: getattr(details, key) for key in AgentSetting.model_fields}
-        for k, minade_m in details.k_curve.items():
-            rows.append(setting | {"k": int(k), "minADE": minade_m})
-    columns = (*_SETTING_COLUMNS, Column(key="k"), Column(key="minADE", unit="m"))
-    title = "Expected minADE of k random samples out of K (all targets, m)"
-    return Table("samples", title, "", rows, columns)

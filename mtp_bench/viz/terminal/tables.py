@@ -32,10 +32,6 @@ _EVENT_SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired", "lost", "frag"
 PART_KEYS = tuple(f"cost_{part}" for part in PART_NAMES)
 _PARTS_WITH_FORECAST = 5  # so many of PART_KEYS, the first
 PART_TABLES: dict[str, tuple[str, Sequence[str]]] = {  # name -> title and keys
-    "forecasts": (
-        "bADE of targets with and without a forecast",
-        ("error", "localisation", "missed"),
-    ),
     "parts_with_forecast": (
         "Parts of bADE of targets with a forecast",
         PART_KEYS[:_PARTS_WITH_FORECAST],
