@@ -10,7 +10,7 @@ import pytest
 import mtp_bench
 from benchmarks.doctor_faults import ALONE, FITTED, Fault
 from mtp_bench import Card, MtpBenchError, Scene, evaluate, load_card, load_scenes
-from mtp_bench.core import Detections, Lane, starts_of_sorted
+from mtp_bench.core import Detections, Lane, Truth, starts_of_sorted
 from mtp_bench.doubts import Examination, examine, kinds
 from mtp_bench.doubts.signs import mean_of_others
 from mtp_bench.running import checkup
@@ -109,6 +109,130 @@ def test_one_object_alone_makes_no_fault_of_the_recording(scenes: list[Scene]) -
     box = truth.box.copy()
     box[:, 3] = np.arctan2(np.sin(turned), np.cos(turned))
     assert not examine(replace(scenes[0], truth=replace(truth, box=box)), CARD).doubts
+
+
+def shifted(rows: Detections, shift: tuple[float, ...]) -> Detections:
+    return replace(rows, box=rows.box + np.array(shift))
+
+
+def test_detections_of_another_place_are_a_doubt(scenes: list[Scene]) -> None:
+    far = replace(scenes[0], detections=shifted(scenes[0].detections, (3000.0, 200.0, 0, 0, 0, 0, 0)))
+    (doubt,) = examine(far, CARD).doubts
+    assert doubt.kind == "apart"
+    assert "have no detection of their class near" in doubt.line
+
+
+def test_half_a_frame_is_undone_for_all_rows(scenes: list[Scene]) -> None:
+    fault = next(fault for fault in FITTED if fault.name == "late")
+    late = fault.plant(of_truth(scenes[1]), 0.5, np.random.default_rng(0))
+    cured = examine(late, CARD).cure(late)
+    assert len(cured.detections.box) == len(late.detections.box), "no frame at the end is lost"
+    assert not examine(cured, CARD).doubts
+    far_before, far_after = (
+        (distances(scene.detections.box, scene.detections.frame_of_rows, scene.truth) > 0.3).sum()
+        for scene in (late, cured)
+    )
+    assert far_before > 200
+    assert far_after < 0.05 * far_before, "rows that the fit did not sample too"
+
+
+def distances(box: Any, frame: Any, truth: Truth) -> Any:
+    """Distance of each box to the nearest true one of its frame, m."""
+    nearest = [
+        np.hypot(*(truth.box[truth.rows(t), :2] - place).T).min() for t, place in zip(frame, box[:, :2], strict=True)
+    ]
+    return np.array(nearest)
+
+
+def of_truth(scene: Scene) -> Scene:
+    """The scene with exact detections of everything."""
+    truth = scene.truth
+    rows = {name: getattr(truth, name) for name in ("start", "box", "velocity", "class_id")}
+    return replace(scene, detections=replace(scene.detections, score=np.ones(len(truth.box)), **rows))
+
+
+def test_headings_that_go_round_are_no_degrees(scenes: list[Scene]) -> None:
+    around = (0, 0, 0, 2 * np.pi, 0, 0, 0)
+    truth = scenes[0].truth
+    turned = replace(
+        scenes[0],
+        detections=shifted(scenes[0].detections, around),
+        truth=replace(truth, box=truth.box + np.array(around)),
+    )
+    assert not examine(turned, CARD).doubts
+
+
+def test_a_hole_in_time_is_no_jump(scenes: list[Scene]) -> None:
+    kept = (np.arange(scenes[0].frames) < 20) | (np.arange(scenes[0].frames) > 24)
+    number = np.cumsum(kept) - 1
+
+    def without(rows: Any) -> Any:
+        left = rows.select(kept[rows.frame_of_rows])
+        frame = number[rows.frame_of_rows[kept[rows.frame_of_rows]]]
+        return replace(left, start=starts_of_sorted(frame, int(kept.sum())))
+
+    scene = scenes[0]
+    hole = replace(
+        scene,
+        time=scene.time[kept],
+        ego=scene.ego[kept],
+        truth=without(scene.truth),
+        detections=without(scene.detections),
+    )
+    assert not examine(hole, CARD).doubts
+
+
+@pytest.mark.parametrize("name", ["truth jumps", "ids exchanged"])
+def test_motion_between_annotated_frames_is_checked(name: str, scenes: list[Scene]) -> None:
+    fault = next(fault for fault in FAULTS if fault.name == name)
+    planted = fault.plant(scenes[0], fault.strengths[-1], np.random.default_rng(4))
+    annotated = np.arange(planted.frames) % 2 == 0
+    truth = planted.truth.select(annotated[planted.truth.frame_of_rows])
+    kinds_told = {doubt.kind for doubt in examine(replace(planted, truth=truth, annotated=annotated), CARD).doubts}
+    assert kinds_told & set(fault.expected), kinds_told
+
+
+def test_exact_detections_of_what_stands_are_no_hanging_detector(scenes: list[Scene]) -> None:
+    scene = of_truth(scenes[0])
+    row = scene.truth.frame_of_rows == 0
+    box = np.tile(scene.truth.box[row], (scene.frames, 1))
+    start = np.arange(scene.frames + 1) * row.sum()
+    columns = {
+        name: np.tile(getattr(scene.truth, name)[row], scene.frames)
+        for name in ("class_id", "object_id", "eligible", "neutral")
+    }
+    velocity = np.zeros((len(box), 2))
+    truth = replace(scene.truth, start=start, box=box, velocity=velocity, **columns)
+    score = np.linspace(0.1, 1.0, len(box))
+    detections = replace(
+        scene.detections, start=start, box=box, velocity=velocity, class_id=columns["class_id"], score=score
+    )
+    still = replace(scene, truth=truth, detections=detections)
+    assert "hangs" not in {doubt.kind for doubt in examine(still, CARD).doubts}
+
+
+def test_velocities_are_cured_with_places(scenes: list[Scene]) -> None:
+    fault = next(fault for fault in FAULTS if fault.name == "axes exchanged")
+    detections = replace(scenes[0].detections, velocity=np.tile([3.0, 0.5], (len(scenes[0].detections.box), 1)))
+    planted = fault.plant(replace(scenes[0], detections=detections), 1, np.random.default_rng(0))
+    planted = replace(planted, detections=replace(planted.detections, velocity=planted.detections.velocity[:, ::-1]))
+    cured = examine(planted, CARD).cure(planted).detections
+    np.testing.assert_allclose(cured.velocity, detections.velocity)
+
+
+def test_single_rows_and_broken_results_stop_nothing(
+    scenes: list[Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth = scenes[0].truth
+    _, first = np.unique(truth.object_id, return_index=True)
+    alone = np.isin(np.arange(len(truth.box)), first[:2]) | (truth.object_id == truth.object_id[first[2]])
+    assert examine(replace(scenes[0], truth=truth.select(alone)), CARD).near >= 0.0
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path))
+    mtp_bench.doctor(ENV, scenes=scenes[:1])
+    (file,) = (tmp_path / "doctor").iterdir()
+    for broken in (b"\xff\xfe", b"", b'{"scene": 1}'):
+        file.write_bytes(broken)
+        assert mtp_bench.doctor(ENV, scenes=scenes[:1]).doubts == []
 
 
 def test_a_delay_of_whole_frames_is_undone_by_their_numbers(scenes: list[Scene]) -> None:
