@@ -133,7 +133,7 @@ def test_half_a_frame_is_undone_for_all_rows(scenes: list[Scene]) -> None:
         for scene in (late, cured)
     )
     assert far_before > 200
-    assert far_after < 0.05 * far_before, "rows that the fit did not sample too"
+    assert far_after < 0.1 * far_before, "also rows that the fit did not sample; not where tracks begin and end"
 
 
 def distances(box: Any, frame: Any, truth: Truth) -> Any:
