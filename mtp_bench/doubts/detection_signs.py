@@ -60,10 +60,9 @@ def detection_signs(recording: RecordedScene) -> Iterator[Sign]:
     )
     yield _moved_sector(recording, pairs)
     yield _late_sector(recording)
-    if np.ptp(score) == 0:  # no detection is surer than others
-        return
-    yield _scores(score[labelled], pairs.right[labelled])
-    if recording.scene.truth_complete:
+    # else no detection is surer than others, or those without truth may be right
+    if np.ptp(score) > 0 and recording.scene.truth_complete:
+        yield _scores(score[labelled], pairs.right[labelled])
         yield from _unlabelled(recording, pairs.right, labelled)
 
 

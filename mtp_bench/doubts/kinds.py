@@ -12,7 +12,7 @@ from .maps import UNITS
 from .recording import NEVER, RecordedScene
 from .signs import Sign
 
-DOCTOR_VERSION = 6  # results of another one are made anew
+DOCTOR_VERSION = 7  # results of another one are made anew
 _MARGIN = 1.05  # of a limit above the largest healthy value
 
 
@@ -125,7 +125,7 @@ def _fields(sign: Sign, recording: RecordedScene) -> dict[str, Any]:
     """Return what sentences name."""
     size = sign.stated_size
     ahead, left = (*sign.values, 0.0, 0.0)[:2]
-    unit_name, unit_factor = unit_of(max(abs(size), 1e-9))
+    unit_name, unit_factor = unit_of(abs(size) + 1e-9)
     return {
         "size": abs(size),
         "seconds": abs(size) * recording.period,

@@ -201,8 +201,8 @@ def _unchecked(found: Examination, scene: Scene) -> list[str]:
         missing = ["truth: the scene has none"]
     elif not len(scene.detections.box):
         missing = ["detections: the scene has none"]
-    elif np.ptp(scene.detections.score) == 0:
-        missing.append("scores, which are all equal")
+    elif np.ptp(scene.detections.score) == 0 or not scene.truth_complete:
+        missing.append("the order of scores, and regions without labels")
     if not scene.lanes:
         missing.append("the map: the scene has none")
     if not found.cured.has_ego:
