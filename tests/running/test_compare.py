@@ -69,7 +69,17 @@ def once(kept: dict[tuple[str, ...], Any], cli: CommandLine, tmp_path: Path, car
 
 def test_the_file_has_the_keys_that_others_script_against(once: Once) -> None:
     content = once("stp", "mtp")
-    assert list(content) == ["env", "definitions", "rows", "condition", "paired", "details", "failures", "skipped"]
+    assert list(content) == [
+        "env",
+        "definitions",
+        "rows",
+        "condition",
+        "paired",
+        "details",
+        "failures",
+        "skipped",
+        "doubts",
+    ]
     assert (content["condition"]["split"], content["condition"]["detector"]) == ("val", "pointrcnn")
     assert (content["env"], content["definitions"], content["skipped"]) == ("MTP-Small-v0", DEFINITIONS, {})
     rows = content["rows"]
