@@ -81,8 +81,8 @@ def _examine(
     if on.files is not None and (run is not None or card.detector is not None):
         what = f"{card.id} simulates detections" if run is None else f"{run} is a run"
         raise MtpBenchError(
-            f"{what}, so those in {on.files} would not be examined: name an "
-            "environment of their rate that plays stored detections, such as "
+            f"{what}, so {on.files} would not be examined: examine it alone, with an "
+            "environment (--env) of its rate that plays stored detections, such as "
             "MTP-nuScenes-v0 (2 Hz) and MTP-KITTI-v0 (10 Hz), or a card of your own"
         )
     if cure is not None:
@@ -122,7 +122,7 @@ def _cured_line(card: "Card", folder: Path, options: "RunOptions") -> str:
     if not cured.scenes:
         return f"{folder}: an unchanged copy, as nothing can be cured"
     errors = [
-        "not scored" if error_m is None else f"{error_m:.3f} m"
+        "too short to be scored" if error_m is None else f"{error_m:.3f} m"
         for error_m in (cured.before_m, cured.after_m)
     ]
     names = ", ".join(cured.scenes)

@@ -12,7 +12,7 @@ from .maps import UNITS
 from .recording import NEVER, RecordedScene
 from .signs import Sign
 
-DOCTOR_VERSION = 7  # results of another one are made anew
+DOCTOR_VERSION = 8  # results of another one are made anew
 _MARGIN = 1.05  # of a limit above the largest healthy value
 
 
@@ -130,8 +130,6 @@ def _fields(sign: Sign, recording: RecordedScene) -> dict[str, Any]:
         "size": abs(size),
         "seconds": abs(size) * recording.period,
         "shift": -size,
-        "speed": abs(size) / recording.period,
-        "period": recording.period,
         "ahead": ahead,
         "left": left,
         "sign": sign,

@@ -33,7 +33,8 @@ def jitter_signs(recording: RecordedScene) -> Iterator[Sign]:
     """Yield how far true objects jump to and fro in the median, m."""
     _, bend = _bends(recording.motion)
     if len(bend):
-        yield Sign("truth_jitter", float(np.median(np.hypot(*bend.T))))
+        size = float(np.median(np.hypot(*bend.T)))
+        yield Sign("truth_jitter", size, size / 2)
 
 
 def truth_signs(recording: RecordedScene) -> Iterator[Sign]:

@@ -169,7 +169,10 @@ def doubt_lines(doubts: Sequence[Doubt]) -> list[str]:
     lines = [f"doubt: {doubt.scene}: {doubt.line}" for doubt in doubts[:_MOST_DOUBTS]]
     if lines:
         shown = f"{len(lines)} of {counted(len(doubts), 'doubt')}"
-        lines.append(f"shown: {shown}; `mtp-bench doctor` draws and cures them")
+        lines.append(
+            f"shown: {shown}; `mtp-bench doctor` with the same --env or --files draws "
+            "them (--page), and corrects own scenes (--cure)"
+        )
     return lines
 
 
@@ -193,7 +196,7 @@ def _checked(scene: Scene, card: Card, data: str | None) -> SceneCheckup:
 def _unchecked(found: Examination, scene: Scene) -> list[str]:
     """Return what could not be checked in a scene, and why."""
     missing = [
-        f"{fault}, too small here"
+        f"{fault}, too small to be seen here"
         for fault, is_told in found.powers.items()
         if not is_told
     ]
@@ -232,9 +235,9 @@ def _fit_text(scenes: Sequence[SceneCheckup]) -> str:
     near = min(scene.near for scene in compared)
     late_s, offset_m, turn_degrees = np.max([scene.shifts for scene in compared], 0)
     return (
-        f"data fit together. At least {near:.0%} of the true boxes have a detection "
-        f"near; no shift in time (at most {1000 * late_s:.0f} ms), place "
-        f"({offset_m:.2f} m) or turn ({turn_degrees:.2f}°)"
+        f"data fit together. In each scene {near:.0%} or more of the true boxes have a "
+        f"detection within one gate; largest misfits: {1000 * late_s:.0f} ms, "
+        f"{offset_m:.2f} m, {turn_degrees:.2f}°"
     )
 
 

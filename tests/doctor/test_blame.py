@@ -73,8 +73,8 @@ def doubted_frames(run: Path) -> Iterator[tuple[int, int]]:
     ("fault", "quote"),
     [
         ("late truth", "detections are 0.50 s early (1.0 frames)"),
-        ("padded", "true car 1 is at x = y = 0 in 9 frames from frame 21 on: padded rows? Cure: leave out rows"),
-        ("hung", "3 frames from frame 12 on have the detections of the frame before: did the detector hang?"),
+        ("padded", "true car 1 is at x = y = 0 in 9 frames from frame 21 on: padded rows? Cure: delete the rows"),
+        ("hung", "3 frames, the first of them 12, repeat the detections of the frame before: did the detector hang?"),
     ],
 )
 def test_a_planted_fault_takes_the_blame(cli: CommandLine, runs: dict[str, Path], fault: str, quote: str) -> None:
@@ -116,7 +116,7 @@ def test_the_study_quotes_doubts_and_sums_their_part(runs: dict[str, Path], tmp_
     files = runs["padded"].parent / "padded log"
     doubts = doctor(ENV, files=files).doubts
     made = study(["stp"], ENV, tmp_path / "study", doubts=doubts, files=files)
-    assert "padded rows? Cure: leave out rows" in made.findings[0]
+    assert "padded rows? Cure: delete the rows" in made.findings[0]
     assert "padded rows?" in made.page.read_text()
     (row,) = [row for row in made.tables["parts"].rows if row["agent"] == "stp"]
     (played,) = replays(open_run(runs["padded"]), None, NO_PROGRESS)

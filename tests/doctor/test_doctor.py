@@ -119,7 +119,7 @@ def test_detections_of_another_place_are_a_doubt(scenes: list[Scene]) -> None:
     far = replace(scenes[0], detections=shifted(scenes[0].detections, (3000.0, 200.0, 0, 0, 0, 0, 0)))
     (doubt,) = examine(far, CARD).doubts
     assert doubt.kind == "apart"
-    assert "have no detection of their class near" in doubt.line
+    assert "have no detection of their class within one gate" in doubt.line
 
 
 def test_half_a_frame_is_undone_for_all_rows(scenes: list[Scene]) -> None:
