@@ -146,7 +146,7 @@ class DataSection(Section):
     @classmethod
     def _require_reason(cls, reason: str, info: ValidationInfo) -> str:
         if info.data.get("doctor") == "off" and not reason.strip():
-            raise ValueError("got no text, expected why the doctor is off")
+            raise ValueError("expected a sentence that says why the doctor is off")
         return reason
 
 

@@ -9,14 +9,7 @@ from ..cards import load_card, with_split
 from ..core import MtpBenchError, card_ids, long_work
 from ..running import read_status
 from ..sources import DataStatus
-from ..viz import (
-    data_lines,
-    env_table,
-    show,
-    show_table,
-    status_json,
-    status_table,
-)
+from ..viz import data_lines, env_table, show, show_table, status_json, status_table
 from .options import DataOption, JsonOption, NoDoctorOption, SplitOption
 from .output import write_json
 

@@ -122,7 +122,7 @@ def _cured_line(card: "Card", folder: Path, options: "RunOptions") -> str:
     if not cured.scenes:
         return f"{folder}: an unchanged copy, as nothing can be cured"
     errors = [
-        "too short to be scored" if error_m is None else f"{error_m:.3f} m"
+        "no target to score" if error_m is None else f"{error_m:.3f} m"
         for error_m in (cured.before_m, cured.after_m)
     ]
     names = ", ".join(cured.scenes)

@@ -21,13 +21,12 @@ from .maps import (
     scale,
     turn,
 )
-from .recording import NEVER, RecordedScene
+from .recording import NEVER, TOLERANCE_GATES, RecordedScene
 from .signs import Sign, Undo, mean_of_others
 
 _PAIR_GATES = (3.0, 2.0, 1.0, 0.5)  # from far pairs inwards
 _STEPS = 2  # of each fit at a distance
 _PROBE = 1e-3  # change of a parameter, for slopes
-_TOLERANCE_GATES = 0.2  # distance from which a pair counts less
 _OFFSET_STEPS_M = (0.0, -4.0, -2.0, 2.0, 4.0)
 _OFFSETS_M = np.stack(np.meshgrid(_OFFSET_STEPS_M, _OFFSET_STEPS_M), -1).reshape(-1, 2)
 _MOST_FRAMES = 0.9  # share of the clear frames, from which all have a fixed map
@@ -256,7 +255,7 @@ class CauseFits:
             moved = predict(values + change)[pair] - xy[pair]
             slopes.append(moved.ravel() / _PROBE)
         slope = np.column_stack(slopes)
-        share = distance[pair] / (_TOLERANCE_GATES * self.gate[pair])
+        share = distance[pair] / (TOLERANCE_GATES * self.gate[pair])
         weight = np.repeat(1.0 / np.sqrt(1.0 + share**2), 2)
         solution = np.linalg.lstsq(slope * weight[:, None], missing.ravel() * weight)
         return np.asarray(solution[0])

@@ -21,7 +21,7 @@ from ..sources import in_world
 
 NEVER = -1  # in place of a row
 _GROUP_GAP_M = 1e5  # between rows of two frames or classes in the search tree
-_TOLERANCE_GATES = 0.2  # distance from which a misfit grows slower
+TOLERANCE_GATES = 0.2  # distance from which a misfit grows slower
 _REACH_GATES = 2.0  # distance from which a detection is of another object
 _MAX_ROWS = 600  # true boxes that are compared with detections
 
@@ -150,8 +150,8 @@ class RecordedScene:
         reach = _REACH_GATES * gate
         largest = float(reach.max(initial=0.0))
         distance, _ = self.detected.nearest(xy, frame, class_id, largest)
-        share = np.minimum(distance, reach) / (_TOLERANCE_GATES * gate)
-        most = _REACH_GATES / _TOLERANCE_GATES
+        share = np.minimum(distance, reach) / (TOLERANCE_GATES * gate)
+        most = _REACH_GATES / TOLERANCE_GATES
         return np.asarray(np.log1p(share**2) / np.log1p(most**2))
 
 

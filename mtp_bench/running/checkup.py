@@ -235,7 +235,7 @@ def _fit_text(scenes: Sequence[SceneCheckup]) -> str:
     near = min(scene.near for scene in compared)
     late_s, offset_m, turn_degrees = np.max([scene.shifts for scene in compared], 0)
     return (
-        f"data fit together. In each scene {near:.0%} or more of the true boxes have a "
+        f"data fit together. In the worst scene {near:.0%} of the true boxes have a "
         f"detection within one gate; largest misfits: {1000 * late_s:.0f} ms, "
         f"{offset_m:.2f} m, {turn_degrees:.2f}°"
     )
