@@ -403,7 +403,7 @@ def test_a_card_that_switches_the_doctor_off_says_why(tmp_path: Path, repository
     path = tmp_path / "MTP-WILDTRACK-v0.toml"
     text = (repository / "envs" / path.name).read_text()
     path.write_text(f'{text}\n[data]\ndoctor = "off"\n')
-    with pytest.raises(MtpBenchError, match="expected why the doctor is off"):
+    with pytest.raises(MtpBenchError, match="expected a sentence that says why the doctor is off"):
         load_card(path)
     path.write_text(f'{text}\n[data]\ndoctor = "off"\nreason = "shifted on purpose"\n')
     assert load_card(path).is_trusted
