@@ -58,7 +58,7 @@ def test_detections_far_from_the_truth_are_not_said_to_need_another_model(cli: C
     x = head.index("x")
     moved = [[*row[:x], str(float(row[x]) + 500), *row[x + 1 :]] for row in rows]
     table.write_text("\n".join(map(",".join, [head, *moved])) + "\n")
-    assert "have no detection of their class near" in cli("run", "stp", *ENV, "--files", logs, "-o", run).err
+    assert "have no detection of their class within one gate" in cli("run", "stp", *ENV, "--files", logs, "-o", run).err
     printed = shown(cli.ok("score", run))
     assert "no forecast is near a target" in printed
     assert "presence was not fitted" not in printed
