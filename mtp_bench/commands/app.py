@@ -63,14 +63,19 @@ class Commands(TyperGroup):
             function_name += "_"
         content = getattr(module, function_name)
         if isinstance(content, Typer):
-            return get_command(content)
+            group: Any = get_command(content)
+            for subcommand in group.commands.values():
+                _refuse_repeated_options(subcommand)
+            return group
         from .options import with_expanded_options
 
         command_app = Typer(
             add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
         )
         command_app.command(cmd_name)(with_expanded_options(content))
-        return get_command(command_app)
+        command = get_command(command_app)
+        _refuse_repeated_options(command)
+        return command
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the names and summaries without importing a command."""
@@ -111,6 +116,25 @@ class Commands(TyperGroup):
                 )
                 error.message = f"got {value}: {error.message}"
             raise
+
+
+def _refuse_repeated_options(command: Any) -> None:
+    """Make a command refuse an option that is given twice, unless it takes several.
+
+    Else the last one would count, without a word.
+    """
+    parse_args = command.parse_args
+
+    def parse_args_once(ctx: Any, args: list[str]) -> list[str]:
+        if not ctx.resilient_parsing:
+            _, _, given = command.make_parser(ctx).parse_args(list(args))
+            for option in given:
+                is_single = option.param_type_name == "option" and not option.multiple
+                if is_single and given.count(option) > 1:
+                    raise BadParameter("given twice, expected once", ctx, option)
+        return parse_args(ctx, args)  # type: ignore[no-any-return]
+
+    command.parse_args = parse_args_once
 
 
 app = Typer(

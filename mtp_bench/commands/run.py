@@ -3,19 +3,20 @@
 from pathlib import Path
 from typing import Annotated
 
-from typer import Option
+from typer import Argument, Option
 
+from ..core import to_text
 from ..running import (
     RunOptions,
     export_tracks,
     open_run,
     require_free,
     run as run_agent,
-    score as score_run,
+    score as score_runs,
     skipped_line,
 )
 from ..scoring import rejected_line
-from ..viz import command_line, counted, show
+from ..viz import command_line, counted, paired_table, show
 from .options import (
     AgentScenes,
     DataOption,
@@ -55,18 +56,28 @@ def run(
 
 
 def score(
-    folder: FolderArgument,
+    folders: Annotated[
+        list[Path], Argument(help="Folders of stored runs, compared with each other.")
+    ],
     shown: Shown,
     root: DataOption = None,
     env: RunCardOption = None,
+    samples: Annotated[
+        int | None,
+        Option(min=1, help="Count only so many of each object's heaviest samples."),
+    ] = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Score stored rollouts."""
-    scored = score_run(folder, RunOptions(root), env)
+    """Score stored rollouts; several runs are tested against each other."""
+    scored = score_runs(folders, RunOptions(root), env, samples=samples)
     report = scored.report
-    content = report.to_json("condition", "details")
+    content = report.to_json("condition", "paired", "details")
     write_json(json_file, {**content, "skipped": scored.skipped})
-    show_report(report, folder.name, scored.skipped, shown)
+    names = [row.agent for row in report.rows]
+    title = ", ".join(folder.name for folder in folders)
+    show_report(report, title, scored.skipped, shown, names)
+    if report.paired and not shown.full:
+        show("\n" + to_text(paired_table(report)).rstrip())
 
 
 def export(

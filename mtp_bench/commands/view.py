@@ -4,7 +4,6 @@
 # pyright: reportPossiblyUnboundVariable=false
 
 import shlex
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +11,8 @@ from typing import Annotated
 
 from typer import Argument, BadParameter, Option
 
-from ..core import MtpBenchError, long_work
-from ..running import OpenedRun, open_run
+from ..core import long_work
+from ..running import OpenedRun, open_runs
 from ..sources import camera_images
 from ..viz import (
     AT,
@@ -65,7 +64,7 @@ def view(
             "them",
             param_hint="--png",
         )
-    runs = _opened(folders, root, env)
+    runs = open_runs(folders, root, env)
     if png is None:
         with long_work("loading rerun"):
             from ..viz import (
@@ -94,25 +93,6 @@ def view(
         show(text)
 
 
-def _opened(
-    folders: Sequence[Path], data: str | None, env_id: str | None
-) -> list[OpenedRun]:
-    """Open the runs in ``folders``.
-
-    Raises MtpBenchError if their cards differ.
-    """
-    runs = [open_run(folder, data, env_id) for folder in folders]
-    first = runs[0]
-    for run in runs[1:]:
-        if run.card.digest != first.card.digest:
-            raise MtpBenchError(
-                f"{run.folder}: made for {run.card.id} ({run.card.digest}), expected "
-                f"{first.card.id} ({first.card.digest}) as in {first.folder}: only "
-                "runs of one env and detector share a picture"
-            )
-    return runs
-
-
 @long_work("reading the scene and finding its events")
 def _replays(
     runs: Sequence[OpenedRun], scene: str | None, with_images: bool, no_doctor: bool
@@ -120,25 +100,18 @@ def _replays(
     """Replay one scene of runs.
 
     By default it is the first of the first run. ``with_images``: they have the
-    camera images of the source. Runs of one agent with different numbers of hypotheses have
-    these in their names. Raises UnknownNameError for a run without the scene.
+    camera images of the source. Raises UnknownNameError for a run without the scene.
     """
     first = runs[0]
     name = first.first(scene).scene
     content = first.drawn(name, say)
     cameras = camera_images(content, first.card, first.data, say) if with_images else ()
-    counts = defaultdict[str, set[int]](set)  # of hypotheses by agent
-    for run in runs:
-        counts[run.run.info.agent].add(run.run.info.hypotheses or 1)
     replays = []
     for run in runs:
-        agent = run.run.info.agent
-        if len(counts[agent]) > 1:
-            agent = f"{agent} (H = {run.run.info.hypotheses or 1})"
         run_content = content
         if run is not first:  # its detections may be other draws
             run_content = replace(content, detections=run.scene(name).detections)
-        played = PlayedRun(run, no_doctor).replay(run.first(name), run_content, agent)
+        played = PlayedRun(run, no_doctor).replay(run.first(name), run_content)
         replays.append(replace(played, images=cameras))
     return replays
 

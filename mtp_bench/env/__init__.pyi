@@ -20,5 +20,6 @@ from .rollouts import (
     drive_arrays as drive_arrays,
     drive_of as drive_of,
     empty_rollout as empty_rollout,
+    log_softmax as log_softmax,
     record_action as record_action,
 )

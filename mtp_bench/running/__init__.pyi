@@ -65,6 +65,7 @@ from .settings import (
 from .stored import (
     OpenedRun as OpenedRun,
     open_run as open_run,
+    open_runs as open_runs,
     require_free as require_free,
     run as run,
     run_info as run_info,

@@ -1,9 +1,11 @@
 """Runs on disk: `run` stores one, `score` scores it, `open_run` opens it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
+
+import numpy as np
 
 from ..agent import submission_of
 from ..cards import Card, CardChanges, ChangeKeywords, load_card, parse_card
@@ -19,7 +21,7 @@ from ..core import (
     require_folder,
     require_known,
 )
-from ..env import MTPEnv, shown_boxes
+from ..env import MTPEnv, log_softmax, shown_boxes
 from ..scoring import (
     DEFINITIONS,
     AgentScores,
@@ -212,32 +214,44 @@ def run_info(
 
 
 def score(
-    folder: str | Path,
+    folders: str | Path | Iterable[str | Path],
     options: RunOptions = DEFAULTS,
     env_id: str | Card | None = None,
     data: str | Path | None = None,
+    samples: int | None = None,
 ) -> StoredScore:
-    """Score a run that `run` stored in ``folder``.
+    """Score runs that `run` or an import stored, each in a folder of ``folders``.
 
-    ``data``: data root. ``options``: data and workers; everything else is stored with
-    the run. ``env_id``: id, path or card, if it is not the card stored with the run.
-    Raises RolloutError if the run was made for another version of the card, or
-    contradicts its rollouts.
+    Several runs stand in one table, each tested against each other. An agent that
+    occurs twice has the name of its folder. ``data``: data root. ``options``: data and
+    workers; everything else is stored with the runs. ``env_id``: id, path or card, if
+    it is not the card stored with a run. ``samples``: only so many of the heaviest
+    samples of each object count, since fewer samples have larger errors. Raises
+    RolloutError if a run was made for another version of the card, contradicts its
+    rollouts, or is of another task or other scenes than the first, or if ``samples`` is
+    below 1 or more than a run has.
     """
+    paths = [folders] if isinstance(folders, str | Path) else list(folders)
     if data is not None:
         options = replace(options, data=str(data))
-    with long_work(f"scoring {folder}", progress=options.progress) as progress:
+    named = ", ".join(map(str, paths))
+    if len(set(map(str, paths))) < len(paths):
+        raise RolloutError(f"the runs are {named}, expected each once")
+    with long_work(f"scoring {named}", progress=options.progress) as progress:
         options = replace(options, progress=progress)
-        opened = open_run(Path(folder), options.data, env_id)
-        progress.started(len(opened.run.rollouts))
-        agent = run_scores(opened, options)
-        scenes = [rollout.scene for rollout in opened.run.rollouts]
-        reference = reference_for(opened.card, scenes, options)
-        report = summarise([agent], opened.card, reference)
-    info = opened.run.info
-    if info.note:
-        report.condition["trained"] = f"{info.note}: {info.agent}"
-    return StoredScore(report, total_skipped(scene.skipped for scene in agent.seeds[0]))
+        runs = open_runs(paths, options.data, env_id, samples)
+        progress.started(sum(len(opened.run.rollouts) for opened in runs))
+        agents = [run_scores(opened, options) for opened in runs]
+        first = runs[0]
+        scenes = [rollout.scene for rollout in first.run.rollouts]
+        reference = reference_for(first.card, scenes, options)
+        report = summarise(agents, first.card, reference, with_each_other=True)
+    infos = [opened.run.info for opened in runs]
+    notes = [f"{info.note}: {info.agent}" for info in infos if info.note]
+    if notes:
+        report.condition["trained"] = "; ".join(notes)
+    skipped = [scene.skipped for agent in agents for scene in agent.seeds[0]]
+    return StoredScore(report, total_skipped(skipped))
 
 
 def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores:
@@ -259,6 +273,76 @@ def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores
     budget: Budget = "equal" if info.samples == opened.card.task.samples else "free"
     return AgentScores(
         info.agent, hypotheses, info.samples, budget, (tuple(scores),), info.observe
+    )
+
+
+def open_runs(
+    folders: Sequence[str | Path],
+    data: str | None = None,
+    env: str | Card | None = None,
+    samples: int | None = None,
+) -> list[OpenedRun]:
+    """Open runs of one task for one table, see `score`."""
+    if not folders:
+        raise RolloutError("no run, expected the folder of at least one")
+    runs = [open_run(Path(folder), data, env) for folder in folders]
+    first = runs[0]
+    for opened in runs:
+        if opened.card.id != first.card.id or opened.card.task != first.card.task:
+            raise RolloutError(
+                f"{opened.folder}: made for {opened.card.id} with another task than "
+                f"{first.folder} of {first.card.id}; score each alone"
+            )
+    names = _names_of(runs)
+    return [_relabelled(*each, samples) for each in zip(runs, names, strict=True)]
+
+
+def _names_of(runs: Sequence[OpenedRun]) -> list[str]:
+    """Return for each run the first that is its own: agent, folder's name, or path."""
+    kinds = (
+        [opened.run.info.agent for opened in runs],
+        [opened.folder.resolve().name for opened in runs],
+        [str(opened.folder) for opened in runs],
+    )
+    names = []
+    for candidates in zip(*kinds, strict=True):
+        pairs = zip(candidates, kinds, strict=True)
+        own = (name for name, others in pairs if others.count(name) == 1)
+        # a name ends at its first space, where parameters would begin
+        names.append(next(own, candidates[0]).replace(" ", "_"))
+    return names
+
+
+def _relabelled(opened: OpenedRun, agent: str, samples: int | None) -> OpenedRun:
+    """Return the run under another name of its agent, with fewer samples if wanted."""
+    stored = opened.run
+    samples = stored.info.samples if samples is None else samples
+    if not 1 <= samples <= stored.info.samples:
+        raise RolloutError(
+            f"{opened.folder}: {samples} samples, expected 1 to the "
+            f"{stored.info.samples} that it has"
+        )
+    rollouts = stored.rollouts
+    if samples < stored.info.samples:
+        rollouts = tuple(heaviest_samples(rollout, samples) for rollout in rollouts)
+    info = stored.info.model_copy(update={"agent": agent, "samples": samples})
+    return replace(opened, run=Run(info, rollouts))
+
+
+def heaviest_samples(rollout: Rollout, samples: int) -> Rollout:
+    """Return the rollout with the heaviest ``samples`` of each object.
+
+    Of equal weights the first stay.
+    """
+    log_weight = rollout.forecast_log_weight
+    order = np.argsort(-log_weight, axis=1, kind="stable")[:, :samples]
+    kept_weight = np.take_along_axis(log_weight, order, axis=1)
+    normalised = log_softmax(kept_weight, np.isfinite(kept_weight))
+    forecast = np.take_along_axis(rollout.forecast, order[..., None, None], axis=1)
+    return replace(
+        rollout,
+        forecast=forecast,
+        forecast_log_weight=normalised.astype(log_weight.dtype),
     )
 
 

@@ -47,13 +47,15 @@ def summarise(
     stp: str = "stp",
     truth: str = "gt_tracks",
     references: Mapping[str, References | None] | None = None,
+    with_each_other: bool = False,
 ) -> Report:
     """Return the report of ``agents`` on the same scenes of ``card``.
 
     ``reference``: event weights, and the constants of the card that set budgets;
     without it events have no targets, and budgets are one false forecast per target.
     ``stp`` and ``truth`` name the agents between which gap_closed measures. Differences
-    are to `CONTROLS`. All of them have equal k, and are left out if absent.
+    are to `CONTROLS`, which have equal k and are left out if absent; with
+    ``with_each_other`` each agent is compared with all behind it in the list.
     ``references``: by agent, the runs with its own predictor and presence model; None
     if its manifest does not state them, missing if they were not run. One agent alone
     has no rank. Raises RolloutError if agents differ in scenes or targets.
@@ -75,11 +77,16 @@ def summarise(
             place = agent_places[subset]
             rows.append(_row(table, subset, stp_table, gaps, place))
     controls = [equal_budget[name] for name in CONTROLS if name in equal_budget]
+    paired = _paired_rows(tables, controls)
+    if with_each_other:
+        paired = []
+        for i, table in enumerate(tables):
+            paired += _paired_rows([table], tables[i + 1 :])
     return Report(
         env=card.id,
         definitions=DEFINITIONS,
         rows=rows,
-        paired=_paired_rows(tables, controls),
+        paired=paired,
         details=[details(table, card) for table in tables],
         condition=_condition(tables, card, reference),
         tables=tables,
@@ -180,7 +187,7 @@ def _detections_text(tables: Sequence[AgentTable], card: Card) -> str:
 def _paired_rows(
     tables: Sequence[AgentTable], controls: Sequence[AgentTable]
 ) -> list[PairedRow]:
-    """Return the differences of agents to controls with as many samples."""
+    """Return the differences of agents to others with as many samples."""
     rows = []
     for control in controls:
         for table in tables:

@@ -70,7 +70,11 @@ from .terminal.output import (
     show_lines as show_lines,
     show_table as show_table,
 )
-from .terminal.tables import data_table as data_table, full_tables as full_tables
+from .terminal.tables import (
+    data_table as data_table,
+    full_tables as full_tables,
+    paired_table as paired_table,
+)
 from .terminal.verdict import cost_lines as cost_lines, verdict as verdict
 from .terminal.worst_table import (
     CAPTION_BELOW as CAPTION_BELOW,

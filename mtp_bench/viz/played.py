@@ -27,13 +27,10 @@ class PlayedRun:
         self._options = RunOptions(data=opened.data, workers=workers)
         self.parts = run_parts(opened, self._options)  # by scene
 
-    def replay(
-        self, rollout: Rollout, scene: Scene | None = None, agent: str = ""
-    ) -> Replay:
+    def replay(self, rollout: Rollout, scene: Scene | None = None) -> Replay:
         """Replay one rollout.
 
-        ``scene``: its scene with a road, None: as stored. ``agent``: name to show in
-        place of that of the run.
+        ``scene``: its scene with a road, None: as stored.
         """
         card = self.opened.card
         name = rollout.scene
@@ -42,7 +39,7 @@ class PlayedRun:
         if not np.array_equal(self.parts[name].distance, distance):
             # the causes are of other data
             self.parts = run_parts(self.opened, self._options, again=True)
-        agent = agent or self.opened.run.info.agent
+        agent = self.opened.run.info.agent
         doubts: tuple[Doubt, ...] = ()
         if rollout.drive is None and not self.no_doctor:
             recorded = self.opened.recorded(name)

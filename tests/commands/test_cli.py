@@ -287,3 +287,14 @@ def test_the_commands_of_make_exist(repository: Path) -> None:
     for call in calls:
         name, *words = shlex.split(call)
         registered()[name].make_context(name, words)
+
+
+@pytest.mark.parametrize("words", [
+    ("score", "a", "--data", "x", "--data", "y"),
+    ("import", "tracks", "a", "--env", "x", "--env", "y", "-o", "z"),
+    ("compare", "stp", "--env", "x", "--full", "--full"),
+])  # fmt: skip
+def test_an_option_that_is_given_twice_is_an_error(cli: CommandLine, words: tuple[str, ...]) -> None:
+    output = cli(*words)
+    assert output.status == 2
+    assert "given twice, expected once" in " ".join(output.err.split())

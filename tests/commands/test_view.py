@@ -7,7 +7,7 @@ import pytest
 from rerun.experimental import ViewerClient
 
 from mtp_bench.cards import load_card
-from mtp_bench.commands.view import _opened, _replays
+from mtp_bench.commands.view import _replays
 from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
@@ -46,7 +46,7 @@ def test_runs_of_other_cards(cli: CommandLine, folder: Path, known: list[str], k
 def test_each_run_shows_its_input(cli: CommandLine, card: str, kitti: str, known: list[str], tmp_path: Path) -> None:
     for agent in ("gt_tracks", "stp"):
         stored.run(agent, card, tmp_path / agent, RunOptions(kitti))
-    shown = [_replays(_opened([tmp_path / name for name in order], kitti, card), None, False, True)
+    shown = [_replays(stored.open_runs([tmp_path / name for name in order], kitti, card), None, False, True)
              for order in (("gt_tracks", "stp"), ("stp",))]  # fmt: skip
     together, alone = shown[0][1], shown[1][0]
     np.testing.assert_array_equal(together.scene.detections.box, alone.scene.detections.box)

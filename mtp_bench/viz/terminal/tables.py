@@ -123,7 +123,7 @@ def full_tables(report: Report) -> Iterator[Table]:
         *_EVENT_SUBSETS[1:],
     )
     if report.paired:
-        yield _paired_table(report)
+        yield paired_table(report)
     yield settings_table(
         report,
         "gaps",
@@ -146,8 +146,8 @@ def _subset_table(report: Report) -> Table:
     return Table("subsets", title, "", rows, columns)
 
 
-def _paired_table(report: Report) -> Table:
-    """Return the differences to the controls, by control and subset."""
+def paired_table(report: Report) -> Table:
+    """Return the differences of agents to others, by the other and subset."""
     shown_subsets = ("all", *RANKED_SUBSETS, "turning")
     rows = []
     for row in report.paired:
@@ -155,7 +155,7 @@ def _paired_table(report: Report) -> Table:
             rows.append(row)
     rows.sort(key=lambda row: (row.other, KNOWN_SUBSETS.index(row.subset)))
     columns = [column for column in columns_of(PairedRow) if column.key in _PAIRED_KEYS]
-    title = "Differences to the controls (m; below: 95 % interval)"
+    title = "Differences of agents (m; below: 95 % interval)"
     return Table("differences", title, "", rows, columns)
 
 
