@@ -28,6 +28,12 @@ from .files.save import save_scene as save_scene
 from .kitti.files import KITTI_TYPES as KITTI_TYPES, KittiSource as KittiSource
 from .kitti.source import poses_of as poses_of, result_lines as result_lines
 from .nuscenes.layout import NuScenesSource as NuScenesSource
+from .nuscenes.lidar import (
+    LidarPose as LidarPose,
+    lidar_pose as lidar_pose,
+    to_global as to_global,
+    to_lidar as to_lidar,
+)
 from .nuscenes.source import NuScenes as NuScenes, submission_box as submission_box
 from .opening import (
     camera_images as camera_images,

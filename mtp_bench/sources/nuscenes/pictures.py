@@ -43,6 +43,7 @@ from .tables import (
     read_channels,
     read_poses,
     read_records,
+    rotation_matrices,
     rotations,
 )
 
@@ -272,16 +273,9 @@ def _projections(
         intrinsic,
         lambda row: f"{sources['calibrated_sensor']}, record {mounts[row].token!r}",
     )
-    to_ego = _matrices(rotation).swapaxes(1, 2)
-    to_mount = _matrices(mount_rotation).swapaxes(1, 2)
+    to_ego = rotation_matrices(rotation).swapaxes(1, 2)
+    to_mount = rotation_matrices(mount_rotation).swapaxes(1, 2)
     # a place p is at to_mount (to_ego p - shift) in the camera
     shift = np.einsum("nij,nj->ni", to_ego, place) + mount_place
     pose = np.concatenate([to_ego, -shift[..., None]], axis=2)
     return np.asarray(intrinsic @ to_mount @ pose)
-
-
-def _matrices(rotation: Floats) -> Floats:
-    """Return rotation matrices [n, 3, 3] of quaternions [n, 4] w x y z."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_quat(rotation[:, [1, 2, 3, 0]]).as_matrix())

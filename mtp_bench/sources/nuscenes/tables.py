@@ -96,6 +96,13 @@ def rotations(records: Sequence[Any], path: Path) -> Floats:
     return rotation
 
 
+def rotation_matrices(rotation: Floats) -> Floats:
+    """Return rotation matrices [n, 3, 3] of quaternions [n, 4] w x y z."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(rotation[:, [1, 2, 3, 0]]).as_matrix())
+
+
 def upright_boxes(records: Sequence[Any], rotation: Floats) -> Floats:
     """Return boxes [R, 7] x y z yaw l w h of records.
 
@@ -122,15 +129,20 @@ class _Sensor(TableRecord):
     channel: str
 
 
-class _Mount(TableRecord):
+class _Channel(TableRecord):
     sensor_token: str
 
 
-class CameraRecord(TableRecord):
-    """A record of ``calibrated_sensor.json``: the mount, and what a camera shows."""
+class MountRecord(TableRecord):
+    """A record of ``calibrated_sensor.json``: the mount of a sensor."""
 
     translation: Vector  # m, in the frame of the ego
     rotation: Quaternion
+
+
+class CameraRecord(MountRecord):
+    """A record of ``calibrated_sensor.json`` with what a camera shows."""
+
     camera_intrinsic: list[Vector]  # 3 rows; none for other sensors
 
 
@@ -175,7 +187,8 @@ def read_keyframes(paths: Mapping[str, Path]) -> Keyframes:
     """
     names, start, tokens, time = _read_samples(paths)
     row_of_token = {token: row for row, token in enumerate(tokens)}
-    poses = _read_lidar_poses(paths, row_of_token)
+    lidar_records = read_lidar_records(paths, row_of_token)
+    poses = [record.ego_pose_token for record in lidar_records]
     place, rotation = read_poses(paths["ego_pose"], paths["sample_data"], poses)
     ego = np.column_stack([place, yaw_of(rotation)])
     return Keyframes(names, start, tokens, row_of_token, time, ego)
@@ -241,33 +254,33 @@ def read_channels(paths: Mapping[str, Path]) -> dict[str, str]:
     path = paths["calibrated_sensor"]
     sensors = by_token(paths["sensor"], _Sensor)
     channels: dict[str, str] = {}
-    for token, mount in by_token(path, _Mount).items():
+    for token, mount in by_token(path, _Channel).items():
         channels[token] = find(sensors, mount, "sensor_token", path).channel
     return channels
 
 
-def _read_lidar_poses(
+def read_lidar_records(
     paths: Mapping[str, Path], row_of_token: Mapping[str, int]
-) -> list[str]:
-    """Return the token [N] of the ego pose of each sample's LIDAR_TOP keyframe."""
+) -> list[DataRecord]:
+    """Read the LIDAR_TOP keyframe [N] of each sample."""
     path = paths["sample_data"]
     channels = read_channels(paths)
-    poses: dict[str, str] = {}
+    keyframes: dict[str, DataRecord] = {}
     for record in read_records(path, DataRecord):
         channel = find(channels, record, "calibrated_sensor_token", path)
         if channel != LIDAR or not record.is_key_frame:
             continue
         find(row_of_token, record, "sample_token", path)  # refuses an unknown one
-        if record.sample_token in poses:
+        if record.sample_token in keyframes:
             raise DataError(
                 f"{path}, record {record.token!r}: a second {LIDAR} keyframe of its "
                 "sample"
             )
-        poses[record.sample_token] = record.ego_pose_token
+        keyframes[record.sample_token] = record
     for token in row_of_token:
-        if token not in poses:
+        if token not in keyframes:
             raise DataError(f"{path} has no {LIDAR} keyframe of sample {token!r}")
-    return [poses[token] for token in row_of_token]
+    return [keyframes[token] for token in row_of_token]
 
 
 def read_poses(
