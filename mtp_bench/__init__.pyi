@@ -47,6 +47,7 @@ from .running import (
     compare as compare,
     doctor as doctor,
     evaluate as evaluate,
+    import_forecasts as import_forecasts,
     run as run,
     score as score,
 )

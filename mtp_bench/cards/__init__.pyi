@@ -12,6 +12,7 @@ from .changes import (
     instead_of_stored as instead_of_stored,
     load_card as load_card,
     parse_card as parse_card,
+    with_classes as with_classes,
     with_detections as with_detections,
     with_detector as with_detector,
     with_files as with_files,

@@ -158,6 +158,28 @@ def with_split(card: Card, split: str) -> Card:
     return card.model_copy(update={"source": source})
 
 
+def with_classes(card: Card, classes: Sequence[str]) -> Card:
+    """Return the card with some of its classes, in its order.
+
+    Raises UnknownNameError for a class that it does not have.
+    """
+    for name in classes:
+        require_known(f"class of {card.id}", name, card.task.classes)
+    left_out = [name for name in card.task.classes if name not in classes]
+    content = card.stored()
+    task = content["task"]
+    task["classes"] = [name for name in card.task.classes if name in classes]
+    tables = (
+        task["forecast_gate"],
+        task["miss_error"],
+        task["event_gate"]["threshold"],
+    )
+    for table in tables:
+        for name in left_out:
+            del table[name]
+    return parse_card(content, card.id)
+
+
 def with_detector(card: Card, name: str) -> Card:
     """Return the card with another detector, of the same reach.
 

@@ -1,22 +1,30 @@
-"""``mtp-bench import``: recordings and tracks of other programs as tables."""
+"""``mtp-bench import``: recordings, tracks and forecasts of other programs."""
 
 from pathlib import Path
 from typing import Annotated
 
-from typer import Argument, Option, Typer
+from typer import Argument, BadParameter, Option, Typer
 
 from ..core import long_work
-from ..running import RunOptions
+from ..running import RunOptions, import_forecasts
 from ..sources import import_logs, import_tracks, open_source, with_tracks
-from ..viz import command_line, counted, show, show_command
-from .options import DataOption, EnvOption, NoDoctorOption, ScenesOption, SplitOption
+from ..viz import command_line, counted, show, show_command, show_lines
+from .options import (
+    DataOption,
+    EnvOption,
+    EnvScenes,
+    NoDoctorOption,
+    ScenesOption,
+    SplitOption,
+    with_expanded_options,
+)
 from .output import prepare
 
 import_ = Typer(
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
-    help="Tables from other programs.",
+    help="Recordings, tracks and forecasts of other programs.",
 )
 # above which scenes are played by the environment of 10 Hz
 MAX_SLOW_RATE_HZ = 5
@@ -61,6 +69,68 @@ def tracks(
         tracks=output,
     )
     show_command(f"{run_command} -o runs/given_tracks")
+
+
+@import_.command()
+@with_expanded_options
+def forecasts(
+    file: Annotated[
+        Path, Argument(help="The file, or a folder with a table for each scene.")
+    ],
+    on: EnvScenes,
+    form: Annotated[
+        str,
+        Option(
+            help="nuScenes: mfeval, uniad, vip3d or vad; Argoverse 2: av2; "
+            "everywhere: table."
+        ),
+    ],
+    output: Annotated[
+        Path | None, Option("-o", "--output", help="Folder of the run.")
+    ] = None,
+    is_dry_run: Annotated[
+        bool, Option("--dry-run", help="Check the file, and write nothing.")
+    ] = False,
+    classes: Annotated[
+        str | None, Option(help="Score these classes alone, such as car,bus.")
+    ] = None,
+    rate: Annotated[
+        float | None,
+        Option(min=0.1, max=100, help="Hz of the file's steps, if not the form's."),
+    ] = None,
+    constant_confidence: Annotated[
+        bool,
+        Option("--constant-confidence", help="Take objects that are all equally sure."),
+    ] = False,
+    own_detections: Annotated[
+        bool,
+        Option(
+            "--own-detections",
+            help="The file's objects stand in for the detections of the environment.",
+        ),
+    ] = False,
+    force: Annotated[
+        bool, Option("--force", help="Replace an earlier run in that folder.")
+    ] = False,
+) -> None:
+    """Store the forecasts of another program as a run, which is never ranked."""
+    if (output is None) != is_dry_run:
+        raise BadParameter("name a folder, or --dry-run", param_hint="--output")
+    lines = import_forecasts(
+        file,
+        on.env,
+        form,
+        output,
+        on.options(),
+        rate=rate,
+        constant_confidence=constant_confidence,
+        own_detections=own_detections,
+        classes=None if classes is None else classes.split(","),
+        force=force,
+    )
+    show_lines(lines)
+    if output is not None:
+        show_command(command_line("score", str(output), data=on.data))
 
 
 @import_.command("123d")

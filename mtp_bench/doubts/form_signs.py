@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from ..core import Bools, Detections, Floats, Ints, Truth, toml_beside
+from ..core import Bools, Detections, Floats, Ints, Truth
+from ..sources import usual_sizes
 from .maps import UNITS
 from .recording import RecordedScene
 from .signs import Sign, Undo, mean_of_others
 
-_USUAL_SIZE_M = toml_beside(__file__, "sizes.toml")  # class -> l w h
 LONG = ("car", "van", "truck", "bus", "trailer", "regular_vehicle")
 _MIN_ROWS = 5  # below which a share says nothing
 _MIN_HEADINGS = 20
@@ -59,9 +59,7 @@ def unit_of(factor: float) -> tuple[str, float]:
 
 def _sizes(recording: RecordedScene, part: str, rows: _Rows) -> Sign:
     """Return how many octaves sizes are from usual ones."""
-    usual = np.array(
-        [_USUAL_SIZE_M.get(name, (np.nan,) * 3) for name in recording.card.task.classes]
-    )
+    usual = usual_sizes(recording.card.task.classes)
     share = np.maximum(rows.box[:, 4:7], 1e-6) / usual[rows.class_id]
     share = share[np.isfinite(share)]
     octaves = float(np.median(np.log2(share))) if len(share) else 0.0

@@ -16,6 +16,7 @@ from .rollouts import (
     ROLLOUT_ARRAYS as ROLLOUT_ARRAYS,
     RecordedAction as RecordedAction,
     actions_of as actions_of,
+    assemble as assemble,
     digest as digest,
     drive_arrays as drive_arrays,
     drive_of as drive_of,

@@ -20,6 +20,7 @@ from .evaluation import (
     evaluate as evaluate,
     scores_of as scores_of,
 )
+from .forecast_import import import_forecasts as import_forecasts
 from .options import (
     DEFAULTS as DEFAULTS,
     MAX_SEED as MAX_SEED,

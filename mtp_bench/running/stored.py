@@ -11,6 +11,7 @@ from ..agent import submission_of
 from ..cards import Card, CardChanges, ChangeKeywords, load_card, parse_card
 from ..core import (
     SERIAL,
+    Detections,
     Rollout,
     RolloutError,
     Scene,
@@ -43,6 +44,9 @@ from .rollout_files import Run, RunInfo, load_run, require_run_folder, save_run
 from .settings import Setting, setting_of, training_note
 
 Note = Callable[[str], object]
+FROM_FILE = "file"  # ``observe`` of a run whose forecasts another program stored
+# parameter of such a run: its objects stand in for the detections
+OWN_DETECTIONS = "own_detections"
 
 
 @dataclass(frozen=True)
@@ -119,7 +123,10 @@ class OpenedRun:
         Raises UnknownNameError if it is missing.
         """
         require_known(f"scene of {self.folder}", name, self.source.names)
-        return self.source.load(name)
+        scene = self.source.load(name)
+        if not self.run.info.parameters.get(OWN_DETECTIONS):
+            return scene
+        return with_stated_detections(scene, self.first(name))
 
 
 def run(
@@ -263,7 +270,10 @@ def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores
     rollouts = opened.run.rollouts
     # each worker opens the source itself
     source = opened.source if options.workers == SERIAL else None
-    calls = [(opened.card, opened.data, rollout, source) for rollout in rollouts]
+    is_own = bool(info.parameters.get(OWN_DETECTIONS))
+    calls = [
+        (opened.card, opened.data, rollout, source, is_own) for rollout in rollouts
+    ]
 
     def end_scene(index: int) -> None:
         options.progress.done(rollouts[index].scene)
@@ -364,10 +374,28 @@ def open_run(
 
 
 def _score(
-    card: Card, data: str | None, rollout: Rollout, source: SceneSource | None
+    card: Card,
+    data: str | None,
+    rollout: Rollout,
+    source: SceneSource | None,
+    is_own: bool,
 ) -> SceneScore:
-    source = source or open_source(card, data)
-    return score_scene(source.load(rollout.scene), rollout, card)
+    scene = (source or open_source(card, data)).load(rollout.scene)
+    if is_own:
+        scene = with_stated_detections(scene, rollout)
+    return score_scene(scene, rollout, card)
+
+
+def with_stated_detections(scene: Scene, rollout: Rollout) -> Scene:
+    """Return the scene with the objects of a rollout as its detections."""
+    detections = Detections(
+        start=rollout.object_start,
+        box=rollout.object_box.astype(np.float64),
+        velocity=np.full((len(rollout.object_box), 2), np.nan),
+        class_id=rollout.object_class,
+        score=rollout.object_confidence.astype(np.float64),
+    )
+    return replace(scene, detections=detections, detector="objects of the file")
 
 
 def _with_skipped(

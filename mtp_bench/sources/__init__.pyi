@@ -4,11 +4,13 @@ from .base import (
     CameraImage as CameraImage,
     SceneSource as SceneSource,
     SourcePackage as SourcePackage,
+    StoredForecasts as StoredForecasts,
     Work as Work,
     class_ids as class_ids,
     no_detections as no_detections,
     require_classes as require_classes,
     section_of as section_of,
+    usual_sizes as usual_sizes,
 )
 from .cache import (
     Arrays as Arrays,
@@ -47,4 +49,5 @@ from .opening import (
 )
 from .readers import write_table as write_table
 from .simulated import detected as detected, in_world as in_world
+from .stored_forecasts import forecast_forms as forecast_forms
 from .stored_tracks import import_tracks as import_tracks, table_path as table_path

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -33,11 +33,13 @@ from ..core import (
     nearest,
     require_known,
     starts_of_sorted,
+    toml_beside,
 )
 from .dataset import DataRoot as DataRoot, Dataset, DataStatus
 from .tables import SMALLEST_SIDE_M, refuse, refuse_shared_place
 
 HALF_LANE = 1.75  # m
+_USUAL_SIZE_M = toml_beside(__file__, "sizes.toml")
 SectionT = TypeVar("SectionT", bound=SourceSection)
 KeyT = TypeVar("KeyT", bound=Hashable)
 
@@ -121,6 +123,36 @@ class TrackForm:
     open: Callable[[Card, DataRoot, Path], ReadTracks]
 
 
+@dataclass(frozen=True, eq=False)
+class StoredForecasts:
+    """Forecasts of a scene by another program: R objects with K samples of S steps.
+
+    Objects are in any order, coordinates in the scene's frame of reference. NaN stands
+    for a number that the file lacks.
+    """
+
+    frame: Ints  # [R]
+    class_name: NDArray[np.str_]  # [R] as in the card, else of no class of the task
+    box: Floats  # [R, 7]
+    confidence: Floats  # [R] that the object is there
+    path: Floats  # [R, K, S, 2] m, places after 1, 2, .. periods of the form
+    log_weight: Floats  # [R, K], -inf: no such sample
+    identity: NDArray[np.str_]  # [R] name of the track; empty: none
+    notes: Mapping[str, int] = field(default_factory=dict)  # what was counted
+    others: int = 0  # frames in the file of scenes that were not read so far
+
+
+ReadForecasts = Callable[[Scene], StoredForecasts]
+
+
+@dataclass(frozen=True)
+class ForecastForm:
+    """A form in which other programs store forecasts."""
+
+    rate: float | None  # Hz, of the steps; None: that of the task
+    open: Callable[[Card, DataRoot, Path], ReadForecasts]
+
+
 @dataclass(frozen=True)
 class SourcePackage:
     """Functions of a source, its ``PACKAGE``, found by the section of a card."""
@@ -131,6 +163,8 @@ class SourcePackage:
     locate: Callable[[Card, DataRoot], DataStatus]
     # form in which trackers store their tracks of this dataset
     tracks: TrackForm | None = None
+    # by name: forms of forecasts of this dataset
+    forecasts: Mapping[str, ForecastForm] = field(default_factory=dict)
     # as `opening.prepare`; by default there is no work
     prepare: Callable[[Card, DataRoot, int | None, int], Work] = (
         lambda card, data, scenes, workers: (0, ())
@@ -240,6 +274,12 @@ def class_ids(known_names: Sequence[str], classes: Sequence[str]) -> Ints:
     """Return the index among ``classes`` of each known name, -1 if missing."""
     class_index = {name: number for number, name in enumerate(classes)}
     return np.array([class_index.get(name, -1) for name in known_names], dtype=np.int64)
+
+
+def usual_sizes(classes: Sequence[str]) -> Floats:
+    """Return the usual length, width and height [C, 3] m of classes, else NaN."""
+    unknown = (np.nan,) * 3
+    return np.array([_USUAL_SIZE_M.get(name, unknown) for name in classes])
 
 
 def names_by_number(number: Ints, name: NDArray[Any]) -> dict[int, str]:

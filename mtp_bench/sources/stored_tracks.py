@@ -164,7 +164,7 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
         "frame",
     )
     check_ranges(table, positive_sizes=False)
-    _refuse_misspelt(table, classes)
+    refuse_misspelt(table, classes)
     # an id in another class is another track
     table.refuse_second_box(frame, table["id"], table["class"])
     track_names = table["id"]
@@ -184,7 +184,7 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
     )
 
 
-def _refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
+def refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
     """Raise DataError for a class of the task in other letters ("vehicle.car")."""
     names = table["class"]
     for name in np.unique(names[~np.isin(names, classes)]).tolist():

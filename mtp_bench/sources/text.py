@@ -70,12 +70,16 @@ def read_json(path: Path, kind: type[ContentT]) -> ContentT:
     velocities, counts as null. Infinity becomes 1e300, which no number may be: the
     error about it then names the place.
     """
-    content = _read_content(path)
+    return decode(as_json(_read_content(path)), kind, path)
+
+
+def as_json(content: bytes) -> bytes:
+    """Return JSON with null for NaN and 1e300 for Infinity, as in `read_json`."""
     if b"NaN" in content:
         content = _NAN.sub(b"null", content)
     if b"Infinity" in content:
         content = _INFINITY.sub(b"1e300", content)
-    return decode(content, kind, path)
+    return content
 
 
 def decode(

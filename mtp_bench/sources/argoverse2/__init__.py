@@ -2,6 +2,7 @@
 
 from ..base import SourcePackage
 from .files import DATASET, LOGS, Argoverse2Source as Argoverse2Source
+from .forecasts import FORMS
 from .source import Argoverse2, scene_lanes
 from .submission import FORM
 
@@ -10,5 +11,6 @@ PACKAGE = SourcePackage(
     dataset=DATASET,
     locate=lambda card, data: DATASET.status(data, LOGS),
     tracks=FORM,
+    forecasts=FORMS,
     lanes=scene_lanes,
 )

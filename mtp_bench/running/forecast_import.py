@@ -1,0 +1,333 @@
+"""Import of forecasts that another program stored, as a run that scores take."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..agent import Tracks, check_action, make_action
+from ..cards import Card, folder_digest, with_classes
+from ..core import (
+    Bools,
+    DataError,
+    Floats,
+    Rollout,
+    Scene,
+    Task,
+    counted,
+    file_digest,
+    long_work,
+    require_known,
+)
+from ..env import MTPEnv, assemble, record_action
+from ..scoring import DEFINITIONS
+from ..sources import (
+    StoredForecasts,
+    class_ids,
+    forecast_forms,
+    open_source,
+    package_of,
+)
+from .options import DEFAULTS, RunOptions
+from .playing import library_versions
+from .rollout_files import RunInfo, save_run
+from .stored import FROM_FILE, OWN_DETECTIONS, require_free
+
+SHORT_CARDS = {  # environments of 3 s for those of other sources' horizons
+    "nuscenes": "MTP-nuScenes-3s-v0",
+    "argoverse2": "MTP-AV2-3s-v0",
+}
+PRESENT_M = 0.01  # from the box: a step that is the present place
+FAR_M = 5.0  # from the box: an object that moves
+LOST_M = 20.0  # from the box after one step: another frame of reference
+_MAX_SHARE = 0.5  # of objects with such a fault
+
+
+def import_forecasts(
+    file: str | Path,
+    env_id: str | Card,
+    form: str,
+    folder: str | Path | None,
+    options: RunOptions = DEFAULTS,
+    *,
+    rate: float | None = None,
+    constant_confidence: bool = False,
+    own_detections: bool = False,
+    classes: Sequence[str] | None = None,
+    force: bool = False,
+) -> list[str]:
+    """Store the forecasts in a file as a run in ``folder``; None: only check them.
+
+    ``form``: one of `forecast_forms` of the env's source. ``rate``: Hz, of the steps in
+    the file, if it is not that of the form. ``constant_confidence``: take a file in
+    which all objects are equally sure. ``own_detections``: the objects of the file
+    stand in for the env's detections, so that the detector's part of the error is that
+    of the file. ``classes``: only targets of these classes of the env are scored.
+    ``force``: replace an earlier run. Such a run is never ranked. Returns lines that
+    say what was read and how it was understood. Raises DataError, with nothing written, for
+    a file that is wrong, of another form, frame of reference, rate or horizon, and
+    MtpBenchError for a ``folder`` that holds something else.
+    """
+    path = Path(file).expanduser().absolute()
+    if folder is not None:
+        require_free(Path(folder), force)
+    card = options.card(env_id)
+    card.require_same_scenes("which has no stored forecasts", "let an agent drive")
+    if classes is not None:
+        card = with_classes(card, classes)
+    forms = forecast_forms(package_of(card))
+    require_known(f"form of forecasts on {card.source.name}", form, forms)
+    with long_work(f"importing {path.name}", progress=options.progress) as progress:
+        env = MTPEnv(card, options.data, evaluation=True)
+        names = options.chosen(env.scene_names)
+        source = open_source(card, options.data)
+        read = forms[form].open(card, options.data, path)
+        steps_hz = rate or forms[form].rate or card.task.rate
+        reader = _Import(card, env.task, path, steps_hz)
+        progress.started(len(names))
+        rollouts = []
+        for name in names:
+            scene = source.load(name)
+            rollouts.append(reader.rollout(scene, read(scene)))
+            progress.done(name)
+        reader.require_plausible(constant_confidence)
+        if folder is not None:
+            parameters = reader.parameters(form, own_detections)
+            info = _info(card, path, reader.samples, parameters, options)
+            save_run(folder, info, map(reader.trimmed, rollouts))
+    return list(reader.lines(form, own_detections))
+
+
+class _Import:
+    """Forecasts of scenes, made into rollouts, and what is counted on the way."""
+
+    def __init__(self, card: Card, task: Task, path: Path, rate: float) -> None:
+        self._card = card
+        self._task = task
+        self._path = path
+        self._rate = rate
+        self._stride = round(rate / card.task.rate)
+        if not math.isclose(max(self._stride, 1) * card.task.rate, rate, rel_tol=1e-3):
+            raise DataError(
+                f"{path}: its steps are at {rate:g} Hz, those of {card.id} at "
+                f"{card.task.rate:g} Hz: expected a multiple; --rate states another one"
+            )
+        self.counts = Counter[str]()
+        self._objects_of = Counter[str]()  # by class
+        self._confidences: set[float] = set()
+        self._frames = 0
+        self._steps = 0
+        self._most_samples = 0
+        self._first_m: list[Floats] = []  # m from the box: nearest sample, first step
+        self._moves: list[Bools] = []  # the last step is far from the box
+        self._others = 0
+
+    @property
+    def samples(self) -> int:
+        """Samples per object that the run has."""
+        return min(self._most_samples, self._task.samples)
+
+    def rollout(self, scene: Scene, stored: StoredForecasts) -> Rollout:
+        """Return the actions of a scene, with room for all samples of the task."""
+        self._frames += scene.frames
+        self._others = stored.others
+        self.counts.update(stored.notes)
+        self._objects_of.update(stored.class_name.tolist())
+        self._most_samples = max(self._most_samples, stored.path.shape[1])
+        self._steps = max(self._steps, stored.path.shape[2])
+        class_id = class_ids(stored.class_name.tolist(), self._task.classes)
+        is_used = class_id >= 0
+        confidence = stored.confidence[is_used]
+        self._confidences.update(confidence[np.isfinite(confidence)].tolist())
+        offset = self._offsets(stored)
+        first_m = np.linalg.norm(offset[is_used, :, 0], axis=-1)
+        self._first_m.append(np.fmin.reduce(first_m, axis=1, initial=np.inf))
+        last_m = np.linalg.norm(offset[is_used, :, -1], axis=-1)
+        self._moves.append(np.fmax.reduce(last_m, axis=1, initial=0.0) > FAR_M)
+        log_weight = stored.log_weight
+        if log_weight.shape[1] > self._task.samples:
+            order = np.argsort(-log_weight, axis=1, kind="stable")
+            kept = order[:, : self._task.samples]
+            log_weight = np.take_along_axis(log_weight, kept, axis=1)
+            offset = np.take_along_axis(offset, kept[..., None, None], axis=1)
+        _, track_id = np.unique(stored.identity, return_inverse=True)
+        actions = []
+        for t in range(scene.frames):
+            rows = np.flatnonzero(is_used & (stored.frame == t))
+            # an action leaves out the last objects that do not fit
+            if len(rows) > self._task.objects:
+                by_confidence = np.argsort(-stored.confidence[rows], kind="stable")
+                rows = rows[by_confidence]
+                self.counts["objects beyond those that fit in a frame"] += (
+                    len(rows) - self._task.objects
+                )
+            tracked = rows[stored.identity[rows] != ""]
+            action = make_action(
+                self._task,
+                stored.box[rows],
+                class_id[rows],
+                offset[rows],
+                log_weight[rows],
+                confidence=stored.confidence[rows],
+                tracks=Tracks.of_one_hypothesis(
+                    track_id[tracked], stored.box[tracked], class_id[tracked]
+                ),
+                checked=False,
+            )
+            recorded = record_action(check_action(action, self._task), self._task)
+            self.counts["tracks"] += len(recorded.track_id)
+            self.counts["objects"] += len(recorded.object_class)
+            self.counts["rejected rows"] += int(recorded.invalid.sum())
+            actions.append(recorded)
+        return assemble(scene.name, actions, np.zeros(scene.frames, dtype=np.int64))
+
+    def _offsets(self, stored: StoredForecasts) -> Floats:
+        """Return offsets [R, K, T, 2] m from the box at the steps of the task."""
+        future = self._task.future
+        path = stored.path[:, :, self._stride - 1 :: self._stride][:, :, :future]
+        if len(path) and path.shape[2] < future:
+            seconds = stored.path.shape[2] / self._rate
+            short = SHORT_CARDS.get(self._card.source.name)
+            advice = f"; {short} scores 3 s" if short else ""
+            raise DataError(
+                f"{self._path}: its forecasts end after {seconds:g} s, "
+                f"{self._card.id} scores {future * self._task.dt:g} s{advice}"
+            )
+        if not len(path):
+            return np.zeros((0, path.shape[1], future, 2))
+        return np.asarray(path - stored.box[:, None, None, :2])
+
+    def require_plausible(self, constant_confidence: bool) -> None:
+        """Raise DataError for a file that is read in a wrong way, or has no order."""
+        first_m = np.concatenate(self._first_m)
+        moves = np.concatenate(self._moves)
+        if not len(first_m):
+            raise DataError(
+                f"{self._path}: no object of {', '.join(self._task.classes)} in the "
+                f"{counted(len(self._first_m), 'scene')} that are scored"
+            )
+        if np.mean(first_m > LOST_M) > _MAX_SHARE:
+            raise DataError(
+                f"{self._path}: after one step {np.mean(first_m > LOST_M):.0%} of the "
+                f"objects are forecast more than {LOST_M:g} m from their boxes: the "
+                "places are likely in another frame of reference (of the lidar or the "
+                "ego), or of another --form"
+            )
+        if moves.any() and np.mean(first_m[moves] < PRESENT_M) > _MAX_SHARE:
+            raise DataError(
+                f"{self._path}: the file seems to begin at the present, since the first "
+                "step of most moving objects is their present place; expected the "
+                "place after one period"
+            )
+        if not self._confidences:
+            raise DataError(f"{self._path}: no object has a confidence, expected each")
+        if len(self._confidences) == 1 and len(first_m) > 1 and not constant_confidence:
+            raise DataError(
+                f"{self._path}: each object has the confidence "
+                f"{next(iter(self._confidences)):g}, so that none can be left out "
+                "first and bADE is far higher; write the scores of the detector, or "
+                "pass --constant-confidence"
+            )
+
+    def trimmed(self, rollout: Rollout) -> Rollout:
+        """Return the rollout without the room for samples that no object has."""
+        return replace(
+            rollout,
+            forecast=rollout.forecast[:, : self.samples],
+            forecast_log_weight=rollout.forecast_log_weight[:, : self.samples],
+        )
+
+    def parameters(self, form: str, own_detections: bool) -> dict[str, Any]:
+        """Return what is stored with the run."""
+        path = self._path
+        digest = (
+            folder_digest(path, ("*.csv", "*.parquet"))
+            if path.is_dir()
+            else file_digest(path)
+        )
+        return {
+            "form": form,
+            "sha256": digest,
+            "rate": self._rate,
+            "modes": self._most_samples,
+            "seconds": self._steps / self._rate,
+            "least_confidence": min(self._confidences),
+            OWN_DETECTIONS: own_detections,
+        }
+
+    def lines(self, form: str, own_detections: bool) -> Iterator[str]:
+        """Yield what was read and how it was understood."""
+        task = self._task
+        yield (
+            f"{self._path.name}, form {form}: {self._steps} steps at {self._rate:g} Hz "
+            f"({self._steps / self._rate:g} s), {counted(self._most_samples, 'sample')} "
+            f"an object; {task.env_id} takes {task.future} steps at "
+            f"{self._card.task.rate:g} Hz and {task.samples} samples"
+        )
+        if self._most_samples > task.samples:
+            yield f"the {task.samples} heaviest samples of each object are kept"
+        if self.samples < task.samples:
+            yield (
+                "fewer samples have larger errors: `mtp-bench score RUNS --samples "
+                f"{self.samples}` cuts all runs alike"
+            )
+        yield (
+            f"{counted(self.counts.pop('objects'), 'object')} in "
+            f"{counted(self._frames, 'frame')} of "
+            f"{counted(len(self._first_m), 'scene')}"
+        )
+        skipped = {
+            name or "without a class": number
+            for name, number in self._objects_of.most_common()
+            if name not in task.classes
+        }
+        if skipped:
+            numbers = ", ".join(f"{name} {n}" for name, n in skipped.items())
+            yield f"objects of other classes are left out: {numbers}"
+        missing = [name for name in task.classes if not self._objects_of[name]]
+        if missing:
+            yield (
+                f"no object is a {' or a '.join(missing)}: such targets count as "
+                "missed; --classes scores the classes that it has"
+            )
+        yield f"the least confidence is {min(self._confidences):.3g}"
+        if not self.counts.pop("tracks"):
+            yield "no tracks: identity switches, MOTA and HOTA are not measured"
+        if self._others:
+            self.counts["samples of other scenes"] = self._others
+        yield from (f"{text}: {n}" for text, n in self.counts.items() if n)
+        yield (
+            "detections: the objects of the file"
+            if own_detections
+            else "the detector's part of the error is that of "
+            f"{self._card.detector_name}, not of the file; --own-detections takes the "
+            "objects of the file in its place"
+        )
+
+
+def _info(
+    card: Card,
+    path: Path,
+    samples: int,
+    parameters: dict[str, Any],
+    options: RunOptions,
+) -> RunInfo:
+    return RunInfo(
+        env_id=card.id,
+        card_digest=card.digest,
+        observe=FROM_FILE,
+        samples=samples,
+        split=card.source.split,
+        keywords=options.changes,
+        agent=path.name.partition(".")[0].replace(" ", "_") or "file",
+        parameters=parameters,
+        submission_digest="",
+        seed=0,
+        definitions=DEFINITIONS,
+        versions=library_versions(),
+        card=card.stored(),
+    )

@@ -1,0 +1,168 @@
+"""A reader of pickles that hold plain values and NumPy arrays, and runs nothing else.
+
+`pickle.load` calls whatever a file names. Here a file can name the few functions of
+`_KNOWN` alone, which make arrays of numbers; any other name, and any other way to
+make an object, is an error.
+"""
+
+import io
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import DataError, MissingDataError, open_regular
+
+MAX_BYTES = 1 << 28  # of a file, and of all of its arrays
+_MAX_DIMENSIONS = 8
+_NUMBERS = "?bhilqBHILQefd"  # types of numbers, in NumPy's letters
+# of what makes objects in other ways than by a call of `_KNOWN`
+_REFUSED = (
+    pickle.BINPERSID,
+    pickle.EXT1,
+    pickle.EXT2,
+    pickle.EXT4,
+    pickle.INST,
+    pickle.NEWOBJ,
+    pickle.NEWOBJ_EX,
+    pickle.NEXT_BUFFER,
+    pickle.OBJ,
+    pickle.PERSID,
+)
+
+
+class _Array:
+    """An array whose content follows, as NumPy stores it."""
+
+    values: NDArray[Any] | None = None
+
+
+class _Type:
+    """A type of numbers or words."""
+
+    def __init__(self, code: str) -> None:
+        self.dtype = np.dtype(code)
+        if self.dtype.char not in f"{_NUMBERS}US":
+            raise ValueError(f"type {code!r}, expected numbers")
+
+
+def _numbers_of(data: Any, kind: _Type, shape: Any, order: Any = "C") -> NDArray[Any]:
+    """Return the array that bytes hold."""
+    values = np.frombuffer(bytes(data), dtype=kind.dtype)
+    if len(shape) > _MAX_DIMENSIONS:
+        raise ValueError(f"{len(shape)} dimensions")
+    return values.reshape(tuple(map(int, shape)), order="F" if order == "F" else "C")
+
+
+def _scalar_of(kind: _Type, data: Any) -> Any:
+    return _numbers_of(data, kind, ()).item()
+
+
+def _encoded(text: str, encoding: str) -> bytes:
+    if encoding != "latin1":
+        raise ValueError(f"encoding {encoding!r}")
+    return text.encode("latin1")
+
+
+_MULTIARRAY = ("numpy.core.multiarray", "numpy._core.multiarray")
+_NUMERIC = ("numpy.core.numeric", "numpy._core.numeric")
+_KNOWN: dict[tuple[str, str], Callable[..., Any]] = {
+    ("numpy", "ndarray"): lambda: None,
+    ("numpy", "dtype"): lambda code, *flags: _Type(code),
+    ("_codecs", "encode"): _encoded,
+    **{(module, "_reconstruct"): lambda *_: _Array() for module in _MULTIARRAY},
+    **{(module, "scalar"): _scalar_of for module in _MULTIARRAY},
+    **{(module, "_frombuffer"): _numbers_of for module in _NUMERIC},
+}
+
+
+# the unpickler in Python, whose steps can be replaced one by one
+_Unpickler: Any = pickle._Unpickler
+
+
+class _Reader(_Unpickler):  # type: ignore[misc]
+    """Unpickler that calls the functions of `_KNOWN` alone."""
+
+    dispatch: ClassVar = {
+        code: step
+        for code, step in _Unpickler.dispatch.items()
+        if code not in [refused[0] for refused in _REFUSED]
+    }
+
+    def find_class(self, module: str, name: str) -> Callable[..., Any]:
+        """Return a function of `_KNOWN`."""
+        if (module, name) not in _KNOWN:
+            raise ValueError(f"it names {module}.{name}, which is not read")
+        return _KNOWN[module, name]
+
+    def load_reduce(self) -> None:
+        """Call a function that the file named."""
+        arguments = self.stack.pop()
+        function = self.stack[-1]
+        if function not in _KNOWN.values():
+            raise ValueError("it calls what is no function")
+        self.stack[-1] = function(*arguments)
+
+    def load_build(self) -> None:
+        """Fill an array, or set the byte order of a type."""
+        state = self.stack.pop()
+        target = self.stack[-1]
+        if isinstance(target, _Array):
+            _, shape, kind, is_fortran, data = state
+            order = "F" if is_fortran else "C"
+            target.values = _numbers_of(data, kind, shape, order)
+        elif isinstance(target, _Type):
+            if state[1] in "<>":
+                target.dtype = target.dtype.newbyteorder(state[1])
+        else:
+            raise ValueError("it changes an object that is no array")
+
+    dispatch[pickle.REDUCE[0]] = load_reduce
+    dispatch[pickle.BUILD[0]] = load_build
+
+
+def read_pickle(path: Path) -> Any:
+    """Return the content of a pickle: dicts, lists, texts, numbers and `array_of` them.
+
+    Raises DataError for a file that is missing, broken, too large or names other code.
+    """
+    try:
+        with open_regular(path) as stream:
+            content = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise MissingDataError(f"no file {path}") from None
+    if len(content) > MAX_BYTES:
+        raise DataError(f"{path}: above {MAX_BYTES >> 20} MiB, the limit of a pickle")
+    try:
+        return _Reader(io.BytesIO(content)).load()
+    except Exception as error:  # whatever a broken or hostile file makes it raise
+        problem = f"{error}" if isinstance(error, ValueError) else type(error).__name__
+        raise DataError(
+            f"{path} cannot be read as a pickle of arrays of numbers: {problem}"
+        ) from None
+
+
+def array_of(value: Any, shape: tuple[int, ...], where: str) -> NDArray[np.float64]:
+    """Return a value of `read_pickle` as numbers of ``shape``, -1 for any length.
+
+    It is an array, a number or a flat list of numbers. Raises DataError that names
+    ``where``.
+    """
+    content = value.values if isinstance(value, _Array) else value
+    if isinstance(content, list | tuple):
+        # no list of lists: a small pickle could hold one that never ends
+        content = [item for item in content if isinstance(item, float | int)]
+    if not isinstance(content, np.ndarray | list | float | int):
+        raise DataError(f"{where}: {type(content).__name__}, expected numbers")
+    array = np.array(content, dtype=np.float64)
+    sizes = zip(array.shape, shape, strict=False)
+    fits = all(expected in (-1, size) for size, expected in sizes)
+    if len(array.shape) != len(shape) or not fits:
+        raise DataError(
+            f"{where}: numbers of shape {array.shape}, expected {shape}, where -1 is "
+            "any length"
+        )
+    return array

@@ -1,0 +1,236 @@
+"""Forecasts stored by other programs, read as `StoredForecasts`.
+
+Each source has forms of its dataset. For every source: a folder with a ``.csv`` or
+``.parquet`` for each scene, or one such file with a column ``scene``; a row per object
+and sample, with the columns of `FORECASTS` and x1 y1 x2 y2 .. for the steps.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cards import Card
+from ..core import DataError, Floats, Ints, Scene, file_stem
+from .base import (
+    DataRoot,
+    ForecastForm,
+    ReadForecasts,
+    SourcePackage,
+    StoredForecasts,
+    class_ids,
+    usual_sizes,
+)
+from .files.columns import TRACKS, check_ranges
+from .files.scene import find_table
+from .readers import TableColumn, read_named_table
+from .stored_tracks import refuse_misspelt
+from .tables import RowTable, repeated
+
+MAX_STEPS = 100
+_USUAL = "usual size of the class"
+_OPTIONAL = {"z": "half of `h`", "yaw": "0", "l": _USUAL, "w": _USUAL, "h": _USUAL}
+_BOX = [column for column in TRACKS if column.name in ("x", "y", *_OPTIONAL)]
+FORECASTS: tuple[TableColumn, ...] = (
+    TableColumn("scene", "name of the scene", "each scene has a table", text=True),
+    TableColumn("frame", "whole number of the frame"),
+    TableColumn(
+        "object",
+        "whole number, one for each object within its frame",
+        "`id`; without both, each row is an object",
+    ),
+    TableColumn("id", "the track: a number or a word", "no tracks", text=True),
+    TableColumn(
+        "class",
+        "name of a class of the task; rows of other classes are skipped and counted",
+        text=True,
+    ),
+    *(replace(column, without=_OPTIONAL.get(column.name, "")) for column in _BOX),
+    TableColumn("confidence", "probability that the object is there, 0 to 1"),
+    TableColumn("mode", "whole number of the sample", "in the order of the rows"),
+    TableColumn("weight", "probability of the sample, above 0", "equal weights"),
+)
+_STEPS = [
+    TableColumn(
+        f"{axis}{step}",
+        "m, place after so many periods",
+        "a shorter forecast",
+        gaps=True,
+        finite=False,
+    )
+    for step in range(1, MAX_STEPS + 1)
+    for axis in "xy"
+]
+# columns that are the same in all rows of an object
+_OF_OBJECT = ("id", "class", *(column.name for column in _BOX), "confidence")
+
+
+def forecast_forms(package: SourcePackage) -> dict[str, ForecastForm]:
+    """Return the forms in which forecasts of a source are read, by name."""
+    return {**package.forecasts, "table": ForecastForm(None, _open_tables)}
+
+
+def read_forecast_table(
+    table: RowTable, scene: Scene, classes: Sequence[str]
+) -> StoredForecasts:
+    """Return the forecasts in a table.
+
+    DataError names the line that is wrong.
+    """
+    frame = table.whole_numbers("frame")
+    last_frame = scene.frames - 1
+    table.refuse(
+        (frame < 0) | (frame > last_frame),
+        lambda row: f"frame {frame[row]}, but the scene has 0 to {last_frame}",
+        "frame",
+    )
+    refuse_misspelt(table, classes)
+    first_row, object_of_row, sample = _objects(table, frame)
+    weight = table["weight"] if "weight" in table else np.ones(len(table))
+    table.refuse(~(weight > 0), "expected a probability above 0", "weight")
+    path = table.matrix(" ".join(_step_columns(table))).reshape(len(table), -1, 2)
+    shape = (len(first_row), int(sample.max(initial=-1)) + 1)
+    paths = np.full((*shape, *path.shape[1:]), np.nan)
+    paths[object_of_row, sample] = path
+    log_weight = np.full(shape, -np.inf)
+    log_weight[object_of_row, sample] = np.log(weight)
+    objects = table.select(first_row)
+    identity = np.full(len(objects), "")
+    if "id" in objects:
+        identity = objects["id"]
+    return StoredForecasts(
+        frame=frame[first_row],
+        class_name=objects["class"],
+        box=_boxes(objects, classes),
+        confidence=objects["confidence"],
+        path=paths,
+        log_weight=log_weight,
+        identity=identity,
+    )
+
+
+def _objects(table: RowTable, frame: Ints) -> tuple[Ints, Ints, Ints]:
+    """Return the first row [R] of each object, and object and sample of each row."""
+    if "object" in table:
+        number: NDArray[Any] = table.whole_numbers("object")
+    elif "id" in table:
+        number = table["id"]
+    else:
+        number = np.arange(len(table))
+    _, number = np.unique(number, return_inverse=True)
+    key = np.stack([frame, number.reshape(-1)])
+    _, first_row, group = np.unique(key, axis=1, return_index=True, return_inverse=True)
+    object_of_row = group.reshape(-1)
+    for name in _OF_OBJECT:
+        if name in table:
+            values = table[name]
+            table.refuse(
+                values != values[first_row][object_of_row],
+                f"another {name} than in the first row of its object",
+                name,
+            )
+    order = np.argsort(object_of_row, kind="stable")
+    if "mode" in table:
+        mode = table.whole_numbers("mode")
+        table.refuse(
+            repeated(object_of_row, mode),
+            lambda row: f"a second row of sample {mode[row]} of its object",
+            "mode",
+        )
+        order = np.lexsort([mode, object_of_row])
+    sample = np.zeros(len(table), dtype=np.int64)
+    starts = np.searchsorted(object_of_row[order], object_of_row[order])
+    sample[order] = np.arange(len(table)) - starts
+    return first_row, object_of_row, sample
+
+
+def _step_columns(table: RowTable) -> list[str]:
+    """Return the names of the columns of places, x1 y1 x2 y2 .. without a hole."""
+    names = [column.name for column in _STEPS]
+    given = [name for name in names if name in table]
+    expected = names[: max(2, len(given))]
+    if given != expected:
+        missing = next(name for name in expected if name not in table)
+        raise DataError(
+            f"{table.source}: no column {missing!r}, expected places x1 y1 x2 y2 .. "
+            "for each step of the forecast"
+        )
+    return given
+
+
+def _boxes(objects: RowTable, classes: Sequence[str]) -> Floats:
+    """Return boxes [R, 7], with what the table lacks as `FORECASTS` says."""
+    box = np.zeros((len(objects), 7))
+    class_id = class_ids(objects["class"].tolist(), classes)
+    box[:, 4:] = usual_sizes(classes)[class_id]
+    for place, column in enumerate(_BOX):
+        if column.name in objects:
+            box[:, place] = objects[column.name]
+    if "z" not in objects:
+        box[:, 2] = box[:, 6] / 2
+    check_ranges(objects, positive_sizes=False)
+    return box
+
+
+def _open_tables(card: Card, data: DataRoot, path: Path) -> ReadForecasts:
+    columns = (*FORECASTS, *_STEPS)
+    read = partial(read_named_table, columns=columns)
+    if path.is_dir():
+        return lambda scene: read_forecast_table(
+            read(_table_of(path, scene)), scene, card.task.classes
+        )
+    table = read(path)
+    if "scene" not in table:
+        raise DataError(f"{path}: no column 'scene', expected one, or a folder")
+
+    def read_scene(scene: Scene) -> StoredForecasts:
+        rows = table["scene"] == scene.name
+        if not rows.any():
+            names = ", ".join(np.unique(table["scene"])[:3])
+            raise missing_scene(path, scene.name, f"found: {names}")
+        return read_forecast_table(table.select(rows), scene, card.task.classes)
+
+    return read_scene
+
+
+def _table_of(folder: Path, scene: Scene) -> Path:
+    path = find_table(folder, file_stem(scene.name))
+    if path is None:
+        raise missing_scene(folder, scene.name, "expected its table .csv or .parquet")
+    return path
+
+
+def missing_scene(path: Path, scene: str, found: str) -> DataError:
+    """Return the error that a file has nothing of a scene that is scored."""
+    return DataError(
+        f"{path}: no forecasts of scene {scene!r}; {found}; --split names another "
+        "split, --scenes N takes the first N scenes alone"
+    )
+
+
+def padded_samples(paths: Sequence[Any], name_of: Callable[[int], str]) -> Floats:
+    """Return samples of R objects, lists [k][S][2], as [R, K, S, 2] with NaN.
+
+    ``name_of``: an object in words. Raises DataError for lists of another shape.
+    """
+    if len({len(path) for path in paths}) == 1:
+        with suppress(ValueError):
+            array = np.array(paths, dtype=np.float64)
+            if array.ndim == 4 and array.shape[-1] == 2:
+                return array
+    most = max((len(path) for path in paths), default=0)
+    steps = max((len(path[0]) for path in paths if path), default=0)
+    array = np.full((len(paths), most, steps, 2), np.nan)
+    for row, path in enumerate(paths):
+        try:
+            array[row, : len(path)] = np.array(path, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise DataError(
+                f"{name_of(row)}: expected samples of {steps} places x y each"
+            ) from None
+    return array
