@@ -1,9 +1,12 @@
 """``mtp-bench compare``."""
 
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
-from typer import Argument, Exit, Option
+from typer import Argument, BadParameter, Exit, Option
 
 from ..cards import Card
 from ..running import (
@@ -11,6 +14,8 @@ from ..running import (
     RunOptions,
     compare as run_comparison,
     compare_driving,
+    compare_files,
+    is_run,
 )
 from ..viz import counted, show_lines, show_table
 from .options import (
@@ -21,17 +26,59 @@ from .options import (
     WorkerChoice,
 )
 from .output import STANDARD_OUTPUT, prepare, say, write_json, write_table
-from .shown import Shown, show_report
+from .shown import Shown, show_differences, show_report
+
+
+DetectionFiles = Annotated[
+    list[Path] | None,
+    Option(help="Stored detections, as of `run`; several have a row each."),
+]
+TrackFiles = Annotated[
+    list[Path] | None,
+    Option(help="Stored tracks, as of `run`; several have a row each."),
+]
+
+
+@dataclass(frozen=True)
+class ComparedScenes(AgentScenes):
+    """Scenes of a comparison, with several files of tracks or of detections."""
+
+    detections: DetectionFiles = None  # type: ignore[assignment]
+    tracks: TrackFiles = None  # type: ignore[assignment]
+
+    def choices(
+        self, workers: WorkerChoice, seeds: Sequence[int]
+    ) -> dict[str, RunOptions]:
+        """Return the options with each file, by its name.
+
+        Raises BadParameter for several tracks and several detections at once.
+        """
+        tracks = self.tracks or [Path()]
+        detections = self.detections or [Path()]
+        varied = tracks if len(tracks) > 1 else detections
+        if len(tracks) * len(detections) > len({path.name for path in varied}):
+            raise BadParameter(
+                "expected several files, of different names, of one kind alone",
+                param_hint="--tracks, --detections",
+            )
+        choices = {}
+        for track_file, detection_file in itertools.product(tracks, detections):
+            values = {field.name: getattr(self, field.name) for field in fields(self)}
+            values["tracks"] = track_file if self.tracks else None
+            values["detections"] = detection_file if self.detections else None
+            name = (track_file if len(tracks) > 1 else detection_file).name
+            choices[name] = AgentScenes(**values).options(workers, seeds)
+        return choices
 
 
 def compare(
     agents: Annotated[
         list[str],
         Argument(
-            help="Names of baselines or folders of submissions.",
+            help="Names of baselines, folders of submissions or of stored runs.",
         ),
     ],
-    on: AgentScenes,
+    on: ComparedScenes,
     workers: WorkerChoice,
     shown: Shown,
     seeds: SeedsOption = SEEDS,
@@ -45,9 +92,11 @@ def compare(
 
     Prints one table and the verdict.
     """
-    options = on.options(workers, range(seeds))
+    choices = on.choices(workers, range(seeds))
+    options = next(iter(choices.values()))
     env = on.card
-    doubts = prepare(env, options, agents, on.no_doctor)
+    playing = [agent for agent in agents if not is_run(agent)]
+    doubts = prepare(env, options, playing, on.no_doctor)
     if train:
         from .train import train_missing
 
@@ -55,13 +104,18 @@ def compare(
     if options.card(env).drive is not None:
         _compare_driving(agents, env, options, shown, json_file)
         return
-    full = shown.is_full or json_file is not None
-    result = run_comparison(agents, env, options, full)
+    if len(choices) > 1:
+        result = compare_files(agents, env, choices)
+    else:
+        full = shown.is_full or json_file is not None
+        result = run_comparison(agents, env, options, full)
     content = result.report.to_json("condition", "paired", "details", "failures")
     doubt_texts = [f"{doubt.scene}: {doubt.line}" for doubt in doubts]
     write_json(json_file, content | {"skipped": result.skipped, "doubts": doubt_texts})
     names = result.names(agents)
     show_report(result.report, counted(seeds, "seed"), result.skipped, shown, names)
+    if len(choices) > 1:
+        show_differences(result.report, shown)
     if result.report.failures:
         raise Exit(1)
 

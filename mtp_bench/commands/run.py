@@ -5,7 +5,6 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from ..core import to_text
 from ..running import (
     RunOptions,
     export_tracks,
@@ -16,7 +15,7 @@ from ..running import (
     skipped_line,
 )
 from ..scoring import rejected_line
-from ..viz import command_line, counted, paired_table, show
+from ..viz import command_line, counted, show
 from .options import (
     AgentScenes,
     DataOption,
@@ -27,7 +26,7 @@ from .options import (
     WorkerChoice,
 )
 from .output import prepare, write_json
-from .shown import Shown, show_report
+from .shown import Shown, show_differences, show_report
 
 
 def run(
@@ -76,8 +75,7 @@ def score(
     names = [row.agent for row in report.rows]
     title = ", ".join(folder.name for folder in folders)
     show_report(report, title, scored.skipped, shown, names)
-    if report.paired and not shown.full:
-        show("\n" + to_text(paired_table(report)).rstrip())
+    show_differences(report, shown)
 
 
 def export(

@@ -17,6 +17,7 @@ from ..viz import (
     data_table,
     full_tables,
     notes,
+    paired_table,
     show,
     show_lines,
     verdict,
@@ -76,6 +77,12 @@ def show_report(
     show_lines([f"{title}; {data}; truth: {condition['truth']}", condition["weights"]])
     for table in other_tables:
         show("\n" + to_text(table).rstrip())
+
+
+def show_differences(report: Report, shown: Shown) -> None:
+    """Print the differences of agents, which ``full`` prints with all tables."""
+    if report.paired and not shown.full:
+        show("\n" + to_text(paired_table(report)).rstrip())
 
 
 def _next_step() -> str:

@@ -10,7 +10,9 @@ from .checkup import (
 from .comparison import (
     HYPOTHESIS_CONTROLS as HYPOTHESIS_CONTROLS,
     compare as compare,
+    compare_files as compare_files,
     control_names as control_names,
+    is_run as is_run,
 )
 from .conformance_checks import check_agent as check_agent
 from .conformance_playing import Finding as Finding

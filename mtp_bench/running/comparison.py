@@ -5,17 +5,27 @@ The controls separate hypotheses from sampling.
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Unpack
 
-from ..agent import Role, controls
+from ..agent import Role, controls, submission_of
 from ..cards import Card
-from ..core import SERIAL, MtpBenchError, SubmissionError
+from ..core import SERIAL, MtpBenchError, RolloutError, SubmissionError
 from ..scoring import AgentScores, Reference, References, Report, preference
 from .evaluation import EnvEvaluation
 from .options import DEFAULTS, RunKeywords, RunOptions
 from .playing import AgentFailedError
 from .reading import total_skipped
-from .settings import Key, Setting, all_settings, references_of, require_list
+from .rollout_files import RUN_FILE
+from .settings import (
+    Key,
+    Setting,
+    all_settings,
+    references_of,
+    require_list,
+    setting_of,
+)
+from .stored import open_runs, run_scores
 
 CONTROLS: tuple[Role, ...] = (  # docs/definitions, "Controls"
     "ground_truth",
@@ -65,7 +75,8 @@ def compare(
 ) -> Comparison:
     """Run and score the controls and other agents on the same scenes of an env.
 
-    See `evaluate` for the arguments. ``full``: False runs only what the main table and
+    See `evaluate` for the arguments; an agent may also be the folder of a stored run,
+    which is scored beside the others. ``full``: False runs only what the main table and
     its ranks need, which takes about half the time. An agent that cannot be built, or
     fails in any scene, is named in `Report.failures`, and the others are shown. Event
     weights are the frozen ones of the env, else made from these scenes. Raises
@@ -73,12 +84,77 @@ def compare(
     fails.
     """
     require_list(agents)
+    agents = list(agents)
     with EnvEvaluation.opened("comparing", env_id, options, keywords) as evaluation:
-        return _compare(evaluation, list(agents), full)
+        playing = [agent for agent in agents if not is_run(agent)]
+        folders = [Path(str(agent)) for agent in agents if is_run(agent)]
+        return _compare(evaluation, playing, full, _stored(evaluation, folders))
+
+
+def compare_files(
+    agents: Sequence[str], env_id: str | Card, choices: Mapping[str, RunOptions]
+) -> Comparison:
+    """Compare agents on several files of tracks or detections, a row for each.
+
+    ``choices``: the options of a run by the name of its file. Agents that do not read
+    such a file have one row. Each row is tested against each other; there are no
+    controls. Raises MtpBenchError as `compare`, and if an agent fails.
+    """
+    first_options, *_ = choices.values()
+    has_tracks = first_options.tracks is not None
+    rows: list[AgentScores] = []
+    settings: list[Setting] = []
+    for name, options in choices.items():
+        with EnvEvaluation.opened(f"comparing {name}", env_id, options, {}) as opened:
+            opened.card.require_same_scenes("in which agents read no file")
+            for agent in agents:
+                setting = setting_of(submission_of(agent), opened.card)
+                observed = setting.observe == "tracks"
+                is_read = observed if has_tracks else setting.observe != "truth"
+                if not is_read and options is not first_options:
+                    continue
+                (scores,) = opened.scores([setting], caught=False)
+                assert isinstance(scores, AgentScores)
+                label = f"{scores.agent}:{name}" if is_read else scores.agent
+                rows.append(replace(scores, agent=label))
+                settings.append(replace(setting, label=label))
+            if options is first_options:
+                evaluation = opened
+    report, reference = evaluation.report(rows, settings, with_each_other=True)
+    skipped = total_skipped(scene.skipped for row in rows for scene in row.seeds[0])
+    return Comparison(report, reference, tuple(settings), skipped)
+
+
+def is_run(agent: object) -> bool:
+    """Return True for the folder of a stored run."""
+    return isinstance(agent, str | Path) and (Path(agent) / RUN_FILE).is_file()
+
+
+def _stored(evaluation: EnvEvaluation, folders: Sequence[Path]) -> list[AgentScores]:
+    """Return the scores of stored runs on the scenes of a comparison.
+
+    Raises RolloutError for a run of another card, or without one of the scenes.
+    """
+    if not folders:
+        return []
+    rows = []
+    for opened in open_runs(folders, evaluation.options.data):
+        if opened.card.task != evaluation.card.task:
+            raise RolloutError(
+                f"{opened.folder}: made for {opened.card.id}, whose task is not that "
+                f"of {evaluation.card.id}"
+            )
+        rollouts = tuple(opened.first(scene) for scene in evaluation.scenes)
+        chosen = replace(opened, run=replace(opened.run, rollouts=rollouts))
+        rows.append(run_scores(chosen, evaluation.options.unchanged))
+    return rows
 
 
 def _compare(
-    evaluation: EnvEvaluation, agents: Sequence[object], full: bool
+    evaluation: EnvEvaluation,
+    agents: Sequence[object],
+    full: bool,
+    stored: Sequence[AgentScores],
 ) -> Comparison:
     card = evaluation.card
     card.require_same_scenes("in which agents do not meet the same scenes")
@@ -95,7 +171,7 @@ def _compare(
 
     finished = _without(failures, settings)
     report, reference = evaluation.report(
-        [scores[setting.key] for setting in finished],
+        [*(scores[setting.key] for setting in finished), *stored],
         finished,
         _reference_scores(finished, references, scores),
     )
@@ -103,7 +179,8 @@ def _compare(
     if all(row.subset != "turning" for row in report.rows):
         hidden |= _hidden_controls(("bends",), agents)
     visible = _without(hidden, finished)
-    shown = dict.fromkeys(setting.submission.name for setting in visible)
+    names = [setting.submission.name for setting in visible]
+    shown = dict.fromkeys([*names, *(row.agent for row in stored)])
     report = replace(report, shown=list(shown), failures=failures)
     skipped: dict[str, int] = {}
     # every setting reads the same scenes, but only some read stored tracks

@@ -144,13 +144,20 @@ class EnvEvaluation:
         scores: Sequence[Any],
         settings: Sequence[Setting],
         references: Mapping[str, References | None] | None = None,
+        with_each_other: bool = False,
     ) -> tuple[Report, Reference]:
         """Return the report of the ``scores`` of ``settings``, and the event weights.
 
-        ``references``: the agents that gaps are measured between, as of `summarise`.
+        ``references`` and ``with_each_other``: as of `summarise`.
         """
         event_weights = reference_for(self.card, self.scenes, self.options)
-        report = summarise(scores, self.card, event_weights, references=references)
+        report = summarise(
+            scores,
+            self.card,
+            event_weights,
+            references=references,
+            with_each_other=with_each_other,
+        )
         # the line on weights also names the scenes that have none
         report.condition["weights"] += self.left_out
         agents_of_note: dict[str, list[str]] = {}
