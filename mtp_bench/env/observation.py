@@ -159,9 +159,10 @@ def shown_boxes(scene: Scene, observe: str) -> tuple[Detections, Ints | None]:
     """Return the boxes that an agent is shown, and their ids.
 
     ``observe``: "detections" or "associated", "truth" for the true boxes, or "tracks"
-    for those of a foreign tracker. Raises DataError for a scene without stored tracks.
+    for those of a foreign tracker. Of a run read from a "file" they are the detections.
+    Raises DataError for a scene without stored tracks.
     """
-    if observe in ("detections", "associated"):
+    if observe in ("detections", "associated", "file"):
         return scene.detections, None
     if observe == "truth":
         return true_detections(scene)

@@ -85,6 +85,8 @@ def run_parts(
 def _references(opened: OpenedRun) -> tuple[dict[str, Setting], str]:
     """Return the references that split the errors of a run, or none and the reason."""
     info = opened.run.info
+    if info.observe == "file":
+        return {}, "they were read from a file, and no submission can be run again"
     if info.observe != "detections":
         return {}, f"its agent observes {info.observe}"
     folder = info.folder or info.agent

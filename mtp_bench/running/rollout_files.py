@@ -44,7 +44,7 @@ class RunInfo(Section):
 
     env_id: str
     card_digest: str
-    observe: str
+    observe: str  # mode of the env; "file": the forecasts were read from a file
     samples: int  # K
     split: str
     keywords: dict[str, Any]  # further settings of the env

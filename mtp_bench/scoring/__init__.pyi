@@ -89,6 +89,7 @@ from .parts import (
 )
 from .rank import (
     ASSOCIATED as ASSOCIATED,
+    FROM_FILE as FROM_FILE,
     NO_GAP as NO_GAP,
     NOT_CAUSAL as NOT_CAUSAL,
     NOT_KINEMATIC as NOT_KINEMATIC,

@@ -34,7 +34,13 @@ from .table import AgentScores, AgentTable
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
 ASSOCIATED = "saw which detections are of one object"
 SAW_TRUTH = "saw the truth"
-_UNRANKED_MODES = {"truth": SAW_TRUTH, "associated": ASSOCIATED, "tracks": NOT_CAUSAL}
+FROM_FILE = "read from a file: not verified, may have seen the future"
+_UNRANKED_MODES = {
+    "truth": SAW_TRUTH,
+    "associated": ASSOCIATED,
+    "tracks": NOT_CAUSAL,
+    "file": FROM_FILE,
+}
 ALONE_TEXT = "one agent alone is not ranked"
 # share by which the digits in a record may differ from a weight or number of objects
 _DIGITS = 1e-9

@@ -221,7 +221,9 @@ def misstated_lines(report: Report) -> Iterator[str]:
     if condition.get("presence") or not _has_other_detections(report):
         return
     for table in report.tables:
-        means = misstated(table) if table.setting.observe != "truth" else None
+        # these confidences are not of the presence model
+        is_foreign = table.setting.observe in ("truth", "file")
+        means = None if is_foreign else misstated(table)
         if means is not None:
             confidence, matched = means
             yield (

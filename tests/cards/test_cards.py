@@ -81,11 +81,13 @@ PROTOCOL: dict[str, tuple[Any, ...]] = {
     "MTP-KITTI-5Hz-v0": (5.0, 10, 10, 20, KITTI, IOU, (1.5, 2.0), "pointrcnn", True, False),
     "MTP-nuScenes-v0": (2.0, 4, 12, 10, VEHICLES, FAR, FAR, "megvii", True, False),
     "MTP-nuScenes-CenterPoint-v0": (2.0, 4, 12, 10, VEHICLES, FAR, FAR, "centerpoint", True, False),
+    "MTP-nuScenes-3s-v0": (2.0, 4, 6, 10, VEHICLES, FAR, FAR, "megvii", True, False),
     "MTP-nuScenes-mini-v0": (
         2.0, 4, 12, 10, (*VEHICLES, "motorcycle", "bicycle", "pedestrian"), FAR, NEAR, "megvii", True, False,
     ),
     "MTP-AV2-v0": (2.0, 4, 12, 10, DRIVING, FAR, NEAR, "nuscenes_megvii", True, False),
     "MTP-AV2-Lanes-v0": (2.0, 4, 12, 10, DRIVING, FAR, NEAR, "nuscenes_megvii", True, False),
+    "MTP-AV2-3s-v0": (2.0, 4, 6, 10, DRIVING, FAR, NEAR, "nuscenes_megvii", True, False),
     "MTP-AV2-10Hz-v0": (10.0, 10, 10, 20, DRIVING, IOU, (1.0, 2.0), "nuscenes_megvii", True, False),
     "MTP-WILDTRACK-v0": (2.0, 4, 12, 1, PEOPLE, NEAR, NEAR, "wildtrack_mvdet", False, False),
     "MTP-WILDTRACK-k10-v0": (2.0, 4, 12, 10, PEOPLE, NEAR, NEAR, "wildtrack_mvdet", False, False),

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from ...core import BLANK, short
-from ...scoring import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH, Report, Row
+from ...scoring import ASSOCIATED, FROM_FILE, NOT_CAUSAL, SAW_TRUTH, Report, Row
 from .output import counted
 
 REFERENCES = (SAW_TRUTH, ASSOCIATED)  # reasons of `why_unranked`
@@ -51,11 +51,11 @@ def warnings(report: Report) -> Iterator[str]:
     for agent, reason in report.failures.items():
         yield f"! {agent} {reason}"
     yield from _coverage_warnings(report)
-    late_agents = [
-        row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL
-    ]
-    for agent in dict.fromkeys(late_agents):
-        yield f"{agent}: never ranked, {NOT_CAUSAL}"
+    # once per agent, not per subset
+    never_ranked = {row.agent: row.unranked_because for row in report.rows}
+    for agent, reason in never_ranked.items():
+        if reason in (NOT_CAUSAL, FROM_FILE):
+            yield f"{agent}: never ranked, {reason}"
     dropped = max((details.dropped_detections for details in report.details), default=0)
     if dropped:
         yield (
