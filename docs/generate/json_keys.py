@@ -50,7 +50,7 @@ PER_SCENE = {  # of `Report.per_scene`, beside columns of rows
     "bADE_sum": "The same, summed over the targets, metres.",
     "forecasts": "Number of forecasts.",
     "false_forecasts": "Forecasts of no true object.",
-    "identity_switches": "The agent's own ones.",
+    "identity_switches": "The agent's own ones; null for an agent that states no tracks.",
 }
 
 _WHERE = {

@@ -60,10 +60,10 @@ def events(
 
     Each has a command that shows it.
     """
-    tally = Tally()
     all_rows = list[Listed]()
     with long_work("finding events") as progress:
         opened = open_run(folder, root, env)
+        tally = Tally(any(len(rollout.track_id) for rollout in opened.rollouts()))
         for played in replays(opened, scene, progress, no_doctor):
             tally.add(played)
             for incident in played.incidents:

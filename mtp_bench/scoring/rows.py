@@ -266,23 +266,25 @@ class Bin(Section):
 
 
 class Clear(Section):
-    """Tracking numbers.
+    """Tracking numbers, None for an agent that states no tracks.
 
-    None where a false positive cannot be known because the truth is not complete.
+    Also None where a false positive cannot be known: the truth is not complete.
     """
 
-    TP: Count = described("Matched tracks (true positives), summed over frames.")
+    TP: Count | None = described("Matched tracks (true positives), summed over frames.")
     FP: Count | None = described(
         "Tracks of no object (false positives), summed over frames."
     )
-    FN: Count = described(
+    FN: Count | None = described(
         "Objects without a track (false negatives), summed over frames."
     )
     IDS: Annotated[
-        Count, Column("IDS", better="lower", group="CLEAR", help="Identity switches.")
+        Count | None,
+        Column("IDS", better="lower", group="CLEAR", help="Identity switches."),
     ]
     FRAG: Annotated[
-        Count, Column("FRAG", better="lower", group="CLEAR", help="Fragmentations.")
+        Count | None,
+        Column("FRAG", better="lower", group="CLEAR", help="Fragmentations."),
     ]
     MOTA: Annotated[Score, Column(help="Multi-object tracking accuracy.")]
     MOTP: float | None = described(
@@ -366,14 +368,20 @@ class Details(AgentSetting):
         "Expected minADE of k samples by k, metres."
     )
     bins: list[Bin] = described("Errors by distance, class and motion.")
-    own: dict[str, Errors] = described(
-        "Errors where the agent itself has an event: shown, never ranked."
+    own: dict[str, Errors | None] = described(
+        "Errors where the agent itself has an event: shown, never ranked. null for an "
+        "agent that states no tracks."
     )
-    own_events: dict[str, int] = described("Number of the agent's own events, by kind.")
+    own_events: dict[str, int | None] = described(
+        "Number of the agent's own events, by kind; null for an agent that states no "
+        "tracks."
+    )
     guessed_parents: float | None = described(
         "Share of frames in which the lineage of own events had to be guessed."
     )
-    tracking: Tracking = described("Tracking numbers of the first seed.")
+    tracking: Tracking = described(
+        "Tracking numbers of the first seed; null for an agent that states no tracks."
+    )
     invalid: dict[str, int] = described(
         "Rejected rows of the agent's actions, by table."
     )

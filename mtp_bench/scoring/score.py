@@ -58,6 +58,7 @@ class SceneScore(ForecastErrors):
     recording: str
     frames: int
     live: int  # number of live frames
+    has_tracks: bool  # the rollout states a track in any frame
     hypotheses: int  # largest number stated in a frame
     samples: int  # K
     truth_complete: bool
@@ -159,6 +160,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         recording=scene.recording or scene.name,
         frames=scene.frames,
         live=int(live.sum()),
+        has_tracks=len(rollout.track_id) > 0,
         hypotheses=int(hypothesis_count.max(initial=0)),
         samples=rollout.forecast.shape[1],
         truth_complete=scene.truth_complete,

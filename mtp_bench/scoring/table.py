@@ -116,6 +116,11 @@ class AgentTable:
         """True if the truth of every scene is complete: false forecasts are known."""
         return all(score.truth_complete for score in self.scores)
 
+    @property
+    def has_tracks(self) -> bool:
+        """False if no rollout states a track: events and CLEAR are undefined then."""
+        return any(score.has_tracks for score in self.scores)
+
     @cached_property
     def live(self) -> int:
         """Live frames, over all seeds and scenes."""
@@ -391,6 +396,7 @@ def rows_per_scene(tables: Sequence[AgentTable]) -> Iterator[dict[str, Any]]:
                 table.scene, weights=errors.mean(axis=0), minlength=len(run)
             )
             for score, bade_sum in zip(run, sums.tolist(), strict=True):
+                switches = score.own_events["ids"] if table.has_tracks else None
                 result = SceneResult.of(table.setting.agent, seed, score)
                 yield {
                     **table.setting.key,
@@ -406,6 +412,6 @@ def rows_per_scene(tables: Sequence[AgentTable]) -> Iterator[dict[str, Any]]:
                     "bADE_sum": bade_sum,
                     "forecasts": score.forecasts,
                     "false_forecasts": score.false_forecasts,
-                    "identity_switches": score.own_events["ids"],
+                    "identity_switches": switches,
                     "ms_per_frame": 1e3 * score.seconds,
                 }

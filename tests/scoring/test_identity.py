@@ -85,7 +85,9 @@ THINGS = [Thing(1, 0, 0), Thing(2, 9, 0)]
 
 
 def test_without_tracks() -> None:
-    assert identity_of(make_scene([THINGS] * 4), make_rollout([[]] * 4)) == (0.0, 0.0)
+    assert identity_of(make_scene([THINGS] * 4), make_rollout([[]] * 4)) == (None, None)
+    far = make_rollout([[Thing(1, 50, 50)]] + [[]] * 3)  # a single track, of no object
+    assert identity_of(make_scene([THINGS] * 4), far) == (0.0, 0.0)
 
 
 def test_a_neutral_object_and_the_track_on_it_do_not_matter() -> None:

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from ...core import BLANK, Column, Drive, Scene, Table
-from ...scoring import parts_text
+from ...scoring import EVENT_KINDS, parts_text
 from ..causes import cause_text, causes_of
 from ..focus import Focus
 from ..incident import INCIDENT_KINDS, Incident
@@ -105,6 +105,7 @@ def _id_or_none(number: int) -> int | None:
 class Tally:
     """Counts of events over scenes, listed or not."""
 
+    has_tracks: bool  # in any scene of the run: else no track has an event
     events: Counter[str] = field(
         default_factory=lambda: Counter(dict.fromkeys(INCIDENT_KINDS, 0))
     )
@@ -208,14 +209,20 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
     """Return the numbers of events, and how to list those left out."""
     count = tally.events
     tracks = (
-        f"{counted(count['ids'], 'identity switch', 'es')}, {count['lost']} lost "
-        f"({tally.wrong} of them with their track elsewhere), "
-        f"{count['reacquired']} reacquired"
+        f"{BLANK} identity switches, {BLANK} lost, {BLANK} reacquired, as no track is "
+        "stated"
     )
+    runs = ""
+    if tally.has_tracks:
+        tracks = (
+            f"{counted(count['ids'], 'identity switch', 'es')}, {count['lost']} lost "
+            f"({tally.wrong} of them with their track elsewhere), "
+            f"{count['reacquired']} reacquired"
+        )
+        runs = f" in {counted(count['spurious'], 'run')}"
     texts = [tracks]
     if tally.complete:
-        false_forecasts = counted(tally.forecasts, "false forecast")
-        texts.append(f"{false_forecasts} in {counted(count['spurious'], 'run')}")
+        texts.append(f"{counted(tally.forecasts, 'false forecast')}{runs}")
     else:
         texts.append(
             "false forecasts are not known, as there are objects outside the truth"
@@ -256,12 +263,15 @@ def events_json(
     rows: Sequence[Listed], tally: Tally, env_id: str, agent: str
 ) -> dict[str, Any]:
     """Return the content of ``events --json``."""
-    counts = {"wrong": tally.wrong, "spurious_forecasts": tally.forecasts}
+    counts: dict[str, int | None] = {**tally.events, "wrong": tally.wrong}
+    if not tally.has_tracks:
+        counts |= dict.fromkeys((*EVENT_KINDS, "wrong", "spurious"))
+    counts["spurious_forecasts"] = tally.forecasts
     return {
         "env": env_id,
         "agent": agent,
         "scenes": tally.scenes,
-        "counts": {**tally.events, **counts},
+        "counts": counts,
         "truth_complete": tally.complete,
         "events": [_record(row) for row in rows],
     }

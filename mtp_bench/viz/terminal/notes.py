@@ -51,11 +51,12 @@ def warnings(report: Report) -> Iterator[str]:
     for agent, reason in report.failures.items():
         yield f"! {agent} {reason}"
     yield from _coverage_warnings(report)
-    # once per agent, not per subset
-    never_ranked = {row.agent: row.unranked_because for row in report.rows}
-    for agent, reason in never_ranked.items():
-        if reason in (NOT_CAUSAL, FROM_FILE):
-            yield f"{agent}: never ranked, {reason}"
+    never_ranked = [
+        f"{row.agent}: never ranked, {row.unranked_because}"
+        for row in report.rows
+        if row.unranked_because in (NOT_CAUSAL, FROM_FILE)
+    ]
+    yield from dict.fromkeys(never_ranked)  # once, not per subset
     dropped = max((details.dropped_detections for details in report.details), default=0)
     if dropped:
         yield (

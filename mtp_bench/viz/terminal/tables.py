@@ -201,22 +201,29 @@ def _tracking_table(report: Report) -> Table:
     return replace(table, columns=[*table.columns, *_OWN_EVENT_COLUMNS])
 
 
-def _own_events(line: AgentLine) -> str:
-    """Return own events, with a star if the lineage was guessed."""
+def _own_events(line: AgentLine) -> str | None:
+    """Return own events, with a star if the lineage was guessed.
+
+    None without tracks.
+    """
+    if line.details.own_events["ids"] is None:
+        return None
     events = "/".join(str(line.details.own_events[kind]) for kind in EVENT_KINDS)
     if line.details.guessed_parents:
         events += "*"
     return events
 
 
+def _switches_in_all(line: AgentLine) -> int | None:
+    """Return the number of targets that switch in all hypotheses."""
+    errors = line.details.own["all_h_ids"]
+    return None if errors is None else errors.targets
+
+
 _OWN_EVENT_COLUMNS = (
     Column(key="false tracks", read=lambda line: line.details.tracking.false_tracks),
     Column("own ids/\nlost/reac.", key="own_events", read=_own_events),
-    Column(
-        "ids in\nall H",
-        key="all_h_ids",
-        read=lambda line: line.details.own["all_h_ids"].targets,
-    ),
+    Column("ids in\nall H", key="all_h_ids", read=_switches_in_all),
 )
 
 
