@@ -15,6 +15,7 @@ from ..judge import (
     Trust,
     is_baseline,
     load_record,
+    read_file_entries,
     read_level,
     record_paths,
     trusted,
@@ -112,7 +113,9 @@ def _write_page(output: Path, folder: Path, entries: Sequence[Entry]) -> None:
     submitting = leaderboard / "SUBMITTING.md"
     definitions = leaderboard.parent / "docs" / "definitions" / "index.md"
     addresses = Pages(_link(submitting, output), _link(definitions, output))
-    write_board(output, board_files(entries, parts_folder(output).name, addresses))
+    file_entries = read_file_entries(leaderboard / "files")
+    parts_name = parts_folder(output).name
+    write_board(output, board_files(entries, parts_name, addresses, file_entries))
     show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
 
 

@@ -30,6 +30,10 @@ from .records.eligibility import (
     why_unranked as why_unranked,
 )
 from .records.fields import LEVELS as LEVELS, Level as Level
+from .records.file_entries import (
+    FileEntry as FileEntry,
+    read_file_entries as read_file_entries,
+)
 from .records.intake import take_in as take_in
 from .records.inventory import (
     RecordPiece as RecordPiece,

@@ -108,7 +108,7 @@ def test_no_record_takes_rollouts_from_a_file(from_file: Path, tmp_path: Path) -
     shutil.copytree(from_file, tmp_path / "MTP-Small-v0.rollouts" / "seed-0")
     env = _Named(card_digest=info.card_digest, observe="detections")
     record: Any = _Named(seeds=[0], env=env, submission=_Named(digest=""), scenes=["0001", "0006", "0008"])
-    with pytest.raises(RecordError, match="made with observe 'file', the record .* says 'detections'"):
+    with pytest.raises(RecordError, match=r"made with observe 'file', the record .* says 'detections'"):
         stored_rollouts(tmp_path / "MTP-Small-v0.json", record)
 
 

@@ -13,10 +13,10 @@ import pytest
 
 from mtp_bench.agent.loader import ON_SCORED
 from mtp_bench.core import to_text
-from mtp_bench.core.errors import MtpBenchError
-from mtp_bench.judge import Record
+from mtp_bench.core.errors import MtpBenchError, RecordError
+from mtp_bench.judge import FileEntry, Record, read_file_entries
 from mtp_bench.judge.records.targets import UnitTargets
-from mtp_bench.scoring import paired_difference
+from mtp_bench.scoring import DEFINITIONS, paired_difference
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS
 from mtp_bench.viz.board.columns import board_json
 from mtp_bench.viz.board.drawings import MAX_TICKS, PAD, WIDTH, bar_of, scale_of
@@ -443,3 +443,62 @@ def test_missing_folders_and_broken_records(tmp_path: Path, cli: CommandLine, mo
     assert "here" in cli.ok("board")
     monkeypatch.setattr("mtp_bench.commands.board.record_paths", lambda *_: pytest.fail("all records were read before"))
     assert "perfect" in cli("board", "--with", path, "--records", tmp_path).error
+
+
+ENTRY: dict[str, Any] = {
+    "env": FEW, "name": "their <b>model</b>", "bADE": 2.5144, "interval": [2.3, 2.7], "sha256": "0123456789ab" + "f" * 52,
+    "form": "vad", "modes": 6, "horizon_s": 3.0, "least_confidence": 0.2, "definitions": DEFINITIONS,
+}  # fmt: skip
+
+
+def file_entries(folder: Path, *changes: dict[str, Any]) -> list[FileEntry]:
+    """The entries of a folder with a file per change of `ENTRY`."""
+    folder.mkdir(exist_ok=True)
+    for number, change in enumerate(changes):
+        (folder / f"{number}.json").write_text(json.dumps(ENTRY | change))
+    return read_file_entries(folder)
+
+
+def test_forecasts_of_files_stand_last_in_a_section_without_ranks(tmp_path: Path, files: BoardFiles) -> None:
+    assert "read from a file" not in files.page
+    assert read_file_entries(tmp_path / "none") == []
+    shown = file_entries(tmp_path, {}, {"env": "MTP-KITTI-v0", "bADE": 9.0, "definitions": "2.0"})
+    page = board_files(board_of(made_up("stp")), file_entries=shown)
+    section = page.page.partition('<h2 id="_files">')[2].partition("</section>")[0]
+    text = re.sub("<.*?>", "|", section)
+    assert "Forecasts read from a file" in text
+    assert "Never ranked: not verified, may have seen the future and the labels." in text
+    lines = [[cell for cell in line.split("|") if cell] for line in text.splitlines() if "0123" in line]
+    kitti, few = lines
+    assert few == [
+        "their &lt;b&gt;model&lt;/b&gt;", FEW, "2.514 [2.300, 2.700]", "0123456789ab", "vad", "6", "3", "0.2",
+    ]  # fmt: skip
+    assert kitti[1:3] == ["MTP-KITTI-v0", "9.000 [2.300, 2.700] (definitions 2.0)"]
+    assert page.parts == board_files(board_of(made_up("stp"))).parts, "no table of ranks has them"
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"sha256": "0123"}, "sha256"),
+        ({"bADE": -1.0}, "bADE"),
+        ({"interval": [1.0]}, "interval"),
+        ({"place": 1}, "place"),
+        ({"least_confidence": 1.5}, "least_confidence"),
+    ],
+)
+def test_a_broken_entry_of_a_file_is_refused(tmp_path: Path, change: dict[str, Any], problem: str) -> None:
+    with pytest.raises(RecordError, match=rf"0\.json.*{problem}"):
+        file_entries(tmp_path, change)
+
+
+def test_the_page_reads_entries_of_files_beside_the_records(cli: CommandLine, tmp_path: Path) -> None:
+    save_record(made_up("stp"), tmp_path / "records" / "stp" / f"{MAIN}.json")
+    command = ("board", "--records", tmp_path / "records", "-o", tmp_path / "index.html")
+    cli.ok(*command)
+    before = (tmp_path / "index.html").read_text()
+    file_entries(tmp_path / "files", {})
+    cli.ok(*command)
+    after = (tmp_path / "index.html").read_text()
+    assert ("_files" in before, '<h2 id="_files">' in after) == (False, True)
+    assert after.partition('<section class="overview" aria-labelledby="_files">')[0] in before

@@ -21,7 +21,7 @@ from ...core import (
     whole_folder,
     write_text,
 )
-from ...judge import LEVELS
+from ...judge import LEVELS, FileEntry
 from ...scoring import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
 from ..pages import require_own_folder, source_of, templates_of, text_of
 from .columns import COLUMN, PAGE, board_table
@@ -69,14 +69,18 @@ class BoardFiles:
 
 
 def board_files(
-    entries: Sequence[Entry], folder: str = "index.parts", pages: Pages | None = None
+    entries: Sequence[Entry],
+    folder: str = "index.parts",
+    pages: Pages | None = None,
+    file_entries: Sequence[FileEntry] = (),
 ) -> BoardFiles:
     """Return the page of ``entries`` (from `entries_of`) and its parts.
 
     An overview comes first, then a table per environment. Environments with a map
     follow with an overview of their own: their ranks do not compare with the others.
     ``folder``: name of the parts' folder beside the page. ``pages``: other pages that
-    it links to. The files contain no date of today, path or random id.
+    it links to. ``file_entries`` have a section of their own at the end. The files
+    contain no date of today, path or random id.
     """
     by_env = by_board(entries)
     boards = [board_of(members) for members in by_env.values()]
@@ -91,6 +95,7 @@ def board_files(
         "boards": boards,
         "groups": groups,
         "ids": _ids(entries),
+        "file_entries": file_entries,
     }
     parts = _table_files(entries, "leaderboard")
     for board in sorted(boards, key=lambda board: board["env"]):
