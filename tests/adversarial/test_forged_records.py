@@ -831,6 +831,11 @@ def with_nan(proposal: Path, _: Path) -> None:
     (proposal / NEWCOMER).write_text(json.dumps(content))
 
 
+def with_an_entry_of_a_file(proposal: Path, _: Path) -> None:
+    (proposal / "files").mkdir()
+    (proposal / "files" / "mine.json").write_text("{}")
+
+
 NEWCOMER = Path("records", "newcomer", f"{MAIN}.json")
 OWNED = '[owners]\nnewcomer = "ada"\n'
 LEVEL_KEPT = f"{NEWCOMER}: levels are written and removed by those who check records: leave `level` out, or bring"
@@ -847,6 +852,7 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
         lambda head, _: (head / "records" / "newcomer").rename(head / "records" / "other"), "expected it at newcomer/"),
     "code": (writes("records/newcomer/agent.py", "print(1)"), "agent.py: expected records/<submission>/<env id>.json"),
     "a key": (writes("keys/allowed_signers", "me ssh-ed25519 AAAA\n"), "keys/allowed_signers: expected records/"),
+    "an entry of a file": (with_an_entry_of_a_file, "files/mine.json: "),
     "a seal": (writes("seals/mine.commitment.json", "{}"), "seals/mine.commitment.json: expected records/"),
     "no owner": (writes("owners.toml", "[owners]\n"), "the name 'newcomer' does not have an owner"),
     "a name for another": (

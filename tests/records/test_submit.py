@@ -194,6 +194,16 @@ def test_a_changed_rollout_does_not_hold(path: Path, card: str, kitti: str) -> N
         verify(path, RunOptions(kitti), card)
 
 
+def test_no_record_is_of_forecasts_that_were_read_from_a_file(path: Path, card: str, kitti: str) -> None:
+    run = path.with_suffix(".rollouts") / "seed-0" / "run.json"
+    run.write_text(run.read_text().replace('"observe": "detections"', '"observe": "file"'))
+    with pytest.raises(RecordError, match=r"made with observe 'file', the record .* says 'detections'"):
+        verify(path, RunOptions(kitti), card)
+    path.write_text(path.read_text().replace('"observe":"detections"', '"observe":"file"'))
+    with pytest.raises(RecordError, match="observe"):
+        load_record(path)
+
+
 def test_rollouts_that_are_missing_or_of_another_seed_are_refused(path: Path, card: str, kitti: str) -> None:
     rollouts = path.with_suffix(".rollouts")
     shutil.rmtree(rollouts / "seed-1")

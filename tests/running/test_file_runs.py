@@ -1,7 +1,6 @@
 """Runs whose forecasts were read from a file, and runs without tracks: shown, never ranked, and no number made up."""
 
 import json
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +10,6 @@ import numpy as np
 import pytest
 
 from mtp_bench.core import Rollout
-from mtp_bench.core.errors import RecordError
-from mtp_bench.judge.records.storage import stored_rollouts
 from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
@@ -58,7 +55,8 @@ def without_tracks(rollout: Rollout) -> Rollout:
 
 
 def rows_of(folder: Path, card: str, kitti: str) -> list[dict[str, Any]]:
-    return stored.score(folder, RunOptions(kitti), card).report.to_json()["rows"]
+    rows: list[dict[str, Any]] = stored.score(folder, RunOptions(kitti), card).report.to_json()["rows"]
+    return rows
 
 
 def test_a_run_from_a_file_has_the_numbers_of_the_run_but_no_rank(
@@ -100,21 +98,6 @@ def test_every_command_takes_a_run_from_a_file(
     cli.ok("view", from_file, *known, *at, "--png", tmp_path / "a.png")
     cli.ok("video", from_file, *known, "--scene", "0001", "-o", tmp_path / "a.gif")
     assert (tmp_path / "a.png").stat().st_size > 0
-
-
-def test_no_record_takes_rollouts_from_a_file(from_file: Path, tmp_path: Path) -> None:
-    """Not even one that states the card and the seed of the run."""
-    info = load_run(from_file).info
-    shutil.copytree(from_file, tmp_path / "MTP-Small-v0.rollouts" / "seed-0")
-    env = _Named(card_digest=info.card_digest, observe="detections")
-    record: Any = _Named(seeds=[0], env=env, submission=_Named(digest=""), scenes=["0001", "0006", "0008"])
-    with pytest.raises(RecordError, match=r"made with observe 'file', the record .* says 'detections'"):
-        stored_rollouts(tmp_path / "MTP-Small-v0.json", record)
-
-
-class _Named:
-    def __init__(self, **fields: Any) -> None:
-        vars(self).update(fields)
 
 
 def test_a_run_without_tracks_has_no_tracking_numbers(
