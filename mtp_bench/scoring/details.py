@@ -82,7 +82,7 @@ def _k_curve(table: AgentTable, ks: Sequence[int]) -> dict[str, float | None]:
 def _own_fields(table: AgentTable, run: Sequence[SceneScore]) -> dict[str, Any]:
     """Return fields of a `Details` on the events of the agent itself in one run.
 
-    All are None without tracks.
+    Undefined without tracks: None.
     """
     if not table.has_tracks:
         return {

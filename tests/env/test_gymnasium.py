@@ -51,6 +51,7 @@ EVERY_CARD = [*NEEDS_NO_DATA, *(pytest.param(env_id, marks=pytest.mark.data) for
 # Of validation scenes there are none here, and of CenterPoint no detections either.
 TRAINING: dict[str, dict[str, Any]] = {
     "MTP-nuScenes-v0": {"split": "train"},
+    "MTP-nuScenes-3s-v0": {"split": "train"},
     "MTP-nuScenes-CenterPoint-v0": {"split": "train", "detector": "megvii"},
 }
 

@@ -9,7 +9,7 @@ from .storage import read_as
 
 
 class FileEntry(Section):
-    """A scored file of forecasts that nobody verified."""
+    """A scored file of forecasts, without verification."""
 
     env: FileName
     name: Name
