@@ -19,7 +19,7 @@ from .definitions import (
 from .rows import Bin, Clear, Details, Errors, Reliability, Tracking
 from .score import KINDS, Outcome, SceneScore
 from .statistics import ratio
-from .stream import hota, idf1
+from .stream import StreamCounts, hota, idf1
 from .table import AgentTable, join_scenes, run_errors
 
 OWN_SUBSETS = ("own_ids", "own_frag", "all_h_ids", "all_h_frag")
@@ -49,6 +49,10 @@ def details(table: AgentTable, card: Card) -> Details:
     confidences = _confidences(table, scores)
     brier, reliability = calibration(*confidences) if confidences else (None, [])
     invalid = np.sum([score.invalid for score in scores], axis=0).tolist()
+    tracking = _no_tracking(card)
+    if table.has_tracks:
+        counts = [score.counts for score in first_run]
+        tracking = _tracking(counts, card, table.complete)
     return Details(
         **setting.key,
         seeds=seeds,
@@ -67,7 +71,7 @@ def details(table: AgentTable, card: Card) -> Details:
         k_curve=_k_curve(table, first_run[0].ks),
         bins=_bins(table, card),
         **_own_fields(table, first_run),
-        tracking=_tracking(table, first_run, card),
+        tracking=tracking,
         invalid=dict(zip(("tracks", "hypotheses", "objects"), invalid, strict=True)),
         dropped_detections=sum(score.dropped for score in scores),
     )
@@ -256,21 +260,21 @@ def _errors(table: AgentTable, mask: Bools) -> Errors:
     )
 
 
-def _tracking(table: AgentTable, run: Sequence[SceneScore], card: Card) -> Tracking:
+def _no_tracking(card: Card) -> Tracking:
+    """Return the tracking numbers of an agent without tracks: all are undefined."""
+    undefined = Clear(**dict.fromkeys(Clear.model_fields))
+    classes = dict.fromkeys(card.task.classes, undefined)
+    return Tracking(
+        all=undefined, classes=classes, false_positives=None, false_tracks=None
+    )
+
+
+def _tracking(counts: list[StreamCounts], card: Card, complete: bool) -> Tracking:
     """Return the tracking numbers of all classes and per class.
 
-    None stands for all numbers without tracks, and for those of false output unless the
-    truth is complete. It does so for single classes too if a false track is without a
-    class: it may be of any.
+    None stands for numbers of false output unless the truth is ``complete``. It does so
+    for single classes too if a false track is without a class: it may be of any.
     """
-    if not table.has_tracks:
-        undefined = Clear(**dict.fromkeys(Clear.model_fields))
-        classes = dict.fromkeys(card.task.classes, undefined)
-        return Tracking(
-            all=undefined, classes=classes, false_positives=None, false_tracks=None
-        )
-    counts = [score.counts for score in run]
-    complete = table.complete
     sums = _summed(counts, _COUNTS)
     sums |= _summed([count.identity for count in counts], _IDENTITY_COUNTS)
     overall = {name: value.sum(axis=0) for name, value in sums.items()}
