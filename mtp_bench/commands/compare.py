@@ -28,7 +28,6 @@ from .options import (
 from .output import STANDARD_OUTPUT, prepare, say, write_json, write_table
 from .shown import Shown, show_differences, show_report
 
-
 DetectionFiles = Annotated[
     list[Path] | None,
     Option(help="Stored detections, as of `run`; several have a row each."),

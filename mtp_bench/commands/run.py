@@ -5,17 +5,19 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from ..core import long_work, write_text
 from ..running import (
     RunOptions,
     export_tracks,
     open_run,
+    open_runs,
     require_free,
     run as run_agent,
     score as score_runs,
     skipped_line,
 )
 from ..scoring import rejected_line
-from ..viz import command_line, counted, show
+from ..viz import command_line, counted, meeting_page, show
 from .options import (
     AgentScenes,
     DataOption,
@@ -24,6 +26,7 @@ from .options import (
     RunCardOption,
     SubmissionArgument,
     WorkerChoice,
+    file_option,
 )
 from .output import prepare, write_json
 from .shown import Shown, show_differences, show_report
@@ -65,6 +68,14 @@ def score(
         int | None,
         Option(min=1, help="Count only so many of each object's heaviest samples."),
     ] = None,
+    page: Annotated[
+        Path | None,
+        file_option(
+            "--page",
+            text="Write a page for a meeting: table, causes, worst moments, pictures.",
+            suffixes=(".html",),
+        ),
+    ] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Score stored rollouts; several runs are tested against each other."""
@@ -76,6 +87,11 @@ def score(
     title = ", ".join(folder.name for folder in folders)
     show_report(report, title, scored.skipped, shown, names)
     show_differences(report, shown)
+    if page is not None:
+        with long_work("drawing the page"):
+            runs = open_runs(folders, root, env, samples)
+            write_text(page, meeting_page(report, runs))
+        show(f"{page}: table, causes, worst moments and pictures")
 
 
 def export(

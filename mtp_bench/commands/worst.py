@@ -3,23 +3,17 @@
 from collections.abc import Sequence
 from typing import Annotated
 
-import numpy as np
 from typer import BadParameter, Option
 
 from ..core import long_work
-from ..doubts import Doubt
 from ..running import OpenedRun, doubt_lines, open_run
-from ..scoring import BELOW_THRESHOLD, PARTS, STAGE_PARTS, named_parts
+from ..scoring import BELOW_THRESHOLD, PARTS, STAGE_PARTS
 from ..viz import (
     CAPTION_BELOW,
     UNSPLIT,
     WORST_CAPTION,
-    Listed,
     WorstRow,
-    costs,
     counted,
-    moments,
-    replays,
     run_line,
     show,
     show_collisions,
@@ -27,6 +21,7 @@ from ..viz import (
     show_lines,
     show_table,
     worst_json,
+    worst_moments,
     worst_table,
 )
 from .options import (
@@ -65,44 +60,34 @@ def worst(
     json_file: JsonOption = None,
 ) -> None:
     """List the worst moments of a run: whose fault each was, and how to look at it."""
-    collisions = list[Listed]()
-    rows = list[WorstRow]()
     is_below = cause in (BELOW_THRESHOLD, "confidence")
-    part_sum = np.zeros(len(PARTS))
-    targets = 0
-    doubts = list[Doubt]()
-    unsplit = ""
     with long_work("finding the worst moments") as progress:
         opened = open_run(folder, root, env)
         _check_filters(opened, class_name, within)
-        for played in replays(opened, scene, progress, no_doctor):
-            part_sum += np.nansum(played.part, axis=0)
-            targets += int(np.isfinite(played.part[:, 0]).sum())
-            unsplit = played.unsplit
-            doubts += played.doubts
-            for event in played.events:
-                if event.kind == "collision":
-                    row = Listed.of(played, event, str(folder), root, env)
-                    collisions.append(row)
-            for moment in moments(played, is_below):
-                at = moment.at
-                row = WorstRow.of(played, at, str(folder), root, env, moment=moment)
-                rows.append(row)
-    parts = named_parts(part_sum / max(1, targets))
-    total = float(costs(part_sum, is_below))
+        worst_of_run = worst_moments(
+            opened,
+            scene,
+            is_below=is_below,
+            no_doctor=no_doctor,
+            env=env,
+            progress=progress,
+        )
+    rows = worst_of_run.rows
+    total = worst_of_run.cost
+    parts = worst_of_run.parts
     chosen = _chosen(rows, None if is_below else cause, class_name, within)[:top]
     content = worst_json(chosen, total, parts, opened.card.id, opened.run.info.agent)
     write_json(json_file, content)
     _show_moments(chosen, total, is_below)
-    show_collisions(collisions)
-    if unsplit:
-        show_lines([UNSPLIT.format(unsplit)])
+    show_collisions(worst_of_run.collisions)
+    if worst_of_run.unsplit:
+        show_lines([UNSPLIT.format(worst_of_run.unsplit)])
     cost = sum(row.moment.cost for row in chosen)
     count = f"{len(chosen)} of {counted(len(rows), 'moment')}"
     sum_name = "part" if is_below else "blame"
     summary = f"{count}, {cost / (total or 1.0):.0%} of the {sum_name}."
     show_lines([summary, run_line(parts, len(opened.rollouts(scene)))])
-    show_lines(doubt_lines(doubts))
+    show_lines(doubt_lines(worst_of_run.doubts))
 
 
 def _chosen(
@@ -111,7 +96,7 @@ def _chosen(
     class_name: str | None,
     within: float | None,
 ) -> list[WorstRow]:
-    """Return the rows that pass the filters, by falling cost."""
+    """Return the rows that pass the filters."""
     chosen = list(rows)
     if cause is not None:
         chosen = [row for row in chosen if cause in (row.moment.cause, row.fault)]
@@ -119,7 +104,7 @@ def _chosen(
         chosen = [row for row in chosen if row.class_name == class_name]
     if within is not None:
         chosen = [row for row in chosen if (row.moment.distance or 0.0) <= within]
-    return sorted(chosen, key=lambda row: -row.moment.cost)
+    return chosen
 
 
 def _show_moments(rows: Sequence[WorstRow], total: float, is_below: bool) -> None:

@@ -35,7 +35,7 @@ from ..sources import (
 from .options import DEFAULTS, RunOptions
 from .playing import library_versions
 from .rollout_files import RunInfo, save_run
-from .stored import FROM_FILE, OWN_DETECTIONS, require_free
+from .stored import OWN_DETECTIONS, require_free
 
 SHORT_CARDS = {  # environments of 3 s for those of other sources' horizons
     "nuscenes": "MTP-nuScenes-3s-v0",
@@ -319,7 +319,7 @@ def _info(
     return RunInfo(
         env_id=card.id,
         card_digest=card.digest,
-        observe=FROM_FILE,
+        observe="file",
         samples=samples,
         split=card.source.split,
         keywords=options.changes,

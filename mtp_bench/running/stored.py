@@ -44,8 +44,7 @@ from .rollout_files import Run, RunInfo, load_run, require_run_folder, save_run
 from .settings import Setting, setting_of, training_note
 
 Note = Callable[[str], object]
-FROM_FILE = "file"  # ``observe`` of a run whose forecasts another program stored
-# parameter of such a run: its objects stand in for the detections
+# parameter of a run that was read from a file: its objects are the detections
 OWN_DETECTIONS = "own_detections"
 
 

@@ -37,6 +37,7 @@ from .rerun.viewer import (
 )
 from .run_replay import Replay as Replay, replay as replay
 from .studies.doubts import doubt_page as doubt_page
+from .studies.meeting import meeting_page as meeting_page
 from .studies.study import (
     Study as Study,
     require_study_folder as require_study_folder,
@@ -85,3 +86,4 @@ from .terminal.worst_table import (
     worst_json as worst_json,
     worst_table as worst_table,
 )
+from .worst_moments import worst_moments as worst_moments

@@ -42,7 +42,7 @@ class PlayedRun:
         agent = self.opened.run.info.agent
         doubts: tuple[Doubt, ...] = ()
         if rollout.drive is None and not self.no_doctor:
-            recorded = self.opened.recorded(name)
+            recorded = self.opened.source.load(name)
             doubts = scene_doubts(recorded, card, self.opened.data)
         return replay(scene, rollout, card, agent, self.parts[name], doubts)
 

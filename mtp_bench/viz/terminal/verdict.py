@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from ...agent import controls
 from ...core import Column
 from ...scoring import (
-    FROM_FILE,
     SIGNIFICANT,
     AgentScores,
     Interval,
@@ -92,8 +91,7 @@ def _rankable_rows(report: Report) -> dict[str, Row]:
     rows: dict[str, Row] = {}
     for name, block in main_settings(report).items():
         row = block["all"]
-        unrankable = (*REFERENCES, FROM_FILE)
-        if row.error is not None and row.unranked_because not in unrankable:
+        if row.error is not None and row.unranked_because not in REFERENCES:
             rows[name] = row
     return dict(sorted(rows.items(), key=lambda item: item[1].error or 0.0))
 
