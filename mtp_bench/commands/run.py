@@ -5,10 +5,13 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from ..core import long_work, write_text
+from ..core import Table, long_work, to_text, write_text
 from ..running import (
+    ForecastForm,
     RunOptions,
+    export_forecasts,
     export_tracks,
+    official_scores,
     open_run,
     open_runs,
     require_free,
@@ -30,6 +33,10 @@ from .options import (
 )
 from .output import prepare, write_json
 from .shown import Shown, show_differences, show_report
+
+_OFFICIAL = (
+    "Each program has its own targets and matching; its MR is that of matched targets."
+)
 
 
 def run(
@@ -77,19 +84,31 @@ def score(
         ),
     ] = None,
     json_file: JsonOption = None,
+    official: Annotated[
+        bool,
+        Option(
+            "--official",
+            help="Numbers of MFEval and UniAD, too. nuScenes, forecasts of 6 s.",
+        ),
+    ] = False,
 ) -> None:
     """Score stored rollouts; several runs are tested against each other."""
+    runs = open_runs(folders, root, env, samples)
+    rows = [row for opened in runs for row in official_scores(opened)] if official else []
     scored = score_runs(folders, RunOptions(root), env, samples=samples)
     report = scored.report
     content = report.to_json("condition", "paired", "details")
+    if rows:
+        content["official"] = [row.model_dump() for row in rows]
     write_json(json_file, {**content, "skipped": scored.skipped})
     names = [row.agent for row in report.rows]
     title = ", ".join(folder.name for folder in folders)
     show_report(report, title, scored.skipped, shown, names)
     show_differences(report, shown)
+    if rows:
+        show("\n" + to_text(Table("official", "Official numbers", _OFFICIAL, rows)))
     if page is not None:
         with long_work("drawing the page"):
-            runs = open_runs(folders, root, env, samples)
             write_text(page, meeting_page(report, runs))
         show(f"{page}: table, causes, worst moments and pictures")
 
@@ -110,10 +129,27 @@ def export(
     ] = False,
     root: DataOption = None,
     env: RunCardOption = None,
+    forecasts: Annotated[
+        bool, Option("--forecasts", help="The forecasts in place of the tracks.")
+    ] = False,
+    form: Annotated[
+        ForecastForm | None,
+        Option(
+            help="Form of forecasts: mfeval (of nuScenes, the default there), uniad or "
+            "table."
+        ),
+    ] = None,
 ) -> None:
-    """Write the tracks of a stored run in the formats of other benchmarks.
+    """Write the tracks or forecasts of a stored run in the formats of other benchmarks.
 
-    These are result files of KITTI, nuScenes or Argoverse 2, or tables.
+    Tracks are result files of KITTI, nuScenes or Argoverse 2, or tables.
     """
+    if forecasts:
+        opened = open_run(folder, root, env)
+        written, left_out = export_forecasts(opened, output, form)
+        show(
+            f"{output}: {counted(written, 'object')}; left out: {left_out} of other classes"
+        )
+        return
     boxes = export_tracks(open_run(folder, root, env), output, table)
     show(f"{output}: {counted(boxes, 'tracked position')}")

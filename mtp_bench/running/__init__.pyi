@@ -22,7 +22,12 @@ from .evaluation import (
     evaluate as evaluate,
     scores_of as scores_of,
 )
+from .forecast_export import (
+    ForecastForm as ForecastForm,
+    export_forecasts as export_forecasts,
+)
 from .forecast_import import import_forecasts as import_forecasts
+from .official import official_scores as official_scores
 from .options import (
     DEFAULTS as DEFAULTS,
     MAX_SEED as MAX_SEED,

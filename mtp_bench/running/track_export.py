@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from ..sources import (
 )
 from .stored import OpenedRun
 
+Sample = tuple[str, list[dict[str, Any]]]  # token and boxes of a frame of nuScenes
 # Suffixes of files: a folder of such a name is a mistake.
 _FILE_SUFFIXES = (".json", ".csv", ".txt", ".feather")
 
@@ -186,32 +188,40 @@ def _write_submission(
     Returns the number of boxes.
     """
     tables = NuScenes(card, data).tables
+
+    def all_samples() -> Iterator[Sample]:
+        for scene, tracks in scene_tracks:
+            yield from _samples(scene, tracks, card, tables.sample_tokens(scene.name))
+
+    return write_results(path, all_samples())
+
+
+def write_results(path: Path, samples: Iterable[Sample]) -> int:
+    """Write a file in nuScenes' form of results, and return the number of boxes."""
     modalities = ("camera", "lidar", "radar", "map", "external")
     meta = {f"use_{modality}": False for modality in modalities}
     count = 0
     separator = ""
     with whole_file(path) as part, part.open("w", encoding="utf-8") as file:
         file.write(f'{{"meta": {json.dumps(meta)}, "results": {{')
-        for scene, tracks in scene_tracks:
-            tokens = tables.sample_tokens(scene.name)
-            for token, boxes in _samples(scene, tracks, card, tokens):
-                file.write(f"{separator}\n{json.dumps(token)}: {json.dumps(boxes)}")
-                separator = ","
-                count += len(boxes)
+        for token, boxes in samples:
+            file.write(f"{separator}\n{json.dumps(token)}: {json.dumps(boxes)}")
+            separator = ","
+            count += len(boxes)
         file.write("\n}}\n")
     return count
 
 
 def _samples(
     scene: Scene, tracks: StoredTracks, card: Card, tokens: list[str]
-) -> Iterator[tuple[str, list[dict[str, object]]]]:
+) -> Iterator[Sample]:
     """Yield token and boxes of each sample, as nuScenes calls a frame.
 
     A box has the mean velocity since the previous box of its track.
     """
     previous: dict[int, tuple[float, Floats]] = {}  # by track: time and position
     for t, token in enumerate(tokens):
-        boxes: list[dict[str, object]] = []
+        boxes: list[dict[str, Any]] = []
         time_s = float(scene.time[t])
         rows = tracks.rows(t)
         for track_row in range(rows.start, rows.stop):

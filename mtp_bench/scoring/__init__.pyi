@@ -64,6 +64,11 @@ from .matching import (
     match as match,
     match_sticky as match_sticky,
 )
+from .official import (
+    OFFICIAL_STEPS as OFFICIAL_STEPS,
+    official_rows as official_rows,
+    official_scene as official_scene,
+)
 from .pairs import (
     Pairs as Pairs,
     box_pairs as box_pairs,
@@ -128,6 +133,7 @@ from .rows import (
     Count as Count,
     Details as Details,
     Interval as Interval,
+    OfficialRow as OfficialRow,
     PairedRow as PairedRow,
     Point as Point,
     Probability as Probability,

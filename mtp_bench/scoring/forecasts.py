@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..core import ABSENT_BELOW, Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
+from ..core import (
+    ABSENT_BELOW,
+    Bools,
+    Detections,
+    Floats,
+    Ints,
+    Rollout,
+    Scene,
+    Truth,
+    to_metres,
+)
 from .bade import Cuts
 from .definitions import CURVE_KS
 from .displacements import displacement, drop_light_samples, k_curve, sample_errors
@@ -313,7 +323,7 @@ def match_objects(
 
 
 def near_truth(
-    truth: Truth, frame: Ints, box: Floats, class_id: Ints, card: Card
+    truth: Truth | Detections, frame: Ints, box: Floats, class_id: Ints, card: Card
 ) -> Pairs:
     """Return the pairs of true boxes and other boxes inside the forecast gate.
 

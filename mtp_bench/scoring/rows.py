@@ -388,3 +388,11 @@ class Details(AgentSetting):
     dropped_detections: Count = described(
         "Detections beyond the range or the number of the task, not shown to the agent."
     )
+
+
+class OfficialRow(Section):
+    """A number of an official program."""
+
+    number: Annotated[str, Column(help="Program and number, with its unit.")]
+    targets: Annotated[Count, Column(help="True objects that it counts.")]
+    value: Annotated[float | None, Column(help="The number.")]

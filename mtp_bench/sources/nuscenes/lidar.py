@@ -6,23 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from ...core import Floats
-from ..cache import write_arrays
+from ..cache import Arrays, write_arrays
 from .store import CachedFolder, TableStore
-from .tables import (
-    MountRecord,
-    by_token,
-    find,
-    floats,
-    read_lidar_records,
-    read_poses,
-    rotation_matrices,
-    rotations,
-)
+from .tables import MountRecord, by_token, read_lidar_records, rotations, to_sensors
 
-LidarPose = tuple[
-    Floats, Floats
-]  # rotation [3, 3] and translation [3] to the global frame
-_POSES = "all.lidar"
+# rotation [3, 3] and translation [3], m, from the lidar frame to the global one
+LidarPose = tuple[Floats, Floats]
 
 
 def lidar_pose(tables: TableStore, token: str) -> LidarPose:
@@ -30,9 +19,9 @@ def lidar_pose(tables: TableStore, token: str) -> LidarPose:
 
     KeyError for another token. Raises DataError for a table that is wrong.
     """
-    row_of_token, rotation, translation = _read_poses(tables)
-    row = row_of_token[token]
-    return rotation[row], translation[row]
+    to_frame = _read_transforms(tables)[token]
+    rotation = to_frame[:, :3].T
+    return rotation, -rotation @ to_frame[:, 3]
 
 
 def to_lidar(points: Floats, pose: LidarPose) -> Floats:
@@ -48,36 +37,32 @@ def to_global(points: Floats, pose: LidarPose) -> Floats:
     **global** frame, as the form keeps no height of a forecast.
     """
     rotation, translation = pose
-    flat_height = points[..., :2] @ rotation[2, :2] + translation[2]
-    lidar_height = (points[..., 2] - flat_height) / rotation[2, 2]
-    lidar_points = np.concatenate([points[..., :2], lidar_height[..., None]], axis=-1)
+    lidar_points = points.copy()
+    # global height = translation + rotation of (x, y, height in the lidar frame)
+    lidar_points[..., 2] -= translation[2] + points[..., :2] @ rotation[2, :2]
+    lidar_points[..., 2] /= rotation[2, 2]
     return np.asarray(lidar_points @ rotation.T + translation)
 
 
 @lru_cache(maxsize=1)
-def _read_poses(tables: TableStore) -> tuple[dict[str, int], Floats, Floats]:
-    """Return row by token, rotations [N, 3, 3] and translations [N, 3]."""
-    fill = partial(_fill_poses, tables)
-    name = f"{tables.cache.path.name}-lidar"
-    arrays = CachedFolder.of(name, tables.cache.sources, fill).read(_POSES)
-    return tables.row_of_token, arrays["rotation"], arrays["translation"]
+def _read_transforms(tables: TableStore) -> Arrays:
+    """Return the transform [3, 4] from the global frame to the lidar, by token."""
+    name = f"{tables.cache.path.name}-to-lidar"
+    fill = partial(_fill, tables)
+    transforms = CachedFolder.of(name, tables.cache.sources, fill).read(_FILE)
+    return dict(zip(tables.row_of_token, transforms["to_lidar"], strict=True))
 
 
-def _fill_poses(tables: TableStore, folder: Path) -> None:
+_FILE = "all.to_lidar"
+
+
+def _fill(tables: TableStore, folder: Path) -> None:
     paths = tables.cache.sources
     records = read_lidar_records(paths, tables.row_of_token)
-    poses = [record.ego_pose_token for record in records]
-    place, rotation = read_poses(paths["ego_pose"], paths["sample_data"], poses)
     all_mounts = by_token(paths["calibrated_sensor"], MountRecord)
-    mounts = [
-        find(all_mounts, record, "calibrated_sensor_token", paths["sample_data"])
-        for record in records
-    ]
-    mount_rotation = rotations(mounts, paths["calibrated_sensor"])
-    mount_place = floats([mount.translation for mount in mounts], 3)
-    to_world = rotation_matrices(rotation)
-    arrays = {
-        "rotation": to_world @ rotation_matrices(mount_rotation),
-        "translation": np.einsum("nij,nj->ni", to_world, mount_place) + place,
-    }
-    write_arrays(folder / f"{_POSES}.npz", arrays)
+    # channels were looked up with these tokens
+    mounts = [all_mounts[record.calibrated_sensor_token] for record in records]
+    rotations(mounts, paths["calibrated_sensor"])
+    write_arrays(
+        folder / f"{_FILE}.npz", {"to_lidar": to_sensors(paths, records, mounts)}
+    )

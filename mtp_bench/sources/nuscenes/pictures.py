@@ -41,10 +41,9 @@ from .tables import (
     find,
     floats,
     read_channels,
-    read_poses,
     read_records,
-    rotation_matrices,
     rotations,
+    to_sensors,
 )
 
 # from the path of the ego, within which the road is read
@@ -263,19 +262,10 @@ def _projections(
 ) -> Floats:
     """Return projections [n, 3, 4] from the global frame to pixels of each image."""
     sources = tables.cache.sources
-    poses = [image.ego_pose_token for image in images]
-    place, rotation = read_poses(sources["ego_pose"], sources["sample_data"], poses)
-    mount_rotation = floats([mount.rotation for mount in mounts], 4)
-    mount_place = floats([mount.translation for mount in mounts], 3)
     intrinsic = floats([mount.camera_intrinsic for mount in mounts], 9)
     intrinsic = intrinsic.reshape(-1, 3, 3)
     require_focal_lengths(
         intrinsic,
         lambda row: f"{sources['calibrated_sensor']}, record {mounts[row].token!r}",
     )
-    to_ego = rotation_matrices(rotation).swapaxes(1, 2)
-    to_mount = rotation_matrices(mount_rotation).swapaxes(1, 2)
-    # a place p is at to_mount (to_ego p - shift) in the camera
-    shift = np.einsum("nij,nj->ni", to_ego, place) + mount_place
-    pose = np.concatenate([to_ego, -shift[..., None]], axis=2)
-    return np.asarray(intrinsic @ to_mount @ pose)
+    return np.asarray(intrinsic @ to_sensors(sources, images, mounts))

@@ -5,13 +5,15 @@ global frame.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...cards import Card
-from ...core import DataError, Floats, Scene, Truth
+from ...core import DataError, Floats, MissingDataError, Scene, Truth
 from ..base import (
     DataRoot,
     ReadTracks,
@@ -32,6 +34,7 @@ from ..tables import refuse, repeated
 from .layout import (
     CLASSES,
     DATASET,
+    PREDICTION,
     VERSIONS,
     NuScenesSource,
     detection_paths,
@@ -120,6 +123,22 @@ class NuScenes:
             truth_complete=not listed,
             listed_targets=listed,
         )
+
+    def listed_truth(self, name: str) -> tuple[Truth, NDArray[np.str_]]:
+        """Return every box of a scene, and its class [R] of nuScenes.
+
+        Eligible are the targets of the prediction challenge, whatever the card has.
+        Raises MissingDataError without their list.
+        """
+        if self.tables.targets is None:
+            raise MissingDataError(
+                f"no file {self.root / PREDICTION}: official numbers need the targets "
+                "of the prediction challenge; unpack the map expansion into maps/"
+            )
+        arrays = self.tables.cache.read(name)
+        truth = scene_truth(arrays, arrays["time"] / SECOND_US, CLASSES, listed=False)
+        truth = replace(truth, eligible=arrays["listed"])
+        return truth, np.array(CLASSES)[truth.class_id]
 
 
 def prepare_nuscenes(

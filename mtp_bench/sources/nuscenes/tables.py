@@ -96,13 +96,6 @@ def rotations(records: Sequence[Any], path: Path) -> Floats:
     return rotation
 
 
-def rotation_matrices(rotation: Floats) -> Floats:
-    """Return rotation matrices [n, 3, 3] of quaternions [n, 4] w x y z."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_quat(rotation[:, [1, 2, 3, 0]]).as_matrix())
-
-
 def upright_boxes(records: Sequence[Any], rotation: Floats) -> Floats:
     """Return boxes [R, 7] x y z yaw l w h of records.
 
@@ -301,3 +294,31 @@ def read_poses(
     records = [poses[token] for token in tokens]
     place = floats([record.translation for record in records], 3)
     return place, rotations(records, path)
+
+
+def to_sensors(
+    paths: Mapping[str, Path],
+    records: Sequence[DataRecord],
+    mounts: Sequence[MountRecord],
+) -> Floats:
+    """Return transforms [n, 3, 4] from the global frame to that of each sensor.
+
+    ``records`` [n] of data with the ``mounts`` [n] of their sensors.
+    """
+    poses = [record.ego_pose_token for record in records]
+    place, rotation = read_poses(paths["ego_pose"], paths["sample_data"], poses)
+    mount_rotation = floats([mount.rotation for mount in mounts], 4)
+    mount_place = floats([mount.translation for mount in mounts], 3)
+    to_ego = _matrices(rotation).swapaxes(1, 2)
+    to_mount = _matrices(mount_rotation).swapaxes(1, 2)
+    # a place p is at to_mount (to_ego p - shift) in the sensor
+    shift = np.einsum("nij,nj->ni", to_ego, place) + mount_place
+    pose = np.concatenate([to_ego, -shift[..., None]], axis=2)
+    return np.asarray(to_mount @ pose)
+
+
+def _matrices(rotation: Floats) -> Floats:
+    """Return rotation matrices [n, 3, 3] of quaternions [n, 4] w x y z."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(rotation[:, [1, 2, 3, 0]]).as_matrix())
