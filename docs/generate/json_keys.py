@@ -11,6 +11,7 @@ from mtp_bench.scoring.rows import (
     Clear,
     Details,
     Errors,
+    OfficialRow,
     PairedRow,
     Reliability,
     Row,
@@ -24,6 +25,7 @@ CONTENT = {  # of `compare --json` and `score --json`
     "condition": "Conditions of the numbers.",
     "paired": "Differences of each agent to a control, by subset; `compare` alone.",
     "details": "A row per agent and setting, over all targets.",
+    "official": "Numbers of MFEval and UniAD; `score --official` alone.",
     "skipped": "Rows of the data that could not be used, by reason.",
     "failures": "Agents that failed, with the reason; `compare` alone.",
     "doubts": "What the doctor doubts about the data; `compare` alone.",
@@ -128,6 +130,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "details[].reliability[]": Reliability,
     "details[].tracking": Tracking,
     "details[].tracking.all, and by class": Clear,
+    "official[]": OfficialRow,
 }
 _FLAT = ("errors", "classes")  # fields whose keys stand beside the others
 
